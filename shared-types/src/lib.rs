@@ -48,7 +48,7 @@ pub mod lockstep;
 pub mod number;
 pub mod origin;
 pub mod pacer;
-pub mod place;
+pub mod private_folder;
 pub mod process;
 pub mod program;
 pub mod random;

@@ -14,7 +14,6 @@ use iceoryx2::prelude::{Config, FileName, Path as IceoryxPath, SemanticString};
 use rustix::fs::{FlockOperation, OFlags, flock};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
-use crate::place;
 use crate::process::ProcessId;
 use crate::shared_memory::FOLDER as SHARED_MEMORY;
 use all::AllSessions;
@@ -444,7 +443,7 @@ impl Drop for Session {
             remove_folder(&self.info.folder)
         };
         // Of a side that crashed.
-        place::sweep();
+        crate::private_folder::sweep();
         drop(AllSessions::lock());
     }
 }

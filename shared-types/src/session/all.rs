@@ -13,7 +13,6 @@ use super::{
     SHARED_MEMORY, SessionError, SessionInfo, noted_prefix, open_at_once, private_file,
     private_folder, remove_below, remove_folder,
 };
-use crate::place;
 use crate::process::ProcessId;
 
 /// Time that another `hil` may hold the lock over all sessions while it creates or sweeps.
@@ -232,7 +231,7 @@ pub fn sweep() -> Result<Vec<String>, SessionError> {
     if !all_sessions().exists() {
         return Ok(Vec::new());
     }
-    place::sweep();
+    crate::private_folder::sweep();
     AllSessions::lock()?.sweep()
 }
 

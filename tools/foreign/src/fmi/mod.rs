@@ -3,7 +3,7 @@
 //! 1. [`archive`] is the file, read without trust; [`description`] is what the model says of itself.
 //! 2. [`tables`] makes signals and parameters of its variables. So far nothing was unpacked or run, and
 //!    `--describe` needs no more.
-//! 3. `library` loads the shared library, which was unpacked into a [private folder](Place); `instance` calls
+//! 3. `library` loads the shared library, which was unpacked into a [private folder](PrivateFolder); `instance` calls
 //!    its functions in the order of the standard, `values` carries rows to its types, `journal` takes its
 //!    messages.
 //! 4. [`sides`] makes a plant and a law of it, for the program `hil-fmu`.
@@ -16,7 +16,7 @@ use std::sync::{Arc, OnceLock};
 
 use glob::Pattern;
 use shared_types::describe::Invalid;
-use shared_types::place::Place;
+use shared_types::private_folder::PrivateFolder;
 
 use archive::{Archive, ArchiveError};
 use description::{DescriptionError, ModelDescription};
@@ -95,7 +95,7 @@ struct Loaded {
     functions: Arc<Functions>,
     resources: PathBuf,
     // Removed with the process; files of it may be read at any time.
-    _place: Place,
+    _unpacked: PrivateFolder,
 }
 
 impl Fmu {
@@ -143,13 +143,13 @@ impl Fmu {
             description,
             tables,
         } = &*self.model;
-        let place = Place::create("fmu").map_err(FmuError::Place)?;
+        let unpacked = PrivateFolder::create("fmu").map_err(FmuError::Place)?;
         let mut archive = Archive::open(&self.path)?;
         let library = library_name(description);
         let folder = format!("binaries/{}/", tables::platform(description.version));
-        archive.extract(&folder, place.folder())?;
-        archive.extract("resources/", place.folder())?;
-        let resources = place.folder().join("resources");
+        archive.extract(&folder, unpacked.folder())?;
+        archive.extract("resources/", unpacked.folder())?;
+        let resources = unpacked.folder().join("resources");
         // Asked for by the standard also where the archive has none.
         std::fs::create_dir_all(&resources).map_err(FmuError::Place)?;
         let columns: [&[_]; 4] = [
@@ -159,7 +159,7 @@ impl Fmu {
             &tables.locals,
         ];
         let functions = Functions::load(
-            &place.folder().join(library),
+            &unpacked.folder().join(library),
             description.version,
             &tables::kinds(description, &columns),
             description.saves,
@@ -167,7 +167,7 @@ impl Fmu {
         Ok(Loaded {
             functions: Arc::new(functions),
             resources,
-            _place: place,
+            _unpacked: unpacked,
         })
     }
 }

@@ -1,9 +1,9 @@
 //! Private folders for files that a process unpacks, which go with it however it ends.
 //!
 //! Not in a session's folder: shared memory is often mounted so that no library in it can be loaded, as in most
-//! containers. A place is a folder of mode 0700 among the temporary files, with a lock beside it that the kernel
-//! drops with the process. Its owner removes it; a place whose lock is free is dead, and whoever sweeps next,
-//! each `hil` and each process that makes a place, removes it.
+//! containers. A private folder has mode 0700 and lies among the temporary files, with a lock beside it that the kernel
+//! drops with the process. Its owner removes it; a folder whose lock is free is dead, and whoever sweeps next,
+//! each `hil` and each process that makes a private folder, removes it.
 
 use std::fs::{self, DirBuilder, File};
 use std::io::{self, ErrorKind};
@@ -12,33 +12,33 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::{FlockOperation, OFlags, flock};
 
-/// Ending of the lock beside a place.
+/// Ending of the lock beside a folder.
 const LOCK: &str = "lock";
-/// Attempts to make a place that no sweep takes for dead.
+/// Attempts to make a folder that no sweep takes for dead.
 const ATTEMPTS: u32 = 64;
 
 /// A private folder of this process. Dropping it removes it with all that is in it.
 #[derive(Debug)]
-pub struct Place {
+pub struct PrivateFolder {
     folder: PathBuf,
     // Held, never read: the kernel releases it with the process.
     _lock: File,
 }
 
-impl Place {
-    /// Makes a place whose name begins so, after sweeping away dead ones.
+impl PrivateFolder {
+    /// Makes a folder whose name begins so, after sweeping away dead ones.
     ///
     /// # Errors
-    /// If the folder of all places is not this user's alone, or cannot be written.
+    /// If the folder of all of them is not this user's alone, or cannot be written.
     pub fn create(name: &str) -> io::Result<Self> {
         sweep();
-        Self::create_in(&all_places(), name)
+        Self::create_in(&all_folders(), name)
     }
 
     fn create_in(all: &Path, name: &str) -> io::Result<Self> {
         let own = std::process::id();
         for attempt in 0..ATTEMPTS {
-            private_folder(all)?;
+            make_private(all)?;
             let folder = all.join(format!("{name}-{own}-{attempt}"));
             let path = folder.with_extension(LOCK);
             let lock = match lock_file(&path) {
@@ -73,15 +73,15 @@ impl Place {
     }
 }
 
-impl Drop for Place {
+impl Drop for PrivateFolder {
     fn drop(&mut self) {
         remove(&self.folder);
     }
 }
 
-/// Removes the places of dead processes. What cannot be removed now the next sweep tries again.
+/// Removes the private folders of dead processes. What cannot be removed now the next sweep tries again.
 pub fn sweep() {
-    sweep_in(&all_places());
+    sweep_in(&all_folders());
 }
 
 fn sweep_in(all: &Path) {
@@ -103,7 +103,7 @@ fn sweep_in(all: &Path) {
     let _ = fs::remove_dir(all); // only if it is empty
 }
 
-/// Removes a place, its lock last: as long as that stands, a sweep finds what is left.
+/// Removes a private folder, its lock last: as long as that stands, a sweep finds what is left.
 fn remove(folder: &Path) {
     match fs::remove_dir_all(folder) {
         Err(error) if error.kind() != ErrorKind::NotFound => return,
@@ -115,13 +115,13 @@ fn remove(folder: &Path) {
     }
 }
 
-/// The folder of all places of this user.
-fn all_places() -> PathBuf {
+/// The folder of all private folders of this user.
+fn all_folders() -> PathBuf {
     let uid = rustix::process::geteuid().as_raw();
     std::env::temp_dir().join(format!("hil-{uid}"))
 }
 
-fn private_folder(path: &Path) -> io::Result<()> {
+fn make_private(path: &Path) -> io::Result<()> {
     match DirBuilder::new().mode(0o700).create(path) {
         Err(error) if error.kind() != ErrorKind::AlreadyExists => Err(error),
         _ if is_private(path) => Ok(()),
@@ -162,7 +162,7 @@ fn is_at(file: &File, path: &Path) -> bool {
 mod tests {
     use super::*;
 
-    /// A folder for places that goes away with the test.
+    /// A folder for private folders that goes away with the test.
     struct All(PathBuf);
 
     impl All {
@@ -179,10 +179,10 @@ mod tests {
     }
 
     #[test]
-    fn a_place_is_private_and_goes_with_its_owner() {
+    fn it_is_private_and_goes_with_its_owner() {
         let all = All::new("owner");
-        let one = Place::create_in(&all.0, "one").expect("made");
-        let other = Place::create_in(&all.0, "one").expect("made");
+        let one = PrivateFolder::create_in(&all.0, "one").expect("made");
+        let other = PrivateFolder::create_in(&all.0, "one").expect("made");
         assert_ne!(one.folder(), other.folder());
         for path in [one.folder(), &all.0] {
             let mode = fs::metadata(path).expect("it is there").mode();
@@ -199,15 +199,15 @@ mod tests {
     }
 
     #[test]
-    fn a_place_of_a_dead_owner_is_swept_away() {
+    fn that_of_a_dead_owner_is_swept_away() {
         let all = All::new("dead");
-        let place = Place::create_in(&all.0, "one").expect("made");
-        let folder = place.folder().to_owned();
+        let dead = PrivateFolder::create_in(&all.0, "one").expect("made");
+        let folder = dead.folder().to_owned();
         fs::write(folder.join("file"), "x").expect("written");
         // As after kill -9: nothing is removed, the lock is free.
-        let Place { folder: _, _lock } = &place;
+        let PrivateFolder { folder: _, _lock } = &dead;
         flock(_lock, FlockOperation::Unlock).expect("held");
-        std::mem::forget(place);
+        std::mem::forget(dead);
         sweep_in(&all.0);
         assert!(!folder.exists() && !all.0.exists());
     }
@@ -216,7 +216,7 @@ mod tests {
     fn a_folder_that_is_open_to_others_is_neither_used_nor_cleared() {
         let all = All::new("open");
         DirBuilder::new().mode(0o755).create(&all.0).expect("made");
-        let refused = Place::create_in(&all.0, "one").expect_err("open");
+        let refused = PrivateFolder::create_in(&all.0, "one").expect_err("open");
         assert!(refused.to_string().contains("not a folder of yours alone"));
         fs::write(all.0.join("one-1-0.lock"), "").expect("written");
         sweep_in(&all.0);
