@@ -42,4 +42,4 @@ pub mod schema;
 pub mod show;
 pub mod study;
 
-pub use source::Excerpt;
+pub use source::SourceLine;

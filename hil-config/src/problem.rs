@@ -8,7 +8,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::source::Excerpt;
+use crate::source::SourceLine;
 
 /// Prefix in the name of a source that is a flag and not a file.
 pub(crate) const FLAG: &str = "--set ";
@@ -63,7 +63,7 @@ pub struct Problem {
     /// The file, or the `--set` flag, that it stands in.
     pub source: String,
     /// The line; none if there is no text.
-    pub excerpt: Option<Excerpt>,
+    pub excerpt: Option<SourceLine>,
 }
 
 impl Problem {
@@ -113,7 +113,7 @@ impl fmt::Display for Problem {
         let mut margin = String::new();
         match &self.excerpt {
             None => write!(f, "\n --> {}", Printable(&self.source))?,
-            Some(Excerpt {
+            Some(SourceLine {
                 line,
                 column,
                 width,
@@ -208,7 +208,7 @@ mod tests {
             nearest: vec!["a".into(), "b".into()],
             help: Some("raise it".into()),
             source: "x.toml".into(),
-            excerpt: Some(Excerpt {
+            excerpt: Some(SourceLine {
                 line: 12,
                 column: 12,
                 width: 2,

@@ -77,7 +77,7 @@ impl Sources {
     }
 
     /// The line of a place, ready to be shown.
-    pub(crate) fn excerpt(&self, place: &Place) -> Excerpt {
+    pub(crate) fn excerpt(&self, place: &Place) -> SourceLine {
         let text = &self.0[place.source].text;
         let start = floor_char_boundary(text, place.span.start);
         let line_start = text[..start].rfind('\n').map_or(0, |at| at + 1);
@@ -98,7 +98,7 @@ impl Sources {
             (line_start, line_end)
         };
         let end = if end < behind { end } else { behind };
-        Excerpt {
+        SourceLine {
             line: text[..line_start].matches('\n').count() + 1,
             column,
             width: text[start..end].chars().count().max(1),
@@ -118,7 +118,7 @@ fn floor_char_boundary(text: &str, at: usize) -> usize {
 
 /// The line that a problem is in.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Excerpt {
+pub struct SourceLine {
     /// Number of the line, from 1.
     pub line: usize,
     /// Column in characters, from 1.
@@ -135,7 +135,7 @@ pub struct Excerpt {
 mod tests {
     use super::*;
 
-    fn excerpt(text: &str, span: Range<usize>) -> Excerpt {
+    fn excerpt(text: &str, span: Range<usize>) -> SourceLine {
         let mut sources = Sources::default();
         let source = sources.add("x".into(), text.into());
         sources.excerpt(&Place { source, span })
