@@ -279,8 +279,8 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
     }
 
-    /// Publishes what observers await: the record of the step before, then which faults took hold
-    /// or ended at this step. False if the recorder has no room for all of it now.
+    /// Publishes what observers await: the record of the step before, then changes of values, then
+    /// which faults took hold or ended at this step. False if the recorder has no room for all of it now.
     fn tell(&mut self) -> Result<bool, LinkError> {
         if !self.publisher.publish(&self.rows.record)? {
             return Ok(false);

@@ -1,4 +1,5 @@
-//! Requests to a running run, served between two steps: faults, and to hold it or let it go on.
+//! Requests to a run, served between two steps: faults, changes of values, marks, the newest record, pause
+//! and resume. Checks nothing that [`live`](crate::live) can check.
 
 use hil_config::plan::{PLANT_KEYS, law_keys};
 use shared_types::clock::monotonic_ns;
