@@ -10,7 +10,7 @@
 use zerocopy::IntoBytes;
 
 use crate::number::exact;
-use crate::record::{ChangedValue, Event, FaultTaken, ValueChange};
+use crate::record::{ChangedValue, Event, FaultBegun, ValueChange};
 
 /// Bytes hashed at once: small pieces cost several times as much.
 const BATCH: usize = 1 << 16;
@@ -34,11 +34,11 @@ impl Default for Digest {
 impl Digest {
     /// Takes in a fault event; it comes before the record of its step. One that costs time and
     /// changes nothing else does not count.
-    pub fn fault(&mut self, fault: &FaultTaken) {
+    pub fn fault(&mut self, fault: &FaultBegun) {
         if fault.wall_only {
             return;
         }
-        let FaultTaken {
+        let FaultBegun {
             step,
             kind,
             target,
@@ -153,7 +153,7 @@ mod tests {
     #[test]
     fn a_fault_event_counts() {
         let mut digest = Digest::default();
-        digest.fault(&FaultTaken {
+        digest.fault(&FaultBegun {
             id: 1,
             step: 2,
             kind: "leakage".into(),

@@ -31,8 +31,9 @@ use crate::layout::{SignalKind, SignalTable, difference};
 use crate::table::Field;
 
 pub use event::{
-    Change, ChangedValue, ControllerChange, Event, FaultAccepted, FaultEffectSize, FaultEnded,
-    FaultTaken, LONGEST_MARK, MOST_CHANGES, MOST_MARKS, Mark, Outcome, RunEnd, ValueChange,
+    ChangedValue, ControllerChange, ControllerFate, Event, FaultAccepted, FaultBegun,
+    FaultEffectSize, FaultEnded, LONGEST_MARK, MOST_CHANGES, MOST_MARKS, Mark, Outcome, RunEnd,
+    ValueChange,
 };
 
 /// Version of records and of the recording made of them.

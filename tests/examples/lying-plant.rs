@@ -22,7 +22,7 @@ use shared_types::lockstep::OnLoss;
 use shared_types::pacer::Streaks;
 use shared_types::program::{self, COMPLETED, Program};
 use shared_types::record::{
-    Change, ControllerChange, Event, FaultEffectSize, Outcome, RecordLayout, RunEnd,
+    ControllerChange, ControllerFate, Event, FaultEffectSize, Outcome, RecordLayout, RunEnd,
 };
 use shared_types::session::SessionInfo;
 use shared_types::side::Side;
@@ -145,7 +145,7 @@ impl RecordSink for LyingSink {
             }
             ("gets-another", WHEN) => {
                 let law = "another".into();
-                self.change(2, WHEN, Change::Joined { law })?;
+                self.change(2, WHEN, ControllerFate::Joined { law })?;
                 self.sink.record(words)
             }
             _ => {
@@ -200,7 +200,7 @@ impl RecordSink for LyingSink {
 }
 
 impl LyingSink {
-    fn change(&mut self, epoch: u32, step: u64, change: Change) -> Result<(), LinkError> {
+    fn change(&mut self, epoch: u32, step: u64, change: ControllerFate) -> Result<(), LinkError> {
         self.sink.event(&Event::Controller(ControllerChange {
             epoch,
             step,
@@ -217,8 +217,8 @@ fn completed(end: RunEnd) -> RunEnd {
     }
 }
 
-fn lost() -> Change {
-    Change::Lost {
+fn lost() -> ControllerFate {
+    ControllerFate::Lost {
         reason: "it went away".into(),
         policy: OnLoss::Hold,
     }

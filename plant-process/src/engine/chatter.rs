@@ -10,7 +10,7 @@ use shared_types::hello::{Control, Hello};
 use shared_types::ignored::{Ignored, Reason};
 use shared_types::link::{FrameSpec, Peer};
 use shared_types::lockstep::OnLoss;
-use shared_types::record::{Change, Event};
+use shared_types::record::{ControllerFate, Event};
 use shared_types::stream::in_process::{InProcessSink, InProcessSource};
 use shared_types::stream::{Item, RecordSource};
 use shared_types::supervision::Supervision;
@@ -174,7 +174,7 @@ fn ends(
         // step, two words of validity, position, then the force that it meets
         Item::Record(words) => applied_n.push(f64::from_bits(words[4])),
         Item::Event(Event::Controller(told)) => {
-            if let Change::Lost { reason, .. } = told.change {
+            if let ControllerFate::Lost { reason, .. } = told.change {
                 lost.push(reason);
             }
         }

@@ -8,7 +8,7 @@ use shared_types::ignored::Reason;
 use shared_types::link::{FrameSpec, Link, LinkError, Peer};
 use shared_types::lockstep::{Abort, AbortCode, OnLoss, PlantAction, PlantEvent};
 use shared_types::program;
-use shared_types::record::{Change, ControllerChange, Event, Outcome};
+use shared_types::record::{ControllerChange, ControllerFate, Event, Outcome};
 use shared_types::stream::RecordSink;
 use shared_types::supervision::Gone;
 use shared_types::time::Step;
@@ -225,7 +225,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         if self.plant.tuning.number() > 0 {
             self.tell_law()?;
         }
-        self.publish(self.side.epoch(), Change::Joined { law })?;
+        self.publish(self.side.epoch(), ControllerFate::Joined { law })?;
         if let Some(step) = unanswered {
             self.sample.sent_ns = monotonic_ns();
             self.link
@@ -248,7 +248,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             });
         }
         let reason = why.to_string();
-        self.publish(self.side.epoch(), Change::Lost { reason, policy })?;
+        self.publish(self.side.epoch(), ControllerFate::Lost { reason, policy })?;
         program::say(&format!("{why}; {}", policy.name()));
         self.commands.heard_ns = monotonic_ns();
         if policy == OnLoss::WaitForRestart && self.side.candidate().is_none() {
@@ -274,11 +274,11 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             reason: reason.clone(),
         };
         self.link.send_control(&refusal.to_bytes())?;
-        self.publish(self.handover.expected, Change::Refused { reason })
+        self.publish(self.handover.expected, ControllerFate::Refused { reason })
     }
 
     /// Tells observers, after all that happened before.
-    fn publish(&mut self, epoch: u32, change: Change) -> Result<(), LinkError> {
+    fn publish(&mut self, epoch: u32, change: ControllerFate) -> Result<(), LinkError> {
         self.tell()?;
         let step = self.side.at().0;
         let change = ControllerChange {

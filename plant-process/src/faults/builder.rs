@@ -9,7 +9,7 @@ use hil_config::plan::{Condition, FaultAction, FaultEffect, FaultEvent, Move, Tr
 use shared_types::describe::{
     ActsOn, FaultKindDescription, Invalid, Operation, PlantDescription, Settings,
 };
-use shared_types::record::FaultTaken;
+use shared_types::record::FaultBegun;
 use shared_types::side::Side;
 use shared_types::table::Field;
 use shared_types::time::Rate;
@@ -136,7 +136,7 @@ impl FaultBuilder {
             "" => course,
             action => format!("{action} {course}"),
         };
-        let taken = FaultTaken {
+        let taken = FaultBegun {
             id: event.id,
             effect: number,
             step: 0,

@@ -9,7 +9,7 @@ use hil_config::plan::{FaultEffect, FaultEnd, Profile};
 use serde::{Deserialize, Serialize};
 use shared_types::describe::{Invalid, Operation};
 use shared_types::random::RandomStream;
-use shared_types::record::{FaultEffectSize, FaultTaken};
+use shared_types::record::{FaultBegun, FaultEffectSize};
 use shared_types::side::Side;
 use shared_types::state::State;
 use shared_types::time::{Rate, Step};
@@ -69,7 +69,7 @@ pub(super) struct Effect {
     most_occurrences: Option<u64>,
     profile: Profile,
     /// Report that is made when the effect takes hold.
-    taken: Option<FaultTaken>,
+    taken: Option<FaultBegun>,
     size: FaultEffectSize,
     /// True if the effect did something at the last step; `runs` counts how often it began to.
     acting: bool,
@@ -105,7 +105,7 @@ impl Action {
 impl Effect {
     /// An effect that waits. Its size is told in this unit.
     pub(super) fn new(
-        taken: FaultTaken,
+        taken: FaultBegun,
         unit: String,
         action: Action,
         plan: &FaultEffect,
@@ -220,7 +220,7 @@ impl Effect {
     }
 
     /// Takes out the report of the effect, once the effect has taken hold.
-    pub(super) fn take_taken(&mut self) -> Option<FaultTaken> {
+    pub(super) fn take_taken(&mut self) -> Option<FaultBegun> {
         let mut taken = self.taken.take()?;
         taken.step = self.size.step?;
         Some(taken)

@@ -4,7 +4,7 @@ use std::thread::yield_now;
 use std::time::{Duration, Instant};
 
 use super::Sentence;
-use crate::record::{Event, FaultTaken, RecordLayout};
+use crate::record::{Event, FaultBegun, RecordLayout};
 use crate::stream::{Item, RecordSink, RecordSource};
 use crate::table::Field;
 
@@ -47,7 +47,7 @@ fn layout() -> RecordLayout {
 }
 
 fn event(text: &str) -> Event {
-    Event::Fault(FaultTaken {
+    Event::Fault(FaultBegun {
         effect: 0,
         wall_only: false,
         id: 1,

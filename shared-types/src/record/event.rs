@@ -16,7 +16,7 @@ pub enum Event {
     /// A live fault was accepted; it may take hold later.
     Accepted(FaultAccepted),
     /// A fault took hold of one target.
-    Fault(FaultTaken),
+    Fault(FaultBegun),
     /// A fault ended on one target.
     FaultEnded(FaultEnded),
     /// The controller changed while the run went on.
@@ -126,13 +126,13 @@ pub struct ControllerChange {
     pub step: u64,
     /// Way in which the controller changed.
     #[serde(flatten)]
-    pub change: Change,
+    pub change: ControllerFate,
 }
 
 /// Way in which a controller changed.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "change", rename_all = "kebab-case")]
-pub enum Change {
+pub enum ControllerFate {
     /// Controller that is lost; the run goes on.
     Lost {
         /// Reason of the loss.
@@ -168,7 +168,7 @@ pub struct FaultAccepted {
 
 /// A fault that took hold.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FaultTaken {
+pub struct FaultBegun {
     /// Number of the fault event it belongs to.
     pub id: u32,
     /// Index of the effect in the event, from 0.
@@ -317,7 +317,7 @@ mod tests {
         let lost = Event::Controller(ControllerChange {
             epoch: 1,
             step: 7,
-            change: Change::Lost {
+            change: ControllerFate::Lost {
                 reason: "gone".into(),
                 policy: OnLoss::Hold,
             },
@@ -374,8 +374,10 @@ mod tests {
             let shown = match event {
                 Event::End(end) => end.reason,
                 Event::Controller(change) => match change.change {
-                    Change::Lost { reason, .. } | Change::Refused { reason } => Some(reason),
-                    Change::Joined { law } => Some(law),
+                    ControllerFate::Lost { reason, .. } | ControllerFate::Refused { reason } => {
+                        Some(reason)
+                    }
+                    ControllerFate::Joined { law } => Some(law),
                 },
                 _ => None,
             };

@@ -13,7 +13,7 @@ use hil_recording::writer::{Attachment, Provenance, Recording};
 use shared_types::describe::Description;
 use shared_types::frame::{Frame, FrameIdentity, FrameKind, Header};
 use shared_types::hello::{Control, Hello, Offer, agree};
-use shared_types::record::{Event, FaultTaken, Outcome, RecordLayout, RunEnd, Timing};
+use shared_types::record::{Event, FaultBegun, Outcome, RecordLayout, RunEnd, Timing};
 use shared_types::table::Field;
 use shared_types::time::{Rate, Step};
 use shared_types::zerocopy::IntoBytes;
@@ -106,7 +106,7 @@ fn recordings(folder: &Path) {
         ],
     };
     let end = Event::End(RunEnd::new(10, Outcome::Completed));
-    let taken = Event::Fault(FaultTaken {
+    let taken = Event::Fault(FaultBegun {
         id: 1,
         effect: 0,
         step: 4,

@@ -1,7 +1,7 @@
 //! The texts of events, which their plant wrote, made fit to be shown.
 
 use serde_json::Value;
-use shared_types::record::{Change, Event};
+use shared_types::record::{ControllerFate, Event};
 use shared_types::text::printable;
 
 /// Most characters of a text of the plant.
@@ -24,9 +24,9 @@ pub fn clean(mut event: Event) -> Event {
             }
         }
         Event::Controller(change) => match &mut change.change {
-            Change::Lost { reason: text, .. }
-            | Change::Joined { law: text }
-            | Change::Refused { reason: text } => shown(text),
+            ControllerFate::Lost { reason: text, .. }
+            | ControllerFate::Joined { law: text }
+            | ControllerFate::Refused { reason: text } => shown(text),
         },
         Event::Mark(mark) => shown(&mut mark.text),
         Event::Change(change) => {

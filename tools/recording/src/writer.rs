@@ -15,7 +15,7 @@ use std::time::Duration;
 use mcap::records::{AttachmentHeader, MessageHeader, Metadata};
 use rustix::fs::FlockOperation;
 use shared_types::record::{
-    Event, FaultAccepted, FaultEnded, FaultTaken, RECORD_VERSION, RecordLayout, RecordView,
+    Event, FaultAccepted, FaultBegun, FaultEnded, RECORD_VERSION, RecordLayout, RecordView,
 };
 use shared_types::time::{Rate, Step};
 
@@ -204,7 +204,7 @@ impl Recording {
         if let Some(excerpt) = &mut self.excerpt {
             match event {
                 Event::Accepted(FaultAccepted { step, .. })
-                | Event::Fault(FaultTaken { step, .. })
+                | Event::Fault(FaultBegun { step, .. })
                 | Event::FaultEnded(FaultEnded { step, .. }) => excerpt.fault(*step),
                 Event::Controller(_) | Event::Change(_) | Event::Mark(_) | Event::End(_) => {}
             }

@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use hil_config::plan::{Clock, Plan};
 use shared_types::pacer::Streaks;
-use shared_types::record::{Change, ControllerChange, Outcome, RunEnd, Timing};
+use shared_types::record::{ControllerChange, ControllerFate, Outcome, RunEnd, Timing};
 
 use crate::results::recorded::Recorded;
 
@@ -79,7 +79,7 @@ fn records(plan: &Plan, end: &RunEnd, recorded: &Recorded) -> Option<String> {
 fn answers(end: &RunEnd, recorded: &Recorded) -> Option<String> {
     let is_alone = recorded.answers.is_some_and(|answers| answers.given == 0);
     let is_lost = |change: &ControllerChange| {
-        matches!(change.change, Change::Lost { .. }) && change.step <= recorded.past_records
+        matches!(change.change, ControllerFate::Lost { .. }) && change.step <= recorded.past_records
     };
     let is_known = recorded.changes.iter().any(is_lost);
     // The last record has no command.

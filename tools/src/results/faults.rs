@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 use hil_config::plan::{FaultEvent, FaultSource, Trigger};
 use serde::Serialize;
 use shared_types::number::short_in;
-use shared_types::record::{Event, FaultAccepted, FaultEffectSize, FaultEnded, FaultTaken};
+use shared_types::record::{Event, FaultAccepted, FaultBegun, FaultEffectSize, FaultEnded};
 use shared_types::time::{Rate, Step};
 
 /// The events of a run that are about faults.
@@ -18,7 +18,7 @@ pub struct FaultLog {
     /// Live faults that were accepted.
     pub accepted: Vec<LiveFault>,
     /// Effects that took hold.
-    pub taken: Vec<FaultTaken>,
+    pub taken: Vec<FaultBegun>,
     /// Effects that ended.
     pub ended: Vec<FaultEnded>,
     /// Sizes of the effects, by the plant's last word; `None` if the plant died before.

@@ -4,7 +4,7 @@ use std::fmt::{self, Write as _};
 use std::path::Path;
 
 use serde::Serialize;
-use shared_types::record::{Change, ControllerChange};
+use shared_types::record::{ControllerChange, ControllerFate};
 use shared_types::time::{Rate, Step};
 
 use crate::results::ended::Started;
@@ -95,9 +95,9 @@ impl Laws {
         } in changes
         {
             let law = match change {
-                Change::Joined { law } => Some(Law::of(law, *epoch, &fact)),
-                Change::Lost { .. } => None,
-                Change::Refused { .. } => continue,
+                ControllerFate::Joined { law } => Some(Law::of(law, *epoch, &fact)),
+                ControllerFate::Lost { .. } => None,
+                ControllerFate::Refused { .. } => continue,
             };
             laws.retain(|(from, _)| from < step);
             if laws.last().is_none_or(|(_, last)| *last != law) {
@@ -175,22 +175,24 @@ pub(crate) fn active_controllers(
         for one in &mut active {
             let is_meant = one.epoch == *epoch;
             let (end, reason, then) = match change {
-                Change::Joined { law } if is_meant => {
+                ControllerFate::Joined { law } if is_meant => {
                     one.from_step = Some(*step);
                     one.law = Some(law.clone());
                     continue;
                 }
-                Change::Joined { .. } if one.from_step.is_some() && one.end.is_none() => {
+                ControllerFate::Joined { .. } if one.from_step.is_some() && one.end.is_none() => {
                     ("replaced", None, None)
                 }
-                Change::Lost { reason, policy } if is_meant => {
+                ControllerFate::Lost { reason, policy } if is_meant => {
                     // What the plant saw, and what became of the process.
                     let started = started.iter().find(|one| one.epoch == *epoch);
                     let fate = started.and_then(|one| one.fate.as_deref());
                     let fate = fate.map_or_else(String::new, |fate| format!("; {fate}"));
                     ("lost", Some(format!("{reason}{fate}")), Some(policy.name()))
                 }
-                Change::Refused { reason } if is_meant => ("refused", Some(reason.clone()), None),
+                ControllerFate::Refused { reason } if is_meant => {
+                    ("refused", Some(reason.clone()), None)
+                }
                 _ => continue,
             };
             one.until_step = Some(*step);
@@ -243,14 +245,16 @@ pub(crate) fn describe(change: &ControllerChange) -> String {
         change,
     } = change;
     match change {
-        Change::Lost { reason, policy } => {
+        ControllerFate::Lost { reason, policy } => {
             format!(
                 "controller {epoch} lost at step {step}: {reason}; {}",
                 policy.name()
             )
         }
-        Change::Joined { law } => format!("controller {epoch} ({law}) took over at step {step}"),
-        Change::Refused { reason } => {
+        ControllerFate::Joined { law } => {
+            format!("controller {epoch} ({law}) took over at step {step}")
+        }
+        ControllerFate::Refused { reason } => {
             format!("controller {epoch} refused at step {step}: {reason}")
         }
     }
@@ -262,7 +266,7 @@ mod tests {
 
     use super::*;
 
-    fn change(epoch: u32, step: u64, change: Change) -> ControllerChange {
+    fn change(epoch: u32, step: u64, change: ControllerFate) -> ControllerChange {
         ControllerChange {
             epoch,
             step,
@@ -271,12 +275,12 @@ mod tests {
     }
 
     fn joined(epoch: u32, step: u64, law: &str) -> ControllerChange {
-        change(epoch, step, Change::Joined { law: law.into() })
+        change(epoch, step, ControllerFate::Joined { law: law.into() })
     }
 
     fn lost(epoch: u32, step: u64) -> ControllerChange {
         let (reason, policy) = (String::new(), OnLoss::Hold);
-        change(epoch, step, Change::Lost { reason, policy })
+        change(epoch, step, ControllerFate::Lost { reason, policy })
     }
 
     #[test]
@@ -308,7 +312,7 @@ mod tests {
         let refused = change(
             3,
             20,
-            Change::Refused {
+            ControllerFate::Refused {
                 reason: String::new(),
             },
         );

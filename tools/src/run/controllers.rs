@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use controller_process::job::{JOB_FILE, Job};
 use shared_types::lockstep::OnLoss;
-use shared_types::record::{Change, ControllerChange};
+use shared_types::record::{ControllerChange, ControllerFate};
 use shared_types::session::{Session, SessionInfo};
 use shared_types::supervision::{EXPECT, MOST_EPOCHS, PEER_GONE};
 
@@ -348,7 +348,8 @@ impl Controllers {
     ) {
         for change in changes {
             self.note(change);
-            if matches!(change.change, Change::Lost { .. }) && self.policy == OnLoss::WaitForRestart
+            if matches!(change.change, ControllerFate::Lost { .. })
+                && self.policy == OnLoss::WaitForRestart
             {
                 self.restart(session, plant, change.epoch);
             }
@@ -368,7 +369,7 @@ impl Controllers {
             return;
         }
         let past = Standing::Past(Instant::now());
-        if matches!(change, Change::Joined { .. }) {
+        if matches!(change, ControllerFate::Joined { .. }) {
             let in_office = |member: &&mut Member| member.standing == Standing::InOffice;
             for member in self.members.iter_mut().filter(in_office) {
                 member.standing = past;
@@ -378,21 +379,21 @@ impl Controllers {
             return;
         };
         let asked = match change {
-            Change::Lost { .. } => None,
+            ControllerFate::Lost { .. } => None,
             _ => member.asked.take(),
         };
         let told = match change {
-            Change::Lost { .. } => {
+            ControllerFate::Lost { .. } => {
                 member.standing = past;
                 return;
             }
-            Change::Refused { reason } => {
+            ControllerFate::Refused { reason } => {
                 member.standing = past;
                 // Its own last word says more than that it is gone.
                 let word = member.side.last_word().filter(|_| member.side.has_ended());
                 Err(word.unwrap_or_else(|| reason.clone()))
             }
-            Change::Joined { law } => {
+            ControllerFate::Joined { law } => {
                 member.standing = Standing::InOffice;
                 Ok(Swapped {
                     epoch: *epoch,

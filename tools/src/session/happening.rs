@@ -4,7 +4,7 @@
 //! whoever [asks](super::standing): an observer sees events only from the one on with which it joined.
 
 use serde::{Deserialize, Serialize};
-use shared_types::record::{Change, Event};
+use shared_types::record::{ControllerFate, Event};
 use shared_types::time::{Rate, Step};
 
 /// Event of a run, as a person is told of it.
@@ -42,16 +42,16 @@ impl Happening {
             Event::Controller(change) => {
                 let (epoch, step) = (change.epoch, change.step);
                 match &change.change {
-                    Change::Lost { reason, .. } => {
+                    ControllerFate::Lost { reason, .. } => {
                         let text = format!("controller {epoch} lost at {}: {reason}", at(step));
                         (step, text, None, None)
                     }
-                    Change::Joined { law } => {
+                    ControllerFate::Joined { law } => {
                         let name = format!("controller {epoch} ({law})");
                         let text = format!("{name} from {}", at(step));
                         (step, text, (epoch > 1).then_some(name), None)
                     }
-                    Change::Refused { reason } => {
+                    ControllerFate::Refused { reason } => {
                         let text = format!("controller {epoch} refused at {}: {reason}", at(step));
                         (step, text, None, None)
                     }

@@ -14,7 +14,7 @@ use hil_config::show;
 use hil_recording::reader::{ReadError, RunReader};
 use plant_process::repeat::Missed;
 use shared_types::record::{
-    Change as OfController, ControllerChange, Event, FaultEnded, FaultTaken, ValueChange,
+    ControllerChange, ControllerFate, Event, FaultBegun, FaultEnded, ValueChange,
 };
 use shared_types::time::{Rate, Step};
 
@@ -76,11 +76,11 @@ pub(crate) fn scenario_from(arguments: &ScenarioFromArguments) -> Result<Exit, F
 fn refuse_succession(run: &Path, change: &ControllerChange) -> Result<(), Failure> {
     let (run, epoch, step) = (run.display(), change.epoch, change.step);
     let what = match &change.change {
-        OfController::Lost { reason, .. } => {
+        ControllerFate::Lost { reason, .. } => {
             format!("lost controller {epoch} at step {step} ({reason})")
         }
-        OfController::Joined { .. } => format!("got controller {epoch} at step {step}"),
-        OfController::Refused { .. } => return Ok(()),
+        ControllerFate::Joined { .. } => format!("got controller {epoch} at step {step}"),
+        ControllerFate::Refused { .. } => return Ok(()),
     };
     Err(Failure::usage(format!(
         "{run} {what}: a run whose controller changed cannot be repeated; `hil judge`, `hil compare` and `hil export` read it"
@@ -304,7 +304,7 @@ fn cleared(id: u32, log: &FaultLog) -> Option<Step> {
     log.ended.iter().find(is_it).map(|ended| Step(ended.step))
 }
 
-fn taken(id: u32, log: &FaultLog) -> impl Iterator<Item = &FaultTaken> {
+fn taken(id: u32, log: &FaultLog) -> impl Iterator<Item = &FaultBegun> {
     log.taken.iter().filter(move |taken| taken.id == id)
 }
 

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use hil_recording::compression::Compression;
 use hil_recording::reader::RECORDING;
 use hil_recording::writer::{Attachment, Provenance, Recording};
-use shared_types::record::{Event, FaultTaken, RecordLayout, Timing};
+use shared_types::record::{Event, FaultBegun, RecordLayout, Timing};
 use shared_types::table::Field;
 
 /// Signals of a small run: `truth.x_m`, `measured.x_m`, `command.u_n`, and what they bring.
@@ -31,7 +31,7 @@ pub(crate) fn record(step: u64, truth: f64, command: f64) -> Vec<u64> {
 }
 
 pub(crate) fn taken(step: u64) -> Event {
-    Event::Fault(FaultTaken {
+    Event::Fault(FaultBegun {
         id: 1,
         effect: 0,
         step,

@@ -1,6 +1,6 @@
 //! Accounts of a plant about its end, and the part of them that is believed.
 
-use shared_types::record::{Change, ControllerChange, FaultEffectSize, Outcome, RunEnd};
+use shared_types::record::{ControllerChange, ControllerFate, FaultEffectSize, Outcome, RunEnd};
 use shared_types::time::Step;
 
 use super::*;
@@ -145,7 +145,7 @@ fn what_came_too_late_is_what_the_records_have() {
         recorded.changes.push(ControllerChange {
             epoch: 1,
             step: 997,
-            change: Change::Lost {
+            change: ControllerFate::Lost {
                 reason: String::new(),
                 policy: shared_types::lockstep::OnLoss::Hold,
             },

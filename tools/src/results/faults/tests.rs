@@ -32,8 +32,8 @@ fn at(step: u64, at_s: f64) -> Trigger {
     }
 }
 
-fn taken(id: u32, effect: u32, step: u64) -> FaultTaken {
-    FaultTaken {
+fn taken(id: u32, effect: u32, step: u64) -> FaultBegun {
+    FaultBegun {
         id,
         effect,
         step,

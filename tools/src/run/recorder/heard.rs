@@ -3,7 +3,7 @@
 use hil_config::plan::{Clock, Plan};
 use shared_types::lockstep::OnLoss;
 use shared_types::record::{
-    Change, ControllerChange, Event, LONGEST_MARK, MOST_CHANGES, MOST_MARKS, RecordView,
+    ControllerChange, ControllerFate, Event, LONGEST_MARK, MOST_CHANGES, MOST_MARKS, RecordView,
 };
 use shared_types::supervision::MOST_EPOCHS;
 use shared_types::time::Step;
@@ -129,7 +129,7 @@ fn controller(plan: &Plan, change: &ControllerChange, before: usize) -> Result<(
         return Err(format!("more than {before} changes of controllers came"));
     }
     match &change.change {
-        Change::Lost { policy, .. } if *policy != planned || planned == OnLoss::Abort => {
+        ControllerFate::Lost { policy, .. } if *policy != planned || planned == OnLoss::Abort => {
             Err(format!(
                 "the plant says that it lost controller {epoch} and goes on with `{}`, and the run has `{}`",
                 policy.name(),

@@ -3,7 +3,9 @@
 use hil_config::plan::Clock;
 use shared_types::link::LinkError;
 use shared_types::lockstep::OnLoss;
-use shared_types::record::{Change, Event, LONGEST_MARK, MOST_MARKS, Mark, Outcome, RunEnd};
+use shared_types::record::{
+    ControllerFate, Event, LONGEST_MARK, MOST_MARKS, Mark, Outcome, RunEnd,
+};
 use shared_types::stream::Item;
 use shared_types::time::Step;
 
@@ -148,7 +150,7 @@ fn what_is_lost_is_counted_against_the_clock_and_refused_in_lockstep() {
 
 #[test]
 fn events_that_cannot_be_are_refused() {
-    let change = |step: u64, change: Change| {
+    let change = |step: u64, change: ControllerFate| {
         let epoch = 1;
         Item::Event(Event::Controller(ControllerChange {
             epoch,
@@ -156,10 +158,10 @@ fn events_that_cannot_be_are_refused() {
             change,
         }))
     };
-    let refusal = || Change::Refused {
+    let refusal = || ControllerFate::Refused {
         reason: "late".into(),
     };
-    let lost = Change::Lost {
+    let lost = ControllerFate::Lost {
         reason: "gone".into(),
         policy: OnLoss::Hold,
     };

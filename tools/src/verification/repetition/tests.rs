@@ -71,7 +71,7 @@ fn accepted(step: u64, fault: &FaultEvent) -> Event {
 }
 
 fn took_hold(id: u32, effect: u32, step: u64) -> Event {
-    Event::Fault(FaultTaken {
+    Event::Fault(FaultBegun {
         id,
         effect,
         step,

@@ -11,7 +11,7 @@ use hil_config::plan::Clock;
 use hil_recording::reader::{ReadError, RunReader};
 use shared_types::directive::{Answered, Directive};
 use shared_types::frame::VALIDITY_WORDS;
-use shared_types::record::{Change, ControllerChange, Event, FaultTaken, ValueChange};
+use shared_types::record::{ControllerChange, ControllerFate, Event, FaultBegun, ValueChange};
 use shared_types::time::Step;
 
 use super::original::Places;
@@ -226,7 +226,7 @@ impl Winder {
     /// Refuses what the recording of an older version does not say.
     fn check(&self, event: &Event) -> Result<(), TapeError> {
         match event {
-            Event::Fault(FaultTaken {
+            Event::Fault(FaultBegun {
                 kind,
                 target,
                 step,
@@ -240,7 +240,7 @@ impl Winder {
             Event::Controller(ControllerChange {
                 epoch,
                 step,
-                change: Change::Lost { .. },
+                change: ControllerFate::Lost { .. },
             }) => Err(TapeError::Lacking(format!(
                 "controller {epoch} was lost at step {step}; what follows is no controller's answer"
             ))),

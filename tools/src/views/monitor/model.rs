@@ -9,7 +9,7 @@ use hil_config::evaluation::Evaluation;
 use hil_config::expression::Columns;
 use hil_config::plan::Plan;
 use shared_types::live::{FaultState, Status};
-use shared_types::record::{Change, Event, Outcome, RecordLayout, Validity};
+use shared_types::record::{ControllerFate, Event, Outcome, RecordLayout, Validity};
 use shared_types::time::{Rate, Step};
 
 use super::history::History;
@@ -211,7 +211,7 @@ impl Model {
         }
         match event {
             Event::Controller(change) => {
-                if let Change::Joined { law } = change.change {
+                if let ControllerFate::Joined { law } = change.change {
                     self.law = law;
                     self.retunings += 1;
                 }

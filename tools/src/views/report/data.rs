@@ -6,7 +6,7 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use hdrhistogram::Histogram;
 use serde::Serialize;
-use shared_types::record::Change;
+use shared_types::record::ControllerFate;
 use shared_types::time::Step;
 
 use super::envelope::{Envelope, Written};
@@ -126,9 +126,9 @@ impl RunData {
             let epoch = change.epoch;
             let from_s = run.rate.seconds(Step(change.step));
             let label = match &change.change {
-                Change::Joined { law } => format!("controller {epoch}: {law}"),
-                Change::Lost { .. } => format!("controller {epoch} lost"),
-                Change::Refused { .. } => return None,
+                ControllerFate::Joined { law } => format!("controller {epoch}: {law}"),
+                ControllerFate::Lost { .. } => format!("controller {epoch} lost"),
+                ControllerFate::Refused { .. } => return None,
             };
             let until_s = Some(from_s);
             Some(SpanData {

@@ -216,11 +216,13 @@ pub(super) fn events(runs: &[Run]) -> Markup {
 }
 
 fn changed(change: &shared_types::record::ControllerChange) -> String {
-    use shared_types::record::Change;
+    use shared_types::record::ControllerFate;
     match &change.change {
-        Change::Lost { reason, policy } => format!("lost, {reason}; then {}", policy.name()),
-        Change::Joined { law } => format!("took over with {law}"),
-        Change::Refused { reason } => format!("refused, {reason}"),
+        ControllerFate::Lost { reason, policy } => {
+            format!("lost, {reason}; then {}", policy.name())
+        }
+        ControllerFate::Joined { law } => format!("took over with {law}"),
+        ControllerFate::Refused { reason } => format!("refused, {reason}"),
     }
 }
 

@@ -241,7 +241,7 @@ fn a_recording_that_does_not_say_all_is_refused() {
     let clocked = run("tape-old-clock", 4, |_, _| ());
     let told = refused(&clocked, old.clone(), Clock::Realtime);
     assert!(told.contains("which samples its controller saw"), "{told}");
-    let skip = Event::Fault(FaultTaken {
+    let skip = Event::Fault(FaultBegun {
         id: 1,
         effect: 0,
         step: 1,

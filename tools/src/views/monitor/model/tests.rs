@@ -1,7 +1,7 @@
 use hil_config::scenario::Scenario;
 use shared_types::describe::PlantDescription;
 use shared_types::live::Possible;
-use shared_types::record::{FaultTaken, RunEnd, Timing};
+use shared_types::record::{FaultBegun, RunEnd, Timing};
 
 use super::*;
 
@@ -123,10 +123,10 @@ fn the_law_is_the_one_that_answers_now() {
         })
     };
     let reason = "not well".to_owned();
-    model.take(Seen::Event(change(2, Change::Refused { reason })));
+    model.take(Seen::Event(change(2, ControllerFate::Refused { reason })));
     assert_eq!(model.law(), "pid");
     let law = "hold".to_owned();
-    model.take(Seen::Event(change(3, Change::Joined { law })));
+    model.take(Seen::Event(change(3, ControllerFate::Joined { law })));
     assert_eq!(model.law(), "hold");
 }
 
@@ -165,7 +165,7 @@ fn an_unknown_signal_is_refused_when_the_signals_are_known() {
 #[test]
 fn events_are_told_and_the_last_one_ends_the_run() {
     let mut model = attached(spring_mass(), &[]);
-    model.take(Seen::Event(Event::Fault(FaultTaken {
+    model.take(Seen::Event(Event::Fault(FaultBegun {
         id: 3,
         effect: 0,
         step: 1500,
