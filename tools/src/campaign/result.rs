@@ -11,7 +11,7 @@ use shared_types::record::Outcome;
 use crate::arguments::run::LinkKind;
 use crate::programs::binaries::Binaries;
 use crate::results::ended::EndedRun;
-use crate::results::requirements::Requirement;
+use crate::results::requirements::{Requirement, RunVerdict};
 use crate::results::summary::Metric;
 use crate::run::settings::Settings;
 use crate::run::{self, Environment, Origin};
@@ -79,8 +79,8 @@ impl CaseResult {
         let summary = ran.summary;
         let outcome = match (ran.exit, summary.verdict) {
             (Exit::Interrupted, _) => return Err(Failure::Interrupted),
-            (Exit::Failed, "aborted") => Outcome::Diverged,
-            (Exit::Pass | Exit::Failed, _) => Outcome::Completed,
+            (Exit::NotPassed, RunVerdict::Aborted) => Outcome::Diverged,
+            (Exit::Pass | Exit::NotPassed, _) => Outcome::Completed,
             _ => Outcome::Failed,
         };
         Ok(Self {

@@ -43,23 +43,46 @@ impl From<&RequirementValue> for Requirement {
     }
 }
 
-/// Gives the verdict of a run: `aborted` unless it was completed, else one requirement that does not hold
-/// is enough for `fail`.
-pub(crate) fn verdict(outcome: Outcome, requirements: &[Requirement]) -> &'static str {
-    if outcome != Outcome::Completed {
-        "aborted"
-    } else if requirements.iter().all(|one| one.verdict == "pass") {
-        "pass"
-    } else {
-        "fail"
-    }
+/// Verdict of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum RunVerdict {
+    /// All requirements hold.
+    Pass,
+    /// A requirement does not hold, or is undecided.
+    Fail,
+    /// The run was not completed.
+    Aborted,
 }
 
-/// Gives the exit code of a verdict.
-pub(crate) fn exit(verdict: &str) -> Exit {
-    match verdict {
-        "pass" => Exit::Pass,
-        _ => Exit::Failed,
+impl RunVerdict {
+    /// Gives the verdict of a run: `Aborted` unless it was completed, else one requirement that does not
+    /// hold is enough for `Fail`.
+    pub(crate) fn of(outcome: Outcome, requirements: &[Requirement]) -> Self {
+        if outcome != Outcome::Completed {
+            Self::Aborted
+        } else if requirements.iter().all(|one| one.verdict == "pass") {
+            Self::Pass
+        } else {
+            Self::Fail
+        }
+    }
+
+    /// Returns the name, as files and tables have it.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Pass => "pass",
+            Self::Fail => "fail",
+            Self::Aborted => "aborted",
+        }
+    }
+
+    /// Gives the exit code of a run that ended by itself.
+    pub(crate) const fn exit(self) -> Exit {
+        match self {
+            Self::Pass => Exit::Pass,
+            Self::Fail | Self::Aborted => Exit::NotPassed,
+        }
     }
 }
 

@@ -24,7 +24,7 @@ use crate::results::handover::{ActiveController, Laws, active_controllers};
 use crate::results::latency::grade::Graded;
 use crate::results::latency::legs::Legs;
 use crate::results::latency::spikes::Spike;
-use crate::results::requirements::{self, Requirement};
+use crate::results::requirements::{Requirement, RunVerdict};
 use crate::results::resumed::{MadeCheckpoint, Resumed};
 use crate::results::settings::Realtime;
 use crate::results::target::Target;
@@ -49,7 +49,7 @@ pub(crate) struct Summary {
     evidence: &'static str,
     /// Null if the controller was on this machine.
     target: Option<Target>,
-    pub(crate) verdict: &'static str,
+    pub(crate) verdict: RunVerdict,
     pub(crate) reason: Option<String>,
     clock: &'static str,
     /// Null in lockstep.
@@ -280,8 +280,8 @@ impl Summary {
             evidence: origin.evidence,
             target: origin.target,
             verdict: match recorded.error {
-                None => requirements::verdict(ended.outcome, &requirements),
-                Some(_) => requirements::verdict(Outcome::Failed, &requirements),
+                None => RunVerdict::of(ended.outcome, &requirements),
+                Some(_) => RunVerdict::of(Outcome::Failed, &requirements),
             },
             reason: ended.reason.clone(),
             clock: plan.run.clock.name(),

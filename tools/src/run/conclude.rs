@@ -11,7 +11,6 @@ use crate::checkpoint;
 use crate::files::part_file;
 use crate::results::company::ProcessorTime;
 use crate::results::ended::EndedRun;
-use crate::results::requirements;
 use crate::results::settings::Realtime;
 use crate::results::summary::Summary;
 use crate::terminal::advice;
@@ -83,7 +82,7 @@ pub(super) fn conclude(
     Ok(RunResult {
         exit: match ended.outcome {
             _ if ended.recorded.error.is_some() => Exit::Infrastructure,
-            Outcome::Completed | Outcome::Diverged => requirements::exit(summary.verdict),
+            Outcome::Completed | Outcome::Diverged => summary.verdict.exit(),
             Outcome::Stopped if prepared.interruption.came() => Exit::Interrupted,
             Outcome::Stopped | Outcome::Failed => Exit::Infrastructure,
         },

@@ -13,7 +13,7 @@ use serde::Serialize;
 use crate::arguments::recordings::JudgeArguments;
 use crate::results::handover::Laws;
 use crate::results::outcome::RecordedOutcome;
-use crate::results::requirements::{self, Requirement};
+use crate::results::requirements::{self, Requirement, RunVerdict};
 use crate::results::summary::{Metric, write_metrics};
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
@@ -24,7 +24,7 @@ pub struct Judgement {
     run: String,
     scenario: String,
     /// `aborted` if the run did not end by itself.
-    verdict: &'static str,
+    verdict: RunVerdict,
     /// Outcome of the run, in one word; null if its recording broke off.
     outcome: Option<String>,
     /// Reason, if the run did not end by itself; null if nobody tells.
@@ -45,7 +45,7 @@ pub(crate) fn judge(arguments: &JudgeArguments) -> Result<Exit, Failure> {
     output::result(arguments.json, &judgement, || {
         output::text(|text| judgement.write(text, &plan))
     })?;
-    Ok(requirements::exit(judgement.verdict))
+    Ok(judgement.verdict.exit())
 }
 
 /// Judges a run by its own scenario or by another; also the plan that it was judged by.
@@ -76,7 +76,7 @@ pub fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failur
     let requirements: Vec<Requirement> = (recorded.requirements.iter())
         .map(Requirement::from)
         .collect();
-    let verdict = requirements::verdict(outcome, &requirements);
+    let verdict = RunVerdict::of(outcome, &requirements);
     let judgement = Judgement {
         run: run.display().to_string(),
         scenario: plan.name.clone(),
@@ -97,7 +97,7 @@ impl Judgement {
     /// Writes the judgement as a person reads it.
     fn write(&self, text: &mut String, plan: &Plan) -> std::fmt::Result {
         use std::fmt::Write as _;
-        let (scenario, verdict, run) = (&self.scenario, self.verdict, &self.run);
+        let (scenario, verdict, run) = (&self.scenario, self.verdict.name(), &self.run);
         writeln!(text, "{scenario}: {verdict}  ({run}, recorded)")?;
         match self.outcome.as_deref() {
             Some("completed") => {}

@@ -143,6 +143,6 @@ pub(crate) fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
     Ok(match ran.exit {
         Exit::Infrastructure | Exit::Interrupted => ran.exit,
         _ if is_same => Exit::Pass,
-        _ => Exit::Failed,
+        _ => Exit::NotPassed,
     })
 }

@@ -51,7 +51,9 @@ impl Summary {
         writeln!(
             text,
             "{}: {}  ({law} on {model}, {})",
-            self.scenario, self.verdict, self.clock
+            self.scenario,
+            self.verdict.name(),
+            self.clock
         )?;
         if let Some(reason) = &self.reason {
             writeln!(text, "  {reason}")?;

@@ -19,7 +19,7 @@ use crate::results::handover::Laws;
 use crate::results::latency::spikes::KEPT;
 use crate::results::outcome::RecordedOutcome;
 use crate::results::recorded_run::RecordedRun;
-use crate::results::requirements::{self, Requirement};
+use crate::results::requirements::{Requirement, RunVerdict};
 use crate::results::summary::{Metric, Missed};
 use crate::terminal::exit::Failure;
 
@@ -104,7 +104,7 @@ impl Run {
         let mut requirements: Vec<Requirement> = (recorded.requirements.iter())
             .map(Requirement::from)
             .collect();
-        let mut verdict = requirements::verdict(outcome, &requirements).to_owned();
+        let mut verdict = RunVerdict::of(outcome, &requirements).name().to_owned();
         if let Some(kept) = found.reader.fact(hil_recording::reader::EXCERPT) {
             let told = summary_beside(path);
             notes.push(format!(
