@@ -13,8 +13,8 @@ use hil_config::live_requests::RequestContext;
 use hil_config::plan::{Change, FaultEvent, PLANT_KEYS, Stimulus, law_keys};
 use shared_types::describe::LawDescription;
 use shared_types::live::{
-    self, ChangeRequest, Changed, Injected, JUDGE, Judged, Judgement, Listening, Possible, Refusal,
-    Request, Response, SOCKET, Status, Tunables,
+    self, ChangeRequest, Changed, Injected, Listening, OBJECTIONS, ParameterAnswer,
+    ParameterQuestion, Possible, Refusal, Request, Response, SOCKET, Status, Tunables,
 };
 use shared_types::record::{LONGEST_MARK, RecordLayout};
 use shared_types::session::SessionInfo;
@@ -33,7 +33,7 @@ const LOOP_LIMIT: Duration = Duration::from_secs(5);
 /// Time between two looks of the service for the loop's answer.
 const LOOK: Duration = Duration::from_micros(200);
 /// Limit for the answer of the controller's program on parameters: it is started for that.
-const JUDGE_LIMIT: Duration = Duration::from_secs(30);
+const OBJECTION_LIMIT: Duration = Duration::from_secs(30);
 /// Most faults in one request: the loop takes them between two steps.
 const MOST_FAULTS: usize = 16;
 
@@ -70,18 +70,19 @@ impl LiveContext {
     }
 }
 
-/// Judge of whether parameters of the plant or the active law go together: gives the objection. Neither is started
+/// Objections to parameters of the plant or the active law that do not go together. Neither side is started
 /// beside the one that runs in this process: a library may bear one of it.
-pub type Judge = Box<dyn FnMut(&Judged) -> Result<(), String> + Send>;
+pub type Objections = Box<dyn FnMut(&ParameterQuestion) -> Result<(), String> + Send>;
 
-/// The judge of a session whose `hil` asks the programs.
+/// Objections of a session whose `hil` asks the programs.
 #[must_use]
-pub fn judge_of(session: &SessionInfo) -> Judge {
+pub fn objections_of(session: &SessionInfo) -> Objections {
     let session = session.clone();
-    Box::new(move |judged| {
-        let answer = live::ask_at::<_, Judgement>(&session, JUDGE, judged, JUDGE_LIMIT);
-        let judgement = answer.map_err(|error| format!("it was not asked: {error}"))?;
-        judgement.objection.map_or(Ok(()), Err)
+    Box::new(move |question| {
+        let answer =
+            live::ask_at::<_, ParameterAnswer>(&session, OBJECTIONS, question, OBJECTION_LIMIT);
+        let answer = answer.map_err(|error| format!("it was not asked: {error}"))?;
+        answer.objection.map_or(Ok(()), Err)
     })
 }
 
@@ -94,13 +95,13 @@ pub fn serve(
     context: LiveContext,
     queue: Arc<RequestQueue>,
     builder: Arc<FaultBuilder>,
-    judge: Judge,
+    objections: Objections,
 ) -> Result<Listening, String> {
     let mut service = Service {
         context,
         queue,
         builder,
-        judge,
+        objections,
     };
     live::listen(session, SOCKET, move |client| {
         // A client that went away needs no answer.
@@ -115,7 +116,7 @@ struct Service {
     context: LiveContext,
     queue: Arc<RequestQueue>,
     builder: Arc<FaultBuilder>,
-    judge: Judge,
+    objections: Objections,
 }
 
 /// Reason why there is no answer from the loop.
@@ -319,16 +320,16 @@ impl Service {
         let asked = Some(Box::new(change.clone()));
         let after = (self.request(|answer| LoopRequest::Tunable(asked, answer))).map_err(one)?;
         for parameters in after.plant_after {
-            let judged = Judged {
+            let question = ParameterQuestion {
                 epoch: 0,
                 parameters,
             };
-            (self.judge)(&judged)
+            (self.objections)(&question)
                 .map_err(|objection| one(Refusal::new(format!("the plant: {objection}"))))?;
         }
         for parameters in after.law_after {
-            let judged = Judged { epoch, parameters };
-            (self.judge)(&judged)
+            let question = ParameterQuestion { epoch, parameters };
+            (self.objections)(&question)
                 .map_err(|objection| one(Refusal::new(format!("the controller: {objection}"))))?;
         }
         let asked = Box::new(change.clone());

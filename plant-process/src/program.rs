@@ -123,8 +123,8 @@ impl PlantProgram {
             true => None,
             false => {
                 let (queue, builder) = (engine.queue(), engine.builder());
-                let judge = live::judge_of(session);
-                Some(live::serve(session, context, queue, builder, judge)?)
+                let objections = live::objections_of(session);
+                Some(live::serve(session, context, queue, builder, objections)?)
             }
         };
         // Threads that there are by now keep ordinary scheduling.

@@ -24,7 +24,7 @@ pub use crate::record::ChangedValue;
 /// Name of the socket in the session's folder.
 pub const SOCKET: &str = "control";
 /// Name of the socket in the session's folder at which parameters of plant and law are judged.
-pub const JUDGE: &str = "judge";
+pub const OBJECTIONS: &str = "judge";
 /// Time that a client may take to write its line or to read the answer.
 const CLIENT_LIMIT: Duration = Duration::from_secs(1);
 /// Longest request.
@@ -308,16 +308,16 @@ impl Refusal {
 
 /// Parameters of the plant or the active law that a change would make: do they go together?
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Judged {
+pub struct ParameterQuestion {
     /// Number of the controller; 0 for the plant.
     pub epoch: u32,
     /// Values by name, of the parameters that were changed.
     pub parameters: Settings,
 }
 
-/// Judgement of parameters: `None` if they go together, else the objection.
+/// Answer to a [`ParameterQuestion`]: `None` if the parameters go together, else the objection.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Judgement {
+pub struct ParameterAnswer {
     /// Objection of the plant or the law.
     pub objection: Option<String>,
 }

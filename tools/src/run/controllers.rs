@@ -15,7 +15,7 @@ use shared_types::session::{Session, SessionInfo};
 use shared_types::supervision::{EXPECT, MOST_EPOCHS, PEER_GONE};
 
 use super::jobs;
-use super::judge::Crew;
+use super::objections::Crew;
 use super::processes::LOOK;
 use super::side::SideProcess;
 use crate::programs::binaries::Binary;

@@ -162,14 +162,17 @@ pub(super) fn run(prepared: &PreparedRun, realtime: &mut Watched) -> Result<Ende
 }
 
 /// Judges parameters of plant and law by a start of it.
-fn judge(plant: plant_process::job::Job, job: controller_process::job::Job) -> live::Judge {
-    Box::new(move |judged| {
-        if judged.epoch == 0 {
-            let job = tuned_plant(plant.clone(), &judged.parameters);
+fn objections(
+    plant: plant_process::job::Job,
+    job: controller_process::job::Job,
+) -> live::Objections {
+    Box::new(move |question| {
+        if question.epoch == 0 {
+            let job = tuned_plant(plant.clone(), &question.parameters);
             return plant_process::program::check(plant_of(&job)?, &FAULTS, job);
         }
         let (_, link) = in_process::pair();
-        runner(tuned(job.clone(), &judged.parameters), link).map(|_| ())
+        runner(tuned(job.clone(), &question.parameters), link).map(|_| ())
     })
 }
 
@@ -193,7 +196,7 @@ fn take_turns(
         context,
         engine.queue(),
         engine.builder(),
-        judge(plant_job, controller.clone()),
+        objections(plant_job, controller.clone()),
     )?;
     let mut runner = runner(controller, controller_link)?;
     // Both sides run in this thread: the plant's settings are those of both.

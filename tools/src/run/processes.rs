@@ -13,7 +13,7 @@ use shared_types::supervision::{PEER_GONE, STOP};
 use super::attach::attach;
 use super::by_hand::ByHand;
 use super::controllers::Controllers;
-use super::judge;
+use super::objections;
 use super::prepare::PreparedRun;
 use super::realtime::Watched;
 use super::side::{GRACE, SideProcess};
@@ -94,7 +94,7 @@ pub(super) fn run(
         },
     )?;
 
-    let _judging = judge::listen(
+    let _objections = objections::listen(
         info,
         (binaries.plant.clone(), prepared.plant.clone()),
         controllers.crew(),

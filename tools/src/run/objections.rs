@@ -1,11 +1,13 @@
-//! Judges parameters of plant and law: the plant asks before it takes a change, and the program that they are
-//! for answers, by `--check` with a job that has them.
+//! Objections to parameters of plant and law: the plant asks before it takes a change, and the program that they
+//! are for answers, by `--check` with a job that has them.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
 use controller_process::job::Job;
 use hil_target::name::Target;
-use shared_types::live::{self, JUDGE, Judged, Judgement, Listening, Refusal};
+use shared_types::live::{
+    self, Listening, OBJECTIONS, ParameterAnswer, ParameterQuestion, Refusal,
+};
 use shared_types::session::SessionInfo;
 
 use super::jobs;
@@ -14,7 +16,7 @@ use crate::programs::binaries::reached::Reached;
 use crate::terminal::exit::Failure;
 use crate::terminal::interruption::Interruption;
 
-/// Job that is judged, in the session's folder.
+/// Job that is checked, in the session's folder.
 const FILE: &str = "judge.json";
 
 /// The controllers that were started: program and job of each, by their numbers from 1.
@@ -31,21 +33,22 @@ pub(super) fn listen(
     interruption: Interruption,
 ) -> Result<Listening, Failure> {
     let theirs = session.clone();
-    let check_plant = move |session: &SessionInfo, judged: &Judged, interruption: &Interruption| {
-        let (binary, job) = &plant;
-        let job = jobs::tuned_plant(job.clone(), &judged.parameters);
-        objection(jobs::check(binary, session, FILE, &job, interruption))
-    };
-    let listening = live::listen(session, JUDGE, move |client| {
+    let check_plant =
+        move |session: &SessionInfo, question: &ParameterQuestion, interruption: &Interruption| {
+            let (binary, job) = &plant;
+            let job = jobs::tuned_plant(job.clone(), &question.parameters);
+            objection(jobs::check(binary, session, FILE, &job, interruption))
+        };
+    let listening = live::listen(session, OBJECTIONS, move |client| {
         // A plant that went away needs no answer.
-        let _ = live::answer(client, |judged: Result<Judged, Refusal>| {
-            let found = judged
+        let _ = live::answer(client, |question: Result<ParameterQuestion, Refusal>| {
+            let found = question
                 .map_err(|refusal| refusal.message)
-                .and_then(|judged| match judged.epoch {
-                    0 => check_plant(&theirs, &judged, &interruption),
-                    _ => judge(&theirs, &crew, &judged, &interruption),
+                .and_then(|question| match question.epoch {
+                    0 => check_plant(&theirs, &question, &interruption),
+                    _ => check_controller(&theirs, &crew, &question, &interruption),
                 });
-            Judgement {
+            ParameterAnswer {
                 objection: found.err(),
             }
         });
@@ -53,15 +56,15 @@ pub(super) fn listen(
     listening.map_err(Failure::infrastructure)
 }
 
-fn judge(
+fn check_controller(
     session: &SessionInfo,
     crew: &Crew,
-    judged: &Judged,
+    question: &ParameterQuestion,
     interruption: &Interruption,
 ) -> Result<(), String> {
     let member = {
         let crew = crew.lock().unwrap_or_else(PoisonError::into_inner);
-        let place = (judged.epoch as usize).checked_sub(1);
+        let place = (question.epoch as usize).checked_sub(1);
         place.and_then(|place| crew.get(place).cloned())
     };
     let (binary, job) = member.ok_or("there is no such controller")?;
@@ -71,7 +74,7 @@ fn judge(
             "{target} serves one session at a time, so its program cannot judge other parameters meanwhile; `[[changes]]` of a scenario are judged before the run"
         ));
     }
-    let job = jobs::tuned(job, &judged.parameters);
+    let job = jobs::tuned(job, &question.parameters);
     objection(jobs::check(&binary, session, FILE, &job, interruption))
 }
 
