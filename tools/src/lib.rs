@@ -7,7 +7,7 @@
 //! |---|---|
 //! | [`commands`] | verbs without a room of their own, and which verb goes where |
 //! | [`campaign`] | very many cases of one scenario, on cores and clusters |
-//! | [`views`] | monitor, panel, report, export, layout, and the chooser of their plots |
+//! | [`views`] | monitor, panel, get and watch, report, export, layout, and the chooser of their plots |
 //! | [`verification`] | compare, baselines, judge, replay, rerun, audit, suite: is it the same, is it right? |
 //! | [`benchmark`] | what `hil latency` measures |
 //! | [`run`] | one run: processes, recorder, real-time settings, handover |
@@ -18,30 +18,34 @@
 //! | [`programs`] | plant and controller programs, and the scenario checked against them |
 //! | [`arguments`] | the command line as it is typed |
 //! | [`files`] | whole files, the folder of a run |
-//! | [`terminal`] | exit codes, output, progress, interruption, times and names |
+//! | [`terminal`] | exit codes and failures, advice on them, output, tables, progress, interruption, lengths of time |
 //!
 //! A run, from the command line to the summary:
 //!
-//! 1. [`arguments`] is what was typed, and `commands::execute` finds the verb's room; for `hil run`
-//!    it is [`verification`], where one scenario is a suite of one.
+//! 1. [`arguments`] is what was typed, and `commands::execute` finds the verb's room; for `hil run` it is
+//!    `verification::suite`, where one scenario is a suite of one. `views::panel` starts it, with a page if asked.
 //! 2. [`programs`] finds plant and controller and asks them what they are; the scenario is checked against that.
 //! 3. [`run`] prepares session and folder, starts both sides and watches over them.
 //! 4. Its [recorder](run::recorder) drains the record stream on a thread of its own: digest, metrics,
 //!    requirements, latency, [recording](hil_recording).
-//! 5. `run::conclude` makes the exit code of the run's end and of its verdict, as [`results::requirements`]
-//!    gives them; [`results::summary`] says how it went, to a person and to a machine.
+//! 5. `run::conclude` makes the exit code: [`results::requirements`] turns the verdict into one,
+//!    `verification::suite` takes the worst of several, and [`terminal::exit`] lists them all.
+//!    [`results::summary`] says how it went, to a person and to a machine.
 //!
-//! A subcommand is added in these places: its arguments in a file of [`arguments`], its variant of
-//! `Command` and its name in `GROUPS` in `arguments/mod.rs`; its work in the room that owns it or else in [`commands`]; its line
-//! in `commands::execute`. Then `HIL_WRITE_BOOK=1 cargo test -p tests book::references` writes
-//! the reference of the book.
+//! A subcommand is added in these places: its arguments in a file of [`arguments`], its variant of `Command` and
+//! its name in `GROUPS` in `arguments/mod.rs`; its work in the room that owns it or else in [`commands`]; its line
+//! in `commands::execute`. Then `HIL_WRITE_BOOK=1 cargo test -p tests book::references` writes the reference of the
+//! book.
 //!
-//! Recordings are the work of a package of their own, [`hil_recording`], in `tools/recording`, and so are the
-//! draws, folders, tables and statistics of campaigns, [`hil_campaign`], in `tools/campaign`.
+//! Packages beside the rooms: recordings, [`hil_recording`] (`tools/recording`); draws, folders, tables and statistics
+//! of campaigns, [`hil_campaign`] (`tools/campaign`); the controller on another machine, its agent and the programs
+//! that it may run, [`hil_target`] (`tools/target`); C programs and FMUs, `hil-foreign` (`tools/foreign`), which is
+//! never linked into `hil`.
 //!
-//! The loop is the work of other packages. Three parts run on it: the idle plant and law of
-//! [`benchmark`], the [replay](verification::replay) in the plant's place, and [`run`] where it
-//! turns both sides in one thread.
+//! Packages below: [`hil_config`] checks scenarios and live requests, [`plant_process`] and [`controller_process`]
+//! are the loop, [`shared_types`] has links, records and the conformance suites. Three parts of `hil` run on the
+//! loop: the idle plant and law of [`benchmark`], the [replay](verification::replay) in the plant's place, and
+//! [`run`] where it turns both sides in one thread.
 
 #![expect(
     rustdoc::private_intra_doc_links,

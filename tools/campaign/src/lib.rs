@@ -12,7 +12,8 @@
 //! 6. Statistics say what follows: [`binomial`] bounds of probabilities, bounds of quantiles ([`order`]), [`rank`]
 //!    correlation, [`mcnemar`]'s test.
 //!
-//! No run is made here, and neither scenario nor plant is known.
+//! No run is made here. Of `hil-config` only studies and their expressions are used; no scenario is checked and no
+//! plant is known.
 
 pub mod binomial;
 pub mod collect;

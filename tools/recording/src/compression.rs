@@ -1,4 +1,4 @@
-//! The compression of a recording.
+//! Choice of a recording's compression. Compresses nothing: that is `chunk` and `lz4`.
 
 /// Compression of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

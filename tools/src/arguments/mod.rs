@@ -1,5 +1,5 @@
-//! The command line as it is typed: clap's types, their values, help, completions and the errors of the
-//! command line. No command is carried out here.
+//! The command line as it is typed: clap's types, their values, help and errors. Carries out no command and completes
+//! none (`commands::completion` does).
 //!
 //! One file for each group of commands, and here the parts that they share.
 

@@ -1,5 +1,5 @@
-//! Measurements of the loop on this machine, and of the limits that the machine sets. The figures
-//! themselves are those of [`results`](crate::results::latency); no scenario is run here; of a recorded run only the figures are read.
+//! Measurements of the loop and of this machine's limits, with a plant and a law that do nothing. Runs no scenario and
+//! defines no figure: that is [`results`](crate::results::latency). Of a recorded run it reads figures alone.
 //!
 //! `hil latency` measures the machine:
 //!

@@ -1,11 +1,11 @@
-//! `hil campaign`: very many cases of one scenario, on the cores of this machine and of others. No case is defined,
-//! drawn or counted here: that is [`hil_campaign`]; a case is run as every other run.
+//! `hil campaign`: very many cases of one scenario, on the cores of this machine and of others. Draws, counts and
+//! tables are [`hil_campaign`]'s, runs are [`run`](crate::run)'s; neither is made here.
 //!
 //! 1. [`cases`] joins a study with its scenario and programs: the plan of each case, and its row.
 //! 2. [`plan`] checks a study and writes the folder that everybody works on; [`grow`] adds cases to it.
 //! 3. [`work`] is the one worker that every engine starts; [`workers`] and [`slurm`] start it.
-//! 4. [`collect`] joins the results, [`show`] says what they mean, and [`report`](mod@report) draws them; [`case`]
-//!    runs one of them again.
+//! 4. [`collect`] joins the results, [`answers`] computes what they mean, [`show`] tells it, and
+//!    [`report`](mod@report) draws it; [`case`] runs one of them again.
 
 mod answers;
 mod case;

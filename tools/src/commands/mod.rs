@@ -1,5 +1,6 @@
-//! The one place that sends each verb to its room, and the verbs that belong to no other: config,
-//! controller swap, describe, new, recover, runs, sessions, completions. No work of a verb that has a room of its own is done here.
+//! The one place that sends each verb to its room, and the verbs that belong to no other: config, controller swap,
+//! describe, new, recover, runs, sessions, target, completions. No work of a verb that has a room of its own is done
+//! here.
 
 pub(crate) mod completion;
 pub(crate) mod config;

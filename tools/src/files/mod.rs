@@ -1,5 +1,5 @@
-//! Files that appear whole or not at all, wherever they go, the folder of a run, and the runs below a folder. Knows nothing of what is
-//! in them.
+//! Files that appear whole or not at all, the folder of a run, and runs found below a folder by the names of their
+//! files. Of contents it reads `summary.json` alone, and never judges it.
 
 pub(crate) mod destination;
 pub(crate) mod folder;

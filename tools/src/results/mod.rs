@@ -1,6 +1,7 @@
-//! The facts of a run and what they mean: its end, its verdict, its faults, its controllers, its late commands,
-//! its latency, and the summary that tells of all. Takes records from whoever has them, the recorder or a
-//! recording; starts nothing and watches nothing.
+//! Facts of a run and what they mean. `collector` takes records in, from the recorder or a recording; `ending` doubts
+//! the plant's account of the end; `requirements` makes verdict and exit code; `faults`, `handover`, `late_commands`
+//! and [`latency`] say what became of each; `outcome` reads a recording as far as it goes; `summary` tells all.
+//! Starts no process. Of the machine it reads processor times alone (`company`).
 
 pub(crate) mod collector;
 pub(crate) mod company;

@@ -9,6 +9,10 @@
 //!    `by_hand` waits before that for the sides that somebody starts by hand.
 //! 4. `conclude` makes checkpoints, summary and exit code of what came of it.
 //!
+//! Meanwhile `attach` joins the recorder to the stream, [`swap`] brings another controller, `objections` asks the
+//! programs about changed parameters, and `log` bounds what processes write. [`realtime`] applies what is `hil`'s own,
+//! and [`open_files`] sees to enough open files.
+//!
 //! For very many runs, [`alone`] is a run in one thread with neither session nor folder, and [`kept`] keeps the
 //! processes of one for the next.
 

@@ -1,7 +1,7 @@
 //! A running session as another terminal sees it: which one is meant, asking it, and its refusals.
 //!
-//! Used by `hil inject`, `pause`, `resume`, `step`, `monitor` and `controller swap`. Talks to the
-//! plant's socket only; the loop does not notice.
+//! Used by every command and view that asks a running session. Talks to the plant's socket only; the loop
+//! does not notice.
 
 use std::fmt::Write as _;
 use std::time::{Duration, Instant};

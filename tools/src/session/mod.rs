@@ -1,7 +1,6 @@
-//! Between a running session and other terminals: the choice of a session, its records, requests and
-//! faults, and the margins of its requirements, which the `hil` that runs it answers from here. Only
-//! a request that cannot be put into the plant's words is refused here; whether a fault is taken the plant
-//! decides (`plant_process::live`). No run is started or ended here.
+//! A running session as other terminals have it: which one is meant, its records, margins and account, requests to
+//! it. Refuses only a request that cannot be put into the plant's words; whether a fault or a change is taken the
+//! plant decides (`plant_process::live`). Starts and ends no run.
 
 pub(crate) mod clock;
 pub(crate) mod happening;

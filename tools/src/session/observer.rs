@@ -1,8 +1,8 @@
 //! Watching a session from outside: its records and events as they come.
 //!
-//! Used by `hil monitor`. Passive: it gives no credit, so the loop never waits for it; what it is too
-//! slow for it loses, and it counts that. It attaches beside the recorder, never in its place, and
-//! leaves nothing in shared memory. Asks nobody anything.
+//! Used by `hil monitor`, `panel` and `watch`. Passive: it gives no credit, so the loop never waits for
+//! it; what it is too slow for it loses, and it counts that. It attaches beside the recorder, never in
+//! its place, and leaves nothing in shared memory. Asks nobody anything.
 
 use std::time::Duration;
 
