@@ -8,7 +8,8 @@
 //! 3. Command and internals go back in one frame.
 //!
 //! [`program`] is the process around it; a user's own controller binary is a `main` of one line that
-//! calls [`program::run`]. Nothing here knows a plant.
+//! calls [`program::run`]. [`job`] is what is to be done. No plant's code is used here: a law knows plant,
+//! signals and units by name, and its own model of them.
 
 pub mod controller;
 pub mod job;

@@ -1,7 +1,7 @@
 //! All requirements of a run while records arrive.
 //!
-//! Part of an [`Evaluation`](crate::evaluation::Evaluation). A record that never came is a row without
-//! values, which no requirement passes by.
+//! Part of an [`Evaluation`](crate::evaluation::Evaluation). A missing record counts as a row without
+//! values, on which no comparison holds.
 
 use serde::Serialize;
 use shared_types::time::{Rate, Step};

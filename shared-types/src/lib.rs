@@ -10,22 +10,29 @@
 //! 5. The plant publishes the [`record`] of the step on the [`stream`], from which the [`digest`]
 //!    is made.
 //!
-//! A [`session`] is the private place where all this happens and which leaves nothing behind, with
-//! each [`process`] in it known by more than its number. A [`side`] is the plant's or the controller's, and [`thread`] keeps
-//! statistics of its loop's thread;
-//! [`live`] is how another terminal talks to it while it runs, and [`directive`] what a fault of
-//! timing tells a runner. [`tuning`] is how values change on the way. [`supervision`] is what its processes hear from the one that started them and [`program`] what
-//! they have in common, with the [`mod@origin`] that each tells; [`by_hand`] is the way in for one that somebody else starts. A [`checkpoint`] keeps the [`state`] of both sides before a step, so that a run
-//! can go on from there; [`random`] gives
-//! each consumer of random numbers a stream of its own; [`clock`] is the meters' clock;
-//! [`mod@shared_memory`] knows what keeps that from being used;
-//! [`realtime`] is what a process can ask of the system for its loop; [`text`] is what others say, made
-//! fit to be shown, and [`number`] writes numbers with their units.
-//! [`place`] is a private folder that goes with its process. [`ignored`] counts what peers said in vain. A [`failure`] ends a plant or a law that is not written in Rust.
-//! [`spelling`] gives foreign names, such as `der(x)`, the one name that they have here, and [`units`] reads units as
-//! text and converts between those of one dimension; a [`connection`] binds a law's signal to a plant's of another
-//! name and unit.
-//! [`conformance`](mod@conformance) is for whoever writes another link or record stream.
+//! Around the step:
+//!
+//! - Sessions: a [`session`] is the private place where all this happens and which leaves nothing behind.
+//!   [`mod@shared_memory`] names what keeps shared memory from being used. A [`private_folder`] has the files that a
+//!   process unpacks, and goes with it.
+//! - Processes: each [`process`] is known by more than its number. [`supervision`] is what the processes of a session
+//!   hear from the one that started them, [`by_hand`] the way in for one that somebody else starts. [`program`] is
+//!   what they have in common, with the [`mod@origin`] that each tells.
+//! - Loops: a [`side`] is the plant's or the controller's. [`realtime`] is what a process can ask of the system for
+//!   its loop, [`thread`] keeps statistics of the loop's thread, and [`clock`] is the meters' clock.
+//! - Requests: [`live`] is how another terminal talks to a session while it runs. [`tuning`] is how values change on
+//!   the way, and [`directive`] what a fault of timing tells a runner.
+//! - State: a [`checkpoint`] keeps the [`state`] of both sides before a step, so that a run can go on from there.
+//!   [`random`] gives each consumer of random numbers a stream of its own.
+//! - Names and numbers: [`spelling`] gives foreign names, such as `der(x)`, the one name that they have here.
+//!   [`units`] reads units as text and converts between those of one dimension. A [`connection`] binds a law's signal
+//!   to a plant's of another name and unit. [`number`] writes numbers with their units, and [`text`] makes what others
+//!   say fit to be shown.
+//! - Mistakes: [`ignored`] counts what peers said in vain. A [`failure`] ends a plant or a law that is not written in
+//!   Rust.
+//! - Tests: [`conformance`](mod@conformance) is for whoever writes another link or record stream.
+//!
+//! No model, law, scenario or file of a recording is known here.
 
 extern crate self as shared_types; // the names that `table!` writes must hold in here too
 

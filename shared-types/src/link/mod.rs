@@ -3,8 +3,9 @@
 //!
 //! A link moves bytes and knows nothing of steps; the [lockstep machines](crate::lockstep) know
 //! steps and nothing of links. Two implementations: iceoryx2 shared memory between processes, and a pair
-//! of mailboxes within one thread. Both pass a public suite, [`conformance`](mod@crate::conformance), and so
-//! must a third, such as a network link for a target board.
+//! of mailboxes within one thread. Both pass a public suite, [`conformance`](mod@crate::conformance). Another
+//! is an `impl Link` of your own (`docs/own-link.md`, `examples/unix-socket-link`) and must pass it too; a
+//! controller on a target needs none.
 
 pub mod bare;
 pub mod bell;
