@@ -1,1 +1,1 @@
-//! Tests over the whole workspace.
+//! Empty: the tests are in `tests/tests`.

@@ -1,74 +1,90 @@
-//! Tests over the whole workspace, in one binary: facts that hold only when everything works together.
+//! Tests over the whole workspace, in one binary: facts that hold only when everything works together. No test here
+//! is about one package alone.
 //!
 //! | module | proves |
 //! |---|---|
-//! | [`architecture`] | packages, binaries and dependency arrows, of packages and of their modules |
-//! | [`completion`] | what is offered in the real shells, and that nothing else comes of it |
-//! | [`clocks`] | lockstep, paced and real time; what comes too late and how it is repeated |
-//! | [`audit`] | what depends on more than its samples is caught |
-//! | [`bad_input`] | any bytes through every reader: taken or refused by name, never a panic |
-//! | [`chatter`] | controllers that never fall silent hold no run |
-//! | [`checkpoints`] | a run that goes on is the straight run, and what cannot go on is refused |
-//! | [`baselines`] | runs against named runs, by digest, by samples and by figures |
-//! | [`book`] | what README and book tell can be done, shows what they show, and leads where they say |
-//! | [`by_hand`] | sides that somebody starts by hand: the same digest, and nobody else in their place |
-//! | [`campaign`] | very many cases: each once, with the digest of a run of its own |
-//! | [`cli`] | bad input: a clear error, exit code 2, nothing started |
+//! | [`architecture`] | packages, binaries and permitted dependencies, of packages and of their modules |
+//! | [`audit`] | an audit finds a controller that depends on more than its samples, with step and signal |
+//! | [`bad_input`] | every reader accepts any bytes or refuses them by name, and never panics |
+//! | [`baselines`] | runs compared with named runs, by digest, by samples and by figures |
+//! | [`book`] | commands, outputs, code and links of README and book |
+//! | [`by_hand`] | sides that somebody starts by hand: the same digest, and no other process in their place |
+//! | [`campaign`] | each case of a campaign runs once, with the digest of a run of its own |
+//! | [`chatter`] | controllers that never stop sending hold up no run |
+//! | [`checkpoints`] | a resumed run equals the uninterrupted one; a checkpoint that does not fit is refused |
+//! | [`cli`] | bad input gives a clear error and exit code 2, and starts nothing |
+//! | [`clocks`] | lockstep, paced and real-time runs; late steps and commands, and their reruns |
+//! | [`completion`] | completions in real shells, and that completing has no side effect |
 //! | [`connect`] | a law on plants with other names and units |
-//! | [`determinism`] | one digest, however and wherever a scenario runs |
-//! | [`doctor`] | every check once, and a verdict that follows |
-//! | [`examples`] | a plant and a controller from outside the workspace |
-//! | [`export`] | tables made of a recording, read by others |
-//! | [`excerpts`] | recordings of which not all is kept |
-//! | [`failures`] | deaths, stops and divergence: who, what, which step, and what is left |
+//! | [`determinism`] | one digest for a scenario, however and wherever it runs |
+//! | [`doctor`] | every check runs once, and the verdict follows from the grades |
+//! | [`examples`] | a plant, a law and a link from outside the workspace |
+//! | [`excerpts`] | recordings of selected signals and steps |
+//! | [`export`] | tables made of a recording, read by independent readers |
+//! | [`failures`] | deaths, stops and divergence name side, cause and step, and leave nothing behind |
 //! | [`faults`] | faults of scenarios in whole runs |
-//! | [`fmu`] | FMUs as plants and controllers: FMPy's numbers, and what misbehaves |
-//! | `foxglove` | a client that shares no code with `hil monitor --foxglove`; with the feature |
-//! | [`hindrances`] | shared memory that the machine refuses is named, with what to do |
-//! | [`hot_path`] | no system call and no allocation in a step |
-//! | [`intrusion`] | who does not belong to a session gets nowhere |
-//! | [`latency`] | every figure of a loop counts the right steps and follows from the others |
-//! | [`lies`] | peers that say what is not so are found out |
+//! | [`fmu`] | FMUs as plants and controllers: the numbers of FMPy, and FMUs that misbehave |
+//! | [`foreign`] | plants and controllers in C: the numbers of Rust, and every mistake by name |
+//! | `foxglove` | a client that shares no code with `hil monitor --foxglove`; with that feature alone |
+//! | [`hindrances`] | a machine without usable shared memory: the cause and the remedy are named |
+//! | [`hot_path`] | a step makes no system call and no allocation |
+//! | [`interruptions`] | Ctrl-C ends every command with exit code 130 and leaves nothing behind |
+//! | [`intrusion`] | strangers to a session cannot read, disturb or join it |
+//! | [`kept`] | processes that are kept never use frames of one job for the next |
+//! | [`latency`] | every figure of a loop counts the right steps and is consistent with the others |
+//! | [`layouts`] | layouts for Foxglove and PlotJuggler plot signals that are recorded |
+//! | [`lies`] | false statements of a peer are detected and end the run by name |
 //! | [`live`] | faults and pauses from another terminal |
-//! | [`layouts`] | what Foxglove and PlotJuggler are told to plot is there |
-//! | [`marks`] | notes put at a step while a run goes on |
-//! | [`monitor`] | a session watched in a terminal: the same digest, and the terminal as it was |
-//! | [`mutations`] | the explorer of the lockstep machines misses every guard that is taken out |
-//! | [`named_programs`] | programs that scenarios and recordings name, and what is not run |
-//! | [`new`] | folders to begin from: what is in them, and names that are none |
-//! | [`panel`] | a session in a browser: every control, and nobody else |
+//! | [`marks`] | notes at a step of a running session |
+//! | [`monitor`] | a monitored run has the same digest, and the terminal is restored |
+//! | [`mutations`] | the explorer of the lockstep machines detects the removal of any guard |
+//! | [`named_programs`] | programs that scenarios and recordings name: which one runs, and which never does |
+//! | [`new`] | folders that `hil new` makes, and names that it refuses |
+//! | [`panel`] | a session in a browser: every control works, and nobody else has access |
 //! | [`paper`] | the paper's experiment against its checked figures |
-//! | [`paths`] | names of files that are no UTF-8 |
-//! | [`plots`] | plots of one run in report, monitor and layout |
-//! | [`recording`] | what a recording holds, read without the recorder's code |
-//! | [`recover`] | what is left after a death, on a full disk and of a damaged file |
+//! | [`paths`] | file names that are not UTF-8 |
+//! | [`plots`] | report, monitor and layout show the same plots of a run in the same order |
+//! | [`realtime_settings`] | real-time settings requested of the system, and those granted |
+//! | [`recording`] | content of a recording, read without the recorder's code |
+//! | [`recover`] | recovery after a death, on a full disk and of a damaged file |
+//! | [`replay`] | recorded samples against controllers: the same one, a rebuilt one, a broken one |
 //! | [`report`] | pages of runs, against the recording and in a browser |
-//! | [`replay`] | recorded samples against controllers: the same, rebuilt, broken |
-//! | [`realtime_settings`] | what was asked of the system, and what it granted |
-//! | [`runs`] | what was run here, listed and removed by a rule; the newest run by its name |
 //! | [`requirements`] | verdicts live and from the recording, and exit codes |
-//! | [`succession`] | lost controllers, and others that take over |
+//! | [`runs`] | listing and removal of runs, and the newest run by its name |
+//! | [`succession`] | loss of controllers, and handover to others |
 //! | [`suite`] | several runs by one command |
 //! | [`survival`] | every law with every kind of fault |
-//! | [`target`] | the controller on another machine: the same digest, whatever happens on the way |
-//! | [`values`] | signals of a running session as they are told, against its recording |
-//! | [`viewers`] | recordings in the programs that engineers look at them with |
+//! | [`tables`] | the compiler names each mistake in a `table!` and points at its row |
+//! | [`target`] | the controller on another machine: the same digest, whatever the network does |
+//! | [`tuning`] | changes of values in a running session: at one step, all or none, and repeatable |
+//! | [`values`] | `hil get` and `hil watch` against the recording of the session |
+//! | [`viewers`] | recordings in rerun, Foxglove's packages and rosbags |
 //!
-//! [`support::programs`] builds what is run; [`support::harness`] gives each test a place of its own and a watchdog, and
-//! looks after every run that nothing of it is left. [`support::mcap_reader`] reads recordings.
+//! [`support::programs`] builds the programs under test. [`support::harness`] gives each test a folder of its own and a
+//! watchdog, and checks after every run that nothing of it is left. [`support::mcap_reader`] reads recordings,
+//! [`support::terminal`] is a terminal for a program under test, and [`support::python`] finds an interpreter with the
+//! packages that a test imports.
 //!
-//! [`support::terminal`] is one that a program of a test runs in. [`support::python`] finds an interpreter with what a test imports.
+//! Twelve features need more than Rust. A test whose feature is missing says so and passes, unless the environment
+//! demands the feature:
 //!
-//! Twelve parts need more than Rust; a test that lacks its part says so and passes, unless the
-//! environment demands it: `HIL_TEST_RELEASE=1` builds the binaries of the other profile, `HIL_TEST_PYTHON=1`
-//! makes a Python environment, `HIL_TEST_NODE=1` installs Foxglove's packages with npm,
-//! `HIL_TEST_STRACE=1` wants `strace`, `HIL_TEST_CHROMIUM=1` a Chromium, `HIL_TEST_UNSHARE=1` a user who may
-//! mount file systems, `HIL_TEST_NETNS=1` one who may make network namespaces, `HIL_TEST_SSHD=1` `sshd` and `python3`,
-//! `HIL_TEST_SLURM=1` Slurm and munge, `HIL_TEST_GDB=1` a `gdb` that may trace, `HIL_TEST_SHELLS=1` `bash`, `zsh` and `fish`,
-//! `HIL_TEST_AARCH64=1` Rust's target `aarch64-unknown-linux-musl` and `qemu-aarch64-static`.
+//! | variable | feature |
+//! |---|---|
+//! | `HIL_TEST_AARCH64=1` | Rust's target `aarch64-unknown-linux-musl` and `qemu-aarch64-static` |
+//! | `HIL_TEST_CHROMIUM=1` | a Chromium |
+//! | `HIL_TEST_GDB=1` | a `gdb` that may trace |
+//! | `HIL_TEST_NETNS=1` | a user who may make network namespaces |
+//! | `HIL_TEST_NODE=1` | Foxglove's packages, installed with npm |
+//! | `HIL_TEST_PYTHON=1` | a Python environment, made for the tests |
+//! | `HIL_TEST_RELEASE=1` | binaries of the other profile, built for the tests |
+//! | `HIL_TEST_SHELLS=1` | `bash`, `zsh` and `fish` |
+//! | `HIL_TEST_SLURM=1` | Slurm and munge |
+//! | `HIL_TEST_SSHD=1` | `sshd` and `python3` |
+//! | `HIL_TEST_STRACE=1` | `strace` |
+//! | `HIL_TEST_UNSHARE=1` | a user who may mount file systems |
 //!
-//! `HIL_WRITE_BOOK=1` writes the references of the book anew; `HIL_TEST_PAGE=docs/faults` runs the commands of
-//! the pages with that in their path alone.
+//! `HIL_WRITE_BOOK=1` regenerates the references of the book. `HIL_TEST_PAGE=docs/faults` runs the commands of the pages
+//! whose path contains that text, and of no others.
 
 mod architecture;
 mod audit;
