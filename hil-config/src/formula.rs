@@ -38,7 +38,7 @@
 //! greatest, `not` turns the sign. Zero has a sign too: -0 where `x < 1` just fails at 1, +0 where
 //! `x <= 1` just holds. So the sign bit of the robustness *is* the verdict.
 //!
-//! **Time** is steps: the begin of bounds rounds up, the end down. Without bounds `always`,
+//! **Time** is steps: the beginning of bounds rounds up, the end down. Without bounds `always`,
 //! `eventually` and `until` go as far as the run lets their operands be judged, and stand only where
 //! they are judged at step 0; the operators of the past begin at step 0. A formula that would look
 //! beyond the end of the run is refused, so no window is ever cut off there.

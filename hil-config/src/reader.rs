@@ -316,7 +316,7 @@ impl Reader {
     }
 }
 
-/// The begin of a text that is too long to be told.
+/// The beginning of a text that is too long to be told.
 fn clipped(mut text: String) -> String {
     if let Some((end, _)) = text.char_indices().nth(LONGEST_MESSAGE) {
         text.truncate(end);

@@ -41,7 +41,7 @@ pub fn integrate<const N: usize>(
 /// (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., table II.1.2).
 /// The local error is of order `h^5` where `f` is four times differentiable.
 ///
-/// `inputs` are what depends on time alone, at the begin, middle and end of the step: the method
+/// `inputs` are what depends on time alone, at the beginning, middle and end of the step: the method
 /// asks for no other times, and a costly input is evaluated once where the method needs it twice.
 ///
 /// A component of the state is a number, or several of them side by side.

@@ -264,7 +264,7 @@ pub(crate) fn is_name(text: &str) -> bool {
     text.starts_with(is_first) && (text.chars()).all(|c| is_first(c) || c.is_ascii_digit())
 }
 
-/// The begin of a text that may have any length.
+/// The beginning of a text that may have any length.
 fn beginning(text: &str) -> String {
     text.chars().take(80).collect()
 }

@@ -87,7 +87,7 @@ pub struct ChangeRequest {
     /// Simulated time in s at or after which the change begins; `None`: at the next step.
     #[serde(default)]
     pub at_s: Option<f64>,
-    /// Time in s that the values take from what they are at the begin; `None`: none.
+    /// Time in s that the values take from what they are at the beginning; `None`: none.
     #[serde(default)]
     pub ramp_s: Option<f64>,
 }

@@ -26,7 +26,7 @@ pub struct Course {
     pub to: f64,
     /// First step of the change.
     pub begin: Step,
-    /// Steps from the begin to the end.
+    /// Steps from the beginning to the end.
     pub steps: u64,
 }
 

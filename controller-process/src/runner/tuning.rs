@@ -139,7 +139,7 @@ impl Tuning {
             let (value, is_on_ramp) = match course {
                 Some((_, course)) => (
                     course.at(step),
-                    // A law that missed some of it jumps: it has what was before the begin.
+                    // A law that missed some of it jumps: it has what was before the beginning.
                     course.is_ramp() && step.0 <= course.end().0,
                 ),
                 None => (self.started[place], false),

@@ -1,4 +1,4 @@
-//! The response at the begin of a sweep, where one turn may span several times the first frequency.
+//! The response at the beginning of a sweep, where one turn may span several times the first frequency.
 
 use std::f64::consts::PI;
 

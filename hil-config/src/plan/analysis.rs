@@ -67,7 +67,7 @@ pub struct FrequencyResponsePlan {
     pub output: Expression,
     /// The stimulus that sweeps.
     pub stimulus: String,
-    /// Frequency at the begin of the run in Hz.
+    /// Frequency at the beginning of the run in Hz.
     pub start_hz: f64,
     /// Frequency at the end of the sweep in Hz, above the first.
     pub end_hz: f64,

@@ -75,7 +75,7 @@ pub(crate) fn compare(programs: &Programs) {
     println!("{line}\n");
 }
 
-/// Twenty requirements that look at all of the run and hold until its end: windows at the begin, to
+/// Twenty requirements that look at all of the run and hold until its end: windows at the beginning, to
 /// the end and one inside the other, the past, and what follows an event.
 fn twenty() -> String {
     let formulas = [

@@ -151,7 +151,7 @@ fn read(about: &str, bytes: &[u8]) {
     assert!(most < MOST_BYTES, "{about}: {most} bytes of memory");
 }
 
-/// The record alone in a file, behind the begin of one, and in a chunk of one.
+/// The record alone in a file, behind the beginning of one, and in a chunk of one.
 fn everywhere(about: &str, bytes: &[u8]) {
     read(&format!("{about}, first"), &[mcap::MAGIC, bytes].concat());
     read(about, &file(bytes));

@@ -1,6 +1,6 @@
 //! The journal of an attempt at a shard: each case before it starts, each row when it is there.
 //!
-//! A line is JSON and the begin of its hash, so that a torn or damaged line is known and ends what counts. The
+//! A line is JSON and the beginning of its hash, so that a torn or damaged line is known and ends what counts. The
 //! owner holds a lock on the file, which the kernel drops with the process: whoever gets the lock knows that the
 //! attempt is dead. Rows of the dead are taken over; rows of the living are read but not waited for.
 

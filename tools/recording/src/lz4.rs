@@ -54,7 +54,7 @@ pub(super) struct Encoder {
     echoes: Vec<usize>,
     /// Rows of this length in this block so far.
     rows: usize,
-    /// Bytes at the begin of each row that only fill its first word.
+    /// Bytes at the beginning of each row that only fill its first word.
     skipped: usize,
     is_finished: bool,
 }
@@ -273,7 +273,7 @@ const fn high_bytes(change: u64) -> usize {
     change.leading_zeros() as usize / 8
 }
 
-/// Bytes at the begin of a word that do not change.
+/// Bytes at the beginning of a word that do not change.
 const fn low_bytes(change: u64) -> usize {
     change.trailing_zeros() as usize / 8
 }

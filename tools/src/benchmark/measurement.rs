@@ -32,7 +32,7 @@ use crate::run::realtime;
 use crate::terminal::exit::Failure;
 use crate::terminal::interruption::Interruption;
 
-/// Steps that are left out at the begin if nothing else is said.
+/// Steps that are left out at the beginning if nothing else is said.
 const WARM_UP: u64 = 20_000;
 /// The most of them when they are paced, in s.
 const WARM_UP_S: f64 = 2.0;
@@ -44,7 +44,7 @@ pub struct Case {
     pub signals: usize,
     /// Steps per second by the clock; `None` as fast as both sides can.
     pub rate: Option<Rate>,
-    /// Steps that were left out at the begin.
+    /// Steps that were left out at the beginning.
     pub warm_up: u64,
     /// The loop.
     pub looped: Looped,

@@ -10,7 +10,7 @@
 //! 3. `collect` puts both beside the recording, with the digest of the records before the step.
 //!
 //! `hil run --from` reads it with [`Past`](past::Past), which believes nothing that it has not
-//! checked; [`branch`] says what of the scenario may be another from there on.
+//! checked; [`branch`] says what of the scenario may differ from there on.
 
 pub(crate) mod branch;
 pub(crate) mod past;

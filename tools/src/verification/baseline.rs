@@ -2,7 +2,7 @@
 //!
 //! 1. `figures` reads the run: digest, statistics, metrics.
 //! 2. `file` has the named run with its tolerances. It is made for review and for version control.
-//! 3. `changes` says what is another in the one than in the other.
+//! 3. `changes` says what differs between the two.
 //! 4. With the same digest all signals are the same. Otherwise the recording of the baseline is compared
 //!    sample by sample, or, where it is not there, figure by figure. Metrics are compared always.
 //!

@@ -2,7 +2,7 @@
 //!
 //! 1. The [watch](super::monitor::watch) and the [asking](super::monitor::asking) of the monitor feed its
 //!    [model](super::monitor::model); both are the monitor's.
-//! 2. The [`server`] judges [`request`]s, and gives the [`page`] to who asks for it.
+//! 2. The [`server`] judges [`request`]s, and gives the [`page`] to whoever asks for it.
 //! 3. A page that shows the secret is a [`client`]: it is sent [`message`]s made of the model and asks for what the
 //!    [`board`] can do.
 //! 4. The [`opener`] opens the page, if this machine has a screen.

@@ -134,7 +134,7 @@ pub(super) fn until(end: FaultEnd, event: FaultEvent) -> FaultEvent {
     FaultEvent { end, ..event }
 }
 
-/// An end N steps after the begin.
+/// An end N steps after the beginning.
 pub(super) fn lasting(steps: u64) -> FaultEnd {
     FaultEnd {
         after_steps: Some(steps),

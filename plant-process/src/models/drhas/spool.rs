@@ -80,7 +80,7 @@ impl Spool {
 
     /// Moves on, and gives the positions at begin, middle and end of the way.
     ///
-    /// Runge-Kutta wants its inputs smooth: of a lag shorter than a substep it takes the begin too
+    /// Runge-Kutta wants its inputs smooth: of a lag shorter than a substep it takes the beginning too
     /// seriously, and the spool acts up to a sixth of a substep (4 us of 25 us) later than it should.
     #[inline]
     pub fn travel(&mut self, p: &ActuatorParameters, wanted_m: f64, duration_s: f64) -> [f64; 3] {

@@ -55,7 +55,7 @@ fn read(path: &Path) -> Option<u64> {
     Some(reader.records())
 }
 
-/// Does what the commands do with a file that has the begin of a recording.
+/// Does what the commands do with a file that has the beginning of a recording.
 fn commands(path: &Path, folder: &Path) {
     if let Ok(comparison) = compare(path, path, &[], &Tolerances::default()) {
         assert_eq!(

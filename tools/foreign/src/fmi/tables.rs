@@ -184,7 +184,7 @@ impl Tables {
     }
 }
 
-/// The name that a reference signal of a controller has without the begin that makes it one.
+/// The name that a reference signal of a controller has without the beginning that makes it one.
 pub(super) fn reference_name(name: &str) -> Option<&str> {
     let rests = REFERENCE
         .iter()

@@ -202,7 +202,7 @@ impl Content {
         &self.compression
     }
 
-    /// Returns the begin of the next record outside of chunks.
+    /// Returns the beginning of the next record outside of chunks.
     pub(crate) const fn position(&self) -> u64 {
         self.position
     }

@@ -270,7 +270,7 @@ impl<'a> FaultKind<'a> {
         }
     }
 
-    /// Reports a word at the begin of the values that is a target of a kind with only one.
+    /// Reports a word at the beginning of the values that is a target of a kind with only one.
     fn is_other_target(&self, word: &str) -> bool {
         let has_one = matches!(self.target, TargetKey::Name(Some(_)) | TargetKey::Plant);
         let names = ["plant", "controller"];

@@ -21,7 +21,7 @@ use crate::session::happening::Happening;
 use crate::session::observer::{Observer, Seen};
 use crate::terminal::exit::Failure;
 
-/// Interval between two looks for the begin of the session.
+/// Interval between two looks for the beginning of the session.
 const BEGIN: Duration = Duration::from_millis(20);
 /// Interval between two looks for the session while nothing comes.
 const LOOK: Duration = Duration::from_millis(200);

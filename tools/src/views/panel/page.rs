@@ -1,7 +1,7 @@
 //! The page and what goes with it: answers as bytes, with the rules that the browser is to keep.
 //!
-//! The page holds nothing of the run: everything comes through the WebSocket, to who knows the secret. All of it is
-//! one document, so that there is nothing else to be asked for.
+//! The page holds nothing of the run: everything comes through the WebSocket, to whoever knows the secret. All of it
+//! is one document, so that there is nothing else to be asked for.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 

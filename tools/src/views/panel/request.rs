@@ -61,7 +61,7 @@ const fn refused(status: &'static str, reason: &'static str) -> Judged {
     Judged::Refused(Refused { status, reason })
 }
 
-/// Judges the begin of what a client sent.
+/// Judges the beginning of what a client sent.
 #[must_use]
 pub fn judge(bytes: &[u8]) -> Judged {
     let mut lines = [httparse::EMPTY_HEADER; LINES];

@@ -150,7 +150,7 @@ fn cut(value: &str) -> String {
     }
 }
 
-/// Of each run the programs in which they differ, by the begin of their hash.
+/// Of each run the programs in which they differ, by the beginning of their hash.
 fn differing_programs(runs: &[&Facts]) -> Vec<String> {
     let of_run = |run: &&Facts| {
         let told = ["plant", "controller"].into_iter().enumerate();

@@ -149,7 +149,7 @@ impl Element {
     }
 }
 
-/// The begin of a text of the document, as it may be shown.
+/// The beginning of a text of the document, as it may be shown.
 pub(super) fn shortened(text: &str) -> String {
     text::line(text).chars().take(80).collect()
 }

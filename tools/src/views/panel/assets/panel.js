@@ -130,7 +130,7 @@
   // ---- Plots ----
 
   const period = () => 1 / about.rate_hz;
-  // The time that is shown: the newest at its right end, from the begin of the run on.
+  // The time that is shown: the newest at its right end, from the beginning of the run on.
   const span = () => {
     const end = Math.max(view.newest, 0) * period();
     const from = Math.max(0, end - view.window_s);
@@ -509,7 +509,7 @@
     }
   });
 
-  // Asks for the points of the window, from the begin.
+  // Asks for the points of the window, from the beginning.
   const look = () => {
     view.number = (view.number + 1) >>> 0;
     forget();
