@@ -391,7 +391,8 @@ impl LawDescription {
     }
 }
 
-/// Values by name, as a job file carries them.
+/// Values by name, as a job file carries them: of parameters, safe commands or sizes of faults. Those of a
+/// process's loop are [`realtime::Settings`](crate::realtime::Settings).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Settings(pub BTreeMap<String, Setting>);
