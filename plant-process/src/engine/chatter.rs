@@ -285,6 +285,23 @@ fn against_the_clock_an_old_answer_neither_counts_as_heard_nor_replaces_a_newer_
 }
 
 #[test]
+fn a_controller_lost_during_a_hold_was_not_lost_later_than_the_run_goes_on() {
+    let job = Job {
+        pause_at_s: Some(0.2),
+        ..job_of(9, OnLoss::WaitForRestart, Clock::Lockstep)
+    };
+    let (mut engine, _source) = engine(job, Parrot::new(3, Repeats::Hello));
+    while engine.poll().expect("polls") != Progress::Held {}
+    std::thread::sleep(Duration::from_millis(5));
+    engine.interrupt(&PlantEvent::PeerGone(1)).expect("loses");
+    engine.queue().hold_at(NEVER);
+    while engine.held.is_some() && !engine.side.is_over() {
+        engine.poll().expect("polls");
+    }
+    assert!(engine.commands.heard_ns <= monotonic_ns());
+}
+
+#[test]
 fn a_second_answer_that_is_not_the_first_breaks_the_protocol() {
     let twice =
         "controller broke the protocol at step 3: it answered step 2 twice, and not the same";

@@ -94,8 +94,30 @@ impl Commands {
         }
     }
 
+    /// Goes on after a hold: no command came for as long as at its begin, or since then.
+    pub(super) const fn resume(&mut self, since_ns: u64, now_ns: u64) {
+        self.heard_ns = now_ns - since_ns.saturating_sub(self.heard_ns);
+    }
+
     /// Tells if no command came for the wait limit.
     pub(super) const fn are_silent(&self, now_ns: u64, limit: WaitLimit) -> bool {
         now_ns - self.heard_ns >= limit.ns()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hold_is_no_silence_whoever_came_or_went_meanwhile() {
+        for (heard_ns, after_ns) in [(10, 40), (20, 50), (30, 50), (50, 50)] {
+            let mut commands = Commands {
+                heard_ns,
+                ..Commands::default()
+            };
+            commands.resume(20, 50);
+            assert_eq!(commands.heard_ns, after_ns, "{heard_ns}");
+        }
     }
 }

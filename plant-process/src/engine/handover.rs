@@ -212,9 +212,10 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.link.take_over();
         self.rows.rebind(&welcome);
         let now_ns = monotonic_ns();
-        // Time stood still while nobody was there.
+        // Time stood still while nobody was there; a hold delays by itself all that comes after its begin.
         if waited && let Some(pacer) = &mut self.pacer {
-            pacer.delay(now_ns - self.commands.heard_ns);
+            let until_ns = self.held.map_or(now_ns, |held| held.since_ns);
+            pacer.delay(until_ns.saturating_sub(self.commands.heard_ns));
         }
         self.commands.heard_ns = now_ns;
         self.plant.tuning.offer(Offered {

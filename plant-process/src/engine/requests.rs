@@ -16,7 +16,7 @@ use crate::request_queue::{LoopRequest, TuningShown};
 #[derive(Clone, Copy)]
 pub(super) struct Held {
     /// Begin.
-    since_ns: u64,
+    pub since_ns: u64,
     /// Time at which the controller was told last.
     told_ns: u64,
 }
@@ -31,10 +31,10 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
         if !self.queue.holds(step) {
             if let Some(held) = self.held.take() {
-                let held_ns = monotonic_ns() - held.since_ns;
-                self.commands.heard_ns += held_ns;
+                let now_ns = monotonic_ns();
+                self.commands.resume(held.since_ns, now_ns);
                 if let Some(pacer) = &mut self.pacer {
-                    pacer.delay(held_ns);
+                    pacer.delay(now_ns - held.since_ns);
                 }
             }
             return Ok(false);
