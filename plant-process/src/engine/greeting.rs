@@ -74,7 +74,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             .send_control(&Control::Welcome(Box::new(welcome)).to_bytes())?;
         match opened {
             Ok(()) => Ok(()),
-            Err(invalid) => self.give_up(Outcome::Failed, AbortCode::Stopped, invalid.to_string()),
+            Err(invalid) => self.give_up(Outcome::Failed, AbortCode::Other, invalid.to_string()),
         }
     }
 
