@@ -10,8 +10,9 @@ use crate::record::{Event, RecordLayout};
 const RING_WORDS: usize = 1 << 20;
 /// Words in front of each item: its length, number, kind and bytes.
 const HEAD_WORDS: usize = 4;
-/// Items that a step may publish: its record and the events before it.
-const RESERVE_ITEMS: usize = 64;
+/// The loop is held back when fewer free words than this are left: an event may take tens of thousands, as
+/// that of a fault with a long table does.
+const RESERVE_WORDS: usize = RING_WORDS / 2;
 
 /// A connected sink and source.
 #[must_use]
@@ -63,7 +64,7 @@ impl RecordSink for InProcessSink {
 
     #[inline]
     fn has_room(&mut self) -> Result<bool, LinkError> {
-        Ok(self.ring.slots() >= RESERVE_ITEMS * (HEAD_WORDS + self.words))
+        Ok(self.ring.slots() >= RESERVE_WORDS)
     }
 
     #[inline]

@@ -83,6 +83,28 @@ fn without_credit_the_plant_waits_and_nothing_is_lost() {
 }
 
 #[test]
+fn the_ring_has_room_for_the_longest_fault_whenever_it_has_room() {
+    let (mut sink, mut source) = in_process::pair();
+    sink.open(&layout()).expect("opens");
+    let words = vec![0; layout().words()];
+    let mut before = 0;
+    loop {
+        sink.record(&words).expect("publishes");
+        before += 1;
+        if !sink.has_room().expect("asks") {
+            break;
+        }
+    }
+    // What is left is less by one record than what a sink with room has at least.
+    let text = "0".repeat(10_000 * 2 * 25);
+    let mark = crate::record::Mark { step: 0, text };
+    (sink.event(&Event::Mark(mark))).expect("two numbers of 25 bytes for each of 10,000 points");
+    let seen = drained(&mut source);
+    assert_eq!(seen.len(), before + 1);
+    assert!(seen[before].starts_with("Event(Mark("));
+}
+
+#[test]
 fn an_observer_without_credit_sees_its_losses() {
     let session = Session::create(None).expect("a session");
     let mut sink =
