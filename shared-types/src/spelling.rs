@@ -62,7 +62,7 @@ pub enum Unspellable {
 /// If the name would be too long.
 pub fn spelled(foreign: &str) -> Result<String, Unspellable> {
     let readable = readable(foreign);
-    let name = if is_legal(&readable) && read(&readable).as_deref() == Some(foreign) {
+    let name = if is_legal(&readable) && read(&readable) == foreign {
         readable
     } else {
         plain(foreign)
@@ -97,24 +97,24 @@ pub fn spelled_all<S: AsRef<str>>(foreign: &[S]) -> Result<Vec<String>, Unspella
 /// The foreign name that is spelled so; `None` if no name is.
 #[must_use]
 pub fn foreign(name: &str) -> Option<String> {
-    let text = read(name)?;
+    let text = read(name);
     (spelled(&text).as_deref() == Ok(name)).then_some(text)
 }
 
 /// The short form, which need not be read back as the same text.
 fn readable(foreign: &str) -> String {
-    let inner = (foreign.strip_prefix("der(")).and_then(|rest| rest.strip_suffix(')'));
-    if let Some(inner) = inner {
-        return format!("{DERIVATIVE}{}", readable(inner));
+    let (mut inner, mut order) = (foreign, 0);
+    while let Some(rest) = (inner.strip_prefix("der(")).and_then(|rest| rest.strip_suffix(')')) {
+        (inner, order) = (rest, order + 1);
     }
-    let parts = foreign.split('.').map(|part| {
+    let parts = inner.split('.').map(|part| {
         let inner = (part.strip_prefix('\'')).and_then(|rest| rest.strip_suffix('\''));
         match inner {
             Some(inner) => format!("{QUOTED}{}", readable_part(inner)),
             None => readable_part(part),
         }
     });
-    parts.collect::<Vec<_>>().join(".")
+    DERIVATIVE.repeat(order) + &parts.collect::<Vec<_>>().join(".")
 }
 
 fn readable_part(part: &str) -> String {
@@ -178,24 +178,26 @@ fn number(name: &mut String, c: char) {
     let _ = write!(name, "{NUMBERED}{:x}_", u32::from(c));
 }
 
-/// Reads a name of either form; `None` if it is none.
-fn read(name: &str) -> Option<String> {
-    if name == EMPTY {
-        return Some(String::new());
-    }
-    if let Some(rest) = name.strip_prefix(DERIVATIVE)
-        && numbered(&name["der".len()..]).is_none()
+/// Reads a name of either form.
+fn read(name: &str) -> String {
+    let (mut inner, mut order) = (name, 0);
+    while let Some(rest) = inner.strip_prefix(DERIVATIVE)
+        && numbered(&inner["der".len()..]).is_none()
     {
-        return Some(format!("der({})", read(rest)?));
+        (inner, order) = (rest, order + 1);
     }
-    let parts = name.split('.').map(|part| {
+    let parts = inner.split('.').map(|part| {
         let quoted = part.strip_prefix(QUOTED);
         match quoted.filter(|_| numbered(&part["q".len()..]).is_none()) {
             Some(inner) => format!("'{}'", read_part(inner)),
             None => read_part(part),
         }
     });
-    Some(parts.collect::<Vec<_>>().join("."))
+    let text = match inner {
+        EMPTY => String::new(),
+        _ => parts.collect::<Vec<_>>().join("."),
+    };
+    format!("{}{text}{}", "der(".repeat(order), ")".repeat(order))
 }
 
 fn read_part(part: &str) -> String {

@@ -109,6 +109,15 @@ fn a_name_that_is_too_long_is_refused_and_one_that_just_fits_is_not() {
 }
 
 #[test]
+fn derivatives_of_derivatives_without_end_are_too_long_like_any_other_name() {
+    let order = 100_000;
+    let endless = format!("{}x{}", "der(".repeat(order), ")".repeat(order));
+    let refused = spelled(&endless).expect_err("500,001 bytes");
+    assert!(matches!(refused, Unspellable::Long { bytes: 500_001, .. }));
+    assert_eq!(foreign(&format!("{}x", "der__".repeat(order))), None);
+}
+
+#[test]
 fn names_that_a_recording_cannot_tell_apart_are_refused_together() {
     let names = ["a[1]", "der(a)", "b"];
     let spelled = spelled_all(&names).expect("they differ");
