@@ -135,3 +135,22 @@ fn a_profile_that_the_record_stream_has_no_room_for_is_refused() {
         "{found}"
     );
 }
+
+#[test]
+fn a_list_that_the_record_stream_has_no_room_for_is_refused() {
+    let with_rows = |count: usize| {
+        let fault = format!(
+            "{}\n[[faults]]\nkind = \"late\"\nat_s = 0.5\n[[faults.effects]]\n\
+             target = \"plant\"\nbusy_us = 1\nhistogram = [{}]\n",
+            crate::BASE,
+            vec!["[5, 1]"; count].join(", ")
+        );
+        crate::check(&fault)
+    };
+    assert!(with_rows(10_000).is_ok());
+    let found = with_rows(10_001).expect_err("too many");
+    assert!(
+        found.to_string().contains("at most 20000 numbers"),
+        "{found}"
+    );
+}

@@ -5,11 +5,15 @@ use std::path::Path;
 use shared_types::describe::ListDescription;
 use shared_types::number::exact as number;
 
+use super::profile::MOST_POINTS;
 use crate::check::csv;
 use crate::document::{Node, Value};
 use crate::keys::FILE;
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
+
+/// As many as a table of the most points has: a list travels whole in the record stream, as a table does.
+const MOST_NUMBERS: usize = 2 * MOST_POINTS;
 
 /// The list's rows one after another; empty if it is not given.
 pub(super) fn check(
@@ -25,12 +29,12 @@ pub(super) fn check(
         return Some(Vec::new());
     };
     let path = section.path_of(&described.key);
-    match &entry.node.value {
+    let numbers = match &entry.node.value {
         Value::Table(_) => file(reader, section, folder, described),
         Value::List(rows) if rows.is_empty() => {
             let message = format!("`{path}` is empty");
             reader
-                .report(ProblemKind::OutOfRange, path, &entry.node.place, message)
+                .report(ProblemKind::OutOfRange, &path, &entry.node.place, message)
                 .expected(expected(described));
             None
         }
@@ -46,7 +50,15 @@ pub(super) fn check(
             reader.wrong_type(&path, &entry.node, expected(described));
             None
         }
+    }?;
+    if numbers.len() > MOST_NUMBERS {
+        let message = format!("`{path}` has {} numbers", numbers.len());
+        reader
+            .report(ProblemKind::OutOfRange, path, &entry.node.place, message)
+            .expected(format!("at most {MOST_NUMBERS} numbers"));
+        return None;
     }
+    Some(numbers)
 }
 
 fn expected(described: &ListDescription) -> String {

@@ -13,7 +13,7 @@ use crate::reader::{Reader, Section};
 
 /// A fault travels whole in the record stream, at the step at which it takes hold, and the stream
 /// keeps room for one of this size.
-const MOST_POINTS: usize = 10_000;
+pub(super) const MOST_POINTS: usize = 10_000;
 
 /// The profile that an effect asks for, else the one that its kind of fault has: `own`, or all at
 /// once.
