@@ -7,10 +7,12 @@
 
 use std::fs::{self, DirBuilder, File};
 use std::io::{self, ErrorKind};
-use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
 
-use rustix::fs::{FlockOperation, OFlags, flock};
+use rustix::fs::{FlockOperation, flock};
+
+use crate::session::{open_at_once, private_file};
 
 /// Ending of the lock beside a folder.
 const LOCK: &str = "lock";
@@ -41,7 +43,7 @@ impl PrivateFolder {
             make_private(all)?;
             let folder = all.join(format!("{name}-{own}-{attempt}"));
             let path = folder.with_extension(LOCK);
-            let lock = match lock_file(&path) {
+            let lock = match private_file(&path) {
                 // The last owner before took the folder of all with it.
                 Err(error) if error.kind() == ErrorKind::NotFound => continue,
                 other => other?,
@@ -93,7 +95,7 @@ fn sweep_in(all: &Path) {
         if path.extension().is_none_or(|ending| ending != LOCK) {
             continue;
         }
-        let Ok(lock) = File::open(&path) else {
+        let Ok(lock) = open_at_once(&path) else {
             continue; // somebody else removed it
         };
         if flock(&lock, FlockOperation::NonBlockingLockExclusive).is_ok() && is_at(&lock, &path) {
@@ -139,19 +141,8 @@ fn is_private(path: &Path) -> bool {
         .is_ok_and(|found| found.is_dir() && found.uid() == uid && found.mode() & 0o077 == 0)
 }
 
-fn lock_file(path: &Path) -> io::Result<File> {
-    let flags = OFlags::NONBLOCK.bits().cast_signed();
-    let mut options = File::options();
-    options
-        .write(true)
-        .create(true)
-        .mode(0o600)
-        .custom_flags(flags);
-    options.truncate(false).open(path)
-}
-
 /// Checks whether an open file is still the one at its path.
-fn is_at(file: &File, path: &Path) -> bool {
+pub(crate) fn is_at(file: &File, path: &Path) -> bool {
     match (file.metadata(), fs::symlink_metadata(path)) {
         (Ok(open), Ok(there)) => (open.dev(), open.ino()) == (there.dev(), there.ino()),
         _ => false,

@@ -273,13 +273,13 @@ fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, SessionError> {
 }
 
 /// Opens a file to read it, without waiting for anybody: a pipe of that name has no writer.
-fn open_at_once(path: &Path) -> io::Result<File> {
+pub(crate) fn open_at_once(path: &Path) -> io::Result<File> {
     let flags = OFlags::NONBLOCK.bits().cast_signed();
     File::options().read(true).custom_flags(flags).open(path)
 }
 
 /// Makes a file that is closed to other users, or empties the one that is there, without waiting either.
-fn private_file(path: &Path) -> io::Result<File> {
+pub(crate) fn private_file(path: &Path) -> io::Result<File> {
     let mut options = File::options();
     options.write(true).create(true).truncate(true).mode(0o600);
     options.custom_flags(OFlags::NONBLOCK.bits().cast_signed());

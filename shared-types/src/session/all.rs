@@ -13,6 +13,7 @@ use super::{
     SHARED_MEMORY, SessionError, SessionInfo, noted_prefix, open_at_once, private_file,
     private_folder, remove_below, remove_folder,
 };
+use crate::private_folder::is_at;
 use crate::process::ProcessId;
 
 /// Time that another `hil` may hold the lock over all sessions while it creates or sweeps.
@@ -139,14 +140,6 @@ impl Drop for AllSessions {
             let _ = fs::remove_file(self.folder.join(".lock"));
             let _ = fs::remove_dir(&self.folder);
         }
-    }
-}
-
-/// Checks whether an open file is still the one at its path.
-fn is_at(file: &File, path: &Path) -> bool {
-    match (file.metadata(), fs::symlink_metadata(path)) {
-        (Ok(open), Ok(there)) => (open.dev(), open.ino()) == (there.dev(), there.ino()),
-        _ => false,
     }
 }
 
