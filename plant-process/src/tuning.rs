@@ -71,15 +71,6 @@ struct Reference {
     course: Option<Course>,
 }
 
-/// Changes that a step brought.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Moved {
-    /// Parameters of the plant have other bases.
-    pub plant: bool,
-    /// The law is to be told.
-    pub law: bool,
-}
-
 /// Gives a value a new course from a step on.
 fn course(from: f64, to: f64, begin: Step, steps: u64) -> Course {
     Course {
@@ -201,16 +192,16 @@ impl Tuning {
     }
 
     /// Brings the values to a step; `stimulus` are the reference signals of the step as their stimuli say.
-    pub fn advance(&mut self, step: Step, stimulus: &[f64]) -> Moved {
-        let mut moved = Moved::default();
+    /// True if the law is to be told.
+    pub fn advance(&mut self, step: Step, stimulus: &[f64]) -> bool {
+        let mut moves_law = false;
         while let Some(change) = self.waiting.pop_front() {
             if change.step > Some(step) {
                 self.waiting.push_front(change);
                 break;
             }
-            self.take(change, step, stimulus, &mut moved);
+            moves_law |= self.take(change, step, stimulus);
         }
-        moved.plant |= !self.plant.is_empty();
         let goes_on = (self.plant.values()).any(|course| !course.is_over(step));
         let first = self.waiting.front().and_then(|change| change.step);
         self.next = match (goes_on, first) {
@@ -218,11 +209,13 @@ impl Tuning {
             (false, Some(first)) => first,
             (false, None) => NEVER,
         };
-        self.number += u64::from(moved.law);
-        moved
+        self.number += u64::from(moves_law);
+        moves_law
     }
 
-    fn take(&mut self, change: Change, step: Step, stimulus: &[f64], moved: &mut Moved) {
+    /// Takes a change that begins; true if it moves the law.
+    fn take(&mut self, change: Change, step: Step, stimulus: &[f64]) -> bool {
+        let mut moves_law = false;
         let own = law_keys(&self.offered.law);
         for ChangedValue { key, value, .. } in &change.set {
             let (to, steps) = (*value, change.ramp_steps);
@@ -230,7 +223,6 @@ impl Tuning {
                 if let Some(place) = self.fields.iter().position(|field| field.name == name) {
                     let from = self.plant_value(place, step);
                     (self.plant).insert(place, course(from, to, step, steps));
-                    moved.plant = true;
                 }
             } else if let Some(signal) = self.references.iter_mut().find(|one| one.key == *key) {
                 let from =
@@ -244,7 +236,7 @@ impl Tuning {
                 let before = self.law.get(key).map(|course| course.at(step));
                 let from = before.or(offered.map(|one| one.value)).unwrap_or(to);
                 (self.law).insert(key.clone(), course(from, to, step, steps));
-                moved.law = true;
+                moves_law = true;
             }
         }
         for signal in &mut self.references {
@@ -260,6 +252,7 @@ impl Tuning {
             set: change.set,
             clear: change.clear,
         }));
+        moves_law
     }
 
     fn plant_value(&self, place: usize, step: Step) -> f64 {

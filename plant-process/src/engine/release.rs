@@ -184,11 +184,11 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     /// ahead of the sample that they count for.
     fn tune(&mut self, step: Step) -> Result<(), LinkError> {
         let Plant { tuning, faults, .. } = &mut self.plant;
-        let moved = tuning.advance(step, &self.rows.stimulus);
+        let moves_law = tuning.advance(step, &self.rows.stimulus);
         for (index, value) in tuning.bases(step) {
             faults.rebase(index, value);
         }
-        if moved.law {
+        if moves_law {
             self.tell_law()?;
         }
         Ok(())

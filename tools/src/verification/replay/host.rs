@@ -242,7 +242,7 @@ impl<L: Link> Host<L> {
                 for change in batch.changes(self.index) {
                     self.tuning.repeat(change);
                 }
-                if self.tuning.is_due(step) && self.tuning.advance(step, &[]).law {
+                if self.tuning.is_due(step) && self.tuning.advance(step, &[]) {
                     let tuned = Control::Tuned(self.tuning.tuned());
                     self.link.tell(&tuned.to_bytes())?;
                 }
