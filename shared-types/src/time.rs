@@ -100,6 +100,17 @@ impl Rate {
         }
         step
     }
+
+    /// The last step whose time is not after `at_s`; `None` for negative times.
+    #[must_use]
+    pub fn step_at_or_before(self, at_s: f64) -> Option<Step> {
+        let after = self.step_at_or_after(at_s);
+        if self.seconds(after) > at_s {
+            after.0.checked_sub(1).map(Step)
+        } else {
+            Some(after)
+        }
+    }
 }
 
 /// A number that is no rate.
@@ -199,6 +210,14 @@ mod tests {
         assert_eq!(rate(10_000.0).step_at_or_after(7.000_01), Step(70_001));
         assert_eq!(rate(10_000.0).step_at_or_after(1e-12), Step(1));
         assert_eq!(rate(10_000.0).step_at_or_after(-1.0), Step(0));
+    }
+
+    #[test]
+    fn the_last_step_before_a_time_is_at_it_or_one_earlier() {
+        for (at_s, step) in [(7.000_01, 70_000), (7.0, 70_000), (1e-12, 0), (0.0, 0)] {
+            assert_eq!(rate(10_000.0).step_at_or_before(at_s), Some(Step(step)));
+        }
+        assert_eq!(rate(10_000.0).step_at_or_before(-1.0), None);
     }
 
     #[test]

@@ -1,7 +1,6 @@
 //! `[[metrics]]` of the kinds that analyse: what they look at, and the stimulus or fault they need.
 
 use shared_types::number::exact as number;
-use shared_types::time::{Rate, Step};
 
 use super::run::Grid;
 use super::signals::{self, Analysed};
@@ -112,7 +111,7 @@ impl AnalysisContext<'_> {
             initial,
             wanted,
             band: band?,
-            last: last_at(grid.rate, until_s),
+            last: grid.rate.step_at_or_before(until_s)?,
         })
     }
 
@@ -319,15 +318,5 @@ impl AnalysisContext<'_> {
                 None
             }
         }
-    }
-}
-
-/// The last step that is not after a time.
-fn last_at(rate: Rate, time_s: f64) -> Step {
-    let after = rate.step_at_or_after(time_s);
-    if rate.seconds(after) > time_s {
-        Step(after.0 - 1) // not before step 0, whose time no end is below
-    } else {
-        after
     }
 }

@@ -4,7 +4,6 @@ use std::collections::HashSet;
 
 use shared_types::number::exact as number;
 use shared_types::table::unit_of_name;
-use shared_types::time::Step;
 
 use super::is_signal_name;
 use super::run::Grid;
@@ -333,13 +332,7 @@ fn window(reader: &mut Reader, path: &str, node: &Node, grid: Option<Grid>) -> O
         return None;
     }
     let first = rate.step_at_or_after(start_s);
-    let after = rate.step_at_or_after(end_s);
-    let last = if rate.seconds(after) > end_s {
-        Step(after.0 - 1) // not before step 0, whose time no end is below
-    } else {
-        after
-    };
-    if first > last {
+    let Some(last) = (rate.step_at_or_before(end_s)).filter(|last| *last >= first) else {
         let message = format!("no step lies in `{path}`");
         reader
             .report(ProblemKind::OutOfRange, path, &node.place, message)
@@ -348,7 +341,7 @@ fn window(reader: &mut Reader, path: &str, node: &Node, grid: Option<Grid>) -> O
                 number(rate.period_s())
             ));
         return None;
-    }
+    };
     Some(Window {
         start_s,
         end_s,

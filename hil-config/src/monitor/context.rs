@@ -75,7 +75,7 @@ impl<'a> FormulaContext<'a> {
         };
         let rate = self.rate;
         let first = rate.step_at_or_after(begin_s);
-        let Some(last) = last_step(rate, end_s).filter(|last| *last >= first) else {
+        let Some(last) = (rate.step_at_or_before(end_s)).filter(|last| *last >= first) else {
             let period_s = number(rate.period_s());
             let message = format!("no step lies in this window; steps are {period_s} s apart");
             return Err(message);
@@ -104,15 +104,5 @@ impl<'a> FormulaContext<'a> {
         format!(
             "the window reaches too far: {why}; shorten it, or leave out the bounds of an outermost operator to go as far as the run does"
         )
-    }
-}
-
-/// The last step that is not after a time.
-fn last_step(rate: Rate, at_s: f64) -> Option<Step> {
-    let after = rate.step_at_or_after(at_s);
-    if rate.seconds(after) > at_s {
-        after.0.checked_sub(1).map(Step)
-    } else {
-        Some(after)
     }
 }
