@@ -259,7 +259,8 @@ pub fn check_fields(fields: &[Field], most: usize) -> Result<(), Unusable> {
 }
 
 /// Checks whether a text is a name, or the part of a name before or after a dot.
-pub(crate) fn is_name(text: &str) -> bool {
+#[must_use]
+pub fn is_name(text: &str) -> bool {
     let is_first = |c: char| c.is_ascii_alphabetic() || c == '_';
     text.starts_with(is_first) && (text.chars()).all(|c| is_first(c) || c.is_ascii_digit())
 }

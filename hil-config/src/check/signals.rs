@@ -2,10 +2,10 @@
 
 use std::collections::HashSet;
 
+use shared_types::layout::is_name;
 use shared_types::number::exact as number;
 use shared_types::table::unit_of_name;
 
-use super::is_signal_name;
 use super::run::Grid;
 use crate::document::{Node, Value};
 use crate::expression::{Columns, Expression, ExpressionError, Group, Unit, is_reserved};
@@ -133,7 +133,7 @@ fn name<'a>(
 ) -> Option<&'a str> {
     let name = reader.text(section, "name")?;
     let path = section.path_of("name");
-    if !is_signal_name(name) || is_reserved(name) || is_operator(name) {
+    if !is_name(name) || is_reserved(name) || is_operator(name) {
         let message = format!("`{path}` is `{name}`");
         reader
             .report_at(section, "name", ProblemKind::OutOfRange, message)

@@ -4,11 +4,12 @@ use std::collections::HashSet;
 use std::path::Path;
 
 use shared_types::describe::LawDescription;
+use shared_types::layout::is_name;
 use shared_types::number::exact as number;
 use shared_types::table::unit_of_name;
 
+use super::points;
 use super::run::Grid;
-use super::{is_signal_name, points};
 use crate::keys::WAVEFORMS;
 use crate::plan::{Stimulus, Sweep, Waveform};
 use crate::problem::ProblemKind;
@@ -60,7 +61,7 @@ fn stimulus(
 
 fn target<'a>(reader: &mut Reader, section: &Section<'a>) -> Option<&'a str> {
     let target = reader.text(section, "target")?;
-    if is_signal_name(target) {
+    if is_name(target) {
         return Some(target);
     }
     let path = section.path_of("target");

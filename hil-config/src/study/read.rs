@@ -5,8 +5,10 @@ mod spread;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
+use shared_types::layout::is_name;
+
 use super::{Correlation, Goal, Item, Sampling, Spread, Study, Variant, Varied, flag_key};
-use crate::check::{TITLE, is_signal_name, is_title};
+use crate::check::{TITLE, is_title};
 use crate::expression::{Columns, Group, is_reserved};
 use crate::flag;
 use crate::keys::{MOST_CASES, SPREADS, STUDY};
@@ -231,7 +233,7 @@ fn name(
         return None;
     };
     let place = if given.is_some() { "name" } else { "key" };
-    let message = if !is_signal_name(name) || is_reserved(name) {
+    let message = if !is_name(name) || is_reserved(name) {
         format!("`{name}` cannot be a name in expressions")
     } else if TAKEN.contains(&name) {
         format!("`{name}` is a column of every table of results")

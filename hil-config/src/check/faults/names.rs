@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use super::Origin;
 use super::span::Reported;
+use crate::check::is_title;
 use crate::document::Value;
 use crate::problem::{ProblemKind, listed};
 use crate::reader::{Reader, Section};
@@ -44,7 +45,8 @@ impl<'a> Names<'a> {
                 continue; // reported where the event is read
             };
             let path = section.path_of("name");
-            if !is_name(name) {
+            let is_legal = name.starts_with(|c: char| c.is_ascii_alphabetic()) && is_title(name);
+            if !is_legal {
                 let message = format!("`{path}` is `{name}`");
                 reader
                     .report(ProblemKind::OutOfRange, path, &entry.node.place, message)
@@ -113,11 +115,4 @@ impl<'a> Names<'a> {
             None => format!("event {id}"),
         }
     }
-}
-
-fn is_name(name: &str) -> bool {
-    let legal = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
-    name.len() <= 64
-        && name.starts_with(|c: char| c.is_ascii_alphabetic())
-        && name.chars().all(legal)
 }
