@@ -6,6 +6,8 @@
 
 mod values;
 
+use shared_types::text::printable;
+
 use crate::document::{Entry, Node, Table, Value};
 use crate::keys::{Key, KeyKind};
 use crate::problem::{MOST_PROBLEMS, Problem, ProblemKind, Problems, listed};
@@ -132,8 +134,8 @@ impl Reader {
         let is_told = self.problems.len() < MOST_PROBLEMS;
         let problem = Problem {
             kind,
-            key: shown(clipped(key.into())),
-            message: shown(clipped(message.into())),
+            key: printable(&clipped(key.into())).into_owned(),
+            message: printable(&clipped(message.into())).into_owned(),
             expected: None,
             nearest: Vec::new(),
             help: None,
@@ -334,20 +336,6 @@ fn plain(path: &str) -> String {
             !inside && c != ']'
         })
         .collect()
-}
-
-/// Returns true if a terminal would do something at a character other than to show it.
-fn is_unprintable(c: char) -> bool {
-    c.is_control() && !matches!(c, '\n' | '\t')
-}
-
-/// A text that quotes the scenario, as a terminal may have it.
-fn shown(text: String) -> String {
-    if text.contains(is_unprintable) {
-        text.replace(is_unprintable, "\u{fffd}")
-    } else {
-        text
-    }
 }
 
 /// Describes what a key takes, for messages and comments.

@@ -11,10 +11,15 @@ use serde::{Deserialize, Deserializer};
 /// Longest [`line()`], in characters.
 const LONGEST_LINE: usize = 4000;
 
-/// Replaces the characters that a terminal obeys, line ends and tabulators excepted.
+/// Returns true if a terminal obeys a character instead of showing it, line ends and tabulators excepted.
+#[must_use]
+pub fn is_unprintable(c: char) -> bool {
+    c.is_control() && !matches!(c, '\n' | '\t')
+}
+
+/// Replaces the characters that a terminal obeys.
 #[must_use]
 pub fn printable(text: &str) -> Cow<'_, str> {
-    let is_unprintable = |c: char| c.is_control() && !matches!(c, '\n' | '\t');
     if text.contains(is_unprintable) {
         Cow::Owned(text.replace(is_unprintable, "\u{fffd}"))
     } else {

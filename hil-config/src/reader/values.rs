@@ -1,8 +1,9 @@
 //! Values of keys: numbers in their range, truth values, texts and lists of them.
 
 use shared_types::number::exact as number;
+use shared_types::text::is_unprintable;
 
-use super::{Reader, Section, describe, is_unprintable};
+use super::{Reader, Section, describe};
 use crate::document::{Node, Value};
 use crate::keys::KeyKind;
 use crate::problem::ProblemKind;
