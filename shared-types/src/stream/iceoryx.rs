@@ -173,7 +173,7 @@ impl RecordSink for IceoryxSink {
     fn has_room(&mut self) -> Result<bool, LinkError> {
         // Credit is the number of the next item that the observer awaits: 0 means that it is not
         // attached, 1 that it is and has seen nothing.
-        let under_way = |sink: &Self| sink.sent + 1 - sink.credited;
+        let under_way = |sink: &Self| (sink.sent + 1).saturating_sub(sink.credited);
         let is_free = match self.backpressure {
             Backpressure::None => true,
             Backpressure::AtStart => self.credited > 0,
@@ -304,7 +304,7 @@ impl RecordSource for IceoryxSource {
             && let Some(credit) = &self.credit
         {
             credit
-                .send_copy(self.items.last + 1)
+                .send_copy(self.items.last.saturating_add(1))
                 .map_err(|e| transport(CREDIT, e))?;
             if let Some(bell) = &self.bell {
                 bell.ring();
