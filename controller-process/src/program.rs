@@ -84,6 +84,25 @@ impl ControllerProgram {
         let kind = choose(&self.laws, &job.law, &job.plant).map_err(|e| e.to_string())?;
         Runner::new(kind, job, link).map_err(|e| e.to_string())
     }
+
+    /// Runs a job to its end.
+    fn run(
+        &self,
+        job: Job,
+        link: &mut IceoryxLink,
+        session: &SessionInfo,
+        supervision: &Supervision,
+    ) -> Result<End, String> {
+        let (limit, settings) = (WaitLimit::from_seconds(job.wait_limit_s), job.realtime);
+        let mut runner = self.runner(job, link)?;
+        // Threads that there are by now keep ordinary scheduling.
+        let report = settings.apply();
+        let told = session.write_file(realtime::CONTROLLER_FILE, &report);
+        told.map_err(|e| e.to_string())?;
+        drive(&mut runner, report.waiter(limit), supervision).map_err(|e| e.to_string())?;
+        let end = runner.end().cloned();
+        end.ok_or_else(|| "the run ended without saying how".into())
+    }
 }
 
 impl Program for ControllerProgram {
@@ -132,27 +151,6 @@ impl Program for ControllerProgram {
             job = read()?;
             link.begin_next();
         }
-    }
-}
-
-impl ControllerProgram {
-    /// Runs a job to its end.
-    fn run(
-        &self,
-        job: Job,
-        link: &mut IceoryxLink,
-        session: &SessionInfo,
-        supervision: &Supervision,
-    ) -> Result<End, String> {
-        let (limit, settings) = (WaitLimit::from_seconds(job.wait_limit_s), job.realtime);
-        let mut runner = self.runner(job, link)?;
-        // Threads that there are by now keep ordinary scheduling.
-        let report = settings.apply();
-        let told = session.write_file(realtime::CONTROLLER_FILE, &report);
-        told.map_err(|e| e.to_string())?;
-        drive(&mut runner, report.waiter(limit), supervision).map_err(|e| e.to_string())?;
-        let end = runner.end().cloned();
-        end.ok_or_else(|| "the run ended without saying how".into())
     }
 }
 

@@ -119,9 +119,6 @@ struct Service {
     objections: Objections,
 }
 
-/// Reason why there is no answer from the loop.
-type Unanswered = Refusal;
-
 impl Service {
     fn respond(&mut self, request: Request) -> Response {
         let answered = match request {
@@ -225,7 +222,7 @@ impl Service {
             .map(|event| event.kind.as_str())
     }
 
-    fn clear(&self, id: Option<u32>) -> Result<Response, Unanswered> {
+    fn clear(&self, id: Option<u32>) -> Result<Response, Refusal> {
         let (ids, step) = self.request(|answer| LoopRequest::Clear(id, answer))?;
         if let (Some(id), true) = (id, ids.is_empty()) {
             return Err(Refusal {
@@ -236,14 +233,14 @@ impl Service {
         Ok(Response::Cleared { ids, step: step.0 })
     }
 
-    fn show(&self) -> Result<Response, Unanswered> {
+    fn show(&self) -> Result<Response, Refusal> {
         let faults = self.request(LoopRequest::Show)?;
         let status = self.progress();
         Ok(Response::Active { status, faults })
     }
 
     /// Answers when the run is held again, or with where it is when that takes longer.
-    fn advance(&self, steps: u64) -> Result<Response, Unanswered> {
+    fn advance(&self, steps: u64) -> Result<Response, Refusal> {
         if steps == 0 {
             return Err(Refusal::new("0 steps are none; at least 1"));
         }
@@ -260,7 +257,7 @@ impl Service {
         }
     }
 
-    fn record(&self) -> Result<Response, Unanswered> {
+    fn record(&self) -> Result<Response, Refusal> {
         let layout = Box::new(self.layout()?.clone());
         let words = self.request(LoopRequest::Record)?;
         let none = || Refusal {
@@ -273,7 +270,7 @@ impl Service {
         })
     }
 
-    fn mark(&self, text: &str) -> Result<Response, Unanswered> {
+    fn mark(&self, text: &str) -> Result<Response, Refusal> {
         let text = text::line(text.trim());
         let count = text.chars().count();
         if count == 0 || count > LONGEST_MARK {
@@ -373,7 +370,7 @@ impl Service {
         }
     }
 
-    fn tunable(&self) -> Result<Response, Unanswered> {
+    fn tunable(&self) -> Result<Response, Refusal> {
         let shown = self.request(|answer| LoopRequest::Tunable(None, answer))?;
         let law = &self.context.law;
         let is_active = |law: &&LawDescription| law.name == shown.offered.law;
@@ -388,7 +385,7 @@ impl Service {
     }
 
     /// Returns the layout of the records; waits for hello.
-    fn layout(&self) -> Result<&RecordLayout, Unanswered> {
+    fn layout(&self) -> Result<&RecordLayout, Refusal> {
         let since = Instant::now();
         loop {
             if let Some(layout) = self.queue.layout() {
@@ -407,14 +404,14 @@ impl Service {
     fn request<T>(
         &self,
         request: impl FnOnce(std::sync::mpsc::Sender<T>) -> LoopRequest,
-    ) -> Result<T, Unanswered> {
+    ) -> Result<T, Refusal> {
         self.layout()?;
         wait(&self.queue.push(request))
     }
 }
 
 /// Waits by looking: the loop then needs no system call to wake anybody.
-fn wait<T>(answered: &Receiver<T>) -> Result<T, Unanswered> {
+fn wait<T>(answered: &Receiver<T>) -> Result<T, Refusal> {
     let since = Instant::now();
     loop {
         match answered.try_recv() {

@@ -103,9 +103,7 @@ impl PlantProgram {
             .find(|kind| kind.description.name == *model);
         found.ok_or_else(|| format!("this binary has no plant `{model}`; see --describe"))
     }
-}
 
-impl PlantProgram {
     /// Runs a job to its end; gives the exit code.
     fn run(
         &self,

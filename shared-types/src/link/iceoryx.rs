@@ -193,9 +193,7 @@ impl ControlChannel {
             },
         })
     }
-}
 
-impl ControlChannel {
     fn send(&self, message: &[u8]) -> Result<(), LinkError> {
         let failed = |e: &dyn std::fmt::Debug| transport("control", e);
         let sample = (self.speak.loan_slice_uninit(message.len())).map_err(|e| failed(&e))?;

@@ -53,9 +53,7 @@ impl InProcessLink {
             rejected: Ignored::default(),
         }
     }
-}
 
-impl InProcessLink {
     /// An end for another controller on the same plant.
     #[must_use]
     pub fn another(&self) -> Self {

@@ -135,9 +135,7 @@ impl IceoryxSink {
             .map_err(|e| transport(RECORDS, e))?;
         Ok(())
     }
-}
 
-impl IceoryxSink {
     fn hear_credit(&mut self) -> Result<(), LinkError> {
         while let Some(credit) = received(CREDIT, self.credit.receive())? {
             self.credited = *credit;
