@@ -21,7 +21,7 @@ use shared_types::time::{Rate, Step};
 
 use crate::keys::{self, Key, KeyKind, SCHEMA};
 use crate::plan::{
-    Change, Clock, ControllerProgram, Derived, FaultEvent, Metric, Plan, Realtime, Run, Stimulus,
+    Clock, ControllerProgram, Derived, FaultEvent, Metric, Plan, Realtime, Run, Stimulus,
 };
 use crate::quantity::{Quantity, toml_float};
 
@@ -85,14 +85,6 @@ pub fn fault_toml(
         others: &[],
     };
     written(|text| look.event(text, event))
-}
-
-/// Writes one change as `[[changes]]` of a scenario.
-///
-/// # Errors
-/// If it is to be at once.
-pub fn change_toml(change: &Change, rate: Rate) -> Result<String, ShowError> {
-    written(|text| changes::change(text, change, rate))
 }
 
 fn written(write: impl FnOnce(&mut String) -> Written) -> Result<String, ShowError> {
