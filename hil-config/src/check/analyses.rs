@@ -56,14 +56,10 @@ impl AnalysisContext<'_> {
     ) -> Option<StepResponsePlan> {
         let signal = self.expression(reader, section, "signal");
         let unit = (signal.as_ref()).and_then(|signal| self.unit(reader, section, signal));
-        let optional = |reader: &mut Reader, key| match section.table.get(key) {
-            Some(_) => reader.number(section, key).map(Some),
-            None => Some(None),
-        };
-        let initial = optional(reader, "initial");
-        let wanted = optional(reader, "wanted");
+        let initial = reader.optional_number(section, "initial");
+        let wanted = reader.optional_number(section, "wanted");
         let band = reader.number(section, "band");
-        let until_s = optional(reader, "until_s");
+        let until_s = reader.optional_number(section, "until_s");
         let stimulus = self.stimulus(reader, section, "step", |waveform| {
             matches!(waveform, Waveform::Step { .. })
         });

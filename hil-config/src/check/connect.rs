@@ -95,8 +95,8 @@ fn connection(reader: &mut Reader, section: &Section<'_>, ends: &Ends<'_>) -> Op
     let law = signal(reader, section, "law");
     let plant = signal(reader, section, "plant");
     let (factor, offset) = (
-        number(reader, section, "factor"),
-        number(reader, section, "offset"),
+        reader.optional_number(section, "factor"),
+        reader.optional_number(section, "offset"),
     );
     let ((kind, law), (other, plant)) = (law?, plant?);
     if kind != other {
@@ -198,14 +198,6 @@ fn signal<'a>(
             .expected("measured.NAME, reference.NAME or command.NAME");
     }
     found
-}
-
-/// A number that may be left out; the outer `None` if it is there and wrong.
-fn number(reader: &mut Reader, section: &Section<'_>, key: &'static str) -> Option<Option<f64>> {
-    if section.table.get(key).is_none() {
-        return Some(None);
-    }
-    reader.number(section, key).map(Some)
 }
 
 fn unknown(

@@ -36,6 +36,18 @@ impl Reader {
         self.quantity(&section.path_of(name), node, &quantity)
     }
 
+    /// A number of the section's own keys that may be left out; the outer `None` if it is there and wrong.
+    pub(crate) fn optional_number(
+        &mut self,
+        section: &Section<'_>,
+        name: &str,
+    ) -> Option<Option<f64>> {
+        match section.table.get(name) {
+            Some(_) => self.number(section, name).map(Some),
+            None => Some(None),
+        }
+    }
+
     /// A number that must be there, by a description.
     pub(crate) fn described_number(
         &mut self,
