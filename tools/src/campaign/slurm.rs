@@ -199,7 +199,7 @@ fn limit_s(text: &str) -> Option<f64> {
         _ => return None,
     };
     let days: f64 = days.map_or(Some(0.0), |days| days.parse().ok())?;
-    Some(days * 86_400.0 + seconds)
+    Some(days * 86_400.0 + seconds).filter(|limit| *limit > 0.0) // 0 is no limit for sbatch
 }
 
 /// Asks Slurm for the tasks of a campaign; none if nothing was submitted or it does not answer.
@@ -283,6 +283,7 @@ mod tests {
             ("1-00:00:00", Some(86_400.0)),
             ("1-2", Some(93_600.0)),
             ("infinite", None),
+            ("0", None),
         ] {
             assert_eq!(limit_s(text), seconds, "{text}");
         }
