@@ -337,7 +337,7 @@ fn spans(outcome: &RecordedOutcome, rate: Rate) -> Vec<Span> {
             .and_modify(|(_, from, to)| {
                 *from = taken.step.min(*from);
                 // One effect that goes on is enough.
-                *to = to.zip(until).map(|(a, b)| if a > b { a } else { b });
+                *to = to.zip(until).map(|(a, b)| a.max(b));
             })
             .or_insert((taken.kind.clone(), taken.step, until));
     }
