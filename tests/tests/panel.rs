@@ -11,7 +11,6 @@ mod stream;
 use std::ffi::OsStr;
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, ChildStderr, ChildStdout, Command, Stdio};
-use std::time::{Duration, Instant};
 
 use rustix::process::Signal;
 use serde_json::Value;
@@ -228,14 +227,9 @@ fn what_cannot_be_shown_is_refused_before_anything_starts() {
             .expect(2)
             .says(&[told]);
     }
-    let since = Instant::now();
     rig.hil(&["run", "missing.toml", "--panel", "--no-open"])
         .expect(2)
         .says(&["missing.toml", "No such file"]);
-    assert!(
-        since.elapsed() < Duration::from_secs(7),
-        "its panel kept it"
-    );
     let run = rig.held();
     let at = ["panel", "--session", rig.session(), "--no-open"];
     rig.beside(&[&at[..], &["--signal", "truth.nothing"]].concat())
