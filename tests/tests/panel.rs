@@ -227,6 +227,9 @@ fn what_cannot_be_shown_is_refused_before_anything_starts() {
             .expect(2)
             .says(&[told]);
     }
+    rig.hil(&["run", "missing.toml", "--panel", "--no-open"])
+        .expect(2)
+        .says(&["missing.toml", "No such file"]);
     let run = rig.held();
     let at = ["panel", "--session", rig.session(), "--no-open"];
     rig.beside(&[&at[..], &["--signal", "truth.nothing"]].concat())

@@ -29,6 +29,31 @@ pub enum Event {
     End(RunEnd),
 }
 
+impl Event {
+    /// Returns the step at which it happened; `None` for the end of the run.
+    #[must_use]
+    pub const fn step(&self) -> Option<u64> {
+        match self {
+            Self::Accepted(accepted) => Some(accepted.step),
+            Self::Fault(begun) => Some(begun.step),
+            Self::FaultEnded(ended) => Some(ended.step),
+            Self::Controller(change) => Some(change.step),
+            Self::Change(change) => Some(change.step),
+            Self::Mark(mark) => Some(mark.step),
+            Self::End(_) => None,
+        }
+    }
+
+    /// The note that the event is, if it is one.
+    #[must_use]
+    pub const fn mark(&self) -> Option<&Mark> {
+        match self {
+            Self::Mark(mark) => Some(mark),
+            _ => None,
+        }
+    }
+}
+
 /// Most changes of values in a run.
 pub const MOST_CHANGES: usize = 10_000;
 
@@ -104,17 +129,6 @@ pub struct Mark {
     /// Text of the note, one line.
     #[serde(deserialize_with = "text::line_of")]
     pub text: String,
-}
-
-impl Event {
-    /// The note that the event is, if it is one.
-    #[must_use]
-    pub const fn mark(&self) -> Option<&Mark> {
-        match self {
-            Self::Mark(mark) => Some(mark),
-            _ => None,
-        }
-    }
 }
 
 /// Change of a controller while the run went on.

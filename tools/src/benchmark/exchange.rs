@@ -61,7 +61,7 @@ impl Trips {
     /// All of them.
     #[must_use]
     pub const fn all(self) -> u64 {
-        self.warm_up + self.measured
+        self.warm_up.saturating_add(self.measured)
     }
 }
 
@@ -192,6 +192,15 @@ mod tests {
         fn receive(&mut self) -> Option<u64> {
             (self.sent != self.lost).then_some(self.sent)
         }
+    }
+
+    #[test]
+    fn trips_without_end_stay_without_end_after_a_warm_up() {
+        let trips = Trips {
+            warm_up: 1,
+            measured: u64::MAX,
+        };
+        assert_eq!(trips.all(), u64::MAX);
     }
 
     #[test]

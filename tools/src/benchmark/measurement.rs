@@ -98,7 +98,7 @@ impl Looped {
     pub fn step_ns(&self) -> Option<f64> {
         let (first_ns, last_ns) = self.span_ns?;
         let steps = self.latency.steps().checked_sub(1)?;
-        (steps > 0).then(|| (last_ns - first_ns) as f64 / steps as f64)
+        (steps > 0).then(|| last_ns.saturating_sub(first_ns) as f64 / steps as f64)
     }
 
     /// Takes in a step.

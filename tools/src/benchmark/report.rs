@@ -21,6 +21,7 @@ use crate::results::latency::legs::LatencySummary;
 use crate::results::latency::percentiles::Percentiles;
 use crate::results::latency::spikes::Spike;
 use crate::terminal::duration::shown_ns;
+use crate::terminal::output;
 use crate::terminal::table::{Table, left, right};
 
 /// Version of the report.
@@ -216,9 +217,7 @@ impl Report {
     /// The report as a person reads it.
     #[must_use]
     pub(crate) fn text(&self, cases: &[Case]) -> String {
-        let mut text = String::new();
-        let _ = self.write(&mut text, cases); // writing to a string cannot fail
-        text
+        output::text(|text| self.write(text, cases))
     }
 
     fn write(&self, text: &mut String, cases: &[Case]) -> fmt::Result {

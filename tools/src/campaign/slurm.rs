@@ -61,9 +61,7 @@ pub(super) fn submit(arguments: &SubmitArguments) -> Result<Exit, Failure> {
     let cases = manifest.count(&missing);
     let task_s = task_s(arguments)?;
     let by_time = (cases as f64 * manifest.case_s / task_s).ceil() as u64;
-    let tasks = by_time.clamp(1, missing.len() as u64);
-    let most = most_tasks()?;
-    let tasks = if tasks < most { tasks } else { most };
+    let tasks = by_time.clamp(1, missing.len() as u64).min(most_tasks()?);
     let path = std::path::absolute(folder.path()).map_err(Failure::infrastructure)?;
     let text = |path: &std::path::Path| super::cases::text_of(path).map(str::to_owned);
     let quoted = |path: &std::path::Path| {
@@ -199,7 +197,7 @@ fn limit_s(text: &str) -> Option<f64> {
         _ => return None,
     };
     let days: f64 = days.map_or(Some(0.0), |days| days.parse().ok())?;
-    Some(days * 86_400.0 + seconds)
+    Some(days * 86_400.0 + seconds).filter(|limit| *limit > 0.0) // 0 is no limit for sbatch
 }
 
 /// Asks Slurm for the tasks of a campaign; none if nothing was submitted or it does not answer.
@@ -283,6 +281,7 @@ mod tests {
             ("1-00:00:00", Some(86_400.0)),
             ("1-2", Some(93_600.0)),
             ("infinite", None),
+            ("0", None),
         ] {
             assert_eq!(limit_s(text), seconds, "{text}");
         }

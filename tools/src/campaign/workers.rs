@@ -290,7 +290,8 @@ impl Progress {
             .set_message(format!("cases, {} no pass", self.failures));
         if self.bar.is_hidden() && self.said.elapsed() > LINES {
             self.said = Instant::now();
-            let rate = (self.done - self.before) as f64 / self.began.elapsed().as_secs_f64();
+            let rate =
+                self.done.saturating_sub(self.before) as f64 / self.began.elapsed().as_secs_f64();
             let left_ns = (self.all.saturating_sub(self.done)) as f64 / rate * 1e9;
             tell!(
                 "{} of {}, {} a second, {} left, {} no pass",

@@ -22,23 +22,17 @@ pub(crate) fn config(arguments: &ConfigArguments) -> Result<Exit, Failure> {
     match &arguments.action {
         ConfigAction::Check(scenario) => {
             let (plan, binaries, _) = checked(scenario)?;
-            let seconds = plan
-                .run
-                .rate
-                .seconds(shared_types::time::Step(plan.run.steps));
             let (name, model, law) = (&plan.name, &plan.plant.model, &plan.controller.law);
             let steps = plan.run.steps;
+            let seconds = plan.run.rate.seconds(shared_types::time::Step(steps));
             output::write(&if scenario.json {
-                "{\"problems\":[]}
-"
-                .to_owned()
+                "{\"problems\":[]}\n".to_owned()
             } else {
                 let layout = binaries.record_layout(&plan)?;
                 let largest = size::largest(&layout, steps, &Choice::default());
                 let largest = size::shown(largest.map_err(Failure::usage)?);
                 format!(
-                    "{name}: {model} under {law}, {steps} steps in {seconds} s; the recording takes up to {largest} before compression
-"
+                    "{name}: {model} under {law}, {steps} steps in {seconds} s; the recording takes up to {largest} before compression\n"
                 )
             })?;
         }

@@ -23,6 +23,7 @@ use shared_types::session;
 
 use crate::arguments::recover::RecoverArguments;
 use crate::files::part_file::{self, PartFile};
+use crate::files::runs::SUMMARY;
 use crate::results::outcome::RecordedOutcome;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::interruption::Interruption;
@@ -216,7 +217,7 @@ fn summarise(
     folder: &Path,
     reason: Option<&str>,
 ) -> Result<Option<PathBuf>, Failure> {
-    let path = folder.join("summary.json");
+    let path = folder.join(SUMMARY);
     if path.exists() {
         return Ok(None);
     }

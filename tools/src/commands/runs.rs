@@ -269,8 +269,45 @@ fn rfc3339<S: serde::Serializer>(time: &SystemTime, serializer: S) -> Result<S::
 /// Checks that a run put something into its folder.
 fn is_of_a_run(name: &OsStr) -> bool {
     let name = name.to_string_lossy();
+    let is_numbered = |before: &str, after: &str| {
+        let rest = name.strip_prefix(before);
+        let number = rest.and_then(|rest| rest.strip_suffix(after));
+        number.is_some_and(|number| number.parse::<u64>().is_ok())
+    };
     runs::FILES.contains(&&*name)
-        || (name == "controller.log" || name.starts_with("controller-")) && name.ends_with(".log")
-        || name.starts_with("checkpoint-")
-        || name.starts_with("audit-")
+        || name == "controller.log"
+        || is_numbered("controller-", ".log")
+        || is_numbered("checkpoint-", "")
+        || is_numbered("audit-", "")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_only_named_as_if_a_run_had_written_it_is_not_of_a_run() {
+        for name in [
+            "scenario.toml",
+            "plant.log",
+            "controller.log",
+            "controller-2.log",
+            "checkpoint-2000",
+            "audit-3",
+        ] {
+            assert!(is_of_a_run(OsStr::new(name)), "{name}");
+        }
+        for name in [
+            "notes.txt",
+            "controller-.log",
+            "controller-old.log",
+            "controller-2.txt",
+            "checkpoint-",
+            "checkpoint-notes.txt",
+            "audit-plan",
+            "audit-3.md",
+        ] {
+            assert!(!is_of_a_run(OsStr::new(name)), "{name}");
+        }
+    }
 }

@@ -92,8 +92,7 @@ fn check(arguments: &TargetContact) -> Result<Exit, Failure> {
         fit_for_hz: (SHARE * 1e9 / at(0.99) as f64).floor(),
     };
     if arguments.json {
-        let json = serde_json::to_string_pretty(&checked).map_err(Failure::infrastructure)?;
-        output::write(&format!("{json}\n"))?;
+        output::write(&output::pretty(&checked)?)?;
         return Ok(Exit::Pass);
     }
     let mut table = Table::new(0, [left(0), left(0)]);

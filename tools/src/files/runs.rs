@@ -6,6 +6,7 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
+use hil_recording::reader::RECORDING;
 use serde_json::Value;
 
 /// Folder below which runs lie, unless another one is named.
@@ -17,7 +18,7 @@ pub(crate) const SCENARIO: &str = "scenario.toml";
 /// File that the folder of an ended run has.
 pub(crate) const SUMMARY: &str = "summary.json";
 /// Files of the folder of a run: the scenario, and at least one more.
-pub(crate) const FILES: [&str; 4] = [SCENARIO, SUMMARY, "run.mcap", "plant.log"];
+pub(crate) const FILES: [&str; 4] = [SCENARIO, SUMMARY, RECORDING, "plant.log"];
 /// Most folders between the one that is searched and that of a run.
 const DEEPEST: usize = 8;
 /// Most bytes of a summary.

@@ -9,6 +9,7 @@ use super::prepare::PreparedRun;
 use crate::arguments::run::LinkKind;
 use crate::checkpoint;
 use crate::files::part_file;
+use crate::files::runs::SUMMARY;
 use crate::results::company::ProcessorTime;
 use crate::results::ended::EndedRun;
 use crate::results::settings::Realtime;
@@ -90,7 +91,7 @@ pub(super) fn conclude(
         curve: ended.recorded.curve,
         recording: recorded_to.map(|name| folder.join(name)),
         table: summary.table(&prepared.plan, &folder),
-        written: part_file::write_text(&folder.join("summary.json"), &json).and(collected),
+        written: part_file::write_text(&folder.join(SUMMARY), &json).and(collected),
         summary,
         json,
         folder,

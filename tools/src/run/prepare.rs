@@ -26,6 +26,7 @@ use super::{in_process, jobs, provenance, realtime};
 use crate::arguments::run::LinkKind;
 use crate::checkpoint;
 use crate::checkpoint::past::PastRecords;
+use crate::files::runs::SCENARIO;
 use crate::files::{folder, part_file};
 use crate::programs::binaries::Binaries;
 use crate::programs::scenario;
@@ -39,8 +40,6 @@ use crate::terminal::progress::Progress;
 
 /// Room that is kept on the disk for the summary.
 const SUMMARY_BYTES: u64 = 256 << 10;
-/// Name of the scenario in the folder of a run.
-const SCENARIO: &str = "scenario.toml";
 
 /// A run that can begin.
 pub(super) struct PreparedRun {

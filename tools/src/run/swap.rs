@@ -175,14 +175,12 @@ impl SwapContext {
                 answer,
             })
             .map_err(|_| ENDED)?;
-        if self.wait_limit_s.is_finite() {
-            let limit = Duration::from_secs_f64(self.wait_limit_s).saturating_add(BESIDES);
-            match answered.recv_timeout(limit) {
+        match Duration::try_from_secs_f64(self.wait_limit_s) {
+            Ok(limit) => match answered.recv_timeout(limit.saturating_add(BESIDES)) {
                 Ok(answer) => answer,
                 Err(_) => Err("the run has ended, or did not take the controller in time".into()),
-            }
-        } else {
-            answered.recv().map_err(|_| ENDED)?
+            },
+            Err(_) => answered.recv().map_err(|_| ENDED)?, // without a limit
         }
     }
 

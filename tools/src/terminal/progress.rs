@@ -1,5 +1,6 @@
 //! Progress of a run on standard error: simulated time, speed, time left, and where it holds.
 
+use std::io::Write as _;
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
@@ -91,7 +92,7 @@ impl Drop for Progress {
         self.bar.finish_and_clear();
         if self.shown && crate::terminal::output::person_watches() {
             // Ctrl-C shows as `^C` in the bar's line, which the bar does not know of.
-            eprint!("\r\x1b[2K");
+            let _ = write!(std::io::stderr(), "\r\x1b[2K"); // it may be gone
         }
     }
 }

@@ -263,7 +263,7 @@ fn without_cleared(faults: &mut Vec<FaultEvent>, log: &FaultLog) -> Vec<FaultEve
         };
         if keep_taken(event, log) {
             let end = event.end.step.unwrap_or(cleared);
-            event.end.step = Some(if cleared < end { cleared } else { end });
+            event.end.step = Some(cleared.min(end));
         } else {
             gone.insert(event.id);
         }

@@ -113,8 +113,7 @@ pub fn table(
         ..exported
     };
     if arguments.json {
-        let json = serde_json::to_string_pretty(&exported).map_err(Failure::infrastructure)?;
-        return Ok(Some(json + "\n"));
+        return output::pretty(&exported).map(Some);
     }
     Ok(path.is_some().then(|| exported.describe()))
 }
@@ -144,8 +143,7 @@ fn listing(signals: &[Column], as_json: bool) -> Result<String, Failure> {
         struct Listing<'a> {
             signals: &'a [Column],
         }
-        let json = serde_json::to_string_pretty(&Listing { signals });
-        return Ok(json.map_err(Failure::infrastructure)? + "\n");
+        return output::pretty(&Listing { signals });
     }
     use crate::terminal::table::{Table, left};
     let mut table = Table::new(0, [left(0); 2]);

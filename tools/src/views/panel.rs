@@ -28,6 +28,7 @@ use shared_types::process::ProcessId;
 use shared_types::session::{self, SessionInfo};
 
 use super::monitor::asking::Asking;
+use super::monitor::keys::input_is_gone;
 use super::monitor::model::Model;
 use super::monitor::watch::Watch;
 use super::monitor::{self, SharedModel, line, prepared};
@@ -67,7 +68,11 @@ pub(crate) fn panel(arguments: &PanelArguments) -> Result<Exit, Failure> {
     let Some(session) = found else {
         return Ok(Exit::Pass); // the run ended before it began
     };
-    let plan = monitor::notice(&session, &interruption)?.plan()?;
+    let notice = monitor::notice(&session, &interruption);
+    if notice.is_err() && arguments.run_of.is_some() && !session.is_there() {
+        return Ok(Exit::Pass); // as above, and the run tells why
+    }
+    let plan = notice?.plan()?;
     let faults = [&arguments.inject[..], &plan.panel.inject].concat();
     let prepared = prepared::all(&faults, &session, &plan);
     let prepared = prepared.map_err(|error| error.tell(json))?;
@@ -160,7 +165,7 @@ fn stay(
     }
 }
 
-/// The session that a process will own; `None` if the process ends without one.
+/// The session that a process will own; `None` if the process ends, or lets go of the panel, without one.
 fn owned_by(owner: u32, interruption: &Interruption) -> Result<Option<SessionInfo>, Failure> {
     let Some(owner) = ProcessId::of(owner) else {
         return Ok(None);
@@ -169,6 +174,9 @@ fn owned_by(owner: u32, interruption: &Interruption) -> Result<Option<SessionInf
         let running = session::list().map_err(Failure::infrastructure)?;
         if let Some(session) = running.into_iter().find(|one| one.owner == owner) {
             return Ok(Some(session));
+        }
+        if input_is_gone() {
+            break;
         }
         std::thread::sleep(LOOK);
     }
@@ -181,6 +189,7 @@ struct Beside(Child);
 impl Drop for Beside {
     /// Waits for the panel, which ends by itself with the session, and kills it otherwise.
     fn drop(&mut self) {
+        drop(self.0.stdin.take()); // tells it that no session comes any more
         let since = Instant::now();
         while since.elapsed() < END_LIMIT {
             if !matches!(self.0.try_wait(), Ok(None)) {
@@ -217,7 +226,7 @@ pub(crate) fn with_run(
     let mut panel = Command::new(own);
     panel.args(["panel", "--run-of", &std::process::id().to_string()]);
     panel.args(arguments.panel.no_open.then_some("--no-open"));
-    panel.stdin(Stdio::null()).stdout(Stdio::null());
+    panel.stdin(Stdio::piped()).stdout(Stdio::null());
     let _beside = Beside(panel.spawn().map_err(Failure::infrastructure)?);
     run(arguments)
 }

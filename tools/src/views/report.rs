@@ -82,8 +82,7 @@ pub(crate) fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
     }
     written.file = path.display().to_string();
     if arguments.json {
-        let json = serde_json::to_string_pretty(&written).map_err(Failure::infrastructure)?;
-        output::write(&(json + "\n"))?;
+        output::write(&output::pretty(&written)?)?;
     } else if is_file {
         let Written {
             file,

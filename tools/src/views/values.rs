@@ -30,6 +30,9 @@ use crate::terminal::interruption::Interruption;
 use crate::terminal::output;
 use crate::terminal::table::{Table, left, right};
 
+/// Interval between two looks for the stream of a session that has just begun.
+const BEGIN: Duration = Duration::from_millis(20);
+
 /// Tells the newest values of signals.
 ///
 /// # Errors
@@ -107,8 +110,17 @@ pub(crate) fn watch(arguments: &WatchArguments) -> Result<Exit, Failure> {
     if tell(&values)? {
         return Ok(Exit::Pass);
     }
-    let Some(mut observer) = Observer::attach(&session)? else {
-        return Ok(Exit::Pass); // it ended meanwhile
+    let mut observer = loop {
+        if let Some(observer) = Observer::attach(&session)? {
+            break observer;
+        }
+        if !session.is_there() {
+            return Ok(Exit::Pass); // it ended meanwhile
+        }
+        if interruption.came() {
+            return Err(Failure::Interrupted);
+        }
+        std::thread::sleep(BEGIN); // it has begun, and admits nobody yet
     };
     let every = Duration::from_secs_f64(arguments.every);
     let (mut told, mut told_at) = (values.step, Instant::now());

@@ -174,11 +174,7 @@ pub(in crate::campaign) fn shard_cases(cases: u64, case_s: f64) -> u64 {
     let [least, most] = SHARDS_WANTED;
     let by_time = (SHARD_S / case_s) as u64;
     let by_cores = cases.div_ceil(least);
-    let size = if by_time < by_cores {
-        by_time
-    } else {
-        by_cores
-    };
+    let size = by_time.min(by_cores);
     size.max(cases.div_ceil(most)).max(1)
 }
 

@@ -9,6 +9,7 @@ use super::data::Data;
 use super::tables;
 use crate::campaign::answers::Answers;
 use crate::campaign::collect::set_aside;
+use crate::campaign::quoted;
 use crate::terminal::exit::Failure;
 use crate::views::offline_page::OfflinePage;
 
@@ -77,7 +78,7 @@ pub(super) fn page(campaign: &Campaign, data: &Data) -> Result<String, Failure> 
 /// Names what keeps the numbers below from being those of the whole campaign.
 fn warnings(campaign: &Campaign) -> Markup {
     let (answers, rows) = (campaign.answers, campaign.rows);
-    let shown = campaign.folder.path().display();
+    let shown = quoted(campaign.folder.path());
     html! {
         @if !campaign.is_complete() { p.note {
             "Not complete: " (answers.cases - rows) " of " (counted(answers.cases, "case")) " have no result. "

@@ -32,9 +32,7 @@ impl Percentiles {
         ]
         .map(shown_ns)
     }
-}
 
-impl Percentiles {
     /// Returns the percentiles of a histogram; all 0 if the histogram is empty.
     #[must_use]
     pub fn of(times_ns: &Histogram<u64>) -> Self {

@@ -88,14 +88,8 @@ impl Heard {
         if self.events > MOST_EVENTS {
             return Err(format!("more than {MOST_EVENTS} events came"));
         }
-        let step = match event {
-            Event::Accepted(accepted) => accepted.step,
-            Event::Fault(taken) => taken.step,
-            Event::FaultEnded(ended) => ended.step,
-            Event::Controller(change) => change.step,
-            Event::Change(change) => change.step,
-            Event::Mark(mark) => mark.step,
-            Event::End(_) => return Ok(()),
+        let Some(step) = event.step() else {
+            return Ok(());
         };
         let steps = plan.run.steps;
         if step > steps {

@@ -258,19 +258,11 @@ impl RecorderWork {
         if let Some(happening) = Happening::of(event, self.plan.run.rate) {
             self.shared.board.note(happening);
         }
-        match event {
-            Event::Accepted(accepted) => Some(accepted.step),
-            Event::Fault(taken) => Some(taken.step),
-            Event::Change(change) => Some(change.step),
-            Event::FaultEnded(ended) => Some(ended.step),
-            Event::Controller(change) => {
-                let changes = self.shared.changes.lock();
-                (changes.unwrap_or_else(PoisonError::into_inner)).push(change.clone());
-                Some(change.step)
-            }
-            Event::Mark(mark) => Some(mark.step),
-            Event::End(_) => None,
+        if let Event::Controller(change) = event {
+            let changes = self.shared.changes.lock();
+            (changes.unwrap_or_else(PoisonError::into_inner)).push(change.clone());
         }
+        event.step()
     }
 
     pub(super) fn keep_up(&mut self) {

@@ -16,6 +16,7 @@ use super::case::{Case, Row};
 use super::running::{self, Early};
 use crate::arguments::run::{LinkKind, RunArguments};
 use crate::files::part_file;
+use crate::files::runs::SUMMARY;
 use crate::run::{Origin, RunResult};
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
@@ -165,7 +166,7 @@ fn tell(
     summary["audit"] = serde_json::json!({ "verdict": verdict, "repetitions": repetitions });
     let text = format!("{summary:#}\n");
     if reference.recording.is_some() {
-        part_file::write_text(&reference.folder.join("summary.json"), &text)?;
+        part_file::write_text(&reference.folder.join(SUMMARY), &text)?;
     }
     output::write(&if json {
         text

@@ -7,6 +7,7 @@ use shared_types::number::unit_shown;
 use super::Ranges;
 use super::pages::Page;
 use crate::terminal::exit::Failure;
+use crate::terminal::output;
 use crate::views::plots::Plot;
 use crate::views::plots::signal::labels;
 
@@ -54,8 +55,7 @@ pub(super) fn text(pages: &[Page], ranges: &Ranges) -> Result<String, Failure> {
             "splitPercentage": BAND,
         },
     });
-    let text = serde_json::to_string_pretty(&layout).map_err(Failure::infrastructure)?;
-    Ok(text + "\n")
+    output::pretty(&layout)
 }
 
 /// Panels of about the same size: halves, in turns one above and one beside the other.

@@ -41,15 +41,15 @@ impl Keys {
     pub(crate) fn next(&self, timeout: Duration) -> io::Result<Option<Event>> {
         match self.events.recv_timeout(timeout) {
             Ok(event) => event.map(Some),
-            Err(RecvTimeoutError::Timeout) if !terminal_is_gone() => Ok(None),
+            Err(RecvTimeoutError::Timeout) if !input_is_gone() => Ok(None),
             Err(_) => Err(Errno::IO.into()), // as when it is written to
         }
     }
 }
 
-/// Reports a terminal whose other end is closed.
+/// Reports a standard input, a terminal or a pipe, whose other end is closed.
 #[must_use]
-pub(crate) fn terminal_is_gone() -> bool {
+pub(crate) fn input_is_gone() -> bool {
     let input = io::stdin();
     let mut looked = [PollFd::new(&input, PollFlags::empty())];
     let found = poll(&mut looked, Some(&Timespec::default()));

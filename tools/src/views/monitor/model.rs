@@ -180,6 +180,8 @@ impl Model {
     /// Takes what was seen.
     pub(crate) fn take(&mut self, seen: Seen<'_>) {
         match seen {
+            // The newest one may have been asked for before the stream brings it and those before it.
+            Seen::Record(record, _) if self.step.is_some_and(|step| record.step <= step) => {}
             Seen::Record(record, _) => {
                 self.joined.get_or_insert(record.step);
                 self.step = Some(record.step);

@@ -7,7 +7,7 @@ use shared_types::clock::monotonic_ns;
 
 use super::asking::Asking;
 use super::display::{Action, Display};
-use super::keys::{Keys, terminal_is_gone};
+use super::keys::{Keys, input_is_gone};
 use super::terminal::Screen;
 use super::watch::Watch;
 use super::{SharedModel, view};
@@ -29,7 +29,7 @@ pub(crate) fn show(
     interruption: &Interruption,
 ) -> Result<(), Failure> {
     let no_terminal = |error: std::io::Error| {
-        if interruption.came() || terminal_is_gone() {
+        if interruption.came() || input_is_gone() {
             Failure::Interrupted // as when the terminal was closed
         } else {
             Failure::infrastructure(format!("error: the terminal does not answer: {error}"))

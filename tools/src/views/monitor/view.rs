@@ -63,9 +63,7 @@ fn draw_middle(frame: &mut Frame<'_>, area: Rect, model: &Model, display: &Displ
         3..=9 => rows - 2,
         _ => PLOT_ROWS + 1 + (rows - 10) / 3,
     };
-    let wanted = lists::rows(model);
-    let most = rows - plot_rows;
-    let list_rows = if wanted < most { wanted } else { most };
+    let list_rows = lists::rows(model).min(rows - plot_rows);
     let [plots, below] =
         Layout::vertical([Constraint::Min(0), Constraint::Length(list_rows)]).areas(area);
     draw_plots(frame, plots, model, display);

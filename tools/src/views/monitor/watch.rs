@@ -10,13 +10,14 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use hil_recording::reader::{ReadError, RunReader};
+use hil_recording::reader::{RECORDING, ReadError, RunReader};
 use serde_json::Value;
 use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
 use shared_types::time::Rate;
 
 use super::{SharedModel, line};
+use crate::files::runs::SUMMARY;
 use crate::session::happening::Happening;
 use crate::session::observer::{Observer, Seen};
 use crate::terminal::exit::Failure;
@@ -197,7 +198,7 @@ impl WatchThread {
             let is_last = !self.session.owner.is_alive();
             let text = run_dir
                 .as_ref()
-                .and_then(|folder| std::fs::read_to_string(folder.join("summary.json")).ok());
+                .and_then(|folder| std::fs::read_to_string(folder.join(SUMMARY)).ok());
             let summary: Option<Value> = text.and_then(|text| serde_json::from_str(&text).ok());
             if let Some(mut summary) = summary {
                 verdict = summary["verdict"].as_str().map(str::to_owned);
@@ -219,7 +220,7 @@ impl WatchThread {
         // What was asked last is older than the end.
         model.hear_standings(standings);
         if verdict.is_none() && !self.session.owner.is_alive() {
-            let recording = model.run_dir.as_ref().map(|folder| folder.join("run.mcap"));
+            let recording = model.run_dir.as_ref().map(|folder| folder.join(RECORDING));
             model.abandon(recording.is_some_and(|file| file.exists()));
         } else {
             model.end(verdict);

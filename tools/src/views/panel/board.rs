@@ -6,8 +6,7 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 use glob::Pattern;
 use hil_config::plan::Clock;
 use serde_json::{Value, json};
-use shared_types::live::Possible;
-use shared_types::live::{self, Request, Response};
+use shared_types::live::{self, Possible, Request, Response};
 use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
 

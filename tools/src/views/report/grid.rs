@@ -52,7 +52,7 @@ impl Grid {
                 distance.map_or(longest, |distance| (distance / fineness).clamp(1, longest));
             // What is interesting begins a bucket.
             let until = after.filter(|after| *after > 0).unwrap_or(wanted);
-            step += if until < wanted { until } else { wanted };
+            step += until.min(wanted);
         }
         Self { edges_ns }
     }

@@ -14,6 +14,7 @@ use shared_types::time::{Rate, Step};
 
 use super::envelope::Envelope;
 use super::grid::Grid;
+use crate::files::runs::SUMMARY;
 use crate::results::evaluation::RecordEvaluation;
 use crate::results::handover::Laws;
 use crate::results::latency::spikes::KEPT;
@@ -336,7 +337,7 @@ fn spans(outcome: &RecordedOutcome, rate: Rate) -> Vec<Span> {
             .and_modify(|(_, from, to)| {
                 *from = taken.step.min(*from);
                 // One effect that goes on is enough.
-                *to = to.zip(until).map(|(a, b)| if a > b { a } else { b });
+                *to = to.zip(until).map(|(a, b)| a.max(b));
             })
             .or_insert((taken.kind.clone(), taken.step, until));
     }
@@ -356,7 +357,7 @@ fn spans(outcome: &RecordedOutcome, rate: Rate) -> Vec<Span> {
 /// Verdict and requirements of the `summary.json` beside a recording.
 fn summary_beside(run: &Path) -> Option<(String, Vec<Requirement>)> {
     let folder = if run.is_dir() { run } else { run.parent()? };
-    let text = std::fs::read_to_string(folder.join("summary.json")).ok()?;
+    let text = std::fs::read_to_string(folder.join(SUMMARY)).ok()?;
     let summary: Value = serde_json::from_str(&text).ok()?;
     let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
     let requirements = summary["requirements"]

@@ -177,16 +177,8 @@ impl Outlet {
     }
 
     fn event(&self, taken: &Event) {
-        let step = match taken {
-            Event::Accepted(accepted) => Some(accepted.step),
-            Event::Fault(taken) => Some(taken.step),
-            Event::FaultEnded(ended) => Some(ended.step),
-            Event::Controller(change) => Some(change.step),
-            Event::Change(change) => Some(change.step),
-            Event::Mark(mark) => Some(mark.step),
-            Event::End(_) => None,
-        };
-        let time_ns = step.map_or(self.time_ns, |step| self.rate.nanoseconds(Step(step)));
+        let step = taken.step().map(Step);
+        let time_ns = step.map_or(self.time_ns, |step| self.rate.nanoseconds(step));
         self.hub.send(Data {
             channel: EVENTS,
             time_ns,

@@ -252,6 +252,18 @@ fn an_answer_that_comes_after_the_end_does_not_replace_the_summary() {
 }
 
 #[test]
+fn a_record_no_newer_than_the_one_that_is_shown_changes_nothing() {
+    let plan = spring_mass();
+    let layout = layout(&plan);
+    let mut model = attached(plan, &["truth.position_m"]);
+    feed(&mut model, &layout, 10, 0.5);
+    feed(&mut model, &layout, 9, 0.25);
+    feed(&mut model, &layout, 10, 0.25);
+    assert_eq!(model.seen(), Some(10));
+    assert_eq!(model.values().next().expect("one").1, 0.5);
+}
+
+#[test]
 fn values_that_are_no_numbers_stay_visible_as_such() {
     let plan = spring_mass();
     let layout = layout(&plan);

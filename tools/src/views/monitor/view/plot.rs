@@ -26,12 +26,6 @@ const LEAST_TITLE: usize = 12;
 /// Colours of a plot's signals, readable on light and on dark.
 const COLOURS: [Color; 4] = [Color::Reset, Color::Cyan, Color::Magenta, Color::Green];
 
-/// Steps that the window is wide.
-fn window_steps(model: &Model, display: &Display) -> u64 {
-    let steps = (display.window_s * model.rate().hz()) as u64;
-    if steps < 2 { 2 } else { steps }
-}
-
 /// Draws a plot.
 pub(super) fn draw(
     frame: &mut Frame<'_>,
@@ -51,7 +45,7 @@ pub(super) fn draw(
     let dots = if display.abilities.unicode { 2 } else { 1 };
     let columns = usize::from(area.width) * dots;
     let last = model.seen().unwrap_or(0);
-    let steps = window_steps(model, display);
+    let steps = ((display.window_s * model.rate().hz()) as u64).max(2);
     let signals: Vec<Vec<Option<Range>>> = (plot.signals.iter())
         .filter_map(|&signal| model.history(signal))
         .map(|history| history.columns(last, steps, columns))
