@@ -11,7 +11,7 @@ use std::time::Duration;
 use serde_json::Value;
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::Settings;
-use shared_types::frame::FrameIdentity;
+use shared_types::frame::{FrameIdentity, FrameKind};
 use shared_types::hello::Control;
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{FrameSpec, Link, LinkError};
@@ -161,11 +161,11 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
     let link = program::attach(&session, known.epoch, limit, &supervision)?;
     bell.is(link.bell());
     supervision.ring_at_news(link.bell());
-    let session_switches = switches(&session).unwrap_or(0);
     Bridge {
         both_here: contact.findings().boot_id == boot_id,
         contact,
         link,
+        switches_before: switches(&session).unwrap_or(0),
         session,
         path,
         address,
@@ -177,14 +177,13 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
         at_step: 0,
         tuning: 0,
         heard_ns: monotonic_ns(),
-        datagram_ns: monotonic_ns(),
+        datagram_ns: None,
         goes_through_channel: true,
         has_told_way: false,
         against_clock: false,
         ended: None,
         stopping_ns: 0,
         told_gone: false,
-        switches_before: session_switches,
     }
     .drive(limit, &supervision)
 }
@@ -216,8 +215,8 @@ struct Bridge {
     tuning: u64,
     /// Time at which anything of the target came.
     heard_ns: u64,
-    /// Time at which a datagram of it came.
-    datagram_ns: u64,
+    /// Time at which a datagram of it came, or the first sample went: nothing is known of the way before.
+    datagram_ns: Option<u64>,
     goes_through_channel: bool,
     has_told_way: bool,
     beat_ns: u64,
@@ -300,6 +299,9 @@ impl Bridge {
         {
             came = true;
             self.at_step = header.step;
+            if header.kind() == Some(FrameKind::Sample) {
+                self.datagram_ns.get_or_insert_with(monotonic_ns);
+            }
             // What the plant said of parameters before the sample goes ahead of it.
             if header.tuning > self.tuning {
                 while let Some(content) = self.link.receive_control()? {
@@ -337,7 +339,7 @@ impl Bridge {
         };
         // Small ones may get through where frames do not.
         if packet.frame.is_some() || !self.goes_through_channel {
-            self.datagram_ns = monotonic_ns();
+            self.datagram_ns = Some(monotonic_ns());
             self.goes_through_channel = false;
         }
         self.take(packet)?;
@@ -451,10 +453,10 @@ impl Bridge {
 
     /// Goes through the channel while no datagram gets through.
     fn look_at_path(&mut self, now_ns: u64) {
-        let is_silent = now_ns.saturating_sub(self.datagram_ns) > PATH_NS || self.path.is_none();
+        let is_late = |since_ns: u64| now_ns.saturating_sub(since_ns) > PATH_NS;
+        let is_silent = self.path.is_none() || self.datagram_ns.is_some_and(is_late);
         self.goes_through_channel |= is_silent;
-        let matters = self.open.is_some() || self.path.is_none();
-        if is_silent && matters && !std::mem::replace(&mut self.has_told_way, true) {
+        if is_silent && !std::mem::replace(&mut self.has_told_way, true) {
             let to = self
                 .address
                 .map_or_else(String::new, |address| format!(" to {address}"));
