@@ -42,7 +42,7 @@ impl AllowedPrograms {
                 folder.display()
             ));
         }
-        make_room(&folder);
+        make_room(&folder, 0);
         Ok(Self::Cached(folder))
     }
 
@@ -98,7 +98,7 @@ impl AllowedPrograms {
         if blake3::Hash::from_hex(blake3).is_err() || bytes > MOST_BYTES {
             return Err((true, "that is no program".into()));
         }
-        make_room(folder);
+        make_room(folder, 1);
         if let Some(free) = free_bytes(folder).filter(|free| *free < bytes) {
             return Err((false, no_room(bytes, free)));
         }
@@ -189,8 +189,8 @@ pub fn no_room(bytes: u64, free: u64) -> String {
     )
 }
 
-/// Removes the oldest programs, so that one more has room, and what is left of copies that were cut off.
-fn make_room(folder: &Path) {
+/// Removes the oldest programs, so that N more have room, and what is left of copies that were cut off.
+fn make_room(folder: &Path, more: usize) {
     let mut programs = Vec::new();
     for file in files(folder) {
         let changed = fs::metadata(&file).and_then(|found| found.modified()).ok();
@@ -207,7 +207,8 @@ fn make_room(folder: &Path) {
     programs.sort();
     let own = std::env::current_exe().ok();
     programs.retain(|(_, file)| Some(file) != own.as_ref());
-    let surplus = (programs.len() + 2).saturating_sub(MOST_FILES);
+    // The agent itself is one.
+    let surplus = (programs.len() + 1 + more).saturating_sub(MOST_FILES);
     for (_, file) in programs.into_iter().take(surplus) {
         let _ = fs::remove_file(file); // the next one tries again
     }
@@ -275,6 +276,19 @@ mod tests {
     }
 
     #[test]
+    fn a_contact_that_stores_nothing_removes_no_program_that_has_a_place() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let programs = AllowedPrograms::Cached(folder.path().into());
+        for number in 0..MOST_FILES {
+            store(&programs, format!("program {number}").as_bytes()).expect("kept");
+        }
+        make_room(folder.path(), 0);
+        assert_eq!(files(folder.path()).len(), MOST_FILES - 1);
+        make_room(folder.path(), 1);
+        assert_eq!(files(folder.path()).len(), MOST_FILES - 2);
+    }
+
+    #[test]
     fn parts_of_copies_count_for_nothing_and_old_ones_go() {
         let folder = tempfile::tempdir().expect("a folder");
         let programs = AllowedPrograms::Cached(folder.path().into());
@@ -294,7 +308,7 @@ mod tests {
             .map(|number| part(&name(number), Duration::ZERO))
             .collect();
         let old = part(&name(9), 2 * PART_LIMIT);
-        make_room(folder.path());
+        make_room(folder.path(), 1);
         assert!(new.iter().all(|part| part.exists()) && !old.exists());
         assert_eq!(files(folder.path()).len(), kept - 1 + new.len());
         // More than any disk has.
