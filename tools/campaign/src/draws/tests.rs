@@ -66,6 +66,16 @@ fn a_seed_that_the_study_gives_is_not_drawn() {
 }
 
 #[test]
+fn a_given_seed_is_the_one_that_the_scenario_reads() {
+    for (given, seed) in [("7", 7), ("1_000", 1000)] {
+        let draws = draws(&format!("cases = 5\nset = [\"run.seed={given}\"]\n{TWO}"));
+        assert_eq!(draws.seed_of(0, 3, &draws.values(0)), seed, "{given}");
+    }
+    let draws = draws(&format!("cases = 5\n{TWO}"));
+    assert_eq!(draws.seed_of(0, 3, &draws.values(0)), 3);
+}
+
+#[test]
 fn independent_and_sobol_draws_stay_when_a_campaign_grows_and_those_of_a_hypercube_do_not() {
     for (sampling, stays) in [
         ("independent", true),
