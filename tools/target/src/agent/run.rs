@@ -189,7 +189,8 @@ impl<'a> Run<'a> {
 
     /// Passes a control message of the plant on; the frames are open before the controller hears of them.
     fn control(&mut self, content: &str) -> Result<(), String> {
-        if let Ok(Control::Welcome(welcome)) = Control::from_bytes(content.as_bytes()) {
+        let said = Control::from_bytes(content.as_bytes());
+        if let Ok(Control::Welcome(welcome)) = &said {
             let spec = FrameSpec {
                 identity: welcome.frame_identity(),
                 outgoing: welcome.sample.len(),
@@ -199,12 +200,11 @@ impl<'a> Run<'a> {
             self.end = TargetEnd::new(welcome.against_clock);
             self.against_clock = welcome.against_clock;
             if welcome.against_clock {
-                self.output = Some(Output::create(&self.session, &welcome, &self.safe)?);
+                self.output = Some(Output::create(&self.session, welcome, &self.safe)?);
             }
             self.values = vec![0.0; spec.incoming];
             self.open = Some((spec.identity, spec.outgoing));
         }
-        let said = Control::from_bytes(content.as_bytes());
         self.link
             .send_control(content.as_bytes())
             .map_err(described)?;
