@@ -96,15 +96,13 @@ struct Safe {
 /// The reason for which it could not be run, or was lost.
 pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8, String> {
     let supervision = Supervision::from_stdin();
-    let session = SessionInfo::read(folder).map_err(|e| e.to_string())?;
-    let mut job: Value = session
-        .read_file(CONTROLLER_JOB)
-        .map_err(|e| e.to_string())?;
+    let session = SessionInfo::read(folder).map_err(described)?;
+    let mut job: Value = session.read_file(CONTROLLER_JOB).map_err(described)?;
     // Of the target's cores the plant has none.
     if let Some(core) = job.pointer_mut("/realtime/peer_core") {
         *core = Value::Null;
     }
-    let known: Job = serde_json::from_value(job.clone()).map_err(|e| e.to_string())?;
+    let known: Job = serde_json::from_value(job.clone()).map_err(described)?;
     let job = job.to_string();
     // The controller's job has the plant's limit and a step of a paced run; where there is no plant's, as in a
     // replay, its own is that.
@@ -124,13 +122,12 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
             "{file} was changed after it was checked, so it is not run"
         ));
     }
-    let contact = Contact::open(way, ring, &is_interrupted).map_err(|e| e.to_string())?;
+    let contact = Contact::open(way, ring, &is_interrupted).map_err(described)?;
     contact
         .provide(file, blake3, &is_interrupted)
-        .map_err(|e| e.to_string())?;
-    let key = Key::random().map_err(|e| e.to_string())?;
-    let (begun, first) =
-        begin(&key, &prologue(blake3, &job, known.epoch)).map_err(|e| e.to_string())?;
+        .map_err(described)?;
+    let key = Key::random().map_err(described)?;
+    let (begun, first) = begin(&key, &prologue(blake3, &job, known.epoch)).map_err(described)?;
     // Only the plant knows whether it waits; the rule is for those that do not, and harmless for others.
     let missed = Missed {
         period_s: known.rate.period_s(),
@@ -149,7 +146,7 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
     })));
     let running = contact
         .wait_to_run(&is_interrupted, log)
-        .map_err(|e| e.to_string())?;
+        .map_err(described)?;
     let handshake = from_hex(&running.handshake).unwrap_or_default();
     let seal = begun
         .end(&handshake)
@@ -157,7 +154,7 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
     let address: Option<SocketAddr> = running.address.and_then(|address| address.parse().ok());
     let path = address.and_then(|address| DatagramPath::desk(address, seal).ok());
     let told = session.write_file(&ready_file(known.epoch), &way.target.to_string());
-    told.map_err(|e| e.to_string())?;
+    told.map_err(described)?;
     let link = program::attach(&session, known.epoch, limit, &supervision)?;
     bell.is(link.bell());
     supervision.ring_at_news(link.bell());
@@ -396,7 +393,7 @@ impl Bridge {
                 if let Ok(report) = serde_json::from_str::<Value>(&report) {
                     self.session
                         .write_file(CONTROLLER_FILE, &report)
-                        .map_err(|e| e.to_string())?;
+                        .map_err(described)?;
                 }
             }
             ToDesk::Output {
@@ -427,7 +424,7 @@ impl Bridge {
         program::say(&text);
         let all = self.switches_before.saturating_add(switches);
         let written = self.session.write_file(SWITCHES_FILE, &all);
-        written.map_err(|e| e.to_string())?;
+        written.map_err(described)?;
         if is_back {
             let session = self.session.clone();
             let text = text.chars().take(LONGEST_MARK).collect();
@@ -494,6 +491,6 @@ fn log(text: &str) {
     let _ = std::io::stderr().write_all(text::printable(text).as_bytes());
 }
 
-fn described(error: LinkError) -> String {
+fn described(error: impl std::fmt::Display) -> String {
     error.to_string()
 }
