@@ -184,6 +184,27 @@ fn moments_and_correlations_are_those_of_the_distributions() {
 }
 
 #[test]
+fn lognormal_values_agree_with_scipy() {
+    // scipy.stats.lognorm.ppf(u, sigma, scale=median)
+    for (median, sigma, u, wanted) in [
+        (2.0, 0.5, 0.5, 2.0),
+        (2.0, 0.5, 0.975, 5.328816523105796),
+        (1e-3, 1.5, 0.01, 3.051546083870337e-5),
+    ] {
+        let within = [0.0, f64::INFINITY];
+        let found = value(
+            &Spread::Lognormal {
+                median,
+                sigma,
+                within,
+            },
+            u,
+        );
+        assert!((found - wanted).abs() <= 2e-14 * wanted, "{found:e}");
+    }
+}
+
+#[test]
 fn correlations_that_no_values_can_have_are_refused_with_their_place() {
     let one = |name: &str| {
         format!("[[vary]]\nkey = \"a.{name}\"\nkind = \"normal\"\nmean = 0\ndeviation = 1\n")
