@@ -180,6 +180,7 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
         against_clock: false,
         ended: None,
         stopping_ns: 0,
+        told_stop: false,
         told_gone: false,
     }
     .drive(limit, &supervision)
@@ -221,6 +222,7 @@ struct Bridge {
     ended: Option<EndedController>,
     /// Time at which the controller was told to stop; 0 if it was not.
     stopping_ns: u64,
+    told_stop: bool,
     told_gone: bool,
     /// Switches of outputs to the safe command under controllers before this.
     switches_before: u32,
@@ -273,9 +275,11 @@ impl Bridge {
     fn pass_on(&mut self, supervision: &Supervision) {
         let mouth = &self.contact.mouth;
         let word = |line: &str| mouth.try_say(&ToAgent::Word { line: line.into() });
-        if self.stopping_ns == 0 && supervision.wants_stop() {
-            word(STOP);
-            self.stopping_ns = monotonic_ns();
+        if supervision.wants_stop() {
+            if self.stopping_ns == 0 {
+                self.stopping_ns = monotonic_ns();
+            }
+            self.told_stop = self.told_stop || word(STOP);
         }
         if !self.told_gone && supervision.is_peer_gone() {
             self.told_gone = word(PEER_GONE);
@@ -478,11 +482,8 @@ impl Bridge {
                 self.at_step
             )));
         }
-        let code = ended
-            .code
-            .and_then(|code| u8::try_from(code).ok())
-            .unwrap_or(FAILED);
-        Some(Ok(code))
+        let code = ended.code.and_then(|code| u8::try_from(code).ok());
+        Some(Ok(code.unwrap_or(FAILED)))
     }
 }
 
