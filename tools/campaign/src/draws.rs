@@ -191,8 +191,9 @@ impl Draws {
     pub fn seed_of(&self, variant: usize, drawn: u64, values: &[Drawn]) -> u64 {
         let flags = self.flags_of(variant, drawn, values);
         let given = flags.iter().find_map(|flag| flag.strip_prefix(SEED));
+        // TOML may have `_` between digits.
         given
-            .and_then(|seed| seed.trim().parse().ok())
+            .and_then(|seed| seed.trim().replace('_', "").parse().ok())
             .unwrap_or_default()
     }
 

@@ -5,6 +5,7 @@
 
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 use rustix::fs::{FlockOperation, flock};
@@ -137,7 +138,11 @@ impl Folder {
         let text = serde_json::to_vec_pretty(conflict)?;
         let hash = blake3::hash(&text).to_hex();
         let path = folder.join(format!("{:09}-{}.json", conflict.case, &hash[..8]));
-        let mut part = tempfile::Builder::new().prefix(".").tempfile_in(&folder)?;
+        let mut part = tempfile::Builder::new()
+            .prefix(".")
+            // Less what the process's mask takes away, as of any new file.
+            .permissions(fs::Permissions::from_mode(0o666))
+            .tempfile_in(&folder)?;
         part.write_all(&text)?;
         part.as_file().sync_all()?;
         part.persist(path).map(|_| ()).map_err(|error| error.error)
@@ -198,5 +203,31 @@ pub fn try_out(folder: &Path) -> Result<(), String> {
     match flock(&second, FlockOperation::NonBlockingLockShared) {
         Err(_) => Ok(()),
         Ok(()) => Err(lacks("locks that keep others out", &"both got one")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shard::tests::Campaign;
+
+    #[test]
+    fn a_contradiction_is_for_whoever_reads_the_results() {
+        let campaign = Campaign::new(1, 1);
+        let conflict = Conflict {
+            case: 0,
+            column: "x".into(),
+            first: "1".into(),
+            second: "2".into(),
+            by: "a test".into(),
+        };
+        campaign.folder.note(&conflict).expect("noted");
+        let folder = campaign.folder.path().join(CONFLICTS);
+        let note = fs::read_dir(&folder).expect("a folder").next();
+        let note = note.expect("a note").expect("read").path();
+        let plain = folder.join("plain");
+        fs::write(&plain, "").expect("written");
+        let mode = |path: &Path| fs::metadata(path).expect("there").permissions().mode();
+        assert_eq!(mode(&note), mode(&plain));
     }
 }

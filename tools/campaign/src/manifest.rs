@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
 
+use serde::de::Error as _;
 use serde::{Deserialize, Serialize};
 
 use crate::curve::Grid;
@@ -103,10 +104,15 @@ impl Manifest {
             .map_err(|error| ManifestError::Absent(shown(), error))?;
         let manifest: Self =
             serde_json::from_slice(&text).map_err(|error| ManifestError::Broken(shown(), error))?;
-        match manifest.schema {
-            SCHEMA | GROWN => Ok(manifest),
-            other => Err(ManifestError::Version(shown(), other)),
+        if ![SCHEMA, GROWN].contains(&manifest.schema) {
+            return Err(ManifestError::Version(shown(), manifest.schema));
         }
+        let is_sound = |(cases, size): (Range<u64>, u64)| size > 0 && cases.start <= cases.end;
+        if !manifest.extents().all(is_sound) {
+            let error = serde_json::Error::custom("its shards cannot be counted");
+            return Err(ManifestError::Broken(shown(), error));
+        }
+        Ok(manifest)
     }
 
     /// Identity of the campaign: a hash over everything that its results follow from.
@@ -229,4 +235,36 @@ pub fn differences(one: &Manifest, other: &Manifest) -> Vec<String> {
 /// First digits of a hash.
 fn short(hash: &str) -> &str {
     hash.get(..12).unwrap_or(hash)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shard::tests::Campaign;
+
+    #[test]
+    fn a_manifest_whose_shards_cannot_be_counted_is_broken() {
+        let campaign = Campaign::new(12, 5);
+        let (folder, sound) = (campaign.folder.path(), campaign.folder.manifest());
+        let stage = |cases| Stage {
+            id: "x".into(),
+            cases,
+            shard_cases: 5,
+        };
+        for (shard_cases, grown) in [
+            (0, vec![]),
+            (5, vec![stage(13)]),
+            (5, vec![stage(9), stage(8)]),
+        ] {
+            let broken = Manifest {
+                shard_cases,
+                grown,
+                ..sound.clone()
+            };
+            let text = serde_json::to_vec(&broken).expect("JSON");
+            std::fs::write(folder.join(MANIFEST), text).expect("written");
+            let told = Manifest::read(folder).expect_err("broken").to_string();
+            assert!(told.contains("its shards cannot be counted"), "{told}");
+        }
+    }
 }

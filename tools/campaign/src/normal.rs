@@ -1,4 +1,4 @@
-//! The normal and the lognormal distribution.
+//! The normal distribution.
 //!
 //! The sampler calls these functions to turn a probability into a value; the intervals of the report
 //! use the same ones. Nothing here draws a random number.
@@ -125,22 +125,6 @@ pub fn quantile(p: f64) -> f64 {
     if q < 0.0 { -z } else { z }
 }
 
-/// Value at probability `u` of the lognormal distribution whose logarithm has the deviation `sigma`.
-///
-/// `x = median exp(sigma Phi^-1(u))` (Johnson, Kotz and Balakrishnan, vol. 1, chapter 14,
-/// with `median = exp(zeta)`; valid for `median > 0`, `sigma >= 0` and `0 < u < 1`). The ends 0 and 1 give
-/// the limits 0 and infinity, and a sigma of 0 always the median; a `u` outside of 0 to 1, another median or sigma, and NaN give NaN.
-#[must_use]
-pub fn lognormal(median: f64, sigma: f64, u: f64) -> f64 {
-    let is_valid = median > 0.0 && median.is_finite() && sigma >= 0.0 && sigma.is_finite();
-    match quantile(u) {
-        z if !is_valid || z.is_nan() => f64::NAN,
-        // Zero times an infinite quantile is no number.
-        _ if sigma == 0.0 => median,
-        z => median * libm::exp(sigma * z),
-    }
-}
-
 /// Upper tail of the standard normal distribution over its density.
 ///
 /// `M(z) = (1 - Phi(z)) / phi(z) = 1/(z + 1/(z + 2/(z + 3/(z + ..))))` (Abramowitz and Stegun,
@@ -224,23 +208,5 @@ mod tests {
         for outside in [-1e-300, 1.0 + f64::EPSILON, f64::NAN, INF] {
             assert!(quantile(outside).is_nan());
         }
-    }
-
-    #[test]
-    fn lognormal_values_agree_with_scipy() {
-        // scipy.stats.lognorm.ppf(u, sigma, scale=median)
-        for (median, sigma, u, wanted) in [
-            (2.0, 0.5, 0.5, 2.0),
-            (2.0, 0.5, 0.975, 5.328816523105796),
-            (1e-3, 1.5, 0.01, 3.051546083870337e-5),
-        ] {
-            assert_near(lognormal(median, sigma, u), wanted, 2e-15);
-        }
-        assert_eq!(
-            (lognormal(2.0, 0.5, 0.0), lognormal(2.0, 0.5, 1.0)),
-            (0.0, INF)
-        );
-        assert_eq!(lognormal(2.0, 0.0, 0.9), 2.0);
-        assert!(lognormal(-1.0, 0.5, 0.5).is_nan() && lognormal(1.0, -0.5, 0.5).is_nan());
     }
 }

@@ -247,11 +247,8 @@ impl<'a> Shard<'a> {
     /// If it cannot be renamed.
     pub fn set_aside(&self) -> io::Result<PathBuf> {
         let path = self.path();
-        let free = (1..).map(|number| path.join(format!("broken-{number}.parquet")));
-        let free = free
-            .into_iter()
-            .find(|path| !path.exists())
-            .unwrap_or_default();
+        let mut names = (1..).map(|number| path.join(format!("broken-{number}.parquet")));
+        let free = names.find(|path| !path.exists()).unwrap_or_default();
         fs::rename(path.join(PART), &free)?;
         let _ = fs::remove_file(path.join(CURVES)); // there may be none
         Ok(free)

@@ -14,11 +14,11 @@ use shared_types::record::Event;
 use super::chunk::Chunk;
 use super::event;
 use super::mcap_file::McapFile;
-use super::schema::ENCAPSULATION;
+use super::schema::{ENCAPSULATION, EVENT_TOPIC, RECORD_TOPIC};
 use super::writer::{CHANNELS, CHUNK_BYTES, FACTS, RESULT};
 use crate::compression::Compression;
 use crate::reader::content::Content;
-use crate::reader::{EVENTS, RECORDS, UNVOUCHED, Unvouched, VOUCHED};
+use crate::reader::{UNVOUCHED, Unvouched, VOUCHED};
 
 /// A copy of a recording, as far as it could be read.
 #[derive(Debug)]
@@ -122,7 +122,7 @@ impl Copy {
                 let number = self.file.schema(&header.name, &header.encoding, &data)?;
                 self.schemas.insert(header.id, number);
             }
-            Record::Channel(channel) if [RECORDS, EVENTS].contains(&&*channel.topic) => {
+            Record::Channel(channel) if [RECORD_TOPIC, EVENT_TOPIC].contains(&&*channel.topic) => {
                 let schema = self.schemas.get(&channel.schema_id).copied();
                 let (topic, encoding) = (&channel.topic, &channel.message_encoding);
                 let schema = schema.unwrap_or_default();
@@ -130,7 +130,7 @@ impl Copy {
                 if number > CHANNELS {
                     return Err(io::Error::other("it has a channel twice"));
                 }
-                let events = (topic == EVENTS).then_some(channel.message_encoding);
+                let events = (topic == EVENT_TOPIC).then_some(channel.message_encoding);
                 self.channels.insert(channel.id, (number, events));
             }
             Record::Metadata(metadata) if metadata.name == RESULT => {

@@ -176,9 +176,10 @@ impl McapFile {
         }
         index.message_index_length = self.position - index.chunk_start_offset - index.chunk_length;
         let index = record(op::CHUNK_INDEX, &[&bytes_of(&index)?]);
-        self.summarise(op::CHUNK_INDEX, &index);
         self.count_chunk(first_ns, last_ns);
         self.mark()?;
+        // Only now: what is taken back must not stand in the summary.
+        self.summarise(op::CHUNK_INDEX, &index);
         chunk.clear();
         Ok(())
     }

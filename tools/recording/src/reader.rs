@@ -24,6 +24,8 @@ use shared_types::text;
 use shared_types::time::Rate;
 
 use crate::clean::clean;
+use crate::schema::{ENCAPSULATION, EVENT_TOPIC, RECORD_TOPIC};
+use crate::writer::{FACTS, RESULT};
 use crate::{event, mark, part_file};
 pub use content::FileEnd;
 use content::{Content, ContentError};
@@ -36,13 +38,6 @@ pub use vouched::{UNVOUCHED, Unvouched};
 pub const RECORDING: &str = "run.mcap";
 /// The fact that says what was kept, if not all was.
 pub const EXCERPT: &str = "excerpt";
-/// The topic of records.
-pub(crate) const RECORDS: &str = "/record";
-/// The topic of events.
-pub(crate) const EVENTS: &str = "/events";
-/// Bytes of encapsulation in front of a record.
-const ENCAPSULATION: usize = 4;
-
 /// The last step of the longest run that a scenario can ask for; what follows steps may count on it.
 const LAST_STEP: u64 = 1 << 40;
 
@@ -183,22 +178,19 @@ impl RunReader {
     /// A fact that was written down before the run.
     #[must_use]
     pub fn fact(&self, name: &str) -> Option<&str> {
-        self.metadata.get("hil.run")?.get(name).map(String::as_str)
+        self.metadata.get(FACTS)?.get(name).map(String::as_str)
     }
 
     /// All facts that were written down before the run.
     pub fn facts(&self) -> impl Iterator<Item = (&str, &str)> {
-        let facts = self.metadata.get("hil.run").into_iter().flatten();
+        let facts = self.metadata.get(FACTS).into_iter().flatten();
         facts.map(|(name, fact)| (name.as_str(), fact.as_str()))
     }
 
     /// A fact that was written down after the run; only at the end of the file.
     #[must_use]
     pub fn result(&self, name: &str) -> Option<&str> {
-        self.metadata
-            .get("hil.result")?
-            .get(name)
-            .map(String::as_str)
+        self.metadata.get(RESULT)?.get(name).map(String::as_str)
     }
 
     /// The rate of the run.
@@ -355,19 +347,19 @@ impl RunReader {
                 self.schemas
                     .insert(header.id, text::printable(&text).into_owned());
             }
-            Record::Channel(channel) if channel.topic == RECORDS => {
+            Record::Channel(channel) if channel.topic == RECORD_TOPIC => {
                 self.channels.insert(channel.id, None);
                 let schema = self.schemas.get(&channel.schema_id);
                 let Some(columns) = schema::columns_of(schema.map_or("", String::as_str)) else {
                     return Err(self.foreign("its schema cannot be understood"));
                 };
                 if !self.columns.is_empty() && columns != self.columns {
-                    return Err(self.damaged(format!("its channel {RECORDS} changes")));
+                    return Err(self.damaged(format!("its channel {RECORD_TOPIC} changes")));
                 }
                 self.columns = columns;
                 self.hashed_words = schema::hashed(&self.columns);
             }
-            Record::Channel(channel) if channel.topic == EVENTS => {
+            Record::Channel(channel) if channel.topic == EVENT_TOPIC => {
                 (self.channels).insert(channel.id, Some(channel.message_encoding));
             }
             Record::Metadata(metadata) => {
@@ -381,8 +373,8 @@ impl RunReader {
                 self.attachments.insert(header.name, text);
             }
             Record::Message { header, data } => match self.channels.get(&header.channel_id) {
-                Some(None) if data.len() == ENCAPSULATION + 8 * self.columns.len() => {
-                    let words = data[ENCAPSULATION..].as_chunks::<8>().0;
+                Some(None) if data.len() == ENCAPSULATION.len() + 8 * self.columns.len() => {
+                    let words = data[ENCAPSULATION.len()..].as_chunks::<8>().0;
                     self.words.clear();
                     self.words
                         .extend(words.iter().map(|word| u64::from_le_bytes(*word)));
@@ -411,7 +403,7 @@ impl RunReader {
         match error {
             ContentError::Io(error) => ReadError::Io { path, error },
             // Before the facts of a run it may be anybody's file.
-            ContentError::Damaged { what, .. } if !self.metadata.contains_key("hil.run") => {
+            ContentError::Damaged { what, .. } if !self.metadata.contains_key(FACTS) => {
                 self.foreign(what)
             }
             ContentError::Damaged { at, what } => ReadError::Damaged {

@@ -114,7 +114,7 @@ impl Agent<'_> {
                     let Some((blake3, begun)) = &mut storing else {
                         return Err((false, "a part of no file came".into()));
                     };
-                    if !begun.take(&part).map_err(|reason| (false, reason))? {
+                    if !begun.take(&part).map_err(failed)? {
                         self.mouth.say(&ToDesk::Taken);
                     } else {
                         let path = self.programs.find(blake3);
@@ -127,10 +127,9 @@ impl Agent<'_> {
                 Some(Heard::Message(ToAgent::Describe)) => self.ask(&["--describe".into()])?,
                 Some(Heard::Message(ToAgent::Check { job })) => {
                     // Its folder goes with it, whatever happens.
-                    let session = Session::of_one_process(None)
-                        .map_err(|error| (false, error.to_string()))?;
+                    let session = Session::of_one_process(None).map_err(failed)?;
                     let file = session.info().folder.join("job.json");
-                    std::fs::write(&file, job).map_err(|error| (false, error.to_string()))?;
+                    std::fs::write(&file, job).map_err(failed)?;
                     self.ask(&["--check".into(), file.into_os_string()])?;
                 }
                 Some(Heard::Message(ToAgent::Clean)) => {
@@ -175,30 +174,28 @@ impl Agent<'_> {
 
     /// Makes a session for a program and runs it there.
     fn begin(&self, request: &RunRequest) -> Result<(), Refusal> {
-        let failed = |error: &dyn std::fmt::Display| (false, error.to_string());
         let (blake3, program) = self.program()?;
         let key = Key::from_hex(&request.key).ok_or((false, "that is no key".to_owned()))?;
         let first = from_hex(&request.handshake).unwrap_or_default();
         let believed = prologue(blake3, &request.job, request.epoch);
-        let (seal, second) = answer(&key, &believed, &first).map_err(|e| failed(&e))?;
+        let (seal, second) = answer(&key, &believed, &first).map_err(failed)?;
         // Without a socket the frames go through the channel.
         let socket = self.address.and_then(|address| listen(address).ok());
         let at = socket.as_ref().and_then(|socket| socket.local_addr().ok());
-        let mut session = Session::create(None).map_err(|e| failed(&e))?;
+        let mut session = Session::create(None).map_err(failed)?;
         let info = session.info().clone();
-        let job: serde_json::Value = serde_json::from_str(&request.job).map_err(|e| failed(&e))?;
-        info.write_file(CONTROLLER_JOB, &job)
-            .map_err(|e| failed(&e))?;
-        let mut link = IceoryxLink::create(&info).map_err(|e| failed(&e))?;
+        let job: serde_json::Value = serde_json::from_str(&request.job).map_err(failed)?;
+        info.write_file(CONTROLLER_JOB, &job).map_err(failed)?;
+        let mut link = IceoryxLink::create(&info).map_err(failed)?;
         if request.epoch != 1 {
-            link.expect(request.epoch).map_err(|e| failed(&e))?;
+            link.expect(request.epoch).map_err(failed)?;
         }
         self.bell.is(link.bell());
         let started = Started::start(program, &info, &self.mouth, link.bell())
             .map_err(|e| (true, cannot_run(&e)))?;
         session
             .add_controller(request.epoch, started.process_id())
-            .map_err(|e| failed(&e))?;
+            .map_err(failed)?;
         self.mouth.say(&ToDesk::Running {
             address: at.map(|at| at.to_string()),
             handshake: to_hex(&second),
@@ -213,8 +210,13 @@ impl Agent<'_> {
             request,
         )
         .serve(WaitLimit::from_seconds(limit))
-        .map_err(|reason| (false, reason))
+        .map_err(failed)
     }
+}
+
+/// Makes a refusal that nobody can mend where it was typed.
+fn failed(error: impl std::fmt::Display) -> Refusal {
+    (false, error.to_string())
 }
 
 fn cannot_run(error: &dyn std::fmt::Display) -> String {

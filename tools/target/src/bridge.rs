@@ -11,7 +11,7 @@ use std::time::Duration;
 use serde_json::Value;
 use shared_types::clock::monotonic_ns;
 use shared_types::describe::Settings;
-use shared_types::frame::FrameIdentity;
+use shared_types::frame::{FrameIdentity, FrameKind};
 use shared_types::hello::Control;
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{FrameSpec, Link, LinkError};
@@ -96,15 +96,13 @@ struct Safe {
 /// The reason for which it could not be run, or was lost.
 pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8, String> {
     let supervision = Supervision::from_stdin();
-    let session = SessionInfo::read(folder).map_err(|e| e.to_string())?;
-    let mut job: Value = session
-        .read_file(CONTROLLER_JOB)
-        .map_err(|e| e.to_string())?;
+    let session = SessionInfo::read(folder).map_err(described)?;
+    let mut job: Value = session.read_file(CONTROLLER_JOB).map_err(described)?;
     // Of the target's cores the plant has none.
     if let Some(core) = job.pointer_mut("/realtime/peer_core") {
         *core = Value::Null;
     }
-    let known: Job = serde_json::from_value(job.clone()).map_err(|e| e.to_string())?;
+    let known: Job = serde_json::from_value(job.clone()).map_err(described)?;
     let job = job.to_string();
     // The controller's job has the plant's limit and a step of a paced run; where there is no plant's, as in a
     // replay, its own is that.
@@ -124,13 +122,12 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
             "{file} was changed after it was checked, so it is not run"
         ));
     }
-    let contact = Contact::open(way, ring, &is_interrupted).map_err(|e| e.to_string())?;
+    let contact = Contact::open(way, ring, &is_interrupted).map_err(described)?;
     contact
         .provide(file, blake3, &is_interrupted)
-        .map_err(|e| e.to_string())?;
-    let key = Key::random().map_err(|e| e.to_string())?;
-    let (begun, first) =
-        begin(&key, &prologue(blake3, &job, known.epoch)).map_err(|e| e.to_string())?;
+        .map_err(described)?;
+    let key = Key::random().map_err(described)?;
+    let (begun, first) = begin(&key, &prologue(blake3, &job, known.epoch)).map_err(described)?;
     // Only the plant knows whether it waits; the rule is for those that do not, and harmless for others.
     let missed = Missed {
         period_s: known.rate.period_s(),
@@ -149,7 +146,7 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
     })));
     let running = contact
         .wait_to_run(&is_interrupted, log)
-        .map_err(|e| e.to_string())?;
+        .map_err(described)?;
     let handshake = from_hex(&running.handshake).unwrap_or_default();
     let seal = begun
         .end(&handshake)
@@ -157,15 +154,15 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
     let address: Option<SocketAddr> = running.address.and_then(|address| address.parse().ok());
     let path = address.and_then(|address| DatagramPath::desk(address, seal).ok());
     let told = session.write_file(&ready_file(known.epoch), &way.target.to_string());
-    told.map_err(|e| e.to_string())?;
+    told.map_err(described)?;
     let link = program::attach(&session, known.epoch, limit, &supervision)?;
     bell.is(link.bell());
     supervision.ring_at_news(link.bell());
-    let session_switches = switches(&session).unwrap_or(0);
     Bridge {
         both_here: contact.findings().boot_id == boot_id,
         contact,
         link,
+        switches_before: switches(&session).unwrap_or(0),
         session,
         path,
         address,
@@ -177,14 +174,14 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
         at_step: 0,
         tuning: 0,
         heard_ns: monotonic_ns(),
-        datagram_ns: monotonic_ns(),
+        datagram_ns: None,
         goes_through_channel: true,
         has_told_way: false,
         against_clock: false,
         ended: None,
         stopping_ns: 0,
+        told_stop: false,
         told_gone: false,
-        switches_before: session_switches,
     }
     .drive(limit, &supervision)
 }
@@ -216,8 +213,8 @@ struct Bridge {
     tuning: u64,
     /// Time at which anything of the target came.
     heard_ns: u64,
-    /// Time at which a datagram of it came.
-    datagram_ns: u64,
+    /// Time at which a datagram of it came, or the first sample went: nothing is known of the way before.
+    datagram_ns: Option<u64>,
     goes_through_channel: bool,
     has_told_way: bool,
     beat_ns: u64,
@@ -225,6 +222,7 @@ struct Bridge {
     ended: Option<EndedController>,
     /// Time at which the controller was told to stop; 0 if it was not.
     stopping_ns: u64,
+    told_stop: bool,
     told_gone: bool,
     /// Switches of outputs to the safe command under controllers before this.
     switches_before: u32,
@@ -277,9 +275,11 @@ impl Bridge {
     fn pass_on(&mut self, supervision: &Supervision) {
         let mouth = &self.contact.mouth;
         let word = |line: &str| mouth.try_say(&ToAgent::Word { line: line.into() });
-        if self.stopping_ns == 0 && supervision.wants_stop() {
-            word(STOP);
-            self.stopping_ns = monotonic_ns();
+        if supervision.wants_stop() {
+            if self.stopping_ns == 0 {
+                self.stopping_ns = monotonic_ns();
+            }
+            self.told_stop = self.told_stop || word(STOP);
         }
         if !self.told_gone && supervision.is_peer_gone() {
             self.told_gone = word(PEER_GONE);
@@ -300,6 +300,9 @@ impl Bridge {
         {
             came = true;
             self.at_step = header.step;
+            if header.kind() == Some(FrameKind::Sample) {
+                self.datagram_ns.get_or_insert_with(monotonic_ns);
+            }
             // What the plant said of parameters before the sample goes ahead of it.
             if header.tuning > self.tuning {
                 while let Some(content) = self.link.receive_control()? {
@@ -337,7 +340,7 @@ impl Bridge {
         };
         // Small ones may get through where frames do not.
         if packet.frame.is_some() || !self.goes_through_channel {
-            self.datagram_ns = monotonic_ns();
+            self.datagram_ns = Some(monotonic_ns());
             self.goes_through_channel = false;
         }
         self.take(packet)?;
@@ -394,7 +397,7 @@ impl Bridge {
                 if let Ok(report) = serde_json::from_str::<Value>(&report) {
                     self.session
                         .write_file(CONTROLLER_FILE, &report)
-                        .map_err(|e| e.to_string())?;
+                        .map_err(described)?;
                 }
             }
             ToDesk::Output {
@@ -425,7 +428,7 @@ impl Bridge {
         program::say(&text);
         let all = self.switches_before.saturating_add(switches);
         let written = self.session.write_file(SWITCHES_FILE, &all);
-        written.map_err(|e| e.to_string())?;
+        written.map_err(described)?;
         if is_back {
             let session = self.session.clone();
             let text = text.chars().take(LONGEST_MARK).collect();
@@ -451,10 +454,10 @@ impl Bridge {
 
     /// Goes through the channel while no datagram gets through.
     fn look_at_path(&mut self, now_ns: u64) {
-        let is_silent = now_ns.saturating_sub(self.datagram_ns) > PATH_NS || self.path.is_none();
+        let is_late = |since_ns: u64| now_ns.saturating_sub(since_ns) > PATH_NS;
+        let is_silent = self.path.is_none() || self.datagram_ns.is_some_and(is_late);
         self.goes_through_channel |= is_silent;
-        let matters = self.open.is_some() || self.path.is_none();
-        if is_silent && matters && !std::mem::replace(&mut self.has_told_way, true) {
+        if is_silent && !std::mem::replace(&mut self.has_told_way, true) {
             let to = self
                 .address
                 .map_or_else(String::new, |address| format!(" to {address}"));
@@ -479,11 +482,8 @@ impl Bridge {
                 self.at_step
             )));
         }
-        let code = ended
-            .code
-            .and_then(|code| u8::try_from(code).ok())
-            .unwrap_or(FAILED);
-        Some(Ok(code))
+        let code = ended.code.and_then(|code| u8::try_from(code).ok());
+        Some(Ok(code.unwrap_or(FAILED)))
     }
 }
 
@@ -492,6 +492,6 @@ fn log(text: &str) {
     let _ = std::io::stderr().write_all(text::printable(text).as_bytes());
 }
 
-fn described(error: LinkError) -> String {
+fn described(error: impl std::fmt::Display) -> String {
     error.to_string()
 }

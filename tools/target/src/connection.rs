@@ -25,11 +25,18 @@ pub(crate) fn connect(
         return Err(way.usage("an agent that listens needs its key: --key-file FILE"));
     };
     let key = read_key(key_file).map_err(|error| way.usage(error))?;
-    let mut addresses =
+    let addresses =
         (address.to_socket_addrs()).map_err(|error| way.usage(format!("unknown host: {error}")))?;
-    let address = addresses.next().ok_or_else(|| way.usage("unknown host"))?;
-    let connection =
-        TcpStream::connect_timeout(&address, CONNECT).map_err(|error| way.infrastructure(error))?;
+    let mut connection = Err(way.usage("unknown host"));
+    // A name may have addresses of both versions, and the agent listens on one.
+    for address in addresses {
+        connection = TcpStream::connect_timeout(&address, CONNECT)
+            .map_err(|error| way.infrastructure(error));
+        if connection.is_ok() {
+            break;
+        }
+    }
+    let connection = connection?;
     let hands = || -> io::Result<Seal> {
         let mut connection = &connection;
         let deadline = Instant::now() + CONNECT;

@@ -152,7 +152,7 @@ impl Contact {
                 self.mouth.part(part);
             }
             match self.wait(COPY_LIMIT, is_interrupted)? {
-                ToDesk::Taken => under_way -= 1,
+                ToDesk::Taken if under_way > 0 => under_way -= 1,
                 ToDesk::Have => return Ok(()),
                 _ => return Err(self.out_of_turn()),
             }
@@ -286,14 +286,54 @@ impl Contact {
 
     /// Describes the end of the channel, with what `ssh` said of it.
     pub(crate) fn lost(&self, why: &str) -> TargetError {
-        match &self.leash {
-            Leash::Ssh(_, said) => {
-                let said = said.last_line(LAST_WORD);
-                let said = said.map_or(String::new(), |said| format!(" ({said})"));
-                self.way
-                    .infrastructure(format!("connection lost: {why}{said}"))
-            }
-            Leash::Connection(_) => self.way.infrastructure(format!("connection lost: {why}")),
+        let said = match &self.leash {
+            Leash::Ssh(_, said) => said.last_line(LAST_WORD),
+            Leash::Connection(_) => None,
+        };
+        let said = said.map_or_else(String::new, |said| format!(" ({said})"));
+        self.way
+            .infrastructure(format!("connection lost: {why}{said}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::{TcpListener, TcpStream};
+
+    use super::*;
+
+    /// A contact with an agent that says what it is told to.
+    fn contact() -> (Contact, Mouth) {
+        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+        let address = listener.local_addr().expect("its address");
+        let ours = TcpStream::connect(address).expect("connected");
+        let (theirs, _) = listener.accept().expect("connected");
+        let again = || ours.try_clone().expect("the same");
+        let contact = Contact {
+            way: Way {
+                target: "board".parse().expect("a name"),
+                agent: None,
+                key_file: None,
+            },
+            ear: Ear::listen(again(), None, || ()),
+            mouth: Mouth::speak(again(), None),
+            leash: Leash::Connection(ours),
+            findings: Findings::own(),
+        };
+        (contact, Mouth::speak(theirs, None))
+    }
+
+    #[test]
+    fn an_agent_that_takes_more_parts_than_it_was_sent_is_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let program = folder.path().join("program");
+        std::fs::write(&program, "short").expect("written");
+        let (contact, agent) = contact();
+        for said in [ToDesk::Send, ToDesk::Taken, ToDesk::Taken] {
+            agent.say(&said);
         }
+        let refused = contact.provide(&program, "0", &|| false);
+        let told = refused.expect_err("refused").to_string();
+        assert!(told.contains("something that was not asked"), "{told}");
     }
 }

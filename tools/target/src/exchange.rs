@@ -39,34 +39,35 @@ struct Ends {
 
 impl Ends {
     fn next(&mut self, header: &Header, values: &[f64]) {
-        let number = self.own.as_ref().map_or(0, |own| own.number) + 1;
         let count = usize::from(header.count).min(values.len());
         let own = self.own.get_or_insert_with(|| Numbered {
-            number,
+            number: 0,
             header: *header,
             values: Vec::new(),
         });
-        own.number = number;
+        own.number += 1;
         own.header = *header;
         own.values.clear();
         own.values.extend_from_slice(&values[..count]);
     }
 
+    /// Number of the newest frame of this end.
+    fn said(&self) -> u64 {
+        self.own.as_ref().map_or(0, |own| own.number)
+    }
+
     fn is_heard(&self) -> bool {
-        self.own
-            .as_ref()
-            .is_none_or(|own| own.number <= self.answered)
+        self.said() <= self.answered
     }
 
     fn packet(&self, bytes: &mut Vec<u8>) {
-        let unheard = self.own.as_ref().filter(|own| own.number > self.answered);
+        let unheard = self.own.as_ref().filter(|_| !self.is_heard());
         write(self.heard, unheard, bytes);
     }
 
     /// Takes what the other end has heard; nothing that was never said.
     fn note(&mut self, heard: u64) {
-        let newest = self.own.as_ref().map_or(0, |own| own.number);
-        if heard <= newest && heard > self.answered {
+        if heard <= self.said() && heard > self.answered {
             self.answered = heard;
         }
     }
@@ -278,7 +279,7 @@ impl TargetEnd {
     /// Number of the controller's last frame.
     #[must_use]
     pub fn said(&self) -> u64 {
-        self.ends.own.as_ref().map_or(0, |own| own.number)
+        self.ends.said()
     }
 }
 

@@ -66,7 +66,10 @@ pub fn read_key(path: &Path) -> Result<Key, KeyError> {
     let file = fs::File::open(path).map_err(failed)?;
     let found = file.metadata().map_err(failed)?;
     let own = rustix::process::geteuid().as_raw();
-    if !found.is_file() || found.mode() & 0o077 != 0 || !(found.uid() == own || found.uid() == 0) {
+    if !found.is_file() {
+        return Err(KeyError::NoKey(path.into()));
+    }
+    if found.mode() & 0o077 != 0 || ![own, 0].contains(&found.uid()) {
         return Err(KeyError::Open(path.into()));
     }
     let mut digits = String::new();
@@ -137,4 +140,32 @@ pub(crate) fn get(from: &mut impl Read) -> io::Result<Vec<u8>> {
     let mut message = vec![0; length];
     from.read_exact(&mut message)?;
     Ok(message)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::PermissionsExt;
+
+    use super::*;
+
+    #[test]
+    fn a_key_is_read_unless_others_can_read_it_or_it_is_none() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("board.key");
+        make_key(&path).expect("made");
+        read_key(&path).expect("a key");
+        assert!(matches!(make_key(&path), Err(KeyError::Io { .. })));
+        for mode in [0o640, 0o604] {
+            fs::set_permissions(&path, fs::Permissions::from_mode(mode)).expect("set");
+            assert!(
+                matches!(read_key(&path), Err(KeyError::Open(_))),
+                "{mode:o}"
+            );
+        }
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o600)).expect("set");
+        fs::write(&path, "no key").expect("written");
+        for none in [path.as_path(), folder.path()] {
+            assert!(matches!(read_key(none), Err(KeyError::NoKey(_))));
+        }
+    }
 }

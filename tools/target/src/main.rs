@@ -2,7 +2,7 @@
 //! on the target.
 
 use std::io;
-use std::net::{IpAddr, SocketAddr};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -97,7 +97,6 @@ fn serve_ssh() -> Result<(), String> {
         .split(' ')
         .nth(2)
         .and_then(|own| own.parse().ok());
-    let own: Option<IpAddr> = own;
     let programs = AllowedPrograms::cached()?;
     agent::run(io::stdin(), io::stdout(), None, &programs, own)
 }

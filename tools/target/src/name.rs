@@ -34,10 +34,8 @@ impl FromStr for Target {
             None => (text, false),
         };
         let is_legal = |c: char| c.is_ascii_alphanumeric() || "._@:[]-".contains(c);
-        if host.is_empty() || host.len() > LONGEST || host.starts_with('-') {
-            return Err(refused());
-        }
-        if !host.chars().all(is_legal) {
+        let is_short = (1..=LONGEST).contains(&host.len());
+        if !is_short || host.starts_with('-') || !host.chars().all(is_legal) {
             return Err(refused());
         }
         if !is_served {

@@ -42,7 +42,7 @@ impl AllowedPrograms {
                 folder.display()
             ));
         }
-        make_room(&folder);
+        make_room(&folder, 0);
         Ok(Self::Cached(folder))
     }
 
@@ -95,10 +95,14 @@ impl AllowedPrograms {
             let told = "this agent runs only the programs that were listed when it was started";
             return Err((true, told.into()));
         };
-        if blake3::Hash::from_hex(blake3).is_err() || bytes > MOST_BYTES {
+        if blake3::Hash::from_hex(blake3).is_err() {
             return Err((true, "that is no program".into()));
         }
-        make_room(folder);
+        if bytes > MOST_BYTES {
+            let most = MOST_BYTES >> 20;
+            return Err((true, format!("the program has more than {most} MiB")));
+        }
+        make_room(folder, 1);
         if let Some(free) = free_bytes(folder).filter(|free| *free < bytes) {
             return Err((false, no_room(bytes, free)));
         }
@@ -189,8 +193,8 @@ pub fn no_room(bytes: u64, free: u64) -> String {
     )
 }
 
-/// Removes the oldest programs, so that one more has room, and what is left of copies that were cut off.
-fn make_room(folder: &Path) {
+/// Removes the oldest programs, so that N more have room, and what is left of copies that were cut off.
+fn make_room(folder: &Path, more: usize) {
     let mut programs = Vec::new();
     for file in files(folder) {
         let changed = fs::metadata(&file).and_then(|found| found.modified()).ok();
@@ -207,7 +211,8 @@ fn make_room(folder: &Path) {
     programs.sort();
     let own = std::env::current_exe().ok();
     programs.retain(|(_, file)| Some(file) != own.as_ref());
-    let surplus = (programs.len() + 2).saturating_sub(MOST_FILES);
+    // The agent itself is one.
+    let surplus = (programs.len() + 1 + more).saturating_sub(MOST_FILES);
     for (_, file) in programs.into_iter().take(surplus) {
         let _ = fs::remove_file(file); // the next one tries again
     }
@@ -254,6 +259,8 @@ mod tests {
         for name in ["", "../x", "a"] {
             assert!(programs.store(name, 9).is_err(), "{name}");
         }
+        let (_, told) = programs.store(&hash, MOST_BYTES + 1).expect_err("large");
+        assert_eq!(told, "the program has more than 512 MiB");
     }
 
     #[test]
@@ -272,6 +279,19 @@ mod tests {
         );
         assert!(programs.clean() > 0);
         assert!(files(folder.path()).is_empty());
+    }
+
+    #[test]
+    fn a_contact_that_stores_nothing_removes_no_program_that_has_a_place() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let programs = AllowedPrograms::Cached(folder.path().into());
+        for number in 0..MOST_FILES {
+            store(&programs, format!("program {number}").as_bytes()).expect("kept");
+        }
+        make_room(folder.path(), 0);
+        assert_eq!(files(folder.path()).len(), MOST_FILES - 1);
+        make_room(folder.path(), 1);
+        assert_eq!(files(folder.path()).len(), MOST_FILES - 2);
     }
 
     #[test]
@@ -294,14 +314,9 @@ mod tests {
             .map(|number| part(&name(number), Duration::ZERO))
             .collect();
         let old = part(&name(9), 2 * PART_LIMIT);
-        make_room(folder.path());
+        make_room(folder.path(), 1);
         assert!(new.iter().all(|part| part.exists()) && !old.exists());
         assert_eq!(files(folder.path()).len(), kept - 1 + new.len());
-        // More than any disk has.
-        let bytes = free_bytes(folder.path()).expect("a disk");
-        if bytes < MOST_BYTES {
-            assert!(programs.store(&name(1), MOST_BYTES).is_err());
-        }
     }
 
     #[test]

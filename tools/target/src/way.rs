@@ -53,6 +53,11 @@ fn agents(own: &Path, machine: &str) -> (Option<PathBuf>, PathBuf) {
     (built, beside)
 }
 
+/// Checks that a file is a program for a type of machine.
+fn is_for(file: &Path, machine: &str) -> bool {
+    built_for(file).is_ok_and(|built| built.as_deref() == Some(machine))
+}
+
 impl Way {
     /// The agent for a type of machine, if nobody named it and it is older than the one beside this program, with
     /// that: a part of this build that was not built anew.
@@ -68,8 +73,7 @@ impl Way {
                 .and_then(|found| found.modified())
                 .ok()
         };
-        let built = built
-            .filter(|file| built_for(file).is_ok_and(|built| built.as_deref() == Some(machine)))?;
+        let built = built.filter(|file| is_for(file, machine))?;
         (changed(&built)? < changed(&beside)?).then_some((built, beside))
     }
 
@@ -93,23 +97,22 @@ impl Way {
     /// # Errors
     /// If there is none for this machine; the error says how to build one.
     pub fn agent_for(&self, machine: &str) -> Result<PathBuf, TargetError> {
-        let is_for =
-            |file: &Path| built_for(file).is_ok_and(|built| built.as_deref() == Some(machine));
         if let Some(named) = &self.agent {
             let built = built_for(named)
                 .map_err(|error| self.usage(format!("cannot read {}: {error}", named.display())))?;
-            let built = built.unwrap_or_else(|| "no machine".into());
-            return match is_for(named) {
-                true => Ok(named.clone()),
-                false => Err(self.usage(format!(
-                    "{} is built for {built}, the target is {machine}",
-                    named.display()
-                ))),
-            };
+            if built.as_deref() == Some(machine) {
+                return Ok(named.clone());
+            }
+            return Err(self.usage(format!(
+                "{} is built for {}, the target is {machine}",
+                named.display(),
+                built.as_deref().unwrap_or("no machine")
+            )));
         }
         let own = std::env::current_exe().map_err(|error| self.infrastructure(error))?;
         let (built, beside) = agents(&own, machine);
-        let found = built.into_iter().chain([beside]).find(|file| is_for(file));
+        let mut agents = built.into_iter().chain([beside]);
+        let found = agents.find(|file| is_for(file, machine));
         found.ok_or_else(|| {
             self.usage(match triple(machine) {
                 Some(triple) => format!(

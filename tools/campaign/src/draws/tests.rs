@@ -66,6 +66,16 @@ fn a_seed_that_the_study_gives_is_not_drawn() {
 }
 
 #[test]
+fn a_given_seed_is_the_one_that_the_scenario_reads() {
+    for (given, seed) in [("7", 7), ("1_000", 1000)] {
+        let draws = draws(&format!("cases = 5\nset = [\"run.seed={given}\"]\n{TWO}"));
+        assert_eq!(draws.seed_of(0, 3, &draws.values(0)), seed, "{given}");
+    }
+    let draws = draws(&format!("cases = 5\n{TWO}"));
+    assert_eq!(draws.seed_of(0, 3, &draws.values(0)), 3);
+}
+
+#[test]
 fn independent_and_sobol_draws_stay_when_a_campaign_grows_and_those_of_a_hypercube_do_not() {
     for (sampling, stays) in [
         ("independent", true),
@@ -171,6 +181,27 @@ fn moments_and_correlations_are_those_of_the_distributions() {
     let (mean, deviation, correlation) = moments(&draws(&format!("cases = 20000\n{TWO}")));
     assert!((mean[0] - 3.0).abs() < 0.0205 && (deviation[0] - 1.0 / 3.0_f64.sqrt()).abs() < 0.01);
     assert!((mean[1] - 10.0).abs() < 0.071 && correlation.abs() < 0.036);
+}
+
+#[test]
+fn lognormal_values_agree_with_scipy() {
+    // scipy.stats.lognorm.ppf(u, sigma, scale=median)
+    for (median, sigma, u, wanted) in [
+        (2.0, 0.5, 0.5, 2.0),
+        (2.0, 0.5, 0.975, 5.328816523105796),
+        (1e-3, 1.5, 0.01, 3.051546083870337e-5),
+    ] {
+        let within = [0.0, f64::INFINITY];
+        let found = value(
+            &Spread::Lognormal {
+                median,
+                sigma,
+                within,
+            },
+            u,
+        );
+        assert!((found - wanted).abs() <= 2e-14 * wanted, "{found:e}");
+    }
 }
 
 #[test]

@@ -248,29 +248,21 @@ impl Variable {
         self.dimensions.iter().product()
     }
 
-    /// Indices of an element, from 1, the last one running fastest.
-    #[must_use]
-    pub fn indices(&self, element: usize) -> Vec<usize> {
-        let mut rest = element;
-        let mut indices: Vec<usize> = (self.dimensions.iter().rev())
-            .map(|&size| {
-                let index = rest % size + 1;
-                rest /= size;
-                index
-            })
-            .collect();
-        indices.reverse();
-        indices
-    }
-
-    /// Name of an element: `x` of a single value, `x[2,1]` of a matrix.
+    /// Name of an element: `x` of a single value, `x[2,1]` of a matrix, whose last index runs fastest.
     #[must_use]
     pub fn element_name(&self, element: usize) -> String {
         if self.dimensions.is_empty() {
             return self.name.clone();
         }
-        let indices = self.indices(element);
-        let indices: Vec<String> = indices.iter().map(usize::to_string).collect();
+        let mut rest = element;
+        let mut indices: Vec<String> = (self.dimensions.iter().rev())
+            .map(|&size| {
+                let index = rest % size + 1;
+                rest /= size;
+                index.to_string()
+            })
+            .collect();
+        indices.reverse();
         format!("{}[{}]", self.name, indices.join(","))
     }
 }

@@ -85,6 +85,10 @@ impl Instance {
         let (tunable_places, columns): (Vec<usize>, Vec<_>) = tunable
             .map(|(place, column)| (place, column.clone()))
             .unzip();
+        let tuned: Vec<f64> = tunable_places
+            .iter()
+            .map(|&place| parameters[place])
+            .collect();
         let signals = [&tables.outputs[..], &tables.locals].concat();
         let journal = Box::<Journal>::default();
         let (handle, callbacks) = instantiate(model, functions, resources, &journal)?;
@@ -95,14 +99,8 @@ impl Instance {
             life: Cell::new(Life::Made),
             parameters: values(&tables.parameters),
             tunable: values(&columns),
-            tuned: tunable_places
-                .iter()
-                .map(|&place| parameters[place])
-                .collect(),
-            wanted: tunable_places
-                .iter()
-                .map(|&place| parameters[place])
-                .collect(),
+            wanted: tuned.clone(),
+            tuned,
             tunable_places,
             inputs: values(&tables.inputs),
             outputs: values(&signals),

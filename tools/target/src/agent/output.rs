@@ -5,7 +5,7 @@
 
 use std::fs::File;
 use std::io;
-use std::os::unix::fs::FileExt;
+use std::os::unix::fs::{FileExt, OpenOptionsExt};
 use std::path::Path;
 
 use serde::Serialize;
@@ -120,11 +120,14 @@ impl Drop for Output {
 }
 
 fn create(path: &Path) -> io::Result<File> {
-    File::options().write(true).create_new(true).open(path)
+    let mut options = File::options();
+    options.write(true).create_new(true).mode(0o600).open(path)
 }
 
 #[cfg(test)]
 mod tests {
+    use std::os::unix::fs::PermissionsExt;
+
     use shared_types::layout::SignalTable;
     use shared_types::session::Session;
     use shared_types::time::{Rate, Step};
@@ -165,6 +168,11 @@ mod tests {
         safe.set("two_a", -0.5);
         let mut output = Output::create(session.info(), &welcome, &safe).expect("made");
         let path = session.info().folder.join(FILE);
+        let mode = std::fs::metadata(&path)
+            .expect("there")
+            .permissions()
+            .mode();
+        assert_eq!(mode & 0o777, 0o600);
         assert_eq!(read(&path), (0, true, vec![0.0, -0.5]));
         output.put(7, &[1.0, 2.0, 3.0]);
         assert_eq!(read(&path), (7, false, vec![1.0, 2.0]));

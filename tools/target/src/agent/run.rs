@@ -72,6 +72,8 @@ pub(super) struct Run<'a> {
     back: Option<u64>,
     switches: u32,
     has_reported: bool,
+    /// Control message for which the channel had no room.
+    unsaid: Option<ToDesk>,
     has_told_end: bool,
     /// Exit status of the program, and the time at which it was seen.
     ended: Option<(ExitStatus, u64)>,
@@ -112,6 +114,7 @@ impl<'a> Run<'a> {
             back: None,
             switches: 0,
             has_reported: false,
+            unsaid: None,
             has_told_end: false,
             ended: None,
             bytes: Vec::new(),
@@ -186,7 +189,8 @@ impl<'a> Run<'a> {
 
     /// Passes a control message of the plant on; the frames are open before the controller hears of them.
     fn control(&mut self, content: &str) -> Result<(), String> {
-        if let Ok(Control::Welcome(welcome)) = Control::from_bytes(content.as_bytes()) {
+        let said = Control::from_bytes(content.as_bytes());
+        if let Ok(Control::Welcome(welcome)) = &said {
             let spec = FrameSpec {
                 identity: welcome.frame_identity(),
                 outgoing: welcome.sample.len(),
@@ -196,12 +200,11 @@ impl<'a> Run<'a> {
             self.end = TargetEnd::new(welcome.against_clock);
             self.against_clock = welcome.against_clock;
             if welcome.against_clock {
-                self.output = Some(Output::create(&self.session, &welcome, &self.safe)?);
+                self.output = Some(Output::create(&self.session, welcome, &self.safe)?);
             }
             self.values = vec![0.0; spec.incoming];
             self.open = Some((spec.identity, spec.outgoing));
         }
-        let said = Control::from_bytes(content.as_bytes());
         self.link
             .send_control(content.as_bytes())
             .map_err(described)?;
@@ -255,13 +258,13 @@ impl<'a> Run<'a> {
             Some(FrameKind::Sample) => self.is_at_work = true,
             Some(FrameKind::End) => {
                 (self.is_at_work, self.sample_ns) = (true, 0);
-                self.make_safe();
+                self.end_output();
             }
             // Nothing answers a hold or an abort: the desk hears that it came.
             kind => {
                 self.sample_ns = 0;
                 if kind == Some(FrameKind::Abort) {
-                    self.make_safe();
+                    self.end_output();
                 }
                 self.answer();
             }
@@ -293,17 +296,32 @@ impl<'a> Run<'a> {
         Ok(came)
     }
 
+    /// Passes on what the controller says; what finds no room waits, since the loop must go on.
+    fn hear_control(&mut self) -> Result<(), LinkError> {
+        loop {
+            if self.unsaid.is_none() {
+                let content = self.link.receive_control()?;
+                self.unsaid = content.map(|content| ToDesk::Control {
+                    content: String::from_utf8_lossy(&content).into_owned(),
+                });
+            }
+            let Some(message) = &self.unsaid else {
+                return Ok(());
+            };
+            if !self.mouth.try_say(message) {
+                return Ok(());
+            }
+            self.unsaid = None;
+        }
+    }
+
     /// Looks at what changes seldom.
     fn look(&mut self, now_ns: u64) -> Result<(), LinkError> {
-        while let Some(content) = self.link.receive_control()? {
-            let content = String::from_utf8_lossy(&content).into_owned();
-            self.mouth.say(&ToDesk::Control { content });
-        }
+        self.hear_control()?;
         if !self.has_reported
             && let Ok(report) = self.session.read_file::<serde_json::Value>(CONTROLLER_FILE)
         {
-            self.has_reported = true;
-            self.mouth.say(&ToDesk::Realtime {
+            self.has_reported = self.mouth.try_say(&ToDesk::Realtime {
                 report: report.to_string(),
             });
         }
@@ -311,7 +329,7 @@ impl<'a> Run<'a> {
         if self.ended.is_none() {
             self.ended = self.started.status().map(|status| (status, now_ns));
             if self.ended.is_some() {
-                self.make_safe();
+                self.end_output();
             }
         }
         let Some((status, since_ns)) = self.ended else {
@@ -319,7 +337,7 @@ impl<'a> Run<'a> {
         };
         // What it wrote and sent before it ended still counts.
         let is_silent = self.started.is_silent() || now_ns.saturating_sub(since_ns) > LAST_WORDS_NS;
-        if !self.has_told_end && is_silent {
+        if !self.has_told_end && is_silent && self.unsaid.is_none() {
             while self.hear_controller()? {}
             let signal = status.signal();
             self.has_told_end = self.mouth.try_say(&ToDesk::Ended {
@@ -331,10 +349,9 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    fn make_safe(&mut self) {
-        if let Some(output) = &mut self.output {
-            output.switch();
-        }
+    /// Leaves the output at the safe command: an answer that was under way must not replace it.
+    fn end_output(&mut self) {
+        self.output = None;
     }
 
     /// Puts the newest command out, unless it answers a sample from before samples went missing.

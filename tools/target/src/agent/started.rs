@@ -111,10 +111,13 @@ impl Drop for Started {
 fn pass_on(mut from: impl Read + Send + 'static, mouth: Mouth, held: Arc<()>) {
     std::thread::spawn(move || {
         let _held = held;
-        let mut buffer = [0; 4096];
+        let (mut buffer, mut bytes) = ([0; 4096], Vec::new());
         let mut lost = 0;
         while let Ok(count @ 1..) = from.read(&mut buffer) {
-            let mut text = String::from_utf8_lossy(&buffer[..count]).into_owned();
+            bytes.extend_from_slice(&buffer[..count]);
+            let count = whole(&bytes);
+            let mut text = String::from_utf8_lossy(&bytes[..count]).into_owned();
+            bytes.drain(..count);
             if lost > 0 {
                 text.insert_str(
                     0,
@@ -128,4 +131,27 @@ fn pass_on(mut from: impl Read + Send + 'static, mouth: Mouth, held: Arc<()>) {
             }
         }
     });
+}
+
+/// Length of the bytes without a character at their end that has only begun.
+fn whole(bytes: &[u8]) -> usize {
+    match std::str::from_utf8(bytes) {
+        Err(error) if error.error_len().is_none() => error.valid_up_to(),
+        _ => bytes.len(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_character_that_has_only_begun_waits_for_its_rest() {
+        let text = "2 \u{b5}m".as_bytes();
+        assert_eq!(whole(&text[..3]), 2);
+        assert_eq!(whole(&text[..4]), 4);
+        // What is no character in any case waits for nothing.
+        assert_eq!(whole(b"\xff"), 1);
+        assert_eq!(whole(b""), 0);
+    }
 }

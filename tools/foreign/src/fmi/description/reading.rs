@@ -10,6 +10,8 @@ use super::{
 
 /// Most elements of an array.
 const MOST_ELEMENTS: usize = 65_536;
+/// Most elements of all variables together: a short text may ask for more than there is memory.
+const MOST_TOGETHER: usize = 1 << 22;
 
 /// Element names of FMI 3 and the types they stand for.
 const KINDS: [(&str, VariableType); 15] = [
@@ -160,6 +162,16 @@ fn variables(root: &Element, version: Version) -> Result<Vec<Variable>, Descript
     let types = types(root, version);
     let mut variables = Vec::new();
     let mut structure = Vec::new();
+    let mut together = 0;
+    let mut add = |elements: usize| {
+        together += elements;
+        match together > MOST_TOGETHER {
+            true => Err(DescriptionError::Unsupported(format!(
+                "its variables have more than {MOST_TOGETHER} elements together"
+            ))),
+            false => Ok(()),
+        }
+    };
     for element in root.list("ModelVariables") {
         let (of, kind) = match version {
             Version::Two => match element.children.iter().find_map(|of| Some((of, two(of)?))) {
@@ -175,8 +187,11 @@ fn variables(root: &Element, version: Version) -> Result<Vec<Variable>, Descript
         let sizes: Vec<&Element> = (of.children.iter())
             .filter(|child| version == Version::Three && child.name == "Dimension")
             .collect();
-        let aliases = of.children.iter().filter(|child| child.name == "Alias");
-        let aliases = aliases.filter(|_| version == Version::Three).map(|alias| {
+        let aliases: Vec<&Element> = (of.children.iter())
+            .filter(|child| version == Version::Three && child.name == "Alias")
+            .collect();
+        add((1 + aliases.len()) * variable.start.len())?;
+        let aliases = aliases.into_iter().map(|alias| {
             let description = alias.text("description");
             Ok(Variable {
                 name: alias.needed("name")?.into(),
@@ -195,6 +210,7 @@ fn variables(root: &Element, version: Version) -> Result<Vec<Variable>, Descript
     for (variable, sizes) in variables.iter_mut().zip(structure) {
         variable.dimensions = dimensions(&sizes, &starts)?;
         let count = variable.elements();
+        add(count)?;
         if let ([one], true) = (&variable.start[..], count != 1) {
             variable.start = vec![*one; count];
         }

@@ -183,6 +183,18 @@ fn variables_that_make_no_sense_are_refused() {
     let large = "<ModelVariables><Float64 name=\"x\" valueReference=\"1\"><Dimension start=\"99999\"/><Dimension start=\"99999\"/></Float64></ModelVariables>";
     let told = read(large).expect_err("large").to_string();
     assert!(told.contains("more than 65536 elements"), "{told}");
+    let array = |number: usize| {
+        format!(
+            "<Float64 name=\"x{number}\" valueReference=\"{number}\"><Dimension start=\"65536\"/></Float64>"
+        )
+    };
+    let arrays = |count: usize| {
+        let all: String = (0..count).map(array).collect();
+        read(&format!("<ModelVariables>{all}</ModelVariables>"))
+    };
+    arrays(64).expect("2^22 elements");
+    let told = arrays(65).expect_err("many").to_string();
+    assert!(told.contains("4194304 elements together"), "{told}");
     let twice = "<ModelVariables><Int8 name=\"x\" valueReference=\"1\"/><Int8 name=\"x\" valueReference=\"2\"/></ModelVariables>";
     let told = read(twice).expect_err("twice").to_string();
     assert!(told.contains("variable \"x\" is there twice"), "{told}");
