@@ -1,11 +1,16 @@
 //! The programs that tests run, built once for each test binary with its own profile and target
 //! directory, and what a machine may lack.
 
+use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock, PoisonError};
+
+/// Variable of Cargo for builds outside the workspace: without debug information, which no test reads, they are done
+/// sooner, and each run that hashes such a program too. All builds into one folder need the same, or they build twice.
+pub(crate) const NO_DEBUG: (&str, &str) = ("CARGO_PROFILE_DEV_DEBUG", "0");
 
 /// The top of the workspace, where every command is run.
 pub(crate) fn workspace() -> &'static Path {
@@ -125,15 +130,26 @@ pub(crate) fn test_example(name: &str) {
     let mut cargo = Command::new(env!("CARGO"));
     cargo.args(["test", "--offline", "--target-dir"]);
     cargo.arg(target().join("examples-outside"));
+    cargo.env(NO_DEBUG.0, NO_DEBUG.1);
     finish(cargo.current_dir(workspace().join("examples").join(name)));
 }
 
-/// Builds a crate that is outside the workspace and gives a copy of its program that stays as it is:
-/// commands of the book build the same crates meanwhile.
+/// Builds a crate that is outside the workspace, once for each test binary, and gives a copy of its program that stays
+/// as it is: commands of the book build the same crates meanwhile.
 pub(crate) fn outside(folder: &Path, program: &str) -> PathBuf {
+    static COPIES: Mutex<BTreeMap<PathBuf, PathBuf>> = Mutex::new(BTreeMap::new());
+    // Whoever comes second waits for the build, as it would for Cargo's lock.
+    let mut copies = COPIES.lock().unwrap_or_else(PoisonError::into_inner);
+    let copy = copies.entry(folder.join(program));
+    copy.or_insert_with(|| built_outside(folder, program))
+        .clone()
+}
+
+fn built_outside(folder: &Path, program: &str) -> PathBuf {
     let target = target().join("examples-outside");
     let mut cargo = Command::new(env!("CARGO"));
     cargo.arg("build").current_dir(workspace().join(folder));
+    cargo.env(NO_DEBUG.0, NO_DEBUG.1);
     finish(cargo.arg("--target-dir").arg(&target));
     let built = target.join("debug").join(program);
     let content = std::fs::read(&built).expect("it was built");
