@@ -115,7 +115,8 @@ fn number(text: &str) -> f64 {
 #[test]
 fn every_control_does_in_the_session_what_it_says() {
     let rig = Rig::new();
-    let (run, panel) = begun(&rig, "--pace 0.2", &["--inject", DROPOUT]);
+    // Slow, so that the page can hold it again before it is over.
+    let (run, panel) = begun(&rig, "--pace 0.5", &["--inject", DROPOUT]);
     let Some(play) = Play::start("controls", &panel.url) else {
         return;
     };
@@ -196,7 +197,7 @@ fn every_control_does_in_the_session_what_it_says() {
 #[test]
 fn a_slider_changes_its_value_and_every_page_follows() {
     let rig = Rig::new();
-    let (run, panel) = begun(&rig, "--pace 0.2", &[]);
+    let (run, panel) = begun(&rig, "", &[]);
     let Some(play) = Play::start("tune", &panel.url) else {
         return;
     };
