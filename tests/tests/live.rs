@@ -12,9 +12,8 @@ use shared_types::session::SessionInfo;
 use crate::support::harness::{Rig, Run, until};
 use crate::support::mcap_reader::Recording;
 
-const SEVERE: &str = "scenarios/severe-leakage.toml";
 const SHORT: &str = "tests/scenarios/leakage.toml";
-const LEAKAGE: &str = "inject leakage --actuator 1,2 --coefficient 5e-7,1e-7 --speed 10,0.5 --at 7";
+const LEAKAGE: &str = "inject leakage --actuator 1,2 --coefficient 5e-7,1e-7 --speed 10,0.5 --at 1";
 
 /// Asks the plant of this test's session, which may only just be starting.
 fn request(rig: &Rig, request: &Request) -> Response {
@@ -79,20 +78,20 @@ fn words(arguments: &str) -> Vec<&str> {
 #[test]
 fn a_fault_in_a_scenario_live_or_written_down_from_the_live_run_is_one_trajectory() {
     let rig = Rig::new();
-    let wanted = rig.run(SEVERE).expect(0).digest();
+    let wanted = rig.run(SHORT).expect(0).digest();
 
-    let run = rig.start(&format!("{} --pause-at 0.5", healthy(&rig, SEVERE)));
+    let run = rig.start(&format!("{} --pause-at 0.5", healthy(&rig, SHORT)));
     until_paused_at(&rig, 5000);
     let session = format!("{LEAKAGE} --session {}", rig.session());
     let told = rig.beside(&words(&session)).expect(0);
-    assert!(told.stdout.contains("70000"), "{}", told.stdout);
+    assert!(told.stdout.contains("10000"), "{}", told.stdout);
     rig.beside(&["resume", "--session", rig.session()])
         .expect(0);
     let live = run.finish().expect(0);
     assert_eq!(live.digest(), wanted);
     let summary = live.summary();
     assert_eq!(summary["faults"][0]["source"], "cli", "{summary}");
-    assert_eq!(summary["faults"][0]["effective_step"], 70000);
+    assert_eq!(summary["faults"][0]["effective_step"], 10_000);
 
     let written = rig.path("written.toml").display().to_string();
     let from = live.folder.display().to_string();
@@ -163,7 +162,7 @@ fn a_thousand_live_faults_take_hold_at_the_steps_that_were_answered() {
     let rig = Rig::new();
     let scenario = healthy(&rig, SHORT);
     let run = rig.start(&format!(
-        "{scenario} --set run.duration_s=100000 --set controller.law=pid"
+        "{scenario} --set run.duration_s=100000 --set controller.law=pid --pace 1"
     ));
     let mut random = RandomStream::new(1, "valid faults");
     let mut answered = BTreeMap::new();
