@@ -300,9 +300,7 @@ fn a_reference_signal_may_change_from_the_checkpoint_on() {
 #[test]
 fn a_plant_of_ones_own_goes_on() {
     let rig = Rig::new();
-    // A copy: another test may build the example anew meanwhile.
-    let plant = rig.path("own-plant");
-    std::fs::copy(example("own-plant"), &plant).expect("copied");
+    let plant = example("own-plant");
     let shipped = shortened(&rig, "examples/own-plant/pendulum.toml", 1.0);
     let scenario = format!(
         "{shipped} --set controller.law=hold --set plant.parameters.initial_angle_rad=1e-3"
