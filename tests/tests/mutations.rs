@@ -135,8 +135,8 @@ impl Libraries {
                 "thiserror" => package.contains("@2."),
                 _ => false,
             };
-            // What build scripts and macros are made with has no debug information.
-            if !is_wanted || message["profile"]["debuginfo"] == 0 {
+            // What build scripts and macros are made with is not optimised.
+            if !is_wanted || message["profile"]["opt_level"] == "0" {
                 continue;
             }
             let files = message["filenames"].as_array().into_iter().flatten();
