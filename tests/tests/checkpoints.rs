@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use serde_json::Value;
 
 use crate::every_fault::{LAWS, faults, with_fault};
-use crate::support::harness::{Rig, Run, until};
+use crate::support::harness::{Rig, Run};
 use crate::support::mcap_reader::Recording;
 use crate::support::programs::{example, program, workspace};
 
@@ -251,10 +251,7 @@ fn live_faults_go_on_and_one_accepted_after_the_checkpoint_does_not() {
     let run = rig.start(&format!(
         "{SCENARIO} --pause-at 0.5 --checkpoint-at 0.5 --checkpoint-at 0.6"
     ));
-    until("the run is held", || {
-        let asked = rig.beside(&["inject", "--active", "--session", session]);
-        asked.code == Some(0) && asked.stdout.contains("step 5000")
-    });
+    rig.until_held_at(5000);
     let beside = |line: &str| {
         let words: Vec<&str> = line.split(' ').chain(["--session", session]).collect();
         rig.beside(&words).expect(0);

@@ -3,7 +3,7 @@
 use rustix::process::Signal;
 use shared_types::session::SessionInfo;
 
-use super::{Hand, SCENARIO, awaited, controller, held, is_held, plant, resume};
+use super::{Hand, SCENARIO, awaited, controller, held, plant, resume};
 use crate::support::harness::{Rig, send, until};
 use crate::support::programs::{misbehaving_controller, workspace};
 
@@ -72,7 +72,7 @@ fn whatever_ends_it_its_end_is_named() {
             "plant" => plant(&rig),
             _ => controller(&rig),
         };
-        is_held(&rig);
+        rig.until_held_at(2500);
         send(hand.pid(), Signal::KILL);
         let run = running.finish().expect(3);
         let reason = run.summary()["reason"].to_string();

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::stream::until_held;
 use super::{Panel, SCENARIO};
-use crate::support::harness::{Rig, Running, until};
+use crate::support::harness::{Rig, Running};
 use crate::support::programs::{skip, workspace};
 use crate::support::python::python;
 
@@ -83,10 +83,7 @@ pub(super) fn begun<'r>(rig: &'r Rig, pace: &str, arguments: &[&str]) -> (Runnin
     let session = ["--session", rig.session()];
     rig.beside(&[&["step", "2499"][..], &session].concat())
         .expect(0);
-    until("the run is held again", || {
-        let told = rig.beside(&[&["inject", "--active"][..], &session].concat());
-        told.stdout.contains("paused before step 2500")
-    });
+    rig.until_held_at(2500);
     (run, panel)
 }
 

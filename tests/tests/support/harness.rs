@@ -16,6 +16,7 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 use serde_json::Value;
+use shared_types::live::{LiveError, Request, Response, Status, ask};
 use shared_types::process::ProcessId;
 use shared_types::session::SessionInfo;
 use tempfile::TempDir;
@@ -107,13 +108,42 @@ impl Rig {
     /// The teaching run, held before step 2500.
     pub(crate) fn held(&self) -> Running<'_> {
         let running = self.start("scenarios/spring-mass.toml --pause-at 2.5 --wait-limit 60");
-        until("the run is held", || {
-            let at = ["inject", "--active", "--json", "--session", self.session()];
-            let told = self.beside(&at).stdout;
-            let status: Value = serde_json::from_str(&told).unwrap_or_default();
-            status["status"]["step"] == 2500 && status["status"]["paused"] == true
-        });
+        self.until_held_at(2500);
         running
+    }
+
+    /// Asks the plant of this test's session, which may only just be starting. Starts no process, as a `hil` that asks
+    /// again and again would.
+    pub(crate) fn ask(&self, request: &Request) -> Response {
+        let mut answer = None;
+        until("the plant takes requests", || {
+            let Ok(session) = SessionInfo::read(&self.session_folder()) else {
+                return false; // not made yet
+            };
+            match ask(&session, request, Duration::from_secs(60)) {
+                Ok(response) => answer = Some(response),
+                Err(LiveError::Absent(_)) => {}
+                Err(error) => panic!("{error}"),
+            }
+            answer.is_some()
+        });
+        answer.expect("answered")
+    }
+
+    /// Asks where this test's run is.
+    pub(crate) fn status(&self) -> Status {
+        match self.ask(&Request::Status) {
+            Response::Status(status) => status,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    /// Waits until this test's run is held before a step.
+    pub(crate) fn until_held_at(&self, step: u64) {
+        until("the run is held", || {
+            let status = self.status();
+            status.paused && status.step == step
+        });
     }
 
     /// `hil run` with arguments separated by spaces, in this test's session and folder.
