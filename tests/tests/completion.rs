@@ -235,7 +235,7 @@ fn a_request_says_nothing_else_and_leaves_nothing() {
     assert_eq!(keys, "--coefficient_m3ps_per_sqrt_pa\n");
 }
 
-/// Everything below a folder.
+/// Lists all files and folders below a folder.
 fn listed(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).expect("a folder").flatten() {

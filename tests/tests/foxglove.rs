@@ -100,7 +100,7 @@ impl Client {
         (!line.is_empty()).then(|| serde_json::from_str(&line).expect("JSON"))
     }
 
-    /// Everything until it was closed.
+    /// Reads all messages until the connection is closed.
     fn rest(&mut self) -> Vec<Value> {
         let rest: Vec<Value> = std::iter::from_fn(|| self.next()).collect();
         assert!(self.process.wait().expect("our child").success());

@@ -76,7 +76,7 @@ fn a_fault_in_a_scenario_live_or_written_down_from_the_live_run_is_one_trajector
     .expect(0);
 }
 
-/// A fault that a running plant must take, and what it is.
+/// Makes a fault that a running plant must take.
 fn valid(random: &mut RandomStream, next_at_s: f64) -> String {
     let size = 1e-9 * (1.0 + random.uniform());
     let pick = |random: &mut RandomStream, list: &[&str]| {
@@ -159,7 +159,7 @@ fn a_thousand_live_faults_take_hold_at_the_steps_that_were_answered() {
     assert_eq!(recording.digest(|_| ()), run.digest());
 }
 
-/// Something that must be refused, each for another reason.
+/// Makes a fault that must be refused, for one of a dozen reasons.
 fn invalid(random: &mut RandomStream) -> String {
     let odd = format!("x{}", (random.uniform() * 1e6) as u32);
     let effect = |kind: &str, effect: &str| {

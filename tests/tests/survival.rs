@@ -64,7 +64,7 @@ fn no_fault_ends_a_process_out_of_order_or_lets_a_number_that_is_none_pass() {
     }
 }
 
-/// Every number is one, or is marked invalid; only the last record has no command.
+/// Fails unless each value is a number or is marked invalid; only the last record has no command.
 fn assert_numbers(recording: &Recording, about: &str) {
     let place = |group: &str| {
         recording
