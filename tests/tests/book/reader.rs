@@ -173,7 +173,9 @@ impl Desk {
         let _ = std::fs::remove_dir_all(&notes);
         std::fs::create_dir_all(&notes).expect("a folder");
         let script = notes.join("script");
-        let python = python(&MODULES[2..].join(", "));
+        let has_python = blocks.iter().any(|block| block.language == "python");
+        let python = has_python.then(|| python(&MODULES[2..].join(", ")));
+        let python = python.flatten();
         let mut text = String::from(PROLOGUE);
         for block in &blocks {
             let line = block.line;
