@@ -169,7 +169,7 @@ fn each_side_and_both_run_as_launched_ones_do() {
 }
 
 #[test]
-fn against_the_clock_it_answers_as_well() {
+fn a_side_started_by_hand_answers_against_the_clock() {
     let rig = Rig::new();
     let running = rig.start(&format!(
         "{SCENARIO} --controller external --clock realtime --wait-limit 60 --set run.overrun=catch-up"

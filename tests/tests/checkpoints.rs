@@ -1,5 +1,5 @@
-//! A run that goes on from a checkpoint is the straight run; a branch shares its past and nothing
-//! after it; what cannot go on is refused before anything starts.
+//! A resumed run equals the uninterrupted one; a branch shares its past and nothing after it; what cannot be resumed is
+//! refused before anything starts.
 
 mod moving;
 mod refusals;
@@ -19,12 +19,12 @@ const SCENARIO: &str = "tests/scenarios/leakage.toml";
 
 const SEVERITY: &str = "faults[0].effects[0].coefficient_m3ps_per_sqrt_pa";
 
-/// The folder of a run's checkpoint before a step.
+/// Returns the folder of a run's checkpoint before a step.
 fn checkpoint(run: &Run, step: u64) -> PathBuf {
     run.folder.join(format!("checkpoint-{step}"))
 }
 
-/// Goes on from the checkpoint before a step.
+/// Resumes a run from its checkpoint before a step.
 fn go_on(rig: &Rig, run: &Run, step: u64, arguments: &str) -> Run {
     let from = checkpoint(run, step);
     rig.run(&format!("--from {} {arguments}", from.display()))
@@ -68,7 +68,7 @@ fn ages(run: &Run) -> Vec<[u64; 3]> {
         .collect()
 }
 
-/// The steps of the checkpoints that a run made.
+/// Lists the steps of the checkpoints that a run made.
 fn made(run: &Run) -> Vec<u64> {
     let summary = run.summary();
     let made = summary["checkpoints"].as_array().expect("a list");
@@ -77,7 +77,7 @@ fn made(run: &Run) -> Vec<u64> {
         .collect()
 }
 
-/// Runs a scenario in one thread with checkpoints at these times, and goes on from each.
+/// Runs a scenario in one thread with checkpoints at these times, and resumes it from each.
 #[track_caller]
 fn assert_goes_on(rig: &Rig, scenario: &str, times_s: &[f64], about: &str) {
     let mut arguments = format!("{scenario} --link in-process");
@@ -96,7 +96,7 @@ fn assert_goes_on(rig: &Rig, scenario: &str, times_s: &[f64], about: &str) {
 }
 
 #[test]
-fn a_run_that_goes_on_is_the_straight_run_over_any_link() {
+fn a_resumed_run_equals_the_uninterrupted_one_over_any_link() {
     let rig = Rig::new();
     let without = rig.run(&format!("{SCENARIO} --no-record")).expect(0);
     for made_over in ["iceoryx2", "in-process"] {
@@ -125,7 +125,7 @@ fn a_run_that_goes_on_is_the_straight_run_over_any_link() {
 }
 
 #[test]
-fn a_paced_run_goes_on_where_it_was() {
+fn a_paced_run_resumes_where_it_was() {
     let rig = Rig::new();
     let straight = rig
         .run(&format!("{SCENARIO} --pace 8 --checkpoint-at 0.6"))
@@ -151,7 +151,7 @@ fn shortened(rig: &Rig, scenario: &str, duration_s: f64) -> String {
 }
 
 #[test]
-fn every_law_goes_on_in_the_middle_of_the_papers_fault() {
+fn every_law_resumes_in_the_middle_of_the_papers_fault() {
     let rig = Rig::new();
     for law in LAWS {
         let shipped = shortened(&rig, "scenarios/severe-leakage.toml", 7.3);
@@ -162,7 +162,7 @@ fn every_law_goes_on_in_the_middle_of_the_papers_fault() {
 }
 
 #[test]
-fn every_kind_of_fault_goes_on_across_a_checkpoint() {
+fn every_kind_of_fault_continues_across_a_checkpoint() {
     let rig = Rig::new();
     let text = std::fs::read_to_string(workspace().join(SCENARIO)).expect("the scenario");
     for fault in faults() {
@@ -226,7 +226,7 @@ fn a_branch_whose_fault_had_not_begun_is_the_straight_run_of_the_other_scenario(
 }
 
 #[test]
-fn a_run_that_went_on_can_be_gone_on_from_again() {
+fn a_resumed_run_can_be_resumed_from_again() {
     let rig = Rig::new();
     let straight = rig
         .run(&format!("{SCENARIO} --checkpoint-at 0.5"))
@@ -245,7 +245,7 @@ fn a_run_that_went_on_can_be_gone_on_from_again() {
 }
 
 #[test]
-fn live_faults_go_on_and_one_accepted_after_the_checkpoint_does_not() {
+fn live_faults_continue_and_one_accepted_after_the_checkpoint_does_not() {
     let rig = Rig::new();
     let session = rig.session();
     let run = rig.start(&format!(
@@ -295,7 +295,7 @@ fn a_reference_signal_may_change_from_the_checkpoint_on() {
 }
 
 #[test]
-fn a_plant_of_ones_own_goes_on() {
+fn a_run_of_an_own_plant_can_be_resumed() {
     let rig = Rig::new();
     let plant = example("own-plant");
     let shipped = shortened(&rig, "examples/own-plant/pendulum.toml", 1.0);

@@ -249,7 +249,7 @@ fn listed(folder: &Path) -> Vec<PathBuf> {
 }
 
 #[test]
-fn a_program_of_ones_own_is_asked_what_its_keys_are() {
+fn completion_asks_an_own_program_for_its_keys() {
     let rig = Rig::new();
     let desk = desk(&rig);
     let program = misbehaving_controller();

@@ -106,7 +106,7 @@ fn a_busy_core_does_not_change_the_digest() {
 }
 
 #[test]
-fn the_only_core_may_be_busy_too() {
+fn a_busy_single_core_does_not_change_the_digest() {
     let rig = Rig::new();
     // 1,000 steps: each exchange waits until the busy loop has had its turn.
     let changes = "--set run.duration_s=0.1 --set faults[0].at_s=0.05";

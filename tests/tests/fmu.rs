@@ -234,8 +234,8 @@ fn a_tunable_parameter_can_be_faulted_and_a_fixed_one_cannot() {
 }
 
 #[test]
-fn a_run_that_goes_on_from_a_checkpoint_is_the_straight_run() {
-    let test = "a_run_that_goes_on_from_a_checkpoint_is_the_straight_run";
+fn a_run_resumed_from_a_checkpoint_equals_the_uninterrupted_one() {
+    let test = "a_run_resumed_from_a_checkpoint_equals_the_uninterrupted_one";
     if !has_compiler() {
         return skip(test, "there is no C compiler", "HIL_TEST_CC");
     }

@@ -46,7 +46,7 @@ fn an_interrupted_run_ends_a_side_that_is_held() {
 }
 
 #[test]
-fn whatever_ends_it_its_end_is_named() {
+fn each_end_of_a_side_started_by_hand_is_named() {
     let program = misbehaving_controller();
     let path = program.display();
     let silent = "controller, started by hand, is gone without a word";
@@ -92,7 +92,7 @@ fn scenario_without_gains(rig: &Rig, arguments: &str) -> String {
 }
 
 #[test]
-fn it_ends_with_a_killed_hil_also_if_it_is_stopped() {
+fn a_side_ends_with_a_killed_hil_even_if_it_is_stopped() {
     let rig = Rig::alone();
     for is_stopped in [false, true] {
         let (running, hand) = held(&rig, "--wait-limit inf");

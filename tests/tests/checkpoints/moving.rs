@@ -1,4 +1,4 @@
-//! Runs in which everything moves: faults that wait, act or are under way go on across any step.
+//! Runs in which everything moves: faults that wait, act or are under way continue across any checkpoint.
 
 use shared_types::random::RandomStream;
 
@@ -203,7 +203,7 @@ fn moving(controller: &str, faults: &str) -> String {
 }
 
 #[test]
-fn whatever_waits_acts_and_is_under_way_goes_on() {
+fn what_waits_acts_or_is_under_way_continues_after_a_checkpoint() {
     let rig = Rig::new();
     for (about, controller, faults) in CASES {
         let path = rig.write("moving.toml", &moving(controller, faults));
@@ -213,7 +213,7 @@ fn whatever_waits_acts_and_is_under_way_goes_on() {
 }
 
 #[test]
-fn any_step_can_be_gone_on_from() {
+fn a_run_can_be_resumed_from_any_step() {
     let rig = Rig::new();
     let all: String = CASES.iter().map(|(.., faults)| *faults).collect();
     let path = rig.write(
