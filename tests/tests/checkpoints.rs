@@ -152,8 +152,8 @@ fn shortened(rig: &Rig, scenario: &str, duration_s: f64) -> String {
 
 #[test]
 fn every_law_resumes_in_the_middle_of_the_papers_fault() {
-    let rig = Rig::new();
     for law in LAWS {
+        let rig = Rig::new();
         let shipped = shortened(&rig, "scenarios/severe-leakage.toml", 7.3);
         let scenario = format!("{shipped} --set controller.law={law}");
         // At the very step at which it takes hold, and soon after.
@@ -163,9 +163,9 @@ fn every_law_resumes_in_the_middle_of_the_papers_fault() {
 
 #[test]
 fn every_kind_of_fault_continues_across_a_checkpoint() {
-    let rig = Rig::new();
     let text = std::fs::read_to_string(workspace().join(SCENARIO)).expect("the scenario");
     for fault in faults() {
+        let rig = Rig::new();
         let path = rig.write("faulted.toml", &with_fault(&text, &fault, 0.1));
         let scenario = format!(
             "{} --set run.duration_s=0.2 --set faults[0].at_s=0.11",

@@ -204,8 +204,8 @@ fn moving(controller: &str, faults: &str) -> String {
 
 #[test]
 fn what_waits_acts_or_is_under_way_continues_after_a_checkpoint() {
-    let rig = Rig::new();
     for (about, controller, faults) in CASES {
+        let rig = Rig::new();
         let path = rig.write("moving.toml", &moving(controller, faults));
         let times_s = [0.1, 0.101, 0.157, 0.208, 0.26, 0.333, 0.471, 0.62, 0.803];
         assert_goes_on(&rig, &path.display().to_string(), &times_s, about);
