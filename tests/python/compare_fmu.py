@@ -1,10 +1,11 @@
-"""Makes the calls of a recorded run of an FMU anew, by FMPy's low-level interface, and compares every number.
+"""Makes the calls of recorded runs of FMUs anew, by FMPy's low-level interface, and compares every number.
 
-    python compare_fmu.py MODEL.fmu RUN RATE_HZ
+    python compare_fmu.py MODEL.fmu RUN RATE_HZ [MODEL.fmu RUN RATE_HZ]..
 
 Inputs are the recorded commands as they were applied, outputs are compared with the recorded measured signals, bit
 by bit but for the sign of zero and the bits of NaN, which a recording does not keep. Columns are matched with
-variables by their order, so nothing here knows how names are spelled. Ends with 0 when all is the same.
+variables by their order, so nothing here knows how names are spelled. Prints a line for each run; ends with 0 when
+all is the same.
 """
 
 import pathlib
@@ -100,7 +101,7 @@ class Calls:
         shutil.rmtree(self.folder)
 
 
-def main(path, run_path, rate_hz):
+def compare(path, run_path, rate_hz):
     rate_hz = float(rate_hz)
     data = hil_run.load(run_path).to_numpy()
     columns = lambda kind: [values for name, values in data.items() if name.startswith(kind + ".")]
@@ -118,8 +119,10 @@ def main(path, run_path, rate_hz):
     differing = sum(int((canonical(ours) != canonical(theirs)).sum()) for ours, theirs in zip(measured, rows))
     moved = sum(len(set(canonical(row))) > 1 for row in rows)
     print(f"{differing} of {rows.size} numbers differ, {moved} of {len(rows)} outputs move")
-    return 1 if differing else 0
+    return differing
 
 
 if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))
+    words = sys.argv[1:]
+    differing = [compare(*words[at : at + 3]) for at in range(0, len(words), 3)]
+    sys.exit(1 if any(differing) else 0)

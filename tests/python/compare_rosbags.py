@@ -1,6 +1,6 @@
-"""Reads a recording with rosbags and compares every message with a table of `hil export`, bit by bit.
+"""Reads recordings with rosbags and compares every message with a table of `hil export`, bit by bit.
 
-    python compare_rosbags.py RUN.mcap TABLE.csv
+    python compare_rosbags.py RUN.mcap TABLE.csv [RUN.mcap TABLE.csv]..
 
 rosbags reads recordings of ROS 2 without ROS and takes nothing else. Checks that every channel is one that
 it knows, names, values and times of all records, and that the fields of every event are what its JSON says.
@@ -41,7 +41,7 @@ def signals(message):
                 yield f"{group}.{name}", value
 
 
-def main(recording, table):
+def compare(recording, table):
     expected = pandas.read_csv(table, dtype={"step": "uint64"}).to_dict("list")
     columns = {name for name in expected if "." in name}
     records, events = 0, 0
@@ -69,4 +69,6 @@ def main(recording, table):
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    words = sys.argv[1:]
+    for recording, table in zip(words[::2], words[1::2]):
+        compare(recording, table)

@@ -197,7 +197,7 @@ fn every_equation_of_the_book_can_be_drawn() {
     assert!(drawn > 50, "{drawn}");
 }
 
-/// Every key of a value.
+/// Collects the keys of a value, however deep they are.
 fn keys(value: &Value, found: &mut Vec<String>) {
     match value {
         Value::Array(values) => values.iter().for_each(|value| keys(value, found)),

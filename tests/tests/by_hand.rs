@@ -11,7 +11,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 use rustix::process::Signal;
-use serde_json::{Value, json};
+use serde_json::json;
 use shared_types::live::{self, Request, Response};
 use shared_types::process::ProcessId;
 use shared_types::session::SessionInfo;
@@ -103,14 +103,6 @@ fn plant(rig: &Rig) -> Hand {
     Hand::start(rig, "plant", &program("plant-process"), &[])
 }
 
-fn is_held(rig: &Rig) {
-    until("the run is held", || {
-        let told = rig.beside(&["inject", "--active", "--json", "--session", rig.session()]);
-        let status: Value = serde_json::from_str(&told.stdout).unwrap_or_default();
-        status["status"]["paused"] == true
-    });
-}
-
 fn resume(rig: &Rig) {
     rig.beside(&["resume", "--session", rig.session()])
         .expect(0);
@@ -122,7 +114,7 @@ fn held<'r>(rig: &'r Rig, arguments: &str) -> (Running<'r>, Hand) {
         "{SCENARIO} --controller external --pause-at 2.5 {arguments}"
     ));
     let hand = controller(rig);
-    is_held(rig);
+    rig.until_held_at(2500);
     (running, hand)
 }
 
@@ -177,7 +169,7 @@ fn each_side_and_both_run_as_launched_ones_do() {
 }
 
 #[test]
-fn against_the_clock_it_answers_as_well() {
+fn a_side_started_by_hand_answers_against_the_clock() {
     let rig = Rig::new();
     let running = rig.start(&format!(
         "{SCENARIO} --controller external --clock realtime --wait-limit 60 --set run.overrun=catch-up"

@@ -244,7 +244,7 @@ fn below(folder: &Path) -> Vec<(PathBuf, std::time::SystemTime)> {
 }
 
 #[test]
-fn whoever_only_reads_a_campaign_writes_nothing_into_its_folder() {
+fn reading_a_campaign_writes_nothing_into_its_folder() {
     let rig = Rig::new();
     let folder = planned(&rig, &study(&rig, STUDY), "demo");
     campaign(&rig, &["run", text(&folder)]).expect(0);

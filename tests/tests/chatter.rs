@@ -79,7 +79,7 @@ fn an_answer_repeated_for_ever_ends_with_the_wait_limit_whatever_the_policy() {
 }
 
 #[test]
-fn against_a_clock_too() {
+fn against_a_clock_chatter_holds_up_no_run() {
     let rig = Rig::new();
     let run = chats(&rig, "repeats", "abort", "paced").expect(3);
     let late = "controller did not answer step 100 within 0.3 s";
@@ -122,7 +122,7 @@ fn a_second_answer_that_is_not_the_first_is_named() {
 }
 
 #[test]
-fn a_replay_is_not_held_either() {
+fn chatter_holds_up_no_replay() {
     let rig = Rig::new();
     let run = rig.run(
         "scenarios/spring-mass.toml --set run.duration_s=0.8 --set controller.law=hold \

@@ -1,5 +1,5 @@
-//! A run that goes on from a checkpoint is the straight run; a branch shares its past and nothing
-//! after it; what cannot go on is refused before anything starts.
+//! A resumed run equals the uninterrupted one; a branch shares its past and nothing after it; what cannot be resumed is
+//! refused before anything starts.
 
 mod moving;
 mod refusals;
@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use serde_json::Value;
 
 use crate::every_fault::{LAWS, faults, with_fault};
-use crate::support::harness::{Rig, Run, until};
+use crate::support::harness::{Rig, Run};
 use crate::support::mcap_reader::Recording;
 use crate::support::programs::{example, program, workspace};
 
@@ -19,12 +19,12 @@ const SCENARIO: &str = "tests/scenarios/leakage.toml";
 
 const SEVERITY: &str = "faults[0].effects[0].coefficient_m3ps_per_sqrt_pa";
 
-/// The folder of a run's checkpoint before a step.
+/// Returns the folder of a run's checkpoint before a step.
 fn checkpoint(run: &Run, step: u64) -> PathBuf {
     run.folder.join(format!("checkpoint-{step}"))
 }
 
-/// Goes on from the checkpoint before a step.
+/// Resumes a run from its checkpoint before a step.
 fn go_on(rig: &Rig, run: &Run, step: u64, arguments: &str) -> Run {
     let from = checkpoint(run, step);
     rig.run(&format!("--from {} {arguments}", from.display()))
@@ -68,7 +68,7 @@ fn ages(run: &Run) -> Vec<[u64; 3]> {
         .collect()
 }
 
-/// The steps of the checkpoints that a run made.
+/// Lists the steps of the checkpoints that a run made.
 fn made(run: &Run) -> Vec<u64> {
     let summary = run.summary();
     let made = summary["checkpoints"].as_array().expect("a list");
@@ -77,7 +77,7 @@ fn made(run: &Run) -> Vec<u64> {
         .collect()
 }
 
-/// Runs a scenario in one thread with checkpoints at these times, and goes on from each.
+/// Runs a scenario in one thread with checkpoints at these times, and resumes it from each.
 #[track_caller]
 fn assert_goes_on(rig: &Rig, scenario: &str, times_s: &[f64], about: &str) {
     let mut arguments = format!("{scenario} --link in-process");
@@ -96,7 +96,7 @@ fn assert_goes_on(rig: &Rig, scenario: &str, times_s: &[f64], about: &str) {
 }
 
 #[test]
-fn a_run_that_goes_on_is_the_straight_run_over_any_link() {
+fn a_resumed_run_equals_the_uninterrupted_one_over_any_link() {
     let rig = Rig::new();
     let without = rig.run(&format!("{SCENARIO} --no-record")).expect(0);
     for made_over in ["iceoryx2", "in-process"] {
@@ -125,7 +125,7 @@ fn a_run_that_goes_on_is_the_straight_run_over_any_link() {
 }
 
 #[test]
-fn a_paced_run_goes_on_where_it_was() {
+fn a_paced_run_resumes_where_it_was() {
     let rig = Rig::new();
     let straight = rig
         .run(&format!("{SCENARIO} --pace 8 --checkpoint-at 0.6"))
@@ -151,9 +151,9 @@ fn shortened(rig: &Rig, scenario: &str, duration_s: f64) -> String {
 }
 
 #[test]
-fn every_law_goes_on_in_the_middle_of_the_papers_fault() {
-    let rig = Rig::new();
+fn every_law_resumes_in_the_middle_of_the_papers_fault() {
     for law in LAWS {
+        let rig = Rig::new();
         let shipped = shortened(&rig, "scenarios/severe-leakage.toml", 7.3);
         let scenario = format!("{shipped} --set controller.law={law}");
         // At the very step at which it takes hold, and soon after.
@@ -162,10 +162,10 @@ fn every_law_goes_on_in_the_middle_of_the_papers_fault() {
 }
 
 #[test]
-fn every_kind_of_fault_goes_on_across_a_checkpoint() {
-    let rig = Rig::new();
+fn every_kind_of_fault_continues_across_a_checkpoint() {
     let text = std::fs::read_to_string(workspace().join(SCENARIO)).expect("the scenario");
     for fault in faults() {
+        let rig = Rig::new();
         let path = rig.write("faulted.toml", &with_fault(&text, &fault, 0.1));
         let scenario = format!(
             "{} --set run.duration_s=0.2 --set faults[0].at_s=0.11",
@@ -226,7 +226,7 @@ fn a_branch_whose_fault_had_not_begun_is_the_straight_run_of_the_other_scenario(
 }
 
 #[test]
-fn a_run_that_went_on_can_be_gone_on_from_again() {
+fn a_resumed_run_can_be_resumed_from_again() {
     let rig = Rig::new();
     let straight = rig
         .run(&format!("{SCENARIO} --checkpoint-at 0.5"))
@@ -245,16 +245,13 @@ fn a_run_that_went_on_can_be_gone_on_from_again() {
 }
 
 #[test]
-fn live_faults_go_on_and_one_accepted_after_the_checkpoint_does_not() {
+fn live_faults_continue_and_one_accepted_after_the_checkpoint_does_not() {
     let rig = Rig::new();
     let session = rig.session();
     let run = rig.start(&format!(
         "{SCENARIO} --pause-at 0.5 --checkpoint-at 0.5 --checkpoint-at 0.6"
     ));
-    until("the run is held", || {
-        let asked = rig.beside(&["inject", "--active", "--session", session]);
-        asked.code == Some(0) && asked.stdout.contains("step 5000")
-    });
+    rig.until_held_at(5000);
     let beside = |line: &str| {
         let words: Vec<&str> = line.split(' ').chain(["--session", session]).collect();
         rig.beside(&words).expect(0);
@@ -298,11 +295,9 @@ fn a_reference_signal_may_change_from_the_checkpoint_on() {
 }
 
 #[test]
-fn a_plant_of_ones_own_goes_on() {
+fn a_run_of_an_own_plant_can_be_resumed() {
     let rig = Rig::new();
-    // A copy: another test may build the example anew meanwhile.
-    let plant = rig.path("own-plant");
-    std::fs::copy(example("own-plant"), &plant).expect("copied");
+    let plant = example("own-plant");
     let shipped = shortened(&rig, "examples/own-plant/pendulum.toml", 1.0);
     let scenario = format!(
         "{shipped} --set controller.law=hold --set plant.parameters.initial_angle_rad=1e-3"

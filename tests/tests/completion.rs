@@ -235,7 +235,7 @@ fn a_request_says_nothing_else_and_leaves_nothing() {
     assert_eq!(keys, "--coefficient_m3ps_per_sqrt_pa\n");
 }
 
-/// Everything below a folder.
+/// Lists all files and folders below a folder.
 fn listed(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).expect("a folder").flatten() {
@@ -249,7 +249,7 @@ fn listed(folder: &Path) -> Vec<PathBuf> {
 }
 
 #[test]
-fn a_program_of_ones_own_is_asked_what_its_keys_are() {
+fn completion_asks_an_own_program_for_its_keys() {
     let rig = Rig::new();
     let desk = desk(&rig);
     let program = misbehaving_controller();

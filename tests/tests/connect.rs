@@ -227,10 +227,7 @@ fn another_controller_takes_over_under_the_same_names() {
     let rig = Rig::new();
     let slider = scenario(&rig, "slider.toml", SLIDER);
     let running = rig.start(&foreign(&slider, "--pause-at 1 --wait-limit 60"));
-    crate::support::harness::until("the run is held", || {
-        let asked = rig.beside(&["inject", "--active", "--session", rig.session()]);
-        asked.code == Some(0) && asked.stdout.contains("step 1000")
-    });
+    rig.until_held_at(1000);
     let swap = [
         "controller",
         "swap",

@@ -3,6 +3,8 @@
 
 use std::process::Command;
 
+use serde_json::Value;
+
 use crate::support::company::BusyLoop;
 use crate::support::harness::Rig;
 use crate::support::mcap_reader::{Record, Recording};
@@ -30,6 +32,20 @@ fn ten_runs_over_shared_memory_have_the_digest_of_one_thread() {
     for run in 0..10 {
         let digest = rig.run(SCENARIO).expect(0).digest();
         assert_eq!(digest, wanted, "run {run}");
+    }
+}
+
+#[test]
+fn runs_beside_each_other_in_one_process_have_the_digest_of_one_alone() {
+    let rig = Rig::new();
+    let side_by_side = "--link in-process --no-record --repeat 6 --json";
+    let suite = rig.run(&format!("{SCENARIO} {side_by_side}")).expect(0);
+    let told: Value = serde_json::from_str(&suite.stdout).expect("JSON");
+    let runs = told["runs"].as_array().expect("a list of runs");
+    assert_eq!(runs.len(), 6);
+    let wanted = reference(&rig, "");
+    for run in runs {
+        assert_eq!(run["digest"], wanted, "{run}");
     }
 }
 
@@ -90,7 +106,7 @@ fn a_busy_core_does_not_change_the_digest() {
 }
 
 #[test]
-fn the_only_core_may_be_busy_too() {
+fn a_busy_single_core_does_not_change_the_digest() {
     let rig = Rig::new();
     // 1,000 steps: each exchange waits until the busy loop has had its turn.
     let changes = "--set run.duration_s=0.1 --set faults[0].at_s=0.05";

@@ -4,7 +4,7 @@ use std::process::Command;
 
 use serde_json::Value;
 
-use crate::support::harness::{Rig, until};
+use crate::support::harness::Rig;
 use crate::support::mcap_reader::Recording;
 use crate::support::programs::{example, test_example, workspace};
 
@@ -113,10 +113,7 @@ fn a_kind_of_fault_from_outside_is_used_live_and_follows_its_equation() {
         plant.display()
     ));
     let session = rig.session();
-    until("the run is held", || {
-        let asked = rig.beside(&["inject", "--active", "--session", session]);
-        asked.code == Some(0) && asked.stdout.contains("step 5000")
-    });
+    rig.until_held_at(5000);
     let inject = "inject backlash measured.actuator1_position_m 2e-4 --session";
     let told = beside(&rig, &format!("{inject} {session}"));
     assert!(told.contains("step 5000"), "{told}");

@@ -26,7 +26,7 @@ const SANITIZED: &[&str] = &[
     "-fno-sanitize-recover=all",
 ];
 
-/// True if this tool is there; else the test is skipped by name.
+/// Checks for a tool; without the tool the test is skipped by name.
 fn has(tool: &str, test: &str) -> bool {
     let is_there = Command::new(tool).arg("--version").output().is_ok();
     if !is_there {

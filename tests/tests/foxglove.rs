@@ -100,7 +100,7 @@ impl Client {
         (!line.is_empty()).then(|| serde_json::from_str(&line).expect("JSON"))
     }
 
-    /// Everything until it was closed.
+    /// Reads all messages until the connection is closed.
     fn rest(&mut self) -> Vec<Value> {
         let rest: Vec<Value> = std::iter::from_fn(|| self.next()).collect();
         assert!(self.process.wait().expect("our child").success());
@@ -119,11 +119,7 @@ fn a_client_gets_the_records_that_are_recorded_and_changes_nothing() {
     let alone = rig.run("scenarios/spring-mass.toml").expect(0).digest();
 
     let run = rig.start("scenarios/spring-mass.toml --pace 10 --pause-at 0.001 --wait-limit 60");
-    until("the run is held", || {
-        let at = ["inject", "--active", "--json", "--session", rig.session()];
-        let told: Value = serde_json::from_str(&rig.beside(&at).stdout).unwrap_or_default();
-        told["status"]["paused"] == true
-    });
+    rig.until_held_at(1);
     let server = Server::start(&rig, &["--rate", "500"]);
     let mut clients: Vec<Client> = ["foxglove.websocket.v1", "foxglove.sdk.v1"]
         .map(|subprotocol| Client::start(&python, &server, subprotocol))

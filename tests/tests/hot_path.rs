@@ -25,7 +25,7 @@ const SCENARIO: &str = "tests/scenarios/leakage.toml";
 /// System calls of a wait: giving the core away, a sleep or its end for the other side, and a clock that the
 /// kernel does not lend.
 const WAITING: [&str; 3] = ["sched_yield", "futex", "clock_gettime"];
-/// Of a look at what happened to the thread: every 1,024 steps, and after one that took far too long.
+/// System calls of a look at the statistics of the thread: every 1,024 steps, and after one that took far too long.
 const LOOKING: [&str; 2] = ["getcpu", "getrusage"];
 
 /// A program that traces itself once it is started for a run.

@@ -25,7 +25,7 @@ fn layout(rig: &Rig, run: &Run, viewer: &str) -> String {
     rig.hil(&["layout", folder, viewer]).expect(0).stdout
 }
 
-/// All values of a key, wherever they are.
+/// Collects the values of a key, however deep they are.
 fn values<'v>(json: &'v Value, key: &str, found: &mut Vec<&'v Value>) {
     match json {
         Value::Object(object) => {

@@ -209,7 +209,7 @@ fn a_controller_that_says_other_things_at_hello_than_it_described_is_refused() {
     }
 }
 
-/// Something that becomes of a description.
+/// Change of a description.
 type Change = fn(&mut Value);
 
 /// The internals of a law that has some.

@@ -5,51 +5,19 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde_json::Value;
-use shared_types::live::{Injected, LiveError, Request, Response, Status, ask};
+use shared_types::live::{Injected, Request, Response};
 use shared_types::random::RandomStream;
 use shared_types::session::SessionInfo;
 
 use crate::support::harness::{Rig, Run, until};
 use crate::support::mcap_reader::Recording;
 
-const SEVERE: &str = "scenarios/severe-leakage.toml";
 const SHORT: &str = "tests/scenarios/leakage.toml";
-const LEAKAGE: &str = "inject leakage --actuator 1,2 --coefficient 5e-7,1e-7 --speed 10,0.5 --at 7";
-
-/// Asks the plant of this test's session, which may only just be starting.
-fn request(rig: &Rig, request: &Request) -> Response {
-    let mut answer = None;
-    until("the plant takes requests", || {
-        let Ok(session) = SessionInfo::read(&rig.session_folder()) else {
-            return false; // not made yet
-        };
-        match ask(&session, request, Duration::from_secs(60)) {
-            Ok(response) => answer = Some(response),
-            Err(LiveError::Absent(_)) => {}
-            Err(error) => panic!("{error}"),
-        }
-        answer.is_some()
-    });
-    answer.expect("answered")
-}
-
-fn status(rig: &Rig) -> Status {
-    match request(rig, &Request::Status) {
-        Response::Status(status) => status,
-        other => panic!("{other:?}"),
-    }
-}
-
-pub(crate) fn until_paused_at(rig: &Rig, step: u64) {
-    until("the run is held", || {
-        let status = status(rig);
-        status.paused && status.step == step
-    });
-}
+const LEAKAGE: &str = "inject leakage --actuator 1,2 --coefficient 5e-7,1e-7 --speed 10,0.5 --at 1";
 
 fn inject(rig: &Rig, toml: &str) -> Result<Vec<Injected>, Vec<String>> {
     let toml = toml.to_owned();
-    match request(rig, &Request::Inject { toml }) {
+    match rig.ask(&Request::Inject { toml }) {
         Response::Injected { faults } => Ok(faults),
         Response::Refused { problems } => Err(problems
             .into_iter()
@@ -79,20 +47,20 @@ fn words(arguments: &str) -> Vec<&str> {
 #[test]
 fn a_fault_in_a_scenario_live_or_written_down_from_the_live_run_is_one_trajectory() {
     let rig = Rig::new();
-    let wanted = rig.run(SEVERE).expect(0).digest();
+    let wanted = rig.run(SHORT).expect(0).digest();
 
-    let run = rig.start(&format!("{} --pause-at 0.5", healthy(&rig, SEVERE)));
-    until_paused_at(&rig, 5000);
+    let run = rig.start(&format!("{} --pause-at 0.5", healthy(&rig, SHORT)));
+    rig.until_held_at(5000);
     let session = format!("{LEAKAGE} --session {}", rig.session());
     let told = rig.beside(&words(&session)).expect(0);
-    assert!(told.stdout.contains("70000"), "{}", told.stdout);
+    assert!(told.stdout.contains("10000"), "{}", told.stdout);
     rig.beside(&["resume", "--session", rig.session()])
         .expect(0);
     let live = run.finish().expect(0);
     assert_eq!(live.digest(), wanted);
     let summary = live.summary();
     assert_eq!(summary["faults"][0]["source"], "cli", "{summary}");
-    assert_eq!(summary["faults"][0]["effective_step"], 70000);
+    assert_eq!(summary["faults"][0]["effective_step"], 10_000);
 
     let written = rig.path("written.toml").display().to_string();
     let from = live.folder.display().to_string();
@@ -108,7 +76,7 @@ fn a_fault_in_a_scenario_live_or_written_down_from_the_live_run_is_one_trajector
     .expect(0);
 }
 
-/// A fault that a running plant must take, and what it is.
+/// Makes a fault that a running plant must take.
 fn valid(random: &mut RandomStream, next_at_s: f64) -> String {
     let size = 1e-9 * (1.0 + random.uniform());
     let pick = |random: &mut RandomStream, list: &[&str]| {
@@ -163,19 +131,19 @@ fn a_thousand_live_faults_take_hold_at_the_steps_that_were_answered() {
     let rig = Rig::new();
     let scenario = healthy(&rig, SHORT);
     let run = rig.start(&format!(
-        "{scenario} --set run.duration_s=100000 --set controller.law=pid"
+        "{scenario} --set run.duration_s=100000 --set controller.law=pid --pace 1"
     ));
     let mut random = RandomStream::new(1, "valid faults");
     let mut answered = BTreeMap::new();
     for number in 0..1000 {
-        let toml = format!("[[faults]]\n{}\n", valid(&mut random, status(&rig).time_s));
+        let toml = format!("[[faults]]\n{}\n", valid(&mut random, rig.status().time_s));
         let faults = inject(&rig, &toml).unwrap_or_else(|e| panic!("{number}: {toml}: {e:?}"));
         for fault in faults {
             answered.insert(fault.id, fault.effective_step.expect("known"));
         }
     }
     let last = *answered.values().max().expect("a thousand");
-    until("the last has taken hold", || status(&rig).step > last + 2);
+    until("the last has taken hold", || rig.status().step > last + 2);
     run.signal(rustix::process::Signal::INT);
     let run = run.finish().expect(130);
     let recording = Recording::open(&run.recording());
@@ -191,7 +159,7 @@ fn a_thousand_live_faults_take_hold_at_the_steps_that_were_answered() {
     assert_eq!(recording.digest(|_| ()), run.digest());
 }
 
-/// Something that must be refused, each for another reason.
+/// Makes a fault that must be refused, for one of a dozen reasons.
 fn invalid(random: &mut RandomStream) -> String {
     let odd = format!("x{}", (random.uniform() * 1e6) as u32);
     let effect = |kind: &str, effect: &str| {
@@ -236,7 +204,7 @@ fn a_thousand_impossible_faults_are_refused_with_a_reason_and_change_nothing() {
     let scenario = healthy(&rig, SHORT);
     let wanted = rig.run(&scenario).expect(0).digest();
     let run = rig.start(&format!("{scenario} --pause-at 0.5"));
-    until_paused_at(&rig, 5000);
+    rig.until_held_at(5000);
     let mut random = RandomStream::new(2, "invalid faults");
     for number in 0..1000 {
         let toml = invalid(&mut random);
@@ -247,29 +215,29 @@ fn a_thousand_impossible_faults_are_refused_with_a_reason_and_change_nothing() {
         );
         if number % 100 == 99 {
             // The others meet a loop at work.
-            request(&rig, &Request::Advance { steps: 500 });
+            rig.ask(&Request::Advance { steps: 500 });
         }
     }
-    request(&rig, &Request::Resume);
+    rig.ask(&Request::Resume);
     let run = run.finish().expect(0);
     assert_eq!(run.digest(), wanted);
     assert_eq!(run.summary()["faults"], Value::Array(vec![]));
 }
 
 #[test]
-fn a_pause_holds_the_run_for_as_long_as_one_likes_and_changes_nothing() {
+fn a_pause_of_any_length_changes_nothing() {
     let rig = Rig::new();
     let wanted = rig.run(SHORT).expect(0).digest();
     // Held for longer than the controller's patience, which every frame of the pause renews.
     let run = rig.start(&format!("{SHORT} --pause-at 0.5 --wait-limit 0.5"));
-    until_paused_at(&rig, 5000);
+    rig.until_held_at(5000);
     std::thread::sleep(Duration::from_millis(1500));
     let session = ["--session", rig.session()];
     let step = rig
         .beside(&[&["step", "3"][..], &session].concat())
         .expect(0);
     assert!(step.stdout.contains("5003"), "{}", step.stdout);
-    until_paused_at(&rig, 5003);
+    rig.until_held_at(5003);
     rig.beside(&[&["resume"][..], &session].concat()).expect(0);
     assert_eq!(run.finish().expect(0).digest(), wanted);
 }
@@ -279,12 +247,12 @@ fn a_paced_run_goes_on_at_its_pace_after_a_pause() {
     let rig = Rig::new();
     let wanted = rig.run(SHORT).expect(0).digest();
     let run = rig.start(&format!("{SHORT} --pace 4"));
-    let Response::Status(held) = request(&rig, &Request::Pause) else {
+    let Response::Status(held) = rig.ask(&Request::Pause) else {
         panic!("not held");
     };
-    until("the run is held", || self::status(&rig).paused);
-    assert!(self::status(&rig).step <= held.step + 1);
-    request(&rig, &Request::Resume);
+    until("the run is held", || rig.status().paused);
+    assert!(rig.status().step <= held.step + 1);
+    rig.ask(&Request::Resume);
     assert_eq!(run.finish().expect(0).digest(), wanted);
 }
 
@@ -292,12 +260,12 @@ fn a_paced_run_goes_on_at_its_pace_after_a_pause() {
 fn a_held_run_ends_when_it_is_interrupted_or_loses_its_controller() {
     let rig = Rig::new();
     let run = rig.start(&format!("{SHORT} --pause-at 0.5"));
-    until_paused_at(&rig, 5000);
+    rig.until_held_at(5000);
     run.signal(rustix::process::Signal::INT);
     run.finish().expect(130);
 
     let run = rig.start(&format!("{SHORT} --pause-at 0.5"));
-    until_paused_at(&rig, 5000);
+    rig.until_held_at(5000);
     let session = SessionInfo::read(&rig.session_folder()).expect("the session is there");
     session.children[1].kill();
     run.finish().expect(3).says(&["controller"]);
@@ -321,7 +289,7 @@ fn what_cannot_be_injected_is_told_with_what_can() {
     let rig = Rig::new();
     let session = ["--session", rig.session()];
     let run = rig.start(&format!("{SHORT} --pause-at 0.5"));
-    until_paused_at(&rig, 5000);
+    rig.until_held_at(5000);
     let inject = |arguments: &str| {
         let arguments: Vec<&str> = [&["inject"][..], &words(arguments), &session].concat();
         rig.beside(&arguments)
@@ -355,12 +323,12 @@ fn what_cannot_be_injected_is_told_with_what_can() {
 
     let taken = inject("bias measured.surface_angle_rad 0.001 --ramp 50ms").expect(0);
     assert!(taken.stdout.contains("step 5000"), "{}", taken.stdout);
-    request(&rig, &Request::Advance { steps: 10 });
+    rig.ask(&Request::Advance { steps: 10 });
     assert!(inject("--active").expect(0).stdout.contains("bias"));
     inject("--clear all").expect(0);
     let ended = inject("--active").expect(0).stdout;
     assert!(!ended.contains("bias"), "{ended}");
-    request(&rig, &Request::Resume);
+    rig.ask(&Request::Resume);
     let summary = run.finish().expect(0).summary();
     let bias = &summary["faults"].as_array().expect("a list")[1];
     assert_eq!(
@@ -394,7 +362,7 @@ fn a_thousand_ended_faults_leave_little_in_the_plant() {
             let faults = inject(&rig, fault).expect("it can be");
             let id = Some(faults[0].id);
             assert!(matches!(
-                request(&rig, &Request::Clear { id }),
+                rig.ask(&Request::Clear { id }),
                 Response::Cleared { .. }
             ));
         }

@@ -424,10 +424,7 @@ fn a_program_that_was_replaced_while_the_run_goes_on_is_not_started_as_the_old_o
         law.display()
     ));
     let at = ["--session", rig.session()];
-    until("the run is held", || {
-        let asked = rig.beside(&[&["inject", "--active"], &at[..]].concat());
-        asked.stdout.contains("step 2500")
-    });
+    rig.until_held_at(2500);
     let swap = ["controller", "swap", "--set", "controller.law=hold"];
     let swap = |more: &[&str]| rig.beside(&[&swap, more, &at[..]].concat());
     std::fs::remove_file(&law).expect("it is ours");

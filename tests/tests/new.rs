@@ -7,7 +7,7 @@ use std::process::Command;
 use serde_json::Value;
 
 use crate::support::harness::{Rig, Run};
-use crate::support::programs::{finish, target, workspace};
+use crate::support::programs::{NO_DEBUG, finish, target, workspace};
 
 /// Runs `hil` in the folder of the test.
 fn hil(rig: &Rig, line: &str) -> Run {
@@ -31,6 +31,7 @@ fn build(folder: &Path) {
     finish(
         cargo
             .env("CARGO_BUILD_BUILD_DIR", outside)
+            .env(NO_DEBUG.0, NO_DEBUG.1)
             .env_remove("CARGO_TARGET_DIR"),
     );
 }

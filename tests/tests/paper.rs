@@ -137,7 +137,7 @@ fn assert_case(case: &Case, summary: &Value) {
     assert_requirements(case, summary);
 }
 
-/// Every requirement of the scenario was judged, and those failed that should.
+/// Fails unless every requirement of the scenario was judged and exactly the expected ones failed.
 fn assert_requirements(case: &Case, summary: &Value) {
     let requirements = summary["requirements"].as_array().expect("a list");
     let name = |requirement: &Value| requirement["name"].as_str().expect("a name").to_owned();

@@ -38,7 +38,7 @@ fn number(value: &Value) -> u64 {
     value.as_u64().unwrap_or_else(|| panic!("{value}"))
 }
 
-/// Every fault of signals, links and timing at once, in the first tenths of a second.
+/// Writes a scenario with faults of signals, links and timing at once, in the first tenths of a second.
 fn with_all_faults(rig: &Rig) -> PathBuf {
     let mut scenario = std::fs::read_to_string(workspace().join(LEAKAGE)).expect("it is there");
     let kinds = [

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 use serde_json::Value;
 
-use crate::support::harness::{Rig, until};
+use crate::support::harness::Rig;
 use crate::support::mcap_reader::Recording;
 use crate::support::programs::workspace;
 use page::Page;
@@ -233,10 +233,7 @@ fn a_change_of_the_controller_is_in_title_label_plots_and_published_figures() {
     let rig = Rig::new();
     let run = rig.start("scenarios/severe-leakage.toml --set requirements=[] --pause-at 7.5");
     let session = ["--session", rig.session()];
-    until("the run is held", || {
-        let asked = rig.beside(&[&["inject", "--active"], &session[..]].concat());
-        asked.stdout.contains("step 75000")
-    });
+    rig.until_held_at(75_000);
     let swap = ["controller", "swap", "--set", "controller.law=nrsc"];
     rig.beside(&[&swap, &session[..]].concat()).expect(0);
     rig.beside(&[&["resume"], &session[..]].concat()).expect(0);

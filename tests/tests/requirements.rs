@@ -16,7 +16,7 @@ use crate::support::programs::workspace;
 const SHORT: &str = "tests/scenarios/leakage.toml";
 const SPRING_MASS: &str = "scenarios/spring-mass.toml";
 
-/// Something of every operator, over signals of every group. The leakage begins at 1 s.
+/// Requirements with every operator, over signals of every group. The leakage begins at 1 s.
 const REQUIREMENTS: &str = r#"
 [[requirements]]
 name = "no-angle-beyond-its-stop"

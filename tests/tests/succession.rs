@@ -291,7 +291,7 @@ fn who_was_not_launched_is_told_to_leave_and_the_run_stays_the_same() {
     assert!(log.contains("refused: process"), "{log}");
 }
 
-/// This process in the controller's place.
+/// Opens the link as the controller would, by this process.
 fn stranger(folder: &Path) -> IceoryxLink {
     let mut link = None;
     until("the plant makes its link", || {

@@ -51,11 +51,7 @@ fn there(board: &Board, argument: &str) -> u32 {
 
 /// Waits until steps are being exchanged.
 fn under_way(rig: &Rig) {
-    until("steps are exchanged", || {
-        let told = rig.beside(&["inject", "--active", "--json", "--session", rig.session()]);
-        let status: Value = serde_json::from_str(&told.stdout).unwrap_or_default();
-        status["status"]["step"].as_u64() > Some(10)
-    });
+    until("steps are exchanged", || rig.status().step > 10);
 }
 
 /// Sessions of this user without a name of their own, as agents make them.
@@ -283,11 +279,7 @@ fn live_faults_and_another_controller_come_to_a_run_there() {
         hil.args(arguments).args(session);
         rig.program(hil)
     };
-    until("the run is held", || {
-        let told = beside(&["inject", "--active", "--json"]).stdout;
-        let status: Value = serde_json::from_str(&told).unwrap_or_default();
-        status["status"]["paused"] == true
-    });
+    rig.until_held_at(500);
     let first = there(&board, "--session");
     beside(&["inject", "bias", "measured.position_m", "0.001"]).expect(0);
     let swap = std::thread::scope(|scope| {

@@ -8,7 +8,6 @@ use shared_types::live::{ChangeRequest, NewValue, Request, Response, ask};
 use shared_types::random::RandomStream;
 use shared_types::session::SessionInfo;
 
-use crate::live::until_paused_at;
 use crate::support::harness::{Rig, Run};
 use crate::support::mcap_reader::Recording;
 
@@ -48,7 +47,7 @@ fn keys_change_together_at_the_step_told_and_every_repetition_does_the_same() {
     let rig = Rig::new();
     let plain = rig.run(SPRING).expect(0).digest();
     let run = rig.start(&format!("{SPRING} --pause-at 1"));
-    until_paused_at(&rig, 1000);
+    rig.until_held_at(1000);
     let told = changed(
         &rig,
         "controller.pid.proportional_n_per_m=600 plant.parameters.mass_kg=1.2 reference.position_m=0.02",
@@ -147,7 +146,7 @@ fn what_is_wrong_is_refused_by_name_and_changes_nothing() {
     let rig = Rig::new();
     let plain = rig.run(SPRING).expect(0).digest();
     let run = rig.start(&format!("{SPRING} --pause-at 1"));
-    until_paused_at(&rig, 1000);
+    rig.until_held_at(1000);
     for (words, why) in [
         ("plant.parameters.mas_kg=1", "plant.parameters.mass_kg"),
         (
@@ -199,7 +198,7 @@ fn a_law_judges_combinations_of_its_parameters() {
         let run = rig.start(&format!(
             "tests/scenarios/leakage.toml --set controller.law=nrsc --pause-at 0.1 --link {link}"
         ));
-        until_paused_at(&rig, 1000);
+        rig.until_held_at(1000);
         let bound = "controller.nrsc.disturbance_bound_n_per_s2=2e9";
         beside(&rig, &format!("set {bound}"))
             .expect(2)
@@ -252,7 +251,7 @@ fn random_changes_at_full_speed_take_hold_at_the_steps_told() {
     let run = rig.start(&format!(
         "{SPRING} --set run.duration_s=2000 --pause-at 0.001"
     ));
-    until_paused_at(&rig, 1);
+    rig.until_held_at(1);
     let session = SessionInfo::read(&rig.session_folder()).expect("it runs");
     let asked =
         |request: &Request| ask(&session, request, Duration::from_secs(60)).expect("answered");
@@ -267,7 +266,7 @@ fn random_changes_at_full_speed_take_hold_at_the_steps_told() {
     asked(&Request::Resume);
     let mut random = RandomStream::new(1, "changes");
     let mut told = Vec::new();
-    for _ in 0..1000 {
+    for _ in 0..300 {
         let (key, low, high) = keys[(random.uniform() * keys.len() as f64) as usize];
         let value = low + (high - low) * random.uniform();
         let request = Request::Set(ChangeRequest {

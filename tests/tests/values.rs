@@ -2,7 +2,6 @@
 
 use serde_json::Value;
 
-use crate::live::until_paused_at;
 use crate::support::harness::Rig;
 use crate::support::mcap_reader::{Record, Recording};
 
@@ -48,7 +47,7 @@ fn values_that_are_told_are_those_recorded_and_telling_them_changes_no_digest() 
     let rig = Rig::new();
     let wanted = rig.run(SHORT).expect(0).digest();
     let run = rig.start(&format!("{SHORT} --pause-at 0.5"));
-    until_paused_at(&rig, 5000);
+    rig.until_held_at(5000);
     let session = ["--session", rig.session()];
     let beside = |arguments: &[&str]| rig.beside(&[arguments, &session].concat());
     let get = [&["get", "--json"][..], &SIGNALS].concat();
@@ -122,7 +121,7 @@ fn values_that_are_told_are_those_recorded_and_telling_them_changes_no_digest() 
 fn before_the_first_step_there_is_nothing_to_tell() {
     let rig = Rig::new();
     let run = rig.start(&format!("{SHORT} --pause-at 0"));
-    until_paused_at(&rig, 0);
+    rig.until_held_at(0);
     rig.beside(&["get", "--session", rig.session()])
         .expect(2)
         .says(&["no step was executed", "hil step"]);

@@ -90,9 +90,9 @@ struct Setting {
     class: Class,
     rate_hz: u64,
     samples: u64,
-    /// Of what is measured.
+    /// Core of the thread that is measured.
     core: usize,
-    /// Of the controller; the same where there is only one.
+    /// Core of the controller; the same where there is only one.
     other_core: usize,
     /// True if a busy loop is on each core.
     busy: bool,

@@ -113,7 +113,7 @@ fn suite(hil: &Path, folder: &Path, length: (f64, u64), watched: bool, ways: &[&
     }
 }
 
-/// Everything of sessions in shared memory.
+/// Lists the files of all sessions in shared memory.
 fn in_shared_memory() -> Vec<String> {
     let uid = rustix::process::geteuid().as_raw();
     let sessions = format!("/dev/shm/hil-{uid}");

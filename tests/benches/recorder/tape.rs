@@ -62,7 +62,7 @@ impl Tape {
         }
     }
 
-    /// Every record's words.
+    /// Iterates over the records, each as its words.
     pub(crate) fn records(&self) -> impl ExactSizeIterator<Item = &[u64]> {
         self.words.chunks_exact(self.layout.words())
     }

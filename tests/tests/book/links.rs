@@ -6,7 +6,7 @@ use std::path::{Component, Path, PathBuf};
 use super::page::{Page, pages};
 use crate::support::programs::workspace;
 
-/// Every link of a page with its line; none from inside code.
+/// Lists the links of a page with their lines; none from inside code.
 fn links(page: &Page) -> Vec<(usize, String)> {
     let mut found = Vec::new();
     let mut fenced = false;

@@ -29,7 +29,7 @@ pub(super) struct Block<'p> {
     pub(super) follows: bool,
 }
 
-/// Every page: the README, the architecture, the book and the examples.
+/// Reads all pages: the README, the architecture, the book and the examples.
 pub(super) fn pages() -> Vec<Page> {
     let mut paths: Vec<PathBuf> = ["README.md", "ARCHITECTURE.md"].map(PathBuf::from).into();
     let mut found: Vec<PathBuf> = ["docs", "docs/reference"]

@@ -18,7 +18,7 @@ use super::page::Page;
 use super::shown;
 use crate::support::fmus;
 use crate::support::harness::Rig;
-use crate::support::programs::{program, target, workspace};
+use crate::support::programs::{NO_DEBUG, program, target, workspace};
 use crate::support::python::python;
 
 /// Time that a page may take before it counts as hanging. On busy cores a run of 20 s takes minutes.
@@ -173,7 +173,9 @@ impl Desk {
         let _ = std::fs::remove_dir_all(&notes);
         std::fs::create_dir_all(&notes).expect("a folder");
         let script = notes.join("script");
-        let python = python(&MODULES[2..].join(", "));
+        let has_python = blocks.iter().any(|block| block.language == "python");
+        let python = has_python.then(|| python(&MODULES[2..].join(", ")));
+        let python = python.flatten();
         let mut text = String::from(PROLOGUE);
         for block in &blocks {
             let line = block.line;
@@ -211,6 +213,7 @@ impl Desk {
             .env("OUTSIDE", target().join("examples-outside"))
             .env("PROGRAMS", &self.programs)
             .env("CARGO", env!("CARGO"))
+            .env(NO_DEBUG.0, NO_DEBUG.1)
             .env("SESSION", rig.session())
             .env("XDG_STATE_HOME", self.folder.join("state"))
             .env_remove("HIL_PLANT_BIN")

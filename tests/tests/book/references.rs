@@ -40,7 +40,7 @@ fn the_references_say_what_the_code_says() {
     assert!(stale.is_empty(), "{stale:?} are stale; `{renew}`");
 }
 
-/// Every command with its help, as `hil` prints it on a terminal of 100 columns.
+/// Makes the page of all commands with their help, as `hil` prints it on a terminal of 100 columns.
 fn commands() -> String {
     let mut page = format!("# Commands\n\n{MADE}\n");
     let mut hil = CommandLine::command().term_width(100);
@@ -64,7 +64,7 @@ fn command(page: &mut String, one: &mut clap::Command, name: &str) {
     }
 }
 
-/// Every key of a scenario, from the tables that the check and `hil config schema` use.
+/// Makes the page of all keys of a scenario, from the tables that the check and `hil config schema` use.
 fn scenario() -> String {
     let mut page = format!(
         "# Scenario keys\n\n{MADE}\nA scenario is TOML. `hil config schema` prints the same for editors, with the keys of \
@@ -77,7 +77,7 @@ fn scenario() -> String {
     page + "\n"
 }
 
-/// Every key of a study, from the table that `hil campaign check` uses.
+/// Makes the page of all keys of a study, from the table that `hil campaign check` uses.
 fn study() -> String {
     let mut page = format!(
         "# Study keys\n\n{MADE}\nA study is TOML; [Campaigns](../campaigns.md) shows one. `hil config schema --study` prints \
@@ -265,7 +265,7 @@ fn cell(text: &str) -> String {
     text.replace('|', "\\|")
 }
 
-/// Every kind of fault, with a link to where it is told in full.
+/// Makes the page of all kinds of faults, each with a link to its full description.
 fn faults() -> String {
     let mut page = format!(
         "# Kinds of faults\n\n{MADE}\nThe built-in kinds act on any plant: on its signals, its faultable parameters, the link and \

@@ -3,7 +3,7 @@
 use rustix::process::Signal;
 use shared_types::session::SessionInfo;
 
-use super::{Hand, SCENARIO, awaited, controller, held, is_held, plant, resume};
+use super::{Hand, SCENARIO, awaited, controller, held, plant, resume};
 use crate::support::harness::{Rig, send, until};
 use crate::support::programs::{misbehaving_controller, workspace};
 
@@ -46,7 +46,7 @@ fn an_interrupted_run_ends_a_side_that_is_held() {
 }
 
 #[test]
-fn whatever_ends_it_its_end_is_named() {
+fn each_end_of_a_side_started_by_hand_is_named() {
     let program = misbehaving_controller();
     let path = program.display();
     let silent = "controller, started by hand, is gone without a word";
@@ -72,7 +72,7 @@ fn whatever_ends_it_its_end_is_named() {
             "plant" => plant(&rig),
             _ => controller(&rig),
         };
-        is_held(&rig);
+        rig.until_held_at(2500);
         send(hand.pid(), Signal::KILL);
         let run = running.finish().expect(3);
         let reason = run.summary()["reason"].to_string();
@@ -92,7 +92,7 @@ fn scenario_without_gains(rig: &Rig, arguments: &str) -> String {
 }
 
 #[test]
-fn it_ends_with_a_killed_hil_also_if_it_is_stopped() {
+fn a_side_ends_with_a_killed_hil_even_if_it_is_stopped() {
     let rig = Rig::alone();
     for is_stopped in [false, true] {
         let (running, hand) = held(&rig, "--wait-limit inf");

@@ -1,4 +1,4 @@
-//! Runs in which everything moves: faults that wait, act or are under way go on across any step.
+//! Runs in which everything moves: faults that wait, act or are under way continue across any checkpoint.
 
 use shared_types::random::RandomStream;
 
@@ -203,9 +203,9 @@ fn moving(controller: &str, faults: &str) -> String {
 }
 
 #[test]
-fn whatever_waits_acts_and_is_under_way_goes_on() {
-    let rig = Rig::new();
+fn what_waits_acts_or_is_under_way_continues_after_a_checkpoint() {
     for (about, controller, faults) in CASES {
+        let rig = Rig::new();
         let path = rig.write("moving.toml", &moving(controller, faults));
         let times_s = [0.1, 0.101, 0.157, 0.208, 0.26, 0.333, 0.471, 0.62, 0.803];
         assert_goes_on(&rig, &path.display().to_string(), &times_s, about);
@@ -213,7 +213,7 @@ fn whatever_waits_acts_and_is_under_way_goes_on() {
 }
 
 #[test]
-fn any_step_can_be_gone_on_from() {
+fn a_run_can_be_resumed_from_any_step() {
     let rig = Rig::new();
     let all: String = CASES.iter().map(|(.., faults)| *faults).collect();
     let path = rig.write(

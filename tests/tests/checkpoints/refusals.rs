@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::moving::MOVING;
 use super::{SCENARIO, assert_same, go_on, made};
-use crate::support::harness::{Rig, until};
+use crate::support::harness::Rig;
 use crate::support::programs::{example, program_of_tests};
 
 #[test]
@@ -134,10 +134,7 @@ fn a_fault_from_outside_that_cannot_be_saved_is_refused_in_a_scenario_and_live()
     let arguments = format!("{SCENARIO} --plant-bin {plant} --checkpoint-at 1 --pause-at 0.5");
     let run = rig.start(&arguments);
     let session = rig.session();
-    until("the run is held", || {
-        let asked = rig.beside(&["inject", "--active", "--session", session]);
-        asked.code == Some(0) && asked.stdout.contains("step 5000")
-    });
+    rig.until_held_at(5000);
     let inject = "inject backlash measured.actuator1_position_m 2e-4 --session";
     let words: Vec<&str> = inject.split(' ').chain([session]).collect();
     rig.beside(&words).expect(2).says(&["backlash", told]);

@@ -85,7 +85,7 @@ fn connections_hold_against_the_clock_and_on_another_machine() {
             assert_eq!(there.summary()["target"]["name"], "me@board");
             there
         };
-        for more in ["", "--pace 1"] {
+        for more in ["", "--pace 5"] {
             assert_eq!(there(more).digest(), here.digest(), "{shown} {more}");
         }
         // Which step a command comes in depends on the machine, and the names and units do not.

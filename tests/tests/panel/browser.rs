@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::stream::until_held;
 use super::{Panel, SCENARIO};
-use crate::support::harness::{Rig, Running, until};
+use crate::support::harness::{Rig, Running};
 use crate::support::programs::{skip, workspace};
 use crate::support::python::python;
 
@@ -83,10 +83,7 @@ pub(super) fn begun<'r>(rig: &'r Rig, pace: &str, arguments: &[&str]) -> (Runnin
     let session = ["--session", rig.session()];
     rig.beside(&[&["step", "2499"][..], &session].concat())
         .expect(0);
-    until("the run is held again", || {
-        let told = rig.beside(&[&["inject", "--active"][..], &session].concat());
-        told.stdout.contains("paused before step 2500")
-    });
+    rig.until_held_at(2500);
     (run, panel)
 }
 
@@ -115,7 +112,8 @@ fn number(text: &str) -> f64 {
 #[test]
 fn every_control_does_in_the_session_what_it_says() {
     let rig = Rig::new();
-    let (run, panel) = begun(&rig, "--pace 0.2", &["--inject", DROPOUT]);
+    // Slow, so that the page can hold it again before it is over.
+    let (run, panel) = begun(&rig, "--pace 0.5", &["--inject", DROPOUT]);
     let Some(play) = Play::start("controls", &panel.url) else {
         return;
     };
@@ -196,7 +194,7 @@ fn every_control_does_in_the_session_what_it_says() {
 #[test]
 fn a_slider_changes_its_value_and_every_page_follows() {
     let rig = Rig::new();
-    let (run, panel) = begun(&rig, "--pace 0.2", &[]);
+    let (run, panel) = begun(&rig, "", &[]);
     let Some(play) = Play::start("tune", &panel.url) else {
         return;
     };

@@ -212,11 +212,7 @@ fn points_have_the_least_and_the_greatest_value_of_all_their_records() {
 }
 
 pub(super) fn until_held(rig: &Rig) {
-    until("the run is held", || {
-        let at = ["inject", "--active", "--json", "--session", rig.session()];
-        let told: Value = serde_json::from_str(&rig.beside(&at).stdout).unwrap_or_default();
-        told["status"]["paused"] == true
-    });
+    until("the run is held", || rig.status().paused);
 }
 
 #[test]

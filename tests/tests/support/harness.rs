@@ -16,6 +16,7 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 use serde_json::Value;
+use shared_types::live::{LiveError, Request, Response, Status, ask};
 use shared_types::process::ProcessId;
 use shared_types::session::SessionInfo;
 use tempfile::TempDir;
@@ -27,8 +28,8 @@ pub(crate) const WATCHDOG: Duration = Duration::from_secs(120);
 /// Time between two looks at something that is awaited.
 const LOOK: Duration = Duration::from_millis(2);
 
-/// Every test with a rig holds it, shared; exclusive is a test that looks at what a dead `hil` left,
-/// which any other `hil` would sweep away.
+/// Lock that every test with a rig holds. A test that looks at what a dead `hil` left holds it exclusively, because
+/// any other `hil` would sweep that away.
 static SESSIONS: RwLock<()> = RwLock::new(());
 
 /// Place of a test. A test has one at a time.
@@ -62,7 +63,7 @@ impl Rig {
         Self::with(Others::Allowed(shared))
     }
 
-    /// A place while no other test has one.
+    /// Makes a place while no other test has one.
     pub(crate) fn alone() -> Self {
         let exclusive = SESSIONS.write().unwrap_or_else(PoisonError::into_inner);
         Self::with(Others::Excluded(exclusive))
@@ -80,7 +81,7 @@ impl Rig {
         }
     }
 
-    /// A path in the test's folder.
+    /// Returns a path in the test's folder.
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
@@ -104,29 +105,58 @@ impl Rig {
         &self.session
     }
 
-    /// The teaching run, held before step 2500.
+    /// Starts the teaching run and waits until it is held before step 2500.
     pub(crate) fn held(&self) -> Running<'_> {
         let running = self.start("scenarios/spring-mass.toml --pause-at 2.5 --wait-limit 60");
-        until("the run is held", || {
-            let at = ["inject", "--active", "--json", "--session", self.session()];
-            let told = self.beside(&at).stdout;
-            let status: Value = serde_json::from_str(&told).unwrap_or_default();
-            status["status"]["step"] == 2500 && status["status"]["paused"] == true
-        });
+        self.until_held_at(2500);
         running
     }
 
-    /// `hil run` with arguments separated by spaces, in this test's session and folder.
+    /// Asks the plant of this test's session, which may only just be starting. Starts no process, as a `hil` that asks
+    /// again and again would.
+    pub(crate) fn ask(&self, request: &Request) -> Response {
+        let mut answer = None;
+        until("the plant takes requests", || {
+            let Ok(session) = SessionInfo::read(&self.session_folder()) else {
+                return false; // not made yet
+            };
+            match ask(&session, request, Duration::from_secs(60)) {
+                Ok(response) => answer = Some(response),
+                Err(LiveError::Absent(_)) => {}
+                Err(error) => panic!("{error}"),
+            }
+            answer.is_some()
+        });
+        answer.expect("answered")
+    }
+
+    /// Asks where this test's run is.
+    pub(crate) fn status(&self) -> Status {
+        match self.ask(&Request::Status) {
+            Response::Status(status) => status,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    /// Waits until this test's run is held before a step.
+    pub(crate) fn until_held_at(&self, step: u64) {
+        until("the run is held", || {
+            let status = self.status();
+            status.paused && status.step == step
+        });
+    }
+
+    /// Runs `hil run` with arguments separated by spaces, in this test's session and folder.
     pub(crate) fn run(&self, arguments: &str) -> Run {
         self.start(arguments).finish()
     }
 
-    /// Like [`run`](Self::run), but does not wait.
+    /// Starts what [`run`](Self::run) runs, and does not wait.
     pub(crate) fn start(&self, arguments: &str) -> Running<'_> {
         self.start_with(Command::new(program("hil")), arguments)
     }
 
-    /// Like [`start`](Self::start) with another `hil`, or one behind `taskset`.
+    /// Starts the same with another `hil`, or one behind `taskset`.
     pub(crate) fn start_with(&self, hil: Command, arguments: &str) -> Running<'_> {
         let number = self.runs.fetch_add(1, Ordering::Relaxed);
         let folder = self.path(&format!("run{number}"));
@@ -138,38 +168,38 @@ impl Rig {
         Running::start(self, hil, folder)
     }
 
-    /// Any `hil` command, without this test's session and folder.
+    /// Runs any `hil` command, without this test's session and folder.
     pub(crate) fn hil(&self, arguments: &[&str]) -> Run {
         self.hil_in(workspace(), arguments)
     }
 
-    /// Like [`hil`](Self::hil), but does not wait.
+    /// Starts what [`hil`](Self::hil) runs, and does not wait.
     pub(crate) fn start_hil(&self, arguments: &[&str]) -> Running<'_> {
         let mut hil = Command::new(program("hil"));
         hil.args(arguments).current_dir(workspace());
         Running::start(self, hil, self.path("none"))
     }
 
-    /// Any `hil` command in another working directory.
+    /// Runs any `hil` command in another working directory.
     pub(crate) fn hil_in(&self, folder: &Path, arguments: &[&str]) -> Run {
         let mut hil = Command::new(program("hil"));
         hil.args(arguments).current_dir(folder);
         Running::start(self, hil, self.path("none")).finish()
     }
 
-    /// Another program, under this test's watchdog.
+    /// Runs another program, under this test's watchdog.
     pub(crate) fn program(&self, command: Command) -> Run {
         Running::start(self, command, self.path("none")).finish_beside_another()
     }
 
-    /// Any `hil` command while this test's run goes on.
+    /// Runs any `hil` command while this test's run goes on.
     pub(crate) fn beside(&self, arguments: &[&str]) -> Run {
         let mut hil = Command::new(program("hil"));
         hil.args(arguments).current_dir(workspace());
         Running::start(self, hil, self.path("none")).finish_beside_another()
     }
 
-    /// The folder of the session, while it runs.
+    /// Returns the folder of the session, which is there while it runs.
     pub(crate) fn session_folder(&self) -> PathBuf {
         let uid = rustix::process::geteuid().as_raw();
         Path::new(&format!("/dev/shm/hil-{uid}")).join(&self.session)
@@ -188,7 +218,7 @@ impl Rig {
         assert!(segments.is_empty(), "{segments:?} belong to no session");
     }
 
-    /// Command lines of the live processes that mention this test's session or folder.
+    /// Lists command lines of the live processes that mention this test's session or folder.
     pub(crate) fn processes(&self) -> Vec<String> {
         let own_folder = self.folder.path().to_str().expect("plain text");
         let session = self.session_folder();
@@ -215,7 +245,7 @@ impl Rig {
     }
 }
 
-/// Files of this user in shared memory that look like a session's, but whose session is gone.
+/// Lists files of this user in shared memory that look like a session's, but whose session is gone.
 fn segments_of_nobody() -> Vec<PathBuf> {
     let uid = rustix::process::geteuid().as_raw();
     // In this order: a session removes its folder last.
@@ -291,7 +321,7 @@ impl<'r> Running<'r> {
         self.end(|| rig.assert_nothing_left())
     }
 
-    /// Like [`finish`](Self::finish), of a run that takes ten times as long as others may.
+    /// Waits for the end as [`finish`](Self::finish) does, ten times as long.
     pub(crate) fn finish_late(mut self) -> Run {
         let since = Instant::now();
         while since.elapsed() < 9 * WATCHDOG && matches!(self.process.try_wait(), Ok(None)) {
@@ -331,14 +361,14 @@ impl<'r> Running<'r> {
         });
     }
 
-    /// Plant and controller, once steps are being exchanged.
+    /// Waits until steps are being exchanged, and returns plant and controller.
     pub(crate) fn children(&self) -> [ProcessId; 2] {
         self.wait_for_records();
         let info = SessionInfo::read(&self.rig.session_folder()).expect("the session is there");
         info.children.try_into().expect("two children")
     }
 
-    /// Plant and controller, once both were started and the plant takes requests.
+    /// Waits until both sides were started and the plant takes requests, and returns plant and controller.
     pub(crate) fn children_at_once(&self) -> [ProcessId; 2] {
         let folder = self.rig.session_folder();
         let mut children = None;

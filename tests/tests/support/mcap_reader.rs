@@ -62,7 +62,7 @@ impl Recording {
         }
     }
 
-    /// Every record, in the order of the file.
+    /// Iterates over the records, in the order of the file.
     pub(crate) fn records(&self) -> impl Iterator<Item = Record> {
         let records = messages(&self.bytes).filter(|message| message.channel.topic == "/record");
         records.map(|message| {

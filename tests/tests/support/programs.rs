@@ -1,13 +1,18 @@
 //! The programs that tests run, built once for each test binary with its own profile and target
 //! directory, and what a machine may lack.
 
+use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock, PoisonError};
 
-/// The top of the workspace, where every command is run.
+/// Variable of Cargo for builds outside the workspace: without debug information, which no test reads, they are done
+/// sooner, and each run that hashes such a program too. All builds into one folder need the same, or they build twice.
+pub(crate) const NO_DEBUG: (&str, &str) = ("CARGO_PROFILE_DEV_DEBUG", "0");
+
+/// Returns the top of the workspace, where every command is run.
 pub(crate) fn workspace() -> &'static Path {
     let tests = Path::new(env!("CARGO_MANIFEST_DIR"));
     tests.parent().expect("the workspace is above this package")
@@ -30,7 +35,7 @@ impl Profile {
         }
     }
 
-    /// The folder of the programs.
+    /// Returns the folder of the programs.
     fn folder(self) -> PathBuf {
         own_folder().with_file_name(match self {
             Self::Debug => "debug",
@@ -38,7 +43,7 @@ impl Profile {
         })
     }
 
-    /// A `cargo build` with this profile into the target directory of the tests.
+    /// Makes a `cargo build` with this profile into the target directory of the tests.
     fn build(self) -> Command {
         let mut cargo = Command::new(env!("CARGO"));
         cargo.arg("build").current_dir(workspace());
@@ -51,7 +56,7 @@ impl Profile {
     }
 }
 
-/// A `cargo build` of all programs with the profile of this test binary. With the examples, because
+/// Makes a `cargo build` of all programs with the profile of this test binary. With the examples, because
 /// dependencies then have the features that they have for the tests and are not built once more.
 pub(crate) fn build() -> Command {
     let mut cargo = Profile::own().build();
@@ -68,7 +73,7 @@ fn own_folder() -> PathBuf {
     folder.expect("it lies in target/<profile>/deps").to_owned()
 }
 
-/// The target directory.
+/// Returns the target directory.
 pub(crate) fn target() -> PathBuf {
     let own = own_folder();
     own.parent().expect("the target directory").to_owned()
@@ -80,29 +85,29 @@ pub(crate) fn finish(cargo: &mut Command) {
     assert!(output.status.success(), "{cargo:?} failed:\n{told}{said}");
 }
 
-/// A program of the workspace, as fresh as the sources.
+/// Builds all programs once, and returns the path of one.
 pub(crate) fn program(name: &str) -> PathBuf {
     static BUILT: OnceLock<()> = OnceLock::new();
     BUILT.get_or_init(|| finish(&mut build()));
     Profile::own().folder().join(name)
 }
 
-/// The controller that does everything wrong, from `tests/examples`.
+/// Returns the controller that does everything wrong, from `tests/examples`.
 pub(crate) fn misbehaving_controller() -> PathBuf {
     program_of_tests("misbehaving-controller")
 }
 
-/// The plant that does everything wrong.
+/// Returns the plant that does everything wrong.
 pub(crate) fn misbehaving_plant() -> PathBuf {
     program_of_tests("misbehaving-plant")
 }
 
-/// A plant or controller from `tests/examples`.
+/// Returns a plant or controller from `tests/examples`.
 pub(crate) fn program_of_tests(name: &str) -> PathBuf {
     program("examples").join(name)
 }
 
-/// `hil` of the other profile, if `HIL_TEST_RELEASE` asks for the minutes that its build may take.
+/// Builds `hil` with the other profile, if `HIL_TEST_RELEASE` asks for the minutes that this may take.
 /// Programs that lie there are of no use: only Cargo knows whether they are fresh.
 pub(crate) fn other_hil() -> Option<PathBuf> {
     let other = match Profile::own() {
@@ -125,15 +130,26 @@ pub(crate) fn test_example(name: &str) {
     let mut cargo = Command::new(env!("CARGO"));
     cargo.args(["test", "--offline", "--target-dir"]);
     cargo.arg(target().join("examples-outside"));
+    cargo.env(NO_DEBUG.0, NO_DEBUG.1);
     finish(cargo.current_dir(workspace().join("examples").join(name)));
 }
 
-/// Builds a crate that is outside the workspace and gives a copy of its program that stays as it is:
-/// commands of the book build the same crates meanwhile.
+/// Builds a crate that is outside the workspace, once for each test binary, and gives a copy of its program that stays
+/// as it is: commands of the book build the same crates meanwhile.
 pub(crate) fn outside(folder: &Path, program: &str) -> PathBuf {
+    static COPIES: Mutex<BTreeMap<PathBuf, PathBuf>> = Mutex::new(BTreeMap::new());
+    // Whoever comes second waits for the build, as it would for Cargo's lock.
+    let mut copies = COPIES.lock().unwrap_or_else(PoisonError::into_inner);
+    let copy = copies.entry(folder.join(program));
+    copy.or_insert_with(|| built_outside(folder, program))
+        .clone()
+}
+
+fn built_outside(folder: &Path, program: &str) -> PathBuf {
     let target = target().join("examples-outside");
     let mut cargo = Command::new(env!("CARGO"));
     cargo.arg("build").current_dir(workspace().join(folder));
+    cargo.env(NO_DEBUG.0, NO_DEBUG.1);
     finish(cargo.arg("--target-dir").arg(&target));
     let built = target.join("debug").join(program);
     let content = std::fs::read(&built).expect("it was built");

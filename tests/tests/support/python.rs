@@ -7,11 +7,13 @@ use crate::support::programs::{demanded, target, workspace};
 
 /// A Python with these modules: the machine's, or if that is demanded one made for it.
 pub(crate) fn python(modules: &str) -> Option<PathBuf> {
+    // Looked up and not imported, which takes a second for some.
+    let look = "import sys, importlib.util as u; sys.exit(None in map(u.find_spec, sys.argv[1:]))";
     let has_modules = |python: &PathBuf| {
-        let imported = Command::new(python)
-            .args(["-c", &format!("import {modules}")])
-            .output();
-        imported.is_ok_and(|output| output.status.success())
+        let mut looked_up = Command::new(python);
+        looked_up.args(["-c", look]).args(modules.split(", "));
+        let output = looked_up.output();
+        output.is_ok_and(|output| output.status.success())
     };
     let own = PathBuf::from("python3");
     let environment = target().join("python");

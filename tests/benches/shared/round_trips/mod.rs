@@ -125,7 +125,7 @@ pub(crate) struct Round {
 /// An end that the other side has yet to join. Calling it waits for what a socket has to know.
 type Opened = Box<dyn FnOnce() -> Box<dyn End>>;
 
-/// This side's end of an exchange between processes; the plant's first.
+/// Opens this side's end of an exchange between processes; the plant opens its end first.
 fn open(exchange: Exchange, session: &SessionInfo, side: Side, wait: Wait) -> Opened {
     let end: Box<dyn End> = match exchange {
         Exchange::Raw => unreachable!("the raw limit is measured between threads"),
