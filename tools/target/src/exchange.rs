@@ -10,10 +10,13 @@
 //! stored, so the law steps once. Against the clock a sample is never repeated: the next is newer.
 //!
 //! There the target keeps a sample from the controller as long as the plant has not seen the last answer but one, which the
-//! sample itself tells. So at most two answers in a row are unseen by the plant, however many packets are lost, and the two
-//! that each command names ([`Answered`](shared_types::directive::Answered)) complete the list of all.
+//! sample itself tells; the last one, if two samples are still to be answered. So at most two answers in a row are unseen by
+//! the plant, however many packets are lost, and the two that each command names
+//! ([`Answered`](shared_types::directive::Answered)) complete the list of all.
 
+use shared_types::directive::Answered;
 use shared_types::frame::{FrameKind, Header};
+use shared_types::time::Step;
 
 use crate::packet::{Numbered, Packet, write};
 
@@ -220,8 +223,10 @@ impl DeskEnd {
 pub struct TargetEnd {
     ends: Ends,
     against_clock: bool,
-    /// Steps of the last answer and of the last but one.
+    /// Steps of the last answer that is known and of the one before it, which may never have been known.
     answers: [Option<u64>; 2],
+    /// Steps of the last sample that was given to the controller and of the one before it.
+    given: [Option<u64>; 2],
 }
 
 impl TargetEnd {
@@ -232,6 +237,7 @@ impl TargetEnd {
             ends: Ends::default(),
             against_clock,
             answers: [None; 2],
+            given: [None; 2],
         }
     }
 
@@ -243,6 +249,9 @@ impl TargetEnd {
 
     /// Takes a packet of the desk; returns the frame in it if it is to be given to the controller. Otherwise the packet
     /// wants an answer at once.
+    ///
+    /// Against the clock the newest frame of the controller must have been looked for right before, and
+    /// [said](Self::say): if there was none, only one of the samples given since its last answer can be in work.
     pub fn take(&mut self, packet: Packet) -> Option<Numbered> {
         self.ends.note(packet.heard);
         let frame = packet.frame.filter(|frame| self.is_news(frame))?;
@@ -250,12 +259,22 @@ impl TargetEnd {
             return None;
         }
         self.ends.heard = frame.number;
+        if frame.header.kind() == Some(FrameKind::Sample) {
+            self.given = [Some(frame.header.step), self.given[0]];
+        }
         Some(frame)
     }
 
-    /// Checks whether the plant had seen the last answer but one when it made a sample.
+    /// Checks whether the plant had seen so much when it made a sample that it will miss two answers in a row at most
+    /// if this sample is answered too.
+    ///
+    /// Of the samples given since the last answer one may be in work, and the newest may be taken before this one
+    /// replaces it: if there are two, this one's answer can be the third from now.
     fn is_seen(&self, sample: &Header) -> bool {
-        let [_, Some(answer)] = self.answers else {
+        let [last, last_but_one] = self.answers;
+        let are_two_open = self.given[1] > last;
+        let needed = if are_two_open { last } else { last_but_one };
+        let Some(answer) = needed else {
             return true;
         };
         // The step before the sample met the command that the plant holds since so many steps.
@@ -267,7 +286,9 @@ impl TargetEnd {
     pub fn say(&mut self, header: &Header, values: &[f64]) {
         self.ends.next(header, values);
         if header.kind() == Some(FrameKind::Command) {
-            self.answers = [Some(header.step), self.answers[0]];
+            // One that was replaced before anybody looked is known by its name alone.
+            let before = Answered::from_wire(header.directive).steps(Step(header.step));
+            self.answers = [Some(header.step), before.map(|step| step.0).next()];
         }
     }
 

@@ -228,6 +228,10 @@ impl<'a> Run<'a> {
             self.waiting = Some((packet, way));
             return Ok(());
         }
+        // What is given to the controller depends on what it has answered by now.
+        if self.against_clock {
+            self.hear_controller()?;
+        }
         let sample = packet
             .frame
             .as_ref()

@@ -1,7 +1,7 @@
 //! The exchange over a wire that a seeded random number spoils: what each end gives its peer is what it would have been
 //! over shared memory.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 
 use shared_types::time::Step;
 
@@ -87,6 +87,20 @@ fn command(step: u64) -> Header {
     }
 }
 
+/// A command that names these steps as answered before it, the latest first.
+fn command_after(step: u64, before: &[u64]) -> Header {
+    let steps = |place: usize, from: u64| before.get(place).map_or(0, |step| (from - step) as u32);
+    let last_steps = steps(0, step);
+    let answered = Answered {
+        last_steps,
+        last_but_one_steps: steps(1, step - u64::from(last_steps)),
+    };
+    Header {
+        directive: answered.to_wire(),
+        ..command(step)
+    }
+}
+
 /// A law whose state shows every sample that it stepped at, in order.
 fn law(state: u64, step: u64) -> u64 {
     (state ^ step).wrapping_mul(0x0000_0100_0000_01b3)
@@ -145,143 +159,242 @@ fn in_lockstep_each_sample_is_answered_once_whatever_the_wire_does() {
     }
 }
 
-/// A plant that waits for nobody, a bridge and an agent that are not always scheduled, and a law that takes its time.
-/// Each side has a cell with the latest frame for the next, as shared memory has.
+/// A plant that waits for nobody, a bridge and an agent that are not always scheduled, and a law that takes its time and
+/// goes on whatever they do. Each side has a cell with the latest frame for the next, as shared memory has.
 struct Realtime {
+    random: Random,
+    /// Share of the ticks in which bridge and agent do not run, in percent.
+    idle: u64,
+    /// Longest work of the law, in ticks.
+    longest: u64,
+    lines: [Line; 2],
+    desk: DeskEnd,
+    target: TargetEnd,
+    is_burst: bool,
+    bytes: Vec<u8>,
     step: u64,
     /// Step of the newest command that the plant met.
-    newest: Option<u64>,
+    newest: u64,
+    /// The plant's cell for the bridge, and the other way.
     sample: Option<Header>,
     command: Option<u64>,
+    /// The agent's cell for the law, and the other way.
     pending: Option<u64>,
+    answer: Option<Header>,
     /// Step that the law works on, and the ticks that it still takes.
     work: Option<(u64, u64)>,
     answered: Vec<u64>,
-    seen: Vec<u64>,
+    seen: BTreeSet<u64>,
     pairs: Vec<(u64, Vec<u64>)>,
 }
 
 impl Realtime {
+    /// A run whose first step is over: the plant waits for its command.
+    fn new(random: Random, percent: u64, idle: u64, longest: u64) -> Self {
+        let mut target = TargetEnd::new(true);
+        target.given[0] = Some(0);
+        target.say(&command(0), &[0.0]);
+        Self {
+            random,
+            idle,
+            longest,
+            lines: [Line::new(percent), Line::new(percent)],
+            desk: DeskEnd::new(true, BEAT_NS),
+            target,
+            is_burst: false,
+            bytes: Vec::new(),
+            step: 1,
+            newest: 0,
+            sample: None,
+            command: None,
+            pending: None,
+            answer: None,
+            work: None,
+            answered: vec![0],
+            seen: BTreeSet::from([0]),
+            pairs: vec![(0, Vec::new())],
+        }
+    }
+
     /// The plant meets the newest command and sends the next sample.
     fn release(&mut self) {
         if let Some(step) = self.command.take() {
-            self.newest = Some(step);
-            self.seen.push(step);
+            self.newest = step;
+            self.seen.insert(step);
         }
-        let met = self.newest.unwrap_or(0);
-        let held = self.step.saturating_sub(1).saturating_sub(met);
         self.sample = Some(Header {
-            held_steps: held as u32,
+            held_steps: (self.step - 1 - self.newest) as u32,
             ..sample(self.step)
         });
         self.step += 1;
     }
 
-    /// The law works for a tick; returns its answer once it is done.
-    fn law(&mut self, random: &mut Random) -> Option<u64> {
-        if self.work.is_none() {
-            self.work = self.pending.take().map(|step| (step, random.next() % 8));
+    /// The law works for a tick, at least.
+    fn law(&mut self) {
+        loop {
+            if self.work.is_none() {
+                let ticks = self.random.next() % (self.longest + 1);
+                self.work = self.pending.take().map(|step| (step, ticks));
+            }
+            let Some((step, left)) = self.work else {
+                return;
+            };
+            if left > 0 {
+                self.work = Some((step, left - 1));
+                return;
+            }
+            self.work = None;
+            let named: Vec<u64> = self.answered.iter().rev().take(2).copied().collect();
+            self.answer = Some(command_after(step, &named));
+            self.pairs.push((step, named));
+            self.answered.push(step);
+            if self.random.hits(50) {
+                return;
+            }
         }
-        let (step, left) = self.work?;
-        if left > 0 {
-            self.work = Some((step, left - 1));
-            return None;
+    }
+
+    fn bridge(&mut self, now_ns: u64) {
+        if let Some(header) = self.sample.take() {
+            self.desk.say(&header, &[0.0]);
         }
-        self.work = None;
-        let named = self.answered.iter().rev().take(2).copied().collect();
-        self.pairs.push((step, named));
-        self.answered.push(step);
-        Some(step)
+        if now_ns >= self.desk.due_ns() {
+            self.desk.packet(now_ns, &mut self.bytes);
+            self.send(0);
+        }
+        for packet in self.lines[1].arrived() {
+            if let Some(frame) = self.desk.take(packet, now_ns) {
+                self.command = Some(frame.header.step);
+            }
+        }
+    }
+
+    /// The law may work on at any point of this.
+    fn agent(&mut self) {
+        for packet in self.lines[0].arrived() {
+            self.look();
+            self.interrupt();
+            if let Some(frame) = self.target.take(packet) {
+                self.pending = Some(frame.header.step);
+            } else {
+                self.target.packet(&mut self.bytes);
+                self.send(1);
+            }
+            self.interrupt();
+        }
+        self.look();
+    }
+
+    fn look(&mut self) {
+        if let Some(header) = self.answer.take() {
+            self.target.say(&header, &[0.0]);
+            self.target.packet(&mut self.bytes);
+            self.send(1);
+        }
+    }
+
+    fn interrupt(&mut self) {
+        if self.random.hits(self.idle) {
+            self.law();
+        }
+    }
+
+    fn send(&mut self, line: usize) {
+        if !self.is_burst {
+            self.lines[line].send(&self.bytes, &mut self.random);
+        }
     }
 }
 
 #[test]
 fn against_the_clock_what_a_command_names_completes_the_list_of_all_answers() {
     const STEPS: u64 = 2_000;
-    for percent in [0, 5, 20] {
-        for seed in 0..50 {
-            let mut random = Random(seed);
-            let mut lines = [Line::new(percent), Line::new(percent)];
-            let (mut desk, mut target) = (DeskEnd::new(true, BEAT_NS), TargetEnd::new(true));
-            let mut bytes = Vec::new();
-            let mut world = Realtime {
-                step: 0,
-                newest: None,
-                sample: None,
-                command: None,
-                pending: None,
-                work: None,
-                answered: Vec::new(),
-                seen: Vec::new(),
-                pairs: Vec::new(),
-            };
-            for tick in 0..5 * STEPS {
-                let now_ns = (tick + 1) * TICK_NS;
-                // A burst now and then, in which nothing gets through.
-                let is_burst = tick / 100 % 5 == 4;
-                if tick % 5 == 0 {
-                    world.release();
-                }
-                // The bridge and the agent run most of the time.
-                if !random.hits(30) {
-                    if let Some(header) = world.sample.take() {
-                        desk.say(&header, &[0.0]);
-                    }
-                    if now_ns >= desk.due_ns() {
-                        desk.packet(now_ns, &mut bytes);
-                        if !is_burst {
-                            lines[0].send(&bytes, &mut random);
-                        }
-                    }
-                    for packet in lines[1].arrived() {
-                        if let Some(frame) = desk.take(packet, now_ns) {
-                            world.command = Some(frame.header.step);
-                        }
-                    }
-                }
-                if !random.hits(30) {
-                    for packet in lines[0].arrived() {
-                        if let Some(frame) = target.take(packet) {
-                            world.pending = Some(frame.header.step);
-                        }
-                        target.packet(&mut bytes);
-                        if !is_burst {
-                            lines[1].send(&bytes, &mut random);
-                        }
-                    }
-                }
-                if let Some(step) = world.law(&mut random) {
-                    target.say(&command(step), &[0.0]);
-                    target.packet(&mut bytes);
-                    if !is_burst {
-                        lines[1].send(&bytes, &mut random);
-                    }
-                }
+    let loads = [(0, 7), (30, 2), (30, 7), (70, 7), (70, 30), (95, 2)];
+    for ((percent, seed), (idle, longest)) in [0, 5, 20]
+        .into_iter()
+        .flat_map(|percent| (0..10).map(move |seed| (percent, seed)))
+        .flat_map(|wire| loads.map(|load| (wire, load)))
+    {
+        let what = format!("{percent} %, seed {seed}, idle {idle} %, work {longest}");
+        let mut world = Realtime::new(Random(seed), percent, idle, longest);
+        for tick in 0..5 * STEPS {
+            let now_ns = (tick + 1) * TICK_NS;
+            // A burst now and then, in which nothing gets through.
+            world.is_burst = tick / 100 % 5 == 4;
+            if tick % 5 == 0 {
+                world.release();
             }
-            let last = *world.seen.last().expect("some were seen");
-            assert!(
-                world.seen.len() as u64 > STEPS / 8,
-                "{percent} %, seed {seed}"
-            );
-            let named = world
-                .pairs
-                .iter()
-                .filter(|(step, _)| world.seen.contains(step));
-            let mut known: Vec<u64> = named
-                .flat_map(|(step, named)| named.iter().chain([step]))
-                .copied()
-                .collect();
-            known.sort_unstable();
-            known.dedup();
-            let all: Vec<u64> = world
-                .answered
-                .iter()
-                .copied()
-                .filter(|step| *step <= last)
-                .collect();
-            assert_eq!(known, all, "{percent} %, seed {seed}");
+            if !world.random.hits(idle) {
+                world.bridge(now_ns);
+            }
+            if !world.random.hits(idle) {
+                world.agent();
+            }
+            world.law();
         }
+        let last = *world.seen.last().expect("the first");
+        assert!(world.seen.len() as u64 > STEPS / 80, "{what}");
+        let named = (world.pairs.iter()).filter(|(step, _)| world.seen.contains(step));
+        let known: BTreeSet<u64> = named
+            .flat_map(|(step, named)| named.iter().chain([step]))
+            .copied()
+            .collect();
+        let answered = world.answered.iter().copied();
+        let all: BTreeSet<u64> = answered.filter(|step| *step <= last).collect();
+        assert_eq!(known, all, "{what}");
     }
+}
+
+/// Takes a sample of a step that was made when the plant held the command of another one.
+fn is_given(target: &mut TargetEnd, number: u64, met: u64) -> bool {
+    let frame = Numbered {
+        number: number + 1,
+        header: Header {
+            held_steps: (number - 1 - met) as u32,
+            ..sample(number)
+        },
+        values: vec![0.0],
+    };
+    let frame = Some(frame);
+    target.take(Packet { heard: 0, frame }).is_some()
+}
+
+/// A target whose controller answered the samples of steps 0 and 1, of which the plant saw the first.
+fn at_step_1() -> TargetEnd {
+    let mut target = TargetEnd::new(true);
+    let first = Numbered {
+        number: 1,
+        header: sample(0),
+        values: vec![0.0],
+    };
+    let frame = Some(first);
+    assert!(target.take(Packet { heard: 0, frame }).is_some());
+    target.say(&command(0), &[0.0]);
+    assert!(is_given(&mut target, 1, 0));
+    target.say(&command_after(1, &[0]), &[0.0]);
+    target
+}
+
+#[test]
+fn a_sample_waits_while_three_unseen_answers_may_come_before_its_own() {
+    let mut target = at_step_1();
+    assert!(is_given(&mut target, 2, 0), "in work");
+    assert!(is_given(&mut target, 3, 0), "may be taken at any time");
+    // 2, 3 and 4 would be answered, and 4 names 3 and 2: 1 would be named by none.
+    assert!(!is_given(&mut target, 4, 0));
+    assert!(is_given(&mut target, 5, 1));
+    assert!(is_given(&mut target, 6, 1), "replaces one");
+}
+
+#[test]
+fn an_answer_that_was_replaced_before_anybody_looked_counts() {
+    let mut target = at_step_1();
+    assert!(is_given(&mut target, 2, 1));
+    assert!(is_given(&mut target, 3, 1));
+    target.say(&command_after(3, &[2, 1]), &[0.0]);
+    // Of 1, which was seen, it is not known whether that of 2 was.
+    assert!(!is_given(&mut target, 4, 1));
+    assert!(is_given(&mut target, 5, 2));
 }
 
 #[test]
