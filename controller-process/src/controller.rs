@@ -102,7 +102,7 @@ pub struct Sample<C: Controller> {
     /// True if every one of these signals is marked valid.
     pub valid: bool,
     /// For how many steps the plant has been holding the command that it applied last, because a
-    /// newer one came too late; 0 except against the clock.
+    /// newer one came too late; 0 except in real time.
     pub held_steps: u32,
 }
 
@@ -170,7 +170,7 @@ pub struct Row<'a> {
     /// True if all of these signals are valid.
     pub valid: bool,
     /// For how many steps the plant has been holding the command that it applied last, because a
-    /// newer one came too late; 0 except against the clock.
+    /// newer one came too late; 0 except in real time.
     pub held_steps: u32,
 }
 

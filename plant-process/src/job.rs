@@ -32,7 +32,7 @@ pub struct Job {
     pub changes: Vec<Change>,
     /// Names and expressions of the scenario's derived signals, which conditions of faults may use.
     pub derived: Vec<(String, String)>,
-    /// Steps at which the controller of a run against the clock was not in time, if such a run is
+    /// Steps at which the controller of a run in real time was not in time, if such a run is
     /// repeated; in order.
     #[serde(default)]
     pub missed: Vec<Missed>,

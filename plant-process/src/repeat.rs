@@ -1,4 +1,4 @@
-//! A run against the clock, repeated in lockstep: which samples its controller did not see, and
+//! A run in real time, repeated in lockstep: which samples its controller did not see, and
 //! which command each step had to do with.
 //!
 //! The engine asks it at each step. The controller answers the samples that it saw then, at once; its

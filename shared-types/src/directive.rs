@@ -40,7 +40,7 @@ impl Directive {
 
 /// Samples that a controller answered before the one that a command answers.
 ///
-/// In lockstep it answers every sample. Against the clock it may miss some, and some of its commands
+/// In lockstep it answers every sample. In real time it may miss some, and some of its commands
 /// may be replaced before the plant has seen them, never more than two in a row: one that was in
 /// work when the plant looked, and one for each sample since. So the last two answers before a
 /// command complete the list of all.

@@ -7,12 +7,10 @@
 
 use std::fs::{self, DirBuilder, File};
 use std::io::{self, ErrorKind};
-use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
-use rustix::fs::{FlockOperation, flock};
-
-use crate::session::{open_at_once, private_file};
+use rustix::fs::{FlockOperation, OFlags, flock};
 
 /// Ending of the lock beside a folder.
 const LOCK: &str = "lock";
@@ -121,6 +119,20 @@ fn remove(folder: &Path) {
 fn all_folders() -> PathBuf {
     let uid = rustix::process::geteuid().as_raw();
     std::env::temp_dir().join(format!("hil-{uid}"))
+}
+
+/// Opens a file to read it, without waiting for anybody: a pipe of that name has no writer.
+pub(crate) fn open_at_once(path: &Path) -> io::Result<File> {
+    let flags = OFlags::NONBLOCK.bits().cast_signed();
+    File::options().read(true).custom_flags(flags).open(path)
+}
+
+/// Makes a file that is closed to other users, or empties the one that is there, without waiting either.
+pub(crate) fn private_file(path: &Path) -> io::Result<File> {
+    let mut options = File::options();
+    options.write(true).create(true).truncate(true).mode(0o600);
+    options.custom_flags(OFlags::NONBLOCK.bits().cast_signed());
+    options.open(path)
 }
 
 fn make_private(path: &Path) -> io::Result<()> {

@@ -7,13 +7,14 @@
 
 use std::fs::{self, DirBuilder, File, Permissions};
 use std::io::{self, ErrorKind};
-use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use iceoryx2::prelude::{Config, FileName, Path as IceoryxPath, SemanticString};
-use rustix::fs::{FlockOperation, OFlags, flock};
+use rustix::fs::{FlockOperation, flock};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
+use crate::private_folder::{open_at_once, private_file};
 use crate::process::ProcessId;
 use crate::shared_memory::FOLDER as SHARED_MEMORY;
 use all::AllSessions;
@@ -270,20 +271,6 @@ fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, SessionError> {
     let file = open_at_once(path).map_err(SessionError::io("open", path))?;
     let text = io::read_to_string(file).map_err(SessionError::io("read", path))?;
     serde_json::from_str(&text).map_err(|e| SessionError::io("read", path)(e.into()))
-}
-
-/// Opens a file to read it, without waiting for anybody: a pipe of that name has no writer.
-pub(crate) fn open_at_once(path: &Path) -> io::Result<File> {
-    let flags = OFlags::NONBLOCK.bits().cast_signed();
-    File::options().read(true).custom_flags(flags).open(path)
-}
-
-/// Makes a file that is closed to other users, or empties the one that is there, without waiting either.
-pub(crate) fn private_file(path: &Path) -> io::Result<File> {
-    let mut options = File::options();
-    options.write(true).create(true).truncate(true).mode(0o600);
-    options.custom_flags(OFlags::NONBLOCK.bits().cast_signed());
-    options.open(path)
 }
 
 fn private_folder(path: &Path) -> io::Result<()> {

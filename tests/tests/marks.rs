@@ -2,7 +2,6 @@
 
 use serde_json::{Value, json};
 
-use crate::live::until_paused_at;
 use crate::support::harness::Rig;
 use crate::support::mcap_reader::Recording;
 
@@ -19,7 +18,7 @@ fn a_mark_is_in_summary_export_and_report_and_changes_no_digest() {
     let run = rig.start(&format!("{SHORT} --pause-at 0.5"));
     let mark =
         |text: &str| rig.beside(&[&["mark", text, "--json"][..], &session_of(&rig)].concat());
-    until_paused_at(&rig, 5000);
+    rig.until_held_at(5000);
     let told: Value = serde_json::from_str(
         &mark("  the <b>pilot</b> feels \u{1b}[31mit\n ")
             .expect(0)

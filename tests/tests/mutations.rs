@@ -76,7 +76,7 @@ const MUTANTS: [(&str, &str, &str); 12] = [
         "Standing([self.state.number(), self.at().0, 0, 0, 0])",
         "Standing([self.state.number(), self.at().0, self.ignored, 0, 0])",
     ),
-    // Against the clock an older command takes the place of a newer one.
+    // In real time an older command takes the place of a newer one.
     (
         "plant.rs",
         "got < *step && got >= self.newer =>",

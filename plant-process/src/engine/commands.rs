@@ -31,7 +31,7 @@ pub(super) struct Commands {
     pub heard_ns: u64,
     /// Steps whose command missed its deadline.
     pub missed: Streaks,
-    /// Commands that a recorded run against the clock met, if one is repeated.
+    /// Commands that a recorded run in real time met, if one is repeated.
     pub repetition: Option<Repetition>,
 }
 

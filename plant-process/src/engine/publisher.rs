@@ -1,7 +1,7 @@
 //! Publishing of records, and the watch over the recorder that takes them.
 //!
 //! The recorder's buffer holds thousands of records, seconds of a slow run, before one has to wait for
-//! it, and against the clock none ever does. So the publisher looks now and then if it still takes any.
+//! it, and in real time none ever does. So the publisher looks now and then if it still takes any.
 
 use shared_types::link::LinkError;
 use shared_types::stream::RecordSink;

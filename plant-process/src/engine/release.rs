@@ -23,7 +23,7 @@ pub(super) struct SentSample {
     pub sent_ns: u64,
     /// Time by which it was sent later than due.
     pub late_ns: u64,
-    /// Time until which the command is awaited; for ever except against the clock.
+    /// Time until which the command is awaited; for ever except in real time.
     pub deadline_ns: u64,
 }
 

@@ -18,7 +18,7 @@ use crate::time::Rate;
 const LIMIT_MS: u64 = 5000;
 /// Polls of a wait that brings nothing.
 const PATIENCE: u8 = 2;
-/// Against the clock: steps that may miss their command before the controller counts as lost.
+/// In real time: steps that may miss their command before the controller counts as lost.
 const MISSES: u8 = 2;
 /// Steps of a run.
 const STEPS: u64 = 3;
@@ -227,7 +227,7 @@ impl PesteredPlant {
         })
     }
 
-    /// The wait, or against the clock the time of a step, is over.
+    /// The wait, or in real time the time of a step, is over.
     fn is_late(&mut self) {
         // The first command and the confirmation are waited for even so.
         let has_deadline = self.against_clock && (1..STEPS).contains(&self.side.at().0);
@@ -384,7 +384,7 @@ fn whatever_controllers_say_for_ever_a_plant_comes_to_its_end() {
         for against_clock in [false, true] {
             let explored = explore(PesteredPlant::new(policy, against_clock));
             states += explored.unwrap_or_else(|wrong| {
-                panic!("{policy:?}, against the clock: {against_clock}: {wrong}")
+                panic!("{policy:?}, in real time: {against_clock}: {wrong}")
             });
         }
     }
@@ -397,7 +397,7 @@ fn whatever_a_plant_says_for_ever_a_controller_comes_to_its_end() {
         for epoch in [1, 2] {
             let explored = explore(PesteredController::new(against_clock, epoch));
             explored.unwrap_or_else(|wrong| {
-                panic!("epoch {epoch}, against the clock: {against_clock}: {wrong}")
+                panic!("epoch {epoch}, in real time: {against_clock}: {wrong}")
             });
         }
     }

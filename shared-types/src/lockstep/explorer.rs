@@ -177,7 +177,7 @@ fn explore_all(steps: u64, bounds: &[Bound]) {
             for bound in bounds {
                 let explored = explore(World::new(steps, policy, against_clock, *bound));
                 let explored = explored.unwrap_or_else(|wrong| {
-                    panic!("{policy:?}, against the clock: {against_clock}, {bound:?}: {wrong}")
+                    panic!("{policy:?}, in real time: {against_clock}, {bound:?}: {wrong}")
                 });
                 assert!(
                     explored.completed > 0 && explored.aborted > 0,

@@ -21,7 +21,7 @@
 //! its own, a number that every frame carries, so that nothing of the old one is ever taken for the
 //! new one's. Another is greeted beside the active one, which goes on until it is ready.
 //!
-//! Against the clock the plant does not wait for a command beyond its deadline: it goes on with the
+//! In real time the plant does not wait for a command beyond its deadline: it goes on with the
 //! newest one that it has, and a controller that comes late finds a later sample.
 //!
 //! A wait begins anew when the [`Standing`] of a side moves, and not when something comes: what moves

@@ -96,7 +96,7 @@ impl PlantSide {
         }
     }
 
-    /// Sets the side to run against the clock: a command may come late or never.
+    /// Sets the side to run in real time: a command may come late or never.
     #[must_use]
     pub const fn against_clock(mut self) -> Self {
         self.against_clock = true;

@@ -10,10 +10,10 @@ use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
 
 use super::{
-    SHARED_MEMORY, SessionError, SessionInfo, noted_prefix, open_at_once, private_file,
-    private_folder, remove_below, remove_folder,
+    SHARED_MEMORY, SessionError, SessionInfo, noted_prefix, private_folder, remove_below,
+    remove_folder,
 };
-use crate::private_folder::is_at;
+use crate::private_folder::{is_at, open_at_once, private_file};
 use crate::process::ProcessId;
 
 /// Time that another `hil` may hold the lock over all sessions while it creates or sweeps.

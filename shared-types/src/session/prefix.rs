@@ -5,7 +5,8 @@ use std::io;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
-use super::{SHARED_MEMORY, SessionError, SessionInfo, open_at_once, unless_gone};
+use super::{SHARED_MEMORY, SessionError, SessionInfo, unless_gone};
+use crate::private_folder::open_at_once;
 use crate::process;
 
 /// The files of this user in shared memory that have a session's prefix.

@@ -65,7 +65,7 @@ fn who_is_on_the_wire_gets_nothing_in() {
     let run = run.finish().expect(0);
     assert_eq!(run.summary()["digest"], here["digest"]);
     assert!(!log(&run).contains("no datagram"), "{}", log(&run));
-    // Against the clock an old sample that got in would be answered, and the run not repeat.
+    // In real time an old sample that got in would be answered, and the run not repeat.
     let there = rig.start_with(
         hosts.hil(),
         &format!("{SHORT} --target board --clock realtime"),

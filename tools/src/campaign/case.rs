@@ -58,7 +58,7 @@ pub(super) fn case(arguments: &CaseArguments) -> Result<Exit, Failure> {
     })?;
     ran.written?;
     let digest = ran.summary.digest.unwrap_or_default();
-    if !matches!(ran.exit, Exit::Pass | Exit::NotPassed) {
+    if !matches!(ran.exit, Exit::Pass | Exit::Failed) {
         return Ok(ran.exit);
     }
     match published(&folder, case) {
@@ -68,7 +68,7 @@ pub(super) fn case(arguments: &CaseArguments) -> Result<Exit, Failure> {
         }
         Some(known) => {
             tell!("error: the campaign has digest {known} for case {case}");
-            Ok(Exit::NotPassed)
+            Ok(Exit::Failed)
         }
         None => Ok(ran.exit),
     }

@@ -66,7 +66,7 @@ pub(super) fn collect(arguments: &CollectArguments) -> Result<Exit, Failure> {
 /// Returns the exit code of what was collected.
 pub(super) const fn exit(collected: &Collected, conflicts: bool) -> Exit {
     if conflicts {
-        Exit::NotPassed
+        Exit::Failed
     } else if collected.missing.is_empty() && collected.lost.is_empty() {
         Exit::Pass
     } else {

@@ -40,7 +40,7 @@ pub(super) fn compare(arguments: &CompareCampaignArguments) -> Result<Exit, Fail
     let conflicts = tell_conflicts(&first)? + tell_conflicts(&second)?;
     let has_flipped = |one: &Flips| !(one.first_only.is_empty() && one.second_only.is_empty());
     Ok(match conflicts > 0 || flips.iter().any(has_flipped) {
-        true => Exit::NotPassed,
+        true => Exit::Failed,
         false => Exit::Pass,
     })
 }

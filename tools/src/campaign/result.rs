@@ -79,8 +79,8 @@ impl CaseResult {
         let summary = ran.summary;
         let outcome = match (ran.exit, summary.verdict) {
             (Exit::Interrupted, _) => return Err(Failure::Interrupted),
-            (Exit::NotPassed, RunVerdict::Aborted) => Outcome::Diverged,
-            (Exit::Pass | Exit::NotPassed, _) => Outcome::Completed,
+            (Exit::Failed, RunVerdict::Aborted) => Outcome::Diverged,
+            (Exit::Pass | Exit::Failed, _) => Outcome::Completed,
             _ => Outcome::Failed,
         };
         Ok(Self {

@@ -56,7 +56,7 @@ pub(super) fn print(
     let exit = collect::exit(collected, conflicts > 0);
     let is_missed = answers.goals.iter().any(|goal| !goal.is_met);
     Ok(match exit {
-        Exit::Pass if is_missed => Exit::NotPassed,
+        Exit::Pass if is_missed => Exit::Failed,
         exit => exit,
     })
 }

@@ -50,7 +50,7 @@ pub(super) fn status(arguments: &StatusArguments) -> Result<Exit, Failure> {
         if !arguments.watch || status.shards_published == status.shards {
             return Ok(match status.conflicts.is_empty() {
                 true => Exit::Pass,
-                false => Exit::NotPassed,
+                false => Exit::Failed,
             });
         }
         std::thread::sleep(LOOK);

@@ -68,8 +68,8 @@ pub(super) fn work(arguments: &WorkArguments) -> Result<Exit, Failure> {
         if is_taken || shard.is_published() {
             continue;
         }
-        if worker.shard(shard)? == Exit::NotPassed {
-            exit = Exit::NotPassed;
+        if worker.shard(shard)? == Exit::Failed {
+            exit = Exit::Failed;
         }
     }
     Ok(exit)
@@ -227,7 +227,7 @@ impl Worker<'_> {
             Published::First | Published::Again => Ok(Exit::Pass),
             Published::Otherwise(conflict) => {
                 tell!("error: {conflict}");
-                Ok(Exit::NotPassed)
+                Ok(Exit::Failed)
             }
         }
     }

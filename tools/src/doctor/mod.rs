@@ -89,7 +89,7 @@ pub(crate) fn doctor(arguments: &DoctorArguments) -> Result<Exit, Failure> {
     }
     Ok(match report.verdict {
         Verdict::Fit => Exit::Pass,
-        Verdict::Unfit => Exit::NotPassed,
+        Verdict::Unfit => Exit::Failed,
     })
 }
 

@@ -53,7 +53,7 @@ fn steps(plan: &Plan, end: &RunEnd) -> Option<String> {
 }
 
 /// A record for each step, and one more of the state after the last; a run that broke off may lack
-/// that. Against the clock some may be lost, and are counted.
+/// that. In real time some may be lost, and are counted.
 fn records(plan: &Plan, end: &RunEnd, recorded: &Recorded) -> Option<String> {
     let (steps, came, lost) = (end.steps, recorded.records, recorded.lost);
     let missing = match plan.run.clock {
@@ -160,7 +160,7 @@ fn effects(plan: &Plan, end: &RunEnd, recorded: &Recorded) -> Option<String> {
         let effects = known.get(id).copied().unwrap_or(0);
         usize::try_from(*number).is_ok_and(|number| number >= effects)
     };
-    // Against the clock it may be lost that a live fault was accepted.
+    // In real time it may be lost that a live fault was accepted.
     let made_up = (told.into_iter().chain(taken).chain(ended)).find(is_made_up);
     made_up.filter(|_| recorded.lost == 0).map(|(id, number)| {
         format!("the plant tells of effect {number} of fault {id}, and there is no such fault")

@@ -152,7 +152,7 @@ impl FaultLog {
             target: target.into(),
             parameter: (taken.map(|taken| taken.parameter.clone()))
                 .or_else(|| held.map(|size| size.parameter.clone())),
-            // Against the clock the event itself may be lost; the plant's last word has it too.
+            // In real time the event itself may be lost; the plant's last word has it too.
             effective_step: (taken.map(|taken| taken.step))
                 .or_else(|| size.and_then(|size| size.step)),
             ended_step: ended

@@ -81,7 +81,7 @@ impl RunVerdict {
     pub(crate) const fn exit(self) -> Exit {
         match self {
             Self::Pass => Exit::Pass,
-            Self::Fail | Self::Aborted => Exit::NotPassed,
+            Self::Fail | Self::Aborted => Exit::Failed,
         }
     }
 }

@@ -54,7 +54,7 @@ pub(crate) struct Summary {
     clock: &'static str,
     /// Null in lockstep.
     overruns: Option<Overruns>,
-    /// Null unless the run was against the clock or repeats one that was.
+    /// Null unless the run was in real time or repeats one that was.
     missed_commands: Option<Missed>,
     rate_hz: f64,
     pub(crate) steps: u64,

@@ -285,7 +285,7 @@ fn check(
         && !repeated.missed.is_empty()
     {
         return Err(Failure::usage(
-            "--checkpoint-at: the run that is repeated was against the clock; what its controller missed cannot be saved",
+            "--checkpoint-at: the run that is repeated was in real time; what its controller missed cannot be saved",
         ));
     }
     Ok(steps)

@@ -206,7 +206,7 @@ impl Watch<'_> {
         // Before hello nothing limits one that was started by hand.
         let is_in_hand = self.prepared.settings.by_hand.plant
             && !self.prepared.session.folder.join(LAYOUT_FILE).exists();
-        // Against the clock it may wait for the next step first.
+        // In real time it may wait for the next step first.
         let limit_s = self.prepared.plant.wait_limit_s + run.rate.period_s() / pace;
         let Ok(limit) = Duration::try_from_secs_f64(limit_s) else {
             return; // without a limit, as under a debugger

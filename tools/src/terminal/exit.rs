@@ -11,9 +11,9 @@ use hil_config::problem::Problems;
 pub enum Exit {
     /// All as it should be.
     Pass = 0,
-    /// A requirement failed, a run diverged, runs differ, or a machine is unfit. Not the code of
-    /// [`Outcome::Failed`](shared_types::record::Outcome::Failed), which is `Infrastructure`.
-    NotPassed = 1,
+    // Not the code of `Outcome::Failed`, which is `Infrastructure`.
+    /// A requirement failed, a run diverged, runs differ, or a machine is unfit.
+    Failed = 1,
     /// Wrong usage or configuration; nothing was started.
     Usage = 2,
     /// A process died, a wait ran out, a disk is full, there is no shared memory.
@@ -75,7 +75,7 @@ impl Failure {
     pub const fn exit(&self) -> Exit {
         match self {
             Self::Usage(_) => Exit::Usage,
-            Self::Differ(_) => Exit::NotPassed,
+            Self::Differ(_) => Exit::Failed,
             Self::Interrupted => Exit::Interrupted,
             Self::Infrastructure(_) => Exit::Infrastructure,
         }

@@ -197,11 +197,7 @@ fn update(
     let is_changed = !told.identity.is_empty() || !told.figures.is_empty();
     output::result(arguments.json, &told, || told.describe())?;
     if arguments.dry_run {
-        return Ok(if is_changed {
-            Exit::NotPassed
-        } else {
-            Exit::Pass
-        });
+        return Ok(if is_changed { Exit::Failed } else { Exit::Pass });
     }
     file.update(name, &arguments.a, &figures)?;
     Ok(Exit::Pass)

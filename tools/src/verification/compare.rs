@@ -58,7 +58,7 @@ impl Verdict {
     pub(crate) const fn exit(self) -> Exit {
         match self {
             Self::Same | Self::WithinTolerance => Exit::Pass,
-            Self::Different => Exit::NotPassed,
+            Self::Different => Exit::Failed,
         }
     }
 }

@@ -33,7 +33,7 @@ pub(crate) fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
         )));
     }
     // Of a run that was stopped or died all that was recorded must come again; what happened after the
-    // last record is no part of that. Against the clock it is not known what that one's controller saw.
+    // last record is no part of that. In real time it is not known what that one's controller saw.
     let is_whole = matches!(recorded.outcome.as_deref(), Some("completed" | "diverged"));
     let (records, expected) = if is_whole {
         (recorded.records, recorded.digest.clone())
@@ -143,6 +143,6 @@ pub(crate) fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
     Ok(match ran.exit {
         Exit::Infrastructure | Exit::Interrupted => ran.exit,
         _ if is_same => Exit::Pass,
-        _ => Exit::NotPassed,
+        _ => Exit::Failed,
     })
 }

@@ -118,7 +118,7 @@ fn several(arguments: &RunArguments, mut cases: Vec<Case>) -> Result<Exit, Failu
         let runs = runs.map_err(Failure::infrastructure)?;
         let verdict = match worst {
             Exit::Pass => "pass",
-            Exit::NotPassed => "fail",
+            Exit::Failed => "fail",
             _ => "aborted",
         };
         let all = json!({ "schema": 1, "verdict": verdict, "runs": runs });
@@ -240,7 +240,7 @@ fn refuse_unwritable(path: &Path) -> Result<(), Failure> {
 fn worst(rows: &[Row]) -> Exit {
     let severity = |exit: &Exit| match exit {
         Exit::Pass => 0,
-        Exit::NotPassed => 1,
+        Exit::Failed => 1,
         Exit::Usage => 2,
         Exit::Infrastructure => 3,
         Exit::Interrupted => 4,

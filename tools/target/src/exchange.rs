@@ -7,7 +7,7 @@
 //!
 //! The desk asks, the target answers. In lockstep the desk repeats its newest frame until it is answered, after a
 //! time that it takes from the round trips; the target answers a frame that it had before with the answer that it has
-//! stored, so the law steps once. Against the clock a sample is never repeated: the next is newer.
+//! stored, so the law steps once. In real time a sample is never repeated: the next is newer.
 //!
 //! There the target keeps a sample from the controller as long as the plant has not seen the last answer but one, which the
 //! sample itself tells; the last one, if two samples are still to be answered. So at most two answers in a row are unseen by
@@ -250,7 +250,7 @@ impl TargetEnd {
     /// Takes a packet of the desk; returns the frame in it if it is to be given to the controller. Otherwise the packet
     /// wants an answer at once.
     ///
-    /// Against the clock the newest frame of the controller must have been looked for right before, and
+    /// In real time the newest frame of the controller must have been looked for right before, and
     /// [said](Self::say): if there was none, only one of the samples given since its last answer can be in work.
     pub fn take(&mut self, packet: Packet) -> Option<Numbered> {
         self.ends.note(packet.heard);

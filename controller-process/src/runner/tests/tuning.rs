@@ -227,7 +227,7 @@ fn of_messages_that_were_lost_the_newest_counts_at_its_own_sample() {
     bench.tell(3, &[(0, course(10.0, 30.0, 1, 0))]);
     assert_eq!(bench.answer(), None);
     assert_eq!(bench.answer(), None);
-    // Against the clock that would be a later sample; here the plant sends it again, as another one.
+    // In real time that would be a later sample; here the plant sends it again, as another one.
     assert_eq!(bench.step(1, 3), [31.0, 1.0, 1.0, 0.0]);
 }
 

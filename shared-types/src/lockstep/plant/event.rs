@@ -21,7 +21,7 @@ pub enum PlantEvent<'a> {
     Frame(&'a Header),
     /// A frame that was passed over says something else than the command of this step that was taken.
     Contradiction(Step),
-    /// No command for this step comes in time: it missed its deadline, against the clock, or there
+    /// No command for this step comes in time: it missed its deadline, in real time, or there
     /// is no controller.
     Missed,
     /// The bounded wait for the active controller, N ms long, is over.

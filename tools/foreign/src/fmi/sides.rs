@@ -220,7 +220,7 @@ impl Law for FmuLaw {
             *input = next.copied().unwrap_or_default();
         }
         let at_s = sample.time_s - *self.clock.first_s.get_or_insert(sample.time_s);
-        // Against the clock samples may be left out: an FMU moves in equal steps, so it makes up for them.
+        // In real time samples may be left out: an FMU moves in equal steps, so it makes up for them.
         while at_s - self.clock.reached_s > 0.5 * self.period_s {
             self.advance(self.clock.reached_s)?;
         }

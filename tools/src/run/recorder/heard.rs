@@ -40,7 +40,7 @@ impl Heard {
         self.is_broken = true;
     }
 
-    /// Takes a record, which must be the one after the one before; against the clock as many may be
+    /// Takes a record, which must be the one after the one before; in real time as many may be
     /// missing as are known to be lost.
     ///
     /// # Errors

@@ -150,7 +150,7 @@ impl Report {
     pub(super) const fn exit(&self) -> Exit {
         match self.verdict {
             Verdict::Same | Verdict::WithinTolerance => Exit::Pass,
-            Verdict::Different => Exit::NotPassed,
+            Verdict::Different => Exit::Failed,
         }
     }
 

@@ -40,7 +40,7 @@ pub(super) struct Head {
     pub(super) age_steps: u32,
     pub(super) held_steps: u32,
     pub(super) invalid: [u64; VALIDITY_WORDS],
-    /// The answer was recorded: against the clock an answer may have been overtaken by the next.
+    /// The answer was recorded: in real time an answer may have been overtaken by the next.
     pub(super) is_answered: bool,
     pub(super) answer_invalid: [u64; VALIDITY_WORDS],
 }
@@ -184,7 +184,7 @@ impl Winder {
             && (self.places.held_steps.is_none() || self.places.answered.is_none())
         {
             return Err(TapeError::Lacking(
-                "the run was against the clock, and its recording does not say which samples its controller saw".into(),
+                "the run was in real time, and its recording does not say which samples its controller saw".into(),
             ));
         }
         while reader.advance()? {

@@ -105,7 +105,7 @@ pub(super) fn audit(case: &Case, json: bool) -> Result<Exit, Failure> {
     let reference = rows.swap_remove(0);
     match reference.failure {
         Some(failure) => Err(failure),
-        None if differs => Ok(Exit::NotPassed),
+        None if differs => Ok(Exit::Failed),
         None => Ok(reference.exit),
     }
 }

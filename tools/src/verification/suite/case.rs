@@ -129,7 +129,7 @@ impl Row {
     pub(super) const fn verdict(&self) -> &'static str {
         match (self.exit, &self.ran) {
             (Exit::Pass, _) => "pass",
-            (Exit::NotPassed, _) => "fail",
+            (Exit::Failed, _) => "fail",
             (_, Some(_)) => "aborted",
             (_, None) => "not run",
         }
@@ -137,7 +137,7 @@ impl Row {
 
     /// Tells whether the run ended by itself, well or not.
     pub(super) const fn is_over(&self) -> bool {
-        matches!(self.exit, Exit::Pass | Exit::NotPassed)
+        matches!(self.exit, Exit::Pass | Exit::Failed)
     }
 
     /// Gives the digest of its records, if it ran and has one.
@@ -172,7 +172,7 @@ impl Row {
             first: first.label.clone(),
             difference: difference.cloned(),
         });
-        self.exit = Exit::NotPassed;
+        self.exit = Exit::Failed;
     }
 }
 

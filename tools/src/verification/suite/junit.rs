@@ -50,10 +50,10 @@ fn status_of(row: &Row) -> TestCaseStatus {
     let kind = match row.exit {
         Exit::Pass => return TestCaseStatus::success(),
         // Its requirements say so themselves.
-        Exit::NotPassed if is_missed && row.reasons().is_empty() => {
+        Exit::Failed if is_missed && row.reasons().is_empty() => {
             return TestCaseStatus::success();
         }
-        Exit::NotPassed => NonSuccessKind::Failure,
+        Exit::Failed => NonSuccessKind::Failure,
         _ => NonSuccessKind::Error,
     };
     let mut status = TestCaseStatus::non_success(kind);
@@ -73,7 +73,7 @@ fn case_of(row: &Row, requirement: &Requirement) -> TestCase {
         at_s,
         ..
     } = requirement;
-    let is_aborted = !matches!(row.exit, Exit::Pass | Exit::NotPassed);
+    let is_aborted = !matches!(row.exit, Exit::Pass | Exit::Failed);
     let status = if *verdict == "pass" {
         TestCaseStatus::success()
     } else if *verdict == "undecided" && is_aborted {
@@ -121,11 +121,11 @@ mod tests {
             at_s: None,
             decided_at_s: None,
         };
-        use Exit::{Infrastructure, Interrupted, NotPassed, Pass};
+        use Exit::{Failed, Infrastructure, Interrupted, Pass};
         for (exit, verdict, expected) in [
             (Pass, "pass", "passed"),
-            (NotPassed, "fail", "failed"),
-            (NotPassed, "undecided", "failed"),
+            (Failed, "fail", "failed"),
+            (Failed, "undecided", "failed"),
             (Infrastructure, "undecided", "skipped"),
             (Interrupted, "undecided", "skipped"),
             (Infrastructure, "fail", "failed"),

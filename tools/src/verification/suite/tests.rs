@@ -21,11 +21,11 @@ fn the_worst_run_stands_for_all() {
         let rows: Vec<Row> = exits.iter().map(|exit| row("a", *exit, "")).collect();
         worst(&rows)
     };
-    use Exit::{Infrastructure, Interrupted, NotPassed, Pass};
+    use Exit::{Failed, Infrastructure, Interrupted, Pass};
     assert_eq!(of(&[Pass, Pass]), Pass);
-    assert_eq!(of(&[Pass, NotPassed, Pass]), NotPassed);
-    assert_eq!(of(&[Infrastructure, NotPassed]), Infrastructure);
-    assert_eq!(of(&[NotPassed, Interrupted, Infrastructure]), Interrupted);
+    assert_eq!(of(&[Pass, Failed, Pass]), Failed);
+    assert_eq!(of(&[Infrastructure, Failed]), Infrastructure);
+    assert_eq!(of(&[Failed, Interrupted, Infrastructure]), Interrupted);
 }
 
 #[test]

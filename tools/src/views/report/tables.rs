@@ -33,7 +33,7 @@ const EVIDENCE: [(&str, &str); 5] = [
     ),
     (
         "hil",
-        "hardware in the loop: the controller on its target, against the clock",
+        "hardware in the loop: the controller on its target, in real time",
     ),
 ];
 

@@ -1,6 +1,6 @@
 //! Output of a target: the newest command, in a file of the session that a driver of the board's outputs can read.
 //!
-//! Against the clock alone: a plant that waits is no process that outputs could act on. The agent switches it to the safe
+//! In real time alone: a plant that waits is no process that outputs could act on. The agent switches it to the safe
 //! command by itself, and never leaves another one behind.
 
 use std::fs::File;

@@ -63,7 +63,7 @@ pub(super) struct Run<'a> {
     heard_ns: u64,
     /// Time at which the last sample came; 0 before the first and while the run is held.
     sample_ns: u64,
-    /// The output, once its signals are known; against the clock alone.
+    /// The output, once its signals are known; in real time alone.
     output: Option<Output>,
     safe: Settings,
     /// Time since which samples are missing and the output is the safe command; 0 if it is not for that.
