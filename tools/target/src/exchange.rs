@@ -12,7 +12,7 @@
 //! There the target keeps a sample from the controller as long as the plant has not seen the last answer but one, which the
 //! sample itself tells; the last one, if two samples are still to be answered. So at most two answers in a row are unseen by
 //! the plant, however many packets are lost, and the two that each command names
-//! ([`Answered`](shared_types::directive::Answered)) complete the list of all.
+//! ([`Answered`]) complete the list of all.
 
 use shared_types::directive::Answered;
 use shared_types::frame::{FrameKind, Header};
