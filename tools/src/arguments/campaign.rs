@@ -25,67 +25,68 @@ pub struct CampaignCommand {
 /// The actions on campaigns.
 #[derive(Debug, Subcommand)]
 pub enum CampaignAction {
-    /// Check a study and every case of it; tell how many there are and how long they take
+    /// Check a study and all its cases; print the number of cases and the time they take
     #[command(after_help = "\
-Exit codes: 0 it can be run; 2 something is wrong with it.
+Exit codes: 0 the study can be run; 2 it has an error.
 
 Example:
   hil campaign check studies/common-mode.toml")]
     Check(CheckArguments),
-    /// Write the folder of a campaign: its cases, and copies of all that they need
+    /// Create the folder of a campaign, with its cases and copies of all files they need
     #[command(
         after_help = "Example:\n  hil campaign plan studies/common-mode.toml -o runs/common-mode"
     )]
     Plan(PlanArguments),
-    /// Add draws to a campaign, whose results stay
+    /// Add draws to a campaign and keep its results
     #[command(after_help = "Example:\n  hil campaign grow runs/common-mode --cases 20000")]
     Grow(GrowArguments),
-    /// Run what is missing on the cores of this machine
+    /// Run the missing cases on the cores of this machine
     #[command(after_help = "\
-Whatever ends it, the same command goes on; at most the cases under way are lost.
-Exit codes: 0 all cases are there; 1 two results of a case differ, or a goal of the study is not met; 3 cases were
-set aside, or something let it down.
+After any interruption the same command continues; at most the cases under way are lost.
+Exit codes: 0 all cases have a result; 1 two results of a case differ, or a goal of the study is
+not met; 3 cases were set aside, or the campaign could not continue.
 
 Example:
   hil campaign run runs/common-mode --jobs 4")]
     Run(RunCampaignArguments),
-    /// Have a cluster run what is missing
+    /// Run the missing cases on a cluster
     #[command(after_help = "\
-Job arrays over the shards without a result; what is behind -- goes to sbatch. Again, it submits only what is missing.
+Submits job arrays over the shards without a result; arguments after -- go to sbatch. Given again,
+the command submits only the missing shards.
 
 Example:
   hil campaign submit runs/common-mode --slurm -- --partition short --time 30")]
     Submit(SubmitArguments),
-    /// Run shards until none is free: the worker that every engine starts
+    /// Run shards until none is free: the worker that `run` and `submit` start
     #[command(after_help = "\
 Examples:
   hil campaign work runs/common-mode
   hil campaign work runs/common-mode --shards 0-9,12
   seq 0 99 | parallel runs/common-mode/programs/hil campaign work runs/common-mode --shards {}")]
     Work(WorkArguments),
-    /// Tell what is done, missing and under way
+    /// Show the progress: cases done, missing and under way
     #[command(
         after_help = "Examples:\n  hil campaign status runs/common-mode\n  hil campaign status runs/common-mode --watch"
     )]
     Status(StatusArguments),
-    /// Join all results into one Parquet table, with the digest over its rows
+    /// Join all results into one Parquet table, with a digest of its rows
     #[command(after_help = "Example:\n  hil campaign collect runs/common-mode")]
     Collect(CollectArguments),
-    /// Tell what the campaign shows: probabilities with bounds, margins, worst cases
+    /// Show the outcome of a campaign: probabilities with bounds, margins, worst cases
     #[command(after_help = "\
-Exit codes: 0 every goal of the study is met; 1 one is not; 3 cases are missing.
+Exit codes: 0 every goal of the study is met; 1 a goal is not met; 3 cases are missing.
 
 Example:
   hil campaign show runs/common-mode")]
     Show(ShowArguments),
     /// Run one case again, with a recording
     #[command(after_help = "\
-Exit codes: those of hil run; 1 also if the digest is not that of the campaign.
+Exit codes: those of hil run; 1 also if the digest differs from that of the campaign.
 
 Example:
   hil campaign case runs/common-mode 4711 --out runs/worst")]
     Case(CaseArguments),
-    /// Compare two campaigns case by case: which flipped, and is that chance?
+    /// Compare two campaigns case by case: changed verdicts and their significance
     #[command(after_help = "Example:\n  hil campaign compare runs/before runs/after")]
     Compare(CompareCampaignArguments),
 }
@@ -110,7 +111,7 @@ pub struct PlanArguments {
     /// Study to plan
     #[command(flatten)]
     pub check: CheckArguments,
-    /// The folder, which must not exist or be empty [default: runs/STUDY]
+    /// Folder to create; an existing folder must be empty [default: runs/STUDY]
     #[arg(short, long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 }
@@ -121,7 +122,7 @@ pub struct GrowArguments {
     /// The campaign's folder
     #[arg(value_name = "DIR")]
     pub folder: PathBuf,
-    /// Number of draws that it has then, as `cases` in its study
+    /// New total number of draws, as `cases` in the study
     #[arg(long, value_name = "N", required = true)]
     pub cases: u64,
     /// Print as JSON
@@ -135,10 +136,10 @@ pub struct RunCampaignArguments {
     /// The campaign's folder
     #[arg(value_name = "DIR")]
     pub folder: PathBuf,
-    /// Number of workers at a time [default: as many as cores; half as many with programs of your own]
+    /// Number of parallel workers [default: one per core; half as many with programs of your own]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub jobs: Option<u32>,
-    /// Try cases again that were set aside
+    /// Retry cases that were set aside
     #[arg(long)]
     pub again: bool,
     /// Print the result as JSON
@@ -152,10 +153,10 @@ pub struct SubmitArguments {
     /// The campaign's folder, on a file system that the nodes share
     #[arg(value_name = "DIR")]
     pub folder: PathBuf,
-    /// To Slurm, by sbatch
+    /// Submit to Slurm with sbatch
     #[arg(long, required = true)]
     pub slurm: bool,
-    /// Time that a task of the array should take, in s
+    /// Target duration of an array task, in s
     #[arg(long, value_name = "SECONDS", default_value_t = 600.0)]
     pub task_s: f64,
     /// Print the command and submit nothing
@@ -172,13 +173,13 @@ pub struct WorkArguments {
     /// The campaign's folder
     #[arg(value_name = "DIR")]
     pub folder: PathBuf,
-    /// Only these shards, as 0-9,12 [default: all without a result]
+    /// Run only these shards, for example 0-9,12 [default: all without a result]
     #[arg(long, value_name = "LIST", conflicts_with = "task")]
     pub shards: Option<String>,
-    /// Only this part of them, as 0/16: the first of 16
+    /// Run only this part of the shards, for example 0/16 for the first of 16
     #[arg(long, value_name = "K/N")]
     pub task: Option<String>,
-    /// Take shards that other workers have claimed, too
+    /// Also take shards that other workers have claimed
     #[arg(long)]
     pub ignore_claims: bool,
     /// Write a line for each case to standard output
@@ -195,7 +196,7 @@ pub struct StatusArguments {
     /// The campaign's folder
     #[arg(value_name = "DIR")]
     pub folder: PathBuf,
-    /// Again every second, until nothing is missing
+    /// Repeat every second until no case is missing
     #[arg(long)]
     pub watch: bool,
     /// Print as JSON
@@ -209,7 +210,7 @@ pub struct CollectArguments {
     /// The campaign's folder
     #[arg(value_name = "DIR")]
     pub folder: PathBuf,
-    /// Take what there is, although cases are missing
+    /// Collect the available results even if cases are missing
     #[arg(long)]
     pub partial: bool,
     /// Print as JSON
@@ -237,10 +238,10 @@ pub struct CaseArguments {
     /// Number of the case
     #[arg(value_name = "CASE")]
     pub case: u64,
-    /// Write the run to this folder, which must not exist or be empty [default: runs/SCENARIO-TIME-SESSION]
+    /// Folder for the run; an existing folder must be empty [default: runs/SCENARIO-TIME-SESSION]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// In one process
+    /// Run the case in one process
     #[arg(long)]
     pub in_process: bool,
     /// Run nothing; print the case as a scenario
@@ -254,10 +255,10 @@ pub struct CaseArguments {
 /// Arguments of `hil campaign compare`.
 #[derive(Debug, Args)]
 pub struct CompareCampaignArguments {
-    /// The campaign that was before
+    /// Earlier campaign
     #[arg(value_name = "A")]
     pub first: PathBuf,
-    /// The one to compare with it
+    /// Campaign to compare with A
     #[arg(value_name = "B")]
     pub second: PathBuf,
     /// Print as JSON

@@ -10,8 +10,8 @@ use crate::terminal::duration::seconds;
 /// Choice of the checkpoints that a run makes.
 #[derive(Clone, Debug, Default, Args)]
 pub struct CheckpointArguments {
-    /// Save the state of plant and controller before the first step at or after this simulated time,
-    /// to go on from there later; may be given several times
+    /// Save the state of plant and controller before the first step at or after this simulated time, to
+    /// continue from it later; may be given several times
     #[arg(long, value_name = "TIME", value_parser = seconds)]
     pub checkpoint_at: Vec<f64>,
 }
@@ -19,7 +19,7 @@ pub struct CheckpointArguments {
 /// Choice of the checkpoint that a run goes on from.
 #[derive(Clone, Debug, Default, Args)]
 pub struct FromArguments {
-    /// Go on from a checkpoint, with its scenario and what --set changes in it from there on
+    /// Continue from a checkpoint with its scenario; --set changes values from there on
     #[arg(long, value_name = "CHECKPOINT", value_parser = run_path(), conflicts_with_all = ["scenarios", "audit"])]
     pub from: Option<PathBuf>,
 }

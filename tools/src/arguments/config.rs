@@ -18,10 +18,10 @@ pub struct ConfigArguments {
 /// The parts of `hil config`.
 #[derive(Debug, Subcommand)]
 pub enum ConfigAction {
-    /// Say everything that is wrong with a scenario, or that nothing is
+    /// Check a scenario and list all its errors
     #[command(after_help = "Example:\n  hil config check scenarios/severe-leakage.toml")]
     Check(ScenarioArguments),
-    /// Print a scenario with every value that is in effect, ready to run
+    /// Print a complete scenario with every value in effect, ready to run
     #[command(
         after_help = "Example:\n  hil config show scenarios/severe-leakage.toml --set controller.law=pid"
     )]
@@ -60,8 +60,7 @@ pub struct ScenarioArguments {
 /// Arguments of `hil sessions`.
 #[derive(Debug, Args)]
 pub struct SessionsArguments {
-    /// Only for clarity: what dead sessions left is removed by every command; running ones, also stopped
-    /// ones, stay
+    /// Remove what dead sessions left, as every command does anyway; running and stopped sessions stay
     #[arg(long)]
     pub clean: bool,
     /// Print as JSON

@@ -5,10 +5,10 @@ use std::path::PathBuf;
 use clap::Args;
 
 pub(super) const EXAMPLES: &str = "\
-Of an FMU it also tells which outputs depend directly on inputs, which inner signals can be recorded, and
-what is left out and why. Nothing of an FMU is run.
+For an FMU it also shows which outputs depend directly on inputs, which inner signals can be
+recorded, and what is left out and why. No code of an FMU is run.
 
-Exit codes: 0 described; 2 no such file, no program, or an FMU that cannot be run here.
+Exit codes: 0 described; 2 no such file, not a program, or an FMU that cannot be run here.
 
 Examples:
   hil describe model.fmu
@@ -21,7 +21,7 @@ pub struct DescribeArguments {
     /// A plant or controller program, or an FMU
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
-    /// Side that an FMU is described as; a program has its own
+    /// Describe an FMU as this side; a program has its own side
     #[arg(long = "as", value_name = "SIDE", default_value = "plant")]
     pub side: DescribedSide,
     /// Print the description as JSON

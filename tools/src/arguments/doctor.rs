@@ -15,13 +15,13 @@ Examples:
 /// Arguments of `hil doctor`.
 #[derive(Debug, Args)]
 pub struct DoctorArguments {
-    /// The two cores to judge [default: isolated ones, or the last two that share no physical core]
+    /// Two cores to judge [default: isolated cores, or the last two that share no physical core]
     #[arg(long, value_name = "A,B", value_parser = two_cores)]
     pub cores: Option<[u32; 2]>,
-    /// Time that each measurement takes
+    /// Duration of each measurement
     #[arg(long, value_name = "SECONDS", default_value = "2", value_parser = measurable)]
     pub seconds: f64,
-    /// Only read what the kernel tells; measure nothing
+    /// Only read information from the kernel; measure nothing
     #[arg(long, conflicts_with = "seconds")]
     pub quick: bool,
     /// Print as JSON

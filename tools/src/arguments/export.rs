@@ -8,11 +8,11 @@ use super::runs::run_path;
 use crate::terminal::duration::seconds;
 
 pub(super) const EXAMPLES: &str = "\
-Values are those of the picked steps: --every leaves steps out and filters nothing. A recording that
+Values are those of the picked steps: --every skips steps and filters nothing. A recording that
 was cut off is exported as far as it goes, with a note.
 
-Exit codes: 0 exported; 2 no such run, signal or window, or the file is there already or cannot be made
-there; 3 it cannot be written to its end.
+Exit codes: 0 exported; 2 no such run, signal or window, or the file exists or cannot be created;
+3 the file cannot be written completely.
 
 Examples:
   hil export runs/demo --list
@@ -23,37 +23,37 @@ Examples:
 /// Arguments of `hil export`.
 #[derive(Debug, Args)]
 pub struct ExportArguments {
-    /// A run's folder or its run.mcap; latest is the newest run below runs
+    /// Folder of a run or its run.mcap; latest is the newest run below runs
     #[arg(value_name = "RUN", value_parser = run_path())]
     pub run: PathBuf,
-    /// The file to write; - is standard output, which is the default
+    /// File to write, or - for standard output [default: -]
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Format [default: the ending of the file's name, on standard output csv]
+    /// Format [default: by the file's extension; csv on standard output]
     #[arg(long, value_name = "FORMAT")]
     pub format: Option<ExportFormat>,
-    /// A signal, or several with * and ?; may be given several times [default: all signals]
+    /// Signal name, or a pattern with * and ?; may be given several times [default: all signals]
     #[arg(long, value_name = "PATTERN")]
     pub signal: Vec<String>,
-    /// The first simulated time, which belongs to it
+    /// First simulated time, included
     #[arg(long, value_name = "TIME", value_parser = seconds)]
     pub from: Option<f64>,
-    /// The last simulated time, which belongs to it
+    /// Last simulated time, included
     #[arg(long, value_name = "TIME", value_parser = seconds)]
     pub until: Option<f64>,
-    /// Pick the first step and then each N-th; no filter
+    /// Export the first step and every N-th step after it, without filtering
     #[arg(long, value_name = "N", default_value = "1", value_parser = clap::value_parser!(u64).range(1..))]
     pub every: u64,
-    /// After each signal that was sent, whether it was marked as valid
+    /// Add a column with the validity mark after each signal that was sent
     #[arg(long)]
     pub validity: bool,
-    /// Write over a file that is there
+    /// Overwrite an existing file
     #[arg(long)]
     pub force: bool,
-    /// List what can be exported, or what of it --signal chooses, with units, and write no file
+    /// List the signals that can be exported, or those that --signal selects, with units; write no file
     #[arg(long, conflicts_with_all = ["output", "format", "force"])]
     pub list: bool,
-    /// Print what was done as JSON
+    /// Print the result as JSON
     #[arg(long)]
     pub json: bool,
 }

@@ -22,9 +22,9 @@ hil inject KIND [TARGET[,TARGET]...] [VALUE]... [--KEY VALUE[,VALUE]...]... [OPT
 
 pub(super) const EXAMPLES: &str = "\
 Keys:
-  A kind's own keys are given as --KEY VALUE and may leave out their last words: --coefficient is
+  A kind's own keys are given as --KEY VALUE; their last words may be omitted: --coefficient is
   coefficient_m3ps_per_sqrt_pa. Values without a key are taken in the order that --list shows. With
-  several targets, VALUE,VALUE gives one to each and a single VALUE counts for all; all of them take
+  several targets, VALUE,VALUE gives one to each and a single VALUE applies to all; all effects take
   hold at the same step. Times are written 2s, 500ms, 100us or as seconds.
 
 Examples:
@@ -48,70 +48,75 @@ Examples:
 #[command(group = ArgGroup::new("profile"))]
 #[command(group = ArgGroup::new("trigger"))]
 pub struct InjectArguments {
-    /// The kind of fault, see --list
+    /// Kind of fault; see --list
     #[arg(group = "action")]
     pub kind: Option<String>,
     /// Target, then values of the kind's keys in their order
     #[arg(value_name = "TARGET|VALUE", conflicts_with = "instead")]
     pub words: Vec<String>,
-    /// A key of the kind, for one that an option of hil hides; else --KEY VALUE does
+    /// Key of the kind that has the name of an option of hil; all other keys are given as --KEY VALUE
     #[arg(long, value_name = "KEY=VALUE", value_parser = key_value, conflicts_with = "instead")]
     pub parameter: Vec<(String, String)>,
 
-    /// Set in along a straight line that takes this long
-    #[arg(long, value_name = "TIME", value_parser = seconds, group = "profile", help_heading = "Course")]
+    /// Grow linearly to full size over this time
+    #[arg(long, value_name = "TIME", value_parser = seconds, group = "profile", help_heading = "Profile")]
     pub ramp: Option<f64>,
-    /// Set in as 1 - exp(-SPEED t), SPEED in 1/s
-    #[arg(long, value_name = "SPEED", group = "profile", help_heading = "Course")]
+    /// Grow as 1 - exp(-SPEED t), SPEED in 1/s
+    #[arg(
+        long,
+        value_name = "SPEED",
+        group = "profile",
+        help_heading = "Profile"
+    )]
     pub exponential: Option<f64>,
-    /// Act for this long, then no more
-    #[arg(long, value_name = "TIME", value_parser = seconds, group = "profile", help_heading = "Course")]
+    /// Act for this long, then stop
+    #[arg(long, value_name = "TIME", value_parser = seconds, group = "profile", help_heading = "Profile")]
     pub pulse: Option<f64>,
-    /// Act in the first part of every period, DUTY of it
-    #[arg(long, value_name = "PERIOD,DUTY", value_parser = intermittent, group = "profile", help_heading = "Course")]
+    /// Act in the first part of every period, for the share DUTY
+    #[arg(long, value_name = "PERIOD,DUTY", value_parser = intermittent, group = "profile", help_heading = "Profile")]
     pub intermittent: Option<(f64, f64)>,
-    /// Come and go as a sine of FREQUENCY in Hz and PHASE in rad
-    #[arg(long, value_name = "FREQUENCY[,PHASE]", value_parser = sine, group = "profile", help_heading = "Course")]
+    /// Vary as a sine of FREQUENCY in Hz and PHASE in rad
+    #[arg(long, value_name = "FREQUENCY[,PHASE]", value_parser = sine, group = "profile", help_heading = "Profile")]
     pub sine: Option<(f64, f64)>,
     /// Follow the points of a CSV file with the header time_s,value
     #[arg(
         long,
         value_name = "FILE.csv",
         group = "profile",
-        help_heading = "Course"
+        help_heading = "Profile"
     )]
     pub table: Option<PathBuf>,
 
-    /// Take hold at this simulated time [without any of these: at the next step]
-    #[arg(long, value_name = "TIME", value_parser = seconds, group = "trigger", help_heading = "Begin")]
+    /// Take hold at this simulated time [default without a trigger: at the next step]
+    #[arg(long, value_name = "TIME", value_parser = seconds, group = "trigger", help_heading = "Trigger")]
     pub at: Option<f64>,
     /// Take hold at this step
-    #[arg(long, value_name = "STEP", group = "trigger", help_heading = "Begin")]
+    #[arg(long, value_name = "STEP", group = "trigger", help_heading = "Trigger")]
     pub at_step: Option<u64>,
     /// Take hold when an expression over signals holds
     #[arg(
         long,
         value_name = "EXPRESSION",
         group = "trigger",
-        help_heading = "Begin"
+        help_heading = "Trigger"
     )]
     pub when: Option<String>,
     /// Time that the condition must hold
-    #[arg(long = "for", value_name = "TIME", value_parser = seconds, requires = "when", help_heading = "Begin")]
+    #[arg(long = "for", value_name = "TIME", value_parser = seconds, requires = "when", help_heading = "Trigger")]
     pub hold: Option<f64>,
-    /// Take hold after another fault did
+    /// Take hold after another fault has taken hold
     #[arg(
         long,
         value_name = "ID|NAME",
         group = "trigger",
-        help_heading = "Begin"
+        help_heading = "Trigger"
     )]
     pub after: Option<String>,
     /// Delay after the other fault
-    #[arg(long, value_name = "TIME", value_parser = seconds, requires = "after", help_heading = "Begin")]
+    #[arg(long, value_name = "TIME", value_parser = seconds, requires = "after", help_heading = "Trigger")]
     pub delay: Option<f64>,
     /// Delay of each further target
-    #[arg(long, value_name = "TIME[,TIME]...", value_parser = seconds, value_delimiter = ',', conflicts_with = "instead", help_heading = "Begin")]
+    #[arg(long, value_name = "TIME[,TIME]...", value_parser = seconds, value_delimiter = ',', conflicts_with = "instead", help_heading = "Trigger")]
     pub skew: Vec<f64>,
 
     /// End after this long
@@ -131,7 +136,7 @@ pub struct InjectArguments {
     /// Time that the condition must hold
     #[arg(long, value_name = "TIME", value_parser = seconds, requires = "until", help_heading = "End")]
     pub until_for: Option<f64>,
-    /// End after it acted COUNT times
+    /// End after the fault has acted COUNT times
     #[arg(
         long,
         value_name = "COUNT",
@@ -140,14 +145,14 @@ pub struct InjectArguments {
     )]
     pub occurrences: Option<u64>,
 
-    /// A name that later faults can follow with --after
+    /// Name that later faults can refer to with --after
     #[arg(long, conflicts_with = "instead")]
     pub name: Option<String>,
     /// Session
     #[command(flatten)]
     pub session: SessionChoice,
 
-    /// Show what faults are possible
+    /// List the possible faults
     #[arg(long, groups = ["action", "instead"], help_heading = "Instead of a fault")]
     pub list: bool,
     /// Show one kind in full
@@ -160,7 +165,7 @@ pub struct InjectArguments {
         help_heading = "Instead of a fault"
     )]
     pub list_kind: Option<String>,
-    /// Show what is possible on one target
+    /// List the possible faults on one target
     #[arg(
         long,
         value_name = "TARGET",
@@ -169,7 +174,7 @@ pub struct InjectArguments {
         help_heading = "Instead of a fault"
     )]
     pub target: Option<String>,
-    /// Ask this plant process, when no session is to be asked
+    /// Ask this plant program instead of a session
     #[arg(
         long,
         value_name = "PATH",
@@ -185,10 +190,10 @@ pub struct InjectArguments {
         help_heading = "Instead of a fault"
     )]
     pub model: Option<String>,
-    /// Show the faults that act or wait
+    /// List the faults that are active or waiting
     #[arg(long, groups = ["action", "instead"], help_heading = "Instead of a fault")]
     pub active: bool,
-    /// End a fault, or all
+    /// End one fault, or all faults
     #[arg(long, value_name = "ID|all", value_parser = clear, groups = ["action", "instead"], help_heading = "Instead of a fault")]
     pub clear: Option<Clear>,
 }

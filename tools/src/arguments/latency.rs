@@ -23,10 +23,10 @@ Examples:
 /// Arguments of `hil latency`.
 #[derive(Debug, Args)]
 pub struct LatencyArguments {
-    /// A run's folder or its run.mcap, or latest: show its figures instead of measuring
+    /// Folder of a run or its run.mcap, or latest: show the figures of this run instead of measuring
     #[arg(value_name = "RUN", value_parser = run_path(), conflicts_with_all = ["signals", "rates", "steps", "duration"])]
     pub run: Option<PathBuf>,
-    /// Signals in a sample; half as many answer it
+    /// Number of signals in a sample; a command has half as many
     #[arg(
         long,
         value_name = "COUNTS",
@@ -35,7 +35,7 @@ pub struct LatencyArguments {
         value_parser = signals
     )]
     pub signals: Vec<usize>,
-    /// Steps per second by the clock; max is as fast as both sides can, in lockstep
+    /// Steps per second by the clock; max is lockstep, as fast as both sides can run
     #[arg(
         long,
         value_name = "RATES",
@@ -43,10 +43,10 @@ pub struct LatencyArguments {
         default_value = "max,1000,10000"
     )]
     pub rates: Vec<Pace>,
-    /// Steps that are left out at the begin [default: 20000, paced at most 2 s; of a RUN none]
+    /// Warm-up steps to discard [default: 20000, paced at most 2 s; none for a RUN]
     #[arg(long, value_name = "STEPS")]
     pub warm_up: Option<u64>,
-    /// Steps that are measured at max
+    /// Number of steps measured at rate max
     #[arg(long, value_name = "STEPS", default_value = "200000", value_parser = clap::value_parser!(u64).range(1..))]
     pub steps: u64,
     /// Duration of the measurement at each other rate
@@ -67,10 +67,10 @@ pub struct LatencyArguments {
 #[derive(Clone, Copy, Debug, Args)]
 #[command(next_help_heading = "Real time")]
 pub struct SideArguments {
-    /// Keep the plant's loop on this core
+    /// Pin the plant's loop to this core
     #[arg(long, value_name = "CORE", conflicts_with = "run")]
     pub plant_core: Option<u32>,
-    /// Keep the controller's loop on this core
+    /// Pin the controller's loop to this core
     #[arg(long, value_name = "CORE", conflicts_with = "run")]
     pub controller_core: Option<u32>,
     /// SCHED_FIFO priority of both loops, 1 to 98; 0 for ordinary scheduling
@@ -82,7 +82,7 @@ pub struct SideArguments {
         conflicts_with = "run"
     )]
     pub priority: u32,
-    /// Strategy by which each side waits for the other
+    /// Waiting strategy of both sides
     #[arg(
         long,
         value_enum,

@@ -7,11 +7,11 @@ use clap::{Args, ValueEnum};
 use super::runs::run_path;
 
 pub(super) const EXAMPLES: &str = "\
-What is plotted follows from the signals that were recorded, so it works for any plant. A layout for
-PlotJuggler in the folder of the run opens the recording, too, over simulated time.
+The plots follow from the recorded signals, so a layout works for any plant. A layout for
+PlotJuggler in the folder of the run also opens the recording, over simulated time.
 
-Exit codes: 0 written; 2 no such run, it is damaged, or the file is there already or cannot be made
-there; 3 it cannot be written to its end.
+Exit codes: 0 written; 2 no such run, a damaged run, or the file exists or cannot be created;
+3 the file cannot be written completely.
 
 Examples:
   hil layout runs/demo plotjuggler -o runs/demo/plotjuggler.xml
@@ -20,16 +20,16 @@ Examples:
 /// Arguments of `hil layout`.
 #[derive(Debug, Args)]
 pub struct LayoutArguments {
-    /// A run's folder or its run.mcap; latest is the newest run below runs
+    /// Folder of a run or its run.mcap; latest is the newest run below runs
     #[arg(value_name = "RUN", value_parser = run_path())]
     pub run: PathBuf,
-    /// The program that is to show it
+    /// Program that shows the recording
     #[arg(value_name = "VIEWER")]
     pub viewer: Viewer,
-    /// The file to write; - is standard output, which is the default
+    /// File to write, or - for standard output [default: -]
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Write over a file that is there
+    /// Overwrite an existing file
     #[arg(long)]
     pub force: bool,
 }
@@ -37,7 +37,7 @@ pub struct LayoutArguments {
 /// Programs that show recordings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Viewer {
-    /// Foxglove, and Lichtblick, which has the same form.
+    /// Foxglove, and Lichtblick, which reads the same layouts.
     Foxglove,
     /// PlotJuggler 3.
     #[value(name = "plotjuggler")]

@@ -6,8 +6,8 @@ use super::SessionChoice;
 
 /// Explanation and examples of `hil mark`.
 pub(super) const HELP: &str = "\
-The note is an event of the recording, outside the digest: the run stays the run it is. The monitor
-shows it, so do the summary, the report's plots and the metadata of an export to Parquet.
+The note is an event of the recording, outside the digest: it does not change the run. The monitor,
+the summary, the report's plots and the metadata of an export to Parquet show the note.
 
 Examples:
   hil mark \"the pilot feels it here\"

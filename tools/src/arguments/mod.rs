@@ -94,16 +94,16 @@ pub enum Command {
     /// Execute some steps of a session, then hold it
     #[command(after_help = "Examples:\n  hil step\n  hil step 1000")]
     Step(StepArguments),
-    /// Tell the newest values of a session's signals
+    /// Print the newest values of a session's signals
     #[command(after_help = values::GET_EXAMPLES)]
     Get(GetArguments),
-    /// Tell values of a session's signals again and again
+    /// Print values of a session's signals repeatedly
     #[command(after_help = values::WATCH_EXAMPLES)]
     Watch(WatchArguments),
     /// Change values of a running session, all at one step
     #[command(after_help = set::HELP)]
     Set(SetArguments),
-    /// Put a note at the step where a session is
+    /// Add a note at the current step of a session
     #[command(after_help = mark::HELP)]
     Mark(MarkArguments),
     /// Watch a running session: plots, faults, latency, requirements
@@ -114,7 +114,7 @@ pub enum Command {
     Panel(PanelArguments),
     /// Change the controller of a running session
     Controller(ControllerArguments),
-    /// Run very many cases of a scenario: check, plan, run, submit, show
+    /// Run many cases of a scenario: check, plan, run, submit, show
     #[command(after_help = campaign::EXAMPLES)]
     Campaign(CampaignCommand),
     /// Repeat a recorded run with its late commands; compare digests
@@ -122,7 +122,7 @@ pub enum Command {
         after_help = "Exit codes: 0 the same digest; 1 another.\n\nExample:\n  hil rerun runs/demo"
     )]
     Rerun(RerunArguments),
-    /// Give recorded samples to a controller and compare its answers
+    /// Feed recorded samples to a controller and compare its answers
     #[command(after_help = replay::HELP)]
     Replay(ReplayArguments),
     /// Compare two recorded runs, or one with a baseline
@@ -139,30 +139,30 @@ Examples:
     /// Judge a recorded run by its own requirements or by others
     #[command(after_help = recordings::JUDGE_EXAMPLES)]
     Judge(JudgeArguments),
-    /// Make an HTML page of recorded runs
+    /// Write an HTML report of recorded runs
     #[command(after_help = report::EXAMPLES)]
     Report(ReportArguments),
     /// Write signals of a recorded run to a CSV or Parquet file
     #[command(after_help = export::EXAMPLES)]
     Export(ExportArguments),
-    /// Make a layout for Foxglove or PlotJuggler
+    /// Write a layout for Foxglove or PlotJuggler
     #[command(after_help = layout::EXAMPLES)]
     Layout(LayoutArguments),
-    /// Make a whole recording of one that broke off
+    /// Recover a recording that was cut off
     #[command(after_help = recover::EXAMPLES)]
     Recover(RecoverArguments),
-    /// List what was run here, or remove runs by a rule
+    /// List recorded runs, or remove runs by a rule
     #[command(after_help = runs::EXAMPLES)]
     Runs(RunsArguments),
-    /// Make scenarios from runs
+    /// Create scenarios from runs
     Scenario(ScenarioCommand),
-    /// Begin a plant, a controller or a scenario of your own
+    /// Create a plant, controller or scenario project
     #[command(after_help = new::EXAMPLES)]
     New(NewArguments),
-    /// Show the tables of a program or an FMU
+    /// Show the signals and parameters of a program or an FMU
     #[command(after_help = describe::EXAMPLES)]
     Describe(DescribeArguments),
-    /// Check a scenario, show it complete, or print its schema
+    /// Check a scenario, print all its values, or print the schema
     Config(ConfigArguments),
     /// List running sessions, or clean up after dead ones
     #[command(after_help = "Examples:\n  hil sessions\n  hil sessions --clean")]
@@ -188,11 +188,11 @@ Examples:
 }
 
 const COMPLETIONS_HELP: &str = "\
-The script asks hil at each request, so it knows the sessions that run, the runs below runs,
+The script asks hil at each request, so it knows the running sessions, the runs below runs,
 the keys of the scenario on the line, and signals, kinds of faults and targets of the session or
 scenario.
 
-The line for the start file of a shell:
+The line for the startup file of a shell:
   ~/.bashrc                   source <(hil completions bash)
   ~/.zshrc, after compinit    source <(hil completions zsh)
   ~/.config/fish/config.fish  hil completions fish | source";

@@ -8,9 +8,9 @@ use super::SessionChoice;
 use crate::terminal::duration::seconds;
 
 pub(super) const EXAMPLES: &str = "\
-Watches only: the run has the same digest with it and without it, unless a key pauses, steps or puts
-a fault in. Up to 3 may watch a session. Without a terminal, or with --once or --json, it tells once
-where the run is.
+Watches only: the run has the same digest with and without the monitor, unless a key pauses, steps
+or injects a fault. Up to 3 monitors may watch a session. Without a terminal, or with --once or
+--json, it prints the state of the run once.
 
 Keys: q quit, p pause, r resume, s one step, S 100 steps, tab next plots, + - window, 1 to 9 prepared
 faults, c end all faults, ? help.
@@ -31,24 +31,24 @@ pub struct MonitorArguments {
     /// Session
     #[command(flatten)]
     pub choice: SessionChoice,
-    /// Draw a signal, or several with * and ?; may be given several times [default: references with
-    /// what follows them, derived signals, commands, then the rest of the truth]
+    /// Signal to draw, or a pattern with * and ?; may be given several times [default: references with the
+    /// signals that follow them, derived signals, commands, then the rest of the truth]
     #[arg(long, value_name = "PATTERN")]
     pub signal: Vec<String>,
     /// Width of the time axis in simulated time
     #[arg(long, value_name = "TIME", value_parser = window, default_value = "5s")]
     pub window: f64,
-    /// Prepare a fault for the next of the keys 1 to 9, with the words of `hil inject`
+    /// Prepare a fault for the next of the keys 1 to 9, written as for `hil inject`
     #[arg(long, value_name = "FAULT", allow_hyphen_values = true)]
     pub inject: Vec<String>,
-    /// Wait so long for a session to start
+    /// Longest wait for a session to start
     #[arg(long, value_name = "TIME", value_parser = seconds)]
     pub wait: Option<f64>,
-    /// Tell once where the run is, also on a terminal
+    /// Print the state of the run once, even on a terminal
     #[arg(long)]
     pub once: bool,
-    /// Serve the signals over a WebSocket for Foxglove, without a terminal nothing else; other
-    /// machines reach it only at an address that is given. Needs a build with --features foxglove
+    /// Serve the signals to Foxglove over a WebSocket; without a terminal do only that. Other machines can
+    /// connect only at a given ADDRESS. Needs a build with --features foxglove
     #[arg(
         long,
         value_name = "ADDRESS",
@@ -58,7 +58,7 @@ pub struct MonitorArguments {
         conflicts_with_all = ["once", "json"]
     )]
     pub foxglove: Option<SocketAddr>,
-    /// With --foxglove: serve at most HZ records a second, picked and not averaged; inf is every one
+    /// With --foxglove: serve at most HZ records per second, picked and not averaged; inf serves all
     #[arg(long, value_name = "HZ", value_parser = rate, default_value = "200")]
     pub rate: f64,
 }

@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 
 pub(super) const EXAMPLES: &str = "\
 A plant or a controller is a crate, or a program in C with a Makefile, with a test and a scenario that runs it;
-a scenario is a file whose requirements are its test. Nothing is written over.
+a scenario is a file whose requirements are its test. Nothing is overwritten.
 
 Examples:
   hil new plant cart && cd cart
@@ -20,16 +20,16 @@ Examples:
 /// Arguments of `hil new`.
 #[derive(Debug, Args)]
 pub struct NewArguments {
-    /// Sort of project
+    /// Kind of project
     #[arg(value_enum, value_name = "WHAT")]
     pub what: What,
-    /// The folder to make; its last part is the name: a-z, 0-9 and -, a letter first
+    /// Folder to create; its last part is the name: a-z, 0-9 and -, starting with a letter
     #[arg(value_name = "NAME")]
     pub path: PathBuf,
     /// The language of a plant or a controller
     #[arg(long, value_enum, value_name = "LANG", default_value_t = Language::Rust)]
     pub lang: Language,
-    /// The framework's clone [default: where this hil was built]
+    /// Folder of the framework's clone [default: where this hil was built]
     #[arg(long, value_name = "DIR")]
     pub framework: Option<PathBuf>,
     /// Print as JSON
@@ -53,7 +53,7 @@ pub enum What {
     Plant,
     /// A law as a program of its own.
     Controller,
-    /// A scenario for what is there.
+    /// A scenario for existing programs.
     Scenario,
 }
 

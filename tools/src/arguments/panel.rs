@@ -7,12 +7,13 @@ use super::monitor::window;
 use crate::terminal::duration::seconds;
 
 pub(super) const EXAMPLES: &str = "\
-A page in a browser: plots that follow, readings, margins, faults; sliders for what can be tuned; pause,
-step, mark, inject. [panel] of a scenario chooses readings, sliders and buttons. Only this machine reaches it, at a port of the system's choice, and only who has the printed address with its
-secret. Over ssh: ssh -L 8000:127.0.0.1:PORT HOST, and the address with 8000 in place of the port.
+A page in a browser: live plots, readings, margins, faults; sliders for values that can be tuned;
+pause, step, mark, inject. [panel] of a scenario chooses readings, sliders and buttons. Only this
+machine can open the page, at a port of the system's choice, and only with the printed address and
+its secret. Over ssh: ssh -L 8000:127.0.0.1:PORT HOST, and the address with port 8000.
 
-The run has the same digest with it and without it, unless a page changes the run. Up to 8 pages may be
-open. It ends some seconds after the session, when no page is open any more, or by Ctrl-C.
+The run has the same digest with and without the panel, unless a page changes the run. Up to 8 pages
+may be open. The panel ends some seconds after the session, once no page is open, or by Ctrl-C.
 
 Exit codes: 0 the session ended; 2 no such session, signal or fault; 3 shared memory or the network
 failed; 130 interrupted.
@@ -30,16 +31,16 @@ pub struct PanelArguments {
     /// Session
     #[command(flatten)]
     pub choice: SessionChoice,
-    /// Draw a signal, or several with * and ?; may be given several times [default: as hil monitor]
+    /// Signal to draw, or a pattern with * and ?; may be given several times [default: as hil monitor]
     #[arg(long, value_name = "PATTERN")]
     pub signal: Vec<String>,
-    /// Width of the time axis in simulated time, to begin with [default: that of the scenario, or 5s]
+    /// Initial width of the time axis in simulated time [default: that of the scenario, or 5s]
     #[arg(long, value_name = "TIME", value_parser = window)]
     pub window: Option<f64>,
-    /// Prepare a fault for a button, with the words of `hil inject`
+    /// Prepare a fault for a button, written as for `hil inject`
     #[arg(long, value_name = "FAULT", allow_hyphen_values = true)]
     pub inject: Vec<String>,
-    /// Wait so long for a session to start
+    /// Longest wait for a session to start
     #[arg(long, value_name = "TIME", value_parser = seconds)]
     pub wait: Option<f64>,
     /// Print the address only; open no browser
@@ -53,7 +54,7 @@ pub struct PanelArguments {
 /// The panel of a run.
 #[derive(Clone, Debug, Default, Args)]
 pub struct RunPanelArguments {
-    /// Show the run in a browser while it goes on; see hil panel
+    /// Show the run in a browser while it is running; see hil panel
     #[arg(long)]
     pub panel: bool,
     /// With --panel: print the address only; open no browser

@@ -7,28 +7,28 @@ use shared_types::wait::WaitStrategy;
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Real time")]
 pub struct RealtimeArguments {
-    /// Keep the plant's loop on this core
+    /// Pin the plant's loop to this core
     #[arg(long, value_name = "CORE")]
     pub plant_core: Option<u32>,
-    /// Keep the controller's loop on this core
+    /// Pin the controller's loop to this core
     #[arg(long, value_name = "CORE")]
     pub controller_core: Option<u32>,
-    /// Keep the recorder on this core
+    /// Pin the recorder to this core
     #[arg(long, value_name = "CORE")]
     pub recorder_core: Option<u32>,
     /// SCHED_FIFO priority of both loops, 1 to 98; 0 for ordinary scheduling
     #[arg(long, value_name = "PRIORITY")]
     pub priority: Option<u32>,
-    /// Keep the memory of plant and controller from being taken away
+    /// Lock the memory of plant and controller in RAM
     #[arg(long)]
     pub lock_memory: bool,
-    /// Fetch all memory of plant and controller before step 0
+    /// Load all memory of plant and controller into RAM before step 0
     #[arg(long)]
     pub prefault: bool,
-    /// Longest time in us that a core may need to wake up during the run
+    /// Longest allowed wake-up time of a core during the run, in us
     #[arg(long, value_name = "US")]
     pub dma_latency: Option<u32>,
-    /// Strategy by which each side waits for the other
+    /// Waiting strategy of both sides
     #[arg(long, value_enum, value_name = "HOW")]
     pub wait: Option<WaitKind>,
 }
@@ -36,11 +36,11 @@ pub struct RealtimeArguments {
 /// Strategy of waiting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum WaitKind {
-    /// Poll, then give the core away or sleep, by what the waits before have shown.
+    /// Poll, then yield the core or sleep, depending on earlier waits.
     Hybrid,
-    /// Never give the core away.
+    /// Poll and never yield the core.
     Spin,
-    /// Give the core away after each poll.
+    /// Yield the core after each poll.
     Yield,
     /// Sleep until the other side sends.
     Sleep,

@@ -28,14 +28,14 @@ pub(super) fn compression() -> impl TypedValueParser<Value = Compression> {
 /// Choice of the recorded part of a run. Digest, metrics and requirements always come from all of it.
 #[derive(Clone, Debug, Default, Args)]
 pub struct ChoiceArguments {
-    /// Record only the signals that fit, for example 'truth.*'; may be given several times
+    /// Record only matching signals, for example 'truth.*'; may be given several times
     #[arg(long, value_name = "PATTERN", help_heading = "Recording")]
     pub record: Vec<String>,
     /// Record every N-th step, and the last
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), help_heading = "Recording")]
     pub record_every: Option<u64>,
-    /// Record every step from BEFORE to AFTER anything that happens to a fault, and nothing else but
-    /// the first and last step, and what --record-every asks for
+    /// Record only the steps around each event of a fault, from BEFORE to AFTER it, besides the first and
+    /// last step and the steps of --record-every
     #[arg(long, value_names = ["BEFORE", "AFTER"], num_args = 2, value_parser = seconds, help_heading = "Recording")]
     pub record_around_faults: Option<Vec<f64>>,
 }

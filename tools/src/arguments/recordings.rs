@@ -10,29 +10,29 @@ use crate::arguments::tolerance::Tolerance;
 /// Arguments of `hil compare`.
 #[derive(Debug, Args)]
 pub struct CompareArguments {
-    /// A run's folder or its run.mcap; latest is the newest run below runs
+    /// Folder of a run or its run.mcap; latest is the newest run below runs
     #[arg(value_name = "A", value_parser = run_path())]
     pub a: PathBuf,
-    /// Another
+    /// Run to compare with A
     #[arg(value_name = "B", value_parser = run_path(), required_unless_present = "baseline")]
     pub b: Option<PathBuf>,
-    /// Compare with this named run instead, with the tolerances that it has
+    /// Compare with this named run instead, within its own tolerances
     #[arg(long, value_name = "NAME", conflicts_with_all = ["b", "tolerance", "signal"])]
     pub baseline: Option<String>,
-    /// The file of named runs
+    /// File of named runs
     #[arg(long, value_name = "FILE", default_value = "baselines.toml")]
     pub baselines: PathBuf,
-    /// Show what changes in the named run and write it; tolerances and comments stay
+    /// Show the changes of the named run and write them; tolerances and comments stay
     #[arg(long, requires = "baseline", conflicts_with = "b")]
     pub update: bool,
-    /// Show what --update would write, and write nothing; exit code 1 if something would change
+    /// Show the changes that --update would write, and write nothing; exit code 1 if there are any
     #[arg(long, requires = "update")]
     pub dry_run: bool,
-    /// Signals that differ by no more than this, in their own unit, count as the same: all of them,
-    /// or one; may be given several times
+    /// Largest difference that counts as the same, in the signal's own unit, for all signals or for one; may
+    /// be given several times
     #[arg(long, value_name = "[SIGNAL=]X", allow_hyphen_values = true)]
     pub tolerance: Vec<Tolerance>,
-    /// Look at this signal only; may be given several times
+    /// Compare only this signal; may be given several times
     #[arg(long, value_name = "GROUP.NAME")]
     pub signal: Vec<String>,
     /// Print as JSON
@@ -42,7 +42,7 @@ pub struct CompareArguments {
 
 /// The examples of `hil judge`.
 pub(crate) const JUDGE_EXAMPLES: &str = "\
-Exit codes: 0 every requirement holds; 1 one does not, or the run did not end by itself; 2 the run or
+Exit codes: 0 every requirement holds; 1 one fails, or the run did not end by itself; 2 the run or
 the scenario cannot be used.
 
 Examples:
@@ -53,7 +53,7 @@ Examples:
 /// Arguments of `hil judge`.
 #[derive(Debug, Args)]
 pub struct JudgeArguments {
-    /// A run's folder or its run.mcap; latest is the newest run below runs
+    /// Folder of a run or its run.mcap; latest is the newest run below runs
     #[arg(value_name = "RUN", value_parser = run_path())]
     pub run: PathBuf,
     /// Take derived signals, metrics and requirements from this scenario [default: the run's own]
@@ -75,7 +75,7 @@ pub struct ScenarioCommand {
 /// The parts of `hil scenario`.
 #[derive(Debug, Subcommand)]
 pub enum ScenarioAction {
-    /// Write the scenario that repeats a run, the faults of its command lines included
+    /// Write the scenario that repeats a run, including faults injected from the command line
     #[command(
         after_help = "Example:\n  hil scenario from runs/demo -o scenarios/found.toml\n  hil run scenarios/found.toml"
     )]
@@ -85,10 +85,10 @@ pub enum ScenarioAction {
 /// Arguments of `hil scenario from`.
 #[derive(Debug, Args)]
 pub struct ScenarioFromArguments {
-    /// A run's folder or its run.mcap; latest is the newest run below runs
+    /// Folder of a run or its run.mcap; latest is the newest run below runs
     #[arg(value_name = "RUN", value_parser = run_path())]
     pub run: PathBuf,
-    /// The file to write [default: standard output]
+    /// File to write [default: standard output]
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
 }

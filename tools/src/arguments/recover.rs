@@ -8,15 +8,15 @@ use super::runs::run_path;
 
 /// Examples.
 pub(crate) const EXAMPLES: &str = "\
-Every whole record up to where the file broke off is kept. The new file takes
-the place of the old one when it is whole on the disk, not before. A file that is
-whole is left alone. A folder without summary.json gets one. A file that is damaged
-before its end is recovered with -o FILE only: what comes after that is given up.
-What no check sum vouches for, such as the records of a torn chunk, is told here and
-in the new file, and whoever reads that tells it too.
+Every whole record up to the point where the file was cut off is kept. The new file
+replaces the old one only when the new file is whole on the disk. A file that is whole
+is left alone. A folder without summary.json gets one. A file that is damaged before
+its end is recovered with -o FILE only: the records after the damage are given up.
+Records that no check sum covers, such as those of a torn chunk, are reported here and
+in the new file, and by every command that reads the new file.
 
-Exit codes: 0 the recording is whole, now or already; 2 nothing can be had of it,
-or a session is still writing it; 3 the new file cannot be written.
+Exit codes: 0 the recording is whole, now or already; 2 nothing can be recovered,
+or a session is still writing the file; 3 the new file cannot be written.
 
 Examples:
   hil recover runs/demo
@@ -26,10 +26,10 @@ Examples:
 /// Arguments of `hil recover`.
 #[derive(Debug, Args)]
 pub struct RecoverArguments {
-    /// A run's folder or its run.mcap; latest is the newest run below runs
+    /// Folder of a run or its run.mcap; latest is the newest run below runs
     #[arg(value_name = "RUN", value_parser = run_path())]
     pub run: PathBuf,
-    /// Write the whole file here and leave the other as it is
+    /// Write the recovered file here and leave the original unchanged
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Print as JSON

@@ -22,7 +22,7 @@ Examples:
 /// Arguments of `hil replay`.
 #[derive(Debug, Args)]
 pub struct ReplayArguments {
-    /// A run's folder or its run.mcap; latest is the newest run below runs
+    /// Folder of a run or its run.mcap; latest is the newest run below runs
     #[arg(value_name = "RUN", value_parser = run_path())]
     pub run: PathBuf,
     /// The controller program [default: HIL_CONTROLLER_BIN, else that of the recording, else the one
@@ -32,8 +32,8 @@ pub struct ReplayArguments {
     /// Machine of the controller
     #[command(flatten)]
     pub target: TargetArguments,
-    /// Commands and internals that differ by no more than this, in their own unit, count as the same:
-    /// all of them, or one; may be given several times
+    /// Largest difference of commands and internals that counts as the same, in the signal's own unit, for
+    /// all of them or for one; may be given several times
     #[arg(long, value_name = "[SIGNAL=]X", allow_hyphen_values = true)]
     pub tolerance: Vec<Tolerance>,
     /// Link between the recording and the controller
@@ -42,7 +42,7 @@ pub struct ReplayArguments {
     /// Name of the session: a-z, 0-9 and -, at most 24 [default: random]
     #[arg(long, value_name = "NAME")]
     pub session: Option<String>,
-    /// Limit of the wait for an answer of a live controller, in s; inf under a debugger
+    /// Longest wait for an answer of a live controller, in s; inf under a debugger
     #[arg(
         long,
         value_name = "SECONDS",

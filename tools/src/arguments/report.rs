@@ -7,15 +7,15 @@ use clap::Args;
 use super::runs::run_path;
 
 pub(super) const EXAMPLES: &str = "\
-One HTML file that needs no network: plots that zoom and share a cursor, faults shaded, requirements with
-their margins, latency, and where it all comes from. Several runs are laid over each other. A scenario says
-with [[plots]] what its report begins with; every other signal can be added on the page.
+One HTML file that needs no network: plots that zoom and share a cursor, shaded faults, requirements
+with their margins, latency, and the origin of the run. Several runs are overlaid. [[plots]] of a
+scenario chooses the first plots of its report; every other signal can be added on the page.
 
-The folder of a campaign gives a page of all its cases: probabilities, margins over the varied values, and a
-map of pass and fail. Dragging over a plot selects cases in all plots.
+The folder of a campaign gives a page of all its cases: probabilities, margins over the varied
+values, and a map of pass and fail. Dragging over a plot selects cases in all plots.
 
-Exit codes: 0 written; 2 no such run or signal, the file is there already or cannot be made there, or a
-run is damaged: then the page shows what can be had of it; 3 it cannot be written to its end.
+Exit codes: 0 written; 2 no such run or signal, the file exists or cannot be created, or a run is
+damaged: then the page shows its readable part; 3 the file cannot be written completely.
 
 Examples:
   hil report runs/demo
@@ -30,19 +30,19 @@ pub struct ReportArguments {
     /// Folders of runs or their run.mcap, or latest; or the folder of one campaign
     #[arg(value_name = "RUN", value_parser = run_path(), required = true)]
     pub runs: Vec<PathBuf>,
-    /// The file to write; - is standard output
+    /// File to write, or - for standard output
     #[arg(short, long, value_name = "FILE", default_value = "report.html")]
     pub output: PathBuf,
-    /// Plot a signal, or several with * and ?, besides those chosen; may be given several times
+    /// Additional signal to plot, or a pattern with * and ?; may be given several times
     #[arg(long, value_name = "PATTERN")]
     pub signal: Vec<String>,
     /// Take derived signals, metrics, requirements and plots from this scenario [default: each run's own]
     #[arg(long, value_name = "SCENARIO.toml")]
     pub scenario: Option<PathBuf>,
-    /// Write over a file that is there
+    /// Overwrite an existing file
     #[arg(long)]
     pub force: bool,
-    /// Print what was written as JSON
+    /// Print the result as JSON
     #[arg(long)]
     pub json: bool,
 }

@@ -40,14 +40,14 @@ Examples:
 /// Arguments of `hil run`.
 #[derive(Debug, Args)]
 pub struct RunArguments {
-    /// The scenario file; several give one verdict table
+    /// Scenario file; several files give one verdict table
     #[arg(value_name = "SCENARIO.toml", required_unless_present = "from")]
     pub scenarios: Vec<PathBuf>,
-    /// Run each scenario so often; all runs of one must have the same digest, except in real time
+    /// Number of runs of each scenario; all runs of a scenario must have the same digest, except in real time
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub repeat: u32,
-    /// Number of parallel runs, at most one per core [default: half the cores, as each
-    /// run wants two; all with --link in-process, where it wants one; in real time, paced and on a target 1]
+    /// Number of parallel runs, at most one per core [default: half the cores, as each run uses two; all
+    /// cores with --link in-process, where a run uses one; 1 in real time, paced and on a target]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub jobs: Option<u32>,
     /// Write the verdicts as JUnit XML, for CI servers
@@ -59,8 +59,8 @@ pub struct RunArguments {
     /// The checkpoint in their place
     #[command(flatten)]
     pub from: FromArguments,
-    /// Run it again under conditions that must not matter (other speeds, cores, busy cores, late
-    /// sides) and compare the digests
+    /// Repeat the run under conditions that must not matter (other speeds, cores, busy cores, late sides) and
+    /// compare the digests
     #[arg(long)]
     pub audit: bool,
     /// Panel
@@ -74,7 +74,7 @@ pub struct RunArguments {
 /// Arguments of `hil rerun`.
 #[derive(Debug, Args)]
 pub struct RerunArguments {
-    /// A run's folder or its run.mcap; latest is the newest run below runs
+    /// Folder of a run or its run.mcap; latest is the newest run below runs
     #[arg(value_name = "RUN", value_parser = run_path())]
     pub run: PathBuf,
     /// Options of the run
@@ -94,22 +94,23 @@ pub struct RunOptions {
     /// Machine of the controller
     #[command(flatten)]
     pub target: TargetArguments,
-    /// Starter of the controller: hil, or you with the command that is printed, in a debugger, an IDE or perf
+    /// How the controller is started: by hil, or by you with the printed command, in a debugger, an IDE or
+    /// perf
     #[arg(long, value_enum, default_value_t = StartKind::Launched, value_name = "START")]
     pub controller: StartKind,
-    /// The same of the plant
+    /// How the plant is started
     #[arg(long, value_enum, default_value_t = StartKind::Launched, value_name = "START")]
     pub plant: StartKind,
     /// Link between plant and controller
     #[arg(long, value_enum, default_value_t = LinkKind::Iceoryx2, value_name = "LINK")]
     pub link: LinkKind,
-    /// Write the run to this folder, which must not exist or be empty [default: runs/SCENARIO-TIME-SESSION]
+    /// Folder for the run; an existing folder must be empty [default: runs/SCENARIO-TIME-SESSION]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Name of the session: a-z, 0-9 and -, at most 24 [default: random]
     #[arg(long, value_name = "NAME")]
     pub session: Option<String>,
-    /// Do not write run.mcap; digest and metrics are computed all the same
+    /// Do not write run.mcap; digest and metrics are still computed
     #[arg(long)]
     pub no_record: bool,
     /// Compression of run.mcap
@@ -118,7 +119,7 @@ pub struct RunOptions {
     /// Recorded part of the run
     #[command(flatten)]
     pub choice: ChoiceArguments,
-    /// Limit of the wait for a live process, in s; inf under a debugger
+    /// Longest wait for a live process, in s; inf under a debugger
     #[arg(
         long,
         value_name = "SECONDS",
@@ -126,7 +127,7 @@ pub struct RunOptions {
         allow_negative_numbers = true
     )]
     pub wait_limit: f64,
-    /// Hold before the first step at or after this simulated time; go on with hil resume
+    /// Hold before the first step at or after this simulated time; continue with hil resume
     #[arg(long, value_name = "TIME", value_parser = seconds)]
     pub pause_at: Option<f64>,
     /// Checkpoints to go on from
@@ -140,10 +141,10 @@ pub struct RunOptions {
 /// Changes to a scenario.
 #[derive(Clone, Debug, Args)]
 pub struct Changes {
-    /// Change a value of the scenario; may be given several times, for each value once
+    /// Change a value of the scenario; may be given several times, once per value
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
-    /// Release of a step: by the other side's answer, the monotonic clock, or both
+    /// Release of each step: by the other side's answer, the monotonic clock, or both
     #[arg(long, value_enum, value_name = "CLOCK")]
     pub clock: Option<ClockKind>,
     /// Simulated seconds per second; implies --clock paced
@@ -196,7 +197,7 @@ impl Changes {
 pub enum LinkKind {
     /// Two processes over shared memory.
     Iceoryx2,
-    /// Threads of hil, for comparison and for very many runs; no process is started for any.
+    /// Threads of hil, for comparison and for large numbers of runs; no process is started.
     InProcess,
 }
 
@@ -212,7 +213,7 @@ pub enum StartKind {
 /// Release of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum ClockKind {
-    /// The other side's answer: as fast as both can.
+    /// The other side's answer: as fast as both sides can run.
     Lockstep,
     /// Both the other side's answer and the monotonic clock.
     Paced,

@@ -11,7 +11,7 @@ use serde::Serialize;
 use crate::files::runs::{self, RUNS};
 
 pub(super) const EXAMPLES: &str = "\
-A run is a folder with a scenario.toml that hil run wrote. `latest` names the newest run below runs to
+A run is a folder with a scenario.toml that hil run wrote. `latest` is the newest run below runs, in
 every command that takes a run: hil report latest, hil compare latest runs/demo.
 
 Examples:
@@ -23,8 +23,8 @@ Examples:
   hil runs rm --older-than 30d --yes";
 
 pub(super) const RM_EXAMPLES: &str = "\
-Shows what would go; only --yes removes it. Runs that go on stay, and so do folders that hold what no
-command of hil puts there.
+Shows which runs would be removed; only --yes removes them. Running sessions stay, and so do folders
+with files that no command of hil writes.
 
 Exit codes: 0 shown or removed; 2 no rule or no such folder; 3 something could not be removed.
 
@@ -49,13 +49,13 @@ pub struct RunsArguments {
     /// Choice of runs
     #[command(flatten)]
     pub choice: RunChoice,
-    /// Order; the newest, the least margin, the largest come first
+    /// Sort order; the newest run, smallest margin or largest size comes first
     #[arg(long, value_enum, default_value_t = Order::Time, value_name = "BY")]
     pub sort: Order,
-    /// The other way round
+    /// Reverse the order
     #[arg(long)]
     pub reverse: bool,
-    /// Number of runs at most
+    /// Largest number of runs to list
     #[arg(long, value_name = "N")]
     pub last: Option<usize>,
     /// Print as JSON
@@ -77,16 +77,16 @@ pub struct RemovalArguments {
     /// Choice of runs
     #[command(flatten)]
     pub choice: RunChoice,
-    /// Runs that were begun longer ago
+    /// Only runs that began longer ago than this
     #[arg(long, value_name = "AGE", value_parser = humantime::parse_duration)]
     pub older_than: Option<Duration>,
-    /// Keep the N newest of them
+    /// Keep the N newest of the chosen runs
     #[arg(long, value_name = "N")]
     pub keep_last: Option<usize>,
-    /// Keep those that did not pass
+    /// Keep runs that did not pass
     #[arg(long)]
     pub keep_failed: bool,
-    /// Remove them
+    /// Remove the runs instead of only listing them
     #[arg(long)]
     pub yes: bool,
     /// Print as JSON
@@ -97,16 +97,17 @@ pub struct RemovalArguments {
 /// Choice of runs.
 #[derive(Debug, Args)]
 pub struct RunChoice {
-    /// The folder that they are below
+    /// Folder that contains the runs
     #[arg(value_name = "FOLDER", default_value = RUNS)]
     pub folder: PathBuf,
-    /// Runs of one scenario, or several with * and ?
+    /// Only runs of this scenario, or of scenarios that match a pattern with * and ?
     #[arg(long, value_name = "NAME", value_parser = Pattern::new)]
     pub scenario: Option<Pattern>,
-    /// Runs that ended so; may be given several times
+    /// Only runs with this verdict; may be given several times
     #[arg(long, value_enum, value_name = "VERDICT")]
     pub verdict: Vec<Ending>,
-    /// Runs begun since: an age as 2d, 3h 20m, or a time as 2026-11-20, 2026-11-20T14:00:00Z
+    /// Only runs that began since: an age such as 2d or 3h 20m, or a time such as 2026-11-20 or
+    /// 2026-11-20T14:00:00Z
     #[arg(long, value_name = "TIME", value_parser = since)]
     pub since: Option<SystemTime>,
 }
@@ -126,7 +127,7 @@ pub enum Ending {
     Fail,
     /// Aborted before its last step.
     Aborted,
-    /// Broken: its hil died before it could say.
+    /// Broken: hil died before it could give a verdict.
     Broken,
     /// Still running.
     Running,
@@ -151,15 +152,15 @@ impl Ending {
 /// Order of runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Order {
-    /// The time of their begin.
+    /// Start time.
     Time,
     /// The name of the scenario.
     Scenario,
     /// Failed runs come first.
     Verdict,
-    /// The least robustness of a requirement.
+    /// Smallest robustness of a requirement.
     Margin,
-    /// The bytes of the folder.
+    /// Size of the folder in bytes.
     Size,
 }
 

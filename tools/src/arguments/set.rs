@@ -7,10 +7,10 @@ use crate::terminal::duration::seconds;
 
 /// Explanation and examples of `hil set`.
 pub(super) const HELP: &str = "\
-All keys change at one step, or none does: keys, ranges and combinations are checked as those of a
+All keys change at one step, or none does: keys, ranges and combinations are checked as in a
 scenario. The change is an event of the recording and part of the digest, as a fault is: hil rerun
-repeats it, and hil scenario from writes it down as [[changes]]. On a faulted parameter the base
-changes, and the fault acts on that. `hil get --tunable` lists the keys.
+repeats the change, and hil scenario from writes it as [[changes]]. On a faulted parameter the base
+value changes, and the fault acts on the new value. `hil get --tunable` lists the keys.
 
 Exit codes: 0 changed; 2 no such session, or refused and nothing changed; 3 the plant gave no answer.
 
@@ -23,16 +23,16 @@ Examples:
 /// Arguments of `hil set`.
 #[derive(Debug, Args)]
 pub struct SetArguments {
-    /// A key as a scenario has it, and its new value
+    /// Key as in a scenario, and its new value
     #[arg(value_name = "KEY=VALUE", value_parser = pair, required_unless_present = "clear")]
     pub set: Vec<(String, f64)>,
-    /// A reference signal that is to follow its stimulus again
+    /// Reference signal that will follow its stimulus again
     #[arg(long, value_name = "KEY")]
     pub clear: Vec<String>,
     /// Simulated time in s of the change [default: the next step]
     #[arg(long, value_name = "SIM_SECONDS")]
     pub at: Option<f64>,
-    /// Time that the values take, in a straight line
+    /// Duration of a linear change to the new values
     #[arg(long, value_name = "TIME", value_parser = seconds)]
     pub ramp: Option<f64>,
     /// Session

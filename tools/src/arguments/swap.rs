@@ -24,11 +24,11 @@ pub struct ControllerArguments {
 /// Actions on a controller.
 #[derive(Debug, Subcommand)]
 pub enum ControllerAction {
-    /// Let another controller take over while the run goes on
+    /// Hand over to another controller while the run continues
     ///
-    /// The new one is checked and started beside the active one, which goes on until the new one is
-    /// ready; then the plant takes commands from the new one alone. Its law begins afresh at that step.
-    /// If anything is wrong with it, the run goes on with the one that it has.
+    /// The new controller is checked and started beside the active one, which continues until the new one is
+    /// ready; then the plant takes commands from the new one alone. The new law begins afresh at that step.
+    /// If anything is wrong with the new controller, the run continues with the active one.
     #[command(
         after_help = EXAMPLES,
         override_usage = "hil controller swap [OPTIONS] <--bin <PATH>|--set <KEY=VALUE>>"
@@ -39,8 +39,8 @@ pub enum ControllerAction {
 /// Arguments of `hil controller swap`.
 #[derive(Debug, Args)]
 pub struct SwapArguments {
-    /// The new controller's binary; may be left out with --set: then it is the one the run was started
-    /// with. Keys of the scenario that none of its laws has are left out, and the answer lists them
+    /// Binary of the new controller; may be omitted with --set: then the binary that the run was started with
+    /// is used. Keys of the scenario that none of its laws has are left out, and the answer lists them
     #[arg(long, value_name = "PATH", required_unless_present = "set")]
     pub bin: Option<PathBuf>,
     /// Change a value of the scenario that begins with `controller.`; may be given several times

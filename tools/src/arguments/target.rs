@@ -20,7 +20,7 @@ Examples:
 /// The machine that the controller runs on.
 #[derive(Clone, Debug, Default, Args)]
 pub struct TargetArguments {
-    /// Run the controller on this machine: [user@]host or a name of your ssh configuration, or
+    /// Machine that runs the controller: [user@]host or a name of your ssh configuration, or
     /// serve://HOST:PORT of an agent that listens there
     #[arg(long, value_name = "TARGET")]
     pub target: Option<Target>,
@@ -28,7 +28,7 @@ pub struct TargetArguments {
     /// one beside hil]
     #[arg(long, value_name = "PATH", requires = "target")]
     pub target_agent: Option<PathBuf>,
-    /// The key of an agent that listens
+    /// File with the key of a listening agent
     #[arg(long, value_name = "FILE", requires = "target")]
     pub key_file: Option<PathBuf>,
 }
@@ -76,19 +76,19 @@ pub enum TargetAction {
         after_help = "Exit codes: 0 it can be used; 2 it cannot as it was named; 3 it does not answer, or has no room in /dev/shm or in its cache folder.\n\nExample:\n  hil target check me@board"
     )]
     Check(TargetContact),
-    /// Remove the programs that are kept on a target
+    /// Remove the programs that are cached on a target
     #[command(after_help = "Example:\n  hil target clean me@board")]
     Clean(TargetContact),
-    /// Make the key of an agent that listens, in a file that nobody else can read
+    /// Create the key of a listening agent, in a file that only you can read
     #[command(after_help = "Example:\n  hil target key board.key")]
     Key {
-        /// The file, which must not be there
+        /// File to create; it must not exist
         #[arg(value_name = "FILE")]
         file: PathBuf,
     },
-    /// Listen for a desk that has the key; on the target, where it has no ssh
+    /// Listen on a target without ssh for a desk that has the key
     #[command(after_help = "\
-Runs the listed programs and no others, one session at a time, until it is interrupted.
+Runs the listed programs and no others, one session at a time, until interrupted.
 On a board without hil, `hil-target serve` with the same flags does the same.
 
 Example:
@@ -106,7 +106,7 @@ pub struct TargetContact {
     /// one beside hil]
     #[arg(long, value_name = "PATH")]
     pub target_agent: Option<PathBuf>,
-    /// The key of an agent that listens
+    /// File with the key of a listening agent
     #[arg(long, value_name = "FILE")]
     pub key_file: Option<PathBuf>,
     /// Print as JSON
@@ -131,7 +131,7 @@ pub struct ServeArguments {
     /// Address to listen on
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub listen: std::net::SocketAddr,
-    /// File of the key
+    /// File with the key
     #[arg(long, value_name = "FILE")]
     pub key_file: PathBuf,
     /// Program that may be run; may be given several times

@@ -6,7 +6,7 @@ use super::SessionChoice;
 use crate::terminal::duration::seconds;
 
 pub(super) const GET_EXAMPLES: &str = "\
-Exit codes: 0 told; 2 no such session or signal, or no step was executed yet; 3 the plant gave no
+Exit codes: 0 printed; 2 no such session or signal, or no step executed yet; 3 the plant gave no
 answer.
 
 Examples:
@@ -16,10 +16,10 @@ Examples:
   hil get --json truth.position_m | jq '.signals[0].value'";
 
 pub(super) const WATCH_EXAMPLES: &str = "\
-Watches only: the run has the same digest with it and without it. A line is told when there is a
+Watches only: the run has the same digest with and without it. A line is printed when there is a
 newer step; a held run has none.
 
-Exit codes: 0 the session ended, or all lines were told; 2 no such session or signal; 130
+Exit codes: 0 the session ended, or all lines were printed; 2 no such session or signal; 130
 interrupted.
 
 Examples:
@@ -30,10 +30,10 @@ Examples:
 /// Arguments of `hil get`.
 #[derive(Debug, Args)]
 pub struct GetArguments {
-    /// A signal, or several with * and ? [default: all]
+    /// Signal name, or a pattern with * and ? [default: all]
     #[arg(value_name = "SIGNAL")]
     pub signals: Vec<String>,
-    /// List what `hil set` can change, with its value, in place of signals
+    /// List the keys that `hil set` can change, with their values, instead of signals
     #[arg(long)]
     pub tunable: bool,
     /// Session
@@ -44,10 +44,10 @@ pub struct GetArguments {
 /// Arguments of `hil watch`.
 #[derive(Debug, Args)]
 pub struct WatchArguments {
-    /// A signal, or several with * and ?
+    /// Signal name, or a pattern with * and ?
     #[arg(value_name = "SIGNAL", required = true)]
     pub signals: Vec<String>,
-    /// Least time between two lines
+    /// Shortest time between two lines
     #[arg(long, value_name = "TIME", value_parser = every, default_value = "500ms")]
     pub every: f64,
     /// End after N lines

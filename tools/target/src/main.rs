@@ -30,7 +30,7 @@ enum Mode {
         /// Address to listen on, as 192.0.2.7:7000
         #[arg(long, value_name = "ADDRESS:PORT")]
         listen: SocketAddr,
-        /// File of the key, which `hil target key FILE` makes
+        /// File with the key, which `hil target key FILE` creates
         #[arg(long, value_name = "FILE")]
         key_file: PathBuf,
         /// Program that may be run; may be given several times
@@ -45,7 +45,7 @@ enum Mode {
         /// Agent that was named
         #[arg(long)]
         agent: Option<PathBuf>,
-        /// File of the key of an agent that listens
+        /// File with the key of a listening agent
         #[arg(long)]
         key_file: Option<PathBuf>,
         /// The controller's file
