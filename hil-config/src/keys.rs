@@ -180,7 +180,7 @@ pub(crate) const SCENARIO: &[Key] = &[
         TEXT,
         "Name of the scenario: letters, digits, - and _. Default: the file's name.",
     ),
-    Key::new("description", TEXT, "What the scenario shows."),
+    Key::new("description", TEXT, "Purpose of the scenario."),
     Key::new("run", KeyKind::Section(RUN), "Duration, rate and clock.").required(),
     Key::new("plant", KeyKind::Section(PLANT), "The plant.").required(),
     Key::new(
@@ -192,12 +192,12 @@ pub(crate) const SCENARIO: &[Key] = &[
     Key::new(
         "connect",
         KeyKind::List(CONNECT),
-        "Signals of the law that are bound to signals of the plant under another name or unit; all others are bound by their own name and unit.",
+        "Signals of the law that are bound to signals of the plant with another name or unit; all other signals are bound by their own name and unit.",
     ),
     Key::new(
         "realtime",
         KeyKind::Section(REALTIME),
-        "What plant, controller and recorder ask of the system; moves times, never numbers. Cores are looked for when a run starts.",
+        "Real-time settings of plant, controller and recorder; they change timing, never values. Cores are checked when a run starts.",
     ),
     Key::new(
         "stimuli",
@@ -212,7 +212,7 @@ pub(crate) const SCENARIO: &[Key] = &[
     Key::new(
         "changes",
         KeyKind::List(CHANGE),
-        "Values of parameters and reference signals that change while the run goes on, as `hil set` does. All keys of a change change at the same step.",
+        "Changes of parameters and reference signals during the run, as by `hil set`. All keys of a change change at the same step.",
     ),
     Key::new(
         "derived",
@@ -227,17 +227,17 @@ pub(crate) const SCENARIO: &[Key] = &[
     Key::new(
         "requirements",
         KeyKind::List(REQUIREMENT),
-        "What the run must do to pass.",
+        "Conditions that the run must meet to pass.",
     ),
     Key::new(
         "plots",
         KeyKind::List(PLOT),
-        "Plots that report, monitor and layouts of the run begin with; nothing of the run depends on them.",
+        "First plots of the report, the monitor and the layouts of the run; the run does not depend on them.",
     ),
     Key::new(
         "panel",
         KeyKind::Section(PANEL),
-        "Contents of `hil panel` beside the plots; nothing of the run depends on them.",
+        "Contents of `hil panel` beside the plots; the run does not depend on them.",
     ),
 ];
 
@@ -266,7 +266,7 @@ pub(crate) const RUN: &[Key] = &[
             choices: &["lockstep", "paced", "realtime"],
             default: Some("lockstep"),
         },
-        "What releases a step: lockstep runs as fast as both sides can; paced is lockstep that waits for the clock; realtime waits for nobody, a late command is replaced by the last one.",
+        "Release of each step: lockstep runs as fast as both sides can; paced is lockstep that also waits for the clock; realtime waits for the clock alone, and a late command is replaced by the last one.",
     ),
     Key::new(
         "pace",
@@ -279,12 +279,12 @@ pub(crate) const RUN: &[Key] = &[
             choices: &["catch-up", "skip", "stretch", "abort"],
             default: Some("catch-up"),
         },
-        "What is done about a step that is due before the one before it is done, paced or in real time: catch-up begins late steps at once, skip waits for the next point of the grid, stretch moves the grid, abort ends the run (in real time also for a missed command).",
+        "Handling of a step that is due before the previous step is done, paced or in real time: catch-up begins late steps at once, skip waits for the next point of the grid, stretch moves the grid, abort ends the run (in real time also for a missed command).",
     ),
     Key::new(
         "deadline",
         number_or("1", 0.01, 1.0, 0.8),
-        "In real time: share of its period within which the command of a step must be there; what is left is the plant's.",
+        "In real time: share of the period within which the command of a step must arrive; the rest is left to the plant.",
     ),
     Key::new(
         "on_controller_loss",
@@ -292,7 +292,7 @@ pub(crate) const RUN: &[Key] = &[
             choices: &["abort", "hold", "safe-command", "wait-for-restart"],
             default: Some("abort"),
         },
-        "What the plant does when its controller dies, stops answering or breaks the protocol: abort ends the run; hold goes on with the last command; safe-command goes on with plant.safe_command; wait-for-restart starts the controller anew and waits for it, in real time with the last command.",
+        "Reaction of the plant when its controller dies, stops answering or breaks the protocol: abort ends the run; hold continues with the last command; safe-command continues with plant.safe_command; wait-for-restart restarts the controller and waits for it, in real time with the last command.",
     ),
 ];
 
@@ -302,12 +302,12 @@ pub(crate) const PLANT: &[Key] = &[
     Key::new(
         "program",
         TEXT,
-        "Plant program or FMU, relative to the scenario; a scenario that names one runs it. Default: plant-process beside hil.",
+        "Plant program or FMU, relative to the scenario; a scenario that names a program runs it. Default: plant-process beside hil.",
     ),
     Key::new(
         "locals",
         KeyKind::Texts,
-        "Inner signals of an FMU that are part of the truth: patterns with * and ?, of their names in the FMU or here. Default: none.",
+        "Inner signals of an FMU that are part of the truth: patterns with * and ? for their names in the FMU or in hil. Default: none.",
     ),
     Key::new(
         "substeps",
@@ -317,12 +317,12 @@ pub(crate) const PLANT: &[Key] = &[
     Key::new(
         "parameters",
         KeyKind::Described,
-        "The plant's parameters: a full name (actuator1.x), or the last part alone (x) for every parameter that ends so; the full name wins.",
+        "The plant's parameters: a full name (actuator1.x), or the last part alone (x) for every parameter whose name ends with that part; the full name wins.",
     ),
     Key::new(
         "limits",
         KeyKind::Described,
-        "Ranges [min, max] of true signals, outside which the run ends as diverged; replace the plant's own.",
+        "Ranges [min, max] of true signals, outside which the run ends as diverged; they replace the plant's own ranges.",
     ),
     Key::new(
         "safe_command",
@@ -337,17 +337,17 @@ pub(crate) const CONTROLLER: &[Key] = &[
     Key::new(
         "made_for",
         TEXT,
-        "Plant that the law is made for, where that is another than plant.model: [[connect]] then binds its signals. Default: plant.model.",
+        "Plant that the law is made for, if not plant.model: [[connect]] then binds its signals. Default: plant.model.",
     ),
     Key::new(
         "program",
         KeyKind::Program,
-        "Controller program or FMU, relative to the scenario, or a table of them by the machine's name in `uname -m`; a scenario that names one runs it. Default: controller-process beside hil.",
+        "Controller program or FMU, relative to the scenario, or a table of programs by machine name, as printed by `uname -m`; a scenario that names a program runs it. Default: controller-process beside hil.",
     ),
     Key::new(
         "rate_hz",
         number("Hz", Rate::MIN_HZ, Rate::MAX_HZ),
-        "Rate of the law, a whole fraction of run.rate_hz; the command is held between. Default: run.rate_hz.",
+        "Rate of the law, a whole fraction of run.rate_hz; the command is held between steps of the law. Default: run.rate_hz.",
     ),
     Key::new(
         "command_delay_steps",
@@ -357,7 +357,7 @@ pub(crate) const CONTROLLER: &[Key] = &[
     Key::new(
         "model",
         KeyKind::Described,
-        "What the law believes of the plant. Default: the plant's parameter of the same name and unit as plant.parameters sets it, which no fault moves; else the law's own default.",
+        "Plant parameters that the law assumes. Default: the plant's parameter of the same name and unit, as set by plant.parameters and unaffected by faults; else the law's own default.",
     ),
 ];
 
@@ -378,12 +378,12 @@ pub(crate) const CONNECT: &[Key] = &[
     Key::new(
         "factor",
         ANY_NUMBER,
-        "Conversion: received = factor * sent + offset; a command is sent by the law, all else to it. Default: what follows from both units.",
+        "Conversion: received = factor * sent + offset; a command is sent by the law, all other signals to the law. Default: the conversion between both units.",
     ),
     Key::new(
         "offset",
         ANY_NUMBER,
-        "Value that is added, in the unit of the receiver; only with factor. Default: 0.",
+        "Added value, in the unit of the receiver; only with factor. Default: 0.",
     ),
 ];
 
@@ -400,7 +400,7 @@ pub(crate) const DERIVED: &[Key] = &[
     Key::new(
         "expression",
         TEXT,
-        "Its value at a step, from signals (truth.x, measured.x, reference.x, command.x, applied.x, internal.x, sensed.x, stimulus.x, parameter.x) and earlier derived ones.",
+        "Value at a step, from signals (truth.x, measured.x, reference.x, command.x, applied.x, internal.x, sensed.x, stimulus.x, parameter.x) and earlier derived signals.",
     )
     .required(),
 ];

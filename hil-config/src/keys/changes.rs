@@ -7,7 +7,7 @@ pub(crate) const CHANGE: &[Key] = &[
     Key::new(
         "at_s",
         number("s", 0.0, MAX_S),
-        "When the values change; rounds up to a step.",
+        "Time of the change; rounds up to a step.",
     )
     .required(),
     RAMP,
@@ -20,7 +20,7 @@ pub(crate) const LIVE_CHANGE: &[Key] = &[
     Key::new(
         "at_s",
         number("s", 0.0, MAX_S),
-        "When the values change; rounds up to a step. Default: at once.",
+        "Time of the change; rounds up to a step. Default: at once.",
     ),
     RAMP,
     SET,
@@ -30,12 +30,12 @@ pub(crate) const LIVE_CHANGE: &[Key] = &[
 const RAMP: Key = Key::new(
     "ramp_s",
     LENGTH,
-    "Time that the values take, in a straight line from what they are then; rounds up to a step. Default: none.",
+    "Duration of a linear change from the current values; rounds up to a step. Default: none.",
 );
 const SET: Key = Key::new(
     "set",
     KeyKind::Described,
-    "New values by their keys: controller.<law>.x and plant.parameters.x for parameters that can be tuned, a full name or the last part alone; reference.x for a reference signal, which leaves its stimulus.",
+    "New values by their keys: controller.<law>.x and plant.parameters.x for parameters that can be tuned, a full name or the last part alone; reference.x for a reference signal, which then no longer follows its stimulus.",
 );
 const CLEAR: Key = Key::new(
     "clear",

@@ -21,7 +21,7 @@ pub(crate) const FAULT: &[Key] = &[
     Key::new(
         "name",
         TEXT,
-        "Name of the event, which `after` of another one refers to.",
+        "Name of the event, to which `after` of another event refers.",
     ),
     Key::new(
         "kind",
@@ -29,60 +29,72 @@ pub(crate) const FAULT: &[Key] = &[
         "Kind of fault: one of the plant's own, or one on signals, links or timing.",
     )
     .required(),
-    Key::new("at_s", TIME, "When it takes hold; rounds up to a step."),
-    Key::new("at_step", count(0), "The step at which it takes hold."),
+    Key::new(
+        "at_s",
+        TIME,
+        "Time at which the event takes hold; rounds up to a step.",
+    ),
+    Key::new("at_step", count(0), "Step at which the event takes hold."),
     Key::new(
         "when",
         TEXT,
-        "It takes hold at the step after the record at which this expression has held for `for_s`.",
+        "Trigger condition: the event takes hold at the step after the record at which this expression has held for `for_s`.",
     ),
     Key::new(
         "for_s",
         TIME_OR_ZERO,
-        "For how long `when` must hold: so many records in a row, at least one.",
+        "Time that `when` must hold, in consecutive records, at least one.",
     ),
     Key::new(
         "after",
         KeyKind::Event,
-        "It takes hold so long after another event did: the event's name, or its number in the file from 1.",
+        "Earlier event that this event follows after a delay: the name of the earlier event, or its number in the file from 1.",
     ),
     Key::new(
         "delay_s",
         TIME_OR_ZERO,
-        "How long after; rounds up to a step.",
+        "Delay after the earlier event takes hold; rounds up to a step.",
     ),
-    Key::new("delay_steps", count(0), "How many steps after."),
+    Key::new(
+        "delay_steps",
+        count(0),
+        "Delay after the earlier event takes hold, in steps.",
+    ),
     Key::new(
         "duration_s",
         LENGTH,
-        "Each effect ends so long after it took hold; rounds up to a step. Of several ends the first counts; without any the fault stays.",
+        "Time that each effect acts from the step at which it takes hold; rounds up to a step. The earliest of several ends counts; without an end the fault stays.",
     ),
     Key::new(
         "duration_steps",
         count(1),
-        "Each effect ends so many steps after it took hold.",
+        "Number of steps that each effect acts from the step at which it takes hold.",
     ),
-    Key::new("end_s", TIME, "When it ends; rounds up to a step."),
-    Key::new("end_step", count(1), "The first step without it."),
+    Key::new(
+        "end_s",
+        TIME,
+        "Time at which the event ends; rounds up to a step.",
+    ),
+    Key::new("end_step", count(1), "First step without the fault."),
     Key::new(
         "occurrences",
         count(1),
-        "Each effect ends after so many runs of steps at which it changed something.",
+        "Number of times that each effect acts before it ends: runs of consecutive steps at which it changed something.",
     ),
     Key::new(
         "until",
         TEXT,
-        "It ends when this expression has held for `until_for_s` since it took hold.",
+        "End condition: the event ends when this expression has held for `until_for_s` since the event took hold.",
     ),
     Key::new(
         "until_for_s",
         TIME_OR_ZERO,
-        "For how long `until` must hold: so many records in a row, at least one.",
+        "Time that `until` must hold, in consecutive records, at least one.",
     ),
     Key::new(
         "effects",
         KeyKind::List(EFFECT),
-        "What it does, one entry per target.",
+        "Effects of the event, one entry per target.",
     )
     .required(),
 ];
@@ -94,7 +106,7 @@ pub(crate) const TRIGGERS: [&str; 4] = ["at_s", "at_step", "when", "after"];
 pub(crate) const REQUEST: &[Key] = &[Key::new(
     "faults",
     KeyKind::List(FAULT),
-    "Fault events. One without a trigger takes hold at once.",
+    "Fault events. An event without a trigger takes hold at once.",
 )
 .required()];
 
@@ -103,26 +115,30 @@ pub(crate) const EFFECT: &[Key] = &[
     Key::new(
         "profile",
         KeyKind::Section(PROFILE),
-        "Course of the effect's size from when it takes hold. Default: all at once, or what the plant's fault has.",
+        "Course of the effect's size from the step at which the effect takes hold. Default: full size at once, or the profile of the plant's fault.",
     ),
     Key::new(
         "skew_s",
         TIME_OR_ZERO,
-        "How much later than the event this effect takes hold.",
+        "Delay of this effect after the event takes hold.",
     ),
-    Key::new("skew_steps", count(0), "The same in steps."),
+    Key::new(
+        "skew_steps",
+        count(0),
+        "Delay of this effect after the event takes hold, in steps.",
+    ),
 ];
 
 /// The target of a kind of fault that is not of the plant.
 pub(crate) const TARGET: &[Key] = &[Key::new(
     "target",
     TEXT,
-    "What it acts on: measured.x, reference.x, command.x, parameter.x, link.sample, link.command, controller or plant.",
+    "Target of the effect: measured.x, reference.x, command.x, parameter.x, link.sample, link.command, controller or plant.",
 )
 .required()];
 
 /// `profile`; besides this the keys of the kind in [`PROFILES`].
-pub(crate) const PROFILE: &[Key] = &[Key::new("kind", TEXT, "Which course.").required()];
+pub(crate) const PROFILE: &[Key] = &[Key::new("kind", TEXT, "Kind of profile.").required()];
 
 /// A kind of profile.
 #[derive(Debug)]
@@ -153,7 +169,7 @@ pub(crate) const PROFILES: &[ProfileKind] = &[
         keys: &[Key::new(
             "speed_per_s",
             number("1/s", 0.0, 1e9),
-            "How fast it sets in.",
+            "Speed of the onset.",
         )
         .required()],
     },
@@ -167,7 +183,7 @@ pub(crate) const PROFILES: &[ProfileKind] = &[
         text: "1 in the first part of every period, 0 in the rest.",
         keys: &[
             Key::new("period_s", LENGTH, "Period.").required(),
-            Key::new("duty", number("1", 1e-9, 1.0), "The part of a period.").required(),
+            Key::new("duty", number("1", 1e-9, 1.0), "Active share of a period.").required(),
         ],
     },
     ProfileKind {
@@ -190,12 +206,12 @@ pub(crate) const PROFILES: &[ProfileKind] = &[
             Key::new(
                 "file",
                 TEXT,
-                "CSV file with the columns time_s,value, relative to the scenario. In its place: time_s and values.",
+                "CSV file with the columns time_s,value, relative to the scenario. Alternative: time_s and values.",
             ),
             Key::new(
                 "time_s",
                 KeyKind::Numbers,
-                "Times since it took hold, strictly rising.",
+                "Times since the effect took hold, strictly rising.",
             ),
             Key::new("values", KeyKind::Numbers, "Values, as many as times."),
         ],

@@ -16,7 +16,7 @@ pub(crate) const METRIC: &[Key] = &[
             choices: &[],
             default: Some("expression"),
         },
-        "What is computed.",
+        "Kind of metric.",
     ),
 ];
 
@@ -42,7 +42,7 @@ pub(crate) const METRICS: &[MetricKind] = &[
     },
     MetricKind {
         name: "step-response",
-        text: "How a signal answers a step: rise_time_s from 10 to 90 %, overshoot as a part of the step, peak_time_s, settling_time_s, steady_state_error.",
+        text: "Response of a signal to a step: rise_time_s from 10 to 90 %, overshoot as a part of the step, peak_time_s, settling_time_s, steady_state_error.",
         keys: &[
             Key::new("signal", TEXT, "The signal, an expression.").required(),
             Key::new(
@@ -53,40 +53,40 @@ pub(crate) const METRICS: &[MetricKind] = &[
             Key::new(
                 "stimulus",
                 TEXT,
-                "The stimulus of kind step that is answered. Default: the only one.",
+                "Stimulus of kind step to which the signal responds. Default: the only one.",
             ),
             Key::new(
                 "initial",
                 ANY,
-                "The signal before the step. Default: the stimulus before it.",
+                "Value of the signal before the step. Default: that of the stimulus.",
             ),
             Key::new(
                 "wanted",
                 ANY,
-                "The signal long after the step. Default: the stimulus after it.",
+                "Value of the signal long after the step. Default: that of the stimulus.",
             ),
             Key::new(
                 "band",
                 number_or("1", 1e-9, 1.0, 0.02),
-                "The signal counts as settled while it is no farther from `wanted` than this part of the step.",
+                "Largest distance of a settled signal from `wanted`, as a part of the step.",
             ),
             Key::new(
                 "until_s",
                 number("s", 0.0, MAX_S),
-                "Where to stop looking. Default: the end of the run.",
+                "End of the analysed time. Default: the end of the run.",
             ),
         ],
     },
     MetricKind {
         name: "frequency-response",
-        text: "How a signal follows a chirp: low_frequency_gain, bandwidth_hz at -3 dB, peak_gain over the low-frequency gain and peak_frequency_hz, phase_lag_90_frequency_hz.",
+        text: "Response of a signal to a chirp: low_frequency_gain, bandwidth_hz at -3 dB, peak_gain over the low-frequency gain and peak_frequency_hz, phase_lag_90_frequency_hz.",
         keys: &[
             Key::new(
                 "input",
                 TEXT,
-                "The signal that is followed, an expression. Default: the chirp as the controller gets it.",
+                "Input signal, an expression. Default: the chirp as the controller gets it.",
             ),
-            Key::new("output", TEXT, "The signal that follows, an expression.").required(),
+            Key::new("output", TEXT, "Output signal, an expression.").required(),
             Key::new(
                 "stimulus",
                 TEXT,
@@ -96,30 +96,30 @@ pub(crate) const METRICS: &[MetricKind] = &[
     },
     MetricKind {
         name: "detection",
-        text: "How soon a fault is found and overcome: time_to_detect_s, missed, false_alarms, with `recovered` time_to_recover_s, with `effect` peak_effect and rms_effect.",
+        text: "Detection of a fault and recovery from it: time_to_detect_s, missed, false_alarms, with `recovered` time_to_recover_s, with `effect` peak_effect and rms_effect.",
         keys: &[
             Key::new(
                 "alarm",
                 TEXT,
-                "What holds while the law sees a fault, an expression.",
+                "Expression that holds while the law sees a fault.",
             )
             .required(),
             Key::new(
                 "held_s",
                 number_or("s", 0.0, MAX_S, 0.01),
-                "How long it must hold to count.",
+                "Time that the alarm must hold to count.",
             ),
             Key::new(
                 "fault",
                 KeyKind::Event,
-                "Name or number of the fault event that is to be found. Default: the first that takes hold.",
+                "Name or number of the fault event to detect. Default: the first that takes hold.",
             ),
             Key::new(
                 "recovered",
                 TEXT,
-                "What holds while the fault is overcome, an expression.",
+                "Expression that holds while the fault is overcome.",
             ),
-            Key::new("effect", TEXT, "What the fault does, an expression."),
+            Key::new("effect", TEXT, "Effect of the fault, an expression."),
             Key::new(
                 "unit",
                 TEXT,
@@ -150,12 +150,12 @@ pub(crate) const EXPRESSION: &[Key] = &[
     Key::new(
         "published",
         KeyKind::List(PUBLISHED),
-        "Values that others published, shown beside the run's own.",
+        "Published values, shown beside those of the run.",
     ),
     Key::new(
         "published_note",
         TEXT,
-        "What a reader of the comparison should know.",
+        "Note for readers of the comparison.",
     ),
 ];
 

@@ -4,17 +4,17 @@ use super::{Key, KeyKind, TEXT, number_or};
 
 /// `[[plots]]`.
 pub(crate) const PLOT: &[Key] = &[
-    Key::new("title", TEXT, "What it shows; its heading.").required(),
+    Key::new("title", TEXT, "Title of the plot.").required(),
     Key::new(
         "signals",
         KeyKind::Texts,
-        "Names of signals (truth.x, measured.x, .., or a derived one) that share its axes.",
+        "Names of signals (truth.x, measured.x, .., or a derived signal) that share the axes of the plot.",
     )
     .required(),
     Key::new(
         "laws",
         KeyKind::Texts,
-        "The laws that it is for; with others it is left out, so that it may show what only these have. Default: all.",
+        "Laws that the plot is for; it is omitted for other laws, so it may show signals that only these laws have. Default: all.",
     ),
     Key::new(
         "scale",
@@ -22,12 +22,12 @@ pub(crate) const PLOT: &[Key] = &[
             choices: &["linear", "log"],
             default: Some("linear"),
         },
-        "Scale of its vertical axis; log shows magnitudes.",
+        "Scale of the vertical axis; log shows magnitudes.",
     ),
     Key::new(
         "lines",
         KeyKind::Numbers,
-        "Values that are drawn as level lines, in the unit of the signals.",
+        "Values drawn as horizontal lines, in the unit of the signals.",
     ),
 ];
 
@@ -36,12 +36,12 @@ pub(crate) const PANEL: &[Key] = &[
     Key::new(
         "window_s",
         number_or("s", 1e-6, 86_400.0, 5.0),
-        "Width of the time axis to begin with, in simulated time; `--window` goes before it.",
+        "Initial width of the time axis, in simulated time; `--window` overrides it.",
     ),
     Key::new(
         "readings",
         KeyKind::Texts,
-        "Signals whose newest values stand beside the plots: names, or patterns with * and ?. Default: the first of the plots.",
+        "Signals whose newest values are shown beside the plots: names, or patterns with * and ?. Default: the first of the plots.",
     ),
     Key::new(
         "tune",
@@ -51,6 +51,6 @@ pub(crate) const PANEL: &[Key] = &[
     Key::new(
         "inject",
         KeyKind::Texts,
-        "Faults that have a button, each with the words of `hil inject`; those of `--inject` come first. Default: none.",
+        "Faults that have a button, each written as for `hil inject`; those of `--inject` come first. Default: none.",
     ),
 ];

@@ -39,7 +39,7 @@ pub(crate) const REALTIME: &[Key] = &[
             max: MAX_LATENCY_US,
             default: None,
         },
-        "Longest time in us that a core may need to wake up during the run; 0 keeps all cores awake. Default: as the system has it.",
+        "Longest allowed wake-up time of a core during the run, in us; 0 keeps all cores awake. Default: the setting of the system.",
     ),
     Key::new(
         "priority",
@@ -49,12 +49,12 @@ pub(crate) const REALTIME: &[Key] = &[
     Key::new(
         "lock_memory",
         KeyKind::Boolean { default: false },
-        "Keep the memory of plant and controller from being taken away once it is there.",
+        "Lock the memory of plant and controller in RAM once it is in use.",
     ),
     Key::new(
         "prefault",
         KeyKind::Boolean { default: false },
-        "Fetch all memory of plant and controller before step 0, by locking it.",
+        "Load all memory of plant and controller into RAM before step 0, by locking it.",
     ),
     Key::new(
         "wait",
@@ -62,6 +62,6 @@ pub(crate) const REALTIME: &[Key] = &[
             choices: &["hybrid", "spin", "yield", "sleep"],
             default: Some("hybrid"),
         },
-        "How each side waits for the other: hybrid polls, then gives the core away or sleeps, by what the waits before have shown; spin never gives the core away; yield gives it away after each poll; sleep sleeps until the other side sends.",
+        "Waiting strategy of both sides: hybrid polls, then yields the core or sleeps, depending on earlier waits; spin polls and never yields the core; yield yields the core after each poll; sleep sleeps until the other side sends.",
     ),
 ];

@@ -57,7 +57,7 @@ pub(crate) const WAVEFORMS: &[WaveformKind] = &[
             Key::new(
                 "onset_per_s3",
                 number_or("1/s3", 0.0, 1e12, 0.1),
-                "How fast it sets in.",
+                "Speed of the onset.",
             ),
         ],
     },
@@ -99,7 +99,7 @@ pub(crate) const WAVEFORMS: &[WaveformKind] = &[
         text: "offset + a sine whose frequency goes from start_hz to end_hz in duration_s and stays there.",
         keys: &[
             Key::new("amplitude", ANY, "Amplitude.").required(),
-            Key::new("start_hz", FREQUENCY, "Frequency at the begin.").required(),
+            Key::new("start_hz", FREQUENCY, "Frequency at the start.").required(),
             Key::new("end_hz", FREQUENCY, "Frequency at the end.").required(),
             Key::new("duration_s", LENGTH, "Length of the sweep.").required(),
             Key::new(
@@ -121,7 +121,7 @@ pub(crate) const WAVEFORMS: &[WaveformKind] = &[
             Key::new(
                 "file",
                 TEXT,
-                "CSV file with the columns time_s,value, relative to the scenario. In its place: time_s and values.",
+                "CSV file with the columns time_s,value, relative to the scenario. Alternative: time_s and values.",
             ),
             Key::new("time_s", KeyKind::Numbers, "Times, strictly rising."),
             Key::new("values", KeyKind::Numbers, "Values, as many as times."),

@@ -44,12 +44,12 @@ pub(crate) const STUDY: &[Key] = &[
         TEXT,
         "Name of the study: letters, digits, - and _. Default: the file's name.",
     ),
-    Key::new("description", TEXT, "What the study asks."),
+    Key::new("description", TEXT, "Question that the study answers."),
     Key::new("scenario", TEXT, "The scenario, relative to the study.").required(),
     Key::new(
         "set",
         KeyKind::Texts,
-        "Values of the scenario that are changed for every case, each as --set takes it.",
+        "Scenario values that are changed for every case, each written as for --set.",
     ),
     Key::new(
         "cases",
@@ -58,7 +58,7 @@ pub(crate) const STUDY: &[Key] = &[
             max: MOST_CASES,
             default: None,
         },
-        "Number of draws; each is a case of every variant. A grid has as many as its points.",
+        "Number of draws; each draw is one case of every variant. A grid has one draw for each of its points.",
     ),
     Key::new(
         "seed",
@@ -71,7 +71,7 @@ pub(crate) const STUDY: &[Key] = &[
             choices: &["independent", "latin-hypercube", "sobol", "grid"],
             default: Some("independent"),
         },
-        "How values are drawn: independent draws give probabilities with bounds; a Latin hypercube and Sobol' points cover the space more evenly and give none; a grid takes all combinations of lists and ranges.",
+        "Method of drawing values: independent draws give probabilities with bounds; a Latin hypercube and Sobol' points cover the space more evenly but give no such probabilities; a grid takes all combinations of lists and ranges.",
     ),
     Key::new(
         "confidence",
@@ -81,17 +81,17 @@ pub(crate) const STUDY: &[Key] = &[
     Key::new(
         "case_limit_s",
         number_or("s", 0.1, 1e6, 600.0),
-        "Time after which a case counts as hung; its worker ends and another one tries.",
+        "Time after which a case counts as hung; its worker ends and another worker retries the case.",
     ),
     Key::new(
         "fresh_processes",
         KeyKind::Boolean { default: false },
-        "Starts the programs of a campaign's own anew for each case. Otherwise a worker keeps them from case to case, and some cases are run once more in new processes, to see that nothing is kept in them.",
+        "Restart the campaign's own programs for each case. Otherwise a worker keeps the programs from case to case, and some cases are run again in new processes, to check that the programs keep no state.",
     ),
     Key::new(
         "vary",
         KeyKind::List(VARY),
-        "What differs from case to case.",
+        "Values that vary from case to case.",
     ),
     Key::new(
         "variants",
@@ -106,7 +106,7 @@ pub(crate) const STUDY: &[Key] = &[
     Key::new(
         "goals",
         KeyKind::List(GOAL),
-        "What the campaign itself must show to pass.",
+        "Goals that the campaign must meet to pass.",
     ),
 ];
 
@@ -122,14 +122,14 @@ pub(crate) const VARY: &[Key] = &[
         TEXT,
         "Name in expressions and tables. Default: the last part of the key.",
     ),
-    Key::new("kind", TEXT, "How it varies.").required(),
+    Key::new("kind", TEXT, "Kind of variation.").required(),
 ];
 
 /// Kinds of `[[vary]]`.
 pub(crate) const SPREADS: &[SpreadKind] = &[
     SpreadKind {
         name: "uniform",
-        text: "Any value between two, all alike.",
+        text: "Any value between min and max, equally likely.",
         keys: &[MIN, MAX, WHOLE],
     },
     SpreadKind {
@@ -171,12 +171,12 @@ pub(crate) const SPREADS: &[SpreadKind] = &[
     },
     SpreadKind {
         name: "list",
-        text: "One of these values, all alike; numbers, texts, true or false.",
+        text: "One of these values, equally likely; numbers, texts, true or false.",
         keys: &[Key::new("values", KeyKind::Values, "The values, all of one type.").required()],
     },
     SpreadKind {
         name: "grid",
-        text: "One of so many numbers at equal distances.",
+        text: "One of several equally spaced numbers.",
         keys: &[
             MIN,
             MAX,
@@ -187,7 +187,7 @@ pub(crate) const SPREADS: &[SpreadKind] = &[
                     max: 1_000_000,
                     default: None,
                 },
-                "How many, both ends included.",
+                "Number of points, both ends included.",
             )
             .required(),
             Key::new(
@@ -203,12 +203,12 @@ pub(crate) const SPREADS: &[SpreadKind] = &[
     },
     SpreadKind {
         name: "expression",
-        text: "Computed from values that are varied before it.",
+        text: "Value computed from values that are varied before it.",
         keys: &[
             Key::new(
                 "expression",
                 TEXT,
-                "Its value, from the names of the others.",
+                "Formula of the value, over the names of the other values.",
             )
             .required(),
             WHOLE,
@@ -222,7 +222,7 @@ pub(crate) const VARIANT: &[Key] = &[
     Key::new(
         "set",
         KeyKind::Texts,
-        "Values of the scenario that make it, each as --set takes it. Default: none.",
+        "Scenario values of the variant, each written as for --set. Default: none.",
     ),
 ];
 
@@ -232,7 +232,7 @@ pub(crate) const CORRELATE: &[Key] = &[
     Key::new(
         "coefficient",
         number("1", -1.0, 1.0),
-        "Correlation; of lognormal values that of their logarithms, of truncated ones that before the truncation.",
+        "Correlation; for lognormal values that of their logarithms, for truncated values that before the truncation.",
     )
     .required(),
 ];
@@ -242,17 +242,17 @@ pub(crate) const GOAL: &[Key] = &[
     Key::new(
         "requirement",
         TEXT,
-        "The requirement of the scenario that it is about. Default: all of them, that is, the case passes.",
+        "Requirement of the scenario that the goal is about. Default: all requirements, that is, the case passes.",
     ),
     Key::new(
         "variant",
         TEXT,
-        "The variant that it is about. Default: every one.",
+        "Variant that the goal is about. Default: every variant.",
     ),
     Key::new("probability", number("1", 0.0, 1.0), "Least probability.").required(),
     Key::new(
         "confidence",
         number("1", 0.5, 0.999_999),
-        "Confidence with which it must be shown, as a one-sided bound. Default: that of the study.",
+        "Confidence with which the probability must be shown, as a one-sided bound. Default: that of the study.",
     ),
 ];

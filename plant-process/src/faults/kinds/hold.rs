@@ -12,7 +12,7 @@ pub struct Stuck(Option<f64>);
 
 impl FaultKind for Stuck {
     const NAME: &'static str = "stuck";
-    const SUMMARY: &'static str = "The value stands still where it is when the profile leaves 0.";
+    const SUMMARY: &'static str = "The value freezes when the profile leaves 0.";
     const EQUATION: &'static str =
         "y = x(t0) where g is not 0, t0 the first step of that; else y = x";
     const ACTS_ON: ActsOn = ActsOn::Numbers;
@@ -42,7 +42,7 @@ impl FaultKind for Stuck {
 shared_types::table! {
     /// Parameters of [`StuckAt`].
     pub struct StuckAtParameters {
-        /// The value v.
+        /// Target value v.
         value: "target" = 0.0 in (-LARGEST)..=LARGEST,
     }
 }
@@ -52,7 +52,7 @@ pub struct StuckAt(StuckAtParameters);
 
 impl FaultKind for StuckAt {
     const NAME: &'static str = "stuck-at";
-    const SUMMARY: &'static str = "The value goes to a given one and stands still there.";
+    const SUMMARY: &'static str = "The value moves to a given value and stays there.";
     const EQUATION: &'static str = "y = x + (v - x) g";
     const ACTS_ON: ActsOn = ActsOn::Numbers;
     type Parameters = StuckAtParameters;
@@ -90,7 +90,7 @@ pub struct Delay {
 
 impl FaultKind for Delay {
     const NAME: &'static str = "delay";
-    const SUMMARY: &'static str = "The value of n steps ago; until there is one, that of the step at which the fault took hold.";
+    const SUMMARY: &'static str = "The value is n steps old; in the first n steps it is that of the step at which the fault took hold.";
     const EQUATION: &'static str = "y(k) = x(max(k - n, k0)) where g is not 0, else y = x";
     const ACTS_ON: ActsOn = ActsOn::Numbers;
     type Parameters = DelayParameters;

@@ -69,7 +69,7 @@ impl FaultKind for Loss {
     fn list() -> Option<ListDescription> {
         Some(ListDescription {
             key: "pattern".into(),
-            description: "Which messages are lost, 1, and which are not, 0, again and again; then there is no chance.".into(),
+            description: "Repeating pattern of lost (1) and delivered (0) messages, instead of random losses.".into(),
             columns: 1,
         })
     }
@@ -130,7 +130,7 @@ pub struct Delay(u32);
 
 impl FaultKind for Delay {
     const NAME: &'static str = "message-delay";
-    const SUMMARY: &'static str = "Every message comes a constant number of steps late.";
+    const SUMMARY: &'static str = "Every message arrives a constant number of steps late.";
     const EQUATION: &'static str = "message k arrives at step k + round(n g)";
     const ACTS_ON: ActsOn = ActsOn::Links;
     type Parameters = DelayParameters;
@@ -151,7 +151,7 @@ impl FaultKind for Delay {
 shared_types::table! {
     /// Parameters of [`Jitter`].
     pub struct JitterParameters {
-        /// The latest that a message comes, n, a whole number.
+        /// Longest delay n of a message, a whole number.
         steps: "steps" = 1.0 in 0.0..=1000.0,
     }
 }
@@ -164,7 +164,7 @@ pub struct Jitter {
 
 impl FaultKind for Jitter {
     const NAME: &'static str = "message-jitter";
-    const SUMMARY: &'static str = "Every message comes late by a time of its own; one that was overtaken by a newer one at its step is not seen.";
+    const SUMMARY: &'static str = "Every message has its own random delay; of several that arrive at one step only the newest is seen.";
     const EQUATION: &'static str = "message k arrives at step k + d, d uniform in 0 .. round(n g)";
     const ACTS_ON: ActsOn = ActsOn::Links;
     type Parameters = JitterParameters;
@@ -197,9 +197,9 @@ impl FaultKind for Jitter {
 shared_types::table! {
     /// Parameters of [`Duplication`].
     pub struct DuplicationParameters {
-        /// Probability P that a message comes twice.
+        /// Probability P that a message arrives twice.
         probability: "1" = 1.0 in 0.0..=1.0,
-        /// Delay n from the first to the second one, a whole number.
+        /// Delay n of the second copy after the first, a whole number.
         lag_steps: "steps" = 1.0 in 1.0..=1000.0,
     }
 }
@@ -213,7 +213,7 @@ pub struct Duplication {
 impl FaultKind for Duplication {
     const NAME: &'static str = "message-duplication";
     const SUMMARY: &'static str =
-        "Messages come a second time, after newer ones, and bring the past back.";
+        "Messages arrive a second time, after newer ones, with their old content.";
     const EQUATION: &'static str = "with probability P g message k arrives once more n steps later, after what else arrives then";
     const ACTS_ON: ActsOn = ActsOn::Links;
     type Parameters = DuplicationParameters;
@@ -307,7 +307,7 @@ shared_types::table! {
     pub struct CorruptionParameters {
         /// Probability P that a message is corrupted.
         probability: "1" = 1.0 in 0.0..=1.0,
-        /// Bits that are inverted in it, n, a whole number.
+        /// Number n of inverted bits, a whole number.
         bits: "1" = 1.0 in 1.0..=16.0,
     }
 }
@@ -320,7 +320,7 @@ pub struct Corruption {
 
 impl FaultKind for Corruption {
     const NAME: &'static str = "message-corruption";
-    const SUMMARY: &'static str = "Bits of a message are inverted; the check sum of its frame finds it, and it counts as lost.";
+    const SUMMARY: &'static str = "Bits of a message are inverted; the check sum of its frame detects this, and the message counts as lost.";
     const EQUATION: &'static str =
         "with probability P g, n different bits of frame k, drawn at random, are inverted";
     const ACTS_ON: ActsOn = ActsOn::Links;

@@ -87,7 +87,8 @@ pub struct Drift(DriftParameters);
 
 impl FaultKind for Drift {
     const NAME: &'static str = "drift";
-    const SUMMARY: &'static str = "An error that grows evenly since the fault took hold.";
+    const SUMMARY: &'static str =
+        "An error grows linearly from the step at which the fault took hold.";
     const EQUATION: &'static str = "y = x + r t g";
     const ACTS_ON: ActsOn = ActsOn::Numbers;
     type Parameters = DriftParameters;
@@ -121,7 +122,8 @@ pub struct Noise {
 
 impl FaultKind for Noise {
     const NAME: &'static str = "noise";
-    const SUMMARY: &'static str = "White Gaussian noise, the same numbers for the same seed.";
+    const SUMMARY: &'static str =
+        "White Gaussian noise is added, the same numbers for the same seed.";
     const EQUATION: &'static str =
         "y = x + s n g, n normal with mean 0 and variance 1, a new one each step";
     const ACTS_ON: ActsOn = ActsOn::Numbers;
@@ -175,7 +177,7 @@ pub struct Spike {
 
 impl FaultKind for Spike {
     const NAME: &'static str = "spike";
-    const SUMMARY: &'static str = "Short errors, once or again and again.";
+    const SUMMARY: &'static str = "Short errors are added, once or periodically.";
     const EQUATION: &'static str = "y = x + a g in the first w of each period, else y = x";
     const ACTS_ON: ActsOn = ActsOn::Numbers;
     type Parameters = SpikeParameters;

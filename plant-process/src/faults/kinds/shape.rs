@@ -9,7 +9,7 @@ use crate::faults::kind::{FaultKind, Moment, Reading, Setup};
 shared_types::table! {
     /// Parameters of [`Quantisation`].
     pub struct QuantisationParameters {
-        /// Step q between two values that can be told apart.
+        /// Step q between two distinguishable values.
         step: "target" = 1.0 in 1e-30..=1e30,
     }
 }
@@ -48,9 +48,9 @@ impl FaultKind for Quantisation {
 shared_types::table! {
     /// Parameters of [`Saturation`].
     pub struct SaturationParameters {
-        /// Smallest value that gets through.
+        /// Lower limit of the value.
         min: "target",
-        /// Largest value that gets through.
+        /// Upper limit of the value.
         max: "target",
     }
 }
@@ -60,7 +60,7 @@ pub struct Saturation(SaturationParameters);
 
 impl FaultKind for Saturation {
     const NAME: &'static str = "saturation";
-    const SUMMARY: &'static str = "The value cannot leave a range.";
+    const SUMMARY: &'static str = "The value is limited to a range.";
     const EQUATION: &'static str = "y = min(max(x, min), max) where g is not 0, else y = x";
     const ACTS_ON: ActsOn = ActsOn::Numbers;
     type Parameters = SaturationParameters;

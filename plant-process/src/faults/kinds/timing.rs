@@ -12,9 +12,9 @@ use crate::faults::kind::{FaultKind, Moment, Setup};
 shared_types::table! {
     /// Parameters of [`Late`].
     pub struct LateParameters {
-        /// Busy for so long each step, b.
+        /// Busy time b per step.
         busy_us: "us" = 0.0 in 0.0..=1e6,
-        /// And up to so much longer, s.
+        /// Largest random addition s to the busy time.
         spread_us: "us" = 0.0 in 0.0..=1e6,
     }
 }
@@ -30,7 +30,7 @@ pub struct Late {
 impl FaultKind for Late {
     const NAME: &'static str = "late";
     const SUMMARY: &'static str =
-        "A side is busy for a while before it sends. It costs time and changes nothing else.";
+        "A side is busy for a while before it sends. This costs time and changes nothing else.";
     const EQUATION: &'static str = "busy for (b + s u) g each step, u uniform in 0 .. 1; with a histogram for a length drawn from it, times g";
     const ACTS_ON: ActsOn = ActsOn::Sides;
     type Parameters = LateParameters;
@@ -39,7 +39,7 @@ impl FaultKind for Late {
     fn list() -> Option<ListDescription> {
         Some(ListDescription {
             key: "histogram".into(),
-            description: "Pairs of a length in us and its weight, for example as recorded; a length is drawn anew each step.".into(),
+            description: "Pairs of a busy time in us and its weight, for example as recorded; a new time is drawn each step.".into(),
             columns: 2,
         })
     }
@@ -132,7 +132,7 @@ pub struct Skip {
 
 impl FaultKind for Skip {
     const NAME: &'static str = "skip";
-    const SUMMARY: &'static str = "The controller misses steps: its command takes effect steps later, and until then the last one holds.";
+    const SUMMARY: &'static str = "The controller misses steps: its command takes effect n steps later, and until then the last command holds.";
     const EQUATION: &'static str = "where g is not 0 the command of step k takes effect at step k + n, that of step k + n + 1 at step k + 2 n + 1, and so on, m in a row";
     const ACTS_ON: ActsOn = ActsOn::Controller;
     type Parameters = SkipParameters;
