@@ -1,5 +1,5 @@
-//! State feedback for the pendulum of `own-plant`: the gravity that it believes in is cancelled, the
-//! rest pulls to the wanted angle, `T = -m g l sin a - k_1 (a - a_wanted) - k_2 a'`.
+//! State feedback for the pendulum of `own-plant`: it cancels gravity by its model of the
+//! plant, the rest pulls to the wanted angle, `T = -m g l sin a - k_1 (a - a_wanted) - k_2 a'`.
 
 use std::process::ExitCode;
 
@@ -19,7 +19,7 @@ table! {
 }
 
 table! {
-    /// Beliefs about the plant.
+    /// Plant parameters that the law assumes.
     struct Model {
         /// Mass m.
         mass_kg: "kg" = 1.0 in 1e-3..=1e3,

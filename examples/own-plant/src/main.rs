@@ -26,7 +26,7 @@ table! {
 }
 
 table! {
-    /// True motion, which the sensors also see; where the pendulum fell over the run ends.
+    /// True motion, which the sensors also see; the run ends where the pendulum falls over.
     struct Motion {
         /// Angle a from upright.
         angle_rad: "rad" in (-1.57)..=1.57,
@@ -56,7 +56,7 @@ impl Plant for Pendulum {
     type Measured = Motion;
     type Command = Command;
 
-    // What a checkpoint keeps, so that `hil run --from` can go on; a plant without it runs all the same.
+    // State that a checkpoint keeps for `hil run --from`; a plant without this function still runs.
     fn state() -> Option<StateOf<Self>> {
         let state = StateOf::new(|plant: &Self| plant.state, |plant, x| plant.state = x);
         Some(state)
