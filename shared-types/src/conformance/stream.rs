@@ -36,7 +36,7 @@ const MANY: u64 = 1 << 20;
 /// Items that a sentence publishes where it is not about many.
 const SOME: u64 = 100;
 
-pub(crate) fn layout() -> RecordLayout {
+fn layout() -> RecordLayout {
     let field = Field::signal("angle_rad", "rad", "x");
     RecordLayout {
         truth: vec![field.clone()],

@@ -5,10 +5,21 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use super::*;
-use crate::conformance::stream::layout;
 use crate::link::bell::{Bell, Owner};
+use crate::record::RecordLayout;
 use crate::session::Session;
+use crate::table::Field;
 use crate::wait::Sleeper;
+
+fn layout() -> RecordLayout {
+    let field = Field::signal("angle_rad", "rad", "x");
+    RecordLayout {
+        truth: vec![field.clone()],
+        measured: vec![field],
+        command_signals: 1,
+        ..RecordLayout::default()
+    }
+}
 
 /// Everything a source has, as text.
 fn drained(source: &mut dyn RecordSource) -> Vec<String> {
