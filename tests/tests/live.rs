@@ -131,7 +131,7 @@ fn a_thousand_live_faults_take_hold_at_the_steps_that_were_answered() {
     let rig = Rig::new();
     let scenario = healthy(&rig, SHORT);
     let run = rig.start(&format!(
-        "{scenario} --set run.duration_s=100000 --set controller.law=pid --pace 1"
+        "{scenario} --set run.duration_s=100000 --set controller.law=pid"
     ));
     let mut random = RandomStream::new(1, "valid faults");
     let mut answered = BTreeMap::new();

@@ -266,7 +266,7 @@ fn random_changes_at_full_speed_take_hold_at_the_steps_told() {
     asked(&Request::Resume);
     let mut random = RandomStream::new(1, "changes");
     let mut told = Vec::new();
-    for _ in 0..300 {
+    for _ in 0..1000 {
         let (key, low, high) = keys[(random.uniform() * keys.len() as f64) as usize];
         let value = low + (high - low) * random.uniform();
         let request = Request::Set(ChangeRequest {
