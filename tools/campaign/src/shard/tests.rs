@@ -394,3 +394,29 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_manifest_whose_shards_cannot_be_counted_is_broken() {
+    let campaign = Campaign::new(12, 5);
+    let (folder, sound) = (campaign.folder.path(), campaign.folder.manifest());
+    let stage = |cases| Stage {
+        id: "x".into(),
+        cases,
+        shard_cases: 5,
+    };
+    for (shard_cases, grown) in [
+        (0, vec![]),
+        (5, vec![stage(13)]),
+        (5, vec![stage(9), stage(8)]),
+    ] {
+        let broken = Manifest {
+            shard_cases,
+            grown,
+            ..sound.clone()
+        };
+        let text = serde_json::to_vec(&broken).expect("JSON");
+        std::fs::write(folder.join(MANIFEST), text).expect("written");
+        let told = Manifest::read(folder).expect_err("broken").to_string();
+        assert!(told.contains("its shards cannot be counted"), "{told}");
+    }
+}
