@@ -205,29 +205,3 @@ pub fn try_out(folder: &Path) -> Result<(), String> {
         Ok(()) => Err(lacks("locks that keep others out", &"both got one")),
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::shard::tests::Campaign;
-
-    #[test]
-    fn a_contradiction_is_for_whoever_reads_the_results() {
-        let campaign = Campaign::new(1, 1);
-        let conflict = Conflict {
-            case: 0,
-            column: "x".into(),
-            first: "1".into(),
-            second: "2".into(),
-            by: "a test".into(),
-        };
-        campaign.folder.note(&conflict).expect("noted");
-        let folder = campaign.folder.path().join(CONFLICTS);
-        let note = fs::read_dir(&folder).expect("a folder").next();
-        let note = note.expect("a note").expect("read").path();
-        let plain = folder.join("plain");
-        fs::write(&plain, "").expect("written");
-        let mode = |path: &Path| fs::metadata(path).expect("there").permissions().mode();
-        assert_eq!(mode(&note), mode(&plain));
-    }
-}

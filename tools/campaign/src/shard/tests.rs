@@ -1,10 +1,12 @@
 use std::collections::BTreeMap;
+use std::os::unix::fs::PermissionsExt;
 use std::sync::Barrier;
 
 use proptest::prelude::*;
 
 use super::attempt::Published;
 use super::*;
+use crate::folder::{CONFLICTS, Conflict};
 use crate::manifest::{Copied, MANIFEST, Manifest, SCHEMA, Stage};
 use crate::table::{Cell, Column, ColumnKind, LOST};
 
@@ -419,4 +421,24 @@ fn a_manifest_whose_shards_cannot_be_counted_is_broken() {
         let told = Manifest::read(folder).expect_err("broken").to_string();
         assert!(told.contains("its shards cannot be counted"), "{told}");
     }
+}
+
+#[test]
+fn a_contradiction_is_for_whoever_reads_the_results() {
+    let campaign = Campaign::new(1, 1);
+    let conflict = Conflict {
+        case: 0,
+        column: "x".into(),
+        first: "1".into(),
+        second: "2".into(),
+        by: "a test".into(),
+    };
+    campaign.folder.note(&conflict).expect("noted");
+    let folder = campaign.folder.path().join(CONFLICTS);
+    let note = fs::read_dir(&folder).expect("a folder").next();
+    let note = note.expect("a note").expect("read").path();
+    let plain = folder.join("plain");
+    fs::write(&plain, "").expect("written");
+    let mode = |path: &Path| fs::metadata(path).expect("there").permissions().mode();
+    assert_eq!(mode(&note), mode(&plain));
 }
