@@ -94,7 +94,7 @@ impl Commands {
         }
     }
 
-    /// Goes on after a hold: no command came for as long as at its begin, or since then.
+    /// Goes on after a hold: no command came for as long as when it began, or since then.
     pub(super) const fn resume(&mut self, since_ns: u64, now_ns: u64) {
         self.heard_ns = now_ns - since_ns.saturating_sub(self.heard_ns);
     }
