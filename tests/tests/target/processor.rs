@@ -24,8 +24,9 @@ pub(super) fn on_another_processor(test: &str, scenario: &str) {
             "HIL_TEST_AARCH64",
         );
     }
-    // Macros and build scripts are there already if programs of this machine were built with that profile.
-    let target = programs::target();
+    // In a folder of its own, since `hil` takes agents from beside the other programs. What it is made of is shared:
+    // macros and build scripts are there already if programs of this machine were built with that profile.
+    let target = programs::target().join("other-processor");
     let mut cargo = Command::new(env!("CARGO"));
     cargo.args([
         "build",
@@ -49,6 +50,7 @@ pub(super) fn on_another_processor(test: &str, scenario: &str) {
     cargo
         .args(["--target", TRIPLE, "--target-dir"])
         .arg(&target)
+        .env("CARGO_BUILD_BUILD_DIR", programs::target())
         .current_dir(workspace());
     // No C compiler and no other linker: a stray one would fail here.
     cargo.env("CARGO_TARGET_AARCH64_UNKNOWN_LINUX_MUSL_LINKER", "rust-lld");
