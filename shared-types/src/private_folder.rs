@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_private_and_goes_with_its_owner() {
+    fn a_private_folder_goes_with_its_owner() {
         let all = All::new("owner");
         let one = PrivateFolder::create_in(&all.0, "one").expect("made");
         let other = PrivateFolder::create_in(&all.0, "one").expect("made");
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn that_of_a_dead_owner_is_swept_away() {
+    fn a_folder_of_a_dead_owner_is_swept_away() {
         let all = All::new("dead");
         let dead = PrivateFolder::create_in(&all.0, "one").expect("made");
         let folder = dead.folder().to_owned();

@@ -175,10 +175,10 @@ fn inputs_of_any_size_are_taken_or_refused_by_name() {
         ("expression", long.clone()),
         ("scenario", scenario(&format!("description = \"{long}\""))),
         ("scenario", scenario(&format!("{long} = 1"))),
-        ("scenario", scenario(&"[[faults]]\n".repeat(200_000))),
+        ("scenario", scenario(&"[[faults]]\n".repeat(1_000_000))),
         (
             "scenario",
-            scenario(&format!("faults = [{}]", "{},".repeat(200_000))),
+            scenario(&format!("faults = [{}]", "{},".repeat(1_000_000))),
         ),
         (
             "scenario",

@@ -65,17 +65,21 @@
 //! [`support::terminal`] is a terminal for a program under test, and [`support::python`] finds an interpreter with the
 //! packages that a test imports.
 //!
-//! Twelve features need more than Rust. A test whose feature is missing says so and passes, unless the environment
+//! Some features need more than Rust. A test whose feature is missing says so and passes, unless the environment
 //! demands the feature:
 //!
 //! | variable | feature |
 //! |---|---|
 //! | `HIL_TEST_AARCH64=1` | Rust's target `aarch64-unknown-linux-musl` and `qemu-aarch64-static` |
+//! | `HIL_TEST_CC=1` | a C compiler |
 //! | `HIL_TEST_CHROMIUM=1` | a Chromium |
+//! | `HIL_TEST_FMPY=1` | Python's `fmpy` |
 //! | `HIL_TEST_GDB=1` | a `gdb` that may trace |
 //! | `HIL_TEST_NETNS=1` | a user who may make network namespaces |
 //! | `HIL_TEST_NODE=1` | Foxglove's packages, installed with npm |
+//! | `HIL_TEST_PARALLEL=1` | GNU `parallel` |
 //! | `HIL_TEST_PYTHON=1` | a Python environment, made for the tests |
+//! | `HIL_TEST_QEMU=1` | a kernel for a guest, unpacked by `.ci/run tools` |
 //! | `HIL_TEST_RELEASE=1` | binaries of the other profile, built for the tests |
 //! | `HIL_TEST_SHELLS=1` | `bash`, `zsh` and `fish` |
 //! | `HIL_TEST_SLURM=1` | Slurm and munge |
