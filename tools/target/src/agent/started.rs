@@ -113,9 +113,14 @@ fn pass_on(mut from: impl Read + Send + 'static, mouth: Mouth, held: Arc<()>) {
         let _held = held;
         let (mut buffer, mut bytes) = ([0; 4096], Vec::new());
         let mut lost = 0;
-        while let Ok(count @ 1..) = from.read(&mut buffer) {
-            bytes.extend_from_slice(&buffer[..count]);
-            let count = whole(&bytes);
+        loop {
+            let read = from.read(&mut buffer).unwrap_or(0);
+            bytes.extend_from_slice(&buffer[..read]);
+            // At the end no rest of a character comes any more.
+            let count = if read > 0 { whole(&bytes) } else { bytes.len() };
+            if read == 0 && count == 0 {
+                break;
+            }
             let mut text = String::from_utf8_lossy(&bytes[..count]).into_owned();
             bytes.drain(..count);
             if lost > 0 {
