@@ -8,7 +8,7 @@ pub(crate) const REQUIREMENT: &[Key] = &[
     Key::new(
         "formula",
         TEXT,
-        "What must hold at the begin of the run: comparisons of expressions, joined by and, or, not, implies, always[a,b], eventually[a,b], until[a,b], historically[a,b], once[a,b], since[a,b], rise and fall; times such as 2s or 200ms.",
+        "Condition that must hold at the beginning of the run: comparisons of expressions, joined by and, or, not, implies, always[a,b], eventually[a,b], until[a,b], historically[a,b], once[a,b], since[a,b], rise and fall; times such as 2s or 200ms.",
     )
     .required(),
     Key::new("description", TEXT, "Purpose of the requirement."),

@@ -74,7 +74,7 @@ fn what_cannot_be_asked_for_is_refused_before_anything_starts() {
     for (arguments, told) in [
         (
             format!("{SCENARIO} --checkpoint-at 0"),
-            "not after the begin of the run at 0 s",
+            "not after the beginning of the run at 0 s",
         ),
         (
             format!("{SCENARIO} --checkpoint-at 2"),
@@ -113,7 +113,7 @@ fn what_cannot_be_asked_for_is_refused_before_anything_starts() {
     rig.run(&format!("--from {folder}"))
         .expect(2)
         .says(&["those of this run:", "checkpoint-10000"]);
-    let again = "not after the begin of the run at 1 s";
+    let again = "not after the beginning of the run at 1 s";
     go_on(&rig, &run, 10_000, "--checkpoint-at 1")
         .expect(2)
         .says(&[again]);

@@ -94,11 +94,10 @@ pub struct RunOptions {
     /// Machine of the controller
     #[command(flatten)]
     pub target: TargetArguments,
-    /// How the controller is started: by hil, or by you with the printed command, in a debugger, an IDE or
-    /// perf
+    /// Start of the controller: by hil, or by you with the printed command, in a debugger, an IDE or perf
     #[arg(long, value_enum, default_value_t = StartKind::Launched, value_name = "START")]
     pub controller: StartKind,
-    /// How the plant is started
+    /// Start of the plant: by hil, or by you
     #[arg(long, value_enum, default_value_t = StartKind::Launched, value_name = "START")]
     pub plant: StartKind,
     /// Link between plant and controller

@@ -96,7 +96,7 @@ pub(crate) fn steps(at_s: &[f64], plan: &Plan, first: Step) -> Result<Vec<Step>,
         let (first_s, end_s) = (rate.seconds(first), rate.seconds(Step(plan.run.steps)));
         if step <= first {
             return Err(Failure::usage(format!(
-                "--checkpoint-at {} is not after the begin of the run at {}",
+                "--checkpoint-at {} is not after the beginning of the run at {}",
                 exact(at_s),
                 exact_in(first_s, "s")
             )));

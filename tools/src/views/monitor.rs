@@ -51,7 +51,7 @@ use model::Model;
 use watch::{Audience, Watch};
 
 /// Interval between two looks for a session.
-const LOOK: Duration = Duration::from_millis(20);
+pub(super) const LOOK: Duration = Duration::from_millis(20);
 /// Limit for a session to publish its scenario.
 const START_LIMIT: Duration = Duration::from_secs(20);
 /// Time over which the figures of one line are gathered.

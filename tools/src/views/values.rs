@@ -18,7 +18,7 @@ use shared_types::session::SessionInfo;
 use shared_types::table::near;
 use shared_types::time::Step;
 
-use super::monitor::notice;
+use super::monitor::{LOOK, notice};
 use super::plots::columns_of;
 use super::plots::signal::recorded_name;
 use crate::arguments::SessionChoice;
@@ -29,9 +29,6 @@ use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::interruption::Interruption;
 use crate::terminal::output;
 use crate::terminal::table::{Table, left, right};
-
-/// Interval between two looks for the stream of a session that has just begun.
-const BEGIN: Duration = Duration::from_millis(20);
 
 /// Tells the newest values of signals.
 ///
@@ -120,7 +117,7 @@ pub(crate) fn watch(arguments: &WatchArguments) -> Result<Exit, Failure> {
         if interruption.came() {
             return Err(Failure::Interrupted);
         }
-        std::thread::sleep(BEGIN); // it has begun, and admits nobody yet
+        std::thread::sleep(LOOK); // it has begun, and admits nobody yet
     };
     let every = Duration::from_secs_f64(arguments.every);
     let (mut told, mut told_at) = (values.step, Instant::now());
