@@ -6,10 +6,8 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::{self, Write};
-use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
-use rustix::fs::{FlockOperation, flock};
 use serde::{Deserialize, Serialize};
 
 use crate::curve::{Curve, Grid};
@@ -138,12 +136,7 @@ impl Curves {
     pub(crate) fn write(&self, shard: &Path) -> io::Result<()> {
         let mut text = serde_json::to_string(self)?;
         text += &journal::sealed(&text);
-        let part = tempfile::Builder::new()
-            .prefix(journal::UNFINISHED)
-            .permissions(fs::Permissions::from_mode(0o666))
-            .tempfile_in(shard)?;
-        // Whoever sweeps leaves alone what is locked.
-        flock(part.as_file(), FlockOperation::LockExclusive)?;
+        let part = journal::unfinished(shard)?;
         part.as_file().write_all(text.as_bytes())?;
         part.as_file().sync_all()?;
         let written = part.persist(shard.join(CURVES));

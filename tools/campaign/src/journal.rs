@@ -5,7 +5,7 @@
 //! attempt is dead. Rows of the dead are taken over; rows of the living are read but not waited for.
 
 use std::collections::BTreeMap;
-use std::fs::File;
+use std::fs::{File, Permissions};
 use std::io::{self, Read, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 
 use rustix::fs::{FlockOperation, flock};
 use serde::{Deserialize, Serialize};
+use tempfile::NamedTempFile;
 
 use crate::curve::Curve;
 use crate::folder::Folder;
@@ -96,16 +97,8 @@ impl Journal {
     /// If it cannot be written or locked.
     pub fn begin(shard: &Path, campaign: &str) -> io::Result<Self> {
         let (file, path) = loop {
-            let made = tempfile::Builder::new()
-                .prefix(UNFINISHED)
-                .rand_bytes(10)
-                .append(true)
-                // Less what the process's mask takes away, as of any new file.
-                .permissions(std::fs::Permissions::from_mode(0o666))
-                .tempfile_in(shard)?;
             // Nobody may see it as a journal before it is locked: it would look dead.
-            flock(made.as_file(), FlockOperation::LockExclusive)?;
-            let (file, unfinished) = made.into_parts();
+            let (file, unfinished) = unfinished(shard)?.into_parts();
             let name = unfinished.file_name().unwrap_or_default().to_string_lossy();
             let name = name.replace(UNFINISHED, PREFIX) + SUFFIX;
             let path = shard.join(name);
@@ -216,6 +209,19 @@ impl Journal {
         text += &sealed(&text);
         self.file.write_all(text.as_bytes())
     }
+}
+
+/// Makes a locked file in the folder of a shard that is not what it is to be yet: sweepers leave alone what is locked.
+pub(crate) fn unfinished(shard: &Path) -> io::Result<NamedTempFile> {
+    let made = tempfile::Builder::new()
+        .prefix(UNFINISHED)
+        .rand_bytes(10)
+        .append(true)
+        // Less what the process's mask takes away, as of any new file.
+        .permissions(Permissions::from_mode(0o666))
+        .tempfile_in(shard)?;
+    flock(made.as_file(), FlockOperation::LockExclusive)?;
+    Ok(made)
 }
 
 fn sum(text: &str) -> String {

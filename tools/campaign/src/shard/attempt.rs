@@ -3,10 +3,8 @@
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, Write};
-use std::os::unix::fs::{MetadataExt, PermissionsExt};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
-
-use rustix::fs::{FlockOperation, flock};
 
 use super::part::Part;
 use super::{PART, PartError, Shard};
@@ -179,12 +177,7 @@ impl<'a> Attempt<'a> {
         let columns = &self.shard.folder.manifest().columns;
         let bytes = Part::bytes(self.shard.folder, &rows, &circumstances)?;
         // In the folder of the shard: some file systems refuse links across folders.
-        let part = tempfile::Builder::new()
-            .prefix(journal::UNFINISHED)
-            .permissions(fs::Permissions::from_mode(0o666))
-            .tempfile_in(&path)
-            .map_err(io)?;
-        flock(part.as_file(), FlockOperation::LockExclusive).map_err(|error| io(error.into()))?;
+        let part = journal::unfinished(&path).map_err(io)?;
         part.as_file().write_all(&bytes).map_err(io)?;
         part.as_file().sync_all().map_err(io)?;
         let linked = fs::hard_link(part.path(), &place);
