@@ -288,8 +288,7 @@ mod tests {
     proptest! {
         #[test]
         fn bounds_lie_around_the_rate(n in 1u64.., share in 0.0..=1.0, c in 0.5..0.999999) {
-            let k = (share * n as f64) as u64;
-            let k = if k < n { k } else { n };
+            let k = n.min((share * n as f64) as u64);
             let found = bounds(k, n, c).expect("bounds");
             let rate = k as f64 / n as f64;
             prop_assert!(0.0 <= found.lower && found.lower <= rate * (1.0 + 1e-12));

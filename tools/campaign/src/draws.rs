@@ -169,7 +169,7 @@ impl Draws {
                 (Source::Random { .. }, Spread::Choice(items)) => {
                     let last = items.len() - 1;
                     let index = self.chosen(draw, values.len(), (u * items.len() as f64) as usize);
-                    Drawn::Item(items[if index < last { index } else { last }].clone())
+                    Drawn::Item(items[index.min(last)].clone())
                 }
                 (Source::Random { .. }, spread) if one.is_whole => Drawn::Whole(whole(spread, u)),
                 (Source::Random { .. }, spread) => Drawn::Number(value(spread, u)),

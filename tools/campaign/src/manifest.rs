@@ -155,8 +155,7 @@ impl Manifest {
             let shards = shards_of(&cases, size);
             if number < shards {
                 let start = cases.start + number * size;
-                let end = start + size;
-                return start..if end < cases.end { end } else { cases.end };
+                return start..cases.end.min(start + size);
             }
             before += shards;
         }

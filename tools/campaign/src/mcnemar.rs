@@ -18,12 +18,7 @@ pub fn exact(first_only: u64, second_only: u64) -> f64 {
         return 1.0;
     }
     let all = first_only.saturating_add(second_only);
-    let more = if first_only > second_only {
-        first_only
-    } else {
-        second_only
-    };
-    let p = 2.0 * at_least(more, all, 0.5, 0.5);
+    let p = 2.0 * at_least(first_only.max(second_only), all, 0.5, 0.5);
     if p < 1.0 { p } else { 1.0 }
 }
 

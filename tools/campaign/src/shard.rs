@@ -7,7 +7,7 @@
 pub mod attempt;
 pub mod part;
 
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{self, ErrorKind};
 use std::ops::Range;
@@ -139,7 +139,7 @@ impl<'a> Shard<'a> {
     /// If they cannot be read.
     pub fn begun(&self) -> io::Result<(u64, bool)> {
         let path = self.path();
-        let mut cases = BTreeMap::new();
+        let mut cases = BTreeSet::new();
         let mut is_alive = false;
         let paths = match journal::paths(&path) {
             Err(error) if error.kind() == ErrorKind::NotFound => Vec::new(),
@@ -148,7 +148,7 @@ impl<'a> Shard<'a> {
         for path in paths {
             if let Some(found) = journal::read(&path, self.folder)? {
                 is_alive |= !found.is_dead;
-                cases.extend(found.rows.into_keys().map(|case| (case, ())));
+                cases.extend(found.rows.into_keys());
             }
         }
         Ok((cases.len() as u64, is_alive))

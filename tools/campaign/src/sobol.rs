@@ -92,8 +92,7 @@ static DIRECTIONS: [[u32; BITS]; MOST_DIMENSIONS] = directions();
 /// has to check the number of dimensions.
 #[must_use]
 pub(crate) fn point(index: u32, dimension: usize) -> u32 {
-    let last = MOST_DIMENSIONS - 1;
-    let directions = &DIRECTIONS[if dimension < last { dimension } else { last }];
+    let directions = &DIRECTIONS[dimension.min(MOST_DIMENSIONS - 1)];
     let mut gray = index ^ (index >> 1);
     let mut x = 0;
     while gray != 0 {
