@@ -155,12 +155,12 @@ fn ratio([above, below]: &Ratio, x: f64) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
     const INF: f64 = f64::INFINITY;
 
-    fn assert_near(found: f64, wanted: f64, share: f64) {
+    pub(crate) fn assert_near(found: f64, wanted: f64, share: f64) {
         let is_near = (found - wanted).abs() <= share * wanted.abs();
         assert!(is_near, "{found:e}, not {wanted:e}");
     }

@@ -145,11 +145,7 @@ fn saddlepoint(k: f64, n: f64, p: f64, q: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn assert_near(found: f64, wanted: f64, share: f64) {
-        let is_near = (found - wanted).abs() <= share * wanted;
-        assert!(is_near, "{found:e}, not {wanted:e}");
-    }
+    use crate::normal::tests::assert_near;
 
     #[test]
     fn tails_on_both_sides_of_the_mean_agree_with_scipy() {

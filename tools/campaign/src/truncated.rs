@@ -91,14 +91,10 @@ fn within(x: f64, min: f64, max: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::normal::tests::assert_near;
     use proptest::prelude::*;
 
     const INF: f64 = f64::INFINITY;
-
-    fn assert_near(found: f64, wanted: f64, share: f64) {
-        let is_near = (found - wanted).abs() <= share * wanted.abs();
-        assert!(is_near, "{found:e}, not {wanted:e}");
-    }
 
     #[test]
     fn truncated_values_agree_with_scipy() {
