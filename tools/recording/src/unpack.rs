@@ -64,7 +64,7 @@ fn unpack(compression: &str, packed: &[u8], limit: usize, into: &mut Vec<u8>) ->
 
 /// Unpacks the blocks of an LZ4 frame; `None` where it breaks off or is wrong.
 fn torn_lz4(source: &mut &[u8], limit: usize, into: &mut Vec<u8>) -> Option<()> {
-    let head = take(source, MAGIC.len() + 2)?;
+    let head = source.split_off(..MAGIC.len() + 2)?;
     let flags = head[MAGIC.len()];
     if head[..MAGIC.len()] != MAGIC || flags & VERSION.0 != VERSION.1 {
         return None;
@@ -72,14 +72,14 @@ fn torn_lz4(source: &mut &[u8], limit: usize, into: &mut Vec<u8>) -> Option<()> 
     let optional = [(CONTENT_SIZE, 8), (DICTIONARY, 4)];
     for (flag, bytes) in optional {
         if flags & flag != 0 {
-            take(source, bytes)?;
+            source.split_off(..bytes)?;
         }
     }
-    take(source, 1)?; // the sum of the head
+    source.split_off(..1)?; // the sum of the head
     loop {
-        let size = u32::from_le_bytes(take(source, 4)?.try_into().ok()?);
+        let size = u32::from_le_bytes(source.split_off(..4)?.try_into().ok()?);
         let bytes = (size & !PLAIN_BLOCK) as usize;
-        let mut block = take(source, bytes.min(source.len()))?;
+        let mut block = source.split_off(..bytes.min(source.len()))?;
         if size & PLAIN_BLOCK != 0 {
             let room = limit.saturating_sub(into.len());
             into.extend_from_slice(&block[..block.len().min(room)]);
@@ -87,7 +87,7 @@ fn torn_lz4(source: &mut &[u8], limit: usize, into: &mut Vec<u8>) -> Option<()> 
             torn_block(&mut block, limit, into)?;
         }
         if flags & BLOCK_SUM != 0 {
-            take(source, 4)?;
+            source.split_off(..4)?;
         }
         if size == 0 {
             return None;
@@ -97,20 +97,20 @@ fn torn_lz4(source: &mut &[u8], limit: usize, into: &mut Vec<u8>) -> Option<()> 
 
 /// Unpacks the sequences of an LZ4 block, each some literals and a match, as far as they go.
 fn torn_block(block: &mut &[u8], limit: usize, into: &mut Vec<u8>) -> Option<()> {
-    while let Some(&[token]) = take(block, 1) {
-        let literals = length(usize::from(token >> 4), block)?;
+    while let Some(token) = block.split_off_first() {
+        let literals = length(usize::from(*token >> 4), block)?;
         let room = limit.saturating_sub(into.len());
         let there = literals.min(block.len()).min(room);
-        into.extend_from_slice(take(block, there)?);
+        into.extend_from_slice(block.split_off(..there)?);
         if there < literals {
             return None;
         }
         if block.is_empty() {
             return Some(()); // the last sequence has no match
         }
-        let back = take(block, 2)?;
+        let back = block.split_off(..2)?;
         let back = usize::from(u16::from_le_bytes([back[0], back[1]]));
-        let copied = MIN_MATCH + length(usize::from(token & 15), block)?;
+        let copied = MIN_MATCH + length(usize::from(*token & 15), block)?;
         let start = into.len().checked_sub(back)?;
         if back == 0 || copied > limit.saturating_sub(into.len()) {
             return None;
@@ -131,9 +131,7 @@ fn length(bits: usize, source: &mut &[u8]) -> Option<usize> {
     let mut length = bits;
     if bits == 15 {
         loop {
-            let &[more] = take(source, 1)? else {
-                return None;
-            };
+            let more = *source.split_off_first()?;
             length = length.checked_add(usize::from(more))?;
             if more < u8::MAX {
                 break;
@@ -141,13 +139,6 @@ fn length(bits: usize, source: &mut &[u8]) -> Option<usize> {
         }
     }
     Some(length)
-}
-
-/// The next N bytes, if they are there.
-fn take<'a>(source: &mut &'a [u8], bytes: usize) -> Option<&'a [u8]> {
-    let (taken, rest) = source.split_at_checked(bytes)?;
-    *source = rest;
-    Some(taken)
 }
 
 #[cfg(test)]

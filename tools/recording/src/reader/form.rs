@@ -63,7 +63,7 @@ fn length(form: &[Part], content: &[u8]) -> Option<usize> {
     let mut rest = content;
     for part in form {
         match *part {
-            Bytes(count) => drop(take(&mut rest, count)?),
+            Bytes(count) => drop(rest.split_off(..count)?),
             Text => drop(text(&mut rest)?),
             Map => {
                 let mut pairs = text(&mut rest)?;
@@ -73,8 +73,8 @@ fn length(form: &[Part], content: &[u8]) -> Option<usize> {
                 }
             }
             Long => {
-                let length = u64::from_le_bytes(take(&mut rest, 8)?.try_into().ok()?);
-                take(&mut rest, usize::try_from(length).ok()?)?;
+                let length = u64::from_le_bytes(rest.split_off(..8)?.try_into().ok()?);
+                rest.split_off(..usize::try_from(length).ok()?)?;
             }
         }
     }
@@ -83,12 +83,6 @@ fn length(form: &[Part], content: &[u8]) -> Option<usize> {
 
 /// Takes bytes with their length in front.
 fn text<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
-    let length = u32::from_le_bytes(take(rest, 4)?.try_into().ok()?);
-    take(rest, length as usize)
-}
-
-fn take<'a>(rest: &mut &'a [u8], count: usize) -> Option<&'a [u8]> {
-    let (taken, behind) = rest.split_at_checked(count)?;
-    *rest = behind;
-    Some(taken)
+    let length = u32::from_le_bytes(rest.split_off(..4)?.try_into().ok()?);
+    rest.split_off(..length as usize)
 }
