@@ -90,14 +90,12 @@ impl Copy {
         let mut file = McapFile::create(file, "ros2", library)?;
         if let Some(unvouched) = rescue.unvouched {
             // At its begin: it is still there if this file breaks off too.
-            let facts = [
-                (VOUCHED, unvouched.records.to_string()),
-                (UNVOUCHED, unvouched.told.clone()),
-            ];
-            let facts = facts.map(|(name, fact)| (name.to_owned(), fact));
             file.metadata(Metadata {
                 name: FACTS.into(),
-                metadata: BTreeMap::from(facts),
+                metadata: BTreeMap::from([
+                    (VOUCHED.into(), unvouched.records.to_string()),
+                    (UNVOUCHED.into(), unvouched.told.clone()),
+                ]),
             })?;
         }
         Ok(Self {
@@ -203,6 +201,6 @@ impl Copy {
             metadata: result,
         };
         let result = self.result.take();
-        self.file.finish(Some(result.unwrap_or_else(new)))
+        self.file.finish(result.unwrap_or_else(new))
     }
 }

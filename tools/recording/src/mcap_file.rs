@@ -231,10 +231,9 @@ impl McapFile {
 
     /// Writes the last facts and the summary, and waits until all is on disk. After an error the file
     /// ends with the last chunk.
-    pub(super) fn finish(mut self, facts: Option<records::Metadata>) -> io::Result<()> {
+    pub(super) fn finish(mut self, facts: records::Metadata) -> io::Result<()> {
         let before = self.state();
-        let facts = facts.map_or(Ok(()), |facts| self.metadata(facts));
-        let marked = facts.and_then(|()| self.mark());
+        let marked = self.metadata(facts).and_then(|()| self.mark());
         let finished = marked.and_then(|()| self.write_end());
         if finished.is_err() {
             self.go_back(before);

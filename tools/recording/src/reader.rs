@@ -89,11 +89,8 @@ impl RunReader {
         if run.is_dir() && !path.exists() {
             return Err(ReadError::NoRecording(run.to_owned()));
         }
-        let file = File::open(&path).map_err(|error| ReadError::Io {
-            path: path.clone(),
-            error,
-        })?;
-        let content = Content::of(file).map_err(|error| ReadError::Io {
+        let content = File::open(&path).and_then(Content::of);
+        let content = content.map_err(|error| ReadError::Io {
             path: path.clone(),
             error,
         })?;
@@ -343,9 +340,8 @@ impl RunReader {
         };
         match record {
             Record::Schema { header, data } => {
-                let text = String::from_utf8_lossy(&data);
-                self.schemas
-                    .insert(header.id, text::printable(&text).into_owned());
+                let text = text::printable(&String::from_utf8_lossy(&data)).into_owned();
+                self.schemas.insert(header.id, text);
             }
             Record::Channel(channel) if channel.topic == RECORD_TOPIC => {
                 self.channels.insert(channel.id, None);

@@ -259,10 +259,10 @@ impl Recording {
     /// # Errors
     /// If the file cannot be written.
     pub fn end(self, result: BTreeMap<String, String>) -> io::Result<()> {
-        self.file.finish(Some(Metadata {
+        self.file.finish(Metadata {
             name: RESULT.into(),
             metadata: result,
-        }))
+        })
     }
 
     /// Closes the last chunk and ends the file.

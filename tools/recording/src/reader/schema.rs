@@ -35,15 +35,16 @@ pub(super) fn columns_of(schema: &str) -> Option<Vec<Column>> {
         let (name, fields) = part.trim_start().strip_prefix("MSG: ")?.split_once('\n')?;
         messages.insert(name.trim(), fields);
     }
+    let word = |name: String| Column {
+        name,
+        unit: String::new(),
+    };
     let mut columns = Vec::new();
     for line in top.lines().filter(|line| !line.trim().is_empty()) {
         let (kind, name, _) = field(line)?;
         if let Some(fields) = messages.get(kind) {
             if is_one_word(fields) {
-                columns.push(Column {
-                    name: name.into(),
-                    unit: String::new(),
-                });
+                columns.push(word(name.into()));
                 continue;
             }
             for line in fields.lines().filter(|line| !line.trim().is_empty()) {
@@ -65,15 +66,9 @@ pub(super) fn columns_of(schema: &str) -> Option<Vec<Column>> {
             if words > MOST_WORDS {
                 return None;
             }
-            columns.extend((0..words).map(|index| Column {
-                name: format!("{name}[{index}]"),
-                unit: String::new(),
-            }));
+            columns.extend((0..words).map(|index| word(format!("{name}[{index}]"))));
         } else if kind == "uint64" {
-            columns.push(Column {
-                name: name.into(),
-                unit: String::new(),
-            });
+            columns.push(word(name.into()));
         } else {
             return None;
         }
