@@ -111,24 +111,15 @@ fn most_priority() -> u32 {
 /// # Errors
 /// If the file cannot be read.
 pub fn built_for(program: &Path) -> io::Result<Option<String>> {
-    let mut head = [0; 20];
-    let mut file = File::open(program)?;
-    let mut filled = 0;
-    while filled < head.len() {
-        match file.read(&mut head[filled..])? {
-            0 => return Ok(None),
-            more => filled += more,
-        }
-    }
-    if head[..4] != *b"\x7fELF" {
+    let mut head = Vec::new();
+    File::open(program)?.take(20).read_to_end(&mut head)?;
+    if head.len() < 20 || !head.starts_with(b"\x7fELF") {
         return Ok(None);
     }
     let number = [head[18], head[19]];
-    let is_little = head[5] == 1;
-    let machine = if is_little {
-        u16::from_le_bytes(number)
-    } else {
-        u16::from_be_bytes(number)
+    let machine = match head[5] {
+        1 => u16::from_le_bytes(number),
+        _ => u16::from_be_bytes(number),
     };
     Ok(Some(match machine {
         3 => "i686".into(),

@@ -84,14 +84,11 @@ pub(crate) fn open(
         said,
         is_interrupted,
     };
-    match start.up_to_agent(&mut input) {
-        Ok(()) => {}
-        Err(error) => {
-            drop(input);
-            let _ = start.child.kill(); // it may have ended by itself
-            let _ = start.child.wait();
-            return Err(error);
-        }
+    if let Err(error) = start.up_to_agent(&mut input) {
+        drop(input);
+        let _ = start.child.kill(); // it may have ended by itself
+        let _ = start.child.wait();
+        return Err(error);
     }
     let Start {
         output,
@@ -129,8 +126,7 @@ impl Start<'_> {
             .map_err(closed)?;
         if self.answer(SPEAKS)? == "send" {
             self.copy(input, &content)?;
-            let stored = self.answer(COPIES)?;
-            if stored != "stored" {
+            if self.answer(COPIES)? != "stored" {
                 return Err(way.infrastructure(
                     "the agent did not arrive there whole; is there room in its cache folder?",
                 ));
