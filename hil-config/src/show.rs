@@ -227,17 +227,7 @@ fn plant_tables(text: &mut String, plan: &Plan, plant: &PlantDescription) -> Wri
     section(text, keys::PLANT, |key| match key {
         "model" => Some(string(&plan.model)),
         "program" => program.as_ref()?.to_str().map(string),
-        "locals" => match locals.is_empty() {
-            true => None,
-            false => Some(format!(
-                "[{}]",
-                locals
-                    .iter()
-                    .map(|one| string(one))
-                    .collect::<Vec<_>>()
-                    .join(", ")
-            )),
-        },
+        "locals" => (!locals.is_empty()).then(|| strings(locals)),
         "substeps" => Some(plan.substeps.to_string()),
         other => forgotten(other),
     })?;
@@ -312,7 +302,6 @@ fn settings(text: &mut String, table: &str, values: &Settings, fields: &[Field])
         let Some(value) = values.get(&field.name) else {
             return Err(undescribed(format!("`{}` that fits the plan", field.name)));
         };
-        let name: Vec<String> = field.name.split('.').map(key).collect();
         let range = Quantity::from(field).range();
         let mut notes = vec![field.unit.clone(), range];
         if field.faultable {
@@ -325,7 +314,7 @@ fn settings(text: &mut String, table: &str, values: &Settings, fields: &[Field])
         writeln!(
             text,
             "{} = {} # {}. {}",
-            name.join("."),
+            dotted(&field.name),
             toml_float(value),
             notes.join(", "),
             comment(&field.description)
@@ -365,8 +354,7 @@ fn metric(text: &mut String, metric: &Metric) -> Written {
         "windows_s" => {
             let windows = metric.windows.iter();
             let windows = windows.map(|window| list(&[window.start_s, window.end_s]));
-            let windows: Vec<String> = windows.collect();
-            (!windows.is_empty()).then(|| format!("[{}]", windows.join(", ")))
+            (!metric.windows.is_empty()).then(|| array(windows))
         }
         "published_note" => metric.published_note.as_deref().map(string),
         other => forgotten(other),
@@ -397,10 +385,7 @@ fn entries(course: &impl Serialize) -> Vec<String> {
 
 fn toml_value(value: &Value) -> String {
     match value {
-        Value::Array(values) => {
-            let values: Vec<String> = values.iter().map(toml_value).collect();
-            format!("[{}]", values.join(", "))
-        }
+        Value::Array(values) => array(values.iter().map(toml_value)),
         Value::String(text) => string(text),
         value => toml_float(value.as_f64().unwrap_or(f64::NAN)),
     }
@@ -412,9 +397,17 @@ fn inline(entries: impl IntoIterator<Item = String>) -> String {
     format!("{{ {} }}", entries.join(", "))
 }
 
+/// A list of values that are TOML already.
+fn array(values: impl Iterator<Item = String>) -> String {
+    format!("[{}]", values.collect::<Vec<_>>().join(", "))
+}
+
 fn list(values: &[f64]) -> String {
-    let values: Vec<String> = values.iter().map(|value| toml_float(*value)).collect();
-    format!("[{}]", values.join(", "))
+    array(values.iter().map(|value| toml_float(*value)))
+}
+
+fn strings(texts: &[String]) -> String {
+    array(texts.iter().map(|text| string(text)))
 }
 
 /// A TOML string.
@@ -430,6 +423,12 @@ fn key(name: &str) -> String {
     } else {
         string(name)
     }
+}
+
+/// A name of several keys with dots between.
+fn dotted(name: &str) -> String {
+    let keys: Vec<String> = name.split('.').map(key).collect();
+    keys.join(".")
 }
 
 /// Text that may stand behind a `#`: one line, no control characters.

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use shared_types::record::ChangedValue;
 use shared_types::time::{Rate, Step};
 
-use super::{Failure, ShowError, Written, comment, key, string, toml_float};
+use super::{Failure, ShowError, Written, comment, dotted, strings, toml_float};
 use crate::plan::Change;
 
 /// Writes a change.
@@ -22,21 +22,14 @@ pub(super) fn change(text: &mut String, change: &Change, rate: Rate) -> Written 
         writeln!(text, "ramp_s = {}", toml_float(ramp_s))?;
     }
     if !change.clear.is_empty() {
-        let keys: Vec<String> = change.clear.iter().map(|key| string(key)).collect();
-        writeln!(text, "clear = [{}]", keys.join(", "))?;
+        writeln!(text, "clear = {}", strings(&change.clear))?;
     }
     if !change.set.is_empty() {
         writeln!(text, "[changes.set]")?;
     }
-    for ChangedValue {
-        key: name,
-        unit,
-        value,
-    } in &change.set
-    {
-        let parts: Vec<String> = name.split('.').map(key).collect();
-        let value = toml_float(*value);
-        writeln!(text, "{} = {value} # {}", parts.join("."), comment(unit))?;
+    for ChangedValue { key, unit, value } in &change.set {
+        let (key, value) = (dotted(key), toml_float(*value));
+        writeln!(text, "{key} = {value} # {}", comment(unit))?;
     }
     Ok(())
 }

@@ -11,7 +11,7 @@ use shared_types::table::Field;
 use shared_types::time::{Rate, Step};
 
 use super::{
-    Failure, ShowError, Written, comment, entries, inline, key, list, string, undescribed,
+    Failure, ShowError, Written, array, comment, entries, inline, key, list, string, undescribed,
 };
 use crate::check::unit_of;
 use crate::plan::{Condition, FaultAction, FaultEffect, FaultEnd, FaultEvent, Profile, Trigger};
@@ -168,8 +168,8 @@ impl<'a> Look<'a> {
             if described.columns == 1 {
                 writeln!(text, "{name} = {}", list(rows))?;
             } else {
-                let rows: Vec<String> = rows.chunks(described.columns).map(list).collect();
-                writeln!(text, "{name} = [{}]", rows.join(", "))?;
+                let rows = rows.chunks(described.columns).map(list);
+                writeln!(text, "{name} = {}", array(rows))?;
             }
         }
         if effect.profile != Profile::Step {

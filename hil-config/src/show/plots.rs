@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{Written, forgotten, list, section, string};
+use super::{Written, forgotten, list, section, string, strings};
 use crate::keys::{PANEL, PLOT};
 use crate::plan::{Panel, Plot, Scale};
 use crate::quantity::toml_float;
@@ -33,9 +33,4 @@ pub(super) fn panel(text: &mut String, panel: &Panel) -> Written {
         "inject" => given(&panel.inject),
         other => forgotten(other),
     })
-}
-
-fn strings(texts: &[String]) -> String {
-    let texts: Vec<String> = texts.iter().map(|text| string(text)).collect();
-    format!("[{}]", texts.join(", "))
 }
