@@ -33,7 +33,18 @@ impl<'a> From<&'a Field> for Quantity<'a> {
     }
 }
 
-impl Quantity<'_> {
+impl<'a> Quantity<'a> {
+    /// Makes any finite number of a unit.
+    pub(crate) const fn finite(unit: &'a str) -> Self {
+        Self {
+            name: "",
+            unit,
+            min: f64::MIN,
+            max: f64::MAX,
+            whole: false,
+        }
+    }
+
     /// Returns true if a value is a number in the range. Infinity is legal where the range says so.
     pub(crate) fn admits(&self, value: f64) -> bool {
         (self.min..=self.max).contains(&value) && !(self.whole && value.fract() != 0.0)
@@ -90,14 +101,8 @@ mod tests {
     #[test]
     fn ranges_are_told_by_the_ends_that_they_have() {
         let expected = |unit, min, max| {
-            let quantity = Quantity {
-                name: "x",
-                unit,
-                min,
-                max,
-                whole: false,
-            };
-            quantity.expected()
+            let any = Quantity::finite(unit);
+            Quantity { min, max, ..any }.expected()
         };
         assert_eq!(
             expected("Hz", 1e-3, 1e6),

@@ -341,14 +341,10 @@ fn plain(path: &str) -> String {
 /// Describes what a key takes, for messages and comments.
 pub(crate) fn describe(kind: &KeyKind) -> String {
     match *kind {
-        KeyKind::Number { unit, min, max, .. } => Quantity {
-            name: "",
-            unit,
-            min,
-            max,
-            whole: false,
+        KeyKind::Number { unit, min, max, .. } => {
+            let any = Quantity::finite(unit);
+            Quantity { min, max, ..any }.expected()
         }
-        .expected(),
         KeyKind::Integer { min, max, .. } if min == max => min.to_string(),
         KeyKind::Integer { min, max, .. } => format!("a whole number from {min} to {max}"),
         KeyKind::Text { choices: [], .. } => "text".into(),

@@ -103,13 +103,8 @@ fn property(key: &Key) -> Value {
             max,
             default,
         } => {
-            let mut value = quantity(&Quantity {
-                name: key.name,
-                unit,
-                min,
-                max,
-                whole: false,
-            });
+            let any = Quantity::finite(unit);
+            let mut value = quantity(&Quantity { min, max, ..any });
             if let Some(default) = default {
                 value["default"] = json!(default);
             }

@@ -86,13 +86,7 @@ fn safe_command(
                 .one_of(&entry.key, names());
             continue;
         };
-        let finite = Quantity {
-            name: "",
-            unit: &field.unit,
-            min: f64::MIN,
-            max: f64::MAX,
-            whole: false,
-        };
+        let finite = Quantity::finite(&field.unit);
         if let Some(value) = reader.quantity(&path, &entry.node, &finite) {
             commands.set(&field.name, value);
         }

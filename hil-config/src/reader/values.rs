@@ -26,13 +26,8 @@ impl Reader {
         let Some(node) = self.value(section, key) else {
             return default;
         };
-        let quantity = Quantity {
-            name,
-            unit,
-            min,
-            max,
-            whole: false,
-        };
+        let any = Quantity::finite(unit);
+        let quantity = Quantity { min, max, ..any };
         self.quantity(&section.path_of(name), node, &quantity)
     }
 
@@ -233,13 +228,7 @@ impl Reader {
             self.wrong_type(path, node, "a list of numbers");
             return None;
         };
-        let finite = Quantity {
-            name: "",
-            unit: "",
-            min: f64::MIN,
-            max: f64::MAX,
-            whole: false,
-        };
+        let finite = Quantity::finite("");
         let values: Vec<Option<f64>> = items
             .iter()
             .enumerate()
@@ -266,11 +255,9 @@ impl Reader {
             return None;
         };
         let any = Quantity {
-            name: "",
-            unit,
             min: f64::NEG_INFINITY,
             max: f64::INFINITY,
-            whole: false,
+            ..Quantity::finite(unit)
         };
         let low = self.quantity(&format!("{path}[0]"), first, &any);
         let high = self.quantity(&format!("{path}[1]"), second, &any);
