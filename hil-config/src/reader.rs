@@ -123,6 +123,13 @@ impl Reader {
         self.report(kind, section.path_of(key), section.place_of(key), message)
     }
 
+    /// Reports a text under a key that is not as it must be.
+    pub(crate) fn refuse(&mut self, section: &Section<'_>, key: &str, text: &str, expected: &str) {
+        let message = format!("`{}` is `{text}`", section.path_of(key));
+        self.report_at(section, key, ProblemKind::OutOfRange, message)
+            .expected(expected);
+    }
+
     /// Reports a problem.
     pub(crate) fn report(
         &mut self,

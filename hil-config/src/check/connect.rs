@@ -192,10 +192,8 @@ fn signal<'a>(
         Some((kind, name))
     });
     if found.is_none() {
-        let message = format!("`{}` is `{text}`", section.path_of(key));
-        reader
-            .report_at(section, key, ProblemKind::OutOfRange, message)
-            .expected("measured.NAME, reference.NAME or command.NAME");
+        let expected = "measured.NAME, reference.NAME or command.NAME";
+        reader.refuse(section, key, text, expected);
     }
     found
 }

@@ -53,10 +53,7 @@ fn name<'a>(
 ) -> Option<&'a str> {
     let name = reader.text(section, "name")?;
     if !is_title(name) {
-        let message = format!("`{}` is `{name}`", section.path_of("name"));
-        reader
-            .report_at(section, "name", ProblemKind::OutOfRange, message)
-            .expected(TITLE);
+        reader.refuse(section, "name", name, TITLE);
         return None;
     }
     if !names.insert(name) {

@@ -132,12 +132,9 @@ fn name<'a>(
     names: &mut HashSet<&'a str>,
 ) -> Option<&'a str> {
     let name = reader.text(section, "name")?;
-    let path = section.path_of("name");
     if !is_name(name) || is_reserved(name) || is_operator(name) {
-        let message = format!("`{path}` is `{name}`");
-        reader
-            .report_at(section, "name", ProblemKind::OutOfRange, message)
-            .expected("a name of letters, digits and _ that is no function, for example error_m");
+        let expected = "a name of letters, digits and _ that is no function, for example error_m";
+        reader.refuse(section, "name", name, expected);
         return None;
     }
     if !names.insert(name) {

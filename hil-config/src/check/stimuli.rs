@@ -64,11 +64,8 @@ fn target<'a>(reader: &mut Reader, section: &Section<'a>) -> Option<&'a str> {
     if is_name(target) {
         return Some(target);
     }
-    let path = section.path_of("target");
-    let message = format!("`{path}` is `{target}`");
-    reader
-        .report_at(section, "target", ProblemKind::OutOfRange, message)
-        .expected("a name of letters, digits and _, for example surface_angle_rad");
+    let expected = "a name of letters, digits and _, for example surface_angle_rad";
+    reader.refuse(section, "target", target, expected);
     None
 }
 

@@ -259,10 +259,8 @@ fn variants(reader: &mut Reader, root: &Section<'_>, homes: &mut Homes) -> Vec<V
         allowed.extend(set.iter().map(|flag| flag_key(flag).to_owned()));
         let Some(name) = name else { continue };
         if !is_title(name) || !names.insert(name.to_owned()) {
-            let message = format!("`{}` is `{name}`", section.path_of("name"));
-            reader
-                .report_at(section, "name", ProblemKind::OutOfRange, message)
-                .expected("1 to 64 letters, digits, - and _, and no name twice");
+            let expected = "1 to 64 letters, digits, - and _, and no name twice";
+            reader.refuse(section, "name", name, expected);
         }
         let name = name.into();
         all.push(Variant { name, set });

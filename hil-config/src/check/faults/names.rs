@@ -44,16 +44,13 @@ impl<'a> Names<'a> {
             let Value::Text(name) = &entry.node.value else {
                 continue; // reported where the event is read
             };
-            let path = section.path_of("name");
             let is_legal = name.starts_with(|c: char| c.is_ascii_alphabetic()) && is_title(name);
             if !is_legal {
-                let message = format!("`{path}` is `{name}`");
-                reader
-                    .report(ProblemKind::OutOfRange, path, &entry.node.place, message)
-                    .expected("1 to 64 letters, digits, - and _, a letter first");
+                let expected = "1 to 64 letters, digits, - and _, a letter first";
+                reader.refuse(section, "name", name, expected);
             } else if all.by_name.contains_key(name.as_str()) {
                 let message = format!("another fault event is already named `{name}`");
-                reader.report(ProblemKind::Duplicate, path, &entry.node.place, message);
+                reader.report_at(section, "name", ProblemKind::Duplicate, message);
             }
             all.add(name, id);
         }
