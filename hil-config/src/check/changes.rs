@@ -13,17 +13,15 @@ use shared_types::table::Field;
 use shared_types::time::Step;
 
 use super::RequestContext;
+use super::parameters::{LISTED, collect, is_named};
 use super::run::Grid;
-use crate::document::{Entry, Table, Value};
+use crate::document::Entry;
 use crate::keys::LIVE_CHANGE;
 use crate::plan::{Change, PLANT_KEYS, REFERENCE_KEYS, Stimulus, law_keys};
 use crate::problem::{ProblemKind, Problems, listed};
 use crate::quantity::{Quantity, toml_float};
 use crate::reader::{Reader, Section};
 use crate::scenario::Scenario;
-
-/// More keys than these are not listed in a message.
-const LISTED: usize = 12;
 
 /// Context that changes are checked against. A part that is `None` is not right itself; whatever depends on
 /// that part is then not checked.
@@ -204,7 +202,7 @@ fn values(
     keys: Option<&[Known]>,
 ) -> Vec<ChangedValue> {
     let mut leaves = Vec::new();
-    collect(set.table, "", &mut leaves);
+    collect(set.table, "", &[], &mut leaves);
     let mut found: BTreeMap<String, (usize, ChangedValue)> = BTreeMap::new();
     for (name, entry) in leaves {
         // As it was typed, where it was.
@@ -253,11 +251,7 @@ fn is_meant(key: &str, written: &str) -> bool {
         let (Some(own), Some(other)) = (key.get(..length), written.get(..length)) else {
             return false;
         };
-        let ends = |name: &str, end: &str| {
-            name.strip_suffix(end)
-                .is_some_and(|rest| rest.is_empty() || rest.ends_with('.'))
-        };
-        own == other && own.ends_with('.') && ends(&key[length..], &written[length..])
+        own == other && own.ends_with('.') && is_named(&key[length..], &written[length..])
     })
 }
 
@@ -265,19 +259,6 @@ fn is_meant(key: &str, written: &str) -> bool {
 fn key_group(key: &str) -> usize {
     let mut dots = key.match_indices('.').map(|(place, _)| place + 1);
     dots.nth(1).unwrap_or(0)
-}
-
-/// Every value below a table with its dotted key. A table that is empty counts as a value.
-fn collect<'a>(table: &'a Table, prefix: &str, leaves: &mut Vec<(String, &'a Entry)>) {
-    for entry in table.entries() {
-        let key = format!("{prefix}{}", entry.key);
-        match &entry.node.value {
-            Value::Table(inner) if !inner.entries().is_empty() => {
-                collect(inner, &format!("{key}."), leaves);
-            }
-            _ => leaves.push((key, entry)),
-        }
-    }
 }
 
 fn unknown(
@@ -346,10 +327,7 @@ impl RequestContext {
     ) -> Result<Change, Problems> {
         let scenario = Scenario::parse(&toml(request), "request")?;
         let mut reader = Reader::new(scenario.sources.clone(), Vec::new());
-        let root = Section {
-            keys: LIVE_CHANGE,
-            ..super::root(&scenario)
-        };
+        let root = super::root(&scenario).with_keys(LIVE_CHANGE);
         let context = ChangeContext {
             plant: Some(&self.plant),
             law: Some(law),

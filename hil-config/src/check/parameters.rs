@@ -14,7 +14,7 @@ use crate::quantity::Quantity;
 use crate::reader::{Reader, Section};
 
 /// More names than this are not listed in a message.
-const LISTED: usize = 12;
+pub(super) const LISTED: usize = 12;
 
 /// The values that a section gives, by full name. `owner` is named in messages, for example
 /// ``plant `drhas` ``.
@@ -83,16 +83,14 @@ pub(super) fn complete(
 }
 
 /// Returns true if a key means a name: if the key is the name itself or the name's last parts.
-fn is_named(name: &str, key: &str) -> bool {
-    match name.strip_suffix(key) {
-        Some(rest) => rest.is_empty() || rest.ends_with('.'),
-        None => false,
-    }
+pub(super) fn is_named(name: &str, key: &str) -> bool {
+    let rest = name.strip_suffix(key);
+    rest.is_some_and(|rest| rest.is_empty() || rest.ends_with('.'))
 }
 
 /// Every value below a table with its dotted key. A table that is empty counts as a value unless a
 /// field has its name in front.
-fn collect<'a>(
+pub(super) fn collect<'a>(
     table: &'a Table,
     prefix: &str,
     fields: &[Field],
