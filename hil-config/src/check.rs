@@ -110,10 +110,7 @@ impl RequestContext {
     pub fn check(&self, toml: &str, internals: &[Field]) -> Result<Vec<FaultEvent>, Problems> {
         let scenario = Scenario::parse(toml, "request")?;
         let mut reader = Reader::new(scenario.sources.clone(), Vec::new());
-        let root = Section {
-            keys: keys::REQUEST,
-            ..root(&scenario)
-        };
+        let root = root(&scenario).with_keys(keys::REQUEST);
         let reference: Vec<Field> = self.stimuli.iter().flat_map(Stimulus::fields).collect();
         let mut columns = Columns::of(&self.plant, &self.stimuli, internals);
         for (name, text) in &self.derived {
@@ -185,7 +182,7 @@ fn check(
 }
 
 /// The whole of a scenario.
-fn root(scenario: &Scenario) -> Section<'_> {
+pub(crate) fn root(scenario: &Scenario) -> Section<'_> {
     const START: &Place = &Place {
         source: Sources::SCENARIO,
         span: 0..0,

@@ -8,14 +8,14 @@ use std::path::{Path, PathBuf};
 use shared_types::layout::is_name;
 
 use super::{Correlation, Goal, Item, Sampling, Spread, Study, Variant, Varied, flag_key};
-use crate::check::{TITLE, is_title};
+use crate::check::{self, TITLE, is_title};
 use crate::expression::{Columns, Group, is_reserved};
 use crate::flag;
 use crate::keys::{MOST_CASES, SPREADS, STUDY};
 use crate::problem::{ProblemKind, Problems};
 use crate::reader::{Reader, Section};
 use crate::scenario::{Scenario, read_regular, unreadable};
-use crate::source::{Place, Sources};
+use crate::source::Place;
 use spread::{spread, whole};
 
 /// Columns of the table of results beside the varied values.
@@ -29,34 +29,21 @@ pub(super) fn file(path: &Path) -> Result<Study, Problems> {
 }
 
 pub(super) fn text(text: &str, origin: PathBuf) -> Result<Study, Problems> {
-    let Scenario {
-        path,
-        sources,
-        table,
-        ..
-    } = Scenario::parse(text, origin)?;
-    let mut reader = Reader::new(sources.clone(), Vec::new());
-    let start = Place {
-        source: Sources::SCENARIO,
-        span: 0..0,
-    };
-    let root = Section {
-        table: &table,
-        keys: STUDY,
-        path: String::new(),
-        place: &start,
-    };
+    let written = Scenario::parse(text, origin)?;
+    let mut reader = Reader::new(written.sources.clone(), Vec::new());
+    let root = check::root(&written).with_keys(STUDY);
     let is_other_schema =
         root.table.get("schema").is_some() && reader.integer(&root, "schema").is_none();
     let study = if is_other_schema {
         None
     } else {
-        study(&mut reader, &root, &path, sources)
+        study(&mut reader, &root, &written)
     };
     reader.finish(study)
 }
 
-fn study(reader: &mut Reader, root: &Section<'_>, path: &Path, sources: Sources) -> Option<Study> {
+fn study(reader: &mut Reader, root: &Section<'_>, written: &Scenario) -> Option<Study> {
+    let path = &written.path;
     reader.integer(root, "schema");
     reader.refuse_unknown(root, &[]);
     let stem = path
@@ -110,7 +97,7 @@ fn study(reader: &mut Reader, root: &Section<'_>, path: &Path, sources: Sources)
         variants,
         correlations,
         goals,
-        sources,
+        sources: written.sources.clone(),
         homes: homes.all,
     })
 }
