@@ -121,6 +121,17 @@ impl Key {
     }
 }
 
+/// A kind of section, which has keys of its own.
+#[derive(Debug)]
+pub(crate) struct SectionKind {
+    /// Value of its key `kind`.
+    pub name: &'static str,
+    /// Description of the kind.
+    pub text: &'static str,
+    /// Keys of this kind alone.
+    pub keys: &'static [Key],
+}
+
 const fn number(unit: &'static str, min: f64, max: f64) -> KeyKind {
     KeyKind::Number {
         unit,

@@ -2,7 +2,7 @@
 
 use shared_types::time::Rate;
 
-use super::{Key, KeyKind, LENGTH, MAX_S, MAX_STEPS, TEXT, number, number_or};
+use super::{Key, KeyKind, LENGTH, MAX_S, MAX_STEPS, SectionKind, TEXT, number, number_or};
 
 /// A number of steps or times, with no default.
 const fn count(min: i64) -> KeyKind {
@@ -140,30 +140,19 @@ pub(crate) const TARGET: &[Key] = &[Key::new(
 /// `profile`; besides this the keys of the kind in [`PROFILES`].
 pub(crate) const PROFILE: &[Key] = &[Key::new("kind", TEXT, "Kind of profile.").required()];
 
-/// A kind of profile.
-#[derive(Debug)]
-pub(crate) struct ProfileKind {
-    /// The profile's `kind`.
-    pub name: &'static str,
-    /// Description of the profile.
-    pub text: &'static str,
-    /// Keys.
-    pub keys: &'static [Key],
-}
-
 /// The courses of an effect's size.
-pub(crate) const PROFILES: &[ProfileKind] = &[
-    ProfileKind {
+pub(crate) const PROFILES: &[SectionKind] = &[
+    SectionKind {
         name: "step",
         text: "1: all at once.",
         keys: &[],
     },
-    ProfileKind {
+    SectionKind {
         name: "ramp",
         text: "t / duration, at most 1.",
         keys: &[Key::new("duration_s", LENGTH, "Time to the full size.").required()],
     },
-    ProfileKind {
+    SectionKind {
         name: "exponential",
         text: "1 - exp(-speed t).",
         keys: &[Key::new(
@@ -173,12 +162,12 @@ pub(crate) const PROFILES: &[ProfileKind] = &[
         )
         .required()],
     },
-    ProfileKind {
+    SectionKind {
         name: "pulse",
         text: "1 for the duration, then 0.",
         keys: &[Key::new("duration_s", LENGTH, "Length of the pulse.").required()],
     },
-    ProfileKind {
+    SectionKind {
         name: "intermittent",
         text: "1 in the first part of every period, 0 in the rest.",
         keys: &[
@@ -186,7 +175,7 @@ pub(crate) const PROFILES: &[ProfileKind] = &[
             Key::new("duty", number("1", 1e-9, 1.0), "Active share of a period.").required(),
         ],
     },
-    ProfileKind {
+    SectionKind {
         name: "sine",
         text: "sin(2 pi frequency t + phase).",
         keys: &[
@@ -199,7 +188,7 @@ pub(crate) const PROFILES: &[ProfileKind] = &[
             Key::new("phase_rad", number_or("rad", -1e6, 1e6, 0.0), "Phase."),
         ],
     },
-    ProfileKind {
+    SectionKind {
         name: "table",
         text: "Straight lines between points, constant before the first and after the last.",
         keys: &[

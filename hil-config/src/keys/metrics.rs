@@ -1,6 +1,6 @@
 //! `[[metrics]]`: the keys of a metric and of each kind.
 
-use super::{Key, KeyKind, MAX_S, TEXT, number, number_or};
+use super::{Key, KeyKind, MAX_S, SectionKind, TEXT, number, number_or};
 
 /// `[[metrics]]`; besides these the keys of the kind in [`METRICS`].
 pub(crate) const METRIC: &[Key] = &[
@@ -20,27 +20,16 @@ pub(crate) const METRIC: &[Key] = &[
     ),
 ];
 
-/// A kind of metric.
-#[derive(Debug)]
-pub(crate) struct MetricKind {
-    /// The metric's `kind`.
-    pub name: &'static str,
-    /// Description of the metric.
-    pub text: &'static str,
-    /// Keys.
-    pub keys: &'static [Key],
-}
-
 const ANY: KeyKind = number("", f64::MIN, f64::MAX);
 
 /// The kinds of metrics.
-pub(crate) const METRICS: &[MetricKind] = &[
-    MetricKind {
+pub(crate) const METRICS: &[SectionKind] = &[
+    SectionKind {
         name: "expression",
         text: "Reductions of signals over windows.",
         keys: EXPRESSION,
     },
-    MetricKind {
+    SectionKind {
         name: "step-response",
         text: "Response of a signal to a step: rise_time_s from 10 to 90 %, overshoot as a part of the step, peak_time_s, settling_time_s, steady_state_error.",
         keys: &[
@@ -77,7 +66,7 @@ pub(crate) const METRICS: &[MetricKind] = &[
             ),
         ],
     },
-    MetricKind {
+    SectionKind {
         name: "frequency-response",
         text: "Response of a signal to a chirp: low_frequency_gain, bandwidth_hz at -3 dB, peak_gain over the low-frequency gain and peak_frequency_hz, phase_lag_90_frequency_hz.",
         keys: &[
@@ -94,7 +83,7 @@ pub(crate) const METRICS: &[MetricKind] = &[
             ),
         ],
     },
-    MetricKind {
+    SectionKind {
         name: "detection",
         text: "Detection of a fault and recovery from it: time_to_detect_s, missed, false_alarms, with `recovered` time_to_recover_s, with `effect` peak_effect and rms_effect.",
         keys: &[

@@ -1,19 +1,9 @@
 //! Keys of a study, the file of a campaign.
 
-use super::{Key, KeyKind, TEXT, VERSION, integer, number, number_or};
+use super::{Key, KeyKind, SectionKind, TEXT, VERSION, integer, number, number_or};
 
 /// Most cases of a campaign.
 pub(crate) const MOST_CASES: i64 = 100_000_000;
-
-/// A kind of variation.
-pub(crate) struct SpreadKind {
-    /// Name.
-    pub(crate) name: &'static str,
-    /// Meaning.
-    pub(crate) text: &'static str,
-    /// Keys, besides those of every variation.
-    pub(crate) keys: &'static [Key],
-}
 
 const ANY: f64 = f64::MAX;
 
@@ -126,13 +116,13 @@ pub(crate) const VARY: &[Key] = &[
 ];
 
 /// Kinds of `[[vary]]`.
-pub(crate) const SPREADS: &[SpreadKind] = &[
-    SpreadKind {
+pub(crate) const SPREADS: &[SectionKind] = &[
+    SectionKind {
         name: "uniform",
         text: "Any value between min and max, equally likely.",
         keys: &[MIN, MAX, WHOLE],
     },
-    SpreadKind {
+    SectionKind {
         name: "normal",
         text: "A normal distribution, truncated and not clamped if it is bounded.",
         keys: &[
@@ -153,7 +143,7 @@ pub(crate) const SPREADS: &[SpreadKind] = &[
             WHOLE,
         ],
     },
-    SpreadKind {
+    SectionKind {
         name: "lognormal",
         text: "A value whose logarithm has a normal distribution.",
         keys: &[
@@ -169,12 +159,12 @@ pub(crate) const SPREADS: &[SpreadKind] = &[
             WHOLE,
         ],
     },
-    SpreadKind {
+    SectionKind {
         name: "list",
         text: "One of these values, equally likely; numbers, texts, true or false.",
         keys: &[Key::new("values", KeyKind::Values, "The values, all of one type.").required()],
     },
-    SpreadKind {
+    SectionKind {
         name: "grid",
         text: "One of several equally spaced numbers.",
         keys: &[
@@ -201,7 +191,7 @@ pub(crate) const SPREADS: &[SpreadKind] = &[
             WHOLE,
         ],
     },
-    SpreadKind {
+    SectionKind {
         name: "expression",
         text: "Value computed from values that are varied before it.",
         keys: &[
