@@ -150,11 +150,27 @@ const fn number_or(unit: &'static str, min: f64, max: f64, default: f64) -> KeyK
     }
 }
 
-const fn integer(min: i64, max: i64, default: i64) -> KeyKind {
+const fn integer(min: i64, max: i64) -> KeyKind {
+    KeyKind::Integer {
+        min,
+        max,
+        default: None,
+    }
+}
+
+const fn integer_or(min: i64, max: i64, default: i64) -> KeyKind {
     KeyKind::Integer {
         min,
         max,
         default: Some(default),
+    }
+}
+
+/// One of these texts, the first one by default.
+const fn choice(choices: &'static [&'static str]) -> KeyKind {
+    KeyKind::Text {
+        choices,
+        default: Some(choices[0]),
     }
 }
 
@@ -172,16 +188,8 @@ const LENGTH: KeyKind = number("s", 1e-9, MAX_S);
 pub(crate) const FILE: &[Key] =
     &[Key::new("file", TEXT, "CSV file, relative to the scenario.").required()];
 
-const VERSION: Key = Key::new(
-    "schema",
-    KeyKind::Integer {
-        min: SCHEMA,
-        max: SCHEMA,
-        default: None,
-    },
-    "Version of this format.",
-)
-.required();
+const VERSION: Key =
+    Key::new("schema", integer(SCHEMA, SCHEMA), "Version of this format.").required();
 
 /// The whole scenario.
 pub(crate) const SCENARIO: &[Key] = &[
@@ -268,15 +276,12 @@ pub(crate) const RUN: &[Key] = &[
     .required(),
     Key::new(
         "seed",
-        integer(0, i64::MAX, 1),
+        integer_or(0, i64::MAX, 1),
         "Seed of every random stream.",
     ),
     Key::new(
         "clock",
-        KeyKind::Text {
-            choices: &["lockstep", "paced", "realtime"],
-            default: Some("lockstep"),
-        },
+        choice(&["lockstep", "paced", "realtime"]),
         "Release of each step: lockstep runs as fast as both sides can; paced is lockstep that also waits for the clock; realtime waits for the clock alone, and a late command is replaced by the last one.",
     ),
     Key::new(
@@ -286,10 +291,7 @@ pub(crate) const RUN: &[Key] = &[
     ),
     Key::new(
         "overrun",
-        KeyKind::Text {
-            choices: &["catch-up", "skip", "stretch", "abort"],
-            default: Some("catch-up"),
-        },
+        choice(&["catch-up", "skip", "stretch", "abort"]),
         "Handling of a step that is due before the previous step is done, paced or in real time: catch-up begins late steps at once, skip waits for the next point of the grid, stretch moves the grid, abort ends the run (in real time also for a missed command).",
     ),
     Key::new(
@@ -299,10 +301,7 @@ pub(crate) const RUN: &[Key] = &[
     ),
     Key::new(
         "on_controller_loss",
-        KeyKind::Text {
-            choices: &["abort", "hold", "safe-command", "wait-for-restart"],
-            default: Some("abort"),
-        },
+        choice(&["abort", "hold", "safe-command", "wait-for-restart"]),
         "Reaction of the plant when its controller dies, stops answering or breaks the protocol: abort ends the run; hold continues with the last command; safe-command continues with plant.safe_command; wait-for-restart restarts the controller and waits for it, in real time with the last command.",
     ),
 ];
@@ -322,7 +321,7 @@ pub(crate) const PLANT: &[Key] = &[
     ),
     Key::new(
         "substeps",
-        integer(1, 1000, 4),
+        integer_or(1, 1000, 4),
         "Integration steps in one exchange step.",
     ),
     Key::new(
@@ -362,7 +361,7 @@ pub(crate) const CONTROLLER: &[Key] = &[
     ),
     Key::new(
         "command_delay_steps",
-        integer(0, 1, 0),
+        integer_or(0, 1, 0),
         "Steps between a sample and the command that answers it.",
     ),
     Key::new(

@@ -2,15 +2,13 @@
 
 use shared_types::time::Rate;
 
-use super::{Key, KeyKind, LENGTH, MAX_S, MAX_STEPS, SectionKind, TEXT, number, number_or};
+use super::{
+    Key, KeyKind, LENGTH, MAX_S, MAX_STEPS, SectionKind, TEXT, integer, number, number_or,
+};
 
 /// A number of steps or times, with no default.
 const fn count(min: i64) -> KeyKind {
-    KeyKind::Integer {
-        min,
-        max: MAX_STEPS as i64,
-        default: None,
-    }
+    integer(min, MAX_STEPS as i64)
 }
 
 const TIME: KeyKind = number("s", 0.0, MAX_S);

@@ -1,6 +1,6 @@
 //! `[[plots]]` and `[panel]`.
 
-use super::{Key, KeyKind, TEXT, number_or};
+use super::{Key, KeyKind, TEXT, choice, number_or};
 
 /// `[[plots]]`.
 pub(crate) const PLOT: &[Key] = &[
@@ -18,10 +18,7 @@ pub(crate) const PLOT: &[Key] = &[
     ),
     Key::new(
         "scale",
-        KeyKind::Text {
-            choices: &["linear", "log"],
-            default: Some("linear"),
-        },
+        choice(&["linear", "log"]),
         "Scale of the vertical axis; log shows magnitudes.",
     ),
     Key::new(

@@ -1,6 +1,6 @@
 //! `[realtime]`.
 
-use super::{Key, KeyKind, integer};
+use super::{Key, KeyKind, choice, integer, integer_or};
 
 /// Highest number of a core that Linux can be asked for.
 const MAX_CORE: i64 = 1023;
@@ -9,11 +9,7 @@ const MAX_PRIORITY: i64 = 98;
 /// Longest latency in us that makes a difference: no processor sleeps so deep.
 const MAX_LATENCY_US: i64 = 1_000_000;
 
-const CORE: KeyKind = KeyKind::Integer {
-    min: 0,
-    max: MAX_CORE,
-    default: None,
-};
+const CORE: KeyKind = integer(0, MAX_CORE);
 
 /// `[realtime]`.
 pub(crate) const REALTIME: &[Key] = &[
@@ -34,16 +30,12 @@ pub(crate) const REALTIME: &[Key] = &[
     ),
     Key::new(
         "dma_latency_us",
-        KeyKind::Integer {
-            min: 0,
-            max: MAX_LATENCY_US,
-            default: None,
-        },
+        integer(0, MAX_LATENCY_US),
         "Longest allowed wake-up time of a core during the run, in us; 0 keeps all cores awake. Default: the setting of the system.",
     ),
     Key::new(
         "priority",
-        integer(0, MAX_PRIORITY, 0),
+        integer_or(0, MAX_PRIORITY, 0),
         "SCHED_FIFO priority of the loops of plant and controller; 0: ordinary scheduling.",
     ),
     Key::new(
@@ -58,10 +50,7 @@ pub(crate) const REALTIME: &[Key] = &[
     ),
     Key::new(
         "wait",
-        KeyKind::Text {
-            choices: &["hybrid", "spin", "yield", "sleep"],
-            default: Some("hybrid"),
-        },
+        choice(&["hybrid", "spin", "yield", "sleep"]),
         "Waiting strategy of both sides: hybrid polls, then yields the core or sleeps, depending on earlier waits; spin polls and never yields the core; yield yields the core after each poll; sleep sleeps until the other side sends.",
     ),
 ];

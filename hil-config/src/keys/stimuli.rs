@@ -2,7 +2,7 @@
 
 use shared_types::time::Rate;
 
-use super::{Key, KeyKind, LENGTH, MAX_S, TEXT, number, number_or};
+use super::{Key, KeyKind, LENGTH, MAX_S, TEXT, choice, number, number_or};
 
 /// `[[stimuli]]`; besides these the keys of the kind in [`WAVEFORMS`].
 pub(crate) const STIMULUS: &[Key] = &[
@@ -104,10 +104,7 @@ pub(crate) const WAVEFORMS: &[WaveformKind] = &[
             Key::new("duration_s", LENGTH, "Length of the sweep.").required(),
             Key::new(
                 "sweep",
-                KeyKind::Text {
-                    choices: &["linear", "logarithmic"],
-                    default: Some("linear"),
-                },
+                choice(&["linear", "logarithmic"]),
                 "linear: the frequency rises by the same amount in each second; logarithmic: by the same ratio, both frequencies above 0.",
             ),
             Key::new("offset", ANY_OR_ZERO, "Mean value."),

@@ -1,6 +1,8 @@
 //! Keys of a study, the file of a campaign.
 
-use super::{Key, KeyKind, SectionKind, TEXT, VERSION, integer, number, number_or};
+use super::{
+    Key, KeyKind, SectionKind, TEXT, VERSION, choice, integer, integer_or, number, number_or,
+};
 
 /// Most cases of a campaign.
 pub(crate) const MOST_CASES: i64 = 100_000_000;
@@ -43,24 +45,17 @@ pub(crate) const STUDY: &[Key] = &[
     ),
     Key::new(
         "cases",
-        KeyKind::Integer {
-            min: 1,
-            max: MOST_CASES,
-            default: None,
-        },
+        integer(1, MOST_CASES),
         "Number of draws; each draw is one case of every variant. A grid has one draw for each of its points.",
     ),
     Key::new(
         "seed",
-        integer(0, i64::MAX, 1),
+        integer_or(0, i64::MAX, 1),
         "Seed of the draws and of run.seed in each case, which is drawn too unless the study sets or varies it.",
     ),
     Key::new(
         "sampling",
-        KeyKind::Text {
-            choices: &["independent", "latin-hypercube", "sobol", "grid"],
-            default: Some("independent"),
-        },
+        choice(&["independent", "latin-hypercube", "sobol", "grid"]),
         "Method of drawing values: independent draws give probabilities with bounds; a Latin hypercube and Sobol' points cover the space more evenly but give no such probabilities; a grid takes all combinations of lists and ranges.",
     ),
     Key::new(
@@ -172,20 +167,13 @@ pub(crate) const SPREADS: &[SectionKind] = &[
             MAX,
             Key::new(
                 "points",
-                KeyKind::Integer {
-                    min: 2,
-                    max: 1_000_000,
-                    default: None,
-                },
+                integer(2, 1_000_000),
                 "Number of points, both ends included.",
             )
             .required(),
             Key::new(
                 "scale",
-                KeyKind::Text {
-                    choices: &["linear", "log"],
-                    default: Some("linear"),
-                },
+                choice(&["linear", "log"]),
                 "Equal differences, or equal ratios.",
             ),
             WHOLE,
