@@ -29,11 +29,7 @@ use crate::runner::{End, Progress, Runner, choose};
 /// The origin is [`origin!`](macro@shared_types::origin), or a version alone.
 #[must_use]
 pub fn run(program: &'static str, origin: impl Into<Origin>, laws: Vec<LawKind>) -> ExitCode {
-    program::run(&ControllerProgram {
-        program: program.into(),
-        origin: origin.into(),
-        laws: with_hold(laws),
-    })
+    program::run(&of(program, origin, laws))
 }
 
 /// Does the same as [`run`] with arguments, of which the first is the program's own path, for a `main` that is not
@@ -45,12 +41,7 @@ pub fn answer(
     version: String,
     laws: Vec<LawKind>,
 ) -> u8 {
-    let program = ControllerProgram {
-        program,
-        origin: version.into(),
-        laws: with_hold(laws),
-    };
-    program::answer(&program, arguments)
+    program::answer(&of(&program, version, laws), arguments)
 }
 
 /// The program that [`run`] runs, for a `main` that adds to its description.

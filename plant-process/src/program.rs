@@ -66,13 +66,7 @@ pub fn answer(
     version: String,
     plants: Vec<PlantKind>,
 ) -> u8 {
-    let program = PlantProgram {
-        program,
-        origin: version.into(),
-        plants,
-        faults: kinds::all(),
-    };
-    program::answer(&program, arguments)
+    program::answer(&of(&program, version, plants), arguments)
 }
 
 /// The program that [`run`] runs, for a `main` that adds to its description.
