@@ -7,7 +7,7 @@ use shared_types::link::in_process::{InProcessLink, pair};
 use shared_types::supervision::Supervision;
 use shared_types::wait::{WaitLimit, Waiter};
 
-use super::tests::{greet, job, kind};
+use super::tests::{greeted, job, kind};
 use super::*;
 
 /// Much longer than any limit here, for a machine that is busy.
@@ -24,11 +24,11 @@ struct Echo {
 }
 
 impl Echo {
-    fn of(inner: InProcessLink, message: Option<Vec<u8>>, frame: Option<Header>) -> Self {
+    fn of(inner: InProcessLink) -> Self {
         Self {
             inner,
-            message,
-            frame,
+            message: None,
+            frame: None,
             left: u64::MAX,
         }
     }
@@ -84,8 +84,8 @@ fn messages_that_are_no_welcome_do_not_put_off_the_limit_of_hello() {
     for message in [ready, b"good morning".to_vec()] {
         let (_plant, inner) = pair();
         let kind = kind();
-        let echo = Echo::of(inner, Some(message), None);
-        let mut runner = Runner::new(&kind, job(1, 0), echo).expect("starts");
+        let mut runner = Runner::new(&kind, job(1, 0), Echo::of(inner)).expect("starts");
+        runner.link.message = Some(message);
         let late = "plant did not answer hello within 0.1 s";
         assert_eq!(ends(&mut runner), late);
     }
@@ -93,11 +93,8 @@ fn messages_that_are_no_welcome_do_not_put_off_the_limit_of_hello() {
 
 #[test]
 fn messages_do_not_put_off_the_limit_of_the_first_sample() {
-    let (mut plant, inner) = pair();
     let kind = kind();
-    let echo = Echo::of(inner, None, None);
-    let mut runner = Runner::new(&kind, job(1, 0), echo).expect("starts");
-    greet(&mut runner, &mut plant, 10.0);
+    let (_plant, mut runner) = greeted(&kind, job(1, 0), Echo::of);
     runner.link.message = Some(b"good morning".to_vec());
     let late = "plant did not send step 0 within 0.1 s";
     assert_eq!(ends(&mut runner), late);
@@ -105,11 +102,8 @@ fn messages_do_not_put_off_the_limit_of_the_first_sample() {
 
 #[test]
 fn an_old_sample_repeated_for_ever_does_not_put_off_the_limit() {
-    let (mut plant, inner) = pair();
     let kind = kind();
-    let echo = Echo::of(inner, None, None);
-    let mut runner = Runner::new(&kind, job(1, 0), echo).expect("starts");
-    greet(&mut runner, &mut plant, 10.0);
+    let (mut plant, mut runner) = greeted(&kind, job(1, 0), Echo::of);
     let sample = Header::new(FrameKind::Sample, Step(0));
     plant.send(&sample, &[0.0; 2]).expect("sends");
     assert_eq!(runner.poll().expect("polls"), Progress::Busy);
@@ -120,11 +114,8 @@ fn an_old_sample_repeated_for_ever_does_not_put_off_the_limit() {
 
 #[test]
 fn a_hold_puts_off_the_limit_for_as_long_as_it_is_said() {
-    let (mut plant, inner) = pair();
     let kind = kind();
-    let echo = Echo::of(inner, None, None);
-    let mut runner = Runner::new(&kind, job(1, 0), echo).expect("starts");
-    greet(&mut runner, &mut plant, 10.0);
+    let (_plant, mut runner) = greeted(&kind, job(1, 0), Echo::of);
     runner.link.frame = Some(Header::new(FrameKind::Hold, Step(0)));
     // A poll that brings a hold is no pause: these take no time.
     let since_ns = monotonic_ns();

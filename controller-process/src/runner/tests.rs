@@ -87,7 +87,7 @@ pub(super) fn job(rate_divisor: u32, command_delay_steps: u32) -> Job {
 }
 
 /// The plant's end after hello, which has a signal too many in front.
-pub(super) fn greet<L: Link>(runner: &mut Runner<'_, L>, plant: &mut InProcessLink, rate_hz: f64) {
+fn greet<L: Link>(runner: &mut Runner<'_, L>, plant: &mut InProcessLink, rate_hz: f64) {
     runner.begin().expect("begins");
     let bytes = plant.receive_control().expect("polls").expect("a hello");
     let Ok(Control::Hello(hello)) = Control::from_bytes(&bytes) else {
@@ -120,6 +120,31 @@ pub(super) fn greet<L: Link>(runner: &mut Runner<'_, L>, plant: &mut InProcessLi
     runner.poll().expect("polls");
 }
 
+/// A runner behind hello, on a link that is made of one end of a pair, and the plant at the other end.
+pub(super) fn greeted<L: Link>(
+    kind: &LawKind,
+    job: Job,
+    link: impl FnOnce(InProcessLink) -> L,
+) -> (InProcessLink, Runner<'_, L>) {
+    let (mut plant, inner) = pair();
+    let mut runner = Runner::new(kind, job, link(inner)).expect("starts");
+    greet(&mut runner, &mut plant, 10.0);
+    (plant, runner)
+}
+
+/// Sends a sample and polls once; gives the answer and its values.
+fn answer(
+    (plant, runner): &mut (InProcessLink, Runner<'_, InProcessLink>),
+    sample: &Header,
+    values: [f64; 2],
+) -> (Header, [f64; 4]) {
+    plant.send(sample, &values).expect("sends");
+    runner.poll().expect("polls");
+    let mut frame = [0.0; 4];
+    let header = plant.receive(&mut frame).expect("polls");
+    (header.expect("an answer"), frame)
+}
+
 /// Sends positions 1, 2, 3 .. and gives force, calls and age of each answer.
 fn answers(job: Job, steps: u64) -> Vec<(f64, f64, u32)> {
     directed(job, steps, |_| Directive::default())
@@ -127,25 +152,15 @@ fn answers(job: Job, steps: u64) -> Vec<(f64, f64, u32)> {
 
 /// Sends positions as [`answers`] does, with a directive in each sample; gives the same.
 fn directed(job: Job, steps: u64, directive: fn(u64) -> Directive) -> Vec<(f64, f64, u32)> {
-    let (mut plant, link) = pair();
     let kind = kind();
-    let mut runner = Runner::new(&kind, job, link).expect("starts");
-    greet(&mut runner, &mut plant, 10.0);
-    let mut frame = [0.0; 4];
+    let mut ends = greeted(&kind, job, |link| link);
     (0..steps)
         .map(|step| {
             let sample = Header {
                 directive: directive(step).to_wire(),
                 ..Header::new(FrameKind::Sample, Step(step))
             };
-            plant
-                .send(&sample, &[99.0, (step + 1) as f64])
-                .expect("sends");
-            runner.poll().expect("polls");
-            let answer = plant
-                .receive(&mut frame)
-                .expect("polls")
-                .expect("an answer");
+            let (answer, frame) = answer(&mut ends, &sample, [99.0, (step + 1) as f64]);
             assert_eq!(answer.step, step);
             (frame[0], frame[1], answer.age_steps)
         })
@@ -225,10 +240,8 @@ fn a_late_slow_law_misses_its_turn() {
 
 #[test]
 fn a_busy_controller_answers_the_same_and_takes_the_time() {
-    let (mut plant, link) = pair();
     let kind = kind();
-    let mut runner = Runner::new(&kind, job(1, 0), link).expect("starts");
-    greet(&mut runner, &mut plant, 10.0);
+    let mut ends = greeted(&kind, job(1, 0), |link| link);
     let busy = Directive {
         busy_ns: 300_000,
         ..Directive::default()
@@ -237,49 +250,33 @@ fn a_busy_controller_answers_the_same_and_takes_the_time() {
         directive: busy.to_wire(),
         ..Header::new(FrameKind::Sample, Step(0))
     };
-    plant.send(&sample, &[99.0, 1.0]).expect("sends");
-    runner.poll().expect("polls");
-    let mut frame = [0.0; 4];
-    let answer = plant.receive(&mut frame).expect("polls").expect("answers");
+    let (answer, frame) = answer(&mut ends, &sample, [99.0, 1.0]);
     assert_eq!((frame[0], answer.age_steps), (10.0, 0));
     assert!(answer.work_ns >= 300_000, "{} ns", answer.work_ns);
 }
 
 #[test]
 fn a_hold_is_told_and_the_sample_is_still_awaited() {
-    let (mut plant, link) = pair();
     let kind = kind();
-    let mut runner = Runner::new(&kind, job(1, 0), link).expect("starts");
-    greet(&mut runner, &mut plant, 10.0);
+    let mut ends = greeted(&kind, job(1, 0), |link| link);
+    let (plant, runner) = &mut ends;
     let hold = Header::new(FrameKind::Hold, Step(0));
     plant.send(&hold, &[]).expect("sends");
     assert_eq!(runner.poll().expect("polls"), Progress::Held);
     assert_eq!(runner.poll().expect("polls"), Progress::Plant);
-    plant
-        .send(&Header::new(FrameKind::Sample, Step(0)), &[99.0, 1.0])
-        .expect("sends");
-    runner.poll().expect("polls");
-    let mut frame = [0.0; 4];
-    plant.receive(&mut frame).expect("polls").expect("answers");
+    let sample = Header::new(FrameKind::Sample, Step(0));
+    let (_, frame) = answer(&mut ends, &sample, [99.0, 1.0]);
     assert_eq!(frame[0], 10.0);
 }
 
 #[test]
 fn a_law_hears_of_an_invalid_signal_and_only_of_its_own() {
-    let (mut plant, link) = pair();
     let kind = kind();
-    let mut runner = Runner::new(&kind, job(1, 0), link).expect("starts");
-    greet(&mut runner, &mut plant, 10.0);
-    let mut frame = [0.0; 4];
+    let mut ends = greeted(&kind, job(1, 0), |link| link);
     for (step, invalid, valid) in [(0, 0b00, 1.0), (1, 0b01, 1.0), (2, 0b10, 0.0)] {
         let mut sample = Header::new(FrameKind::Sample, Step(step));
         sample.invalid[0] = invalid;
-        plant.send(&sample, &[0.0, 0.0]).expect("sends");
-        runner.poll().expect("polls");
-        plant
-            .receive(&mut frame)
-            .expect("polls")
-            .expect("an answer");
+        let (_, frame) = answer(&mut ends, &sample, [0.0, 0.0]);
         assert_eq!(frame[2..], [valid, step as f64 / 10.0], "step {step}");
     }
 }
@@ -321,9 +318,7 @@ fn a_law_with_commands_of_its_own_is_started_once() {
         }),
         ..kind()
     };
-    let (mut plant, link) = pair();
-    let mut runner = Runner::new(&counted, job(1, 0), link).expect("fits");
-    greet(&mut runner, &mut plant, 10.0);
+    let (_plant, runner) = greeted(&counted, job(1, 0), |link| link);
     assert!(runner.bound.is_some());
     assert_eq!(STARTS.load(Ordering::Relaxed), 1);
 }
@@ -346,17 +341,13 @@ impl Law for Fails {
 fn a_law_that_fails_gives_up_at_its_step_with_its_reason() {
     let kind = LawKind::from_tables(kind().description, |_| Ok(Box::new(Fails(0))));
     let kind = kind.expect("sound tables");
-    let (mut plant, link) = pair();
-    let mut runner = Runner::new(&kind, job(1, 0), link).expect("starts");
-    greet(&mut runner, &mut plant, 10.0);
-    let mut frame = [0.0; 4];
+    let mut ends = greeted(&kind, job(1, 0), |link| link);
     for (step, wanted) in [(0, FrameKind::Command), (1, FrameKind::Abort)] {
         let sample = Header::new(FrameKind::Sample, Step(step));
-        plant.send(&sample, &[99.0, 1.0]).expect("sends");
-        runner.poll().expect("polls");
-        let answer = plant.receive(&mut frame).expect("polls");
-        assert_eq!(answer.and_then(|header| header.kind()), Some(wanted));
+        let (answer, _) = answer(&mut ends, &sample, [99.0, 1.0]);
+        assert_eq!(answer.kind(), Some(wanted));
     }
+    let (_, mut runner) = ends;
     assert_eq!(runner.poll().expect("polls"), Progress::Over);
     let Some(End::Aborted(abort)) = runner.end() else {
         panic!("it went on");

@@ -91,13 +91,11 @@ struct Bench<'a> {
 
 impl<'a> Bench<'a> {
     fn new(kind: &'a LawKind, job: Job) -> Self {
-        let (mut plant, link) = pair();
         let job = Job {
             parameters: shared_types::describe::Settings::of(&Gains::default()),
             ..job
         };
-        let mut runner = Runner::new(kind, job, link).expect("starts");
-        greet(&mut runner, &mut plant, 10.0);
+        let (mut plant, runner) = greeted(kind, job, |link| link);
         plant.receive_control().expect("a ready");
         Self { plant, runner }
     }
