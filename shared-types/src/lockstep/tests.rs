@@ -43,6 +43,13 @@ fn plant(steps: u64) -> PlantSide {
     plant
 }
 
+/// Checks how a plant answers events, one after another.
+fn answers<const N: usize>(plant: &mut PlantSide, course: [(PlantEvent<'_>, PlantAction); N]) {
+    for (place, (event, action)) in course.into_iter().enumerate() {
+        assert_eq!(plant.on(&event), action, "{place}: {event:?}");
+    }
+}
+
 /// A controller past hello.
 fn controller() -> ControllerSide {
     controller_of(false)
@@ -52,10 +59,8 @@ fn controller() -> ControllerSide {
 fn controller_of(against_clock: bool) -> ControllerSide {
     let hello = hello();
     let mut controller = ControllerSide::new();
-    assert_eq!(
-        controller.on(&ControllerEvent::Begin(&hello)),
-        ControllerAction::SendHello
-    );
+    let begun = controller.on(&ControllerEvent::Begin(&hello));
+    assert_eq!(begun, ControllerAction::SendHello);
     let offer = Offer {
         against_clock,
         ..offer(&hello.measured, 3)
@@ -64,10 +69,8 @@ fn controller_of(against_clock: bool) -> ControllerSide {
     let message = Control::Welcome(Box::new(welcome));
     let opened = controller.on(&ControllerEvent::Control(&message));
     assert!(matches!(opened, ControllerAction::OpenFrames(_)));
-    assert_eq!(
-        controller.on(&ControllerEvent::Opened),
-        ControllerAction::SendReady(1)
-    );
+    let ready = controller.on(&ControllerEvent::Opened);
+    assert_eq!(ready, ControllerAction::SendReady(1));
     controller
 }
 
@@ -75,33 +78,21 @@ fn controller_of(against_clock: bool) -> ControllerSide {
 fn both_sides_execute_the_same_steps_and_confirm_the_end() {
     let (mut plant, mut controller) = (plant(3), controller());
     for step in 0..3 {
-        assert_eq!(
-            plant.on(&PlantEvent::Release),
-            PlantAction::SendSample(Step(step))
-        );
+        let sent = plant.on(&PlantEvent::Release);
+        assert_eq!(sent, PlantAction::SendSample(Step(step)));
         let sample = header(FrameKind::Sample, step);
         let answer = controller.on(&ControllerEvent::Frame(&sample));
         assert_eq!(answer, ControllerAction::Answer(Step(step)));
         let command = header(FrameKind::Command, step);
-        assert_eq!(
-            plant.on(&PlantEvent::Frame(&command)),
-            PlantAction::Apply(Step(step))
-        );
+        let applied = plant.on(&PlantEvent::Frame(&command));
+        assert_eq!(applied, PlantAction::Apply(Step(step)));
     }
-    assert_eq!(
-        plant.on(&PlantEvent::Release),
-        PlantAction::SendEnd(Step(3))
-    );
-    let end = header(FrameKind::End, 3);
-    assert_eq!(
-        controller.on(&ControllerEvent::Frame(&end)),
-        ControllerAction::ConfirmEnd(Step(3))
-    );
-    let confirmed = header(FrameKind::EndConfirmed, 3);
-    assert_eq!(
-        plant.on(&PlantEvent::Frame(&confirmed)),
-        PlantAction::Finish
-    );
+    let ended = plant.on(&PlantEvent::Release);
+    assert_eq!(ended, PlantAction::SendEnd(Step(3)));
+    let end = controller.on(&ControllerEvent::Frame(&header(FrameKind::End, 3)));
+    assert_eq!(end, ControllerAction::ConfirmEnd(Step(3)));
+    let confirmed = plant.on(&PlantEvent::Frame(&header(FrameKind::EndConfirmed, 3)));
+    assert_eq!(confirmed, PlantAction::Finish);
     assert!(plant.is_over() && controller.is_over());
 }
 
@@ -141,33 +132,24 @@ fn a_command_seen_twice_is_applied_once() {
     plant.on(&PlantEvent::Release);
     let command = header(FrameKind::Command, 0);
     let repeated = PlantAction::Ignore(Reason::Repeated);
-    assert_eq!(
-        plant.on(&PlantEvent::Frame(&command)),
-        PlantAction::Apply(Step(0))
-    );
+    let applied = plant.on(&PlantEvent::Frame(&command));
+    assert_eq!(applied, PlantAction::Apply(Step(0)));
     assert_eq!(plant.on(&PlantEvent::Frame(&command)), repeated);
     plant.on(&PlantEvent::Release);
     assert_eq!(plant.on(&PlantEvent::Frame(&command)), repeated);
     assert_eq!(plant.ignored().of(Reason::Repeated), 2);
-    let next = header(FrameKind::Command, 1);
-    assert_eq!(
-        plant.on(&PlantEvent::Frame(&next)),
-        PlantAction::Apply(Step(1))
-    );
+    let next = plant.on(&PlantEvent::Frame(&header(FrameKind::Command, 1)));
+    assert_eq!(next, PlantAction::Apply(Step(1)));
 }
 
 #[test]
 fn a_sample_seen_twice_is_answered_once() {
     let mut controller = controller();
     let sample = header(FrameKind::Sample, 0);
-    assert_eq!(
-        controller.on(&ControllerEvent::Frame(&sample)),
-        ControllerAction::Answer(Step(0))
-    );
-    assert_eq!(
-        controller.on(&ControllerEvent::Frame(&sample)),
-        ControllerAction::Ignore
-    );
+    let answer = controller.on(&ControllerEvent::Frame(&sample));
+    assert_eq!(answer, ControllerAction::Answer(Step(0)));
+    let again = controller.on(&ControllerEvent::Frame(&sample));
+    assert_eq!(again, ControllerAction::Ignore);
 }
 
 #[test]
@@ -235,11 +217,8 @@ fn every_wait_of_the_plant_names_who_is_late_and_for_what() {
         "controller did not say hello within 5 s"
     );
     let mut waiting = plant(3);
-    assert_eq!(
-        waiting.on(&PlantEvent::Deadline(5000)),
-        PlantAction::Nothing,
-        "nothing is awaited"
-    );
+    let idle = waiting.on(&PlantEvent::Deadline(5000));
+    assert_eq!(idle, PlantAction::Nothing, "nothing is awaited");
     waiting.on(&PlantEvent::Release);
     assert_eq!(late(waiting), "controller did not answer step 0 within 5 s");
     let mut ending = plant(0);
@@ -264,26 +243,18 @@ fn every_wait_of_the_controller_names_who_is_late_and_for_what() {
 
 #[test]
 fn stop_and_loss_end_every_state() {
-    let mut fresh = PlantSide::new(1);
-    assert_eq!(
-        fresh.on(&PlantEvent::Stop),
-        PlantAction::Abort(Abort::Stopped { at: Step(0) })
-    );
+    let stopped = PlantSide::new(1).on(&PlantEvent::Stop);
+    assert_eq!(stopped, PlantAction::Abort(Abort::Stopped { at: Step(0) }));
     let mut running = plant(3);
     running.on(&PlantEvent::Release);
     let gone = Abort::Gone {
         peer: "controller",
         at: Step(0),
     };
-    assert_eq!(
-        running.on(&PlantEvent::PeerGone(1)),
-        PlantAction::Abort(gone)
-    );
-    assert_eq!(
-        running.on(&PlantEvent::Release),
-        PlantAction::Nothing,
-        "over is over"
-    );
+    let lost = running.on(&PlantEvent::PeerGone(1));
+    assert_eq!(lost, PlantAction::Abort(gone));
+    let over = running.on(&PlantEvent::Release);
+    assert_eq!(over, PlantAction::Nothing, "over is over");
     let mut answering = controller();
     answering.on(&ControllerEvent::Frame(&header(FrameKind::Sample, 0)));
     let stopped = ControllerAction::Abort(Abort::Stopped { at: Step(1) });
@@ -341,60 +312,40 @@ fn a_ready_of_another_epoch_does_not_start_the_run() {
 #[test]
 fn against_the_clock_a_missed_command_is_held_and_a_late_one_kept() {
     let mut plant = plant(3).against_clock();
-    let command = |step| header(FrameKind::Command, step);
-    assert_eq!(
-        plant.on(&PlantEvent::Release),
-        PlantAction::SendSample(Step(0))
-    );
-    assert_eq!(plant.on(&PlantEvent::Missed), PlantAction::Hold(Step(0)));
-    assert_eq!(
-        plant.on(&PlantEvent::Release),
-        PlantAction::SendSample(Step(1))
-    );
-    assert_eq!(plant.on(&PlantEvent::Frame(&command(0))), PlantAction::Keep);
-    assert_eq!(plant.on(&PlantEvent::Missed), PlantAction::Hold(Step(1)));
-    assert_eq!(
-        plant.on(&PlantEvent::Release),
-        PlantAction::SendSample(Step(2))
-    );
-    assert_eq!(
-        plant.on(&PlantEvent::Frame(&command(2))),
-        PlantAction::Apply(Step(2))
-    );
-    assert_eq!(
-        plant.on(&PlantEvent::Release),
-        PlantAction::SendEnd(Step(3))
-    );
-    assert_eq!(
-        plant.on(&PlantEvent::Frame(&command(1))),
-        PlantAction::Ignore(Reason::Repeated)
-    );
+    let commands = [0, 1, 2].map(|step| header(FrameKind::Command, step));
     let confirmed = header(FrameKind::EndConfirmed, 3);
-    assert_eq!(
-        plant.on(&PlantEvent::Frame(&confirmed)),
-        PlantAction::Finish
+    let repeated = PlantAction::Ignore(Reason::Repeated);
+    answers(
+        &mut plant,
+        [
+            (PlantEvent::Release, PlantAction::SendSample(Step(0))),
+            (PlantEvent::Missed, PlantAction::Hold(Step(0))),
+            (PlantEvent::Release, PlantAction::SendSample(Step(1))),
+            (PlantEvent::Frame(&commands[0]), PlantAction::Keep),
+            (PlantEvent::Missed, PlantAction::Hold(Step(1))),
+            (PlantEvent::Release, PlantAction::SendSample(Step(2))),
+            (PlantEvent::Frame(&commands[2]), PlantAction::Apply(Step(2))),
+            (PlantEvent::Release, PlantAction::SendEnd(Step(3))),
+            (PlantEvent::Frame(&commands[1]), repeated),
+            (PlantEvent::Frame(&confirmed), PlantAction::Finish),
+        ],
     );
 }
 
 #[test]
 fn in_lockstep_no_deadline_is_missed_and_a_late_command_changes_nothing() {
-    let mut plant = plant(3);
-    assert_eq!(
-        plant.on(&PlantEvent::Release),
-        PlantAction::SendSample(Step(0))
-    );
-    assert_eq!(plant.on(&PlantEvent::Missed), PlantAction::Nothing);
     let first = header(FrameKind::Command, 0);
-    assert_eq!(
-        plant.on(&PlantEvent::Frame(&first)),
-        PlantAction::Apply(Step(0))
-    );
-    assert_eq!(
-        plant.on(&PlantEvent::Release),
-        PlantAction::SendSample(Step(1))
-    );
     let repeated = PlantAction::Ignore(Reason::Repeated);
-    assert_eq!(plant.on(&PlantEvent::Frame(&first)), repeated);
+    answers(
+        &mut plant(3),
+        [
+            (PlantEvent::Release, PlantAction::SendSample(Step(0))),
+            (PlantEvent::Missed, PlantAction::Nothing),
+            (PlantEvent::Frame(&first), PlantAction::Apply(Step(0))),
+            (PlantEvent::Release, PlantAction::SendSample(Step(1))),
+            (PlantEvent::Frame(&first), repeated),
+        ],
+    );
 }
 
 #[test]
