@@ -161,44 +161,29 @@ fn write_whole(path: &Path, parts: &[&[u8]]) -> std::io::Result<()> {
 
 #[cfg(test)]
 mod tests {
+    use tempfile::{TempDir, tempdir};
+
     use super::*;
 
-    /// A folder that goes away with the test.
-    struct Folder(PathBuf);
-
-    impl Folder {
-        fn new(name: &str) -> Self {
-            let folder = std::env::temp_dir().join(format!("hil-{name}-{}", std::process::id()));
-            fs::create_dir_all(&folder).expect("a temporary folder");
-            Self(folder)
-        }
-    }
-
-    impl Drop for Folder {
-        fn drop(&mut self) {
-            let _ = fs::remove_dir_all(&self.0); // nobody minds what is left of it
-        }
-    }
-
-    fn saves(folder: &Folder, resume: Option<Resume>) -> Saves {
+    fn saves(folder: &TempDir, resume: Option<Resume>) -> Saves {
         let checkpoints = Checkpoints {
             steps: vec![Step(3), Step(7)],
-            folder: folder.0.clone(),
+            folder: folder.path().into(),
             resume,
         };
         Saves::new(Side::Plant, "tank", checkpoints)
     }
 
-    fn resume(folder: &Folder, step: u64) -> Resume {
+    fn resume(folder: &TempDir, step: u64) -> Resume {
         Resume {
             step: Step(step),
-            state: folder.0.join("checkpoint-3-plant.state"),
+            state: folder.path().join("checkpoint-3-plant.state"),
         }
     }
 
     #[test]
     fn each_step_that_was_asked_for_is_due_once() {
-        let folder = Folder::new("due");
+        let folder = tempdir().expect("a folder");
         let mut saves = saves(&folder, None);
         let due = |saves: &Saves| (0..10).filter(|step| saves.are_due(Step(*step))).collect();
         let first: Vec<u64> = due(&saves);
@@ -211,14 +196,14 @@ mod tests {
 
     #[test]
     fn a_side_that_begins_at_a_checkpoint_does_not_save_it_again() {
-        let folder = Folder::new("again");
+        let folder = tempdir().expect("a folder");
         let resumed = saves(&folder, Some(resume(&folder, 3)));
         assert!(!resumed.are_due(Step(3)) && resumed.are_due(Step(7)));
     }
 
     #[test]
     fn what_was_saved_is_read_and_anything_else_refused_by_name() {
-        let folder = Folder::new("read");
+        let folder = tempdir().expect("a folder");
         saves(&folder, None)
             .write(Step(3), &[0.25, -0.0])
             .expect("written");

@@ -163,66 +163,55 @@ pub(crate) fn is_at(file: &File, path: &Path) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use tempfile::tempdir;
+
     use super::*;
-
-    /// A folder for private folders that goes away with the test.
-    struct All(PathBuf);
-
-    impl All {
-        fn new(name: &str) -> Self {
-            let own = std::process::id();
-            Self(std::env::temp_dir().join(format!("hil-test-{name}-{own}")))
-        }
-    }
-
-    impl Drop for All {
-        fn drop(&mut self) {
-            let _ = fs::remove_dir_all(&self.0); // mostly it is gone
-        }
-    }
 
     #[test]
     fn a_private_folder_goes_with_its_owner() {
-        let all = All::new("owner");
-        let one = PrivateFolder::create_in(&all.0, "one").expect("made");
-        let other = PrivateFolder::create_in(&all.0, "one").expect("made");
+        let place = tempdir().expect("a folder");
+        let all = place.path().join("all");
+        let one = PrivateFolder::create_in(&all, "one").expect("made");
+        let other = PrivateFolder::create_in(&all, "one").expect("made");
         assert_ne!(one.folder(), other.folder());
-        for path in [one.folder(), &all.0] {
+        for path in [one.folder(), &all] {
             let mode = fs::metadata(path).expect("it is there").mode();
             assert_eq!(mode & 0o777, 0o700, "{}", path.display());
         }
         fs::create_dir(one.folder().join("deep")).expect("made");
         fs::write(one.folder().join("deep/file"), "x").expect("written");
-        sweep_in(&all.0);
+        sweep_in(&all);
         assert!(one.folder().join("deep/file").is_file(), "its owner lives");
         drop(one);
-        assert_eq!(fs::read_dir(&all.0).expect("there").count(), 2);
+        assert_eq!(fs::read_dir(&all).expect("there").count(), 2);
         drop(other);
-        assert!(!all.0.exists());
+        assert!(!all.exists());
     }
 
     #[test]
     fn a_folder_of_a_dead_owner_is_swept_away() {
-        let all = All::new("dead");
-        let dead = PrivateFolder::create_in(&all.0, "one").expect("made");
+        let place = tempdir().expect("a folder");
+        let all = place.path().join("all");
+        let dead = PrivateFolder::create_in(&all, "one").expect("made");
         let folder = dead.folder().to_owned();
         fs::write(folder.join("file"), "x").expect("written");
         // As after kill -9: nothing is removed, the lock is free.
         let PrivateFolder { folder: _, _lock } = &dead;
         flock(_lock, FlockOperation::Unlock).expect("held");
         std::mem::forget(dead);
-        sweep_in(&all.0);
-        assert!(!folder.exists() && !all.0.exists());
+        sweep_in(&all);
+        assert!(!folder.exists() && !all.exists());
     }
 
     #[test]
     fn a_folder_that_is_open_to_others_is_neither_used_nor_cleared() {
-        let all = All::new("open");
-        DirBuilder::new().mode(0o755).create(&all.0).expect("made");
-        let refused = PrivateFolder::create_in(&all.0, "one").expect_err("open");
+        let place = tempdir().expect("a folder");
+        let all = place.path().join("all");
+        DirBuilder::new().mode(0o755).create(&all).expect("made");
+        let refused = PrivateFolder::create_in(&all, "one").expect_err("open");
         assert!(refused.to_string().contains("not a folder of yours alone"));
-        fs::write(all.0.join("one-1-0.lock"), "").expect("written");
-        sweep_in(&all.0);
-        assert!(all.0.join("one-1-0.lock").exists());
+        fs::write(all.join("one-1-0.lock"), "").expect("written");
+        sweep_in(&all);
+        assert!(all.join("one-1-0.lock").exists());
     }
 }

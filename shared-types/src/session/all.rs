@@ -231,15 +231,15 @@ pub fn sweep() -> Result<Vec<String>, SessionError> {
 #[cfg(test)]
 mod tests {
     use rustix::fs::{CWD, FileType, Mode, mknodat};
+    use tempfile::tempdir;
 
     use super::*;
 
     #[test]
     fn a_lock_that_cannot_be_had_is_explained_by_its_cause() {
-        let place = std::env::temp_dir().join(format!("hil-lock-{}", std::process::id()));
+        let place = tempdir().expect("a folder");
         let limit = Duration::from_millis(20);
-        let folder = place.join("hil-0");
-        fs::create_dir(&place).expect("made");
+        let folder = place.path().join("hil-0");
         let told = || match AllSessions::lock_in(&folder, limit) {
             Ok(_) => "locked".to_owned(),
             Err(error) => error.to_string(),
@@ -249,7 +249,7 @@ mod tests {
         let path = folder.join(".lock");
         let open = |why: &str| format!("cannot open {}: {why}", path.display());
 
-        std::os::unix::fs::symlink(place.join("none/none"), &path).expect("linked");
+        std::os::unix::fs::symlink(place.path().join("none/none"), &path).expect("linked");
         assert_eq!(told(), open("No such file or directory (os error 2)"));
         fs::remove_file(&path).expect("removed");
         fs::create_dir(&path).expect("made");
@@ -265,37 +265,33 @@ mod tests {
         );
         drop(held);
         assert_eq!(told(), "locked");
-        fs::remove_dir_all(&place).expect("removed");
     }
 
     #[test]
     fn a_session_whose_lock_cannot_be_looked_at_is_not_dead() {
-        let folder = std::env::temp_dir().join(format!("hil-live-{}", std::process::id()));
-        private_folder(&folder).expect("made");
-        assert!(!is_live(&folder));
+        let place = tempdir().expect("a folder");
+        let folder = place.path();
+        assert!(!is_live(folder));
         // Neither to be opened nor missing, whoever asks.
         std::os::unix::fs::symlink("lock", folder.join("lock")).expect("linked");
-        assert!(is_live(&folder));
-        fs::remove_dir_all(&folder).expect("removed");
+        assert!(is_live(folder));
     }
 
     #[test]
     fn a_pipe_in_place_of_a_file_keeps_nobody_waiting() {
-        let folder = std::env::temp_dir().join(format!("hil-pipe-{}", std::process::id()));
-        private_folder(&folder).expect("made");
+        let folder = tempdir().expect("a folder");
+        let place = folder.path().to_owned();
         for name in ["lock", "session.json", ".lock"] {
             let mode = Mode::RUSR | Mode::WUSR;
-            mknodat(CWD, folder.join(name), FileType::Fifo, mode, 0).expect("made");
+            mknodat(CWD, place.join(name), FileType::Fifo, mode, 0).expect("made");
         }
         let (done, waits) = std::sync::mpsc::channel();
-        let place = folder.clone();
         std::thread::spawn(move || {
             let read = SessionInfo::read(&place).is_ok();
             let found = (is_live(&place), noted_prefix(&place), read);
             let _ = done.send((found, AllSessions::lock_in(&place, Duration::ZERO).is_ok()));
         });
         let found = waits.recv_timeout(Duration::from_secs(60));
-        fs::remove_dir_all(&folder).expect("removed");
         assert_eq!(found, Ok(((false, None, false), false)));
     }
 }
