@@ -96,15 +96,13 @@ fn a_file_that_was_cut_off_is_read_as_far_as_it_goes() {
 
 #[test]
 fn what_is_no_recording_is_named() {
-    let folder = std::env::temp_dir().join(format!("hil-none-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).expect("a folder");
-    let text = folder.join("text");
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = folder.path().join("text");
     std::fs::write(&text, "not an MCAP file at all").expect("written");
     let told = |path: &Path| RunReader::open(path).err().expect("refused").to_string();
-    assert!(told(&folder).contains("has no recording"));
+    assert!(told(folder.path()).contains("has no recording"));
     assert!(told(&text).contains("is no recording of a run"));
-    assert!(told(&folder.join("nothing")).starts_with("cannot read"));
-    std::fs::remove_dir_all(folder).expect("removed");
+    assert!(told(&folder.path().join("nothing")).starts_with("cannot read"));
 }
 
 #[test]
