@@ -71,6 +71,31 @@ fn several_runs_have_one_table_and_the_exit_code_of_the_worst() {
 }
 
 #[test]
+fn no_number_makes_a_run_the_namesake_of_another_scenario() {
+    let rig = Rig::new();
+    let named = ["a", "a", "a-1", "a-2-1"].map(|name| scenario(name, "pid", 1.0));
+    let files = (1..).zip(&named).map(|(number, text)| {
+        let path = rig.write(&format!("{number}.toml"), text);
+        path.display().to_string()
+    });
+    let files: Vec<String> = files.collect();
+    for (repeat, labels) in [
+        ("", vec!["a-2", "a-3", "a-1", "a-2-1"]),
+        (
+            "--repeat 2",
+            vec![
+                "a-2", "a-3", "a-1-1", "a-2-1-1", "a-4", "a-5", "a-1-2", "a-2-1-2",
+            ],
+        ),
+    ] {
+        let given = format!("{} {repeat} --link in-process --json", files.join(" "));
+        let all: Value = serde_json::from_str(&rig.run(&given).expect(0).stdout).expect("JSON");
+        let told: Vec<&str> = verdicts(&all).iter().map(|(label, _)| *label).collect();
+        assert_eq!(told, labels);
+    }
+}
+
+#[test]
 fn a_repetition_with_another_digest_fails_and_says_where_it_differs() {
     let rig = Rig::new();
     let scenario = rig.write("clock.toml", &scenario("clock", "reads-clock", 1.0));

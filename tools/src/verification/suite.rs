@@ -190,7 +190,14 @@ fn cases(
             let same = (plans.iter().filter(|(other, _)| other.name == plan.name)).count();
             if same > 1 || arguments.repeat > 1 {
                 let earlier = cases.iter().filter(|case| case.plan.name == plan.name);
-                case.label = format!("{}-{}", plan.name, earlier.count() + 1);
+                let is_taken = |label: &String| {
+                    plans.iter().any(|(other, _)| other.name == *label)
+                        || cases.iter().any(|case| case.label == *label)
+                };
+                case.label = (earlier.count() + 1..)
+                    .map(|number| format!("{}-{number}", plan.name))
+                    .find(|label| !is_taken(label))
+                    .unwrap_or_default(); // numbers do not end
             }
             cases.push(Case { first, ..case });
         }
