@@ -42,13 +42,13 @@ pub(crate) struct Summary {
     schema: u32,
     pub(crate) scenario: String,
     /// Values of the scenario that were changed by the command line, as `KEY=VALUE`.
-    set: Vec<String>,
+    pub(crate) set: Vec<String>,
     /// Null if nobody knows.
-    started_utc: Option<String>,
+    pub(crate) started_utc: Option<String>,
     pub(crate) session: String,
     evidence: &'static str,
     /// Null if the controller was on this machine.
-    target: Option<Target>,
+    pub(crate) target: Option<Target>,
     pub(crate) verdict: RunVerdict,
     pub(crate) reason: Option<String>,
     clock: &'static str,
@@ -72,14 +72,14 @@ pub(crate) struct Summary {
     grade: Option<Graded>,
     realtime: Realtime,
     /// Other programs meanwhile; null if nothing was run here, or a side was started by hand.
-    company: Option<Company>,
+    pub(crate) company: Option<Company>,
     recording: Recording,
     rejected_frames: u64,
     /// Messages and frames of controllers that were passed over, by reason.
     ignored: Ignored,
     controller: Program,
     /// Sides that somebody started by hand.
-    started_by_hand: Vec<String>,
+    pub(crate) started_by_hand: Vec<String>,
     /// Signals of the law that were bound under other names and units; not there if none was.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     connections: Vec<Connection>,
@@ -94,9 +94,9 @@ pub(crate) struct Summary {
     #[serde(skip)]
     laws: Laws,
     /// Checkpoint that the run went on from; null if the run began at step 0.
-    resumed: Option<Resumed>,
+    pub(crate) resumed: Option<Resumed>,
     /// Checkpoints of the run, to go on from.
-    checkpoints: Vec<MadeCheckpoint>,
+    pub(crate) checkpoints: Vec<MadeCheckpoint>,
 }
 
 /// Steps that were due before the step before them was done.
@@ -339,55 +339,6 @@ impl Summary {
             }),
             resumed: None,
             checkpoints: Vec::new(),
-        }
-    }
-
-    /// The same of a run that went on from a checkpoint, or that can be gone on from.
-    #[must_use]
-    pub(crate) fn with_checkpoints(
-        self,
-        resumed: Option<Resumed>,
-        made: Vec<MadeCheckpoint>,
-    ) -> Self {
-        Self {
-            resumed,
-            checkpoints: made,
-            ..self
-        }
-    }
-
-    /// The same of a run of which somebody started these sides by hand.
-    #[must_use]
-    pub(crate) fn with_started_by_hand(self, sides: impl Iterator<Item = &'static str>) -> Self {
-        Self {
-            started_by_hand: sides.map(Into::into).collect(),
-            ..self
-        }
-    }
-
-    /// The same of a run that had company, if that can be told from what it was itself.
-    #[must_use]
-    pub(crate) fn with_company(self, company: Option<Company>) -> Self {
-        Self { company, ..self }
-    }
-
-    /// The same of a run whose target's output was switched to the safe command so often.
-    #[must_use]
-    pub(crate) fn with_target_switches(mut self, switches: Option<u32>) -> Self {
-        if let Some(target) = &mut self.target {
-            target.safe_switches = switches.or(Some(0));
-        }
-        self
-    }
-
-    /// The same of a run that was begun then, with these values of its scenario changed.
-    #[must_use]
-    pub(crate) fn with_start(self, started_utc: String, set: Vec<String>) -> Self {
-        let started_utc = Some(started_utc);
-        Self {
-            set,
-            started_utc,
-            ..self
         }
     }
 }

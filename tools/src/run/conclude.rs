@@ -2,7 +2,6 @@
 
 use shared_types::record::Outcome;
 use shared_types::session::Session;
-use shared_types::side::Side;
 
 use super::execute::RunResult;
 use super::prepare::PreparedRun;
@@ -64,7 +63,7 @@ pub(super) fn conclude(
     // A run may end before there is anything to record.
     let is_recorded = prepared.recording.is_some() && folder.join(RECORDING).exists();
     let recorded_to = is_recorded.then_some(RECORDING);
-    let summary = Summary::new(
+    let mut summary = Summary::new(
         &prepared.plan,
         &prepared.binaries,
         &prepared.session,
@@ -72,12 +71,16 @@ pub(super) fn conclude(
         recorded_to,
         realtime,
         &ended,
-    )
-    .with_checkpoints(prepared.resumed, checkpoints)
-    .with_started_by_hand(prepared.settings.by_hand.roles().map(Side::name))
-    .with_company(company)
-    .with_target_switches(switches)
-    .with_start(prepared.started_utc, prepared.settings.set);
+    );
+    let by_hand = prepared.settings.by_hand.roles();
+    summary.started_by_hand = by_hand.map(|side| side.name().into()).collect();
+    summary.started_utc = Some(prepared.started_utc);
+    summary.set = prepared.settings.set;
+    summary.company = company;
+    (summary.resumed, summary.checkpoints) = (prepared.resumed, checkpoints);
+    if let Some(target) = &mut summary.target {
+        target.safe_switches = switches.or(Some(0));
+    }
     let json = serde_json::to_string_pretty(&summary).map_err(Failure::infrastructure)?;
     prepared.reserve.release();
     Ok(RunResult {
