@@ -16,6 +16,18 @@ pub(crate) struct EndedRun {
     pub(crate) controllers: Vec<Started>,
 }
 
+impl EndedRun {
+    /// The end of a run that told of no controller process.
+    pub(crate) const fn new(recorded: Recorded, outcome: Outcome, reason: Option<String>) -> Self {
+        Self {
+            recorded,
+            outcome,
+            reason,
+            controllers: Vec::new(),
+        }
+    }
+}
+
 /// A controller as the summary and the recording tell of it.
 #[derive(Clone, Debug)]
 pub(crate) struct Started {

@@ -166,12 +166,7 @@ impl RecordedOutcome {
     pub(crate) fn summary(self, broke_off: Option<&str>) -> Result<Summary, Failure> {
         let (outcome, reason) = self.outcome(broke_off);
         let run = self.run?;
-        let ended = EndedRun {
-            recorded: self.recorded,
-            outcome,
-            reason,
-            controllers: Vec::new(),
-        };
+        let ended = EndedRun::new(self.recorded, outcome, reason);
         Ok(Summary::of_recording(&run, &self.reader, &ended))
     }
 }

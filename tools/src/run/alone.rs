@@ -118,10 +118,5 @@ pub(crate) fn run(
             Some("the run ended without saying how".into()),
         ),
     };
-    Ok(EndedRun {
-        recorded,
-        outcome,
-        reason,
-        controllers: Vec::new(),
-    })
+    Ok(EndedRun::new(recorded, outcome, reason))
 }

@@ -153,12 +153,7 @@ pub(super) fn run(prepared: &PreparedRun, realtime: &mut Watched) -> Result<Ende
             outcome = Outcome::Failed;
         }
     }
-    Ok(EndedRun {
-        recorded,
-        outcome,
-        reason,
-        controllers: Vec::new(),
-    })
+    Ok(EndedRun::new(recorded, outcome, reason))
 }
 
 /// Judges parameters of plant and law by a start of it.

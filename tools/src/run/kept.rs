@@ -225,12 +225,7 @@ impl Pair {
         let end = recorded.end.clone();
         match (&recorded.error, end) {
             (None, Some(end)) if matches!(end.outcome, Outcome::Completed | Outcome::Diverged) => {
-                Ok(EndedRun {
-                    recorded,
-                    outcome: end.outcome,
-                    reason: end.reason,
-                    controllers: Vec::new(),
-                })
+                Ok(EndedRun::new(recorded, end.outcome, end.reason))
             }
             (error, end) => {
                 let seen = error.clone().or_else(|| end.and_then(|end| end.reason));

@@ -29,12 +29,7 @@ pub(super) fn termination(
         } else {
             outcome
         };
-        return EndedRun {
-            recorded,
-            outcome,
-            reason: disorder,
-            controllers: Vec::new(),
-        };
+        return EndedRun::new(recorded, outcome, disorder);
     }
     let mut parts: Vec<String> = Vec::new();
     parts.extend(recorded.error.clone());
@@ -65,12 +60,7 @@ pub(super) fn termination(
         Outcome::Failed if interrupted => Outcome::Stopped,
         other => other,
     };
-    EndedRun {
-        recorded,
-        outcome,
-        reason: Some(parts.join("; ")),
-        controllers: Vec::new(),
-    }
+    EndedRun::new(recorded, outcome, Some(parts.join("; ")))
 }
 
 /// Explains the end of a run whose plant could not report it: the cause first.
