@@ -283,13 +283,9 @@ impl Binary {
         })
     }
 
-    /// Returns advice for whoever names a law that the binary does not have; `name` says how to name another
-    /// program.
-    pub(crate) fn advice_on_laws(&self, name: &str) -> String {
-        self.advice("law", name)
-    }
-
-    fn advice(&self, what: &str, name: &str) -> String {
+    /// Returns advice for whoever names a plant or law, which `what` is, that the binary does not have; `name` says
+    /// how to name another program.
+    pub(crate) fn advice(&self, what: &str, name: &str) -> String {
         let (path, by) = (self.path.display(), &self.by);
         match by {
             NamedBy::Nobody => {

@@ -201,7 +201,7 @@ impl SwapContext {
         let left_out = leave_out(&mut document, &binary.description.laws);
         let text = document.to_string();
         let advice = Advice {
-            law: binary.advice_on_laws("--bin PATH"),
+            law: binary.advice("law", "--bin PATH"),
             ..Advice::default()
         };
         let plant = &self.binaries.plant.description;

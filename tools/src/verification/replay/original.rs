@@ -105,7 +105,7 @@ impl Original {
     pub(super) fn plan_for(&self, controller: &Binary) -> Result<Plan, Failure> {
         let origin = format!("the scenario of {}", self.run.display());
         let advice = Advice {
-            law: controller.advice_on_laws("--controller-bin PATH"),
+            law: controller.advice("law", "--controller-bin PATH"),
             ..Advice::default()
         };
         checked_with(
