@@ -17,6 +17,7 @@ use shared_types::describe::{
 };
 use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
+use shared_types::side::Side;
 use shared_types::text;
 
 use answer::{asked, refusal, unprintable};
@@ -133,6 +134,14 @@ impl Choices {
 }
 
 impl Binaries {
+    /// The program of a side.
+    pub(crate) const fn of_side(&self, side: Side) -> &Binary {
+        match side {
+            Side::Plant => &self.plant,
+            Side::Controller => &self.controller,
+        }
+    }
+
     /// Tells which ones run, where that does not follow from the command line.
     pub(crate) fn tell(&self) {
         let all = [(&PLANT, &self.plant), (&CONTROLLER, &self.controller)];

@@ -51,13 +51,7 @@ pub(super) fn admit(prepared: &PreparedRun, session: &mut Session) -> Result<ByH
     let (sender, admitted) = channel();
     let mut by_hand = ByHand::default();
     for role in prepared.settings.by_hand.roles() {
-        let binary = program(prepared, role);
-        if binary.host.is_some() {
-            let (path, side) = (binary.path.display(), role.name());
-            return Err(Failure::usage(format!(
-                "{path} is an FMU, which only hil starts; leave out --{side} external"
-            )));
-        }
+        let binary = prepared.binaries.of_side(role);
         let opened = open(&prepared.session, role, binary.clone(), sender.clone());
         by_hand
             ._doors
@@ -107,13 +101,6 @@ fn next(
                 )));
             }
         }
-    }
-}
-
-fn program(prepared: &PreparedRun, role: Side) -> &Binary {
-    match role {
-        Side::Plant => &prepared.binaries.plant,
-        Side::Controller => &prepared.binaries.controller,
     }
 }
 

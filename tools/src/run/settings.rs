@@ -109,10 +109,7 @@ impl ByHand {
     /// If one of them is a script.
     pub(crate) fn check(self, binaries: &Binaries) -> Result<(), Failure> {
         for side in self.roles() {
-            let (name, binary) = match side {
-                Side::Plant => ("plant", &binaries.plant),
-                Side::Controller => ("controller", &binaries.controller),
-            };
+            let (name, binary) = (side.name(), binaries.of_side(side));
             if binary.host.is_some() {
                 let path = binary.path.display();
                 return Err(Failure::usage(format!(
