@@ -433,8 +433,7 @@ impl Controllers {
         match self.add(session, binary, job, set) {
             Ok(_) => {} // announced once it can say hello
             Err(failure) => {
-                let why = failure.to_string();
-                let why = why.trim_start_matches("error: ");
+                let why = failure.reason();
                 self.exhausted = Some(format!("it cannot be started anew: {why}"));
                 plant.tell(&format!("{PEER_GONE} {}", self.next_epoch()));
             }

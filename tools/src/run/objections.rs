@@ -37,7 +37,8 @@ pub(super) fn listen(
         move |session: &SessionInfo, question: &ParameterQuestion, interruption: &Interruption| {
             let (binary, job) = &plant;
             let job = jobs::tuned_plant(job.clone(), &question.parameters);
-            objection(jobs::check(binary, session, FILE, &job, interruption))
+            let checked = jobs::check(binary, session, FILE, &job, interruption);
+            checked.map_err(|failure| failure.reason())
         };
     let listening = live::listen(session, OBJECTIONS, move |client| {
         // A plant that went away needs no answer.
@@ -75,9 +76,6 @@ fn check_controller(
         ));
     }
     let job = jobs::tuned(job, &question.parameters);
-    objection(jobs::check(&binary, session, FILE, &job, interruption))
-}
-
-fn objection(checked: Result<(), Failure>) -> Result<(), String> {
-    checked.map_err(|failure| failure.to_string().trim_start_matches("error: ").to_owned())
+    let checked = jobs::check(&binary, session, FILE, &job, interruption);
+    checked.map_err(|failure| failure.reason())
 }

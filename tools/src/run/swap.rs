@@ -132,7 +132,7 @@ impl SwapContext {
                 "this run makes checkpoints, or went on from one: its controller stays".into(),
             );
         }
-        let told = |failure: Failure| failure.to_string().trim_start_matches("error: ").to_owned();
+        let told = |failure: Failure| failure.reason();
         // Where the first runs, the next does too.
         let at = self.binaries.controller.at.as_ref();
         if let Some(target) = at

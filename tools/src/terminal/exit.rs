@@ -70,6 +70,11 @@ impl Failure {
         Self::infrastructure(format!("{who} panicked: {said}"))
     }
 
+    /// Says what is wrong, without the word `error` in front.
+    pub fn reason(&self) -> String {
+        self.to_string().trim_start_matches("error: ").to_owned()
+    }
+
     /// Returns the exit code.
     #[must_use]
     pub const fn exit(&self) -> Exit {

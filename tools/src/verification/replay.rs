@@ -112,8 +112,7 @@ pub(crate) fn replay(arguments: &ReplayArguments) -> Result<Exit, Failure> {
     let report = match prepared.run(session, reader) {
         Err(failure) if arguments.json => {
             let run = arguments.run.display().to_string();
-            let told = failure.to_string();
-            let reason = told.trim_start_matches("error: ");
+            let reason = failure.reason();
             let aborted = json!({"verdict": "aborted", "reason": reason, "run": run});
             output::write(&format!("{aborted:#}\n"))?;
             return Err(failure);

@@ -10,12 +10,10 @@ use super::table::Column;
 use crate::results::evaluation::RecordEvaluation;
 use crate::results::recorded_run::RecordedRun;
 use crate::results::summary::MarkAt;
-use crate::terminal::exit::Failure;
 
 /// The run of a recording; the error says why it is not known.
 pub(super) fn recorded_run(reader: &RunReader) -> Result<RecordedRun, String> {
-    let told = |failure: Failure| failure.to_string().trim_start_matches("error: ").to_owned();
-    RecordedRun::of(reader, reader.path()).map_err(told)
+    RecordedRun::of(reader, reader.path()).map_err(|failure| failure.reason())
 }
 
 /// The derived signals of a run's scenario, in its order.
