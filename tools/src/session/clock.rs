@@ -5,24 +5,16 @@ use shared_types::live::{Request, Response, Status};
 use crate::arguments::SessionChoice;
 use crate::session::live;
 use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::output;
 
 /// Sends a request that is answered with where the run is, and tells that.
 ///
 /// # Errors
 /// If there is no session to ask, or it does not answer.
 pub(crate) fn clock(choice: &SessionChoice, request: &Request) -> Result<Exit, Failure> {
-    let answer = live::find(choice).and_then(|session| match live::ask(&session, request)? {
-        Response::Status(status) => Ok(status),
-        other => Err(live::unexpected(&other)),
-    });
-    let status = answer.map_err(|error| error.tell(choice.json))?;
-    output::write(&if choice.json {
-        live::to_json(&Response::Status(status))?
-    } else {
-        format!("{}\n", describe(&status))
-    })?;
-    Ok(Exit::Pass)
+    live::tell_answer(choice, request, |answer| match answer {
+        Response::Status(status) => Some(format!("{}\n", describe(status))),
+        _ => None,
+    })
 }
 
 /// Describes the position of a run for a person.

@@ -12,7 +12,7 @@ use shared_types::table::{listed, nearest};
 
 use crate::arguments::SessionChoice;
 use crate::session::observer::Notice;
-use crate::terminal::exit::Failure;
+use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
 
 /// Limit for the plant's answer: longer than it waits for its own loop.
@@ -61,6 +61,26 @@ impl RequestError {
         }
         Failure::Usage(text)
     }
+}
+
+/// Sends a request to a session and tells the answer, in the words of `describe`, which has none for an answer to
+/// something else.
+///
+/// # Errors
+/// If there is no session to ask, or it refuses the request or does not answer.
+pub(crate) fn tell_answer(
+    choice: &SessionChoice,
+    request: &Request,
+    describe: impl FnOnce(&Response) -> Option<String>,
+) -> Result<Exit, Failure> {
+    let answer = find(choice).and_then(|session| ask(&session, request));
+    let answer = answer.and_then(|answer| match describe(&answer) {
+        Some(told) => Ok((answer, told)),
+        None => Err(unexpected(&answer)),
+    });
+    let (answer, told) = answer.map_err(|error| error.tell(choice.json))?;
+    output::write(&if choice.json { to_json(&answer)? } else { told })?;
+    Ok(Exit::Pass)
 }
 
 /// Refusals as a person reads them.

@@ -8,7 +8,6 @@ use shared_types::number::exact_in;
 use crate::arguments::set::SetArguments;
 use crate::session::live;
 use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::output;
 
 /// Changes values, and tells at which step.
 ///
@@ -25,18 +24,10 @@ pub(crate) fn set(arguments: &SetArguments) -> Result<Exit, Failure> {
         at_s: arguments.at,
         ramp_s: arguments.ramp,
     });
-    let json = arguments.session.json;
-    let answer =
-        live::find(&arguments.session).and_then(|session| match live::ask(&session, &request)? {
-            Response::Changed(changed) => Ok(changed),
-            other => Err(live::unexpected(&other)),
-        });
-    let changed = answer.map_err(|error| error.tell(json))?;
-    output::write(&match json {
-        true => live::to_json(&Response::Changed(changed))?,
-        false => describe(&changed),
-    })?;
-    Ok(Exit::Pass)
+    live::tell_answer(&arguments.session, &request, |answer| match answer {
+        Response::Changed(changed) => Some(describe(changed)),
+        _ => None,
+    })
 }
 
 /// Describes a change that was taken, with a line for each value.
