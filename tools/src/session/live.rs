@@ -83,6 +83,20 @@ pub(crate) fn tell_answer(
     Ok(Exit::Pass)
 }
 
+/// Refuses what was given for a key, and says what is expected.
+pub(crate) fn refusal(key: &str, message: String, expected: String) -> Refusal {
+    Refusal {
+        key: key.into(),
+        expected: Some(expected),
+        ..Refusal::new(message)
+    }
+}
+
+/// Lists the names that are closest to an unknown one.
+pub(crate) fn closest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<String> {
+    nearest(name, known).into_iter().map(Into::into).collect()
+}
+
 /// Refusals as a person reads them.
 pub(crate) fn refused_text(problems: &[Refusal]) -> String {
     let mut text = String::new();
@@ -147,16 +161,10 @@ fn choose(mut running: Vec<SessionInfo>, wanted: Option<&str>) -> Result<Session
             format!("{} sessions are running: {}", names.len(), told.join("; "))
         }
     };
-    let near = wanted.map(|wanted| nearest(wanted, names.iter().map(String::as_str)));
+    let near = wanted.map(|wanted| closest(wanted, names.iter().map(String::as_str)));
     Err(Refusal {
-        key: "session".into(),
-        message,
-        expected: Some(expected),
-        nearest: near
-            .unwrap_or_default()
-            .into_iter()
-            .map(Into::into)
-            .collect(),
+        nearest: near.unwrap_or_default(),
+        ..refusal("session", message, expected)
     })
 }
 
@@ -211,15 +219,12 @@ fn is_running(session: &SessionInfo) -> Result<bool, Failure> {
 
 fn ended(session: &SessionInfo, error: &LiveError) -> Refusal {
     let name = &session.name;
-    Refusal {
-        key: "session".into(),
-        message: match error {
-            LiveError::Absent(_) => format!("session `{name}` has ended"),
-            _ => format!("session `{name}` ended before it answered"),
-        },
-        expected: Some("a running session; one started with --pause-at TIME waits".into()),
-        nearest: Vec::new(),
-    }
+    let message = match error {
+        LiveError::Absent(_) => format!("session `{name}` has ended"),
+        _ => format!("session `{name}` ended before it answered"),
+    };
+    let expected = "a running session; one started with --pause-at TIME waits";
+    refusal("session", message, expected.into())
 }
 
 /// An answer that does not belong to what was asked.

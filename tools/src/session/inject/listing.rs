@@ -12,12 +12,12 @@ use shared_types::describe::{
 };
 use shared_types::live::{Possible, Refusal};
 use shared_types::session;
-use shared_types::table::{Field, listed, nearest};
+use shared_types::table::{Field, listed};
 
 use crate::arguments::inject::InjectArguments;
 use crate::programs::binaries::Binary;
 use crate::programs::binaries::named::Named;
-use crate::session::live::{self, RequestError};
+use crate::session::live::{self, RequestError, closest, refusal};
 use crate::terminal::exit::Failure;
 use crate::terminal::interruption::Interruption;
 use text::{in_full, in_short};
@@ -64,18 +64,16 @@ pub(super) fn list(arguments: &InjectArguments) -> Result<String, RequestError> 
         names.dedup();
         names
     };
-    let unknown = |what: &str, name: &str, known: &[&str]| Refusal {
-        key: what.into(),
-        message: format!("no {what} `{name}`"),
-        expected: Some(match what {
+    let unknown = |what: &str, name: &str, known: &[&str]| {
+        let expected = match what {
             // There are many; the closest tell more.
-            "target" => "a target that `hil inject --list --kind KIND` shows".into(),
+            "target" => "a target that `hil inject --list --kind KIND` shows".to_owned(),
             _ => format!("one of {}", listed(known)),
-        }),
-        nearest: nearest(name, known.iter().copied())
-            .into_iter()
-            .map(Into::into)
-            .collect(),
+        };
+        Refusal {
+            nearest: closest(name, known.iter().copied()),
+            ..refusal(what, format!("no {what} `{name}`"), expected)
+        }
     };
     if let Some(kind) = &arguments.list_kind {
         let known = names(|entry| vec![&entry.kind]);
@@ -174,14 +172,10 @@ fn of_binary(description: &Description, model: Option<&str>) -> Result<Vec<Listi
             .iter()
             .map(|plant| plant.name.as_str())
             .collect();
+        let message = format!("{} has no plant `{model}`", description.program);
         return Err(Refusal {
-            key: "model".into(),
-            message: format!("{} has no plant `{model}`", description.program),
-            expected: Some(format!("one of {}", listed(&names))),
-            nearest: nearest(model, names.iter().copied())
-                .into_iter()
-                .map(Into::into)
-                .collect(),
+            nearest: closest(model, names.iter().copied()),
+            ..refusal("model", message, format!("one of {}", listed(&names)))
         });
     }
     Ok(listings)

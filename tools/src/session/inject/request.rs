@@ -14,6 +14,7 @@ use shared_types::number::counted;
 use shared_types::table::{Field, listed, nearest};
 
 use crate::arguments::inject::{InjectArguments, nearest_options};
+use crate::session::live::{closest, refusal};
 use text::{float, head, profile, rows, string, values};
 
 /// A kind of fault as the command line needs it.
@@ -73,15 +74,9 @@ pub fn toml(arguments: &InjectArguments, possible: &Possible) -> Result<String, 
                 format!("1 value for all, or {count}")
             };
             let targets = if count == 1 { "target" } else { "targets" };
-            refusals.push(Refusal {
-                key: name.into(),
-                message: format!(
-                    "`{name}` has {} for {count} {targets}",
-                    counted(given as u64, "value")
-                ),
-                expected: Some(values),
-                nearest: Vec::new(),
-            });
+            let given = counted(given as u64, "value");
+            let message = format!("`{name}` has {given} for {count} {targets}");
+            refusals.push(refusal(name, message, values));
         }
     };
     for (field, values) in &sorted.values {
@@ -127,11 +122,11 @@ impl<'a> FaultKind<'a> {
             return Ok(kinds.swap_remove(place));
         }
         let names = kinds.iter().map(|kind| kind.name);
+        let message = format!("plant `{}` has no fault `{name}`", possible.plant.name);
+        let expected = "a kind that `hil inject --list` shows";
         Err(vec![Refusal {
-            key: "kind".into(),
-            message: format!("plant `{}` has no fault `{name}`", possible.plant.name),
-            expected: Some("a kind that `hil inject --list` shows".into()),
-            nearest: nearest(name, names).into_iter().map(Into::into).collect(),
+            nearest: closest(name, names),
+            ..refusal("kind", message, expected.into())
         }])
     }
 
@@ -213,17 +208,14 @@ impl<'a> FaultKind<'a> {
             && self.is_other_target(other)
         {
             let kind = self.name;
-            refusals.push(Refusal {
-                key: "target".into(),
-                message: format!("`{kind}` does not act on `{other}`"),
-                expected: Some(match self.target {
-                    TargetKey::Name(Some(only)) => {
-                        format!("`{only}`, or no target: it is the only one")
-                    }
-                    _ => "no target: it acts on the plant".into(),
-                }),
-                nearest: Vec::new(),
-            });
+            let message = format!("`{kind}` does not act on `{other}`");
+            let expected = match self.target {
+                TargetKey::Name(Some(only)) => {
+                    format!("`{only}`, or no target: it is the only one")
+                }
+                _ => "no target: it acts on the plant".into(),
+            };
+            refusals.push(refusal("target", message, expected));
             return Err(refusals);
         }
         let is_open = |field: &&&'a Field| {
@@ -236,20 +228,17 @@ impl<'a> FaultKind<'a> {
         if words.len() > open.len() {
             let names: Vec<&str> = open.iter().map(|field| field.name.as_str()).collect();
             let (given, name) = (words.len(), self.name);
-            refusals.push(Refusal {
-                key: String::new(),
-                message: format!(
-                    "`{name}` has {} left to give, not {given}: {}",
-                    counted(open.len() as u64, "value"),
-                    listed(&words)
-                ),
-                expected: Some(if names.is_empty() {
-                    "no further value".into()
-                } else {
-                    format!("values for {}", listed(&names))
-                }),
-                nearest: Vec::new(),
-            });
+            let message = format!(
+                "`{name}` has {} left to give, not {given}: {}",
+                counted(open.len() as u64, "value"),
+                listed(&words)
+            );
+            let expected = if names.is_empty() {
+                "no further value".to_owned()
+            } else {
+                format!("values for {}", listed(&names))
+            };
+            refusals.push(refusal("", message, expected));
         }
         for (field, word) in open.into_iter().zip(words) {
             match values(field, word) {
@@ -316,25 +305,20 @@ impl<'a> FaultKind<'a> {
                 let names = all.iter().map(String::as_str).chain([option.as_str()]);
                 nearest(given, names).first() == Some(&option.as_str())
             });
-            let near = nearest(given, all.iter().map(String::as_str));
-            let near = near.into_iter().map(Into::into);
+            let near = closest(given, all.iter().map(String::as_str));
+            let message = format!("`{kind}` has no key `{given}`, and hil no option `--{given}`");
+            let expected = if all.is_empty() {
+                "no key".to_owned()
+            } else {
+                format!("one of {}", listed(&all))
+            };
             Refusal {
-                key: given.into(),
-                message: format!("`{kind}` has no key `{given}`, and hil no option `--{given}`"),
-                expected: Some(if all.is_empty() {
-                    "no key".into()
-                } else {
-                    format!("one of {}", listed(&all))
-                }),
                 nearest: option.into_iter().chain(near).collect(),
+                ..refusal(given, message, expected)
             }
         } else {
-            Refusal {
-                key: given.into(),
-                message: format!("`--{given}` may be more than one key of `{kind}`"),
-                expected: Some(format!("one of {}", listed(&names(&meant)))),
-                nearest: Vec::new(),
-            }
+            let message = format!("`--{given}` may be more than one key of `{kind}`");
+            refusal(given, message, format!("one of {}", listed(&names(&meant))))
         })
     }
 
@@ -345,14 +329,9 @@ impl<'a> FaultKind<'a> {
         let TargetKey::Selector(selector) = self.target else {
             let targets: Vec<String> = targets.map(Into::into).collect();
             return if targets.iter().any(String::is_empty) {
-                Err(Refusal {
-                    key: "target".into(),
-                    message: format!("`{kind}` needs a target"),
-                    expected: Some(format!(
-                        "a target that `hil inject --list --kind {kind}` shows"
-                    )),
-                    nearest: Vec::new(),
-                })
+                let expected = format!("a target that `hil inject --list --kind {kind}` shows");
+                let message = format!("`{kind}` needs a target");
+                Err(refusal("target", message, expected))
             } else {
                 Ok(targets)
             };
@@ -361,19 +340,15 @@ impl<'a> FaultKind<'a> {
             let number = target.strip_prefix(selector).unwrap_or(target);
             number.parse::<u32>().ok().map(|number| number.to_string())
         };
-        targets
-            .map(number)
-            .collect::<Option<_>>()
-            .ok_or_else(|| Refusal {
-                key: selector.into(),
-                message: if word.is_empty() {
-                    format!("`{kind}` needs `--{selector}`")
-                } else {
-                    format!("`{word}` is no {selector}")
-                },
-                expected: Some(format!("numbers, for example `--{selector} 1,2`")),
-                nearest: Vec::new(),
-            })
+        targets.map(number).collect::<Option<_>>().ok_or_else(|| {
+            let message = if word.is_empty() {
+                format!("`{kind}` needs `--{selector}`")
+            } else {
+                format!("`{word}` is no {selector}")
+            };
+            let expected = format!("numbers, for example `--{selector} 1,2`");
+            refusal(selector, message, expected)
+        })
     }
 }
 

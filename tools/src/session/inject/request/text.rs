@@ -9,6 +9,7 @@ use shared_types::number::unit_shown;
 use shared_types::table::Field;
 
 use crate::arguments::inject::InjectArguments;
+use crate::session::live::refusal;
 use crate::terminal::duration::in_unit;
 
 /// The event's own keys.
@@ -56,12 +57,9 @@ pub(super) fn rows(list: &ListDescription, text: &str) -> Result<String, Refusal
         let numbers = numbers.collect::<Result<Vec<_>, _>>()?;
         if numbers.len() != list.columns {
             let row_of = vec!["NUMBER"; list.columns].join(":");
-            return Err(Refusal {
-                key: list.key.clone(),
-                message: format!("`{row}` is no row of `{}`", list.key),
-                expected: Some(format!("{row_of},{row_of},..: {}", list.description)),
-                nearest: Vec::new(),
-            });
+            let message = format!("`{row}` is no row of `{}`", list.key);
+            let expected = format!("{row_of},{row_of},..: {}", list.description);
+            return Err(refusal(&list.key, message, expected));
         }
         rows.push(if list.columns == 1 {
             numbers.concat()
@@ -74,19 +72,14 @@ pub(super) fn rows(list: &ListDescription, text: &str) -> Result<String, Refusal
 
 /// A number as TOML.
 fn number(key: &str, text: &str, unit: &str) -> Result<String, Refusal> {
-    match in_unit(text, unit) {
-        Some(value) => Ok(float(value)),
-        None => Err(Refusal {
-            key: key.into(),
-            message: format!("`{text}` is no number for `{key}`"),
-            expected: Some(match unit_shown(unit) {
-                "" => "a number".into(),
-                "target" => "a number in the unit of the target".into(),
-                _ => format!("a number in {unit}"),
-            }),
-            nearest: Vec::new(),
-        }),
-    }
+    in_unit(text, unit).map(float).ok_or_else(|| {
+        let expected = match unit_shown(unit) {
+            "" => "a number".to_owned(),
+            "target" => "a number in the unit of the target".into(),
+            _ => format!("a number in {unit}"),
+        };
+        refusal(key, format!("`{text}` is no number for `{key}`"), expected)
+    })
 }
 
 /// The course that was asked for, as TOML.
@@ -119,11 +112,9 @@ pub(super) fn profile(arguments: &InjectArguments) -> Result<Option<String>, Ref
 /// The points of a CSV file, which the plant cannot be sent to read: it may run elsewhere.
 fn points(file: &Path) -> Result<(Vec<f64>, Vec<f64>), Refusal> {
     const HEADER: &str = "time_s,value";
-    let refused = |message: String| Refusal {
-        key: "table".into(),
-        message: format!("{}: {message}", file.display()),
-        expected: Some(format!("a CSV file with the header {HEADER}")),
-        nearest: Vec::new(),
+    let refused = |message: String| {
+        let expected = format!("a CSV file with the header {HEADER}");
+        refusal("table", format!("{}: {message}", file.display()), expected)
     };
     let text = read_regular(file).map_err(|error| refused(error.to_string()))?;
     let lines = (1..).zip(text.lines().map(str::trim));
