@@ -7,7 +7,7 @@
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
-use shared_types::live::{self, LiveError, Request, Response};
+use shared_types::live::{self, Request, Response};
 use shared_types::session::SessionInfo;
 
 use super::SharedModel;
@@ -62,7 +62,7 @@ impl Thread {
         let mut faults_at = Instant::now();
         loop {
             if Instant::now() >= faults_at {
-                self.ask_faults();
+                ask_faults(&self.session, &self.model, SHORT_LIMIT);
                 self.ask_standings();
                 faults_at = Instant::now() + FAULTS;
             } else {
@@ -82,16 +82,9 @@ impl Thread {
         }
     }
 
-    fn ask_faults(&self) {
-        if let Ok(Response::Active { status, faults }) = self.short(&Request::Active) {
-            let mut model = self.model.lock();
-            model.hear_status(status);
-            model.hear_faults(faults);
-        }
-    }
-
     fn ask_status(&self) {
-        if let Ok(Response::Status(status)) = self.short(&Request::Status) {
+        let answer = live::ask(&self.session, &Request::Status, SHORT_LIMIT);
+        if let Ok(Response::Status(status)) = answer {
             self.model.lock().hear_status(status);
         }
     }
@@ -103,9 +96,15 @@ impl Thread {
         model.hear_standings(answer.standings);
         model.hear_account(known, answer.account);
     }
+}
 
-    fn short(&self, request: &Request) -> Result<Response, LiveError> {
-        live::ask(&self.session, request, SHORT_LIMIT)
+/// Asks for the faults of a session and lets its model hear them; without an answer nothing changes.
+pub(crate) fn ask_faults(session: &SessionInfo, model: &SharedModel, limit: Duration) {
+    let answer = live::ask(session, &Request::Active, limit);
+    if let Ok(Response::Active { status, faults }) = answer {
+        let mut model = model.lock();
+        model.hear_status(status);
+        model.hear_faults(faults);
     }
 }
 

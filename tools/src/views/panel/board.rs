@@ -14,7 +14,7 @@ use super::message::Deed;
 use crate::session::inject;
 use crate::session::live::{RequestError, refused_text};
 use crate::views::monitor::SharedModel;
-use crate::views::monitor::asking::{LIMIT, in_one_line, met};
+use crate::views::monitor::asking::{LIMIT, ask_faults, in_one_line, met};
 use crate::views::monitor::prepared::{self, PreparedFault};
 
 /// A button for a fault.
@@ -161,12 +161,7 @@ impl Board {
         };
         let told = met(&self.session, &self.model, &request);
         // Seen at once, not at the next look.
-        let active = live::ask(&self.session, &Request::Active, LIMIT);
-        if let Ok(Response::Active { status, faults }) = active {
-            let mut model = self.model.lock();
-            model.hear_status(status);
-            model.hear_faults(faults);
-        }
+        ask_faults(&self.session, &self.model, LIMIT);
         told
     }
 
