@@ -1,7 +1,6 @@
 //! The session in one line, or as JSON: for scripts, and for the terminal after the view is gone.
 
 use serde_json::{Map, Value, json};
-use shared_types::record::Outcome;
 
 use super::model::{Ending, Judged, Model};
 use crate::terminal::duration::shown_ns;
@@ -13,7 +12,7 @@ pub(crate) fn ended(model: &Model, ending: &Ending) -> String {
     text += &match (&ending.verdict, ending.outcome) {
         (Some(verdict), _) => verdict.clone(),
         (None, _) if ending.is_abandoned => "hil is gone without a summary".into(),
-        (None, Some(outcome)) => describe(outcome).into(),
+        (None, Some(outcome)) => outcome.name().into(),
         (None, None) if ending.is_gone => "without a word".into(),
         (None, None) => "no record comes any more".into(),
     };
@@ -31,15 +30,6 @@ pub(crate) fn ended(model: &Model, ending: &Ending) -> String {
         };
     }
     text
-}
-
-const fn describe(outcome: Outcome) -> &'static str {
-    match outcome {
-        Outcome::Completed => "completed",
-        Outcome::Diverged => "diverged",
-        Outcome::Stopped => "stopped",
-        Outcome::Failed => "failed",
-    }
 }
 
 /// Describes the state of the session in one line.
@@ -75,14 +65,8 @@ pub(crate) fn text(model: &Model, now_ns: u64) -> String {
             }
         }
     }
-    let is_active = |state: &str| {
-        model
-            .faults()
-            .iter()
-            .filter(|one| one.state == state)
-            .count()
-    };
-    match is_active("active") {
+    let active = model.faults().iter().filter(|one| one.state == "active");
+    match active.count() {
         0 => {}
         1 => parts.push("1 fault active".into()),
         count => parts.push(format!("{count} faults active")),
