@@ -24,10 +24,9 @@ const IN_ROW: usize = 2;
 pub(super) fn text(pages: &[Page], recording: Option<&str>) -> io::Result<String> {
     let mut xml = Writer::new_with_indent(Vec::new(), b' ', 1);
     xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
-    xml.create_element("root").write_inner_content(|xml| {
+    element(&mut xml, "root", &[], |xml| {
         let window = [("name", "Main Window"), ("parent", "main_window")];
-        let tabs = xml.create_element("tabbed_widget").with_attributes(window);
-        tabs.write_inner_content(|xml| {
+        element(xml, "tabbed_widget", &window, |xml| {
             pages.iter().try_for_each(|page| tab(xml, page))?;
             empty(xml, "currentTabIndex", &[("index", "0")])
         })?;
@@ -41,6 +40,19 @@ pub(super) fn text(pages: &[Page], recording: Option<&str>) -> io::Result<String
     Ok(text + "\n")
 }
 
+/// An element with others in it.
+fn element(
+    xml: &mut Xml,
+    name: &str,
+    attributes: &[(&str, &str)],
+    write: impl FnOnce(&mut Xml) -> io::Result<()>,
+) -> io::Result<()> {
+    let element = xml
+        .create_element(name)
+        .with_attributes(attributes.iter().copied());
+    element.write_inner_content(write).map(drop)
+}
+
 fn empty(xml: &mut Xml, name: &str, attributes: &[(&str, &str)]) -> io::Result<()> {
     let element = xml
         .create_element(name)
@@ -50,20 +62,16 @@ fn empty(xml: &mut Xml, name: &str, attributes: &[(&str, &str)]) -> io::Result<(
 
 fn tab(xml: &mut Xml, page: &Page) -> io::Result<()> {
     let attributes = [("tab_name", &*page.title), ("containers", "1")];
-    let tab = xml.create_element("Tab").with_attributes(attributes);
-    tab.write_inner_content(|xml| {
-        let container = xml.create_element("Container");
-        container.write_inner_content(|xml| {
+    element(xml, "Tab", &attributes, |xml| {
+        element(xml, "Container", &[], |xml| {
             let plots: Vec<Plot> = page.plots.iter().flat_map(with_error).collect();
             let rows: Vec<_> = plots.chunks(IN_ROW).collect();
             splitter(xml, "-", &rows, |xml, row| match row {
                 [plot] => area(xml, plot),
                 plots => splitter(xml, "|", plots, area),
             })
-        })?;
-        Ok(())
-    })?;
-    Ok(())
+        })
+    })
 }
 
 /// Parts of the same size, below (`-`) or beside (`|`) each other.
@@ -81,11 +89,9 @@ fn splitter<T>(
         ("count", &*count),
         ("sizes", &*sizes),
     ];
-    let splitter = xml
-        .create_element("DockSplitter")
-        .with_attributes(attributes);
-    splitter.write_inner_content(|xml| parts.iter().try_for_each(|part| write(xml, part)))?;
-    Ok(())
+    element(xml, "DockSplitter", &attributes, |xml| {
+        parts.iter().try_for_each(|part| write(xml, part))
+    })
 }
 
 fn area(xml: &mut Xml, plot: &Plot) -> io::Result<()> {
@@ -93,26 +99,20 @@ fn area(xml: &mut Xml, plot: &Plot) -> io::Result<()> {
         "" => plot.title.clone(),
         unit => format!("{} [{unit}]", plot.title),
     };
-    let area = xml
-        .create_element("DockArea")
-        .with_attribute(("name", &*title));
-    area.write_inner_content(|xml| {
+    element(xml, "DockArea", &[("name", &*title)], |xml| {
         let style = [
             ("mode", "TimeSeries"),
             ("style", "Lines"),
             ("line_width", "1.0"),
         ];
-        let element = xml.create_element("plot").with_attributes(style);
-        element.write_inner_content(|xml| {
+        element(xml, "plot", &style, |xml| {
             empty(xml, "limitY", &[])?;
             for (curve, colour) in plot.signals.iter().zip(COLOURS.iter().cycle()) {
                 empty(xml, "curve", &[("name", &series(curve)), ("color", colour)])?;
             }
             Ok(())
-        })?;
-        Ok(())
-    })?;
-    Ok(())
+        })
+    })
 }
 
 /// A plot and, if it is of a reference and the signal that follows, that of their difference, which it
@@ -151,24 +151,22 @@ fn errors(xml: &mut Xml, pages: &[Page]) -> io::Result<()> {
     let mut seen = BTreeSet::new();
     let tracking = plots.filter_map(|plot| Some((plot, tracked(plot)?)));
     let tracking = tracking.filter(|(_, name)| seen.insert(*name));
-    let equations = xml.create_element("customMathEquations");
-    equations.write_inner_content(|xml| {
+    element(xml, "customMathEquations", &[], |xml| {
         for (plot, name) in tracking {
             let name = series(&format!("error.{name}"));
             let snippet = [("name", &*name), ("language", "lua")];
-            let element = xml.create_element("snippet").with_attributes(snippet);
-            element.write_inner_content(|xml| {
+            element(xml, "snippet", &snippet, |xml| {
                 text_of(xml, "global", "")?;
                 text_of(xml, "function", "return value - v1")?;
                 text_of(xml, "linked_source", &series(&plot.signals[1]))?;
-                let sources = xml.create_element("additional_sources");
-                sources.write_inner_content(|xml| text_of(xml, "v1", &series(&plot.signals[0])))?;
-                Ok(())
+                let source = series(&plot.signals[0]);
+                element(xml, "additional_sources", &[], |xml| {
+                    text_of(xml, "v1", &source)
+                })
             })?;
         }
         Ok(())
-    })?;
-    Ok(())
+    })
 }
 
 fn text_of(xml: &mut Xml, name: &str, text: &str) -> io::Result<()> {
@@ -179,15 +177,10 @@ fn text_of(xml: &mut Xml, name: &str, text: &str) -> io::Result<()> {
 /// The recording, over simulated time and without a question. Its events are left out: when PlotJuggler
 /// loads what its command line names, it has no parser for JSON yet.
 fn data_file(xml: &mut Xml, name: &str) -> io::Result<()> {
-    let files = xml.create_element("previouslyLoaded_Datafiles");
-    files.write_inner_content(|xml| {
+    element(xml, "previouslyLoaded_Datafiles", &[], |xml| {
         let file = [("filename", name), ("prefix", "")];
-        let file = xml.create_element("fileInfo").with_attributes(file);
-        file.write_inner_content(|xml| {
-            let plugin = xml
-                .create_element("plugin")
-                .with_attribute(("ID", "DataLoad MCAP"));
-            plugin.write_inner_content(|xml| {
+        element(xml, "fileInfo", &file, |xml| {
+            element(xml, "plugin", &[("ID", "DataLoad MCAP")], |xml| {
                 let asked = [
                     ("selected_topics", "/record"),
                     ("use_mcap_log_time", "1"),
@@ -196,10 +189,7 @@ fn data_file(xml: &mut Xml, name: &str) -> io::Result<()> {
                     ("max_array_size", "500"),
                 ];
                 empty(xml, "parameters", &asked)
-            })?;
-            Ok(())
-        })?;
-        Ok(())
-    })?;
-    Ok(())
+            })
+        })
+    })
 }
