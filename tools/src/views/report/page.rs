@@ -5,7 +5,7 @@ use shared_types::number::unit_shown;
 
 use super::data::Data;
 use super::plots::Plot;
-use super::run::{Run, Span};
+use super::run::{Run, Span, distinct};
 use super::tables;
 use crate::terminal::exit::Failure;
 use crate::views::offline_page::OfflinePage;
@@ -56,30 +56,16 @@ pub(super) fn page(runs: &[Run], plots: &[Plot], data: &Data) -> Result<String, 
 }
 
 fn title(runs: &[Run]) -> String {
-    let mut scenarios: Vec<&str> = Vec::new();
-    for run in runs {
-        let scenario = run.fact("scenario");
-        if !scenarios.contains(&scenario) {
-            scenarios.push(scenario);
-        }
-    }
-    let mut laws: Vec<&str> = Vec::new();
-    for law in runs.iter().map(Run::law) {
-        if !law.is_empty() && !laws.contains(&law) {
-            laws.push(law);
-        }
-    }
+    let scenarios = distinct(runs.iter().map(|run| run.fact("scenario")), |a, b| a == b);
+    let laws = runs.iter().map(Run::law).filter(|law| !law.is_empty());
+    let laws = distinct(laws, |a, b| a == b);
     format!("{}: {}", scenarios.join(", "), laws.join(", "))
 }
 
 fn description(runs: &[Run]) -> String {
-    let mut texts: Vec<&str> = Vec::new();
-    for plan in runs.iter().filter_map(Run::plan) {
-        if !plan.description.is_empty() && !texts.contains(&plan.description.as_str()) {
-            texts.push(&plan.description);
-        }
-    }
-    texts.join("; ")
+    let plans = runs.iter().filter_map(Run::plan);
+    let texts = plans.map(|plan| plan.description.as_str());
+    distinct(texts.filter(|text| !text.is_empty()), |a, b| a == b).join("; ")
 }
 
 fn toolbar(runs: &[Run]) -> Markup {
@@ -109,14 +95,9 @@ fn toolbar(runs: &[Run]) -> Markup {
 
 /// All faults, those that several runs have in common once.
 fn jumps(runs: &[Run]) -> Vec<&Span> {
-    let mut spans: Vec<&Span> = Vec::new();
-    for span in runs.iter().flat_map(|run| &run.spans) {
-        let what = |one: &Span| (one.event, one.kind.clone(), one.from_s.to_bits());
-        if !spans.iter().any(|one| what(one) == what(span)) {
-            spans.push(span);
-        }
-    }
-    spans
+    let what = |one: &Span| (one.event, one.kind.clone(), one.from_s.to_bits());
+    let spans = runs.iter().flat_map(|run| &run.spans);
+    distinct(spans, |a, b| what(a) == what(b))
 }
 
 /// Plots under the headings of their sections; the script draws into them.

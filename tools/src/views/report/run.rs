@@ -354,6 +354,20 @@ fn spans(outcome: &RecordedOutcome, rate: Rate) -> Vec<Span> {
     spans
 }
 
+/// Lists what runs have, in their order; of those that are the same, the first.
+pub(super) fn distinct<T>(
+    all: impl Iterator<Item = T>,
+    are_same: impl Fn(&T, &T) -> bool,
+) -> Vec<T> {
+    let mut found: Vec<T> = Vec::new();
+    for one in all {
+        if !found.iter().any(|known| are_same(known, &one)) {
+            found.push(one);
+        }
+    }
+    found
+}
+
 /// Verdict and requirements of the `summary.json` beside a recording.
 fn summary_beside(run: &Path) -> Option<(String, Vec<Requirement>)> {
     let folder = if run.is_dir() { run } else { run.parent()? };

@@ -7,7 +7,7 @@ use maud::{Markup, html};
 use shared_types::number::{short, short_in};
 use shared_types::time::Step;
 
-use super::run::Run;
+use super::run::{Run, distinct};
 use crate::results::latency::percentiles::Percentiles;
 use crate::results::requirements::Requirement;
 use crate::results::summary::{Metric, of_law};
@@ -93,12 +93,8 @@ fn digest(run: &Run) -> Markup {
 
 /// Every requirement with its margin in every run.
 pub(super) fn requirements(runs: &[Run]) -> Markup {
-    let mut names: Vec<&Requirement> = Vec::new();
-    for one in runs.iter().flat_map(|run| &run.requirements) {
-        if !names.iter().any(|known| known.name == one.name) {
-            names.push(one);
-        }
-    }
+    let judged = runs.iter().flat_map(|run| &run.requirements);
+    let names = distinct(judged, |a, b| a.name == b.name);
     html! {
         @if names.is_empty() { p { "No requirement was judged." } }
         @else { div.scroll tabindex="0" { table {
@@ -136,12 +132,8 @@ fn margin(run: usize, judged: &Requirement) -> Markup {
 
 /// Every metric over every window in every run, with what others published beside it.
 pub(super) fn metrics(runs: &[Run]) -> Markup {
-    let mut rows: Vec<&Metric> = Vec::new();
-    for one in runs.iter().flat_map(|run| &run.metrics) {
-        if !rows.iter().any(|known| is_same(known, one)) {
-            rows.push(one);
-        }
-    }
+    let found = runs.iter().flat_map(|run| &run.metrics);
+    let rows = distinct(found, |a, b| is_same(a, b));
     let has_published = runs
         .iter()
         .any(|run| rows.iter().any(|row| published(run, row).is_some()));
