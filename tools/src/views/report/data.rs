@@ -122,44 +122,30 @@ impl RunData {
             from_s: span.from_s,
             until_s: span.until_s,
         });
-        let changes = run.outcome.recorded.changes.iter().filter_map(|change| {
+        let recorded = &run.outcome.recorded;
+        let at = |step: u64, label: String| {
+            let from_s = run.rate.seconds(Step(step));
+            let until_s = Some(from_s);
+            SpanData {
+                label,
+                from_s,
+                until_s,
+            }
+        };
+        let changes = recorded.changes.iter().filter_map(|change| {
             let epoch = change.epoch;
-            let from_s = run.rate.seconds(Step(change.step));
             let label = match &change.change {
                 ControllerFate::Joined { law } => format!("controller {epoch}: {law}"),
                 ControllerFate::Lost { .. } => format!("controller {epoch} lost"),
                 ControllerFate::Refused { .. } => return None,
             };
-            let until_s = Some(from_s);
-            Some(SpanData {
-                label,
-                from_s,
-                until_s,
-            })
+            Some(at(change.step, label))
         });
-        let values = run
-            .outcome
-            .recorded
-            .values
-            .iter()
-            .take(MOST_SHOWN)
-            .map(|change| {
-                let from_s = run.rate.seconds(Step(change.step));
-                SpanData {
-                    label: shortened(&change.described()),
-                    from_s,
-                    until_s: Some(from_s),
-                }
-            });
-        let marks = run.outcome.recorded.marks.iter().map(|mark| {
-            let from_s = run.rate.seconds(Step(mark.step));
-            SpanData {
-                label: shortened(&mark.text),
-                from_s,
-                until_s: Some(from_s),
-            }
-        });
-        let spikes = run.outcome.recorded.latency.spikes.iter();
+        let values = recorded.values.iter().take(MOST_SHOWN);
+        let values = values.map(|change| at(change.step, shortened(&change.described())));
+        let marks = recorded.marks.iter();
+        let marks = marks.map(|mark| at(mark.step, shortened(&mark.text)));
+        let spikes = recorded.latency.spikes.iter();
         let spikes = spikes.map(|spike| SpikeData {
             at_s: run.rate.seconds(Step(spike.step)),
             ns: spike.round_trip_ns,
