@@ -185,13 +185,8 @@ impl Recorded {
         let [plant, controller] = &self.blake3;
         let blake3 = if role == &PLANT { plant } else { controller };
         Ok(Some(Choice {
-            path,
-            by: NamedBy::Recording(self.run.clone()),
             blake3: Some(blake3.clone().unwrap_or_default()),
-            locals: match role == &PLANT {
-                true => self.locals.clone(),
-                false => Vec::new(),
-            },
+            ..Choice::new(path, NamedBy::Recording(self.run.clone()))
         }))
     }
 }
@@ -252,30 +247,29 @@ impl<'a> Named<'a> {
             (None, Some(path)) => Some((Path::new(path), role.variable)),
             (None, None) => None,
         };
-        if let Some((path, by)) = person {
+        let choice = if let Some((path, by)) = person {
             // Absolute, so that what is run is what is hashed: a bare name is looked for elsewhere.
             let path = std::path::absolute(path).map_err(Failure::usage)?;
-            return Ok(Choice {
-                locals: self.locals(role),
-                ..Choice::new(path, NamedBy::Person(by))
-            });
-        }
-        let named = match self {
-            Self::Nothing => None,
-            Self::Scenario {
-                file,
-                text,
-                programs,
-            } => by_scenario(role, file, text, programs, at)?,
-            Self::Recorded(recorded) => recorded.choice(role)?,
+            Choice::new(path, NamedBy::Person(by))
+        } else {
+            let named = match self {
+                Self::Nothing => None,
+                Self::Scenario {
+                    file,
+                    text,
+                    programs,
+                } => by_scenario(role, file, text, programs, at)?,
+                Self::Recorded(recorded) => recorded.choice(role)?,
+            };
+            match named {
+                Some(choice) => choice,
+                None => Choice::new(beside(role.beside)?, NamedBy::Nobody),
+            }
         };
-        match named {
-            Some(choice) => Ok(choice),
-            None => Ok(Choice {
-                locals: self.locals(role),
-                ..Choice::new(beside(role.beside)?, NamedBy::Nobody)
-            }),
-        }
+        Ok(Choice {
+            locals: self.locals(role),
+            ..choice
+        })
     }
 }
 
@@ -325,13 +319,6 @@ fn by_scenario(
         return Err(refused(format!("{shown} was changed meanwhile")));
     }
     let path = trusted::program(path).map_err(refused)?;
-    Ok(Some(Choice {
-        path,
-        by: NamedBy::Scenario(key, file.to_owned()),
-        blake3: None,
-        locals: match role == &PLANT {
-            true => programs.locals.clone(),
-            false => Vec::new(),
-        },
-    }))
+    let by = NamedBy::Scenario(key, file.to_owned());
+    Ok(Some(Choice::new(path, by)))
 }
