@@ -6,7 +6,7 @@ use shared_types::record::{Event, Timing};
 
 use crate::results::curves::CurveTaker;
 use crate::results::evaluation::RecordEvaluation;
-use crate::results::latency::legs::{Latency, LatencySummary};
+use crate::results::latency::legs::Latency;
 use crate::results::recorded::Recorded;
 
 /// The facts of a run in the making.
@@ -32,7 +32,7 @@ impl Collector {
             steps,
             evaluation,
             curve: None,
-            recorded: Recorded::begun(LatencySummary::default()),
+            recorded: Recorded::begun(),
             latency: Some(Latency::default()),
             published_ns: None,
             is_past: false,

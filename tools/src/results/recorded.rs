@@ -12,7 +12,7 @@ use crate::results::faults::FaultLog;
 use crate::results::latency::legs::LatencySummary;
 
 /// Facts that the recorder has at the end.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Recorded {
     /// End of the run as the plant saw it; `None` if the plant did not live to tell.
     pub end: Option<RunEnd>,
@@ -56,28 +56,11 @@ pub struct Recorded {
 }
 
 impl Recorded {
-    /// The facts of a run before its first record; `latency` are the figures of no step.
-    pub(crate) fn begun(latency: LatencySummary) -> Self {
+    /// The facts of a run before its first record.
+    pub(crate) fn begun() -> Self {
         Self {
-            end: None,
-            faults: FaultLog::default(),
-            changes: Vec::new(),
-            values: Vec::new(),
-            marks: Vec::new(),
-            records: 0,
-            written: 0,
-            cut_short: None,
-            past_records: 0,
-            lost: 0,
             answers: Some(Answers::default()),
-            digest: None,
-            partial_digests: BTreeMap::new(),
-            metrics: Vec::new(),
-            requirements: Vec::new(),
-            latency,
-            curve: None,
-            wall_time_s: 0.0,
-            error: None,
+            ..Self::default()
         }
     }
 }
