@@ -1,6 +1,7 @@
 //! Provenance of a run, as its recording has it: scenario, programs, machine, and what else it came from.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use hil_config::plan::Plan;
 use shared_types::describe::{Description, PROTOCOL};
@@ -48,36 +49,24 @@ pub(super) fn of(
     fact("protocol", PROTOCOL.to_string());
     fact("hil_version", env!("CARGO_PKG_VERSION").into());
     fact("hil_commit", env!("HIL_COMMIT").into());
-    fact("plant_blake3", binaries.plant.blake3.clone());
-    fact("controller_blake3", binaries.controller.blake3.clone());
-    for (name, one) in [
-        ("plant_host_blake3", &binaries.plant),
-        ("controller_host_blake3", &binaries.controller),
-    ] {
-        if let Some(host) = &one.host {
-            fact(name, host.blake3.clone());
+    let (plant, controller) = (&binaries.plant, &binaries.controller);
+    let mut is_one_named = false;
+    for (side, program) in [("plant", plant), ("controller", controller)] {
+        fact(&format!("{side}_blake3"), program.blake3.clone());
+        if let Some(host) = &program.host {
+            fact(&format!("{side}_host_blake3"), host.blake3.clone());
+        }
+        if let Some(build) = &program.description.build {
+            fact(&format!("{side}_build"), build.to_string());
+        }
+        if let Some(path) = program.named().and_then(Path::to_str) {
+            fact(&format!("{side}_binary"), path.into());
+            is_one_named = true;
         }
     }
     let locals = binaries.programs().locals;
     if !locals.is_empty() {
         fact(LOCALS, serde_json::json!(locals).to_string());
-    }
-    for (side, program) in [
-        ("plant", &binaries.plant),
-        ("controller", &binaries.controller),
-    ] {
-        if let Some(build) = &program.description.build {
-            fact(&format!("{side}_build"), build.to_string());
-        }
-    }
-    let named = [
-        ("plant_binary", &binaries.plant),
-        ("controller_binary", &binaries.controller),
-    ];
-    let named = (named.into_iter()).filter_map(|(name, one)| Some((name, one.named()?.to_str()?)));
-    let named: Vec<_> = named.collect();
-    for (name, path) in &named {
-        fact(name, (*path).into());
     }
     let host = rustix::system::uname();
     fact("host", host.nodename().to_string_lossy().into_owned());
@@ -101,9 +90,7 @@ pub(super) fn of(
     if !settings.set.is_empty() {
         fact("set", serde_json::json!(settings.set).to_string());
     }
-    if !named.is_empty()
-        && let Err(why) = seal::seal(&mut facts)
-    {
+    if is_one_named && let Err(why) = seal::seal(&mut facts) {
         tell!(
             "note: the recording cannot be marked as this user's ({why}): `hil rerun` will ask for its programs"
         );
@@ -115,25 +102,19 @@ pub(super) fn of(
     {
         facts.insert(EXCERPT.into(), recording.choice.describe());
     }
-    let json = |value: &Description| serde_json::to_string_pretty(value).unwrap_or_default();
     let attachment = |name, media_type, text| Attachment {
         name,
         media_type,
         text,
     };
-    let (plant, controller) = (&binaries.plant, &binaries.controller);
+    let json = |name, value: &Description| {
+        let text = serde_json::to_string_pretty(value).unwrap_or_default();
+        attachment(name, "application/json", text)
+    };
     let attachments = vec![
         attachment("scenario.toml", "application/toml", effective.into()),
-        attachment(
-            "plant-description.json",
-            "application/json",
-            json(&plant.description),
-        ),
-        attachment(
-            "controller-description.json",
-            "application/json",
-            json(&controller.description),
-        ),
+        json("plant-description.json", &plant.description),
+        json("controller-description.json", &controller.description),
     ];
     Provenance { facts, attachments }
 }
