@@ -101,49 +101,36 @@ impl Check<'_> {
     }
 
     fn sides(&mut self, then: &Plan, now: &Plan) {
-        let (plant, controller) = (
-            (&then.plant, &now.plant),
-            (&then.controller, &now.controller),
-        );
-        let other = |key: &str| format!("{key} stays as it was");
-        let mut keys = Vec::new();
-        let mut unless = |same: bool, key: &str| {
-            if !same {
-                keys.push(other(key));
-            }
-        };
-        unless(plant.0.model == plant.1.model, "plant.model");
-        unless(plant.0.substeps == plant.1.substeps, "plant.substeps");
-        unless(plant.0.limits == plant.1.limits, "plant.limits");
-        unless(controller.0.law == controller.1.law, "controller.law");
-        let made_for = controller.0.made_for == controller.1.made_for;
-        unless(made_for, "controller.made_for");
-        let connections = controller.0.connections == controller.1.connections;
-        unless(connections, "connect");
-        let divisors = (controller.0.rate_divisor, controller.1.rate_divisor);
-        unless(divisors.0 == divisors.1, "controller.rate_hz");
-        let delays = (
-            controller.0.command_delay_steps,
-            controller.1.command_delay_steps,
-        );
-        unless(delays.0 == delays.1, "controller.command_delay_steps");
-        let tables = [
-            ("plant.parameters", &plant.0.parameters, &plant.1.parameters),
+        let (plant, plant_now) = (&then.plant, &now.plant);
+        let (law, law_now) = (&then.controller, &now.controller);
+        let delays = [law, law_now].map(|one| one.command_delay_steps);
+        let same = [
+            ("plant.model", plant.model == plant_now.model),
+            ("plant.substeps", plant.substeps == plant_now.substeps),
+            ("plant.limits", plant.limits == plant_now.limits),
+            ("controller.law", law.law == law_now.law),
+            ("controller.made_for", law.made_for == law_now.made_for),
+            ("connect", law.connections == law_now.connections),
             (
-                "controller",
-                &controller.0.parameters,
-                &controller.1.parameters,
+                "controller.rate_hz",
+                law.rate_divisor == law_now.rate_divisor,
             ),
-            ("controller.model", &controller.0.model, &controller.1.model),
+            ("controller.command_delay_steps", delays[0] == delays[1]),
+        ];
+        let others = same.into_iter().filter(|(_, is_same)| !is_same);
+        let mut keys: Vec<String> = others
+            .map(|(key, _)| format!("{key} stays as it was"))
+            .collect();
+        let of_law = format!("controller.{}", law.law);
+        let tables = [
+            ("plant.parameters", &plant.parameters, &plant_now.parameters),
+            (&*of_law, &law.parameters, &law_now.parameters),
+            ("controller.model", &law.model, &law_now.model),
         ];
         for (table, then, now) in tables {
             // Of another model or law every parameter would be another.
             if keys.is_empty() {
                 keys.extend(changed(then, now).map(|(name, then, now)| {
-                    let table = match table {
-                        "controller" => format!("controller.{}", controller.0.law),
-                        _ => table.to_owned(),
-                    };
                     format!("{table}.{name} was {then} and stays, {now} is another")
                 }));
             }
