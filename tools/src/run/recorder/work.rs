@@ -123,11 +123,7 @@ impl RecorderWork {
         if layout != self.layout {
             self.fail("the records have other signals than those that the run goes on from".into());
         }
-        let written = match &mut self.recording {
-            Some(recording) => recording.facts(facts),
-            None => Ok(()),
-        };
-        self.note(written);
+        self.write(|recording| recording.facts(facts));
     }
 
     pub(super) fn open(&mut self, layout: RecordLayout) {
@@ -208,11 +204,7 @@ impl RecorderWork {
                     recorded.partial_digests.insert(recorded.records, digest);
                 }
                 (self.shared.next_step).store(self.heard.next_step(), Ordering::Relaxed);
-                let written = match &mut self.recording {
-                    Some(recording) => recording.record(words, &view),
-                    None => Ok(()),
-                };
-                self.note(written);
+                self.write(|recording| recording.record(words, &view));
             }
             Item::Record(words) => {
                 let (got, wanted) = (words.len(), self.layout.words());
@@ -230,11 +222,7 @@ impl RecorderWork {
                 }
                 let step = self.note_event(&event);
                 let time_ns = step.map(|step| self.plan.run.rate.nanoseconds(Step(step)));
-                let written = match &mut self.recording {
-                    Some(recording) => recording.event(&event, time_ns, monotonic_ns()),
-                    None => Ok(()),
-                };
-                self.note(written);
+                self.write(|recording| recording.event(&event, time_ns, monotonic_ns()));
             }
             Item::Lost(count) => {
                 self.collector.recorded.lost = self.collector.recorded.lost.saturating_add(count);
@@ -270,24 +258,20 @@ impl RecorderWork {
         let evaluation = self.collector.evaluation.as_ref();
         let standings = || evaluation.map(|one| standing::of(one.so_far()));
         (self.shared.board).answer(|| standings().unwrap_or_default());
-        if let Some(recording) = &mut self.recording {
-            let kept = recording.keep_up();
-            self.note(kept);
-        }
+        self.write(Recording::keep_up);
     }
 
     fn write_facts(&mut self) {
         let facts = self.shared.facts.lock();
         let facts = std::mem::take(&mut *facts.unwrap_or_else(PoisonError::into_inner));
-        if let Some(recording) = &mut self.recording
-            && !facts.is_empty()
-        {
-            let written = recording.facts(facts);
-            self.note(written);
+        if !facts.is_empty() {
+            self.write(|recording| recording.facts(facts));
         }
     }
 
-    fn note(&mut self, written: std::io::Result<()>) {
+    /// Writes to the recording, if there is one; the first failure ends the recording.
+    fn write(&mut self, write: impl FnOnce(&mut Recording) -> std::io::Result<()>) {
+        let written = self.recording.as_mut().map_or(Ok(()), write);
         let Err(error) = written else { return };
         let Some(recording) = self.recording.take() else {
             return;
