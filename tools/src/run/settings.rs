@@ -62,11 +62,6 @@ pub(crate) struct RecordingSettings {
 }
 
 impl ByHand {
-    const NONE: Self = Self {
-        plant: false,
-        controller: false,
-    };
-
     fn of(options: &RunOptions) -> Result<Self, Failure> {
         let by_hand = Self {
             plant: options.plant == StartKind::External,
@@ -171,7 +166,7 @@ impl Settings {
     }
 
     /// Makes the settings of a run whose recording nobody needs.
-    pub(crate) const fn without_recording(link: LinkKind, out: Option<PathBuf>) -> Self {
+    pub(crate) fn without_recording(link: LinkKind, out: Option<PathBuf>) -> Self {
         Self {
             link,
             out,
@@ -182,7 +177,7 @@ impl Settings {
             checkpoints_at_s: Vec::new(),
             set: Vec::new(),
             is_one_of_many: false,
-            by_hand: ByHand::NONE,
+            by_hand: ByHand::default(),
             curve: None,
         }
     }
