@@ -47,7 +47,9 @@ pub struct Since {
 }
 
 impl Since {
-    fn between(before: ThreadStatistics, after: ThreadStatistics) -> Self {
+    /// Compares two looks, as words.
+    fn between(before: u64, after: u64) -> Self {
+        let [before, after] = [before, after].map(ThreadStatistics::from_wire);
         let (switches, faults) = after.since(before);
         Self {
             from_core: before.core,
@@ -155,10 +157,8 @@ impl Spikes {
             && open.before.epoch == timing.epoch
         {
             let spike = &mut self.worst[open.place];
-            spike.controller_thread = Some(Since::between(
-                ThreadStatistics::from_wire(open.before.controller),
-                ThreadStatistics::from_wire(timing.controller_surroundings),
-            ));
+            let seen = Since::between(open.before.controller, timing.controller_surroundings);
+            spike.controller_thread = Some(seen);
         }
         if timing.round_trip_ns > self.least_ns {
             self.keep(step, timing);
@@ -167,12 +167,6 @@ impl Spikes {
     }
 
     fn keep(&mut self, step: u64, timing: &Timing) {
-        let seen = |before: u64, after: u64| {
-            Since::between(
-                ThreadStatistics::from_wire(before),
-                ThreadStatistics::from_wire(after),
-            )
-        };
         // Another controller is another thread: the two have nothing to compare.
         let same_controller = self.before.filter(|before| before.epoch == timing.epoch);
         let spike = Spike {
@@ -181,9 +175,10 @@ impl Spikes {
             controller_ns: timing.controller_ns,
             plant_ns: timing.plant_ns,
             late_ns: timing.late_ns,
-            plant_thread: (self.before).map(|before| seen(before.plant, timing.plant_surroundings)),
+            plant_thread: (self.before)
+                .map(|before| Since::between(before.plant, timing.plant_surroundings)),
             controller_thread: same_controller
-                .map(|before| seen(before.controller, timing.controller_surroundings)),
+                .map(|before| Since::between(before.controller, timing.controller_surroundings)),
         };
         // Of equals the earlier one comes first.
         let is_longer = |kept: &Spike| kept.round_trip_ns >= spike.round_trip_ns;
