@@ -245,15 +245,9 @@ fn refuse_unwritable(path: &Path) -> Result<(), Failure> {
 
 /// The exit code that stands for all: a run that could not end says more than one that failed.
 fn worst(rows: &[Row]) -> Exit {
-    let severity = |exit: &Exit| match exit {
-        Exit::Pass => 0,
-        Exit::Failed => 1,
-        Exit::Usage => 2,
-        Exit::Infrastructure => 3,
-        Exit::Interrupted => 4,
-    };
     let exits = rows.iter().map(|row| row.exit);
-    exits.max_by_key(severity).unwrap_or(Exit::Pass)
+    // The codes rise with severity.
+    exits.max_by_key(|exit| *exit as u8).unwrap_or(Exit::Pass)
 }
 
 /// A run as a machine reads it: its summary, its label and folder, and what else is wrong with it.
