@@ -325,13 +325,7 @@ fn put(table: &mut dyn TableLike, key: &str, mut value: Value) {
 /// A number with all its digits, short where it can be.
 fn float(value: f64) -> Value {
     let text = if value.is_nan() {
-        "nan".into()
-    } else if value.is_infinite() {
-        if value > 0.0 {
-            "inf".into()
-        } else {
-            "-inf".into()
-        }
+        "nan".into() // Rust writes it otherwise
     } else {
         format!("{value:?}")
     };
