@@ -110,10 +110,7 @@ impl Display {
         }
         if let Some(question) = self.question.take() {
             return match key.code {
-                KeyCode::Char('y' | 'Y') | KeyCode::Enter => {
-                    self.answer = Some("asked...".into());
-                    Action::Ask(question.request)
-                }
+                KeyCode::Char('y' | 'Y') | KeyCode::Enter => self.ask(question.request),
                 _ => {
                     self.answer = Some("left as it is".into());
                     Action::Nothing
