@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use hil_config::plan::Plan;
+use hil_recording::writer::Attachment;
 use shared_types::describe::{
     ActsOn, Description, FaultDescription, FaultKindDescription, LawDescription, ListDescription,
     MoveBy, Operation, ParameterMove, PlantDescription, ProfileDescription,
@@ -50,6 +51,23 @@ pub(crate) fn described() -> [Description; 2] {
         tuning: String::new(),
     }];
     [plant, controller]
+}
+
+/// Returns what travels in the recording of a run of the rig.
+pub(crate) fn attachments(scenario: String) -> Vec<Attachment> {
+    let [plant, controller] = described();
+    let json = |description| serde_json::to_string(description).expect("JSON");
+    let attachments = [
+        ("scenario.toml", scenario),
+        ("plant-description.json", json(&plant)),
+        ("controller-description.json", json(&controller)),
+    ];
+    let attachment = |(name, text)| Attachment {
+        name,
+        media_type: "text/plain",
+        text,
+    };
+    attachments.map(attachment).into()
 }
 
 pub(crate) fn plan() -> Plan {

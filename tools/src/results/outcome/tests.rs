@@ -1,10 +1,9 @@
 //! Belief in a recording that tells its own end.
 
-use hil_recording::writer::Attachment;
 use shared_types::record::{Event, RunEnd};
 
 use super::*;
-use crate::programs::rig::{SCENARIO, described, plan};
+use crate::programs::rig::{SCENARIO, attachments, described, plan};
 use crate::results::fixture::{Content, recorded};
 
 /// A recording of N records whose plant says that it completed all 1000 steps.
@@ -24,19 +23,9 @@ fn of_records(records: u64) -> RecordedOutcome {
         1000,
         Outcome::Completed,
     ))));
-    let json = |description| serde_json::to_string(description).expect("JSON");
-    let attachments = [
-        ("scenario.toml", SCENARIO.to_owned()),
-        ("plant-description.json", json(&plant)),
-        ("controller-description.json", json(&controller)),
-    ]
-    .map(|(name, text)| Attachment {
-        name,
-        media_type: "text/plain",
-        text,
-    });
+    let attachments = attachments(SCENARIO.to_owned());
     let name = format!("outcome-{records}");
-    let folder = recorded(&name, &layout, &contents, attachments.into(), true);
+    let folder = recorded(&name, &layout, &contents, attachments, true);
     let outcome = RecordedOutcome::of(&folder, None).expect("a recording");
     std::fs::remove_dir_all(folder).expect("it is there");
     outcome

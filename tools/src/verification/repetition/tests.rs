@@ -1,11 +1,10 @@
 use hil_config::plan::{FaultAction, FaultEffect, FaultSource, Plan, Profile};
-use hil_recording::writer::Attachment;
 use shared_types::describe::Settings;
 use shared_types::record::{FaultAccepted, Outcome, RunEnd};
 
 use super::*;
 use crate::programs::checked::checked;
-use crate::programs::rig::{SCENARIO, described};
+use crate::programs::rig::{SCENARIO, attachments};
 use crate::results::fixture::{Content, layout, record, recorded};
 
 const FAULTS: &str = r#"
@@ -106,18 +105,7 @@ fn again(run: &RecordedScenario, text: &str) -> Plan {
 
 /// A recorded run of the scenario in which these things happened.
 fn run(name: &str, events: Vec<Event>) -> Result<RecordedScenario, Failure> {
-    let [plant, controller] = described();
-    let attach = |name, text| Attachment {
-        name,
-        media_type: "text/plain",
-        text,
-    };
-    let json = |description| serde_json::to_string(description).expect("JSON");
-    let attachments = vec![
-        attach("scenario.toml", format!("{SCENARIO}{FAULTS}")),
-        attach("plant-description.json", json(&plant)),
-        attach("controller-description.json", json(&controller)),
-    ];
+    let attachments = attachments(format!("{SCENARIO}{FAULTS}"));
     let end = Event::End(RunEnd::new(1, Outcome::Completed));
     let mut contents = vec![Content::Record(record(0, 0.0, 0.0))];
     contents.extend(events.into_iter().chain([end]).map(Content::Event));
