@@ -24,11 +24,7 @@ pub(super) fn chosen(
 ) -> Option<Grid> {
     let mut columns: Vec<Column> = Vec::new();
     for (plan, layout) in variants {
-        let derived = plan.derived.iter().map(|one| Column {
-            name: one.name.clone(),
-            unit: one.unit.clone(),
-        });
-        for column in columns_of(layout).into_iter().chain(derived) {
+        for column in columns_of(layout, &plan.derived) {
             if columns.iter().all(|known| known.name != column.name) {
                 columns.push(column);
             }

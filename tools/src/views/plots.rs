@@ -9,7 +9,7 @@ pub(crate) mod signal;
 
 use glob::Pattern;
 use hil_config::expression::Group;
-use hil_config::plan::{FaultAction, Plan, Scale};
+use hil_config::plan::{Derived, FaultAction, Plan, Scale};
 use serde::Serialize;
 use shared_types::record::RecordLayout;
 
@@ -117,9 +117,9 @@ pub(crate) struct Choice<'a> {
     pub values: Option<&'a dyn Values>,
 }
 
-/// Lists the signals of a record, as scenarios name them.
+/// Lists the signals of a record, as scenarios name them, and derived ones after them.
 #[must_use]
-pub(crate) fn columns_of(layout: &RecordLayout) -> Vec<Column> {
+pub(crate) fn columns_of(layout: &RecordLayout, derived: &[Derived]) -> Vec<Column> {
     let groups = Group::ALL.into_iter().zip(layout.groups());
     let columns = groups.flat_map(|(group, fields)| {
         fields.iter().map(move |field| Column {
@@ -127,7 +127,11 @@ pub(crate) fn columns_of(layout: &RecordLayout) -> Vec<Column> {
             unit: field.unit.clone(),
         })
     });
-    columns.collect()
+    let derived = derived.iter().map(|derived| Column {
+        name: derived.name.clone(),
+        unit: derived.unit.clone(),
+    });
+    columns.chain(derived).collect()
 }
 
 /// Chooses the plots, those of the scenario first, then what decides its verdict.

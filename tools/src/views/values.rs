@@ -182,11 +182,7 @@ impl Values {
     fn new(plan: &Plan, layout: &RecordLayout, patterns: &[String]) -> Result<Self, Failure> {
         let plan = plan.clone().without_judgement();
         let evaluation = Evaluation::new(&plan, &Columns::from(layout));
-        let mut columns = columns_of(layout);
-        columns.extend(plan.derived.iter().map(|derived| Column {
-            name: derived.name.clone(),
-            unit: derived.unit.clone(),
-        }));
+        let columns = columns_of(layout, &plan.derived);
         Ok(Self {
             step: Step(0),
             time_s: 0.0,

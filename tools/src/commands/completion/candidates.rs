@@ -264,7 +264,7 @@ fn signals(line: &Line) -> Vec<CompletionCandidate> {
         return Vec::new();
     };
     let both = (plan.plant_among(&plant.plants)).zip(plan.law_among(&controller.laws));
-    let columns = both.map(|(plant, law)| columns_of(&plan.record_layout(plant, &law)));
+    let columns = both.map(|(plant, law)| columns_of(&plan.record_layout(plant, &law), &[]));
     let columns = columns.unwrap_or_default();
     let recorded = columns.iter().map(|one| (&one.name, &one.unit));
     let derived = plan.derived.iter().map(|one| (&one.name, &one.unit));

@@ -140,20 +140,14 @@ impl Model {
     /// # Errors
     /// If those that are to be drawn are not among them.
     pub(crate) fn attach(&mut self, layout: &RecordLayout) -> Result<(), Failure> {
-        self.columns = columns_of(layout);
         self.validity = layout.validity();
-        let recorded = self.columns.len();
         // Patterns know nothing of what requirements compute.
         let mut plan = self.plan.clone();
         let (bounds, computed) = bounds(&plan, self.seconds(plan.run.steps));
         if self.patterns.is_empty() {
             plan.derived.extend(computed);
         }
-        self.columns
-            .extend(plan.derived.iter().map(|derived| Column {
-                name: derived.name.clone(),
-                unit: derived.unit.clone(),
-            }));
+        self.columns = columns_of(layout, &plan.derived);
         self.plots = chosen(&self.columns, &self.plan, bounds, &self.patterns)?;
         self.readings = plots::readings(&self.columns, &self.plan.panel.readings)?;
         let mut drawn: Vec<usize> = (self.plots.iter())
@@ -162,7 +156,7 @@ impl Model {
             .collect();
         drawn.sort_unstable();
         drawn.dedup();
-        if drawn.iter().any(|signal| *signal >= recorded) {
+        if drawn.iter().any(|signal| *signal >= layout.values()) {
             let evaluation = Evaluation::new(&plan.without_judgement(), &Columns::from(layout));
             self.derived = Some(evaluation.map_err(Failure::infrastructure)?);
         }
