@@ -7,6 +7,7 @@ use std::time::SystemTime;
 
 use hil_recording::size;
 use serde::Serialize;
+use shared_types::number::counted;
 use shared_types::text::line;
 
 use super::{Run, chosen, is_of_a_run};
@@ -136,18 +137,11 @@ fn text(arguments: &RemovalArguments, gone: &[&Run], staying: &[&Decision], byte
         let path = line(&run.path.to_string_lossy());
         table.cells([run.verdict.name().into(), size::shown(run.bytes), path]);
     }
-    let mut text = match (gone.len(), arguments.yes) {
-        (0, _) => "nothing to remove\n".to_owned(),
-        (1, true) => format!("removed 1 run, {}\n", size::shown(bytes)),
-        (count, true) => format!("removed {count} runs, {}\n", size::shown(bytes)),
-        (1, false) => format!(
-            "would remove 1 run, {}; --yes does it\n",
-            size::shown(bytes)
-        ),
-        (count, false) => {
-            let bytes = size::shown(bytes);
-            format!("would remove {count} runs, {bytes}; --yes does it\n")
-        }
+    let (runs, bytes) = (counted(gone.len() as u64, "run"), size::shown(bytes));
+    let mut text = match arguments.yes {
+        _ if gone.is_empty() => "nothing to remove\n".to_owned(),
+        true => format!("removed {runs}, {bytes}\n"),
+        false => format!("would remove {runs}, {bytes}; --yes does it\n"),
     };
     text += &table.to_string();
     for Decision { run, stays } in staying {

@@ -6,6 +6,7 @@
 //! notice had its cause outside of them: an interrupt, firmware, a hypervisor.
 
 use serde::Serialize;
+use shared_types::number::counted;
 use shared_types::record::Timing;
 use shared_types::thread::ThreadStatistics;
 
@@ -68,15 +69,11 @@ impl Since {
                 self.from_core, self.core
             ));
         }
-        let counted = |count, what| match count {
-            1 => format!("1 {what}"),
-            _ => format!("{count} {what}s"),
-        };
         if self.switches > 0 {
-            parts.push(counted(self.switches, "switch").replace("switchs", "switches"));
+            parts.push(counted(self.switches.into(), "switch").replace("switchs", "switches"));
         }
         if self.faults > 0 {
-            parts.push(counted(self.faults, "page fault"));
+            parts.push(counted(self.faults.into(), "page fault"));
         }
         (!parts.is_empty()).then(|| parts.join(", "))
     }
