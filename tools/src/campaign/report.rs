@@ -12,7 +12,6 @@ mod envelopes;
 mod page;
 mod tables;
 
-use std::io::Write as _;
 use std::path::Path;
 
 use hil_campaign::folder::Folder;
@@ -27,7 +26,7 @@ use crate::arguments::report::ReportArguments;
 use crate::files::destination::Destination;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
-use crate::views::export::not_written;
+use crate::views::export::deliver;
 
 /// Summary of the written page.
 #[derive(Debug, Serialize)]
@@ -76,18 +75,9 @@ pub(super) fn write(
         ));
     }
     // A file that cannot be written is told before the work.
-    let mut destination = match out {
-        Some(path) => Destination::create(path, force)?,
-        None => Destination::standard_output()?,
-    };
+    let destination = Destination::open(out, force)?;
     let (text, mut written) = made(folder)?;
-    let result = (destination.write_all(text.as_bytes())).and_then(|()| destination.complete());
-    match result {
-        // A reader that went away wanted no more.
-        Err(error) if out.is_none() && error.kind() == std::io::ErrorKind::BrokenPipe => {}
-        Err(error) => return Err(not_written(out, &error)),
-        Ok(()) => {}
-    }
+    deliver(&text, destination, out)?;
     if let Some(path) = out {
         written.file = path.display().to_string();
         output::result(json, &written, || {

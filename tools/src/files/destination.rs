@@ -23,21 +23,21 @@ struct Whole {
 }
 
 impl Destination {
-    pub(crate) fn standard_output() -> Result<Self, Failure> {
-        // Not `Stdout`, which looks for the ends of lines in everything.
-        let descriptor = io::stdout().as_fd().try_clone_to_owned();
-        let descriptor = descriptor.map_err(Failure::infrastructure)?;
-        Ok(Self {
-            file: BufWriter::new(descriptor.into()),
+    /// Begins a file under another name beside it; standard output without a path.
+    pub(crate) fn open(path: Option<&Path>, may_replace: bool) -> Result<Self, Failure> {
+        let at_once = |file| Self {
+            file: BufWriter::new(file),
             whole: None,
-        })
-    }
-
-    /// Begins a file under another name beside it.
-    pub(crate) fn create(path: &Path, may_replace: bool) -> Result<Self, Failure> {
+        };
+        let Some(path) = path else {
+            // Not `Stdout`, which looks for the ends of lines in everything.
+            let descriptor = io::stdout().as_fd().try_clone_to_owned();
+            let descriptor = descriptor.map_err(Failure::infrastructure)?;
+            return Ok(at_once(descriptor.into()));
+        };
         let shown = path.display();
         let cannot = |error: io::Error| Failure::usage(format!("cannot write {shown}: {error}"));
-        let (mut path, mut file) = (path.to_owned(), None);
+        let mut path = path.to_owned();
         match fs::metadata(&path) {
             Err(error) if error.kind() == ErrorKind::NotFound => {}
             Err(error) => return Err(cannot(error)),
@@ -48,17 +48,12 @@ impl Destination {
             }
             Ok(found) if !found.is_file() => {
                 // A device or a pipe must not be replaced by a file.
-                file = Some(File::options().write(true).open(&path).map_err(cannot)?);
+                let file = File::options().write(true).open(&path);
+                return file.map(at_once).map_err(cannot);
             }
             Ok(_) if !may_replace => return Err(Failure::usage(there_already(&path))),
             // What a link leads to, not the link.
             Ok(_) => path = path.canonicalize().map_err(cannot)?,
-        }
-        if let Some(file) = file {
-            return Ok(Self {
-                file: BufWriter::new(file),
-                whole: None,
-            });
         }
         let part = PartFile::beside(&path).map_err(cannot)?;
         let file = part.file().try_clone().map_err(cannot)?;
@@ -122,13 +117,13 @@ mod tests {
         let path = folder.path().join("table.csv");
         let entries = || fs::read_dir(folder.path()).expect("a folder").count();
 
-        let mut given_up = Destination::create(&path, false).expect("begun");
+        let mut given_up = Destination::open(Some(&path), false).expect("begun");
         given_up.write_all(b"half").expect("written");
         assert!(!path.exists());
         drop(given_up);
         assert_eq!(entries(), 0, "nothing is left");
 
-        let mut whole = Destination::create(&path, false).expect("begun");
+        let mut whole = Destination::open(Some(&path), false).expect("begun");
         whole.write_all(b"whole").expect("written");
         whole.complete().expect("complete");
         assert_eq!(fs::read(&path).expect("there"), b"whole");
@@ -142,16 +137,16 @@ mod tests {
             folder.path().join("old.csv"),
             folder.path().join("link.csv"),
         );
-        let late = Destination::create(&path, false).expect("begun");
+        let late = Destination::open(Some(&path), false).expect("begun");
         fs::write(&path, "old").expect("written");
         std::os::unix::fs::symlink(&path, &link).expect("linked");
-        assert!(refused(Destination::create(&path, false)).contains("--force"));
+        assert!(refused(Destination::open(Some(&path), false)).contains("--force"));
         // It came while the other one was written.
         let error = late.complete().expect_err("refused");
         assert_eq!(error.kind(), ErrorKind::AlreadyExists);
         assert_eq!(fs::read(&path).expect("there"), b"old");
 
-        let mut forced = Destination::create(&link, true).expect("begun");
+        let mut forced = Destination::open(Some(&link), true).expect("begun");
         forced.write_all(b"new").expect("written");
         forced.complete().expect("complete");
         assert_eq!(fs::read(&path).expect("there"), b"new");
@@ -162,7 +157,7 @@ mod tests {
     fn a_place_that_cannot_be_a_file_is_named() {
         let folder = tempfile::tempdir().expect("a folder");
         let nowhere = folder.path().join("nowhere/table.csv");
-        assert!(refused(Destination::create(folder.path(), true)).contains("is a folder"));
-        assert!(refused(Destination::create(&nowhere, true)).contains("nowhere/table.csv"));
+        assert!(refused(Destination::open(Some(folder.path()), true)).contains("is a folder"));
+        assert!(refused(Destination::open(Some(&nowhere), true)).contains("nowhere/table.csv"));
     }
 }

@@ -10,7 +10,7 @@ mod parquet;
 mod selection;
 mod table;
 
-use std::io::{ErrorKind, IsTerminal};
+use std::io::{ErrorKind, IsTerminal, Write as _};
 use std::path::Path;
 
 use hil_recording::reader::RunReader;
@@ -79,10 +79,7 @@ pub fn table(
             "--json goes to standard output, where the table goes too; name a file with -o",
         ));
     }
-    let destination = match path {
-        None => Destination::standard_output()?,
-        Some(path) => Destination::create(path, arguments.force)?,
-    };
+    let destination = Destination::open(path, arguments.force)?;
     let picking = Picking {
         rate: reader.rate().map_err(Failure::usage)?,
         from_s: from_s.unwrap_or(0.0),
@@ -328,8 +325,24 @@ fn unless_gone(path: Option<&Path>, error: &std::io::Error) -> Result<Option<Exp
     }
 }
 
+/// Writes a page; a reader of standard output that went away wanted no more.
+///
+/// # Errors
+/// If it cannot be written.
+pub(crate) fn deliver(
+    text: &str,
+    mut destination: Destination,
+    path: Option<&Path>,
+) -> Result<(), Failure> {
+    let written = (destination.write_all(text.as_bytes())).and_then(|()| destination.complete());
+    written.or_else(|error| match error.kind() {
+        ErrorKind::BrokenPipe if path.is_none() => Ok(()),
+        _ => Err(not_written(path, &error)),
+    })
+}
+
 /// Returns the failure of a file that was not completed.
-pub(crate) fn not_written(path: Option<&Path>, error: &std::io::Error) -> Failure {
+fn not_written(path: Option<&Path>, error: &std::io::Error) -> Failure {
     match error.kind() {
         ErrorKind::AlreadyExists => Failure::usage(error),
         _ => cannot_write(path, error),

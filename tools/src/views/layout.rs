@@ -8,7 +8,6 @@ pub(crate) mod pages;
 mod plotjuggler;
 
 use std::collections::BTreeMap;
-use std::io::Write as _;
 use std::path::Path;
 
 use hil_config::plan::Plan;
@@ -18,7 +17,7 @@ use crate::files::destination::Destination;
 use crate::results::recorded_run::RecordedRun;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
-use crate::views::export::not_written;
+use crate::views::export::deliver;
 use hil_recording::reader::{ReadError, RunReader};
 
 /// The least and the greatest value of signals, by name.
@@ -58,9 +57,8 @@ pub(crate) fn layout(arguments: &LayoutArguments) -> Result<Exit, Failure> {
         output::write(&text)?;
         return Ok(Exit::Pass);
     };
-    let mut destination = Destination::create(path, arguments.force)?;
-    let written = (destination.write_all(text.as_bytes())).and_then(|()| destination.complete());
-    written.map_err(|error| not_written(Some(path), &error))?;
+    let destination = Destination::open(Some(path), arguments.force)?;
+    deliver(&text, destination, Some(path))?;
     let plots: usize = pages.iter().map(|page| page.plots.len()).sum();
     let (shown, pages) = (path.display(), pages.len());
     output::write(&format!("{shown}: {plots} plots on {pages} pages\n"))?;

@@ -18,7 +18,6 @@ mod plots;
 mod run;
 mod tables;
 
-use std::io::Write as _;
 use std::path::Path;
 use std::thread;
 use std::time::Duration;
@@ -32,7 +31,7 @@ use crate::files::destination::Destination;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::interruption::Interruption;
 use crate::terminal::output;
-use crate::views::export::not_written;
+use crate::views::export::deliver;
 use crate::views::plots::bounds::bounds;
 use grid::Grid;
 use plots::plots;
@@ -59,31 +58,21 @@ struct Written {
 /// If a run cannot be read, has no signal that is asked for, or the file cannot be written; with a page
 /// of what there is, if a run is damaged.
 pub(crate) fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
-    let path = arguments.output.as_path();
-    let is_file = path != Path::new("-");
-    if arguments.json && !is_file {
+    let path = Some(arguments.output.as_path()).filter(|path| *path != Path::new("-"));
+    if arguments.json && path.is_none() {
         return Err(Failure::usage(
             "--json goes to standard output, where the report goes too; name a file with -o",
         ));
     }
     let interruption = Interruption::listen()?;
     // A file that cannot be written is told before the work.
-    let mut destination = match is_file {
-        true => Destination::create(path, arguments.force)?,
-        false => Destination::standard_output()?,
-    };
+    let destination = Destination::open(path, arguments.force)?;
     let (text, mut written, damage) = made_unless(&interruption, arguments)?;
-    let result = (destination.write_all(text.as_bytes())).and_then(|()| destination.complete());
-    match result {
-        // A reader that went away wanted no more.
-        Err(error) if !is_file && error.kind() == std::io::ErrorKind::BrokenPipe => {}
-        Err(error) => return Err(not_written(is_file.then_some(path), &error)),
-        Ok(()) => {}
-    }
-    written.file = path.display().to_string();
+    deliver(&text, destination, path)?;
+    written.file = arguments.output.display().to_string();
     if arguments.json {
         output::write(&output::pretty(&written)?)?;
-    } else if is_file {
+    } else if path.is_some() {
         let Written {
             file,
             plots,
