@@ -127,6 +127,12 @@ impl Manifest {
         blake3::hash(&text).to_hex().to_string()
     }
 
+    /// Returns the place of a column of the results.
+    #[must_use]
+    pub fn place(&self, name: &str) -> Option<usize> {
+        self.columns.iter().position(|column| column.name == name)
+    }
+
     /// Cases of each extent, with the number of them in a shard.
     fn extents(&self) -> impl Iterator<Item = (Range<u64>, u64)> {
         let stages = self

@@ -124,11 +124,15 @@ fn finite<S: serde::Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
 
 /// Returns the class of a row.
 pub(super) fn class_of<'a>(manifest: &Manifest, row: &'a Row) -> &'a str {
-    let place = manifest
-        .columns
-        .iter()
-        .position(|column| column.name == CLASS);
-    place.map_or("", |place| row[place].as_text())
+    manifest
+        .place(CLASS)
+        .map_or("", |place| row[place].as_text())
+}
+
+/// Returns the place of a class among [`CLASSES`]; an unknown one counts as lost.
+pub(super) fn place_of(class: &str) -> usize {
+    let known = CLASSES.iter().position(|known| *known == class);
+    known.unwrap_or(CLASSES.len() - 1)
 }
 
 /// Computes the answers of the cases of a campaign.

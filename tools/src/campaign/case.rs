@@ -105,10 +105,7 @@ fn programs(folder: &Folder, link: LinkKind) -> Result<Choices, Failure> {
 /// Returns the digest that a case has in the campaign, if it has one.
 fn published(folder: &Folder, case: u64) -> Option<String> {
     let manifest = folder.manifest();
-    let place = manifest
-        .columns
-        .iter()
-        .position(|column| column.name == "digest")?;
+    let place = manifest.place("digest")?;
     let part = Shard::of(folder, manifest.shard_of(case)).part().ok()?;
     let row = part.cases().iter().position(|known| *known == case)?;
     let digest = part.results()[place].text(row);

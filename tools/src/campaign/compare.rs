@@ -3,7 +3,7 @@
 use hil_campaign::folder::Folder;
 use hil_campaign::manifest::Manifest;
 use hil_campaign::mcnemar;
-use hil_campaign::table::{CLASS, Column, LOST};
+use hil_campaign::table::{CLASS, LOST};
 use serde::Serialize;
 use shared_types::number::{counted, short};
 
@@ -90,16 +90,13 @@ struct Case {
 
 /// Counts the columns before the classes, which make a case what it is.
 fn head(manifest: &Manifest) -> usize {
-    let mut columns = manifest.columns.iter();
-    columns.position(|column| column.name == CLASS).unwrap_or(0)
+    manifest.place(CLASS).unwrap_or(0)
 }
 
 /// Reads the cases of a campaign, with the names of its variants.
 fn cases(folder: &Folder) -> Result<(Vec<Case>, Vec<String>), Failure> {
     let head = head(folder.manifest());
-    let variants = |column: &Column| column.name == "variant";
-    let variants = folder.manifest().columns.iter().position(variants);
-    let variants = variants.unwrap_or(0);
+    let variants = folder.manifest().place("variant").unwrap_or(0);
     let (mut all, mut names): (_, Vec<String>) = (Vec::new(), Vec::new());
     let mut fed = Vec::new();
     read(folder, false, |part| {

@@ -5,7 +5,7 @@ use hil_campaign::shard::part::Part;
 use hil_campaign::table::{CLASS, Column, ColumnKind};
 use hil_config::study::Study;
 
-use super::{CLASSES, margin};
+use super::{margin, place_of};
 
 /// Cases of one variant by columns.
 #[derive(Default)]
@@ -44,7 +44,6 @@ impl<'a> Gathered<'a> {
     /// Makes it without any case.
     pub(in crate::campaign) fn new(manifest: &'a Manifest, study: &'a Study) -> Self {
         let columns = &manifest.columns;
-        let place = |name: &str| columns.iter().position(|known| known.name == name);
         let is_varied = |column: &Column| {
             column.kind == ColumnKind::Number
                 && study.varied.iter().any(|one| one.name == column.name)
@@ -57,7 +56,9 @@ impl<'a> Gathered<'a> {
             .enumerate()
             .filter_map(|(robustness, column)| {
                 let name = column.name.strip_prefix("robustness.")?;
-                let verdict = place(&format!("verdict.{name}")).unwrap_or_default();
+                let verdict = manifest
+                    .place(&format!("verdict.{name}"))
+                    .unwrap_or_default();
                 Some((
                     (name.to_owned(), column.unit.clone()),
                     [verdict, robustness],
@@ -77,7 +78,7 @@ impl<'a> Gathered<'a> {
             varied,
             requirements,
             places: Places {
-                class: place(CLASS).unwrap_or_default(),
+                class: manifest.place(CLASS).unwrap_or_default(),
                 varied: places_varied,
                 requirements: places_requirements,
             },
@@ -97,8 +98,7 @@ impl<'a> Gathered<'a> {
             let variant = usize::try_from(case % variants).unwrap_or_default();
             let of = &mut self.variants[variant];
             let class = columns[*class].text(row);
-            let known = CLASSES.iter().position(|known| *known == class);
-            of.classes[known.unwrap_or(CLASSES.len() - 1)] += 1;
+            of.classes[place_of(class)] += 1;
             of.case.push(*case);
             let has_diverged = class == "diverged";
             if has_diverged {

@@ -11,7 +11,7 @@ use hil_config::study::Study;
 use serde::{Serialize, Serializer};
 
 use super::envelopes::Envelopes;
-use crate::campaign::answers::{Answers, CLASSES, margin};
+use crate::campaign::answers::{Answers, CLASSES, margin, place_of};
 use crate::campaign::quoted;
 
 /// Most numbers of a page; with four bytes each in base64 it stays below 20 MB.
@@ -132,7 +132,7 @@ impl Data {
         let (rows, cases): (Vec<usize>, Vec<f64>) =
             rows.map(|(row, case)| (row, *case as f64)).unzip();
         self.cases.iter_mut().for_each(|of| of.0.extend(&cases));
-        let codes = rows.iter().map(|row| class_code(classes.text(*row)));
+        let codes = rows.iter().map(|row| place_of(classes.text(*row)) as u8);
         self.class.0.extend(codes);
         for (column, place) in self.columns.iter_mut().zip(&self.places) {
             let verdicts = (column.role == "margin").then(|| &table[*place - 1]);
@@ -246,15 +246,6 @@ fn axes(answers: &Answers, columns: &[ColumnData]) -> Vec<usize> {
     places
 }
 
-/// Returns the place of a class; an unknown one counts as lost.
-fn class_code(class: &str) -> u8 {
-    let places = (0_u8..).zip(CLASSES);
-    let mut known = places.filter(|(_, known)| *known == class);
-    known
-        .next()
-        .map_or(CLASSES.len() as u8 - 1, |(place, _)| place)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -281,7 +272,7 @@ mod tests {
 
     #[test]
     fn a_class_that_is_not_known_counts_as_lost() {
-        let codes = ["pass", "fail", "diverged", "undecided", "lost", "?"].map(class_code);
+        let codes = ["pass", "fail", "diverged", "undecided", "lost", "?"].map(place_of);
         assert_eq!(codes, [0, 1, 2, 3, 4, 4]);
     }
 }
