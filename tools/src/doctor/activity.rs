@@ -57,17 +57,12 @@ pub(crate) fn sessions(live: Result<Vec<String>, SessionError>, dead: &[String])
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::cores::CoreList;
     use crate::doctor::finding::Grade;
     use crate::doctor::tree::Fake;
 
     #[test]
     fn load_is_graded_per_core() {
-        let four = Cores {
-            online: CoreList::parse("0-3"),
-            allowed: CoreList::parse("0-3"),
-            chosen: CoreList::parse("2-3"),
-        };
+        let four = Cores::of("0-3", "2-3");
         for (text, grade) in [
             ("0.15 0.30 0.20 1/350 4242", Grade::Good),
             ("0.80 0.30 0.20 3/350 4242", Grade::Fair),

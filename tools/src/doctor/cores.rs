@@ -143,6 +143,16 @@ impl Cores {
         })
     }
 
+    /// Cores of a test, in which this process may use all.
+    #[cfg(test)]
+    pub(crate) fn of(online: &str, chosen: &str) -> Self {
+        Self {
+            online: CoreList::parse(online),
+            allowed: CoreList::parse(online),
+            chosen: CoreList::parse(chosen),
+        }
+    }
+
     /// Returns the cores that are left for everything else.
     #[must_use]
     pub(crate) fn others(&self) -> CoreList {

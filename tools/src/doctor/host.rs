@@ -91,7 +91,6 @@ fn maker(tree: &dyn Tree) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::cores::CoreList;
     use crate::doctor::finding::Grade;
     use crate::doctor::interrupts::Snapshot;
     use crate::doctor::tree::{Fake, Files};
@@ -113,11 +112,7 @@ mod tests {
             ("proc/stat", stat.as_str()),
             ("proc/uptime", "100.00 180.00"),
         ]);
-        let cores = Cores {
-            online: CoreList::parse("0-1"),
-            allowed: CoreList::parse("0-1"),
-            chosen: CoreList::parse("1"),
-        };
+        let cores = Cores::of("0-1", "1");
         let interval = Interval::since_boot(Snapshot::take(&machine));
         virtualisation(&machine, &cores, &interval)
     }

@@ -248,14 +248,6 @@ LOC:    7845550    8100814    9100814   Local timer interrupts
 ERR:          0
 ";
 
-    fn cores(online: &str, chosen: &str) -> Cores {
-        Cores {
-            online: CoreList::parse(online),
-            allowed: CoreList::parse(online),
-            chosen: CoreList::parse(chosen),
-        }
-    }
-
     fn counted(interrupts: &str, uptime: &str) -> Fake {
         Fake::new(&[
             ("proc/interrupts", interrupts),
@@ -287,7 +279,7 @@ ERR:          0
 
     #[test]
     fn interrupts_on_the_chosen_cores_are_graded_by_their_rate() {
-        let cores_with_others = cores("0,2-3", "2-3");
+        let cores_with_others = Cores::of("0,2-3", "2-3");
         let before = Snapshot::take(&counted(INTERRUPTS_TEXT, "500.00 900.00"));
         for (count, grade, found) in [
             ("3000", Grade::Fair, "0/s in 2.0 s; 1 of 4 lines lead here"),
@@ -314,7 +306,7 @@ ERR:          0
         // 3021 interrupts in 100 s since boot, and nowhere else to send them.
         let machine = counted(INTERRUPTS_TEXT, "100.00 1.00");
         let since_boot = Interval::since_boot(Snapshot::take(&machine));
-        let finding = interrupts(&machine, &cores("2-3", "2-3"), &since_boot);
+        let finding = interrupts(&machine, &Cores::of("2-3", "2-3"), &since_boot);
         assert!(
             finding.found.starts_with("30/s since boot"),
             "{}",
@@ -329,10 +321,10 @@ ERR:          0
         let machine =
             counted(&text, "5000.00 1.00").with(&[("proc/irq/125/effective_affinity_list", "0")]);
         let interval = Interval::since_boot(Snapshot::take(&machine));
-        let finding = interrupts(&machine, &cores("0,2-3", "2-3"), &interval);
+        let finding = interrupts(&machine, &Cores::of("0,2-3", "2-3"), &interval);
         assert_eq!((finding.grade, finding.mend), (Grade::Good, None));
         let blind = Interval::since_boot(Snapshot::take(&Fake::default()));
-        let finding = interrupts(&machine, &cores("0,2-3", "2-3"), &blind);
+        let finding = interrupts(&machine, &Cores::of("0,2-3", "2-3"), &blind);
         assert_eq!(finding.grade, Grade::Unknown);
     }
 

@@ -143,17 +143,9 @@ mod tests {
     use crate::doctor::finding::Grade;
     use crate::doctor::tree::{Fake, Files};
 
-    fn cores(online: &str, chosen: &str) -> Cores {
-        Cores {
-            online: CoreList::parse(online),
-            allowed: CoreList::parse(online),
-            chosen: CoreList::parse(chosen),
-        }
-    }
-
     #[test]
     fn isolation_is_good_when_neither_work_nor_tick_comes() {
-        let cores = cores("0-7", "6-7");
+        let cores = Cores::of("0-7", "6-7");
         for (isolated, group, tick, grade) in [
             ("6-7", "", "6-7", Grade::Good),
             ("4-7", "", "1-7", Grade::Good),
@@ -179,7 +171,7 @@ mod tests {
             ("sys/devices/system/cpu/isolated", ""),
             ("usr/sbin/grubby", ""),
         ]);
-        let command = isolation(&machine, &cores("0-3", "2-3")).mend;
+        let command = isolation(&machine, &Cores::of("0-3", "2-3")).mend;
         assert_eq!(
             command.as_deref(),
             Some(
@@ -187,7 +179,7 @@ mod tests {
                  nohz_full=2-3 rcu_nocbs=2-3 irqaffinity=0-1' # then reboot"
             )
         );
-        let finding = isolation(&machine, &cores("0-1", "0-1"));
+        let finding = isolation(&machine, &Cores::of("0-1", "0-1"));
         assert_eq!((finding.grade, finding.mend), (Grade::Fair, None));
         assert!(finding.found.contains("no core is left"));
     }

@@ -122,16 +122,7 @@ fn enabled_states(tree: &dyn Tree, core: u32) -> Vec<IdleState> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::cores::CoreList;
     use crate::doctor::tree::Fake;
-
-    fn cores(chosen: &str) -> Cores {
-        Cores {
-            online: CoreList::parse("0-3"),
-            allowed: CoreList::parse("0-3"),
-            chosen: CoreList::parse(chosen),
-        }
-    }
 
     #[test]
     fn only_a_fixed_clock_rate_at_its_highest_is_good() {
@@ -150,7 +141,7 @@ mod tests {
                 (format!("{folder}2/cpufreq/scaling_driver"), driver),
                 (format!("{folder}3/cpufreq/scaling_driver"), driver),
             ]);
-            let finding = governor(&machine, &cores("2-3"));
+            let finding = governor(&machine, &Cores::of("0-3", "2-3"));
             assert_eq!(finding.grade, grade, "{governor2} {governor3} {driver}");
             let mend = "echo performance | sudo tee \
                 /sys/devices/system/cpu/cpu2/cpufreq/scaling_governor \
@@ -158,7 +149,7 @@ mod tests {
             let expected = (grade != Grade::Good).then_some(mend);
             assert_eq!(finding.mend.as_deref(), expected);
         }
-        let without = governor(&Fake::default(), &cores("2-3"));
+        let without = governor(&Fake::default(), &Cores::of("0-3", "2-3"));
         assert_eq!(without.grade, Grade::Unknown);
     }
 
@@ -199,7 +190,7 @@ mod tests {
                 None,
             ),
         ] {
-            let finding = idle_states(&laptop(&disabled), &cores("3"));
+            let finding = idle_states(&laptop(&disabled), &Cores::of("0-3", "3"));
             assert_eq!((finding.grade, finding.found.as_str()), (grade, found));
             assert_eq!(finding.mend, mend);
         }
@@ -208,9 +199,12 @@ mod tests {
     #[test]
     fn cores_that_tell_of_no_states_are_not_guessed_at() {
         let machine = Fake::new(&[("sys/devices/system/cpu/cpuidle/current_driver", "none")]);
-        let finding = idle_states(&machine, &cores("2-3"));
+        let finding = idle_states(&machine, &Cores::of("0-3", "2-3"));
         assert_eq!(finding.grade, Grade::Unknown);
         let polling = machine.with(&[("proc/cmdline", "quiet idle=poll")]);
-        assert_eq!(idle_states(&polling, &cores("2-3")).grade, Grade::Good);
+        assert_eq!(
+            idle_states(&polling, &Cores::of("0-3", "2-3")).grade,
+            Grade::Good
+        );
     }
 }

@@ -101,7 +101,6 @@ pub(crate) fn throttling(tree: &dyn Tree, cores: &Cores) -> Finding {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::cores::CoreList;
     use crate::doctor::finding::Grade;
     use crate::doctor::tree::Fake;
 
@@ -129,11 +128,7 @@ mod tests {
             // A vendor's old kernel may have it as well.
             (old, "-1", Some(["50000000", "0"]), Grade::Fair, vec![server]),
         ];
-        let cores = Cores {
-            online: CoreList::parse("0-3"),
-            allowed: CoreList::parse("0-3"),
-            chosen: CoreList::parse("2-3"),
-        };
+        let cores = Cores::of("0-3", "2-3");
         for (version, runtime, servers, grade, mend) in cases {
             let mut machine = Fake::new(&[
                 ("proc/version", version),
