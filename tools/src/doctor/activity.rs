@@ -3,7 +3,7 @@
 use shared_types::session::SessionError;
 
 use super::cores::Cores;
-use super::finding::{Check, Finding};
+use super::finding::{Check, Finding, known};
 use super::tree::Tree;
 
 const LOAD: Check = Check::new("load", "other work takes the cores and their caches");
@@ -15,10 +15,7 @@ const SESSIONS: Check = Check::new(
 /// Judges the load of the last minute.
 #[must_use]
 pub(crate) fn load(tree: &dyn Tree, cores: &Cores) -> Finding {
-    let text = match tree.read("proc/loadavg") {
-        Ok(text) => text,
-        Err(unread) => return LOAD.unread(&unread),
-    };
+    let text = known!(LOAD, tree.read("proc/loadavg"));
     let minute = text.split(' ').next().and_then(|s| s.parse::<f64>().ok());
     let Some(minute) = minute else {
         return LOAD.unknown(text);

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::fmt::{self, Display};
 
-use super::finding::{Check, Finding};
+use super::finding::{Check, Finding, known};
 use super::tree::{Tree, Unread};
 use crate::terminal::exit::Failure;
 
@@ -221,10 +221,7 @@ pub(crate) fn smt(tree: &dyn Tree, cores: &Cores) -> Finding {
     let mut shared = CoreList::default();
     let mut together = false;
     for core in cores.chosen.iter() {
-        let all = match siblings(tree, core) {
-            Ok(all) => all,
-            Err(unread) => return SMT.unread(&unread),
-        };
+        let all = known!(SMT, siblings(tree, core));
         let others = all.without(&[core].into_iter().collect());
         together |= others.meets(&cores.chosen);
         shared = shared.with(&others);

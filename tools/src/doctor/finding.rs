@@ -107,6 +107,17 @@ impl Check {
     }
 }
 
+/// What a check looked at; where it cannot be read, that is the finding.
+macro_rules! known {
+    ($check:ident, $read:expr) => {
+        match $read {
+            Ok(known) => known,
+            Err(unread) => return $check.unread(&unread),
+        }
+    };
+}
+pub(crate) use known;
+
 impl Finding {
     /// With the command that mends it.
     #[must_use]

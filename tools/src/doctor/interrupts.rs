@@ -1,7 +1,7 @@
 //! Counts of the kernel: interrupts of devices, and time that a host took.
 
 use super::cores::{CoreList, Cores};
-use super::finding::{Check, Finding, Grade};
+use super::finding::{Check, Finding, Grade, known};
 use super::tree::{Tree, Unread};
 
 const INTERRUPTS: Check = Check::new(
@@ -188,10 +188,7 @@ fn stolen_of_all(text: &str, cores: &CoreList) -> (u64, u64) {
 /// Interrupts of devices on the chosen cores: those that came and those that may come.
 #[must_use]
 pub(crate) fn interrupts(tree: &dyn Tree, cores: &Cores, interval: &Interval) -> Finding {
-    let rates = match interval.interrupts_hz(&cores.chosen) {
-        Ok(rates) => rates,
-        Err(unread) => return INTERRUPTS.unread(&unread),
-    };
+    let rates = known!(INTERRUPTS, interval.interrupts_hz(&cores.chosen));
     let came_hz: f64 = rates.iter().map(|(_, hz)| hz).sum();
     let aimed = |(line, _): &&(Line, f64)| aim(tree, &line.number).meets(&cores.chosen);
     let aimed: Vec<&(Line, f64)> = rates.iter().filter(aimed).collect();

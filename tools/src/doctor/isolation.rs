@@ -3,7 +3,7 @@
 
 use super::boot;
 use super::cores::{CoreList, Cores};
-use super::finding::{Check, Finding};
+use super::finding::{Check, Finding, known};
 use super::tree::Tree;
 
 const ISOLATION: Check = Check::new(
@@ -19,10 +19,7 @@ const QUOTA: Check = Check::new(
 #[must_use]
 pub(crate) fn isolation(tree: &dyn Tree, cores: &Cores) -> Finding {
     let list = |path: &str| tree.read(path).map(|text| CoreList::parse(&text));
-    let from_boot = match list("sys/devices/system/cpu/isolated") {
-        Ok(cores) => cores,
-        Err(unread) => return ISOLATION.unread(&unread),
-    };
+    let from_boot = known!(ISOLATION, list("sys/devices/system/cpu/isolated"));
     // Both are missing on kernels that were built without them, where nothing is in them.
     let from_group = list("sys/fs/cgroup/cpuset.cpus.isolated").unwrap_or_default();
     let without_tick = list("sys/devices/system/cpu/nohz_full").unwrap_or_default();
@@ -62,10 +59,7 @@ struct Quota {
 /// Judges the limits of processor time in the control groups above this process.
 #[must_use]
 pub(crate) fn quota(tree: &dyn Tree) -> Finding {
-    let groups = match tree.read("proc/self/cgroup") {
-        Ok(groups) => groups,
-        Err(unread) => return QUOTA.unread(&unread),
-    };
+    let groups = known!(QUOTA, tree.read("proc/self/cgroup"));
     let mut looked = false;
     for line in groups.lines() {
         let mut parts = line.splitn(3, ':').skip(1);

@@ -1,7 +1,7 @@
 //! The kernel: when it lets itself be interrupted, and which clock it reads.
 
 use super::boot;
-use super::finding::{Check, Finding};
+use super::finding::{Check, Finding, known};
 use super::tree::Tree;
 
 const PREEMPTION: Check = Check::new(
@@ -41,10 +41,7 @@ impl Build {
 pub(crate) fn preemption(tree: &dyn Tree) -> Finding {
     /// File in which a dynamic kernel shows and takes its mode.
     const MODE: &str = "sys/kernel/debug/sched/preempt";
-    let version = match tree.read("proc/version") {
-        Ok(version) => version,
-        Err(unread) => return PREEMPTION.unread(&unread),
-    };
+    let version = known!(PREEMPTION, tree.read("proc/version"));
     let release = version.split_ascii_whitespace().nth(2).unwrap_or("?");
     let told = |what: &str| format!("Linux {release}, {what}");
     let real_time = tree.read("sys/kernel/realtime").is_ok_and(|one| one == "1");
@@ -118,10 +115,10 @@ fn real_time_kernel(tree: &dyn Tree) -> Option<String> {
 #[must_use]
 pub(crate) fn clock_source(tree: &dyn Tree) -> Finding {
     const FOLDER: &str = "sys/devices/system/clocksource/clocksource0";
-    let current = match tree.read(&format!("{FOLDER}/current_clocksource")) {
-        Ok(current) => current,
-        Err(unread) => return CLOCK_SOURCE.unread(&unread),
-    };
+    let current = known!(
+        CLOCK_SOURCE,
+        tree.read(&format!("{FOLDER}/current_clocksource"))
+    );
     let available = tree.read(&format!("{FOLDER}/available_clocksource"));
     let counter = (available.as_deref().unwrap_or_default())
         .split_ascii_whitespace()

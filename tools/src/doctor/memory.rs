@@ -3,7 +3,7 @@
 use shared_types::number::counted;
 use shared_types::shared_memory::{LEAST_INODES, SharedMemory};
 
-use super::finding::{Check, Finding};
+use super::finding::{Check, Finding, known};
 use super::tree::Tree;
 
 const HUGE_PAGES: Check = Check::new(
@@ -79,10 +79,7 @@ pub(crate) fn swap(tree: &dyn Tree) -> Finding {
 /// Judges `/dev/shm`: memory with room in it, for this user. `found` comes from the file system.
 #[must_use]
 pub(crate) fn shared_memory(tree: &dyn Tree, found: Option<SharedMemory>) -> Finding {
-    let mounts = match tree.read("proc/self/mounts") {
-        Ok(mounts) => mounts,
-        Err(unread) => return SHARED_MEMORY.unread(&unread),
-    };
+    let mounts = known!(SHARED_MEMORY, tree.read("proc/self/mounts"));
     let mount = "sudo mount -t tmpfs -o mode=1777,nosuid,nodev tmpfs /dev/shm";
     // The last one mounted there hides the others.
     let kind = mounts.lines().rev().find_map(|line| {

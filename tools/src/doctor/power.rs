@@ -2,7 +2,7 @@
 
 use super::boot;
 use super::cores::Cores;
-use super::finding::{Check, Finding, Grade};
+use super::finding::{Check, Finding, Grade, known};
 use super::measure::jitter_grade;
 use super::tree::Tree;
 
@@ -26,10 +26,7 @@ pub(crate) fn governor(tree: &dyn Tree, cores: &Cores) -> Finding {
         if !tree.has(&folder) {
             return GOVERNOR.unknown("no frequency driver: firmware or a host decides");
         }
-        let name = match tree.read(&format!("{folder}/scaling_governor")) {
-            Ok(name) => name,
-            Err(unread) => return GOVERNOR.unread(&unread),
-        };
+        let name = known!(GOVERNOR, tree.read(&format!("{folder}/scaling_governor")));
         let driver = tree.read(&format!("{folder}/scaling_driver"));
         grade = worse(grade, graded(&name, driver.as_deref().unwrap_or_default()));
         if !found.contains(&name) {
