@@ -52,6 +52,10 @@ fn written(path: &Path, run: &Path, figures: &Figures) -> BaselineFile {
     BaselineFile::read(path, false).expect("reads again")
 }
 
+fn recording_of(file: &BaselineFile) -> Option<PathBuf> {
+    file.recording(file.find("a").expect("there"))
+}
+
 #[test]
 fn figures_read_back_with_every_bit_and_the_recording_is_kept() {
     let (folder, run, path) = folder();
@@ -77,8 +81,7 @@ fn each_file_of_baselines_keeps_recordings_of_its_own() {
         let path = path.with_file_name(name);
         std::fs::write(&run, name).expect("written");
         let file = written(&path, &run, &figures());
-        let baseline = file.find("a").expect("there");
-        let kept = file.recording(baseline).expect("kept");
+        let kept = recording_of(&file).expect("kept");
         assert_eq!(kept, folder.path().join(recording));
     }
     for (name, recording) in expected {
@@ -120,9 +123,7 @@ fn an_update_leaves_comments_order_and_tolerances() {
         !text.contains("internal.never") && text.contains("internal.new"),
         "{text}"
     );
-    let kept = file
-        .recording(file.find("a").expect("there"))
-        .expect("kept");
+    let kept = recording_of(&file).expect("kept");
     assert_eq!(std::fs::read_to_string(kept).expect("there"), "two");
 }
 
@@ -130,9 +131,7 @@ fn an_update_leaves_comments_order_and_tolerances() {
 fn a_recording_that_was_taken_out_by_hand_stays_out() {
     let (_folder, run, path) = folder();
     let file = written(&path, &run, &figures());
-    let kept = file
-        .recording(file.find("a").expect("there"))
-        .expect("kept");
+    let kept = recording_of(&file).expect("kept");
     std::fs::remove_file(&kept).expect("removed");
     let text = std::fs::read_to_string(&path).expect("read");
     let lines: Vec<&str> = text
@@ -141,7 +140,7 @@ fn a_recording_that_was_taken_out_by_hand_stays_out() {
         .collect();
     std::fs::write(&path, lines.join("\n") + "\n").expect("written");
     let file = written(&path, &run, &figures());
-    assert_eq!(file.recording(file.find("a").expect("there")), None);
+    assert_eq!(recording_of(&file), None);
     assert!(!kept.exists());
 }
 
@@ -149,9 +148,7 @@ fn a_recording_that_was_taken_out_by_hand_stays_out() {
 fn the_recording_of_a_baseline_may_be_its_own_update() {
     let (_folder, run, path) = folder();
     let file = written(&path, &run, &figures());
-    let kept = file
-        .recording(file.find("a").expect("there"))
-        .expect("kept");
+    let kept = recording_of(&file).expect("kept");
     written(&path, &kept, &figures());
     assert_eq!(std::fs::read_to_string(kept).expect("there"), "one");
 }
