@@ -301,9 +301,7 @@ impl Bench {
             plant_process::program::drive(&mut engine, plant.waiter(limit()), &supervision);
         let end = engine.end().cloned();
         let ended = peer.end();
-        if self.interruption.came() {
-            return Err(Failure::Interrupted);
-        }
+        self.interruption.check()?;
         driven.map_err(Failure::infrastructure)?;
         match end {
             Some(end) if end.outcome == Outcome::Completed => {

@@ -336,9 +336,7 @@ pub(super) fn every_plan(
         }
     });
     bar.finish_and_clear();
-    if interruption.came() {
-        return Err(Failure::Interrupted);
-    }
+    interruption.check()?;
     match first.into_inner().unwrap_or_else(PoisonError::into_inner) {
         None => Ok(f64::from_bits(longest.into_inner())),
         Some((case, refused)) => Err(Failure::Usage(format!("{refused}\nin case {case}"))),

@@ -54,9 +54,7 @@ pub(super) fn status(arguments: &StatusArguments) -> Result<Exit, Failure> {
             });
         }
         std::thread::sleep(LOOK);
-        if interruption.came() {
-            return Err(Failure::Interrupted);
-        }
+        interruption.check()?;
     }
 }
 

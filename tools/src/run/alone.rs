@@ -106,9 +106,7 @@ pub(crate) fn run(
     let end = engine.end().cloned();
     drop(engine);
     let recorded = recorder.finish();
-    if interruption.came() {
-        return Err(Failure::Interrupted);
-    }
+    interruption.check()?;
     turned.map_err(Failure::infrastructure)?;
     let (outcome, reason) = match (&recorded.error, end) {
         (Some(error), _) => (Outcome::Failed, Some(error.clone())),

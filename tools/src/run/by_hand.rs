@@ -87,9 +87,7 @@ fn next(
                 return Err(Failure::infrastructure("nobody can be admitted any more"));
             }
         }
-        if prepared.interruption.came() {
-            return Err(Failure::Interrupted);
-        }
+        prepared.interruption.check()?;
         for role in Side::ALL {
             if let Some(side) = by_hand.place(role)
                 && side.has_ended()

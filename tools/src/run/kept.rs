@@ -219,9 +219,7 @@ impl Pair {
         let is_over = || interruption.came() || plant.has_ended() || controller.has_ended();
         let recorded = take_run(plan.clone(), &self.layout, grid, source, is_over);
         *has_begun = recorded.records > 0;
-        if interruption.came() {
-            return Err(Failure::Interrupted);
-        }
+        interruption.check()?;
         let end = recorded.end.clone();
         match (&recorded.error, end) {
             (None, Some(end)) if matches!(end.outcome, Outcome::Completed | Outcome::Diverged) => {

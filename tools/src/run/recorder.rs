@@ -152,9 +152,7 @@ impl Recorder {
     /// If the user does not want it any more.
     pub fn recall(&self, interruption: &Interruption) -> Result<(), Failure> {
         while !self.shared.recalled.load(Ordering::Acquire) {
-            if interruption.came() {
-                return Err(Failure::Interrupted);
-            }
+            interruption.check()?;
             std::thread::sleep(LOOK);
         }
         Ok(())

@@ -67,6 +67,17 @@ impl Interruption {
         self.0.load(Ordering::Acquire)
     }
 
+    /// Ends a command that a signal came to.
+    ///
+    /// # Errors
+    /// If one came.
+    pub fn check(&self) -> Result<(), Failure> {
+        match self.came() {
+            true => Err(Failure::Interrupted),
+            false => Ok(()),
+        }
+    }
+
     /// Does work that looks at no flag, waits for nobody and leaves nothing behind wherever it stops:
     /// a signal ends the process at once.
     ///

@@ -206,9 +206,7 @@ impl PreparedReplay {
             .reader
             .join()
             .map_err(|_| Failure::infrastructure("the reader of the recording panicked"))?;
-        if self.interruption.came() {
-            return Err(Failure::Interrupted);
-        }
+        self.interruption.check()?;
         let shown = self.original.run.display();
         let length =
             length.map_err(|error| Failure::usage(format!("cannot replay {shown}: {error}")))?;

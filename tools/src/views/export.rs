@@ -289,9 +289,7 @@ impl ExportPass {
             let step = self.reader.step();
             marks.extend(self.reader.events().iter().filter_map(Event::mark).cloned());
             if self.reader.records().is_multiple_of(LOOK_RECORDS) {
-                if self.interruption.came() {
-                    return Err(Failure::Interrupted);
-                }
+                self.interruption.check()?;
                 if let Some(progress) = &mut progress {
                     progress.set(step);
                 }

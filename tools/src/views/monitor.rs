@@ -161,9 +161,7 @@ fn serve(_: &MonitorArguments, _: &SessionInfo, _: &Plan) -> Result<Option<Serve
 /// Waits until there is nothing more to be seen.
 fn wait_for_end(watch: &Watch, interruption: &Interruption) -> Result<(), Failure> {
     while !watch.has_ended() {
-        if interruption.came() {
-            return Err(Failure::Interrupted);
-        }
+        interruption.check()?;
         std::thread::sleep(LOOK);
     }
     watch.failure().map_or(Ok(()), Err)
@@ -212,9 +210,7 @@ pub(super) fn notice(
             }
             return Ok(notice);
         }
-        if interruption.came() {
-            return Err(Failure::Interrupted);
-        }
+        interruption.check()?;
         if !session.is_there() {
             return Err(Failure::usage(format!("session `{name}` has ended")));
         }
@@ -231,9 +227,7 @@ pub(super) fn notice(
 fn gather(model: &SharedModel, watch: &Watch, interruption: &Interruption) -> Result<(), Failure> {
     let since = Instant::now();
     while since.elapsed() < GATHER && !watch.has_ended() {
-        if interruption.came() {
-            return Err(Failure::Interrupted);
-        }
+        interruption.check()?;
         std::thread::sleep(LOOK);
     }
     match watch.failure() {

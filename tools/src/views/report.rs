@@ -98,9 +98,7 @@ fn made_unless(
     let arguments = arguments.clone();
     let work = thread::spawn(move || made(&arguments));
     while !work.is_finished() {
-        if interruption.came() {
-            return Err(Failure::Interrupted);
-        }
+        interruption.check()?;
         thread::sleep(LOOK);
     }
     match work.join() {

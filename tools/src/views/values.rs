@@ -114,9 +114,7 @@ pub(crate) fn watch(arguments: &WatchArguments) -> Result<Exit, Failure> {
         if !session.is_there() {
             return Ok(Exit::Pass); // it ended meanwhile
         }
-        if interruption.came() {
-            return Err(Failure::Interrupted);
-        }
+        interruption.check()?;
         std::thread::sleep(LOOK); // it has begun, and admits nobody yet
     };
     let every = Duration::from_secs_f64(arguments.every);
@@ -138,9 +136,7 @@ pub(crate) fn watch(arguments: &WatchArguments) -> Result<Exit, Failure> {
         if !is_there {
             return Ok(Exit::Pass);
         }
-        if interruption.came() {
-            return Err(Failure::Interrupted);
-        }
+        interruption.check()?;
         std::thread::sleep(observer.nap().max(Duration::from_millis(1)));
     }
 }

@@ -81,9 +81,7 @@ impl Case {
     /// # Errors
     /// If it could not be started.
     pub(super) fn run(&self, origin: Origin) -> Result<RunResult, Failure> {
-        if self.environment.interruption.came() {
-            return Err(Failure::Interrupted);
-        }
+        self.environment.interruption.check()?;
         let _noise = self.noise.then(Noise::begin);
         isolated(|| run::execute(self.plan.clone(), self.environment.clone(), origin))
     }

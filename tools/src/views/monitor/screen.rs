@@ -39,9 +39,7 @@ pub(crate) fn show(
     let keys = Keys::start();
     let mut drawn: Option<Instant> = None;
     loop {
-        if interruption.came() {
-            return Err(Failure::Interrupted);
-        }
+        interruption.check()?;
         if let Some(failure) = watch.failure() {
             return Err(failure);
         }
