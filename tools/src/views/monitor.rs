@@ -92,9 +92,7 @@ pub(crate) fn monitor(arguments: &MonitorArguments) -> Result<Exit, Failure> {
 
     let watch = Watch::start(session.clone(), model.clone(), audience, false);
     watch.wait_for_first();
-    if let Some(failure) = watch.failure() {
-        return Err(failure);
-    }
+    watch.check()?;
     let is_dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
     let is_shown = std::io::stdout().is_terminal() && std::io::stdin().is_terminal() && !is_dumb;
     if let (Some(served), false) = (&served, is_shown) {
@@ -164,7 +162,7 @@ fn wait_for_end(watch: &Watch, interruption: &Interruption) -> Result<(), Failur
         interruption.check()?;
         std::thread::sleep(LOOK);
     }
-    watch.failure().map_or(Ok(()), Err)
+    watch.check()
 }
 
 /// The session that is meant, which may be awaited for N seconds.
@@ -230,13 +228,13 @@ fn gather(model: &SharedModel, watch: &Watch, interruption: &Interruption) -> Re
         interruption.check()?;
         std::thread::sleep(LOOK);
     }
-    match watch.failure() {
-        Some(failure) => Err(failure),
-        None if model.lock().state() == "starting" && watch.has_ended() => Err(
-            Failure::infrastructure("error: the session ended before it could be watched"),
-        ),
-        None => Ok(()),
+    watch.check()?;
+    if model.lock().state() == "starting" && watch.has_ended() {
+        return Err(Failure::infrastructure(
+            "error: the session ended before it could be watched",
+        ));
     }
+    Ok(())
 }
 
 fn tell(model: &Model, json: bool) -> Result<Exit, Failure> {

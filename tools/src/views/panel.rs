@@ -88,9 +88,7 @@ pub(crate) fn panel(arguments: &PanelArguments) -> Result<Exit, Failure> {
     let model = SharedModel(Arc::new(Mutex::new(model)));
     let watch = Watch::start(session.clone(), model.clone(), None, true);
     watch.wait_for_first();
-    if let Some(failure) = watch.failure() {
-        return Err(failure);
-    }
+    watch.check()?;
     show_newest(&session, &model);
     let asking = Asking::start(session.clone(), model.clone());
     let board = Arc::new(Board::new(session, model.clone(), buttons, window_s));
@@ -139,9 +137,7 @@ fn stay(
     let mut alone_since = Instant::now();
     let mut ended_at = None;
     loop {
-        if let Some(failure) = watch.failure() {
-            return Err(failure);
-        }
+        watch.check()?;
         let now = Instant::now();
         if watch.has_ended() {
             let ended_at = *ended_at.get_or_insert(now);

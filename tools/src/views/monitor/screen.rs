@@ -40,9 +40,7 @@ pub(crate) fn show(
     let mut drawn: Option<Instant> = None;
     loop {
         interruption.check()?;
-        if let Some(failure) = watch.failure() {
-            return Err(failure);
-        }
+        watch.check()?;
         if watch.has_ended() && model.lock().ending().is_none() {
             return Err(Failure::infrastructure("error: the watching thread ended"));
         }

@@ -85,13 +85,15 @@ impl Watch {
 
     /// Waits until it was tried for the first time to attach.
     pub(crate) fn wait_for_first(&self) {
-        let _ = self.first.recv(); // an error is told by `failure`
+        let _ = self.first.recv(); // an error is told by `check`
     }
 
-    /// Returns the failure that keeps it from watching, if there is one.
-    #[must_use]
-    pub(crate) fn failure(&self) -> Option<Failure> {
-        self.failures.try_recv().ok()
+    /// Tells what keeps it from watching.
+    ///
+    /// # Errors
+    /// If something does.
+    pub(crate) fn check(&self) -> Result<(), Failure> {
+        self.failures.try_recv().map_or(Ok(()), Err)
     }
 
     /// Reports the end of the records.
