@@ -18,7 +18,7 @@ fn a_recording_reads_back_as_it_was_written() {
         media_type: "application/toml",
         text: "schema = 1".into(),
     };
-    let folder = recorded("reads", &layout(), &contents, vec![attachment], true);
+    let folder = recorded(&layout(), &contents, vec![attachment]);
     let mut reader = RunReader::open(&folder).expect("opens");
     assert_eq!(reader.rate().expect("a rate").hz(), 1000.0);
     assert_eq!(
@@ -72,7 +72,6 @@ fn a_recording_reads_back_as_it_was_written() {
     hasher.update(text.as_bytes());
     words(&mut hasher, &record(1, -0.0, f64::NAN)[..7]);
     assert_eq!(reader.digest(), hasher.finalize().to_hex().to_string());
-    std::fs::remove_dir_all(folder).expect("removed");
 }
 
 #[test]
@@ -80,7 +79,7 @@ fn a_file_that_was_cut_off_is_read_as_far_as_it_goes() {
     let contents: Vec<Content> = (0..2000)
         .map(|step| Content::Record(record(step, step as f64, 0.0)))
         .collect();
-    let folder = recorded("cut", &layout(), &contents, vec![], true);
+    let folder = recorded(&layout(), &contents, vec![]);
     let path = folder.join(RECORDING);
     let bytes = std::fs::read(&path).expect("read");
     std::fs::write(&path, &bytes[..bytes.len() / 2]).expect("written");
@@ -91,7 +90,6 @@ fn a_file_that_was_cut_off_is_read_as_far_as_it_goes() {
         records += 1;
     }
     assert!(!reader.is_whole() && records < 2000, "{records}");
-    std::fs::remove_dir_all(folder).expect("removed");
 }
 
 #[test]
@@ -108,7 +106,7 @@ fn what_is_no_recording_is_named() {
 #[test]
 fn a_recording_that_was_cut_before_its_first_record_is_called_cut() {
     let contents = [Content::Record(record(0, 0.0, 0.0))];
-    let folder = recorded("cut-early", &layout(), &contents, vec![], true);
+    let folder = recorded(&layout(), &contents, vec![]);
     let path = folder.join(RECORDING);
     let whole = std::fs::read(&path).expect("read");
     let channel = whole.windows(7).position(|bytes| bytes == b"/record");
@@ -118,7 +116,6 @@ fn a_recording_that_was_cut_before_its_first_record_is_called_cut() {
         let expected = format!("was cut off after {length} bytes, before its first record");
         assert!(told.contains(&expected), "{told}");
     }
-    std::fs::remove_dir_all(folder).expect("removed");
 }
 
 #[test]
@@ -133,7 +130,7 @@ fn steps_that_do_not_rise_or_that_no_run_has_are_damage() {
         ),
     ] {
         let contents = steps.map(|step| Content::Record(record(step, 0.0, 0.0)));
-        let folder = recorded(name, &layout(), &contents, vec![], true);
+        let folder = recorded(&layout(), &contents, vec![]);
         let mut reader = RunReader::open(&folder).expect("opens");
         assert!(reader.advance().expect("the first is right"), "{name}");
         let error = reader.advance().expect_err(name).to_string();
@@ -141,7 +138,6 @@ fn steps_that_do_not_rise_or_that_no_run_has_are_damage() {
             error.contains("is damaged at byte ") && error.contains(told),
             "{error}"
         );
-        std::fs::remove_dir_all(folder).expect("removed");
     }
 }
 

@@ -1,13 +1,15 @@
 //! Small recordings for the unit tests of this package and of `tools`.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::ops::Deref;
+use std::path::Path;
 
 use hil_recording::compression::Compression;
 use hil_recording::reader::RECORDING;
 use hil_recording::writer::{Attachment, Provenance, Recording};
 use shared_types::record::{Event, FaultBegun, RecordLayout, Timing};
 use shared_types::table::Field;
+use tempfile::TempDir;
 
 /// Signals of a small run: `truth.x_m`, `measured.x_m`, `command.u_n`, and what they bring.
 pub(crate) fn layout() -> RecordLayout {
@@ -49,16 +51,24 @@ pub(crate) enum Content {
     Event(Event),
 }
 
-/// Writes a recording into a new folder and returns that. `finish`: as after a whole run.
+/// Folder of a recording, which goes with this.
+pub(crate) struct Folder(TempDir);
+
+impl Deref for Folder {
+    type Target = Path;
+
+    fn deref(&self) -> &Path {
+        self.0.path()
+    }
+}
+
+/// Writes the recording of a whole run into a new folder and returns that.
 pub(crate) fn recorded(
-    name: &str,
     layout: &RecordLayout,
     contents: &[Content],
     attachments: Vec<Attachment>,
-    finish: bool,
-) -> PathBuf {
-    let folder = std::env::temp_dir().join(format!("hil-{name}-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).expect("a folder");
+) -> Folder {
+    let folder = Folder(TempDir::new().expect("a folder"));
     let provenance = Provenance {
         facts: BTreeMap::from([("rate_hz".into(), "1000".into())]),
         attachments,
@@ -74,9 +84,7 @@ pub(crate) fn recorded(
             Content::Event(event) => recording.event(event, None, 0).expect("written"),
         }
     }
-    if finish {
-        let result = BTreeMap::from([("outcome".into(), "completed".into())]);
-        recording.finish(result).expect("finished");
-    }
+    let result = BTreeMap::from([("outcome".into(), "completed".into())]);
+    recording.finish(result).expect("finished");
     folder
 }

@@ -24,11 +24,8 @@ fn of_records(records: u64) -> RecordedOutcome {
         Outcome::Completed,
     ))));
     let attachments = attachments(SCENARIO.to_owned());
-    let name = format!("outcome-{records}");
-    let folder = recorded(&name, &layout, &contents, attachments, true);
-    let outcome = RecordedOutcome::of(&folder, None).expect("a recording");
-    std::fs::remove_dir_all(folder).expect("it is there");
-    outcome
+    let folder = recorded(&layout, &contents, attachments);
+    RecordedOutcome::of(&folder, None).expect("a recording")
 }
 
 #[test]

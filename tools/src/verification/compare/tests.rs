@@ -1,12 +1,10 @@
-use std::path::PathBuf;
-
 use shared_types::table::Field;
 
 use super::*;
-use crate::results::fixture::{Content, layout, record, recorded, taken};
+use crate::results::fixture::{Content, Folder, layout, record, recorded, taken};
 
 /// A run of four records; `change` may spoil one.
-fn run(name: &str, change: impl Fn(u64, &mut Vec<u64>)) -> PathBuf {
+fn run(change: impl Fn(u64, &mut Vec<u64>)) -> Folder {
     let contents: Vec<Content> = (0..4)
         .map(|step| {
             let mut words = record(step, step as f64, -1.0);
@@ -14,7 +12,7 @@ fn run(name: &str, change: impl Fn(u64, &mut Vec<u64>)) -> PathBuf {
             Content::Record(words)
         })
         .collect();
-    recorded(name, &layout(), &contents, vec![], true)
+    recorded(&layout(), &contents, vec![])
 }
 
 /// The same tolerance for all signals.
@@ -31,10 +29,10 @@ fn first(comparison: &Comparison) -> String {
 
 #[test]
 fn that_two_runs_have_nothing_is_no_agreement() {
-    let nothing = |name| recorded(name, &layout(), &[], vec![], true);
-    let (a, b) = (nothing("compare-no-a"), nothing("compare-no-b"));
-    let some = run("compare-some", |_, _| ());
-    let with = |b: &PathBuf| compare(&a, b, &[], &all(0.0)).expect("comparable");
+    let nothing = || recorded(&layout(), &[], vec![]);
+    let (a, b) = (nothing(), nothing());
+    let some = run(|_, _| ());
+    let with = |b: &Path| compare(&a, b, &[], &all(0.0)).expect("comparable");
     let refused = with(&b).refuse_nothing().expect_err("nothing").to_string();
     assert!(
         refused.ends_with(": there is nothing to compare"),
@@ -45,23 +43,21 @@ fn that_two_runs_have_nothing_is_no_agreement() {
 
 #[test]
 fn the_first_difference_and_the_size_of_each_are_found() {
-    let a = run("compare-a", |_, _| ());
-    let same = run("compare-same", |step, words| words[13] = step); // a clock
+    let a = run(|_, _| ());
+    let same = run(|step, words| words[13] = step); // a clock
     // truth.x_m is word 3: off by 3 at step 1 and by 4 at step 2.
-    let b = run("compare-b", |step, words| match step {
+    let b = run(|step, words| match step {
         1 => words[3] = 4.0_f64.to_bits(),
         2 => words[3] = (-2.0_f64).to_bits(),
         _ => {}
     });
-    let nan = run("compare-nan", |step, words| {
+    let nan = run(|step, words| {
         if step == 3 {
             words[5] = f64::NAN.to_bits(); // command.u_n
         }
     });
-    let bits = run("compare-bits", |step, words| {
-        words[1] = u64::from(step == 2)
-    });
-    let with = |b: &PathBuf, tolerance| compare(&a, b, &[], &all(tolerance)).expect("comparable");
+    let bits = run(|step, words| words[1] = u64::from(step == 2));
+    let with = |b: &Path, tolerance| compare(&a, b, &[], &all(tolerance)).expect("comparable");
 
     let comparison = with(&same, 0.0);
     assert_eq!(
@@ -108,15 +104,12 @@ fn the_first_difference_and_the_size_of_each_are_found() {
         first(&comparison),
         "first difference at step 2 (0.002 s): validity of measured.x_m is valid and invalid"
     );
-    for folder in [a, same, b, nan, bits] {
-        std::fs::remove_dir_all(folder).expect("removed");
-    }
 }
 
 #[test]
 fn runs_of_two_lengths_differ_in_length_and_not_in_the_command_that_the_shorter_lacks() {
     // The last record of a run has no command: NaN, and marked as not valid.
-    let of = |name: &str, steps: u64| {
+    let of = |steps: u64| {
         let record = |step| {
             let mut words = record(
                 step,
@@ -130,9 +123,9 @@ fn runs_of_two_lengths_differ_in_length_and_not_in_the_command_that_the_shorter_
             Content::Record(words)
         };
         let contents: Vec<Content> = (0..=steps).map(record).collect();
-        recorded(name, &layout(), &contents, vec![], true)
+        recorded(&layout(), &contents, vec![])
     };
-    let (short, long) = (of("length-short", 3), of("length-long", 5));
+    let (short, long) = (of(3), of(5));
     for (a, b, which, lengths) in [
         (&short, &long, "first", "4 records and 6"),
         (&long, &short, "second", "6 records and 4"),
@@ -149,16 +142,13 @@ fn runs_of_two_lengths_differ_in_length_and_not_in_the_command_that_the_shorter_
             "{told}"
         );
     }
-    for folder in [short, long] {
-        std::fs::remove_dir_all(folder).expect("removed");
-    }
 }
 
 #[test]
 fn each_signal_may_have_a_tolerance_of_its_own() {
-    let a = run("tolerance-a", |_, _| ());
+    let a = run(|_, _| ());
     // truth.x_m by 3 and command.u_n by 0.5, both at step 1
-    let b = run("tolerance-b", |step, words| {
+    let b = run(|step, words| {
         if step == 1 {
             (words[3], words[5]) = (4.0_f64.to_bits(), (-0.5_f64).to_bits());
         }
@@ -189,31 +179,16 @@ fn each_signal_may_have_a_tolerance_of_its_own() {
         .expect_err("no such signal")
         .to_string();
     assert!(told.contains("nearest: `truth.x_m`"), "{told}");
-    for folder in [a, b] {
-        std::fs::remove_dir_all(folder).expect("removed");
-    }
 }
 
 #[test]
 fn faults_and_ends_differ_too() {
     let records = |count| (0..count).map(|step| Content::Record(record(step, 0.0, 0.0)));
-    let plain = recorded(
-        "compare-plain",
-        &layout(),
-        &records(3).collect::<Vec<_>>(),
-        vec![],
-        true,
-    );
-    let longer = recorded(
-        "compare-longer",
-        &layout(),
-        &records(4).collect::<Vec<_>>(),
-        vec![],
-        true,
-    );
+    let plain = recorded(&layout(), &records(3).collect::<Vec<_>>(), vec![]);
+    let longer = recorded(&layout(), &records(4).collect::<Vec<_>>(), vec![]);
     let mut contents: Vec<Content> = records(3).collect();
     contents.insert(2, Content::Event(taken(2)));
-    let faulty = recorded("compare-faulty", &layout(), &contents, vec![], true);
+    let faulty = recorded(&layout(), &contents, vec![]);
     let comparison = compare(&plain, &faulty, &[], &all(1.0)).expect("comparable");
     assert_eq!(comparison.verdict, Verdict::Different);
     assert_eq!(
@@ -227,9 +202,6 @@ fn faults_and_ends_differ_too() {
         "first difference at step 3 (0.003 s): only the first run has ended"
     );
     assert_eq!((comparison.a.records, comparison.b.records), (3, 4));
-    for folder in [plain, longer, faulty] {
-        std::fs::remove_dir_all(folder).expect("removed");
-    }
 }
 
 #[test]
@@ -238,14 +210,8 @@ fn other_layouts_are_told_by_name() {
     other.internal = vec![Field::signal("gain_1", "1", "Gain.")];
     other.command_signals = 2;
     let words: Vec<u64> = [&record(0, 0.0, 0.0)[..7], &[0], &record(0, 0.0, 0.0)[7..]].concat();
-    let a = recorded(
-        "layout-a",
-        &layout(),
-        &[Content::Record(record(0, 0.0, 0.0))],
-        vec![],
-        true,
-    );
-    let b = recorded("layout-b", &other, &[Content::Record(words)], vec![], true);
+    let a = recorded(&layout(), &[Content::Record(record(0, 0.0, 0.0))], vec![]);
+    let b = recorded(&other, &[Content::Record(words)], vec![]);
     let comparison = compare(&a, &b, &[], &all(0.0)).expect("comparable");
     assert_eq!(
         (comparison.verdict, comparison.first_difference),
@@ -264,7 +230,4 @@ fn other_layouts_are_told_by_name() {
         error.contains("has no signal `truth.x`; nearest: `truth.x_m`"),
         "{error}"
     );
-    for folder in [a, b] {
-        std::fs::remove_dir_all(folder).expect("removed");
-    }
 }

@@ -104,15 +104,13 @@ fn again(run: &RecordedScenario, text: &str) -> Plan {
 }
 
 /// A recorded run of the scenario in which these things happened.
-fn run(name: &str, events: Vec<Event>) -> Result<RecordedScenario, Failure> {
+fn run(events: Vec<Event>) -> Result<RecordedScenario, Failure> {
     let attachments = attachments(format!("{SCENARIO}{FAULTS}"));
     let end = Event::End(RunEnd::new(1, Outcome::Completed));
     let mut contents = vec![Content::Record(record(0, 0.0, 0.0))];
     contents.extend(events.into_iter().chain([end]).map(Content::Event));
-    let folder = recorded(name, &layout(), &contents, attachments, true);
-    let run = RecordedScenario::read(&folder);
-    std::fs::remove_dir_all(folder).expect("removed");
-    run
+    let folder = recorded(&layout(), &contents, attachments);
+    RecordedScenario::read(&folder)
 }
 
 #[test]
@@ -129,25 +127,22 @@ fn live_faults_become_faults_at_the_steps_at_which_they_took_hold() {
         ..FaultEnd::default()
     };
     let late = live(7, Trigger::Condition(condition()), &[2, 0], times.clone());
-    let run = run(
-        "repetition",
-        vec![
-            took_hold(3, 0, 10),
-            accepted(20, &now),
-            took_hold(5, 0, 21),
-            took_hold(5, 1, 25),
-            ended(3, 0, 30, true),
-            accepted(31, &never),
-            accepted(32, &late),
-            ended(5, 0, 40, true),
-            ended(5, 1, 40, true),
-            took_hold(7, 1, 60),
-            took_hold(7, 0, 62),
-            ended(7, 1, 70, false),
-            ended(7, 0, 75, false),
-            ended(1, 0, 45, true),
-        ],
-    )
+    let run = run(vec![
+        took_hold(3, 0, 10),
+        accepted(20, &now),
+        took_hold(5, 0, 21),
+        took_hold(5, 1, 25),
+        ended(3, 0, 30, true),
+        accepted(31, &never),
+        accepted(32, &late),
+        ended(5, 0, 40, true),
+        ended(5, 1, 40, true),
+        took_hold(7, 1, 60),
+        took_hold(7, 0, 62),
+        ended(7, 1, 70, false),
+        ended(7, 0, 75, false),
+        ended(1, 0, 45, true),
+    ])
     .expect("a run");
     let text = run.scenario().expect("a scenario");
     for comment in [
@@ -202,7 +197,7 @@ fn an_effect_that_was_cleared_before_its_skew_is_left_out() {
         ended(5, 0, 8, true),
         ended(5, 1, 8, true),
     ];
-    let run = run("skew", events).expect("a run");
+    let run = run(events).expect("a run");
     let text = run.scenario().expect("a scenario");
     let plan = again(&run, &text);
     let last = plan.faults.last().expect("the live one");
@@ -211,7 +206,7 @@ fn an_effect_that_was_cleared_before_its_skew_is_left_out() {
 
 #[test]
 fn a_run_that_nothing_was_done_to_repeats_as_its_scenario() {
-    let run = run("plain", vec![]).expect("a run");
+    let run = run(vec![]).expect("a run");
     let text = run.scenario().expect("a scenario");
     let plan = again(&run, &text);
     assert_eq!(plan, run.recorded.plan);

@@ -1,5 +1,3 @@
-use std::path::PathBuf;
-
 use ::parquet::file::reader::{FileReader, SerializedFileReader};
 use ::parquet::record::Field as Value;
 use clap::Parser;
@@ -8,7 +6,7 @@ use tempfile::TempDir;
 
 use super::*;
 use crate::arguments::{Command, CommandLine};
-use crate::results::fixture::{Content, layout, record, recorded};
+use crate::results::fixture::{Content, Folder, layout, record, recorded};
 
 const STEPS: u64 = 50;
 
@@ -18,7 +16,7 @@ fn truth(step: u64) -> f64 {
 }
 
 /// A run at 1 kHz without a scenario, and a folder to write to.
-fn a_run(name: &str) -> (PathBuf, TempDir) {
+fn a_run() -> (Folder, TempDir) {
     let mut contents: Vec<Content> = (0..=STEPS)
         .map(|step| Content::Record(record(step, truth(step), f64::NAN)))
         .collect();
@@ -26,7 +24,7 @@ fn a_run(name: &str) -> (PathBuf, TempDir) {
     let mut invalid = record(STEPS + 1, truth(STEPS + 1), f64::INFINITY);
     invalid[1] = 1;
     contents.push(Content::Record(invalid));
-    let run = recorded(name, &layout(), &contents, vec![], true);
+    let run = recorded(&layout(), &contents, vec![]);
     (run, tempfile::tempdir().expect("a folder"))
 }
 
@@ -55,7 +53,7 @@ fn csv(run: &Path, folder: &TempDir, arguments: &str) -> (String, Vec<Vec<String
 
 #[test]
 fn a_table_has_every_step_and_the_bits_of_every_number() {
-    let (run, folder) = a_run("export-bits");
+    let (run, folder) = a_run();
     let (header, rows) = csv(&run, &folder, "");
     assert_eq!(
         header,
@@ -70,12 +68,11 @@ fn a_table_has_every_step_and_the_bits_of_every_number() {
         assert_eq!(row[4], if step > STEPS { "inf" } else { "NaN" });
         assert_eq!(number(7), 1.0);
     }
-    std::fs::remove_dir_all(run).expect("removed");
 }
 
 #[test]
 fn a_window_has_both_its_ends_and_picking_begins_at_the_first() {
-    let (run, folder) = a_run("export-window");
+    let (run, folder) = a_run();
     let steps = |arguments: &str| -> Vec<u64> {
         let (_, rows) = csv(&run, &folder, arguments);
         rows.iter()
@@ -105,12 +102,11 @@ fn a_window_has_both_its_ends_and_picking_begins_at_the_first() {
         assert!(failure.to_string().contains(said), "{failure}");
         assert!(!path.exists());
     }
-    std::fs::remove_dir_all(run).expect("removed");
 }
 
 #[test]
 fn signals_are_chosen_by_name_and_by_pattern_in_the_order_asked_for() {
-    let (run, folder) = a_run("export-choice");
+    let (run, folder) = a_run();
     for (arguments, expected) in [
         (
             "--signal command.u_n --signal truth.x_m",
@@ -152,12 +148,11 @@ fn signals_are_chosen_by_name_and_by_pattern_in_the_order_asked_for() {
         assert_eq!(failure.exit(), Exit::Usage);
         assert!(failure.to_string().contains(said), "{failure}");
     }
-    std::fs::remove_dir_all(run).expect("removed");
 }
 
 #[test]
 fn parquet_holds_the_same_bits_and_says_where_they_come_from() {
-    let (run, folder) = a_run("export-parquet");
+    let (run, folder) = a_run();
     let path = folder.path().join("table.parquet");
     let chosen = "--signal truth.x_m --signal measured.x_m --signal controller_ns --signal published_ns --validity";
     exported(&run, &format!("{chosen} -o {}", path.display())).expect("exported");
@@ -213,7 +208,6 @@ fn parquet_holds_the_same_bits_and_says_where_they_come_from() {
         (told("hil.rate_hz"), told("hil.whole")),
         ("1000".into(), "true".into())
     );
-    std::fs::remove_dir_all(run).expect("removed");
 }
 
 #[test]
@@ -221,7 +215,7 @@ fn a_recording_that_was_cut_off_is_exported_as_far_as_it_goes() {
     let contents: Vec<Content> = (0..20_000)
         .map(|step| Content::Record(record(step, truth(step), 0.0)))
         .collect();
-    let run = recorded("export-cut", &layout(), &contents, vec![], true);
+    let run = recorded(&layout(), &contents, vec![]);
     let folder = tempfile::tempdir().expect("a folder");
     let file = run.join(RECORDING);
     let bytes = std::fs::read(&file).expect("read");
@@ -235,12 +229,11 @@ fn a_recording_that_was_cut_off_is_exported_as_far_as_it_goes() {
             (step.to_string().as_str(), truth(step))
         );
     }
-    std::fs::remove_dir_all(run).expect("removed");
 }
 
 #[test]
 fn what_cannot_be_written_is_refused_and_leaves_nothing() {
-    let (run, folder) = a_run("export-refused");
+    let (run, folder) = a_run();
     let there = folder.path().join("there.csv");
     std::fs::write(&there, "mine").expect("written");
     let odd = folder.path().join("table.xlsx");
@@ -268,5 +261,4 @@ fn what_cannot_be_written_is_refused_and_leaves_nothing() {
         std::fs::read_dir(folder.path()).expect("a folder").count(),
         1
     );
-    std::fs::remove_dir_all(run).expect("removed");
 }

@@ -1,9 +1,9 @@
-use std::path::PathBuf;
+use std::path::Path;
 
 use shared_types::record::{Outcome, RunEnd};
 
 use super::*;
-use crate::results::fixture::{Content, layout, record, recorded};
+use crate::results::fixture::{Content, Folder, layout, record, recorded};
 use crate::verification::replay::original::AnswerPlace;
 
 /// Words of a small run's record, by the order of its layout.
@@ -46,7 +46,7 @@ struct Played {
 }
 
 fn played(
-    run: &PathBuf,
+    run: &Path,
     steps: u64,
     places: Places,
     clock: Clock,
@@ -66,12 +66,11 @@ fn played(
         batch = Some(next);
     }
     let length = tape.reader.join().expect("no panic");
-    std::fs::remove_dir_all(run).expect("removed");
     (rows, length)
 }
 
 /// A run whose record of step k has measured k and the command -k, changed.
-fn run(name: &str, steps: u64, change: impl Fn(u64, &mut Vec<u64>)) -> PathBuf {
+fn run(steps: u64, change: impl Fn(u64, &mut Vec<u64>)) -> Folder {
     let contents: Vec<Content> = (0..steps)
         .map(|step| {
             let mut words = record(step, step as f64, -(step as f64));
@@ -79,7 +78,7 @@ fn run(name: &str, steps: u64, change: impl Fn(u64, &mut Vec<u64>)) -> PathBuf {
             Content::Record(words)
         })
         .collect();
-    recorded(name, &layout(), &contents, vec![], true)
+    recorded(&layout(), &contents, vec![])
 }
 
 fn whole(steps: u64) -> Length {
@@ -96,7 +95,7 @@ fn in_lockstep_each_sample_comes_with_its_own_answer() {
         late_steps: 2,
         unseen: false,
     };
-    let run = run("tape-lockstep", 4, |step, words| {
+    let run = run(4, |step, words| {
         if step == 2 {
             (words[SAMPLE_INVALID], words[COMMAND_INVALID]) = (1, 2);
             words[SAMPLE_AGE] = 7;
@@ -131,10 +130,10 @@ fn in_lockstep_each_sample_comes_with_its_own_answer() {
 }
 
 /// Plays a run; `met` has for each step the step of its command, and the answers before that.
-fn met(name: &str, met: &[(u64, Answered)], close: u64) -> Vec<(bool, Option<f64>, u32)> {
+fn met(met: &[(u64, Answered)], close: u64) -> Vec<(bool, Option<f64>, u32)> {
     let met = met.to_vec();
     let steps = met.len() as u64;
-    let run = run(name, steps, |step, words| {
+    let run = run(steps, |step, words| {
         let (command, answered) = met[step as usize];
         words[HELD] = step - command;
         words[ANSWERED] = answered.to_wire();
@@ -161,7 +160,7 @@ fn against_the_clock_an_answer_belongs_to_the_sample_that_it_answers() {
         (5, at_4.then(1)),
     ];
     assert_eq!(
-        met("tape-late", &steps, 6),
+        met(&steps, 6),
         [
             (false, Some(-0.0), 0),
             (false, Some(-1.0), 0),
@@ -179,7 +178,7 @@ fn an_answer_that_was_overtaken_was_seen_and_is_not_compared() {
     let at_0 = Answered::default();
     let at_3 = at_0.then(1).then(1).then(1);
     let steps = [(0, at_0), (0, at_0), (0, at_0), (3, at_3)];
-    let told = met("tape-overtaken", &steps, 4);
+    let told = met(&steps, 4);
     assert_eq!(told[1..3], [(false, None, 0), (false, None, 1)]);
     assert_eq!(told[3], (false, Some(-3.0), 2));
 }
@@ -187,7 +186,7 @@ fn an_answer_that_was_overtaken_was_seen_and_is_not_compared() {
 #[test]
 fn what_nobody_met_until_the_end_was_not_seen() {
     let at_0 = Answered::default();
-    let told = met("tape-end", &[(0, at_0), (0, at_0), (0, at_0)], 3);
+    let told = met(&[(0, at_0), (0, at_0), (0, at_0)], 3);
     assert_eq!(told[1..], [(true, None, 0), (true, None, 1)]);
 }
 
@@ -195,7 +194,7 @@ fn what_nobody_met_until_the_end_was_not_seen() {
 fn batches_neither_lose_nor_reorder_also_when_the_controller_was_away_for_longer_than_one() {
     let steps = 5 * BATCH as u64 + 3;
     let away = 1000..3000;
-    let run = run("tape-long", steps, |step, words| {
+    let run = run(steps, |step, words| {
         if away.contains(&step) {
             words[HELD] = step - (away.start - 1);
         } else {
@@ -216,20 +215,18 @@ fn batches_neither_lose_nor_reorder_also_when_the_controller_was_away_for_longer
 
 #[test]
 fn a_recording_that_does_not_say_all_is_refused() {
-    let refused = |run: &PathBuf, places, clock| {
+    let refused = |run: &Path, places, clock| {
         let (_, length) = played(run, 10, places, clock);
         length.expect_err("refused").to_string()
     };
     let lockstep = Clock::Lockstep;
-    let gap = run("tape-gap", 4, |step, words| words[0] += u64::from(step > 1));
+    let gap = run(4, |step, words| words[0] += u64::from(step > 1));
     let told = refused(&gap, places(), lockstep);
     assert!(
         told.contains("record 3 comes where record 2 should"),
         "{told}"
     );
-    let swapped = run("tape-epoch", 4, |step, words| {
-        words[EPOCH] = 1 + u64::from(step > 2)
-    });
+    let swapped = run(4, |step, words| words[EPOCH] = 1 + u64::from(step > 2));
     let told = refused(&swapped, places(), lockstep);
     assert!(told.contains("at step 3 another controller"), "{told}");
 
@@ -238,7 +235,7 @@ fn a_recording_that_does_not_say_all_is_refused() {
         answered: None,
         ..places()
     };
-    let clocked = run("tape-old-clock", 4, |_, _| ());
+    let clocked = run(4, |_, _| ());
     let told = refused(&clocked, old.clone(), Clock::Realtime);
     assert!(told.contains("which samples its controller saw"), "{told}");
     let skip = Event::Fault(FaultBegun {
@@ -253,7 +250,7 @@ fn a_recording_that_does_not_say_all_is_refused() {
     });
     let records = |step| Content::Record(record(step, 0.0, 0.0));
     let contents = [records(0), Content::Event(skip), records(1)];
-    let late = recorded("tape-old-late", &layout(), &contents, vec![], true);
+    let late = recorded(&layout(), &contents, vec![]);
     let told = refused(&late, old, lockstep);
     assert!(
         told.contains("fault `skip`") && told.contains("step 1"),
@@ -268,11 +265,11 @@ fn a_run_that_ended_early_or_was_cut_off_says_how_far_it_goes() {
         .map(|step| Content::Record(record(step, 0.0, 0.0)))
         .collect();
     contents.push(Content::Event(stopped));
-    let early = recorded("tape-early", &layout(), &contents, vec![], true);
+    let early = recorded(&layout(), &contents, vec![]);
     let (rows, length) = played(&early, 10, places(), Clock::Lockstep);
     assert_eq!((rows.len(), length.expect("read")), (3, whole(3)));
 
-    let cut = run("tape-cut", 20_000, |_, _| ());
+    let cut = run(20_000, |_, _| ());
     let path = cut.join(hil_recording::reader::RECORDING);
     let bytes = std::fs::read(&path).expect("read");
     std::fs::write(&path, &bytes[..bytes.len() / 2]).expect("written");
