@@ -246,18 +246,16 @@ fn after_hello_the_limit_counts() {
 
 #[test]
 fn under_gdb_it_is_held_before_and_after_hello() {
-    const TEST: &str = "under_gdb_it_is_held_before_and_after_hello";
     let tried = Command::new("gdb")
         .args(["-nx", "-batch", "-ex", "run", "--args", "true"])
         .output();
     let works = tried
         .is_ok_and(|output| String::from_utf8_lossy(&output.stdout).contains("exited normally"));
     if !works {
-        return skip(TEST, "gdb is not here, or may not trace", "HIL_TEST_GDB");
+        return skip("gdb is not here, or may not trace", "HIL_TEST_GDB");
     }
     if cfg!(not(debug_assertions)) {
         return skip(
-            TEST,
             "programs of this profile have no lines to break at",
             "HIL_TEST_GDB",
         );

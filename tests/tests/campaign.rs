@@ -371,10 +371,9 @@ fn campaigns_are_compared_case_by_case() {
 
 #[test]
 fn duckdb_polars_and_pandas_read_the_tables_and_count_the_same() {
-    let test = "duckdb_polars_and_pandas_read_the_tables_and_count_the_same";
     let Some(python) = python("duckdb, polars, pandas, pyarrow") else {
         let why = "python3 with duckdb, polars, pandas and pyarrow is missing";
-        return skip(test, why, "HIL_TEST_PYTHON");
+        return skip(why, "HIL_TEST_PYTHON");
     };
     let rig = Rig::new();
     let folder = planned(&rig, &study(&rig, STUDY), "demo");

@@ -118,9 +118,8 @@ fn typed(rig: &Rig, desk: &Path, shell: &[&str], setup: &str) {
 
 #[test]
 fn bash_offers_what_is_there() {
-    const TEST: &str = "bash_offers_what_is_there";
     if !has("bash") {
-        return skip(TEST, "bash is not here", VARIABLE);
+        return skip("bash is not here", VARIABLE);
     }
     let rig = Rig::new();
     let desk = desk(&rig);
@@ -133,9 +132,8 @@ fn bash_offers_what_is_there() {
 
 #[test]
 fn zsh_offers_what_is_there() {
-    const TEST: &str = "zsh_offers_what_is_there";
     if !has("zsh") {
-        return skip(TEST, "zsh is not here", VARIABLE);
+        return skip("zsh is not here", VARIABLE);
     }
     let rig = Rig::new();
     let desk = desk(&rig);
@@ -148,9 +146,8 @@ fn zsh_offers_what_is_there() {
 
 #[test]
 fn fish_offers_what_is_there() {
-    const TEST: &str = "fish_offers_what_is_there";
     if !has("fish") {
-        return skip(TEST, "fish is not here", VARIABLE);
+        return skip("fish is not here", VARIABLE);
     }
     let rig = Rig::new();
     let desk = desk(&rig);

@@ -123,7 +123,7 @@ fn debug_and_release_have_one_digest() {
     let rig = Rig::new();
     let Some(other) = other_hil() else {
         let why = "building the other profile takes minutes";
-        return skip("debug_and_release_have_one_digest", why, "HIL_TEST_RELEASE");
+        return skip(why, "HIL_TEST_RELEASE");
     };
     let run = rig.start_with(Command::new(other), SCENARIO).finish();
     assert_eq!(run.expect(0).digest(), reference(&rig, ""));

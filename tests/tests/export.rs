@@ -161,10 +161,9 @@ fn a_reader_that_wants_no_more_is_no_failure() {
 
 #[test]
 fn python_reads_from_recording_csv_and_parquet_the_same_bits() {
-    let test = "python_reads_from_recording_csv_and_parquet_the_same_bits";
     let Some(python) = python("mcap, numpy, pandas, pyarrow") else {
         let why = "python3 with mcap, numpy, pandas and pyarrow is missing";
-        return skip(test, why, "HIL_TEST_PYTHON");
+        return skip(why, "HIL_TEST_PYTHON");
     };
     let rig = Rig::new();
     let run = rig.run(SCENARIO).expect(0);
@@ -182,10 +181,9 @@ fn python_reads_from_recording_csv_and_parquet_the_same_bits() {
 
 #[test]
 fn the_types_of_the_python_module_are_right() {
-    let test = "the_types_of_the_python_module_are_right";
     let Some(python) = python("mypy, mcap, numpy") else {
         let why = "python3 with mypy, mcap and numpy is missing";
-        return skip(test, why, "HIL_TEST_PYTHON");
+        return skip(why, "HIL_TEST_PYTHON");
     };
     let mut mypy = Command::new(python);
     mypy.args(["-m", "mypy", "--cache-dir", "/dev/null"]);

@@ -99,9 +99,8 @@ fn moved(described: &Value, rate_hz: f64) -> String {
 
 #[test]
 fn every_reference_fmu_gives_the_numbers_that_fmpy_gets() {
-    let test = "every_reference_fmu_gives_the_numbers_that_fmpy_gets";
     if !has_compiler() {
-        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+        return skip("there is no C compiler", "HIL_TEST_CC");
     }
     let place = Place::new();
     let mut runs = Vec::new();
@@ -120,7 +119,7 @@ fn every_reference_fmu_gives_the_numbers_that_fmpy_gets() {
         runs.push((path, run.folder, rate_hz));
     }
     let Some(python) = python("fmpy, numpy, mcap") else {
-        return skip(test, "Python has no `fmpy`", "HIL_TEST_FMPY");
+        return skip("Python has no `fmpy`", "HIL_TEST_FMPY");
     };
     // All by one interpreter: what it imports takes longer than a comparison.
     let mut compare = Command::new(python);
@@ -142,9 +141,8 @@ fn every_reference_fmu_gives_the_numbers_that_fmpy_gets() {
 
 #[test]
 fn a_description_tells_what_depends_directly_and_what_is_left_out() {
-    let test = "a_description_tells_what_depends_directly_and_what_is_left_out";
     if !has_compiler() {
-        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+        return skip("there is no C compiler", "HIL_TEST_CC");
     }
     let place = Place::new();
     place.fmu("f.fmu", &reference("Feedthrough", 3));
@@ -178,9 +176,8 @@ fn a_description_tells_what_depends_directly_and_what_is_left_out() {
 
 #[test]
 fn parameters_and_rates_are_checked_before_anything_runs() {
-    let test = "parameters_and_rates_are_checked_before_anything_runs";
     if !has_compiler() {
-        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+        return skip("there is no C compiler", "HIL_TEST_CC");
     }
     let place = Place::new();
     place.fmu("ball.fmu", &reference("BouncingBall", 3));
@@ -213,9 +210,8 @@ fn parameters_and_rates_are_checked_before_anything_runs() {
 
 #[test]
 fn a_tunable_parameter_can_be_faulted_and_a_fixed_one_cannot() {
-    let test = "a_tunable_parameter_can_be_faulted_and_a_fixed_one_cannot";
     if !has_compiler() {
-        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+        return skip("there is no C compiler", "HIL_TEST_CC");
     }
     let place = Place::new();
     place.fmu("f.fmu", &reference("Feedthrough", 3));
@@ -235,9 +231,8 @@ fn a_tunable_parameter_can_be_faulted_and_a_fixed_one_cannot() {
 
 #[test]
 fn a_run_resumed_from_a_checkpoint_equals_the_uninterrupted_one() {
-    let test = "a_run_resumed_from_a_checkpoint_equals_the_uninterrupted_one";
     if !has_compiler() {
-        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+        return skip("there is no C compiler", "HIL_TEST_CC");
     }
     for version in [2, 3] {
         let place = Place::new();
@@ -259,9 +254,8 @@ fn a_run_resumed_from_a_checkpoint_equals_the_uninterrupted_one() {
 
 #[test]
 fn trouble_in_a_step_is_told_with_the_last_message() {
-    let test = "trouble_in_a_step_is_told_with_the_last_message";
     if !has_compiler() {
-        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+        return skip("there is no C compiler", "HIL_TEST_CC");
     }
     let place = Place::new();
     place.fmu("p.fmu", &proportional());
@@ -292,9 +286,8 @@ fn trouble_in_a_step_is_told_with_the_last_message() {
 
 #[test]
 fn an_fmu_is_a_controller() {
-    let test = "an_fmu_is_a_controller";
     if !has_compiler() {
-        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+        return skip("there is no C compiler", "HIL_TEST_CC");
     }
     let place = Place::new();
     let fmu = place.fmu("p.fmu", &proportional());
@@ -357,9 +350,8 @@ fn with(mut entries: Entries, name: &str, change: impl FnOnce(Vec<u8>) -> Vec<u8
 
 #[test]
 fn broken_and_hostile_archives_are_refused_and_nothing_is_left() {
-    let test = "broken_and_hostile_archives_are_refused_and_nothing_is_left";
     if !has_compiler() {
-        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+        return skip("there is no C compiler", "HIL_TEST_CC");
     }
     let place = Place::new();
     let sound = reference("Dahlquist", 3);
@@ -434,9 +426,8 @@ fn broken_and_hostile_archives_are_refused_and_nothing_is_left() {
 #[test]
 fn an_fmu_that_others_can_write_is_not_run() {
     use std::os::unix::fs::PermissionsExt;
-    let test = "an_fmu_that_others_can_write_is_not_run";
     if !has_compiler() {
-        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+        return skip("there is no C compiler", "HIL_TEST_CC");
     }
     let place = Place::new();
     let path = place.fmu("d.fmu", &reference("Dahlquist", 3));
@@ -452,9 +443,8 @@ fn an_fmu_that_others_can_write_is_not_run() {
 
 #[test]
 fn a_recorded_run_of_an_fmu_is_repeated_with_its_inner_signals() {
-    let test = "a_recorded_run_of_an_fmu_is_repeated_with_its_inner_signals";
     if !has_compiler() {
-        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+        return skip("there is no C compiler", "HIL_TEST_CC");
     }
     let place = Place::new();
     place.fmu("d.fmu", &reference("Dahlquist", 2));

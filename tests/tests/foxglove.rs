@@ -110,10 +110,9 @@ impl Client {
 
 #[test]
 fn a_client_gets_the_records_that_are_recorded_and_changes_nothing() {
-    let name = "a_client_gets_the_records_that_are_recorded_and_changes_nothing";
     let Some(python) = python("mcap_ros2, websockets.sync.client") else {
         let why = "there is no Python with mcap-ros2-support and websockets";
-        return skip(name, why, "HIL_TEST_PYTHON");
+        return skip(why, "HIL_TEST_PYTHON");
     };
     let rig = Rig::new();
     let alone = rig.run("scenarios/spring-mass.toml").expect(0).digest();

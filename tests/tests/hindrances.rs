@@ -20,13 +20,12 @@ fn hil(options: &str, arguments: &[&str]) -> Output {
 
 #[test]
 fn shared_memory_that_cannot_be_used_is_named_with_what_to_do() {
-    let test = "shared_memory_that_cannot_be_used_is_named_with_what_to_do";
     let try_it = Command::new("unshare")
         .args(["-m", "mount", "-t", "tmpfs", "tmpfs", "/dev/shm"])
         .output();
     if !try_it.is_ok_and(|output| output.status.success()) {
         let why = "this user may not mount file systems";
-        return skip(test, why, "HIL_TEST_UNSHARE");
+        return skip(why, "HIL_TEST_UNSHARE");
     }
     let rig = Rig::new();
     for (options, told) in [

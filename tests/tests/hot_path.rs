@@ -61,11 +61,7 @@ fn between_the_first_and_the_last_step_neither_process_calls_the_system() {
         .output()
         .is_err()
     {
-        return skip(
-            "the test of system calls",
-            "strace is missing",
-            "HIL_TEST_STRACE",
-        );
+        return skip("strace is missing", "HIL_TEST_STRACE");
     }
     let rig = Rig::new();
     let (plant, controller) = (

@@ -182,11 +182,7 @@ fn without_recording_there_is_no_file_but_the_same_digest_and_metrics() {
 fn public_libraries_of_python_read_a_recording() {
     let Some(python) = python("mcap, mcap_ros2") else {
         let why = "python3 with mcap and mcap-ros2-support is missing";
-        return skip(
-            "public_libraries_of_python_read_a_recording",
-            why,
-            "HIL_TEST_PYTHON",
-        );
+        return skip(why, "HIL_TEST_PYTHON");
     };
     let rig = Rig::new();
     let run = rig.run(SCENARIO).expect(0);

@@ -32,9 +32,8 @@ fn recordings(rig: &Rig) -> Vec<Run> {
 
 #[test]
 fn rerun_converts_recordings_to_columns_with_the_names_and_bits_of_the_signals() {
-    let test = "rerun_converts_recordings_to_columns_with_the_names_and_bits_of_the_signals";
     let Some(python) = python("rerun.chunk, mcap, numpy, pyarrow") else {
-        return skip(test, "Python has no `rerun`", "HIL_TEST_PYTHON");
+        return skip("Python has no `rerun`", "HIL_TEST_PYTHON");
     };
     let rig = Rig::new();
     let (runs, folder) = (recordings(&rig), rig.path("rerun"));
@@ -58,9 +57,8 @@ fn exported(rig: &Rig, run: &Run, number: usize) -> PathBuf {
 
 #[test]
 fn rosbags_reads_every_message_with_the_bits_that_are_exported() {
-    let test = "rosbags_reads_every_message_with_the_bits_that_are_exported";
     let Some(python) = python("rosbags, pandas") else {
-        return skip(test, "Python has no `rosbags`", "HIL_TEST_PYTHON");
+        return skip("Python has no `rosbags`", "HIL_TEST_PYTHON");
     };
     let rig = Rig::new();
     let runs = recordings(&rig);
@@ -105,10 +103,9 @@ fn node_packages() -> Option<PathBuf> {
 
 #[test]
 fn foxgloves_decoders_read_what_is_exported_of_the_same_recording() {
-    let test = "foxgloves_decoders_read_what_is_exported_of_the_same_recording";
     let Some(packages) = node_packages() else {
         let why = "the packages of tests/node are not installed";
-        return skip(test, why, "HIL_TEST_NODE");
+        return skip(why, "HIL_TEST_NODE");
     };
     let rig = Rig::new();
     for (number, run) in recordings(&rig).iter().enumerate() {

@@ -28,10 +28,9 @@ fn digests(rig: &Rig, run: impl FnOnce(&str)) -> [String; 2] {
 
 #[test]
 fn gnu_parallel_runs_a_campaign_by_the_command_of_the_page() {
-    let test = "gnu_parallel_runs_a_campaign_by_the_command_of_the_page";
     let version = Command::new("parallel").arg("--version").output();
     if !version.is_ok_and(|version| version.stdout.starts_with(b"GNU parallel")) {
-        return skip(test, "there is no GNU parallel", "HIL_TEST_PARALLEL");
+        return skip("there is no GNU parallel", "HIL_TEST_PARALLEL");
     }
     let command = line("| parallel");
     assert!(command.contains(&format!("seq 0 {} ", TASKS - 1)));

@@ -30,14 +30,13 @@ fn a_page_of_a_campaign_says_what_show_says_and_asks_for_nothing() {
     ] {
         assert!(page_text.contains(told), "{told} is not in the page");
     }
-    let test = "a_page_of_a_campaign_says_what_show_says_and_asks_for_nothing";
     let chromium = ["/usr/bin/chromium", "/usr/bin/chromium-browser"]
         .into_iter()
         .find(|path| std::path::Path::new(path).exists());
     let Some((python, chromium)) = python("playwright.sync_api, pyarrow.parquet").zip(chromium)
     else {
         let why = "python3 with playwright and pyarrow, or chromium, is missing";
-        return skip(test, why, "HIL_TEST_CHROMIUM");
+        return skip(why, "HIL_TEST_CHROMIUM");
     };
     let script = workspace().join("tests/hosts/campaign_page.py");
     let mut judge = Command::new(python);

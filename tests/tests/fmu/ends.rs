@@ -28,9 +28,8 @@ after = 0.01
 
 #[test]
 fn an_endless_loop_is_named_by_the_wait_limit() {
-    let test = "an_endless_loop_is_named_by_the_wait_limit";
     if !has_compiler() {
-        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+        return skip("there is no C compiler", "HIL_TEST_CC");
     }
     let place = Place::new();
     place.fmu("p.fmu", &proportional());
@@ -55,9 +54,8 @@ fn an_endless_loop_is_named_by_the_wait_limit() {
 
 #[test]
 fn a_killed_fmu_is_lost_by_name_with_its_last_message() {
-    let test = "a_killed_fmu_is_lost_by_name_with_its_last_message";
     if !has_compiler() {
-        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+        return skip("there is no C compiler", "HIL_TEST_CC");
     }
     let place = Place::new();
     place.fmu("p.fmu", &proportional());
@@ -93,9 +91,8 @@ fn a_killed_fmu_is_lost_by_name_with_its_last_message() {
 
 #[test]
 fn a_model_that_another_program_runs_is_not_started_by_hand() {
-    let test = "a_model_that_another_program_runs_is_not_started_by_hand";
     if !has_compiler() {
-        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+        return skip("there is no C compiler", "HIL_TEST_CC");
     }
     let place = Place::new();
     // By its content as well as by its name.
@@ -118,9 +115,8 @@ fn a_model_that_another_program_runs_is_not_started_by_hand() {
 
 #[test]
 fn an_fmu_is_no_controller_on_another_machine() {
-    let test = "an_fmu_is_no_controller_on_another_machine";
     if !has_compiler() {
-        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+        return skip("there is no C compiler", "HIL_TEST_CC");
     }
     let place = Place::new();
     place.fmu("p.fmu", &proportional());

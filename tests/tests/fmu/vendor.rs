@@ -43,9 +43,8 @@ fn assert_table(table: &[Value], wanted: &[Variable]) {
 
 #[test]
 fn each_of_500_variables_has_its_place_its_unit_and_its_start_value() {
-    let test = "each_of_500_variables_has_its_place_its_unit_and_its_start_value";
     if !has_compiler() {
-        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+        return skip("there is no C compiler", "HIL_TEST_CC");
     }
     let parameters = of(|role| matches!(role, Role::Parameter { .. }));
     let inputs = of(|role| role == Role::Input);
@@ -82,9 +81,8 @@ fn each_of_500_variables_has_its_place_its_unit_and_its_start_value() {
 
 #[test]
 fn the_numbers_of_all_its_signals_are_those_of_the_closed_form_in_both_versions() {
-    let test = "the_numbers_of_all_its_signals_are_those_of_the_closed_form_in_both_versions";
     if !has_compiler() {
-        return skip(test, "there is no C compiler", "HIL_TEST_CC");
+        return skip("there is no C compiler", "HIL_TEST_CC");
     }
     let (rate_hz, steps) = (10.0, 20_u16);
     let digests = [2, 3].map(|version| {

@@ -56,7 +56,7 @@ fn reason(run: Run, code: i32, fragments: &[&str]) {
 
 #[test]
 fn every_deed_of_a_plant_in_c_is_named() {
-    if !has("cc", "every_deed_of_a_plant_in_c_is_named") {
+    if !has("cc") {
         return;
     }
     let rig = Rig::new();
@@ -106,8 +106,7 @@ fn every_deed_of_a_plant_in_c_is_named() {
 
 #[test]
 fn a_plant_in_c_that_is_killed_is_lost_by_name_with_its_last_words() {
-    let test = "a_plant_in_c_that_is_killed_is_lost_by_name_with_its_last_words";
-    if !has("cc", test) {
+    if !has("cc") {
         return;
     }
     let rig = Rig::new();
@@ -132,7 +131,7 @@ fn a_plant_in_c_that_is_killed_is_lost_by_name_with_its_last_words() {
 
 #[test]
 fn every_deed_of_a_controller_in_c_is_named() {
-    if !has("cc", "every_deed_of_a_controller_in_c_is_named") {
+    if !has("cc") {
         return;
     }
     let rig = Rig::new();
@@ -171,10 +170,7 @@ fn every_deed_of_a_controller_in_c_is_named() {
 
 #[test]
 fn every_mistake_in_the_tables_is_named_before_anything_starts() {
-    if !has(
-        "cc",
-        "every_mistake_in_the_tables_is_named_before_anything_starts",
-    ) {
+    if !has("cc") {
         return;
     }
     let rig = Rig::new();
@@ -245,8 +241,7 @@ fn every_mistake_in_the_tables_is_named_before_anything_starts() {
 #[test]
 fn a_law_in_c_whose_parameter_is_tunable_takes_new_values_or_is_refused_by_the_name_of_the_parameter()
  {
-    let test = "a_law_in_c_whose_parameter_is_tunable_takes_new_values_or_is_refused_by_the_name_of_the_parameter";
-    if !has("cc", test) {
+    if !has("cc") {
         return;
     }
     let rig = Rig::new();

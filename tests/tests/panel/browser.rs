@@ -28,7 +28,6 @@ impl Play {
             .find(|path| std::path::Path::new(path).exists());
         let Some((python, chromium)) = python("playwright.sync_api").zip(chromium) else {
             skip(
-                name,
                 "python3 with playwright, or chromium, is missing",
                 "HIL_TEST_CHROMIUM",
             );

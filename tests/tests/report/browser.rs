@@ -68,7 +68,7 @@ fn looked_at(rig: &Rig, page: &Page, width: u32, dark: bool) -> Option<Value> {
             found.is_ok_and(|status| status.success())
         });
     let Some(chromium) = chromium else {
-        skip("report", "there is no Chromium", "HIL_TEST_CHROMIUM");
+        skip("there is no Chromium", "HIL_TEST_CHROMIUM");
         return None;
     };
     let text = page.text.replacen("<head>", &format!("<head>{CATCH}"), 1);

@@ -52,7 +52,7 @@ pub(crate) struct Guest {
 
 impl Guest {
     /// Starts it and waits until its agent listens, or says what this machine lacks for that.
-    pub(crate) fn new(test: &str, folder: &Path, key: &Path) -> Option<Self> {
+    pub(crate) fn new(folder: &Path, key: &Path) -> Option<Self> {
         let unpacked = target().join("guest");
         let kernel = first(&unpacked.join("boot"), "vmlinuz");
         let has_qemu = Command::new("qemu-system-x86_64").arg("--version").output();
@@ -60,7 +60,7 @@ impl Guest {
         else {
             let why =
                 "there is no qemu-system-x86_64, no static busybox, or no kernel in target/guest";
-            skip(test, why, "HIL_TEST_QEMU");
+            skip(why, "HIL_TEST_QEMU");
             return None;
         };
         let files = folder.join("initramfs");

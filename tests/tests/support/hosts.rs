@@ -26,7 +26,7 @@ pub(crate) struct Hosts {
 
 impl Hosts {
     /// Makes both, or says what this machine lacks for that.
-    pub(crate) fn new(test: &str) -> Option<Self> {
+    pub(crate) fn new() -> Option<Self> {
         let succeeds = |command: &[&str]| {
             let mut run = Command::new(command[0]);
             let run = run.args(&command[1..]).stdin(Stdio::null());
@@ -37,14 +37,13 @@ impl Hosts {
             "unshare", "--net", "--mount", "--pid", "--fork", "ip", "link", "show", "lo",
         ]) {
             skip(
-                test,
                 "this user may not make hosts, or `ip` is missing",
                 "HIL_TEST_NETNS",
             );
             return None;
         }
         if !Path::new("/usr/sbin/sshd").exists() || !succeeds(&["python3", "--version"]) {
-            skip(test, "there is no sshd or no python3", "HIL_TEST_SSHD");
+            skip("there is no sshd or no python3", "HIL_TEST_SSHD");
             return None;
         }
         let folder = TempDir::with_prefix("hil-hosts-").expect("a temporary folder");

@@ -176,9 +176,13 @@ pub(crate) fn demanded(variable: &str) -> bool {
     std::env::var_os(variable).is_some_and(|value| value != "0")
 }
 
-/// Says that a test could not do its work here.
-pub(crate) fn skip(test: &str, why: &str, variable: &str) {
+/// Says that the test on this thread could not do its work here.
+pub(crate) fn skip(why: &str, variable: &str) {
     assert!(!demanded(variable), "{variable} is set, but {why}");
+    // A test's thread has the name of the test, behind that of its module.
+    let thread = std::thread::current();
+    let test = thread.name().and_then(|name| name.rsplit("::").next());
+    let test = test.unwrap_or("a test");
     // Not `eprintln`, which is shown of failed tests only.
     let told = writeln!(
         std::io::stderr(),

@@ -31,9 +31,9 @@ pub(crate) struct Cluster {
 
 impl Cluster {
     /// Starts a cluster, or says what this machine lacks for that.
-    pub(crate) fn begin(test: &str) -> Option<Self> {
+    pub(crate) fn begin() -> Option<Self> {
         if let Some(why) = lacking() {
-            skip(test, why, "HIL_TEST_SLURM");
+            skip(why, "HIL_TEST_SLURM");
             return None;
         }
         // Not in a test's folder, whose name must be in no command line after a run.

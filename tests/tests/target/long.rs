@@ -16,7 +16,7 @@ const ALL_OF_IT: &str = "scenarios/spring-mass.toml --no-record";
 #[test]
 #[ignore = "long: .ci/run long"]
 fn a_hundred_runs_over_a_spoiled_wire_have_one_digest() {
-    let Some(mut hosts) = Hosts::new("a_hundred_runs_over_a_spoiled_wire_have_one_digest") else {
+    let Some(mut hosts) = Hosts::new() else {
         return;
     };
     let rig = Rig::new();
@@ -36,9 +36,7 @@ fn a_hundred_runs_over_a_spoiled_wire_have_one_digest() {
 #[test]
 #[ignore = "long: .ci/run long"]
 fn the_papers_severe_leakage_over_a_spoiled_wire_has_its_digest() {
-    let Some(mut hosts) =
-        Hosts::new("the_papers_severe_leakage_over_a_spoiled_wire_has_its_digest")
-    else {
+    let Some(mut hosts) = Hosts::new() else {
         return;
     };
     let rig = Rig::new();
@@ -56,8 +54,7 @@ fn the_papers_severe_leakage_over_a_spoiled_wire_has_its_digest() {
 #[test]
 #[ignore = "long: .ci/run long"]
 fn two_hundred_cuts_at_random_times_leave_no_hang_no_stale_command_and_nothing_else() {
-    let test = "two_hundred_cuts_at_random_times_leave_no_hang_no_stale_command_and_nothing_else";
-    let Some(mut hosts) = Hosts::new(test) else {
+    let Some(mut hosts) = Hosts::new() else {
         return;
     };
     let rig = Rig::new();
@@ -100,14 +97,12 @@ fn two_hundred_cuts_at_random_times_leave_no_hang_no_stale_command_and_nothing_e
 #[test]
 #[ignore = "long: .ci/run long"]
 fn the_papers_severe_leakage_on_another_processor_has_its_digests() {
-    let test = "the_papers_severe_leakage_on_another_processor_has_its_digests";
-    on_another_processor(test, "scenarios/severe-leakage.toml");
+    on_another_processor("scenarios/severe-leakage.toml");
 }
 
 #[test]
 #[ignore = "long: .ci/run long"]
 fn a_kernel_of_its_own_is_evidence_of_pil_and_against_the_clock_of_hil() {
-    let test = "a_kernel_of_its_own_is_evidence_of_pil_and_against_the_clock_of_hil";
     // Eighty steps: a frame takes milliseconds to an emulated processor and back.
     let few = format!("{SHORT} --set run.rate_hz=100");
     let rig = Rig::new();
@@ -115,7 +110,7 @@ fn a_kernel_of_its_own_is_evidence_of_pil_and_against_the_clock_of_hil() {
     let folder = tempfile::tempdir().expect("a folder");
     let key = folder.path().join("board.key");
     rig.hil(&["target", "key", text(&key)]).expect(0);
-    let Some(guest) = Guest::new(test, folder.path(), &key) else {
+    let Some(guest) = Guest::new(folder.path(), &key) else {
         return;
     };
     let here = rig.run(&few).expect(0).summary();

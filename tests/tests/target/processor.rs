@@ -7,7 +7,7 @@ use crate::support::programs::{self, skip, workspace};
 
 /// The three laws on the paper's plant, by the same source built for another processor: arithmetic and layout are the
 /// same. An emulator keeps this machine's memory order, so nothing is shown of a weaker one.
-pub(super) fn on_another_processor(test: &str, scenario: &str) {
+pub(super) fn on_another_processor(scenario: &str) {
     const TRIPLE: &str = "aarch64-unknown-linux-musl";
     let installed = Command::new("rustup")
         .args(["target", "list", "--installed"])
@@ -19,7 +19,6 @@ pub(super) fn on_another_processor(test: &str, scenario: &str) {
         .output();
     if !has_target || qemu.is_err() {
         return skip(
-            test,
             "rustup has no target for aarch64, or qemu-user is missing",
             "HIL_TEST_AARCH64",
         );
@@ -85,6 +84,5 @@ pub(super) fn on_another_processor(test: &str, scenario: &str) {
 
 #[test]
 fn the_same_source_for_another_processor_has_the_same_digest() {
-    let test = "the_same_source_for_another_processor_has_the_same_digest";
-    on_another_processor(test, "tests/scenarios/leakage.toml");
+    on_another_processor("tests/scenarios/leakage.toml");
 }

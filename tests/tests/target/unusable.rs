@@ -20,12 +20,11 @@ fn behind_mounts(rig: &Rig, mounts: &str) -> Board {
 
 #[test]
 fn a_target_without_shared_memory_or_room_is_named_and_nothing_is_started() {
-    let test = "a_target_without_shared_memory_or_room_is_named_and_nothing_is_started";
     let mut mount = Command::new("unshare");
     mount.args(["--mount", "mount", "-t", "tmpfs", "none", "/mnt"]);
     let mount = mount.stdin(Stdio::null()).output();
     if !mount.is_ok_and(|output| output.status.success()) {
-        skip(test, "this user may not mount", "HIL_TEST_NETNS");
+        skip("this user may not mount", "HIL_TEST_NETNS");
         return;
     }
     let rig = Rig::new();

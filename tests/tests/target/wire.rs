@@ -20,9 +20,7 @@ pub(super) fn nothing_left_on_board(hosts: &Hosts) {
 
 #[test]
 fn over_a_wire_that_loses_doubles_reorders_and_corrupts_the_digest_is_that_of_the_desk() {
-    let test =
-        "over_a_wire_that_loses_doubles_reorders_and_corrupts_the_digest_is_that_of_the_desk";
-    let Some(mut hosts) = Hosts::new(test) else {
+    let Some(mut hosts) = Hosts::new() else {
         return;
     };
     let rig = Rig::new();
@@ -55,7 +53,7 @@ fn over_a_wire_that_loses_doubles_reorders_and_corrupts_the_digest_is_that_of_th
 
 #[test]
 fn who_is_on_the_wire_gets_nothing_in() {
-    let Some(mut hosts) = Hosts::new("who_is_on_the_wire_gets_nothing_in") else {
+    let Some(mut hosts) = Hosts::new() else {
         return;
     };
     let rig = Rig::new();
@@ -79,8 +77,7 @@ fn who_is_on_the_wire_gets_nothing_in() {
 
 #[test]
 fn behind_a_firewall_frames_go_through_the_connection_and_back_when_it_opens() {
-    let test = "behind_a_firewall_frames_go_through_the_connection_and_back_when_it_opens";
-    let Some(mut hosts) = Hosts::new(test) else {
+    let Some(mut hosts) = Hosts::new() else {
         return;
     };
     let rig = Rig::new();
@@ -100,8 +97,7 @@ fn behind_a_firewall_frames_go_through_the_connection_and_back_when_it_opens() {
 
 #[test]
 fn against_the_clock_bursts_of_lost_datagrams_repeat_here_to_the_same_digest() {
-    let test = "against_the_clock_bursts_of_lost_datagrams_repeat_here_to_the_same_digest";
-    let Some(mut hosts) = Hosts::new(test) else {
+    let Some(mut hosts) = Hosts::new() else {
         return;
     };
     let rig = Rig::new();
@@ -126,8 +122,7 @@ fn against_the_clock_bursts_of_lost_datagrams_repeat_here_to_the_same_digest() {
 
 #[test]
 fn a_target_without_samples_switches_its_output_to_the_safe_command_by_itself() {
-    let test = "a_target_without_samples_switches_its_output_to_the_safe_command_by_itself";
-    let Some(mut hosts) = Hosts::new(test) else {
+    let Some(mut hosts) = Hosts::new() else {
         return;
     };
     const HELD_N: f64 = 0.5;
@@ -190,8 +185,7 @@ fn a_target_without_samples_switches_its_output_to_the_safe_command_by_itself() 
 
 #[test]
 fn a_cut_is_survived_or_named_and_the_board_is_clean_either_way() {
-    let test = "a_cut_is_survived_or_named_and_the_board_is_clean_either_way";
-    let Some(mut hosts) = Hosts::new(test) else {
+    let Some(mut hosts) = Hosts::new() else {
         return;
     };
     let rig = Rig::new();
@@ -236,8 +230,7 @@ fn a_cut_is_survived_or_named_and_the_board_is_clean_either_way() {
 
 #[test]
 fn a_real_ssh_refuses_strangers_impostors_and_nobody() {
-    let test = "a_real_ssh_refuses_strangers_impostors_and_nobody";
-    let Some(hosts) = Hosts::new(test) else {
+    let Some(hosts) = Hosts::new() else {
         return;
     };
     let rig = Rig::new();

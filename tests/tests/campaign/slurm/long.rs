@@ -20,8 +20,7 @@ const LIMIT: Duration = Duration::from_secs(1200);
 #[test]
 #[ignore = "long: .ci/run long"]
 fn killed_workers_nodes_and_controllers_change_no_digest() {
-    let test = "killed_workers_nodes_and_controllers_change_no_digest";
-    let Some(mut cluster) = Cluster::begin(test) else {
+    let Some(mut cluster) = Cluster::begin() else {
         return;
     };
     let rig = Rig::new();
