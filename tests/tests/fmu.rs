@@ -19,10 +19,15 @@ struct Place {
 }
 
 impl Place {
-    fn new() -> Self {
+    /// Makes a place, or says that this machine has no C compiler for FMUs.
+    fn new() -> Option<Self> {
+        if !has_compiler() {
+            skip("there is no C compiler", "HIL_TEST_CC");
+            return None;
+        }
         let rig = Rig::new();
         std::fs::create_dir(rig.path("temporary")).expect("a folder");
-        Self { rig }
+        Some(Self { rig })
     }
 
     /// An FMU in the test's folder.
@@ -99,10 +104,7 @@ fn moved(described: &Value, rate_hz: f64) -> String {
 
 #[test]
 fn every_reference_fmu_gives_the_numbers_that_fmpy_gets() {
-    if !has_compiler() {
-        return skip("there is no C compiler", "HIL_TEST_CC");
-    }
-    let place = Place::new();
+    let Some(place) = Place::new() else { return };
     let mut runs = Vec::new();
     for (model, version, rate_hz) in REFERENCE {
         let name = format!("{model}{version}.fmu");
@@ -141,10 +143,7 @@ fn every_reference_fmu_gives_the_numbers_that_fmpy_gets() {
 
 #[test]
 fn a_description_tells_what_depends_directly_and_what_is_left_out() {
-    if !has_compiler() {
-        return skip("there is no C compiler", "HIL_TEST_CC");
-    }
-    let place = Place::new();
+    let Some(place) = Place::new() else { return };
     place.fmu("f.fmu", &reference("Feedthrough", 3));
     let told = place.hil(&["describe", "f.fmu"]).expect(0).stdout;
     for line in [
@@ -176,10 +175,7 @@ fn a_description_tells_what_depends_directly_and_what_is_left_out() {
 
 #[test]
 fn parameters_and_rates_are_checked_before_anything_runs() {
-    if !has_compiler() {
-        return skip("there is no C compiler", "HIL_TEST_CC");
-    }
-    let place = Place::new();
+    let Some(place) = Place::new() else { return };
     place.fmu("ball.fmu", &reference("BouncingBall", 3));
     let text = scenario("BouncingBall", "ball.fmu", 1000.0, 1000.0);
     let refused = |arguments: &str, fragment: &str| {
@@ -210,10 +206,7 @@ fn parameters_and_rates_are_checked_before_anything_runs() {
 
 #[test]
 fn a_tunable_parameter_can_be_faulted_and_a_fixed_one_cannot() {
-    if !has_compiler() {
-        return skip("there is no C compiler", "HIL_TEST_CC");
-    }
-    let place = Place::new();
+    let Some(place) = Place::new() else { return };
     place.fmu("f.fmu", &reference("Feedthrough", 3));
     let fault = |parameter: &str| {
         format!(
@@ -231,11 +224,8 @@ fn a_tunable_parameter_can_be_faulted_and_a_fixed_one_cannot() {
 
 #[test]
 fn a_run_resumed_from_a_checkpoint_equals_the_uninterrupted_one() {
-    if !has_compiler() {
-        return skip("there is no C compiler", "HIL_TEST_CC");
-    }
     for version in [2, 3] {
-        let place = Place::new();
+        let Some(place) = Place::new() else { return };
         place.fmu("v.fmu", &reference("VanDerPol", version));
         let text = scenario("VanDerPol", "v.fmu", 100.0, 400.0);
         let straight = place.run(&text, "--checkpoint-at 2").expect(0);
@@ -254,10 +244,7 @@ fn a_run_resumed_from_a_checkpoint_equals_the_uninterrupted_one() {
 
 #[test]
 fn trouble_in_a_step_is_told_with_the_last_message() {
-    if !has_compiler() {
-        return skip("there is no C compiler", "HIL_TEST_CC");
-    }
-    let place = Place::new();
+    let Some(place) = Place::new() else { return };
     place.fmu("p.fmu", &proportional());
     let text = scenario("proportional", "p.fmu", 10.0, 10.0);
     for (trouble, code, fragment) in [
@@ -286,10 +273,7 @@ fn trouble_in_a_step_is_told_with_the_last_message() {
 
 #[test]
 fn an_fmu_is_a_controller() {
-    if !has_compiler() {
-        return skip("there is no C compiler", "HIL_TEST_CC");
-    }
-    let place = Place::new();
+    let Some(place) = Place::new() else { return };
     let fmu = place.fmu("p.fmu", &proportional());
     let shipped = workspace().join("scenarios/spring-mass.toml");
     let arguments = format!(
@@ -350,10 +334,7 @@ fn with(mut entries: Entries, name: &str, change: impl FnOnce(Vec<u8>) -> Vec<u8
 
 #[test]
 fn broken_and_hostile_archives_are_refused_and_nothing_is_left() {
-    if !has_compiler() {
-        return skip("there is no C compiler", "HIL_TEST_CC");
-    }
-    let place = Place::new();
+    let Some(place) = Place::new() else { return };
     let sound = reference("Dahlquist", 3);
     let text = |from: &'static str, to: &'static str| {
         move |bytes: Vec<u8>| {
@@ -426,10 +407,7 @@ fn broken_and_hostile_archives_are_refused_and_nothing_is_left() {
 #[test]
 fn an_fmu_that_others_can_write_is_not_run() {
     use std::os::unix::fs::PermissionsExt;
-    if !has_compiler() {
-        return skip("there is no C compiler", "HIL_TEST_CC");
-    }
-    let place = Place::new();
+    let Some(place) = Place::new() else { return };
     let path = place.fmu("d.fmu", &reference("Dahlquist", 3));
     std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o666)).expect("ours");
     let run = place.run(&scenario("Dahlquist", "d.fmu", 10.0, 10.0), "");
@@ -443,10 +421,7 @@ fn an_fmu_that_others_can_write_is_not_run() {
 
 #[test]
 fn a_recorded_run_of_an_fmu_is_repeated_with_its_inner_signals() {
-    if !has_compiler() {
-        return skip("there is no C compiler", "HIL_TEST_CC");
-    }
-    let place = Place::new();
+    let Some(place) = Place::new() else { return };
     place.fmu("d.fmu", &reference("Dahlquist", 2));
     let text = scenario("Dahlquist", "d.fmu", 10.0, 20.0);
     let run = place

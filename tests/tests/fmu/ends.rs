@@ -4,9 +4,8 @@ use rustix::process::Signal;
 
 use super::{Place, scenario};
 use crate::support::board::Board;
-use crate::support::fmus::{has_compiler, proportional};
+use crate::support::fmus::proportional;
 use crate::support::harness::{send, until};
-use crate::support::programs::skip;
 
 /// The FMU as the controller of the mass on a spring.
 const AS_CONTROLLER: &str = "schema = 1
@@ -28,10 +27,7 @@ after = 0.01
 
 #[test]
 fn an_endless_loop_is_named_by_the_wait_limit() {
-    if !has_compiler() {
-        return skip("there is no C compiler", "HIL_TEST_CC");
-    }
-    let place = Place::new();
+    let Some(place) = Place::new() else { return };
     place.fmu("p.fmu", &proportional());
     let as_plant = scenario("proportional", "p.fmu", 100.0, 100.0);
     for (text, key, told) in [
@@ -54,10 +50,7 @@ fn an_endless_loop_is_named_by_the_wait_limit() {
 
 #[test]
 fn a_killed_fmu_is_lost_by_name_with_its_last_message() {
-    if !has_compiler() {
-        return skip("there is no C compiler", "HIL_TEST_CC");
-    }
-    let place = Place::new();
+    let Some(place) = Place::new() else { return };
     place.fmu("p.fmu", &proportional());
     let as_plant = scenario("proportional", "p.fmu", 100.0, 100.0);
     for (text, key, side) in [
@@ -91,10 +84,7 @@ fn a_killed_fmu_is_lost_by_name_with_its_last_message() {
 
 #[test]
 fn a_model_that_another_program_runs_is_not_started_by_hand() {
-    if !has_compiler() {
-        return skip("there is no C compiler", "HIL_TEST_CC");
-    }
-    let place = Place::new();
+    let Some(place) = Place::new() else { return };
     // By its content as well as by its name.
     for name in ["p.fmu", "renamed"] {
         place.fmu(name, &proportional());
@@ -115,10 +105,7 @@ fn a_model_that_another_program_runs_is_not_started_by_hand() {
 
 #[test]
 fn an_fmu_is_no_controller_on_another_machine() {
-    if !has_compiler() {
-        return skip("there is no C compiler", "HIL_TEST_CC");
-    }
-    let place = Place::new();
+    let Some(place) = Place::new() else { return };
     place.fmu("p.fmu", &proportional());
     let path = place.rig.write("scenario.toml", AS_CONTROLLER);
     let board = Board::new(&place.rig);

@@ -3,9 +3,7 @@
 use serde_json::Value;
 
 use super::{Place, scenario};
-use crate::support::fmus::has_compiler;
 use crate::support::mcap_reader::Recording;
-use crate::support::programs::skip;
 use crate::support::vendor_fmu::{
     INNER, INPUTS, OUTPUTS, PARAMETERS, Role, Variable, rate, variables, vendor,
 };
@@ -43,9 +41,6 @@ fn assert_table(table: &[Value], wanted: &[Variable]) {
 
 #[test]
 fn each_of_500_variables_has_its_place_its_unit_and_its_start_value() {
-    if !has_compiler() {
-        return skip("there is no C compiler", "HIL_TEST_CC");
-    }
     let parameters = of(|role| matches!(role, Role::Parameter { .. }));
     let inputs = of(|role| role == Role::Input);
     let outputs = of(|role| role == Role::Output);
@@ -54,7 +49,7 @@ fn each_of_500_variables_has_its_place_its_unit_and_its_start_value() {
     assert_eq!(counts, [PARAMETERS, INPUTS, OUTPUTS, INNER]);
     assert_eq!(counts.iter().sum::<usize>(), 500);
     for version in [2, 3] {
-        let place = Place::new();
+        let Some(place) = Place::new() else { return };
         place.fmu("vendor.fmu", &vendor(version));
         let told = place.hil(&["describe", "--json", "vendor.fmu"]).expect(0);
         let told: Value = serde_json::from_str(&told.stdout).expect("JSON");
@@ -81,12 +76,10 @@ fn each_of_500_variables_has_its_place_its_unit_and_its_start_value() {
 
 #[test]
 fn the_numbers_of_all_its_signals_are_those_of_the_closed_form_in_both_versions() {
-    if !has_compiler() {
-        return skip("there is no C compiler", "HIL_TEST_CC");
-    }
     let (rate_hz, steps) = (10.0, 20_u16);
-    let digests = [2, 3].map(|version| {
-        let place = Place::new();
+    let mut digests = Vec::new();
+    for version in [2, 3] {
+        let Some(place) = Place::new() else { return };
         place.fmu("vendor.fmu", &vendor(version));
         let text = scenario("vendor", "vendor.fmu", rate_hz, steps.into());
         let run = place.run(&text, "--set plant.locals=[\"*\"]").expect(0);
@@ -116,7 +109,7 @@ fn the_numbers_of_all_its_signals_are_those_of_the_closed_form_in_both_versions(
                 assert_eq!(output, states);
             }
         }
-        run.digest()
-    });
+        digests.push(run.digest());
+    }
     assert_eq!(digests[0], digests[1]);
 }
