@@ -103,11 +103,6 @@ fn plant(rig: &Rig) -> Hand {
     Hand::start(rig, "plant", &program("plant-process"), &[])
 }
 
-fn resume(rig: &Rig) {
-    rig.beside(&["resume", "--session", rig.session()])
-        .expect(0);
-}
-
 /// A run that waits for its controller until it is held at 2.5 s.
 fn held<'r>(rig: &'r Rig, arguments: &str) -> (Running<'r>, Hand) {
     let running = rig.start(&format!(
@@ -188,7 +183,7 @@ fn a_stopped_controller_that_goes_on_has_the_same_digest() {
     let rig = Rig::new();
     let (running, hand) = held(&rig, "--wait-limit inf");
     hand.stop();
-    resume(&rig);
+    rig.in_session("resume").expect(0);
     // The plant has sent its sample, and nobody answers.
     let session = SessionInfo::read(&rig.session_folder()).expect("it runs");
     let status = || match live::ask(&session, &Request::Status, BEYOND) {
@@ -234,7 +229,7 @@ fn after_hello_the_limit_counts() {
     let rig = Rig::new();
     let (running, hand) = held(&rig, LIMIT);
     hand.stop();
-    resume(&rig);
+    rig.in_session("resume").expect(0);
     let run = running.finish().expect(3);
     let reason = run.summary()["reason"].to_string();
     assert!(
@@ -319,17 +314,9 @@ fn line_of(file: &str, text: &str) -> String {
 fn a_swap_brings_a_controller_that_hil_starts() {
     let rig = Rig::new();
     let (running, hand) = held(&rig, "--wait-limit 60");
-    let swap = [
-        "controller",
-        "swap",
-        "--set",
-        "controller.law=hold",
-        "--json",
-        "--session",
-        rig.session(),
-    ];
-    rig.beside(&swap).expect(0);
-    resume(&rig);
+    rig.in_session("controller swap --set controller.law=hold --json")
+        .expect(0);
+    rig.in_session("resume").expect(0);
     let run = running.finish();
     let controllers = run.summary()["controllers"].clone();
     assert_eq!(

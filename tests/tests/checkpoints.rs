@@ -247,23 +247,20 @@ fn a_resumed_run_can_be_resumed_from_again() {
 #[test]
 fn live_faults_continue_and_one_accepted_after_the_checkpoint_does_not() {
     let rig = Rig::new();
-    let session = rig.session();
     let run = rig.start(&format!(
         "{SCENARIO} --pause-at 0.5 --checkpoint-at 0.5 --checkpoint-at 0.6"
     ));
     rig.until_held_at(5000);
-    let beside = |line: &str| {
-        let words: Vec<&str> = line.split(' ').chain(["--session", session]).collect();
-        rig.beside(&words).expect(0);
-    };
-    beside("inject bias measured.surface_angle_rad 1e-5");
-    beside("inject stuck measured.actuator1_velocity_mps --at 0.7");
-    beside(
+    for line in [
+        "inject bias measured.surface_angle_rad 1e-5",
+        "inject stuck measured.actuator1_velocity_mps --at 0.7",
         "inject noise measured.actuator2_velocity_mps 1e-6 --when truth.surface_angle_rad>0.001 --for 1ms",
-    );
-    beside("inject bias measured.actuator2_position_m 1e-7 --at 0.9");
-    beside("inject --clear 5");
-    beside("resume");
+        "inject bias measured.actuator2_position_m 1e-7 --at 0.9",
+        "inject --clear 5",
+        "resume",
+    ] {
+        rig.in_session(line).expect(0);
+    }
     let straight = run.finish().expect(0);
     assert_eq!(
         straight.summary()["faults"].as_array().map(Vec::len),

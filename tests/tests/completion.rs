@@ -126,7 +126,7 @@ fn bash_offers_what_is_there() {
     let running = rig.held();
     let bash = ["bash", "--norc", "--noprofile", "-i"];
     typed(&rig, &desk, &bash, "source <(hil completions bash)");
-    resumed(&rig);
+    rig.in_session("resume").expect(0);
     running.finish().expect(0);
 }
 
@@ -140,7 +140,7 @@ fn zsh_offers_what_is_there() {
     let running = rig.held();
     let setup = "bindkey -e; autoload -U compinit; compinit -u -D; source <(hil completions zsh)";
     typed(&rig, &desk, &["zsh", "-f", "-i"], setup);
-    resumed(&rig);
+    rig.in_session("resume").expect(0);
     running.finish().expect(0);
 }
 
@@ -171,13 +171,8 @@ fn fish_offers_what_is_there() {
             "{line}: {offered}"
         );
     }
-    resumed(&rig);
+    rig.in_session("resume").expect(0);
     running.finish().expect(0);
-}
-
-fn resumed(rig: &Rig) {
-    rig.beside(&["resume", "--session", rig.session()])
-        .expect(0);
 }
 
 /// Asks as the script of `bash` does.

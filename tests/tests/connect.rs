@@ -228,17 +228,9 @@ fn another_controller_takes_over_under_the_same_names() {
     let slider = scenario(&rig, "slider.toml", SLIDER);
     let running = rig.start(&foreign(&slider, "--pause-at 1 --wait-limit 60"));
     rig.until_held_at(1000);
-    let swap = [
-        "controller",
-        "swap",
-        "--session",
-        rig.session(),
-        "--set",
-        "controller.pid.proportional_n_per_m=200",
-    ];
-    rig.beside(&swap).expect(0);
-    rig.beside(&["resume", "--session", rig.session()])
+    rig.in_session("controller swap --set controller.pid.proportional_n_per_m=200")
         .expect(0);
+    rig.in_session("resume").expect(0);
     let run = running.finish().expect(0);
     assert_eq!(run.summary()["verdict"], "pass");
     // The integral of the next one begins at 0 and finds the goal again, in mm.

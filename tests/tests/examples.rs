@@ -98,12 +98,6 @@ fn a_recording_carries_the_descriptions_of_programs_from_outside() {
     assert_eq!(described["laws"][0]["reference"][0]["unit"], "rad");
 }
 
-/// Answers of `hil` to a line of words, while a run goes on.
-fn beside(rig: &Rig, line: &str) -> String {
-    let words: Vec<&str> = line.split_ascii_whitespace().collect();
-    rig.beside(&words).expect(0).stdout
-}
-
 #[test]
 fn a_kind_of_fault_from_outside_is_used_live_and_follows_its_equation() {
     let rig = Rig::new();
@@ -112,12 +106,11 @@ fn a_kind_of_fault_from_outside_is_used_live_and_follows_its_equation() {
         "tests/scenarios/leakage.toml --set controller.law=pid --pause-at 0.5 --plant-bin {}",
         plant.display()
     ));
-    let session = rig.session();
     rig.until_held_at(5000);
-    let inject = "inject backlash measured.actuator1_position_m 2e-4 --session";
-    let told = beside(&rig, &format!("{inject} {session}"));
+    let inject = "inject backlash measured.actuator1_position_m 2e-4";
+    let told = rig.in_session(inject).expect(0).stdout;
     assert!(told.contains("step 5000"), "{told}");
-    beside(&rig, &format!("resume --session {session}"));
+    rig.in_session("resume").expect(0);
 
     let recording = Recording::open(&run.finish().expect(0).recording());
     let (mut driven, mut stood_still) = (None, 0);

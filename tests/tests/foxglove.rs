@@ -145,8 +145,7 @@ fn a_client_gets_the_records_that_are_recorded_and_changes_nothing() {
         let message = refused["said"]["message"].as_str().expect("text");
         assert!(message.contains("`setParameters`"), "{message}");
     }
-    rig.beside(&["resume", "--session", rig.session()])
-        .expect(0);
+    rig.in_session("resume").expect(0);
     let run = run.finish().expect(0);
     assert_eq!(run.digest(), alone);
 
@@ -224,18 +223,14 @@ fn who_speaks_something_else_is_refused_and_holds_nobody_up() {
     other.read_to_string(&mut answer).expect("it closes");
     assert!(answer.starts_with("HTTP/1.1 400"), "{answer}");
     assert!(answer.contains("foxglove.websocket.v1"), "{answer}");
-    let at = ["monitor", "--session", rig.session(), "--foxglove"];
-    let mut taken = at.to_vec();
-    taken.push(server.address());
-    rig.beside(&taken).expect(3).says(&["cannot serve at"]);
-    let mut wrong = at.to_vec();
-    wrong.push("nowhere");
-    rig.beside(&wrong)
+    rig.in_session(&format!("monitor --foxglove {}", server.address()))
+        .expect(3)
+        .says(&["cannot serve at"]);
+    rig.in_session("monitor --foxglove nowhere")
         .expect(2)
         .says(&["a port, or an address"]);
     send(server.process.id(), Signal::TERM);
     assert_eq!(server.finish().0, Some(130));
-    rig.beside(&["resume", "--session", rig.session()])
-        .expect(0);
+    rig.in_session("resume").expect(0);
     run.finish().expect(0);
 }

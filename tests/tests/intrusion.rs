@@ -64,8 +64,7 @@ fn nobody_gets_in_and_the_run_stays_the_same() {
     let own = target.refused.len();
     other_users(&mut target);
     nothing_listens_on_a_network(&target.session);
-    rig.beside(&["resume", "--session", rig.session()])
-        .expect(0);
+    rig.in_session("resume").expect(0);
     let run = running.finish().expect(0);
     assert_eq!(run.digest(), alone, "{:#?}", target.refused);
     let summary = run.summary();
@@ -312,8 +311,7 @@ fn a_file_of_another_user_with_our_prefix_is_left_alone_and_in_nobodys_way() {
     let touched = touch.arg(&file).uid(NOBODY).gid(NOBODY).status();
     assert!(touched.expect("it can be run").success());
     assert!(!session.segments().contains(&file));
-    rig.beside(&["resume", "--session", rig.session()])
-        .expect(0);
+    rig.in_session("resume").expect(0);
     let run = running.finish().expect(0);
     assert_eq!(run.summary()["verdict"], "pass");
     assert!(file.exists() && !session.folder.exists());

@@ -40,10 +40,6 @@ fn healthy(rig: &Rig, scenario: &str) -> String {
     path.display().to_string()
 }
 
-fn words(arguments: &str) -> Vec<&str> {
-    arguments.split_ascii_whitespace().collect()
-}
-
 #[test]
 fn a_fault_in_a_scenario_live_or_written_down_from_the_live_run_is_one_trajectory() {
     let rig = Rig::new();
@@ -51,11 +47,9 @@ fn a_fault_in_a_scenario_live_or_written_down_from_the_live_run_is_one_trajector
 
     let run = rig.start(&format!("{} --pause-at 0.5", healthy(&rig, SHORT)));
     rig.until_held_at(5000);
-    let session = format!("{LEAKAGE} --session {}", rig.session());
-    let told = rig.beside(&words(&session)).expect(0);
+    let told = rig.in_session(LEAKAGE).expect(0);
     assert!(told.stdout.contains("10000"), "{}", told.stdout);
-    rig.beside(&["resume", "--session", rig.session()])
-        .expect(0);
+    rig.in_session("resume").expect(0);
     let live = run.finish().expect(0);
     assert_eq!(live.digest(), wanted);
     let summary = live.summary();
@@ -232,13 +226,10 @@ fn a_pause_of_any_length_changes_nothing() {
     let run = rig.start(&format!("{SHORT} --pause-at 0.5 --wait-limit 0.5"));
     rig.until_held_at(5000);
     std::thread::sleep(Duration::from_millis(1500));
-    let session = ["--session", rig.session()];
-    let step = rig
-        .beside(&[&["step", "3"][..], &session].concat())
-        .expect(0);
+    let step = rig.in_session("step 3").expect(0);
     assert!(step.stdout.contains("5003"), "{}", step.stdout);
     rig.until_held_at(5003);
-    rig.beside(&[&["resume"][..], &session].concat()).expect(0);
+    rig.in_session("resume").expect(0);
     assert_eq!(run.finish().expect(0).digest(), wanted);
 }
 
@@ -287,13 +278,9 @@ fn without_a_session_there_is_nobody_to_inject_into() {
 #[test]
 fn what_cannot_be_injected_is_told_with_what_can() {
     let rig = Rig::new();
-    let session = ["--session", rig.session()];
     let run = rig.start(&format!("{SHORT} --pause-at 0.5"));
     rig.until_held_at(5000);
-    let inject = |arguments: &str| {
-        let arguments: Vec<&str> = [&["inject"][..], &words(arguments), &session].concat();
-        rig.beside(&arguments)
-    };
+    let inject = |arguments: &str| rig.in_session(&format!("inject {arguments}"));
     refused(
         inject("bais measured.surface_angle_rad 1"),
         &["bais", "bias"],

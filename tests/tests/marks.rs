@@ -7,17 +7,12 @@ use crate::support::mcap_reader::Recording;
 
 const SHORT: &str = "tests/scenarios/leakage.toml";
 
-fn session_of(rig: &Rig) -> [&str; 2] {
-    ["--session", rig.session()]
-}
-
 #[test]
 fn a_mark_is_in_summary_export_and_report_and_changes_no_digest() {
     let rig = Rig::new();
     let wanted = rig.run(SHORT).expect(0).digest();
     let run = rig.start(&format!("{SHORT} --pause-at 0.5"));
-    let mark =
-        |text: &str| rig.beside(&[&["mark", text, "--json"][..], &session_of(&rig)].concat());
+    let mark = |text: &str| rig.beside(&["mark", text, "--json", "--session", rig.session()]);
     rig.until_held_at(5000);
     let told: Value = serde_json::from_str(
         &mark("  the <b>pilot</b> feels \u{1b}[31mit\n ")
@@ -36,12 +31,10 @@ fn a_mark_is_in_summary_export_and_report_and_changes_no_digest() {
         mark(text).expect(2).says(&[why, "1 to 400"]);
     }
     mark(&"µ".repeat(400)).expect(0);
-    rig.beside(&[&["step", "7"][..], &session_of(&rig)].concat())
-        .expect(0);
-    let told = rig.beside(&[&["mark", "later"][..], &session_of(&rig)].concat());
-    assert_eq!(told.expect(0).stdout, "marked step 5007 (0.5007 s)\n");
-    rig.beside(&[&["resume"][..], &session_of(&rig)].concat())
-        .expect(0);
+    rig.in_session("step 7").expect(0);
+    let told = rig.in_session("mark later").expect(0).stdout;
+    assert_eq!(told, "marked step 5007 (0.5007 s)\n");
+    rig.in_session("resume").expect(0);
     let run = run.finish().expect(0);
 
     assert_eq!(run.digest(), wanted);

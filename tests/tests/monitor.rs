@@ -9,7 +9,7 @@ use serde_json::Value;
 use tools::testing::Screen;
 
 use crate::pseudo_terminal::open_terminal;
-use crate::support::harness::{Rig, Run, send, until};
+use crate::support::harness::{Rig, send, until};
 use crate::support::programs::{program, workspace};
 use crate::support::terminal::Terminal;
 
@@ -29,14 +29,8 @@ fn monitor(rig: &Rig, arguments: &[&str]) -> Terminal {
     terminal
 }
 
-fn beside(rig: &Rig, arguments: &[&str]) -> Run {
-    let mut all = arguments.to_vec();
-    all.extend(["--session", rig.session()]);
-    rig.beside(&all)
-}
-
 fn json(rig: &Rig) -> Value {
-    let told = beside(rig, &["monitor", "--json"]).expect(0).stdout;
+    let told = rig.in_session("monitor --json").expect(0).stdout;
     serde_json::from_str(&told).unwrap_or_else(|error| panic!("{error}: {told}"))
 }
 
@@ -51,9 +45,9 @@ fn a_run_has_the_same_digest_watched_by_a_live_a_stopped_and_a_killed_monitor() 
     let mut stopped = monitor(&rig, &[]);
     let killed = monitor(&rig, &[]);
     send(stopped.pid(), Signal::STOP);
-    beside(&rig, &["step", "1000"]).expect(0);
+    rig.in_session("step 1000").expect(0);
     send(killed.pid(), Signal::KILL);
-    beside(&rig, &["resume"]).expect(0);
+    rig.in_session("resume").expect(0);
     let watched = run.finish().expect(0);
     assert_eq!(watched.digest(), alone);
     assert_eq!(watched.summary()["recording"]["lost"], 0);
@@ -75,7 +69,7 @@ fn a_run_has_the_same_digest_watched_by_a_live_a_stopped_and_a_killed_monitor() 
 
 /// The state that a monitor tells of; empty as long as there is none.
 pub(crate) fn json_state(rig: &Rig) -> String {
-    let told = beside(rig, &["monitor", "--json"]).stdout;
+    let told = rig.in_session("monitor --json").stdout;
     let told: Value = serde_json::from_str(&told).unwrap_or_default();
     told["state"].as_str().unwrap_or_default().to_owned()
 }
@@ -116,7 +110,7 @@ fn a_view_whose_terminal_is_gone_ends() {
     for _ in 0..10 {
         assert_eq!(exit_of_a_view_without_its_window(&rig), Some(130));
     }
-    beside(&rig, &["resume"]).expect(0);
+    rig.in_session("resume").expect(0);
     run.finish().expect(0);
 }
 
@@ -194,7 +188,7 @@ fn no_more_than_three_may_watch_and_a_killed_one_makes_room() {
     let rig = Rig::new();
     let run = rig.held();
     let mut monitors: Vec<Terminal> = (0..3).map(|_| monitor(&rig, &[])).collect();
-    beside(&rig, &["monitor", "--json"])
+    rig.in_session("monitor --json")
         .expect(2)
         .says(&["is watched by 3 others"]);
     for watching in &mut monitors {
@@ -202,7 +196,7 @@ fn no_more_than_three_may_watch_and_a_killed_one_makes_room() {
         watching.wait();
         *watching = monitor(&rig, &[]);
     }
-    beside(&rig, &["resume"]).expect(0);
+    rig.in_session("resume").expect(0);
     run.finish().expect(0);
 }
 
@@ -255,7 +249,7 @@ fn the_view_follows_the_size_of_the_terminal() {
     }
     terminal.press("q");
     terminal.wait();
-    beside(&rig, &["resume"]).expect(0);
+    rig.in_session("resume").expect(0);
     run.finish().expect(0);
 }
 
@@ -263,7 +257,7 @@ fn the_view_follows_the_size_of_the_terminal() {
 fn without_a_terminal_one_line_tells_where_the_run_is() {
     let rig = Rig::new();
     let run = rig.held();
-    let told = beside(&rig, &["monitor"]).expect(0).stdout;
+    let told = rig.in_session("monitor").expect(0).stdout;
     assert!(
         told.starts_with("spring-mass: paused, step 2500, 2.5 of 5 s"),
         "{told}"
@@ -280,12 +274,12 @@ fn without_a_terminal_one_line_tells_where_the_run_is() {
         (&"settles".into(), &"undecided".into(), &Value::Null)
     );
     let at_most = status["requirements"][1]["at_most"].as_f64();
-    beside(&rig, &["step", "2000"]).expect(0);
+    rig.in_session("step 2000").expect(0);
     until("a margin of what has begun", || {
         json(&rig)["requirements"][0]["at_most"].is_f64()
     });
     let later = json(&rig)["requirements"][0]["at_most"].as_f64();
-    beside(&rig, &["resume"]).expect(0);
+    rig.in_session("resume").expect(0);
     let summary = run.finish().expect(0).summary();
     let final_margin = |number: usize| summary["requirements"][number]["robustness"].as_f64();
     assert!(final_margin(0) <= later, "{later:?} {summary}");
@@ -308,22 +302,21 @@ fn what_cannot_be_watched_is_refused_with_the_reason() {
         (&["--inject", "bias measured.position_m"], "bias"),
         (&["--inject", "bias 'x"], "quote"),
     ] {
-        let mut all = vec!["monitor"];
-        all.extend(arguments);
-        beside(&rig, &all).expect(2).says(&[says]);
+        let all = [&["monitor", "--session", rig.session()], arguments].concat();
+        rig.beside(&all).expect(2).says(&[says]);
     }
-    beside(&rig, &["resume"]).expect(0);
+    rig.in_session("resume").expect(0);
     run.finish().expect(0);
 
     let run = rig.start(&format!("{SCENARIO} --link in-process --pause-at 1"));
     until("the session says what it is", || {
         rig.session_folder().join("run.json").exists()
     });
-    beside(&rig, &["monitor"])
+    rig.in_session("monitor")
         .expect(2)
         .says(&["in one process"]);
     until("the run is held", || {
-        beside(&rig, &["resume"]).code == Some(0)
+        rig.in_session("resume").code == Some(0)
     });
     run.finish().expect(0);
 }

@@ -447,7 +447,7 @@ fn a_program_that_was_replaced_while_the_run_goes_on_is_not_started_as_the_old_o
     std::fs::remove_file(&law).expect("it is ours");
     std::fs::copy(program("controller-process"), &law).expect("copied");
     swap(&["--set", "controller.hold.value=2"]).expect(0);
-    rig.beside(&[&["resume"], &at[..]].concat()).expect(0);
+    rig.in_session("resume").expect(0);
     let run = running.finish();
     // Of two that took over at one step only the later one answered.
     let told = "(pid, hold (hold.value=2) from 2.5 s on spring-mass";

@@ -93,8 +93,7 @@ fn a_panel_beside_a_run_ends_with_it_and_no_sooner() {
     let url = told_url(&mut stderr);
     let mut client = stream::Client::greeted(&url);
     client.until(|told| told["state"] == "paused");
-    rig.beside(&["resume", "--session", rig.session()])
-        .expect(0);
+    rig.in_session("resume").expect(0);
     let told = client.until(|told| told["ending"]["verdict"] == "pass");
     assert!(
         told["told"].as_str().expect("text").contains("5000 steps"),
@@ -199,8 +198,7 @@ fn the_opener_gets_a_file_of_its_user_and_no_argument_has_the_secret() {
         assert!(!line.contains(panel.secret()), "{line}");
     }
     assert_eq!(panel.interrupt(), Some(130));
-    rig.beside(&["resume", "--session", rig.session()])
-        .expect(0);
+    rig.in_session("resume").expect(0);
     let run = run.finish().expect(0);
     let log = std::fs::read_dir(&run.folder)
         .expect("the run's folder")
@@ -231,15 +229,13 @@ fn what_cannot_be_shown_is_refused_before_anything_starts() {
         .expect(2)
         .says(&["missing.toml", "No such file"]);
     let run = rig.held();
-    let at = ["panel", "--session", rig.session(), "--no-open"];
-    rig.beside(&[&at[..], &["--signal", "truth.nothing"]].concat())
+    rig.in_session("panel --no-open --signal truth.nothing")
         .expect(2)
         .says(&["the session has no signal"]);
-    rig.beside(&[&at[..], &["--inject", "leek"]].concat())
+    rig.in_session("panel --no-open --inject leek")
         .expect(2)
         .says(&["prepared fault 'leek'"]);
-    rig.beside(&["resume", "--session", rig.session()])
-        .expect(0);
+    rig.in_session("resume").expect(0);
     run.finish().expect(0);
 }
 
@@ -248,8 +244,7 @@ fn a_panel_tells_the_end_and_stays_for_a_page_that_comes_late() {
     let rig = Rig::new();
     let run = rig.held();
     let mut panel = Panel::start(&rig, &[]);
-    rig.beside(&["resume", "--session", rig.session()])
-        .expect(0);
+    rig.in_session("resume").expect(0);
     run.finish().expect(0);
     // Only now, and it has all that was.
     let mut client = stream::Client::greeted(&panel.url);

@@ -52,13 +52,13 @@ fn titles_of_layout(layout: &Value) -> Vec<(String, String)> {
 #[test]
 fn report_monitor_and_layout_show_the_same_plots_in_the_same_order() {
     let rig = Rig::new();
-    let session = ["--session", rig.session()];
     let run = rig.start(
         "scenarios/severe-leakage.toml --set run.duration_s=8 --set requirements=[] --set metrics=[] --pause-at 7.5 --wait-limit 60",
     );
     until("the run is held", || json_state(&rig) == "paused");
     let mut hil = Command::new(program("hil"));
-    hil.current_dir(workspace()).arg("monitor").args(session);
+    hil.current_dir(workspace());
+    hil.args(["monitor", "--session", rig.session()]);
     let mut terminal = Terminal::start(hil, TALL);
     terminal.until_it_shows("PAUSED");
     let mut watched = Vec::new();
@@ -70,8 +70,7 @@ fn report_monitor_and_layout_show_the_same_plots_in_the_same_order() {
     });
     terminal.press("q");
     terminal.wait();
-    rig.beside(&["resume", "--session", rig.session()])
-        .expect(0);
+    rig.in_session("resume").expect(0);
     let run = run.finish().expect(0);
 
     let page = Page::of(&rig, &[&run], &[]);

@@ -328,8 +328,7 @@ fn only_the_loop_leaves_ordinary_scheduling() {
             }
         }
     }
-    rig.beside(&["resume", "--session", rig.session()])
-        .expect(0);
+    rig.in_session("resume").expect(0);
     hil.finish().expect(0);
 }
 

@@ -232,11 +232,10 @@ fn several_runs_lie_over_each_other_and_tell_apart() {
 fn a_change_of_the_controller_is_in_title_label_plots_and_published_figures() {
     let rig = Rig::new();
     let run = rig.start("scenarios/severe-leakage.toml --set requirements=[] --pause-at 7.5");
-    let session = ["--session", rig.session()];
     rig.until_held_at(75_000);
-    let swap = ["controller", "swap", "--set", "controller.law=nrsc"];
-    rig.beside(&[&swap, &session[..]].concat()).expect(0);
-    rig.beside(&[&["resume"], &session[..]].concat()).expect(0);
+    rig.in_session("controller swap --set controller.law=nrsc")
+        .expect(0);
+    rig.in_session("resume").expect(0);
     let run = run.finish().expect(0);
     // The paper's Tables 3 and 4: of the first law until 7 s, of the second one from 15 s on, and of
     // neither from 7 to 8 s.

@@ -154,8 +154,7 @@ fn swap(rig: &Rig, arguments: &[&str]) -> Run {
 }
 
 fn resume(rig: &Rig, running: Running<'_>) -> Run {
-    rig.beside(&["resume", "--session", rig.session()])
-        .expect(0);
+    rig.in_session("resume").expect(0);
     running.finish()
 }
 
@@ -361,8 +360,7 @@ fn a_loss_is_noticed_at_once_after_a_swap_that_came_to_nothing() {
                     info.is_ok_and(|info| info.controller.is_some_and(|one| one.epoch == 3))
                 });
                 // It takes over between two steps.
-                let status = ["inject", "--active", "--session", rig.session()];
-                rig.beside(&status).expect(0);
+                rig.in_session("inject --active").expect(0);
             }
             running.signal(Signal::INT);
         }

@@ -13,14 +13,11 @@ use crate::support::mcap_reader::Recording;
 
 const SPRING: &str = "scenarios/spring-mass.toml";
 
-fn beside(rig: &Rig, words: &str) -> Run {
-    let mut arguments: Vec<&str> = words.split(' ').collect();
-    arguments.extend(["--session", rig.session()]);
-    rig.beside(&arguments)
-}
-
 fn changed(rig: &Rig, words: &str) -> Value {
-    let told = beside(rig, &format!("set {words} --json")).expect(0).stdout;
+    let told = rig
+        .in_session(&format!("set {words} --json"))
+        .expect(0)
+        .stdout;
     serde_json::from_str(&told).expect("JSON")
 }
 
@@ -70,7 +67,8 @@ fn keys_change_together_at_the_step_told_and_every_repetition_does_the_same() {
     assert_eq!((&later["id"], &later["step"]), (&json!(3), &json!(2001)));
     let cleared = changed(&rig, "--clear reference.position_m --at 3.2");
     assert_eq!(cleared["clear"], json!(["reference.position_m"]));
-    let told = beside(&rig, "get --tunable --json plant.parameters.mass_kg")
+    let told = rig
+        .in_session("get --tunable --json plant.parameters.mass_kg")
         .expect(0)
         .stdout;
     let told: Value = serde_json::from_str(&told).expect("JSON");
@@ -78,8 +76,8 @@ fn keys_change_together_at_the_step_told_and_every_repetition_does_the_same() {
         told["values"][0]["value"], 1.2,
         "it begins with the next step"
     );
-    beside(&rig, "step 10").expect(0);
-    let shown = beside(&rig, "get --tunable --json").expect(0).stdout;
+    rig.in_session("step 10").expect(0);
+    let shown = rig.in_session("get --tunable --json").expect(0).stdout;
     let shown: Value = serde_json::from_str(&shown).expect("JSON");
     let value = |key: &str| {
         let values = shown["values"].as_array().expect("a list");
@@ -98,7 +96,7 @@ fn keys_change_together_at_the_step_told_and_every_repetition_does_the_same() {
     );
     assert_eq!(integral["value"], 2000.0 - 500.0 * 10.0 / 300.0);
     assert_eq!(shown["waiting"].as_array().map(Vec::len), Some(2));
-    beside(&rig, "resume").expect(0);
+    rig.in_session("resume").expect(0);
     let run = run.finish().expect(0);
     assert_ne!(run.digest(), plain);
     let changes = &run.summary()["changes"];
@@ -180,13 +178,15 @@ fn what_is_wrong_is_refused_by_name_and_changes_nothing() {
             "no value for a ramp",
         ),
     ] {
-        beside(&rig, &format!("set {words}")).expect(2).says(&[why]);
+        rig.in_session(&format!("set {words}"))
+            .expect(2)
+            .says(&[why]);
     }
-    beside(&rig, "resume").expect(0);
+    rig.in_session("resume").expect(0);
     let run = run.finish().expect(0);
     assert_eq!(run.digest(), plain);
     assert_eq!(run.summary()["changes"], json!([]));
-    beside(&rig, "set plant.parameters.mass_kg=1")
+    rig.in_session("set plant.parameters.mass_kg=1")
         .expect(2)
         .says(&["no session"]);
 }
@@ -200,12 +200,12 @@ fn a_law_judges_combinations_of_its_parameters() {
         ));
         rig.until_held_at(1000);
         let bound = "controller.nrsc.disturbance_bound_n_per_s2=2e9";
-        beside(&rig, &format!("set {bound}"))
+        rig.in_session(&format!("set {bound}"))
             .expect(2)
             .says(&["eq. 48", "the controller"]);
         let both = format!("set {bound} controller.nrsc.disturbance_weight_n2_per_s4=5e18");
-        beside(&rig, &both).expect(0);
-        beside(&rig, "resume").expect(0);
+        rig.in_session(&both).expect(0);
+        rig.in_session("resume").expect(0);
         let run = run.finish().expect(0);
         let changes = &run.summary()["changes"];
         assert_eq!(changes[0]["set"].as_array().map(Vec::len), Some(4));

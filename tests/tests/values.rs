@@ -122,10 +122,9 @@ fn before_the_first_step_there_is_nothing_to_tell() {
     let rig = Rig::new();
     let run = rig.start(&format!("{SHORT} --pause-at 0"));
     rig.until_held_at(0);
-    rig.beside(&["get", "--session", rig.session()])
+    rig.in_session("get")
         .expect(2)
         .says(&["no step was executed", "hil step"]);
-    rig.beside(&["resume", "--session", rig.session()])
-        .expect(0);
+    rig.in_session("resume").expect(0);
     run.finish().expect(0);
 }

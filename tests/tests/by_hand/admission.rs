@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use shared_types::process::ProcessId;
 use shared_types::session::SessionInfo;
 
-use super::{Hand, SCENARIO, awaited, controller, held, launched, resume};
+use super::{Hand, SCENARIO, awaited, controller, held, launched};
 use crate::support::harness::{Rig, until};
 use crate::support::programs::{misbehaving_controller, program};
 
@@ -183,7 +183,7 @@ fn a_second_process_with_the_right_token_is_refused() {
     assert_eq!(code, Some(2), "{said}");
     let expected = format!("process {} is the controller of this run", hand.pid());
     assert!(said.contains(&expected), "{said}");
-    resume(&rig);
+    rig.in_session("resume").expect(0);
     running.finish().expect(0);
     assert_eq!(hand.end().0, Some(0));
 }
@@ -246,6 +246,6 @@ fn what_makes_no_sense_is_refused_by_name() {
         "waits for no controller that is started by hand",
         "hil run --controller external",
     ]);
-    resume(&rig);
+    rig.in_session("resume").expect(0);
     running.finish().expect(0);
 }

@@ -3,7 +3,7 @@
 use rustix::process::Signal;
 use shared_types::session::SessionInfo;
 
-use super::{Hand, SCENARIO, awaited, controller, held, plant, resume};
+use super::{Hand, SCENARIO, awaited, controller, held, plant};
 use crate::support::harness::{Rig, send, until};
 use crate::support::programs::{misbehaving_controller, workspace};
 
@@ -38,7 +38,7 @@ fn an_interrupted_run_ends_a_side_that_is_held() {
     let rig = Rig::new();
     let (running, hand) = held(&rig, "--wait-limit inf");
     hand.stop();
-    resume(&rig);
+    rig.in_session("resume").expect(0);
     running.signal(Signal::INT);
     let run = running.finish().expect(130);
     assert_eq!(run.summary()["verdict"], "aborted");

@@ -133,12 +133,11 @@ fn a_fault_from_outside_that_cannot_be_saved_is_refused_in_a_scenario_and_live()
     .says(&["fault `backlash`", told, "FaultKind::state"]);
     let arguments = format!("{SCENARIO} --plant-bin {plant} --checkpoint-at 1 --pause-at 0.5");
     let run = rig.start(&arguments);
-    let session = rig.session();
     rig.until_held_at(5000);
-    let inject = "inject backlash measured.actuator1_position_m 2e-4 --session";
-    let words: Vec<&str> = inject.split(' ').chain([session]).collect();
-    rig.beside(&words).expect(2).says(&["backlash", told]);
-    rig.beside(&["resume", "--session", session]).expect(0);
+    rig.in_session("inject backlash measured.actuator1_position_m 2e-4")
+        .expect(2)
+        .says(&["backlash", told]);
+    rig.in_session("resume").expect(0);
     assert_eq!(made(&run.finish().expect(0)), [10_000]);
 }
 

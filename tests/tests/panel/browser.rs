@@ -79,9 +79,7 @@ pub(super) fn begun<'r>(rig: &'r Rig, pace: &str, arguments: &[&str]) -> (Runnin
     ));
     until_held(rig);
     let panel = Panel::start(rig, arguments);
-    let session = ["--session", rig.session()];
-    rig.beside(&[&["step", "2499"][..], &session].concat())
-        .expect(0);
+    rig.in_session("step 2499").expect(0);
     rig.until_held_at(2500);
     (run, panel)
 }
@@ -304,8 +302,7 @@ fn a_phone_and_a_desk_show_it_in_both_themes() {
         assert_drawn(&told["ink"]);
     }
     drop(panel);
-    rig.beside(&["resume", "--session", rig.session()])
-        .expect(0);
+    rig.in_session("resume").expect(0);
     run.finish().expect(0);
 }
 
@@ -333,8 +330,7 @@ fn two_browsers_show_what_each_other_does() {
         assert_eq!(told[later], told["log"], "{later}: {told}");
     }
     drop(panel);
-    rig.beside(&["resume", "--session", rig.session()])
-        .expect(0);
+    rig.in_session("resume").expect(0);
     let summary = run.finish().summary();
     assert_eq!(summary["marks"][0]["text"], "from the other");
     assert_eq!(summary["faults"][0]["effective_step"], 2501);
@@ -418,8 +414,7 @@ fn a_connection_over_another_port_that_is_cut_comes_back_with_what_was() {
         (&json!("paused"), &json!(url))
     );
     drop(panel);
-    rig.beside(&["resume", "--session", rig.session()])
-        .expect(0);
+    rig.in_session("resume").expect(0);
     run.finish().expect(0);
 }
 
@@ -441,7 +436,6 @@ fn a_browser_without_the_secret_and_a_page_of_elsewhere_get_nothing() {
         "{told}"
     );
     drop(panel);
-    rig.beside(&["resume", "--session", rig.session()])
-        .expect(0);
+    rig.in_session("resume").expect(0);
     run.finish().expect(0);
 }

@@ -176,11 +176,10 @@ fn nobody_but_a_page_of_the_panel_gets_anything_and_the_run_does_not_notice() {
         client.until_closed();
     }
 
-    let told = rig.beside(&["inject", "--active", "--json", "--session", rig.session()]);
+    let told = rig.in_session("inject --active --json");
     assert!(told.stdout.contains("\"step\":2500"), "{}", told.stdout);
     assert_eq!(panel.interrupt(), Some(130));
-    rig.beside(&["resume", "--session", rig.session()])
-        .expect(0);
+    rig.in_session("resume").expect(0);
     assert_eq!(run.finish().expect(0).digest(), alone);
 }
 
@@ -222,7 +221,6 @@ fn slow_and_silent_strangers_are_dropped_and_a_crowd_keeps_no_page_out_for_long(
     });
     drop(pages);
     assert_eq!(panel.interrupt(), Some(130));
-    rig.beside(&["resume", "--session", rig.session()])
-        .expect(0);
+    rig.in_session("resume").expect(0);
     run.finish().expect(0);
 }

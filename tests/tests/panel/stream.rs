@@ -254,8 +254,7 @@ fn the_panel_of_a_scenario_chooses_readings_sliders_and_buttons() {
         let answer = client.until(|told| told["tell"] == "answer");
         assert_eq!(answer["is_done"], is_done, "{answer}");
     }
-    rig.beside(&["resume", "--session", rig.session()])
-        .expect(0);
+    rig.in_session("resume").expect(0);
     let run = run.finish();
     assert_eq!(run.summary()["changes"].as_array().map(Vec::len), Some(1));
     drop((client, panel));
@@ -268,11 +267,10 @@ fn the_panel_of_a_scenario_chooses_readings_sliders_and_buttons() {
         scenario.display()
     ));
     until_held(&rig);
-    rig.beside(&["panel", "--no-open", "--session", rig.session()])
+    rig.in_session("panel --no-open")
         .expect(2)
         .says(&["prepared fault 'leek'"]);
-    rig.beside(&["resume", "--session", rig.session()])
-        .expect(0);
+    rig.in_session("resume").expect(0);
     run.finish();
 }
 
@@ -302,8 +300,7 @@ fn a_page_that_takes_nothing_costs_nothing_and_is_not_told_old_things_later() {
     let first = client.until_points(|points| points.view == 1);
     assert!(first.newest < 20, "{}", first.newest);
     let before_kib = memory_kib(panel.process.id());
-    rig.beside(&["resume", "--session", rig.session()])
-        .expect(0);
+    rig.in_session("resume").expect(0);
     let run = run.finish().expect(0);
     assert_eq!(run.digest(), alone);
     let after_kib = memory_kib(panel.process.id());
@@ -359,8 +356,7 @@ fn a_fault_by_words_is_checked_and_no_file_of_the_machine_is_read() {
         client.until_closed().last().expect("a word")["tell"],
         "over"
     );
-    rig.beside(&["resume", "--session", rig.session()])
-        .expect(0);
+    rig.in_session("resume").expect(0);
     let run = run.finish().expect(0);
     assert_eq!(run.summary()["faults"], json!([]));
 }

@@ -170,7 +170,7 @@ impl Rig {
 
     /// Runs any `hil` command, without this test's session and folder.
     pub(crate) fn hil(&self, arguments: &[&str]) -> Run {
-        self.hil_in(workspace(), arguments)
+        self.start_hil(arguments).finish()
     }
 
     /// Starts what [`hil`](Self::hil) runs, and does not wait.
@@ -194,9 +194,14 @@ impl Rig {
 
     /// Runs any `hil` command while this test's run goes on.
     pub(crate) fn beside(&self, arguments: &[&str]) -> Run {
-        let mut hil = Command::new(program("hil"));
-        hil.args(arguments).current_dir(workspace());
-        Running::start(self, hil, self.path("none")).finish_beside_another()
+        self.start_hil(arguments).finish_beside_another()
+    }
+
+    /// Runs a `hil` command, whose words are separated by spaces, on this test's session while its run goes on.
+    pub(crate) fn in_session(&self, line: &str) -> Run {
+        let session = ["--session", self.session()];
+        let words: Vec<&str> = line.split_ascii_whitespace().chain(session).collect();
+        self.beside(&words)
     }
 
     /// Returns the folder of the session, which is there while it runs.
