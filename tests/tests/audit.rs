@@ -32,7 +32,7 @@ fn a_law_that_sees_only_its_samples_has_one_digest_under_all_conditions() {
     let honest = audited(&rig, "honest", "--json").expect(0);
     let summary = honest.summary();
     assert_eq!(summary["audit"]["verdict"], "pass");
-    let told: Value = serde_json::from_str(&honest.stdout).expect("JSON");
+    let told = honest.json();
     assert_eq!(told, summary);
     for one in repetitions(&summary) {
         if one["skipped"].is_null() {

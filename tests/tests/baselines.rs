@@ -40,8 +40,7 @@ impl Kept {
 
     #[track_caller]
     fn judged(&self, run: &str, code: i32) -> Value {
-        let told = self.compare(run, &["--json"]).expect(code);
-        serde_json::from_str(&told.stdout).expect("JSON")
+        self.compare(run, &["--json"]).expect(code).json()
     }
 
     fn text(&self) -> String {

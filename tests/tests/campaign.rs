@@ -73,14 +73,10 @@ fn campaign(rig: &Rig, arguments: &[&str]) -> Run {
     rig.hil(&all)
 }
 
-fn json(run: &Run) -> Value {
-    serde_json::from_str(&run.stdout).unwrap_or_else(|error| panic!("{error}: {}", run.stdout))
-}
-
 /// Digest of a campaign that is complete.
 fn digest(rig: &Rig, folder: &Path) -> String {
     let run = campaign(rig, &["collect", text(folder), "--json"]).expect(0);
-    let digest = json(&run)["digest"].as_str().map(str::to_owned);
+    let digest = run.json()["digest"].as_str().map(str::to_owned);
     digest.expect("a digest")
 }
 
@@ -107,7 +103,9 @@ fn one_worker_or_three_and_whatever_kills_them_give_one_digest() {
     assert_eq!(digest(&rig, &three), expected);
     let [of_one, of_three] = [one, three.clone()].map(|folder| page::data(&rig, &folder));
     assert_eq!(of_one["envelopes"], of_three["envelopes"]);
-    let status = json(&campaign(&rig, &["status", text(&three), "--json"]).expect(0));
+    let status = campaign(&rig, &["status", text(&three), "--json"])
+        .expect(0)
+        .json();
     assert_eq!(
         (&status["published"], &status["missing"]),
         (&60.into(), &0.into())
@@ -130,7 +128,7 @@ fn one_worker_or_three_and_whatever_kills_them_give_one_digest() {
 /// Cases that have a row.
 fn done(rig: &Rig, folder: &Path) -> u64 {
     let run = rig.beside(&["campaign", "status", text(folder), "--json"]);
-    let status = json(&run);
+    let status = run.json();
     let count = |name: &str| status[name].as_u64().expect("a count");
     count("published") + count("begun")
 }
@@ -151,7 +149,7 @@ fn a_case_is_the_run_of_its_values_in_one_process_and_in_two() {
         let run = campaign(&rig, &arguments)
             .expect(0)
             .says(&["has the digest of the campaign"]);
-        assert_eq!(json(&run)["digest"], alone.digest());
+        assert_eq!(run.json()["digest"], alone.digest());
         assert!(out.join("run.mcap").exists());
     }
     // The planned programs are run, whatever hil is called, whatever is beside it or named by the environment.
@@ -186,7 +184,7 @@ fn a_case_is_the_run_of_its_values_in_one_process_and_in_two() {
     let mut hil = Command::new(other);
     hil.args(arguments).env("HIL_PLANT_BIN", wrong);
     let run = rig.program(hil).expect(0);
-    assert_eq!(json(&run)["digest"], alone.digest());
+    assert_eq!(run.json()["digest"], alone.digest());
     // A case that fails has the exit code of a run that fails.
     campaign(
         &rig,
@@ -272,7 +270,7 @@ fn goals_decide_the_exit_code_with_their_bounds() {
         let goal = format!("{STUDY}\n[[goals]]\nvariant = \"pid\"\nprobability = {probability}\n");
         let folder = planned(&rig, &study(&rig, &goal), &format!("goal{code}"));
         let run = campaign(&rig, &["run", text(&folder), "--json"]).expect(code);
-        let answers = json(&run);
+        let answers = run.json();
         let lower = answers["goals"][0]["lower"].as_f64().expect("a bound");
         assert!((lower - 0.904_966_147).abs() < 1e-9, "{lower}");
         let passes = &answers["variants"][0]["passes"];
@@ -284,7 +282,7 @@ fn goals_decide_the_exit_code_with_their_bounds() {
     let grid = "schema = 1\nscenario = \"SCENARIO\"\nsampling = \"grid\"\n[[vary]]\nkey = \"plant.parameters.mass_kg\"\nkind = \"grid\"\nmin = 0.5\nmax = 2\npoints = 3\n";
     let folder = planned(&rig, &study(&rig, grid), "grid");
     let run = campaign(&rig, &["run", text(&folder), "--json"]).expect(0);
-    assert_eq!(json(&run)["variants"][0]["passes"]["bounds"], Value::Null);
+    assert_eq!(run.json()["variants"][0]["passes"]["bounds"], Value::Null);
 }
 
 #[test]
@@ -298,7 +296,7 @@ fn an_unfinished_campaign_gives_no_probability_and_says_so() {
             .says(&["of 60 cases have no result", "slow cases come last"]);
     }
     let run = campaign(&rig, &["collect", text(&folder), "--partial", "--json"]).expect(3);
-    assert_eq!(json(&run)["digest"], Value::Null);
+    assert_eq!(run.json()["digest"], Value::Null);
     // Tasks of other engines share the rest.
     for part in ["0/2", "1/2"] {
         campaign(&rig, &["work", text(&folder), "--task", part]).expect(0);
@@ -350,12 +348,16 @@ fn campaigns_are_compared_case_by_case() {
         campaign(&rig, &["run", text(&folder)]).expect(0);
         folder
     });
-    let same = json(&campaign(&rig, &["compare", text(&a), text(&a), "--json"]).expect(0));
+    let same = campaign(&rig, &["compare", text(&a), text(&a), "--json"])
+        .expect(0)
+        .json();
     assert_eq!(
         (&same[0]["p"], &same[0]["cases"]),
         (&1.0.into(), &30.into())
     );
-    let flipped = json(&campaign(&rig, &["compare", text(&a), text(&b), "--json"]).expect(1));
+    let flipped = campaign(&rig, &["compare", text(&a), text(&b), "--json"])
+        .expect(1)
+        .json();
     assert_eq!(flipped[0]["first_only"].as_array().map(Vec::len), Some(30));
     assert_eq!(flipped[1]["first_only"].as_array().map(Vec::len), Some(0));
     // All 30 flipped one way: 2 / 2^30.
@@ -383,7 +385,7 @@ fn duckdb_polars_and_pandas_read_the_tables_and_count_the_same() {
     let told: Value = serde_json::from_str(&told).expect("JSON");
     for reader in ["duckdb", "polars", "pandas"] {
         assert_eq!(told[reader]["rows"], 60, "{reader}");
-        for variant in json(&run)["variants"].as_array().expect("variants") {
+        for variant in run.json()["variants"].as_array().expect("variants") {
             let name = variant["name"].as_str().expect("a name");
             assert_eq!(
                 told[reader]["pass"][name], variant["passes"]["count"],

@@ -310,7 +310,7 @@ fn without_a_folder_given_a_run_gets_one_of_its_own() {
 fn the_summary_can_be_had_as_json() {
     let rig = Rig::new();
     let run = rig.run(&format!("{SCENARIO} --json")).expect(0);
-    let printed: serde_json::Value = serde_json::from_str(&run.stdout).expect("only JSON");
+    let printed = run.json();
     assert_eq!(printed, run.summary());
     assert_eq!(printed["verdict"], "pass");
 }
@@ -369,8 +369,7 @@ fn a_program_is_a_path_and_the_one_that_is_hashed_runs() {
         "bare",
         "--json",
     ];
-    let run = rig.hil_in(folder, &arguments).expect(0);
-    let summary: serde_json::Value = serde_json::from_str(&run.stdout).expect("JSON");
+    let summary = rig.hil_in(folder, &arguments).expect(0).json();
     let hash = blake3::hash(text.as_bytes()).to_hex();
     assert_eq!(summary["plant"]["blake3"], hash.as_str());
 }

@@ -113,8 +113,8 @@ fn a_busy_controller_misses_its_deadlines_and_a_rerun_repeats_that() {
             "--no-record",
             "--json",
         ])
-        .expect(0);
-    let told: Value = serde_json::from_str(&told.stdout).expect("JSON");
+        .expect(0)
+        .json();
     assert_eq!(
         (&told["same"], &told["digest"]),
         (&true.into(), &late.digest().into())

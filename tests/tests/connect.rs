@@ -183,8 +183,8 @@ fn connected_runs_are_repeated_replayed_and_gone_on_with() {
     for link in ["iceoryx2", "in-process"] {
         let told = rig
             .hil(&["replay", folder, "--json", "--link", link])
-            .expect(0);
-        let told: Value = serde_json::from_str(&told.stdout).expect("JSON");
+            .expect(0)
+            .json();
         assert_eq!(told["verdict"], "same", "{told:#}");
     }
     let from = run.folder.join("checkpoint-500");

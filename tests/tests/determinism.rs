@@ -3,8 +3,6 @@
 
 use std::process::Command;
 
-use serde_json::Value;
-
 use crate::support::company::BusyLoop;
 use crate::support::harness::Rig;
 use crate::support::mcap_reader::{Record, Recording};
@@ -39,8 +37,8 @@ fn ten_runs_over_shared_memory_have_the_digest_of_one_thread() {
 fn runs_beside_each_other_in_one_process_have_the_digest_of_one_alone() {
     let rig = Rig::new();
     let side_by_side = "--link in-process --no-record --repeat 6 --json";
-    let suite = rig.run(&format!("{SCENARIO} {side_by_side}")).expect(0);
-    let told: Value = serde_json::from_str(&suite.stdout).expect("JSON");
+    let suite = rig.run(&format!("{SCENARIO} {side_by_side}"));
+    let told = suite.expect(0).json();
     let runs = told["runs"].as_array().expect("a list of runs");
     assert_eq!(runs.len(), 6);
     let wanted = reference(&rig, "");

@@ -41,7 +41,7 @@ const MEASURED: [&str; 5] = [
 /// A report that holds these checks, each once, and nothing that does not follow from them.
 #[track_caller]
 fn report(run: &Run, expected: &[&str]) -> Value {
-    let report: Value = serde_json::from_str(&run.stdout).expect("the report is JSON");
+    let report = run.json();
     let checks = report["checks"].as_array().expect("checks");
     let word = |check: &Value, key: &str| check[key].as_str().expect(key).to_owned();
     let mut names: Vec<String> = checks.iter().map(|check| word(check, "check")).collect();

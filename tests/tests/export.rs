@@ -36,8 +36,7 @@ fn an_exported_table_has_the_bits_of_the_recording_and_the_derived_signals() {
     let told = rig
         .hil(&["export", folder, "-o", file, "--json"])
         .expect(0)
-        .stdout;
-    let told: serde_json::Value = serde_json::from_str(&told).expect("JSON");
+        .json();
     let (header, rows) = table(&path);
     assert_eq!((&told["file"], &told["rows"]), (&file.into(), &2001.into()));
     assert_eq!(told["digest"], run.digest());

@@ -109,8 +109,7 @@ fn every_reference_fmu_gives_the_numbers_that_fmpy_gets() {
     for (model, version, rate_hz) in REFERENCE {
         let name = format!("{model}{version}.fmu");
         let path = place.fmu(&name, &reference(model, version));
-        let described = place.hil(&["describe", "--json", &name]).expect(0);
-        let described: Value = serde_json::from_str(&described.stdout).expect("JSON");
+        let described = place.hil(&["describe", "--json", &name]).expect(0).json();
         let text = scenario(model, &name, rate_hz, 40.0) + &moved(&described, rate_hz);
         let run = place.run(&text, "").expect(0);
         let summary = run.summary();

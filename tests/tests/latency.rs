@@ -92,7 +92,7 @@ fn every_figure_counts_the_steps_after_the_warm_up_and_no_other() {
         .hil(&arguments)
         .expect(0)
         .says(&["measuring 33 signals"]);
-    let report: Value = serde_json::from_str(&run.stdout).expect("the report is JSON");
+    let report = run.json();
 
     let cases = report["cases"].as_array().expect("cases");
     let found: Vec<_> = (cases.iter())
@@ -211,10 +211,8 @@ fn a_recording_tells_what_its_summary_told() {
 
     let folder = run.folder.to_str().expect("plain text");
     let read = |more: &[&str]| -> Value {
-        let read = rig
-            .hil(&[&["latency", folder, "--json"], more].concat())
-            .expect(0);
-        serde_json::from_str(&read.stdout).expect("JSON")
+        let read = rig.hil(&[&["latency", folder, "--json"], more].concat());
+        read.expect(0).json()
     };
     let report = read(&[]);
     for (figure, leg) in [

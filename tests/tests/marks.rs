@@ -14,12 +14,8 @@ fn a_mark_is_in_summary_export_and_report_and_changes_no_digest() {
     let run = rig.start(&format!("{SHORT} --pause-at 0.5"));
     let mark = |text: &str| rig.beside(&["mark", text, "--json", "--session", rig.session()]);
     rig.until_held_at(5000);
-    let told: Value = serde_json::from_str(
-        &mark("  the <b>pilot</b> feels \u{1b}[31mit\n ")
-            .expect(0)
-            .stdout,
-    )
-    .expect("JSON");
+    let told = mark("  the <b>pilot</b> feels \u{1b}[31mit\n ").expect(0);
+    let told = told.json();
     assert_eq!(
         told,
         json!({"response": "marked", "step": 5000, "at_s": 0.5})
@@ -55,8 +51,7 @@ fn a_mark_is_in_summary_export_and_report_and_changes_no_digest() {
     let folder = run.folder.display().to_string();
     let table = rig.path("run.parquet").display().to_string();
     let arguments = ["export", &folder, "-o", &table, "--every", "1000", "--json"];
-    let exported: Value =
-        serde_json::from_str(&rig.hil(&arguments).expect(0).stdout).expect("JSON");
+    let exported = rig.hil(&arguments).expect(0).json();
     assert_eq!(exported["marks"], marks);
     let bytes = std::fs::read(&table).expect("there");
     let holds = |text: &str| {

@@ -30,8 +30,7 @@ fn monitor(rig: &Rig, arguments: &[&str]) -> Terminal {
 }
 
 fn json(rig: &Rig) -> Value {
-    let told = rig.in_session("monitor --json").expect(0).stdout;
-    serde_json::from_str(&told).unwrap_or_else(|error| panic!("{error}: {told}"))
+    rig.in_session("monitor --json").expect(0).json()
 }
 
 #[test]

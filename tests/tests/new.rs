@@ -39,8 +39,7 @@ fn build(folder: &Path) {
 #[test]
 fn a_folder_names_the_framework_by_a_relative_path() {
     let rig = Rig::new();
-    let told = hil(&rig, "new plant cart --json").expect(0).stdout;
-    let told: Value = serde_json::from_str(&told).expect("JSON");
+    let told = hil(&rig, "new plant cart --json").expect(0).json();
     assert_eq!(told["folder"], "cart");
     let files = told["files"].as_array().expect("files");
     let cart = rig.path("cart");

@@ -346,7 +346,7 @@ fn a_rerun_asks_for_nothing_that_the_run_asked_for() {
     assert_eq!(report["core"]["granted"], core);
     let folder = before.folder.display().to_string();
     let out = rig.path("again");
-    let again = rig
+    let said = rig
         .hil(&[
             "rerun",
             &folder,
@@ -354,8 +354,8 @@ fn a_rerun_asks_for_nothing_that_the_run_asked_for() {
             "--out",
             out.to_str().expect("plain text"),
         ])
-        .expect(0);
-    let said: Value = serde_json::from_str(&again.stdout).expect("JSON");
+        .expect(0)
+        .json();
     assert_eq!(said["same"], true);
     assert_eq!(
         said["summary"]["realtime"]["plant"]["core"]["asked"],

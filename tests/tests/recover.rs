@@ -40,10 +40,6 @@ fn records(path: &Path) -> Vec<Record> {
     records
 }
 
-fn json(text: &str) -> Value {
-    serde_json::from_str(text).unwrap_or_else(|error| panic!("{error}: {text}"))
-}
-
 #[test]
 fn what_a_killed_hil_recorded_becomes_a_normal_run() {
     let rig = Rig::alone();
@@ -70,8 +66,7 @@ fn what_a_killed_hil_recorded_becomes_a_normal_run() {
         assert!(said.contains("hil recover "), "{command:?}: {said}");
     }
 
-    let recovered = rig.hil(&["recover", run, "--json"]).expect(0);
-    let recovered = json(&recovered.stdout);
+    let recovered = rig.hil(&["recover", run, "--json"]).expect(0).json();
     assert_eq!(recovered["state"], "broken-off");
     let after = records(&file);
     assert!(after.starts_with(&before));
@@ -84,7 +79,7 @@ fn what_a_killed_hil_recorded_becomes_a_normal_run() {
     assert_eq!(result["digest"], digest);
     assert!(result["reason"].starts_with("recovered: "), "{result:?}");
     let summary = std::fs::read_to_string(folder.join("summary.json"));
-    let summary = json(&summary.expect("a summary"));
+    let summary: Value = serde_json::from_str(&summary.expect("a summary")).expect("JSON");
     assert_eq!(summary["verdict"], "aborted");
     assert_eq!(summary["digest"], digest);
     assert_eq!(summary["recording"]["records"], after.len());
@@ -92,7 +87,7 @@ fn what_a_killed_hil_recorded_becomes_a_normal_run() {
     assert_eq!(summary["plant"]["binary"], "plant-process");
 
     let judged = rig.hil(&["judge", run, "--json"]).expect(1);
-    let judgement = json(&judged.stdout);
+    let judgement = judged.json();
     assert_eq!(judgement["metrics"], summary["metrics"]);
     assert_eq!(judgement["outcome"], "failed");
     assert!(!judged.stderr.contains("hil recover"), "{}", judged.stderr);
@@ -111,8 +106,7 @@ fn what_a_killed_hil_recorded_becomes_a_normal_run() {
         "--out",
         again.to_str().expect("text"),
     ];
-    let again = rig.hil(&again).expect(0);
-    let again = json(&again.stdout);
+    let again = rig.hil(&again).expect(0).json();
     assert_eq!(
         (&again["same"], &again["records"]),
         (&true.into(), &after.len().into())
@@ -185,7 +179,7 @@ fn every_answered_step_of_a_killed_controller_is_recorded() {
     );
     let run = run.folder.to_str().expect("text");
     let judged = rig.hil(&["judge", run, "--json"]).expect(1);
-    assert_eq!(json(&judged.stdout)["records"], found.len());
+    assert_eq!(judged.json()["records"], found.len());
 }
 
 #[test]
@@ -202,7 +196,7 @@ fn a_replay_whose_controller_dies_says_so_in_json_too() {
     });
     controller.expect("started").kill();
     let told = replay.finish().expect(3);
-    let aborted = json(&told.stdout);
+    let aborted = told.json();
     assert_eq!(aborted["verdict"], "aborted");
     assert_eq!(aborted["run"], run);
     let reason = aborted["reason"].as_str().expect("a reason");

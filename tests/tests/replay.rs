@@ -31,7 +31,7 @@ fn rebuilt() -> PathBuf {
 #[track_caller]
 fn replayed(rig: &Rig, run: &Path, arguments: &[&str], code: i32) -> Value {
     let told = rig.hil(&[&["replay", text(run), "--json"], arguments].concat());
-    serde_json::from_str(&told.expect(code).stdout).expect("JSON")
+    told.expect(code).json()
 }
 
 fn number(value: &Value) -> u64 {

@@ -317,8 +317,7 @@ fn what_cannot_be_reported_says_why() {
     let told = rig
         .hil(&["report", folder, "-o", there, "--force", "--json"])
         .expect(0)
-        .stdout;
-    let told: Value = serde_json::from_str(&told).expect("JSON");
+        .json();
     let bytes = std::fs::metadata(&path).expect("it is there").len();
     assert_eq!(
         (&told["file"], told["bytes"].as_u64()),

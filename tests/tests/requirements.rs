@@ -61,9 +61,7 @@ fn with_requirements(rig: &Rig) -> String {
 fn judge(rig: &Rig, run: &Run, more: &[&str]) -> (Value, Option<i32>) {
     let folder = run.folder.to_str().expect("plain");
     let judged = rig.hil(&[&["judge", folder, "--json"], more].concat());
-    let said = &judged.stderr;
-    let value = serde_json::from_str(&judged.stdout).unwrap_or_else(|_| panic!("{said}"));
-    (value, judged.code)
+    (judged.json(), judged.code)
 }
 
 #[test]

@@ -20,8 +20,7 @@ fn scenario(name: &str) -> String {
 }
 
 fn listed(rig: &Rig, line: &str) -> Vec<Value> {
-    let told = hil(rig, &format!("{line} --json")).expect(0).stdout;
-    let told: Value = serde_json::from_str(&told).expect("JSON");
+    let told = hil(rig, &format!("{line} --json")).expect(0).json();
     told["runs"].as_array().expect("runs").clone()
 }
 
@@ -189,8 +188,7 @@ fn a_run_that_goes_on_stays_and_one_that_was_killed_is_broken() {
     until("its folder is there", || folder.join("plant.log").exists());
     let path = folder.display().to_string();
     let verdict = || {
-        let told = rig.beside(&["runs", &path, "--json"]).expect(0).stdout;
-        let told: Value = serde_json::from_str(&told).expect("JSON");
+        let told = rig.beside(&["runs", &path, "--json"]).expect(0).json();
         assert_eq!(told["runs"][0]["scenario"], "spring-mass");
         told["runs"][0]["verdict"].clone()
     };

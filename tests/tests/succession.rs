@@ -163,8 +163,9 @@ fn another_controller_takes_over_at_the_step_that_the_answer_names() {
     let rig = Rig::new();
     let plain = rig.run("scenarios/spring-mass.toml").expect(0);
     let running = rig.held();
-    let swapped = swap(&rig, &["--set", "controller.law=hold", "--json"]).expect(0);
-    let told: Value = serde_json::from_str(&swapped.stdout).expect("JSON");
+    let told = swap(&rig, &["--set", "controller.law=hold", "--json"])
+        .expect(0)
+        .json();
     assert_eq!((&told["epoch"], &told["step"]), (&2.into(), &2500.into()));
     assert_eq!(told["law"], "hold");
     let run = resume(&rig, running);
@@ -202,8 +203,9 @@ fn a_law_of_another_program_takes_over_without_the_keys_that_it_does_not_have() 
     let left_out = "  left out, as none of its laws has them: controller.pid\n";
     assert_eq!(swapped, took + left_out);
     // Back again: nothing of the scenario is left out.
-    let back = swap(&rig, &["--set", "controller.law=pid", "--json"]).expect(0);
-    let told: Value = serde_json::from_str(&back.stdout).expect("JSON");
+    let told = swap(&rig, &["--set", "controller.law=pid", "--json"])
+        .expect(0)
+        .json();
     assert_eq!(told["left_out"], serde_json::json!([]));
     let run = resume(&rig, running);
     let summary = run.summary();
@@ -313,8 +315,9 @@ fn one_good_swap_after_another_never_ends_the_run() {
     let running = rig.start("scenarios/spring-mass.toml --pace 1 --set run.duration_s=600");
     running.children_at_once();
     for epoch in 2..10 {
-        let swapped = swap(&rig, &["--set", "controller.law=pid", "--json"]).expect(0);
-        let told: Value = serde_json::from_str(&swapped.stdout).expect("JSON");
+        let told = swap(&rig, &["--set", "controller.law=pid", "--json"])
+            .expect(0)
+            .json();
         assert_eq!(told["epoch"], epoch);
     }
     running.signal(Signal::INT);

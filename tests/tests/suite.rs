@@ -44,7 +44,7 @@ fn several_runs_have_one_table_and_the_exit_code_of_the_worst() {
         text.display()
     ));
     let run = run.expect(1);
-    let all: Value = serde_json::from_str(&run.stdout).expect("JSON");
+    let all = run.json();
     assert_eq!(all["verdict"], "fail");
     let expected = [
         ("good-1", "pass"),
@@ -222,7 +222,7 @@ fn runs_side_by_side_in_one_process_are_those_that_they_are_alone() {
         ));
         let all = all.expect(1);
         assert!(sessions(&rig).is_empty(), "{:?}", sessions(&rig));
-        let told: Value = serde_json::from_str(&all.stdout).expect("JSON");
+        let told = all.json();
         let runs = told["runs"].as_array().expect("a list of runs");
         assert_eq!(runs.len(), 9);
         for (number, path) in paths.iter().enumerate() {

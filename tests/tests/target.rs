@@ -174,8 +174,8 @@ fn recordings_of_either_side_are_replayed_and_repeated_on_the_other() {
         &board,
         &["replay", folders[0], "--target", "me@board", "--json"],
     )
-    .expect(0);
-    let replayed: Value = serde_json::from_str(&replayed.stdout).expect("JSON");
+    .expect(0)
+    .json();
     assert_eq!(replayed["verdict"], "same", "{replayed}");
     rig.hil(&["replay", folders[1]]).expect(0);
     rig.hil(&["compare", folders[0], folders[1]]).expect(0);
@@ -236,8 +236,9 @@ fn a_shell_profile_that_talks_is_no_harm_and_one_without_end_is_named() {
 fn a_check_says_what_is_there() {
     let rig = Rig::new();
     let board = Board::new(&rig);
-    let checked = hil(&rig, &board, &["target", "check", "me@board", "--json"]).expect(0);
-    let checked: Value = serde_json::from_str(&checked.stdout).expect("JSON");
+    let checked = hil(&rig, &board, &["target", "check", "me@board", "--json"])
+        .expect(0)
+        .json();
     let machine = rustix::system::uname();
     assert_eq!(checked["machine"], *machine.machine().to_string_lossy());
     assert_eq!(checked["host"], *machine.nodename().to_string_lossy());

@@ -14,11 +14,9 @@ use crate::support::mcap_reader::Recording;
 const SPRING: &str = "scenarios/spring-mass.toml";
 
 fn changed(rig: &Rig, words: &str) -> Value {
-    let told = rig
-        .in_session(&format!("set {words} --json"))
+    rig.in_session(&format!("set {words} --json"))
         .expect(0)
-        .stdout;
-    serde_json::from_str(&told).expect("JSON")
+        .json()
 }
 
 /// The run again in every way: by rerun, from the scenario made of it in both links, and by replay.
@@ -70,15 +68,13 @@ fn keys_change_together_at_the_step_told_and_every_repetition_does_the_same() {
     let told = rig
         .in_session("get --tunable --json plant.parameters.mass_kg")
         .expect(0)
-        .stdout;
-    let told: Value = serde_json::from_str(&told).expect("JSON");
+        .json();
     assert_eq!(
         told["values"][0]["value"], 1.2,
         "it begins with the next step"
     );
     rig.in_session("step 10").expect(0);
-    let shown = rig.in_session("get --tunable --json").expect(0).stdout;
-    let shown: Value = serde_json::from_str(&shown).expect("JSON");
+    let shown = rig.in_session("get --tunable --json").expect(0).json();
     let value = |key: &str| {
         let values = shown["values"].as_array().expect("a list");
         values

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use super::{STUDY, campaign, digest, json, planned, study, text};
+use super::{STUDY, campaign, digest, planned, study, text};
 use crate::support::harness::Rig;
 
 #[test]
@@ -24,7 +24,9 @@ fn a_campaign_that_grew_has_the_digest_of_one_planned_so_large_and_its_earlier_p
         for cases in ["40", "50"] {
             campaign(&rig, &["grow", text(&small), "--cases", cases]).expect(0);
         }
-        let status = json(&campaign(&rig, &["status", text(&small), "--json"]).expect(0));
+        let status = campaign(&rig, &["status", text(&small), "--json"])
+            .expect(0)
+            .json();
         assert_eq!(
             (&status["cases"], &status["published"]),
             (&100.into(), &66.into())
@@ -52,8 +54,9 @@ fn a_campaign_that_grew_has_the_digest_of_one_planned_so_large_and_its_earlier_p
         )
         .expect(0)
         .says(&["has the digest of the campaign"]);
-        let compared =
-            json(&campaign(&rig, &["compare", text(&small), text(&large), "--json"]).expect(0));
+        let compared = campaign(&rig, &["compare", text(&small), text(&large), "--json"])
+            .expect(0)
+            .json();
         assert_eq!(compared[0]["first_only"], Value::Array(Vec::new()));
     }
 }

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{STUDY, campaign, digest, json, planned, study, text};
+use super::{STUDY, campaign, digest, planned, study, text};
 use crate::support::harness::Rig;
 use crate::support::programs::{program, program_of_tests};
 
@@ -106,7 +106,7 @@ fn a_plant_that_keeps_something_from_case_to_case_is_caught_and_named() {
     }
     // The first case ran in new processes; the second never counted.
     let status = campaign(&rig, &["status", text(&kept), "--json"]).expect(1);
-    let status = json(&status);
+    let status = status.json();
     assert_eq!(
         (&status["published"], &status["begun"]),
         (&1.into(), &0.into())
@@ -130,7 +130,7 @@ fn a_case_that_kills_kept_processes_is_set_aside_and_the_others_have_their_resul
         "{}",
         run.stderr
     );
-    let answers = json(&run);
+    let answers = run.json();
     assert_eq!(answers["lost"], serde_json::json!([3]));
     assert_eq!(
         answers["variants"][0]["classes"],
@@ -154,7 +154,7 @@ fn a_plant_that_hangs_is_ended_by_the_wait_limit_and_its_case_tried_again() {
     let run = campaign(&rig, &["run", text(&folder), "--jobs", "1", "--json"]).expect(0);
     assert!(!flag.exists(), "no case hung");
     assert_eq!(
-        json(&run)["variants"][0]["classes"],
+        run.json()["variants"][0]["classes"],
         serde_json::json!([12, 0, 0, 0, 0])
     );
     assert!(rig.processes().is_empty(), "{:?}", rig.processes());
@@ -182,7 +182,7 @@ fn a_plant_that_dies_between_two_cases_is_no_try_of_the_next_one() {
         rig.write("deaths", &"once more\n".repeat(deaths));
         let run = campaign(&rig, &["run", text(&folder), "--jobs", "1", "--json"]).expect(code);
         assert!(run.stderr.contains("between two runs: "), "{}", run.stderr);
-        let answers = json(&run);
+        let answers = run.json();
         assert_eq!(
             answers["variants"][0]["classes"],
             serde_json::json!(classes)
@@ -263,7 +263,7 @@ fn cases_that_kill_their_program_are_set_aside_by_name_and_the_others_go_on() {
         "{}",
         run.stderr
     );
-    let answers = json(&run);
+    let answers = run.json();
     assert_eq!(answers["lost"], serde_json::json!([2]));
     assert_eq!(
         answers["variants"][0]["passes"]["bounds"],

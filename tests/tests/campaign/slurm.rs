@@ -60,10 +60,6 @@ fn planned(rig: &Rig, study: &Path, name: &str) -> PathBuf {
     folder
 }
 
-fn json(run: &Run) -> Value {
-    serde_json::from_str(&run.stdout).expect("JSON")
-}
-
 impl<'a> Campaign<'a> {
     fn planned(rig: &'a Rig, cluster: &'a Cluster, study: &Path, name: &str) -> Self {
         let folder = planned(rig, study, name);
@@ -91,7 +87,7 @@ impl<'a> Campaign<'a> {
     }
 
     fn status(&self) -> Value {
-        json(&self.action("status", &["--json"]).expect(0))
+        self.action("status", &["--json"]).expect(0).json()
     }
 
     fn until(&self, what: &str, holds: impl Fn(&Value) -> bool) -> Value {
@@ -105,7 +101,7 @@ impl<'a> Campaign<'a> {
     }
 
     fn collected(&self) -> Value {
-        json(&self.action("collect", &["--json"]).expect(0))
+        self.action("collect", &["--json"]).expect(0).json()
     }
 }
 
@@ -115,7 +111,7 @@ fn on_one_core(rig: &Rig, study: &Path) -> Value {
     let run = rig.start_hil(&["campaign", "run", text(&folder), "--jobs", "1"]);
     run.finish_late().expect(0);
     let collected = rig.beside(&["campaign", "collect", text(&folder), "--json"]);
-    json(&collected.expect(0))
+    collected.expect(0).json()
 }
 
 fn assert_same(there: &Value, here: &Value, cases: u64) {

@@ -51,8 +51,10 @@ fn each_of_500_variables_has_its_place_its_unit_and_its_start_value() {
     for version in [2, 3] {
         let Some(place) = Place::new() else { return };
         place.fmu("vendor.fmu", &vendor(version));
-        let told = place.hil(&["describe", "--json", "vendor.fmu"]).expect(0);
-        let told: Value = serde_json::from_str(&told.stdout).expect("JSON");
+        let told = place
+            .hil(&["describe", "--json", "vendor.fmu"])
+            .expect(0)
+            .json();
         let (plant, imported) = (
             &told["description"]["plants"][0],
             &told["description"]["imported"],

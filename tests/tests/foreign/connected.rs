@@ -3,8 +3,6 @@
 
 use std::path::PathBuf;
 
-use serde_json::Value;
-
 use super::{CLEAN, compiled, has};
 use crate::connect::{RUN, SLIDER};
 use crate::support::board::Board;
@@ -133,7 +131,7 @@ fn cases_of_a_campaign_have_the_digests_of_connected_runs() {
             let (number, out) = (case.to_string(), out.as_str());
             // It fails if the digest is not that of the campaign.
             let told = ["campaign", "case", folder, &number, "--out", out, "--json"];
-            let told: Value = serde_json::from_str(&rig.hil(&told).expect(0).stdout).expect("JSON");
+            let told = rig.hil(&told).expect(0).json();
             std::fs::remove_dir_all(out).expect("ours");
             let alone = run(
                 &rig,

@@ -15,13 +15,13 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process, kill_process_group};
-use serde_json::Value;
 use shared_types::live::{LiveError, Request, Response, Status, ask};
 use shared_types::process::ProcessId;
 use shared_types::session::SessionInfo;
 use tempfile::TempDir;
 
 use crate::support::programs::{program, workspace};
+pub(crate) use crate::support::run::Run;
 
 /// Time that anything may take before it counts as hanging.
 pub(crate) const WATCHDOG: Duration = Duration::from_secs(120);
@@ -45,16 +45,6 @@ pub(crate) struct Rig {
 enum Others {
     Allowed(RwLockReadGuard<'static, ()>),
     Excluded(RwLockWriteGuard<'static, ()>),
-}
-
-/// A finished `hil`.
-#[derive(Debug)]
-pub(crate) struct Run {
-    pub(crate) code: Option<i32>,
-    pub(crate) stdout: String,
-    pub(crate) stderr: String,
-    /// Run folder, which exists if it got that far.
-    pub(crate) folder: PathBuf,
 }
 
 impl Rig {
@@ -419,45 +409,6 @@ impl Drop for Running<'_> {
         for child in info.iter().flat_map(|info| &info.children) {
             child.kill();
         }
-    }
-}
-
-impl Run {
-    /// Fails with everything that was said if the exit code is another.
-    pub(crate) fn expect(self, code: i32) -> Self {
-        assert_eq!(self.code, Some(code), "{}\n{}", self.stdout, self.stderr);
-        self
-    }
-
-    /// Fails if standard error lacks one of these.
-    pub(crate) fn says(self, fragments: &[&str]) -> Self {
-        let said = &self.stderr;
-        for fragment in fragments {
-            assert!(said.contains(fragment), "`{fragment}` is not in:\n{said}");
-        }
-        self
-    }
-
-    /// Reads `summary.json`.
-    pub(crate) fn summary(&self) -> Value {
-        let path = self.folder.join("summary.json");
-        let text = std::fs::read_to_string(&path);
-        let text = text.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
-        serde_json::from_str(&text).expect("the summary is JSON")
-    }
-
-    /// Reads the digest.
-    pub(crate) fn digest(&self) -> String {
-        let summary = self.summary();
-        let digest = summary["digest"].as_str();
-        digest
-            .unwrap_or_else(|| panic!("no digest in {summary}"))
-            .to_owned()
-    }
-
-    /// Returns the recording.
-    pub(crate) fn recording(&self) -> PathBuf {
-        self.folder.join("run.mcap")
     }
 }
 

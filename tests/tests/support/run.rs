@@ -1,0 +1,60 @@
+//! A finished `hil`, and what it said and left.
+
+use std::path::PathBuf;
+
+use serde_json::Value;
+
+/// A finished `hil`.
+#[derive(Debug)]
+pub(crate) struct Run {
+    pub(crate) code: Option<i32>,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
+    /// Run folder, which exists if it got that far.
+    pub(crate) folder: PathBuf,
+}
+
+impl Run {
+    /// Fails with everything that was said if the exit code is another.
+    pub(crate) fn expect(self, code: i32) -> Self {
+        assert_eq!(self.code, Some(code), "{}\n{}", self.stdout, self.stderr);
+        self
+    }
+
+    /// Fails if standard error lacks one of these.
+    pub(crate) fn says(self, fragments: &[&str]) -> Self {
+        let said = &self.stderr;
+        for fragment in fragments {
+            assert!(said.contains(fragment), "`{fragment}` is not in:\n{said}");
+        }
+        self
+    }
+
+    /// Reads standard output.
+    pub(crate) fn json(&self) -> Value {
+        let (text, said) = (&self.stdout, &self.stderr);
+        serde_json::from_str(text).unwrap_or_else(|error| panic!("{error}: {text}\n{said}"))
+    }
+
+    /// Reads `summary.json`.
+    pub(crate) fn summary(&self) -> Value {
+        let path = self.folder.join("summary.json");
+        let text = std::fs::read_to_string(&path);
+        let text = text.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        serde_json::from_str(&text).expect("the summary is JSON")
+    }
+
+    /// Reads the digest.
+    pub(crate) fn digest(&self) -> String {
+        let summary = self.summary();
+        let digest = summary["digest"].as_str();
+        digest
+            .unwrap_or_else(|| panic!("no digest in {summary}"))
+            .to_owned()
+    }
+
+    /// Returns the recording.
+    pub(crate) fn recording(&self) -> PathBuf {
+        self.folder.join("run.mcap")
+    }
+}
