@@ -346,7 +346,6 @@ fn a_recorded_run_is_repeated_by_hand() {
     let arguments = [&arguments[..], &["--out", out.to_str().expect("text")]].concat();
     let running = rig.start_hil(&arguments);
     let hand = controller(&rig);
-    let run = running.finish().expect(0);
-    assert!(run.stdout.contains("same digest as"), "{}", run.stdout);
+    running.finish().expect(0).prints(&["same digest as"]);
     assert_eq!(hand.end().0, Some(0));
 }

@@ -158,18 +158,16 @@ fn a_description_tells_what_depends_directly_and_what_is_left_out() {
         );
     }
     place.fmu("p.fmu", &proportional());
-    let told = place
+    place
         .hil(&["describe", "p.fmu", "--as", "controller"])
         .expect(0)
-        .stdout;
-    assert!(told.contains("law proportional for any plant"), "{told}");
+        .prints(&["law proportional for any plant"]);
     // A program is described as well.
     let plant = program("plant-process");
-    let told = place
+    place
         .hil(&["describe", plant.to_str().expect("text")])
         .expect(0)
-        .stdout;
-    assert!(told.contains("plant spring-mass: "), "{told}");
+        .prints(&["plant spring-mass: "]);
 }
 
 #[test]
@@ -178,9 +176,7 @@ fn parameters_and_rates_are_checked_before_anything_runs() {
     place.fmu("ball.fmu", &reference("BouncingBall", 3));
     let text = scenario("BouncingBall", "ball.fmu", 1000.0, 1000.0);
     let refused = |arguments: &str, fragment: &str| {
-        let run = place.run(&text, arguments);
-        assert_eq!(run.code, Some(2), "{arguments}: {}", run.stderr);
-        assert!(run.stderr.contains(fragment), "{arguments}: {}", run.stderr);
+        place.run(&text, arguments).expect(2).says(&[fragment]);
     };
     refused("--set plant.parameters.e=0.4", "0.5 to 1");
     refused("--set plant.parameters.f=0.4", "has no parameter `f`");
@@ -191,16 +187,14 @@ fn parameters_and_rates_are_checked_before_anything_runs() {
     );
     place.fmu("p.fmu", &proportional());
     let text = scenario("proportional", "p.fmu", 10.0, 10.0);
-    let run = place.run(&text, "--set plant.parameters.gain_n_per_m=2000");
-    assert_eq!(run.code, Some(2), "{}", run.stderr);
-    assert!(
-        run.stderr.contains("the gain is too large for this drive"),
-        "{}",
-        run.stderr
-    );
-    let run = place.run(&scenario("spring-mass", "p.fmu", 10.0, 10.0), "");
-    assert_eq!(run.code, Some(2), "{}", run.stderr);
-    assert!(run.stderr.contains("proportional"), "{}", run.stderr);
+    place
+        .run(&text, "--set plant.parameters.gain_n_per_m=2000")
+        .expect(2)
+        .says(&["the gain is too large for this drive"]);
+    place
+        .run(&scenario("spring-mass", "p.fmu", 10.0, 10.0), "")
+        .expect(2)
+        .says(&["proportional"]);
 }
 
 #[test]
@@ -213,8 +207,8 @@ fn a_tunable_parameter_can_be_faulted_and_a_fixed_one_cannot() {
         )
     };
     let text = scenario("Feedthrough", "f.fmu", 10.0, 20.0);
-    let run = place.run(&(text.clone() + &fault("Float64_fixed_parameter")), "");
-    assert_eq!(run.code, Some(2), "{}", run.stderr);
+    let fixed = text.clone() + &fault("Float64_fixed_parameter");
+    place.run(&fixed, "").expect(2);
     let run = place
         .run(&(text + &fault("Float64_tunable_parameter")), "")
         .expect(0);
@@ -397,8 +391,7 @@ fn broken_and_hostile_archives_are_refused_and_nothing_is_left() {
             place.rig.write("hostile.fmu", "PK");
         }
         let run = place.run(&scenario("Dahlquist", "hostile.fmu", 10.0, 10.0), "");
-        assert_eq!(run.code, Some(2), "{fragment}: {}", run.stderr);
-        assert!(run.stderr.contains(fragment), "{fragment}: {}", run.stderr);
+        let run = run.expect(2).says(&[fragment]);
         assert!(!run.folder.exists(), "nothing was started");
     }
 }
@@ -409,13 +402,10 @@ fn an_fmu_that_others_can_write_is_not_run() {
     let Some(place) = Place::new() else { return };
     let path = place.fmu("d.fmu", &reference("Dahlquist", 3));
     std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o666)).expect("ours");
-    let run = place.run(&scenario("Dahlquist", "d.fmu", 10.0, 10.0), "");
-    assert_eq!(run.code, Some(2), "{}", run.stderr);
-    assert!(
-        run.stderr.contains("can be written by others"),
-        "{}",
-        run.stderr
-    );
+    place
+        .run(&scenario("Dahlquist", "d.fmu", 10.0, 10.0), "")
+        .expect(2)
+        .says(&["can be written by others"]);
 }
 
 #[test]

@@ -47,8 +47,7 @@ fn a_fault_in_a_scenario_live_or_written_down_from_the_live_run_is_one_trajector
 
     let run = rig.start(&format!("{} --pause-at 0.5", healthy(&rig, SHORT)));
     rig.until_held_at(5000);
-    let told = rig.in_session(LEAKAGE).expect(0);
-    assert!(told.stdout.contains("10000"), "{}", told.stdout);
+    rig.in_session(LEAKAGE).expect(0).prints(&["10000"]);
     rig.in_session("resume").expect(0);
     let live = run.finish().expect(0);
     assert_eq!(live.digest(), wanted);
@@ -226,8 +225,7 @@ fn a_pause_of_any_length_changes_nothing() {
     let run = rig.start(&format!("{SHORT} --pause-at 0.5 --wait-limit 0.5"));
     rig.until_held_at(5000);
     std::thread::sleep(Duration::from_millis(1500));
-    let step = rig.in_session("step 3").expect(0);
-    assert!(step.stdout.contains("5003"), "{}", step.stdout);
+    rig.in_session("step 3").expect(0).prints(&["5003"]);
     rig.until_held_at(5003);
     rig.in_session("resume").expect(0);
     assert_eq!(run.finish().expect(0).digest(), wanted);
@@ -308,8 +306,9 @@ fn what_cannot_be_injected_is_told_with_what_can() {
         assert!(listed.contains(kind), "no {kind} in {listed}");
     }
 
-    let taken = inject("bias measured.surface_angle_rad 0.001 --ramp 50ms").expect(0);
-    assert!(taken.stdout.contains("step 5000"), "{}", taken.stdout);
+    inject("bias measured.surface_angle_rad 0.001 --ramp 50ms")
+        .expect(0)
+        .prints(&["step 5000"]);
     rig.ask(&Request::Advance { steps: 10 });
     assert!(inject("--active").expect(0).stdout.contains("bias"));
     inject("--clear all").expect(0);

@@ -36,12 +36,7 @@ fn a_scenario_names_its_programs_from_its_own_folder() {
         .expect(2)
         .says(&["in-process", "bin/plant", "plant.program of"]);
     let checked = place.rig.hil(&["config", "check", text(&place.scenario)]);
-    assert!(
-        checked
-            .expect(0)
-            .stdout
-            .contains("pendulum under state-feedback")
-    );
+    checked.expect(0).prints(&["pendulum under state-feedback"]);
 }
 
 #[test]

@@ -74,8 +74,7 @@ fn recordings_and_scenarios_may_lie_under_any_name() {
         "config check @.toml",
         "config show @.toml",
     ] {
-        let run = hil(&rig, line);
-        assert_eq!(run.code, Some(0), "{line}: {}{}", run.stdout, run.stderr);
+        hil(&rig, line).expect(0);
     }
     for written in [".csv", "-again.toml", "-latency.csv", ".json", ".html"] {
         assert!(odd(&rig, written).exists(), "{written}");
@@ -88,8 +87,7 @@ fn recordings_and_scenarios_may_lie_under_any_name() {
     }
     let out = rig.path("again");
     let line = format!("rerun @ --out {}", out.display());
-    let again = hil(&rig, &line);
-    assert_eq!(again.code, Some(0), "{}", again.stderr);
+    hil(&rig, &line).expect(0);
 }
 
 #[test]
@@ -98,8 +96,7 @@ fn files_of_a_run_under_any_name_work_or_are_refused() {
     std::fs::copy(program("controller-process"), odd(&rig, "-controller")).expect("copied");
     let out = rig.path("run").display().to_string();
     let line = "run scenarios/spring-mass.toml --controller-bin @-controller --junit @.xml --markdown @.md --checkpoint-at 2.5";
-    let run = hil(&rig, &format!("{line} --out {out}"));
-    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    hil(&rig, &format!("{line} --out {out}")).expect(0);
     for written in [".xml", ".md"] {
         assert!(odd(&rig, written).exists(), "{written}");
     }

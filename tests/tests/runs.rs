@@ -115,8 +115,9 @@ fn runs_are_listed_with_what_their_summaries_say() {
 #[test]
 fn latest_is_the_run_that_was_begun_last() {
     let rig = Rig::new();
-    let said = hil(&rig, "judge latest").expect(2);
-    assert!(said.stderr.contains("no run below runs"), "{}", said.stderr);
+    hil(&rig, "judge latest")
+        .expect(2)
+        .says(&["no run below runs"]);
     three(&rig);
     // Neither a copy is a newer run nor what a link leads to.
     let copied = rig.path("runs/copy");

@@ -105,17 +105,11 @@ fn a_repetition_with_another_digest_fails_and_says_where_it_differs() {
         scenario.display(),
         controller.display()
     ));
-    let run = run.expect(1);
-    assert!(
-        run.stdout
-            .contains("clock-2: another digest than clock-1: first difference at step")
-    );
-    assert!(run.stdout.contains("command.force_n"), "{}", run.stdout);
-    assert!(
-        run.stdout.contains("2 runs: 1 pass, 1 fail"),
-        "{}",
-        run.stdout
-    );
+    run.expect(1).prints(&[
+        "clock-2: another digest than clock-1: first difference at step",
+        "command.force_n",
+        "2 runs: 1 pass, 1 fail",
+    ]);
 }
 
 #[test]
@@ -145,8 +139,7 @@ fn what_cannot_be_run_is_refused_before_anything_starts() {
             "a whole number from 1 to 10000",
         ),
     ] {
-        let run = rig.run(&arguments).expect(2);
-        assert!(run.stderr.contains(message), "{arguments}: {}", run.stderr);
+        let run = rig.run(&arguments).expect(2).says(&[message]);
         assert!(!run.folder.exists(), "{arguments}");
     }
 }

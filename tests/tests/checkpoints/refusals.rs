@@ -48,12 +48,9 @@ fn what_contradicts_the_past_is_refused_and_named() {
         ),
         ("faults[0].effects[1].actuator=1", ""),
     ] {
-        let refused = go_on(&rig, &run, 10_500, &format!("--set {change}")).expect(2);
-        assert!(
-            refused.stderr.contains(told),
-            "{change}: {}",
-            refused.stderr
-        );
+        let refused = go_on(&rig, &run, 10_500, &format!("--set {change}"))
+            .expect(2)
+            .says(&[told]);
         assert!(!refused.folder.exists(), "{change}");
     }
     let early = rig

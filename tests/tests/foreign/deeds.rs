@@ -96,12 +96,9 @@ fn every_deed_of_a_plant_in_c_is_named() {
     for (number, code, fragments) in deeds {
         reason(deed(&rig, "plant", &plant, number), code, fragments);
     }
-    let refused = deed(&rig, "plant", &plant, 20).expect(2);
-    assert!(
-        refused.stderr.contains("20 goes with nothing"),
-        "{}",
-        refused.stderr
-    );
+    deed(&rig, "plant", &plant, 20)
+        .expect(2)
+        .says(&["20 goes with nothing"]);
 }
 
 #[test]

@@ -176,8 +176,8 @@ fn nobody_but_a_page_of_the_panel_gets_anything_and_the_run_does_not_notice() {
         client.until_closed();
     }
 
-    let told = rig.in_session("inject --active --json");
-    assert!(told.stdout.contains("\"step\":2500"), "{}", told.stdout);
+    rig.in_session("inject --active --json")
+        .prints(&["\"step\":2500"]);
     assert_eq!(panel.interrupt(), Some(130));
     rig.in_session("resume").expect(0);
     assert_eq!(run.finish().expect(0).digest(), alone);

@@ -23,10 +23,13 @@ impl Run {
 
     /// Fails if standard error lacks one of these.
     pub(crate) fn says(self, fragments: &[&str]) -> Self {
-        let said = &self.stderr;
-        for fragment in fragments {
-            assert!(said.contains(fragment), "`{fragment}` is not in:\n{said}");
-        }
+        assert_has(&self.stderr, fragments);
+        self
+    }
+
+    /// Fails if standard output lacks one of these.
+    pub(crate) fn prints(self, fragments: &[&str]) -> Self {
+        assert_has(&self.stdout, fragments);
         self
     }
 
@@ -56,5 +59,11 @@ impl Run {
     /// Returns the recording.
     pub(crate) fn recording(&self) -> PathBuf {
         self.folder.join("run.mcap")
+    }
+}
+
+fn assert_has(said: &str, fragments: &[&str]) {
+    for fragment in fragments {
+        assert!(said.contains(fragment), "`{fragment}` is not in:\n{said}");
     }
 }
