@@ -7,7 +7,7 @@ mod ends;
 use std::io::Read;
 use std::os::unix::process::CommandExt;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use rustix::process::Signal;
@@ -16,7 +16,8 @@ use shared_types::live::{self, Request, Response};
 use shared_types::process::ProcessId;
 use shared_types::session::SessionInfo;
 
-use crate::support::harness::{Rig, Running, send, until};
+use crate::support::company::Companion;
+use crate::support::harness::{Rig, Running, ended, send, until};
 use crate::support::programs::{program, skip, workspace};
 
 const SCENARIO: &str = "scenarios/spring-mass.toml";
@@ -25,14 +26,7 @@ const LIMIT: &str = "--wait-limit 2";
 const BEYOND: Duration = Duration::from_millis(3000);
 
 /// A side that this test started; it does not outlive the test.
-struct Hand(Child);
-
-impl Drop for Hand {
-    fn drop(&mut self) {
-        let _ = self.0.kill(); // it may have ended
-        let _ = self.0.wait();
-    }
-}
+struct Hand(Companion);
 
 impl Hand {
     /// Starts a program as a side that is awaited, with words in front of its command if there are any.
@@ -40,15 +34,15 @@ impl Hand {
         awaited(&rig.session_folder(), side);
         let command = command(rig, program);
         let words: Vec<&str> = (before.iter().copied()).chain(command.split(' ')).collect();
-        let child = Command::new(words[0])
+        let mut command = Command::new(words[0]);
+        command
             .args(&words[1..])
             // Its leash is not its terminal.
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
-            .process_group(0)
-            .spawn();
-        Self(child.expect("it can be run"))
+            .process_group(0);
+        Self(Companion::start(&mut command))
     }
 
     fn pid(&self) -> u32 {
@@ -67,11 +61,7 @@ impl Hand {
 
     /// Waits for its end: its exit code and what it said.
     fn end(mut self) -> (Option<i32>, String) {
-        let mut status = None;
-        until("the side ends", || {
-            status = self.0.try_wait().expect("it is our child");
-            status.is_some()
-        });
+        let status = ended(&mut self.0);
         let mut said = String::new();
         for mut pipe in [
             Box::new(self.0.stderr.take().expect("piped")) as Box<dyn Read>,
@@ -79,7 +69,7 @@ impl Hand {
         ] {
             pipe.read_to_string(&mut said).expect("text");
         }
-        (status.and_then(|status| status.code()), said)
+        (status.code(), said)
     }
 }
 

@@ -3,7 +3,7 @@
 
 use std::process::Command;
 
-use crate::support::company::BusyLoop;
+use crate::support::company::busy_loop;
 use crate::support::harness::Rig;
 use crate::support::mcap_reader::{Record, Recording};
 use crate::support::programs::{other_hil, program, skip};
@@ -99,7 +99,7 @@ fn one_core_gives_the_digest_of_two() {
 #[test]
 fn a_busy_core_does_not_change_the_digest() {
     let rig = Rig::new();
-    let _busy = BusyLoop::on_core(1);
+    let _busy = busy_loop(1);
     assert_same(&rig, "");
 }
 
@@ -109,7 +109,7 @@ fn a_busy_single_core_does_not_change_the_digest() {
     // 1,000 steps: each exchange waits until the busy loop has had its turn.
     let changes = "--set run.duration_s=0.1 --set faults[0].at_s=0.05";
     let wanted = reference(&rig, changes);
-    let _busy = BusyLoop::on_core(0);
+    let _busy = busy_loop(0);
     let arguments = format!("{SCENARIO} {changes}");
     let run = rig.start_with(on_core_0(), &arguments).finish().expect(0);
     assert_eq!(run.summary()["steps"], 1000);

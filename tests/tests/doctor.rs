@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 
 use serde_json::Value;
 
-use crate::support::company::BusyLoop;
+use crate::support::company::busy_loop;
 use crate::support::harness::{Rig, Run, until};
 use crate::support::mcap_reader::Recording;
 
@@ -132,7 +132,7 @@ fn a_busy_core_is_named() {
     let rig = Rig::new();
     let cores = finding_of_company(&rig);
     let (core, _) = cores[0];
-    let _busy = BusyLoop::on_core(core as u32);
+    let _busy = busy_loop(core as u32);
     let (_, others) = finding_of_company(&rig)[0];
     // The loop is always ready to run.
     assert!(others > 0.7, "{others}");

@@ -10,7 +10,8 @@ use std::process::{Child, ChildStderr, ChildStdout, Command, Stdio};
 use rustix::process::Signal;
 use serde_json::{Value, json};
 
-use crate::support::harness::{Rig, send, until};
+use crate::support::company::Companion;
+use crate::support::harness::{Rig, ended, send};
 use crate::support::mcap_reader::Recording;
 use crate::support::programs::{program, skip, workspace};
 use crate::support::python::python;
@@ -19,7 +20,7 @@ const FIELD: &str = "truth.position_m";
 
 /// A monitor that serves the session of a test.
 struct Server {
-    process: Child,
+    process: Companion,
     /// Kept open: it still has something to say.
     _stderr: BufReader<ChildStderr>,
     url: String,
@@ -27,15 +28,14 @@ struct Server {
 
 impl Server {
     fn start(rig: &Rig, arguments: &[&str]) -> Self {
-        let mut process = Command::new(program("hil"))
-            .current_dir(workspace())
+        let mut hil = Command::new(program("hil"));
+        hil.current_dir(workspace())
             .args(["monitor", "--session", rig.session(), "--foxglove", "0"])
             .args(arguments)
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("hil");
+            .stderr(Stdio::piped());
+        let mut process = Companion::start(&mut hil);
         let mut told = String::new();
         let mut stderr = BufReader::new(process.stderr.take().expect("piped"));
         stderr.read_line(&mut told).expect("it tells where");
@@ -56,22 +56,11 @@ impl Server {
 
     /// Waits for its end; what it printed.
     fn finish(mut self) -> (Option<i32>, String) {
-        let mut status = None;
-        until("the server ends", || {
-            status = self.process.try_wait().expect("our child");
-            status.is_some()
-        });
+        let status = ended(&mut self.process);
         let mut text = String::new();
         let stdout = self.process.stdout.as_mut().expect("piped");
         stdout.read_to_string(&mut text).expect("text");
-        (status.and_then(|status| status.code()), text)
-    }
-}
-
-impl Drop for Server {
-    fn drop(&mut self) {
-        let _ = self.process.kill(); // it may have ended by itself
-        let _ = self.process.wait();
+        (status.code(), text)
     }
 }
 

@@ -7,14 +7,15 @@ use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 
 use iceoryx2::prelude::*;
 use serde_json::json;
 use shared_types::link::iceoryx::{IceoryxLink, Ipc, node};
 use shared_types::session::SessionInfo;
 
-use crate::support::harness::{Rig, until};
+use crate::support::company::Companion;
+use crate::support::harness::{Rig, ended, until};
 use crate::support::programs::program;
 
 const SCENARIO: &str = "scenarios/spring-mass.toml";
@@ -81,16 +82,6 @@ fn nobody_gets_in_and_the_run_stays_the_same() {
     }
 }
 
-/// A process that does not outlive its test.
-struct Killed(Child);
-
-impl Drop for Killed {
-    fn drop(&mut self) {
-        let _ = self.0.kill(); // it may have ended
-        let _ = self.0.wait();
-    }
-}
-
 /// Second processes of the same user.
 fn processes(target: &mut Target<'_>) {
     for (binary, expected) in [
@@ -98,21 +89,16 @@ fn processes(target: &mut Target<'_>) {
         ("plant-process", "has its plant already"),
     ] {
         // Its input stays open, as that of one that was launched.
-        let second = Command::new(program(binary))
+        let mut second = Command::new(program(binary));
+        second
             .arg("--session")
             .arg(&target.session.folder)
             .stdin(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn();
-        let mut second = Killed(second.expect("it can be run"));
-        let mut status = None;
-        until("it is refused", || {
-            status = second.0.try_wait().expect("it is our child");
-            status.is_some()
-        });
-        assert!(status.is_some_and(|status| !status.success()), "{binary}");
+            .stderr(Stdio::piped());
+        let mut second = Companion::start(&mut second);
+        assert!(!ended(&mut second).success(), "{binary}");
         let mut said = String::new();
-        let mut stderr = second.0.stderr.take().expect("piped");
+        let mut stderr = second.stderr.take().expect("piped");
         stderr.read_to_string(&mut said).expect("text");
         target.answered(binary, &said, expected);
     }

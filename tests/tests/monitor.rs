@@ -9,7 +9,7 @@ use serde_json::Value;
 use tools::testing::Screen;
 
 use crate::pseudo_terminal::open_terminal;
-use crate::support::harness::{Rig, send, until};
+use crate::support::harness::{Rig, ended, send, until};
 use crate::support::programs::{program, workspace};
 use crate::support::terminal::Terminal;
 
@@ -135,12 +135,7 @@ fn exit_of_a_view_without_its_window(rig: &Rig) -> Option<i32> {
             }
         }
     });
-    let mut status = None;
-    until("the view ends", || {
-        status = view.try_wait().expect("it is our child");
-        status.is_some()
-    });
-    status.expect("it ended").code()
+    ended(&mut view).code()
 }
 
 #[test]

@@ -16,14 +16,15 @@ use rustix::process::Signal;
 use serde_json::Value;
 
 use crate::panel_socket::parts;
-use crate::support::harness::{Rig, send, until};
+use crate::support::company::Companion;
+use crate::support::harness::{Rig, ended, send, until};
 use crate::support::programs::{program, workspace};
 
 const SCENARIO: &str = "scenarios/spring-mass.toml";
 
 /// A panel of the session of a test.
 struct Panel {
-    process: Child,
+    process: Companion,
     stdout: BufReader<ChildStdout>,
     url: String,
 }
@@ -40,7 +41,7 @@ impl Panel {
     /// A panel that tells its address as JSON.
     fn of(mut hil: Command) -> Self {
         hil.current_dir(workspace()).stdin(Stdio::null());
-        let mut process = hil.stdout(Stdio::piped()).spawn().expect("hil");
+        let mut process = Companion::start(hil.stdout(Stdio::piped()));
         let mut stdout = BufReader::new(process.stdout.take().expect("piped"));
         let mut told = String::new();
         stdout.read_line(&mut told).expect("it tells where");
@@ -70,19 +71,7 @@ impl Panel {
     }
 
     fn wait(&mut self) -> Option<i32> {
-        let mut status = None;
-        until("the panel ends", || {
-            status = self.process.try_wait().expect("our child");
-            status.is_some()
-        });
-        status.and_then(|status| status.code())
-    }
-}
-
-impl Drop for Panel {
-    fn drop(&mut self) {
-        let _ = self.process.kill(); // it may have ended by itself
-        let _ = self.process.wait();
+        ended(&mut self.process).code()
     }
 }
 
@@ -100,7 +89,7 @@ fn a_panel_beside_a_run_ends_with_it_and_no_sooner() {
         "{told}"
     );
     client.until(|told| told["tell"] == "over");
-    assert_eq!(ended(&mut run), Some(0));
+    assert_eq!(ended(&mut run).code(), Some(0));
     rig.assert_nothing_left();
 }
 
@@ -115,7 +104,7 @@ fn a_run_with_a_panel_that_is_interrupted_leaves_nothing() {
     let group = rustix::process::Pid::from_raw(run.id() as i32).expect("a process");
     rustix::process::kill_process_group(group, Signal::INT).expect("it is there");
     client.until(|told| told["state"] == "ended");
-    assert_eq!(ended(&mut run), Some(130));
+    assert_eq!(ended(&mut run).code(), Some(130));
     let address = parts(&url).0.to_owned();
     until("nobody listens any more", || {
         std::net::TcpStream::connect(&address).is_err()
@@ -159,15 +148,6 @@ fn told_url(stderr: &mut BufReader<ChildStderr>) -> String {
             return url.to_owned();
         }
     }
-}
-
-fn ended(run: &mut Child) -> Option<i32> {
-    let mut status = None;
-    until("the run ends", || {
-        status = run.try_wait().expect("our child");
-        status.is_some()
-    });
-    status.and_then(|status| status.code())
 }
 
 #[test]

@@ -9,7 +9,7 @@ use std::process::Command;
 use serde_json::Value;
 use shared_types::thread::ThreadStatistics;
 
-use crate::support::company::BusyLoop;
+use crate::support::company::{Companion, busy_loop};
 use crate::support::harness::{Rig, Run, until};
 use crate::support::mcap_reader::Recording;
 use crate::support::programs::program;
@@ -79,7 +79,7 @@ fn no_setting_moves_the_digest_and_each_figure_names_the_wait() {
 fn busy_loops_on_each_core_move_no_digest_and_are_named() {
     let rig = Rig::new();
     let wanted = run(&rig, "--no-record --link in-process").digest();
-    let _busy: Vec<BusyLoop> = (cores().into_iter()).map(BusyLoop::on_core).collect();
+    let _busy: Vec<Companion> = cores().into_iter().map(busy_loop).collect();
     for arguments in ["--wait hybrid", "--wait sleep", "--pace 2"] {
         let run = run(&rig, &format!("--no-record {arguments}"));
         assert_eq!(run.digest(), wanted, "{arguments}");

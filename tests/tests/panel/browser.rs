@@ -2,13 +2,14 @@
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
-use std::process::{Child, ChildStdout, Command, Stdio};
+use std::process::{ChildStdout, Command, Stdio};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use serde_json::{Value, json};
 
 use super::stream::until_held;
 use super::{Panel, SCENARIO};
+use crate::support::company::Companion;
 use crate::support::harness::{Rig, Running};
 use crate::support::programs::{skip, workspace};
 use crate::support::python::python;
@@ -17,7 +18,7 @@ const DROPOUT: &str = "dropout measured.position_m --duration 0.05";
 
 /// A play of the browser.
 struct Play {
-    process: Child,
+    process: Companion,
     stdout: BufReader<ChildStdout>,
 }
 
@@ -38,7 +39,7 @@ impl Play {
         play.args([name, url, chromium])
             .stdin(Stdio::piped())
             .stdout(Stdio::piped());
-        let mut process = play.spawn().expect("python");
+        let mut process = Companion::start(&mut play);
         let stdout = BufReader::new(process.stdout.take().expect("piped"));
         Some(Self { process, stdout })
     }
@@ -62,13 +63,6 @@ impl Play {
         let told: Value = serde_json::from_str(&told).unwrap_or_else(|e| panic!("{e}: {told}"));
         assert_eq!(told["wrong"], json!([]), "{told}");
         told
-    }
-}
-
-impl Drop for Play {
-    fn drop(&mut self) {
-        let _ = self.process.kill(); // it may have ended by itself
-        let _ = self.process.wait();
     }
 }
 

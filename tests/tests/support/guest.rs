@@ -7,9 +7,10 @@ use std::fs;
 use std::io::Write;
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::sync::mpsc::Receiver;
 
+use crate::support::company::Companion;
 use crate::support::harness::WATCHDOG;
 use crate::support::hosts::lines;
 use crate::support::programs::{program, skip, target};
@@ -42,7 +43,7 @@ exec /hil-target serve --listen 0.0.0.0:7000 --key-file /key --allow /controller
 
 /// The guest, until it is dropped.
 pub(crate) struct Guest {
-    qemu: Child,
+    _qemu: Companion,
     said: Receiver<String>,
     /// Release of its kernel.
     pub(crate) kernel: String,
@@ -87,10 +88,10 @@ impl Guest {
             "user,model=virtio-net-pci,restrict=on,hostfwd=tcp:127.0.0.1:{port}-10.0.2.15:7000"
         ));
         qemu.stdin(Stdio::null()).stdout(Stdio::piped());
-        let mut qemu = qemu.spawn().expect("qemu starts");
+        let mut qemu = Companion::start(&mut qemu);
         let said = lines(qemu.stdout.take().expect("piped"));
         let mut guest = Self {
-            qemu,
+            _qemu: qemu,
             said,
             kernel: release,
             target: format!(
@@ -115,13 +116,6 @@ impl Guest {
             all.push_str(&line);
             all.push('\n');
         }
-    }
-}
-
-impl Drop for Guest {
-    fn drop(&mut self) {
-        let _ = self.qemu.kill(); // it may have ended
-        let _ = self.qemu.wait();
     }
 }
 

@@ -8,7 +8,7 @@ use std::io::Read;
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{OnceLock, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use std::thread::JoinHandle;
@@ -331,17 +331,13 @@ impl<'r> Running<'r> {
     }
 
     fn end(mut self, check: impl FnOnce()) -> Run {
-        let mut status = None;
-        until("hil ends", || {
-            status = self.process.try_wait().expect("hil is our child");
-            status.is_some()
-        });
+        let status = ended(&mut self.process);
         self.ended = true;
         // Before its output is read to the end: a process that is left may hold it open.
         check();
         let mut output = self.output.drain(..).map(|text| text.join().expect("read"));
         Run {
-            code: status.and_then(|status| status.code()),
+            code: status.code(),
             stdout: output.next().expect("stdout"),
             stderr: output.next().expect("stderr"),
             folder: std::mem::take(&mut self.folder),
@@ -437,6 +433,16 @@ pub(crate) fn until(what: &str, mut happened: impl FnMut() -> bool) {
         );
         std::thread::sleep(LOOK);
     }
+}
+
+/// Waits for the end of a process.
+pub(crate) fn ended(process: &mut Child) -> ExitStatus {
+    let mut status = None;
+    until("the process ends", || {
+        status = process.try_wait().expect("it is our child");
+        status.is_some()
+    });
+    status.expect("it ended")
 }
 
 fn collect(mut pipe: impl Read + Send + 'static) -> JoinHandle<String> {

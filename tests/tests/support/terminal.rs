@@ -3,13 +3,14 @@
 use std::fs::File;
 use std::io::{Read, Write};
 use std::os::fd::OwnedFd;
-use std::process::{Child, Command, ExitStatus};
+use std::process::{Command, ExitStatus};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use rustix::termios::tcgetattr;
 
 use crate::pseudo_terminal::{open_terminal, resize};
-use crate::support::harness::until;
+use crate::support::company::Companion;
+use crate::support::harness::{ended, until};
 
 /// A program in a terminal. Dropped before its end, it is killed.
 pub(crate) struct Terminal {
@@ -18,7 +19,7 @@ pub(crate) struct Terminal {
     line: OwnedFd,
     settings: String,
     screen: Arc<Mutex<vt100::Parser>>,
-    process: Child,
+    process: Companion,
 }
 
 impl Terminal {
@@ -27,16 +28,15 @@ impl Terminal {
         let (master, line) = open_terminal(columns, rows);
         let settings = format!("{:?}", tcgetattr(&line).expect("its settings"));
         let end = || line.try_clone().expect("another handle");
-        let process = program
+        program
             .stdin(end())
             .stdout(end())
             .stderr(end())
             .env("TERM", "xterm-256color")
             .env("LC_ALL", "C.UTF-8")
             .env_remove("NO_COLOR")
-            .env_remove("RUST_BACKTRACE")
-            .spawn()
-            .expect("starts");
+            .env_remove("RUST_BACKTRACE");
+        let process = Companion::start(&mut program);
         let screen = Arc::new(Mutex::new(vt100::Parser::new(rows, columns, 0)));
         let shown = Arc::clone(&screen);
         let mut output = File::from(master.try_clone().expect("another handle"));
@@ -100,12 +100,7 @@ impl Terminal {
 
     /// Waits for the program's end.
     pub(crate) fn wait(&mut self) -> ExitStatus {
-        let mut status = None;
-        until("the program in the terminal ends", || {
-            status = self.process.try_wait().expect("it is our child");
-            status.is_some()
-        });
-        status.expect("it ended")
+        ended(&mut self.process)
     }
 
     /// Fails unless the terminal is as it was before the program.
@@ -120,12 +115,5 @@ impl Terminal {
     /// Returns true if the program has the screen to itself.
     pub(crate) fn is_taken(&self) -> bool {
         self.with_screen(|screen| screen.alternate_screen() && screen.hide_cursor())
-    }
-}
-
-impl Drop for Terminal {
-    fn drop(&mut self) {
-        let _ = self.process.kill(); // it may have ended by itself
-        let _ = self.process.wait();
     }
 }

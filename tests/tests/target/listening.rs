@@ -1,9 +1,10 @@
 //! An agent that listens, in place of `ssh`.
 
 use std::os::unix::fs::PermissionsExt;
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 use super::{SHORT, text};
+use crate::support::company::Companion;
 use crate::support::harness::{Rig, WATCHDOG};
 use crate::support::hosts::lines;
 use crate::support::programs::program;
@@ -32,9 +33,11 @@ fn an_agent_that_listens_serves_who_has_the_key_and_runs_what_is_listed() {
         key,
         "--allow",
     ]);
-    serve.arg(&listed).stderr(std::process::Stdio::piped());
-    let mut serving = Serving(serve.spawn().expect("it starts"));
-    let address = serving.address();
+    let mut serving = Companion::start(serve.arg(&listed).stderr(Stdio::piped()));
+    let said = lines(serving.stderr.take().expect("piped"));
+    let first = said.recv_timeout(WATCHDOG);
+    let first = first.expect("watchdog: it says where it listens");
+    let address = first.strip_prefix("listening on ").expect("an address");
     let target = format!("--target serve://{address} --key-file {key}");
 
     let here = rig.run(SHORT).expect(0).summary();
@@ -71,25 +74,4 @@ fn an_agent_that_listens_serves_who_has_the_key_and_runs_what_is_listed() {
         key,
     ])
     .expect(0);
-}
-
-/// An agent that listens, until it is dropped.
-struct Serving(std::process::Child);
-
-impl Serving {
-    fn address(&mut self) -> String {
-        let lines = lines(self.0.stderr.take().expect("piped"));
-        let first = lines
-            .recv_timeout(WATCHDOG)
-            .expect("watchdog: it says where it listens");
-        let address = first.strip_prefix("listening on ");
-        address.expect("an address").to_owned()
-    }
-}
-
-impl Drop for Serving {
-    fn drop(&mut self) {
-        let _ = self.0.kill(); // it may have ended
-        let _ = self.0.wait();
-    }
 }
