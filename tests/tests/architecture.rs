@@ -8,7 +8,7 @@ use std::process::Command;
 
 use serde_json::Value;
 
-use crate::support::programs::workspace;
+use crate::support::programs::{shipped, workspace};
 
 /// Package and what it may depend on, when it is built and when it is tested. What moves to a target,
 /// the controller, knows neither simulator nor scenario.
@@ -141,7 +141,7 @@ fn there_are_five_programs() {
 
 #[test]
 fn every_package_but_one_forbids_unsafe_code() {
-    let root = std::fs::read_to_string(workspace().join("Cargo.toml")).expect("a manifest");
+    let root = shipped("Cargo.toml");
     assert!(root.contains("\nunsafe_code = \"forbid\"\n"));
     for package in packages() {
         let path = text(&package["manifest_path"]);

@@ -21,11 +21,10 @@ use reader::Desk;
 use serde_json::{Value, json};
 
 use crate::support::harness::Rig;
-use crate::support::programs::{outside, workspace};
+use crate::support::programs::{outside, shipped, workspace};
 
 fn example(path: &str) -> String {
-    let path = workspace().join("examples").join(path);
-    std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+    shipped(Path::new("examples").join(path))
 }
 
 #[test]

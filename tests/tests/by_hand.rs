@@ -18,7 +18,7 @@ use shared_types::session::SessionInfo;
 
 use crate::support::company::Companion;
 use crate::support::harness::{Rig, Running, ended, send, until};
-use crate::support::programs::{program, skip, workspace};
+use crate::support::programs::{program, shipped, skip};
 
 const SCENARIO: &str = "scenarios/spring-mass.toml";
 /// A wait limit that a loaded machine keeps, and a time beyond it.
@@ -295,7 +295,7 @@ fn under_gdb_it_is_held_before_and_after_hello() {
 
 /// The place of a line of source, as a debugger takes it.
 fn line_of(file: &str, text: &str) -> String {
-    let source = std::fs::read_to_string(workspace().join(file)).expect("source");
+    let source = shipped(file);
     let line = source.lines().position(|line| line.contains(text));
     format!("{file}:{}", line.expect("it is there") + 1)
 }

@@ -12,7 +12,7 @@ use serde_json::Value;
 use crate::every_fault::{LAWS, faults, with_fault};
 use crate::support::harness::{Rig, Run};
 use crate::support::mcap_reader::Recording;
-use crate::support::programs::{example, program, workspace};
+use crate::support::programs::{example, program, shipped};
 
 /// Two seconds under FTSC; both actuators begin to leak at 1 s.
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
@@ -138,7 +138,7 @@ fn a_paced_run_resumes_where_it_was() {
 /// A scenario of another duration, without the metrics and requirements whose windows may be beyond it and without
 /// the parameters of laws that other binaries may not have.
 fn shortened(rig: &Rig, scenario: &str, duration_s: f64) -> String {
-    let text = std::fs::read_to_string(workspace().join(scenario)).expect("it is there");
+    let text = shipped(scenario);
     let mut table: toml::Table = text.parse().expect("TOML");
     table.remove("metrics");
     table.remove("requirements");
@@ -163,7 +163,7 @@ fn every_law_resumes_in_the_middle_of_the_papers_fault() {
 
 #[test]
 fn every_kind_of_fault_continues_across_a_checkpoint() {
-    let text = std::fs::read_to_string(workspace().join(SCENARIO)).expect("the scenario");
+    let text = shipped(SCENARIO);
     for fault in faults() {
         let rig = Rig::new();
         let path = rig.write("faulted.toml", &with_fault(&text, &fault, 0.1));

@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use crate::support::harness::Rig;
 use crate::support::mcap_reader::Recording;
-use crate::support::programs::{example, test_example, workspace};
+use crate::support::programs::{example, shipped, test_example, workspace};
 
 const SCENARIO: &str = "examples/own-plant/pendulum.toml";
 
@@ -68,7 +68,7 @@ fn the_summary_names_the_programs_from_outside() {
 #[test]
 fn a_pendulum_without_torque_falls_over_and_the_run_says_so() {
     let rig = Rig::new();
-    let shipped = std::fs::read_to_string(workspace().join(SCENARIO)).expect("it is there");
+    let shipped = shipped(SCENARIO);
     let gains = "[controller.state-feedback]\nangle_nm_per_rad = 9.0\n";
     assert!(shipped.contains(gains));
     let falling = rig.write("falling.toml", &shipped.replace(gains, ""));
@@ -135,9 +135,8 @@ fn a_kind_of_fault_from_outside_is_used_live_and_follows_its_equation() {
 #[test]
 fn a_parameter_of_a_plant_from_outside_is_open_to_the_built_in_faults() {
     let rig = Rig::new();
-    let shipped = std::fs::read_to_string(workspace().join(SCENARIO)).expect("it is there");
     let fault = "\n[[faults]]\nkind = \"scale\"\nat_s = 0.5\n[[faults.effects]]\ntarget = \"parameter.mass_kg\"\nfactor = 2\n";
-    let faulted = rig.write("heavy.toml", &(shipped + fault));
+    let faulted = rig.write("heavy.toml", &(shipped(SCENARIO) + fault));
     let (plant, controller) = (example("own-plant"), example("own-controller"));
     let arguments = format!(
         "{} --plant-bin {} --controller-bin {}",

@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use crate::support::fmus::{Entries, REFERENCE, has_compiler, proportional, reference, write};
 use crate::support::harness::{Rig, Run};
-use crate::support::programs::{program, skip, workspace};
+use crate::support::programs::{program, shipped, skip, workspace};
 use crate::support::python::{python, succeeds};
 
 /// A rig whose temporary files are its own, so that what is left of FMUs is seen.
@@ -268,12 +268,11 @@ fn trouble_in_a_step_is_told_with_the_last_message() {
 fn an_fmu_is_a_controller() {
     let Some(place) = Place::new() else { return };
     let fmu = place.fmu("p.fmu", &proportional());
-    let shipped = workspace().join("scenarios/spring-mass.toml");
     let arguments = format!(
         "--controller-bin {} --set controller.law=proportional --set run.duration_s=1",
         fmu.display()
     );
-    let text = std::fs::read_to_string(shipped).expect("it is there");
+    let text = shipped("scenarios/spring-mass.toml");
     let text = text
         .split("[controller.pid]")
         .next()

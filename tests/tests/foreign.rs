@@ -14,7 +14,7 @@ use hil_foreign::c::interface::{
 
 use crate::support::board::Board;
 use crate::support::harness::{Rig, Run};
-use crate::support::programs::{example, program, skip, workspace};
+use crate::support::programs::{example, program, shipped, skip, workspace};
 use crate::support::python::succeeds;
 use deeds::{deed, misbehaving};
 
@@ -116,7 +116,7 @@ fn a_pendulum_in_c_has_the_digest_of_that_in_rust() {
     let (plant, law) = (example("own-plant"), example("own-controller"));
     // With gains that are others from some time on, at once and on a ramp.
     let scenario = rig.path("tuned.toml");
-    let text = std::fs::read_to_string(workspace().join(PENDULUM)).expect("a scenario");
+    let text = shipped(PENDULUM);
     let changes = "\n[[changes]]\nat_s = 0.5\nset.controller.state-feedback.angle_nm_per_rad = 12.0\n\
                    \n[[changes]]\nat_s = 1.0\nramp_s = 0.3\nset.controller.state-feedback.rate_nm_s_per_rad = 4.0\n";
     std::fs::write(&scenario, text + changes).expect("written");
@@ -136,8 +136,8 @@ fn a_pendulum_in_c_has_the_digest_of_that_in_rust() {
     let there = rig.start_with(board.hil(), &there).finish().expect(0);
     assert_eq!(there.digest(), wanted, "with the law on another machine");
     for source in ["c-plant/pendulum.c", "c-controller/state_feedback.c"] {
-        let text = std::fs::read_to_string(workspace().join("examples").join(source));
-        assert!(text.expect("an example").lines().count() < 60, "{source}");
+        let text = shipped(Path::new("examples").join(source));
+        assert!(text.lines().count() < 60, "{source}");
     }
 }
 

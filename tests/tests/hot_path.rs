@@ -19,7 +19,7 @@ use shared_types::stream::{self, Backpressure, Item, RecordSink, RecordSource};
 
 use crate::support::harness::Rig;
 use crate::support::mcap_reader::Recording;
-use crate::support::programs::{program, skip, workspace};
+use crate::support::programs::{program, shipped, skip, workspace};
 
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
 /// System calls of a wait: giving the core away, a sleep or its end for the other side, and a clock that the
@@ -172,9 +172,8 @@ fn jobs(session: u64) -> (plant_process::job::Job, controller_process::job::Job)
         .into_iter()
         .map(|kind| kind.description)
         .collect();
-    let path = workspace().join(SCENARIO);
-    let text = std::fs::read_to_string(&path).expect("it is there");
-    let scenario = Scenario::parse(&(text + FAULTS), path).expect("it is TOML");
+    let (text, path) = (shipped(SCENARIO) + FAULTS, workspace().join(SCENARIO));
+    let scenario = Scenario::parse(&text, path).expect("it is TOML");
     // Faults act while allocations are counted, but none begins then.
     let plan: Plan = scenario
         .set(&["faults[0].at_s=0.01", "controller.law=pid"])

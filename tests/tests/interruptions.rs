@@ -7,6 +7,7 @@ use rustix::fs::{CWD, FileType, Mode, mknodat};
 use rustix::process::Signal;
 
 use crate::support::harness::{Rig, Running, until};
+use crate::support::programs::shipped;
 
 /// Requirements that take the check more than a second.
 const MANY: usize = 150_000;
@@ -81,10 +82,7 @@ fn what_waits_for_a_recording_ends_on_ctrl_c_and_leaves_nothing() {
 #[test]
 fn a_check_of_very_many_requirements_ends_on_ctrl_c() {
     let rig = Rig::new();
-    let base = fs::read_to_string(
-        crate::support::programs::workspace().join("scenarios/spring-mass.toml"),
-    );
-    let mut text = base.expect("it is there");
+    let mut text = shipped("scenarios/spring-mass.toml");
     for number in 0..MANY {
         text += &format!(
             "[[requirements]]\nname = \"r{number}\"\nformula = \"truth.position_m < 1\"\n"

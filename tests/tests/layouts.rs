@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use crate::support::harness::{Rig, Run};
 use crate::support::mcap_reader::Recording;
-use crate::support::programs::{example, workspace};
+use crate::support::programs::{example, shipped};
 
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
 const SHORT: &str = "--set run.duration_s=0.02 --set faults[0].at_s=0.01";
@@ -186,13 +186,13 @@ fn the_shipped_layouts_are_those_of_the_paper_and_show_its_figures() {
         ("foxglove", "foxglove-drhas.json"),
         ("plotjuggler", "plotjuggler-drhas.xml"),
     ] {
-        let shipped = Path::new("docs/layouts").join(file);
-        let text = std::fs::read_to_string(workspace().join(&shipped)).expect("it is there");
+        let path = Path::new("docs/layouts").join(file);
+        let text = shipped(&path);
         let made = layout(&rig, &run, viewer);
         assert!(
             text == made,
             "{0} is stale; `hil layout RUN {viewer} -o {0} --force` makes it anew of {SHIPPED}",
-            shipped.display()
+            path.display()
         );
     }
     let curves = foxglove(&layout(&rig, &run, "foxglove"));

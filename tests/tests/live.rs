@@ -11,6 +11,7 @@ use shared_types::session::SessionInfo;
 
 use crate::support::harness::{Rig, Run, until};
 use crate::support::mcap_reader::Recording;
+use crate::support::programs::shipped;
 
 const SHORT: &str = "tests/scenarios/leakage.toml";
 const LEAKAGE: &str = "inject leakage --actuator 1,2 --coefficient 5e-7,1e-7 --speed 10,0.5 --at 1";
@@ -29,8 +30,7 @@ fn inject(rig: &Rig, toml: &str) -> Result<Vec<Injected>, Vec<String>> {
 
 /// The scenario without its faults.
 fn healthy(rig: &Rig, scenario: &str) -> String {
-    let text = std::fs::read_to_string(crate::support::programs::workspace().join(scenario))
-        .expect("there");
+    let text = shipped(scenario);
     let begin = text.find("[[faults]]").expect("it has faults");
     let end = begin
         + text[begin..]

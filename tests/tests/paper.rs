@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use crate::support::harness::{Rig, Run};
 use crate::support::mcap_reader::Recording;
-use crate::support::programs::workspace;
+use crate::support::programs::shipped;
 
 /// Maxima over 0-7, 7-8 and 15-20 s.
 type Windows = [f64; 3];
@@ -101,8 +101,7 @@ fn metric(summary: &Value, name: &str) -> Windows {
 }
 
 fn golden(case: &Case, key: &str) -> Windows {
-    let path = workspace().join("tests/golden/paper_runs.json");
-    let text = std::fs::read_to_string(path).expect("the golden file is there");
+    let text = shipped("tests/golden/paper_runs.json");
     let golden: Value = serde_json::from_str(&text).expect("JSON");
     let mut results = golden["results"].as_array().expect("results").iter();
     let result = results

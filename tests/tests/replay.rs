@@ -15,7 +15,7 @@ use copy::Copy;
 use crate::every_fault;
 use crate::support::harness::{Rig, Run, text, until};
 use crate::support::programs::{
-    example, misbehaving_controller, program, program_of_tests, workspace,
+    example, misbehaving_controller, program, program_of_tests, shipped,
 };
 
 /// Two seconds of the hydraulic system; the runs here are shorter.
@@ -40,7 +40,7 @@ fn number(value: &Value) -> u64 {
 
 /// Writes a scenario with faults of signals, links and timing at once, in the first tenths of a second.
 fn with_all_faults(rig: &Rig) -> PathBuf {
-    let mut scenario = std::fs::read_to_string(workspace().join(LEAKAGE)).expect("it is there");
+    let mut scenario = shipped(LEAKAGE);
     let kinds = [
         "noise",
         "dropout",

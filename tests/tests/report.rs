@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use crate::support::harness::Rig;
 use crate::support::mcap_reader::Recording;
-use crate::support::programs::workspace;
+use crate::support::programs::shipped;
 use page::Page;
 
 const LEAKAGE: &str = "tests/scenarios/leakage.toml";
@@ -38,10 +38,8 @@ formula = \"always(not measured.position_m > 0.3 and truth.position_m > -2)\"
 ";
 
 fn spike_scenario(rig: &Rig) -> PathBuf {
-    let text = std::fs::read_to_string(workspace().join("scenarios/spring-mass.toml"));
-    let text = text
-        .expect("a scenario")
-        .replace("duration_s = 5.0", "duration_s = 10.0");
+    let text = shipped("scenarios/spring-mass.toml");
+    let text = text.replace("duration_s = 5.0", "duration_s = 10.0");
     rig.write("spike.toml", &(text + SPIKE))
 }
 

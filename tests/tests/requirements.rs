@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use shared_types::time::Step;
 
 use crate::support::harness::{Rig, Run};
-use crate::support::programs::workspace;
+use crate::support::programs::shipped;
 
 const SHORT: &str = "tests/scenarios/leakage.toml";
 const SPRING_MASS: &str = "scenarios/spring-mass.toml";
@@ -52,8 +52,7 @@ formula = "eventually[1.5s,1.5s](truth.force_fight_n < 1e6 since[0s,1s] sensed.s
 "#;
 
 fn with_requirements(rig: &Rig) -> String {
-    let text = std::fs::read_to_string(workspace().join(SHORT)).expect("the scenario");
-    let path = rig.write("required.toml", &(text + REQUIREMENTS));
+    let path = rig.write("required.toml", &(shipped(SHORT) + REQUIREMENTS));
     path.to_str().expect("plain").into()
 }
 
@@ -189,8 +188,7 @@ fn plan(text: &str) -> Plan {
 
 #[test]
 fn judging_allocates_nothing() {
-    let text = std::fs::read_to_string(workspace().join(SHORT)).expect("the scenario");
-    let plan = plan(&(text + REQUIREMENTS));
+    let plan = plan(&(shipped(SHORT) + REQUIREMENTS));
     let plants = models::all();
     let plant = plants
         .iter()

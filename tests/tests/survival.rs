@@ -4,6 +4,7 @@
 use crate::every_fault::{LAWS, faults, with_fault};
 use crate::support::harness::Rig;
 use crate::support::mcap_reader::Recording;
+use crate::support::programs::{program, shipped};
 
 /// Two seconds with the paper's leakage at 1 s; the other fault begins at 1.2 s.
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
@@ -12,7 +13,7 @@ const SCENARIO: &str = "tests/scenarios/leakage.toml";
 fn every_kind_that_the_plant_offers_is_tried() {
     let rig = Rig::new();
     // Without a session: another test's may be the only one, and end meanwhile.
-    let plant = crate::support::programs::program("plant-process");
+    let plant = program("plant-process");
     let plant = plant.to_str().expect("plain text");
     let listed = rig.hil(&["inject", "--list", "--json", "--plant-bin", plant]);
     let listed = listed.expect(0).stdout;
@@ -37,8 +38,7 @@ fn every_kind_that_the_plant_offers_is_tried() {
 
 #[test]
 fn no_fault_ends_a_process_out_of_order_or_lets_a_number_that_is_none_pass() {
-    let scenario = crate::support::programs::workspace().join(SCENARIO);
-    let text = std::fs::read_to_string(scenario).expect("the scenario");
+    let text = shipped(SCENARIO);
     for fault in faults() {
         // Each its own: a test that must be alone need not wait for all.
         let rig = Rig::new();

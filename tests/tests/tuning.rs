@@ -10,6 +10,7 @@ use shared_types::session::SessionInfo;
 
 use crate::support::harness::{Rig, Run};
 use crate::support::mcap_reader::Recording;
+use crate::support::programs::shipped;
 
 const SPRING: &str = "scenarios/spring-mass.toml";
 
@@ -211,8 +212,7 @@ fn a_law_judges_combinations_of_its_parameters() {
 #[test]
 fn a_fault_acts_on_the_base_that_a_change_made() {
     let rig = Rig::new();
-    let scenario = std::fs::read_to_string(crate::support::programs::workspace().join(SPRING));
-    let scenario = scenario.expect("there")
+    let scenario = shipped(SPRING)
         + "\n[[faults]]\nkind = \"stiffness-loss\"\nat_s = 1.0\nend_s = 3.0\n[[faults.effects]]\nfactor = 0.5\n\
            \n[[changes]]\nat_s = 2.0\nset.plant.parameters.stiffness_n_per_m = 60.0\n\
            \n[[changes]]\nat_s = 3.2\nramp_s = 0.2\n[changes.set]\nplant.parameters.stiffness_n_per_m = 80.0\n";

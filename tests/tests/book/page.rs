@@ -6,7 +6,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::support::programs::workspace;
+use crate::support::programs::{shipped, workspace};
 
 /// A page: a file of Markdown, by its path from the top of the workspace.
 pub(super) struct Page {
@@ -59,8 +59,7 @@ fn markdown(folder: &Path) -> Vec<PathBuf> {
 
 impl Page {
     pub(super) fn read(path: PathBuf) -> Self {
-        let text = std::fs::read_to_string(workspace().join(&path));
-        let text = text.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        let text = shipped(&path);
         Self { path, text }
     }
 

@@ -5,7 +5,7 @@ use shared_types::session::SessionInfo;
 
 use super::{Hand, SCENARIO, awaited, controller, held, plant};
 use crate::support::harness::{Rig, send, until};
-use crate::support::programs::{misbehaving_controller, workspace};
+use crate::support::programs::{misbehaving_controller, shipped};
 
 #[test]
 fn an_interrupted_wait_leaves_nothing() {
@@ -83,8 +83,7 @@ fn each_end_of_a_side_started_by_hand_is_named() {
 
 /// The teaching scenario without what only the law `pid` has.
 fn scenario_without_gains(rig: &Rig, arguments: &str) -> String {
-    let text = std::fs::read_to_string(workspace().join(SCENARIO));
-    let text = text.expect("text");
+    let text = shipped(SCENARIO);
     let (before, after) = text.split_once("[controller.pid]").expect("gains");
     let after = after.split_once("[[stimuli]]").expect("stimuli").1;
     let path = rig.write("plain.toml", &format!("{before}[[stimuli]]{after}"));

@@ -4,15 +4,14 @@ use std::process::Command;
 
 use super::{STUDY, campaign, digest, planned, study, text};
 use crate::support::harness::Rig;
-use crate::support::programs::{skip, workspace};
+use crate::support::programs::{shipped, skip};
 
 /// Tasks of the page's commands.
 const TASKS: u32 = 64;
 
 /// Returns the line of the page that has this in it.
 fn line(part: &str) -> String {
-    let page = workspace().join("docs/clusters.md");
-    let page = std::fs::read_to_string(page).expect("a page");
+    let page = shipped("docs/clusters.md");
     let found = page.lines().find(|line| line.contains(part));
     found.expect("a line").trim().to_owned()
 }

@@ -2,7 +2,7 @@
 
 use super::{STUDY, campaign, digest, planned, study, text};
 use crate::support::harness::Rig;
-use crate::support::programs::workspace;
+use crate::support::programs::shipped;
 
 #[test]
 fn a_mistake_in_a_study_is_told_at_its_place_with_the_nearest_name() {
@@ -130,8 +130,7 @@ fn a_folder_of_another_campaign_or_of_anything_else_is_refused() {
 fn a_copy_of_everything_is_in_the_folder() {
     let rig = Rig::new();
     rig.write("points.csv", "time_s,value\n0,0\n1,0.01\n3,0.02\n");
-    let scenario = workspace().join("scenarios/spring-mass.toml");
-    let scenario = std::fs::read_to_string(scenario).expect("shipped");
+    let scenario = shipped("scenarios/spring-mass.toml");
     // The step of the reference comes from a table of points.
     let (before, after) = scenario.split_once("kind = \"step\"").expect("a step");
     let after = after.split_once("\n\n").expect("more").1;

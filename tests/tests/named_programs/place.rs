@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::support::harness::{Rig, Run};
-use crate::support::programs::{example, workspace};
+use crate::support::programs::{example, shipped};
 
 /// The pendulum's scenario and its two programs in a folder of the test, the programs named by it.
 pub(super) struct Place {
@@ -65,8 +65,7 @@ impl Place {
 
 /// The pendulum's scenario with these programs.
 pub(super) fn naming(plant: &str, controller: &str) -> String {
-    let shipped = workspace().join("examples/own-plant/pendulum.toml");
-    let shipped = std::fs::read_to_string(shipped).expect("it is there");
+    let shipped = shipped("examples/own-plant/pendulum.toml");
     let lines = shipped.lines().filter(|line| !line.starts_with("program"));
     let mut text = String::new();
     for line in lines {

@@ -9,6 +9,7 @@ use super::stream::Client;
 use super::{Panel, SCENARIO};
 use crate::support::harness::{Rig, WATCHDOG};
 use crate::support::mcap_reader::Recording;
+use crate::support::programs::shipped;
 
 /// A page that keeps the log as it is told, without a browser.
 struct Page {
@@ -162,8 +163,7 @@ fn a_log_of_very_many_changes_is_whole() {
             )
         })
         .collect();
-    let scenario = std::fs::read_to_string(crate::support::programs::workspace().join(SCENARIO));
-    let scenario = rig.write("many.toml", &(scenario.expect("a scenario") + &changes));
+    let scenario = rig.write("many.toml", &(shipped(SCENARIO) + &changes));
     let run = rig.start(&format!(
         "{} --set requirements=[] --pause-at 2.0 --wait-limit 60",
         scenario.display()

@@ -10,7 +10,7 @@ use super::{Panel, SCENARIO};
 use crate::panel_socket::{connected, parts};
 use crate::support::harness::{Rig, WATCHDOG, until};
 use crate::support::mcap_reader::Recording;
-use crate::support::programs::workspace;
+use crate::support::programs::shipped;
 
 /// Points of a message, read as the page reads them.
 pub(super) struct Points {
@@ -144,9 +144,8 @@ fn place(about: &Value, name: &str) -> usize {
 #[test]
 fn points_have_the_least_and_the_greatest_value_of_all_their_records() {
     let rig = Rig::new();
-    let scenario = std::fs::read_to_string(workspace().join(SCENARIO)).expect("a scenario");
     let spike = "\n[[faults]]\nkind = \"spike\"\nat_s = 0.789\neffects = [{ target = \"measured.position_m\", amplitude = 0.5 }]\n";
-    let scenario = rig.write("spike.toml", &(scenario + spike));
+    let scenario = rig.write("spike.toml", &(shipped(SCENARIO) + spike));
     let run = rig.start(&format!(
         "{} --set requirements=[] --pause-at 0.001 --wait-limit 60",
         scenario.display()
@@ -218,10 +217,9 @@ pub(super) fn until_held(rig: &Rig) {
 #[test]
 fn the_panel_of_a_scenario_chooses_readings_sliders_and_buttons() {
     let rig = Rig::new();
-    let scenario = std::fs::read_to_string(workspace().join(SCENARIO)).expect("a scenario");
     let panel = "\n[panel]\nwindow_s = 2.0\nreadings = [\"tracking_error_m\", \"truth.*\"]\n\
                  tune = [\"reference.*\", \"plant.parameters.mass_kg\"]\ninject = [\"dropout measured.position_m\"]\n";
-    let scenario = rig.write("panel.toml", &(scenario + panel));
+    let scenario = rig.write("panel.toml", &(shipped(SCENARIO) + panel));
     let run = rig.start(&format!(
         "{} --pause-at 0.001 --wait-limit 60",
         scenario.display()
@@ -260,8 +258,7 @@ fn the_panel_of_a_scenario_chooses_readings_sliders_and_buttons() {
     drop((client, panel));
 
     let wrong = "\n[panel]\ninject = [\"leek\"]\n";
-    let text = std::fs::read_to_string(workspace().join(SCENARIO)).expect("a scenario");
-    let scenario = rig.write("wrong.toml", &(text + wrong));
+    let scenario = rig.write("wrong.toml", &(shipped(SCENARIO) + wrong));
     let run = rig.start(&format!(
         "{} --pause-at 0.001 --wait-limit 60",
         scenario.display()

@@ -7,7 +7,7 @@ use serde_json::Value;
 use super::page::{Page, base64};
 use super::spike_scenario;
 use crate::support::harness::Rig;
-use crate::support::programs::{skip, workspace};
+use crate::support::programs::{shipped, skip};
 
 /// Runs before the page's own scripts, keeps their errors and what each canvas has been told to write.
 const CATCH: &str = "<script>window.wrong = [];
@@ -140,7 +140,6 @@ fn a_browser_draws_every_plot_without_a_word_in_both_themes_and_on_a_phone() {
 #[test]
 fn many_faults_have_a_button_each_and_labels_beneath_each_other() {
     let rig = Rig::new();
-    let shipped = std::fs::read_to_string(workspace().join("scenarios/spring-mass.toml"));
     let times_s = [0.5, 0.5, 0.51, 0.6, 1.0, 2.0, 2.0, 2.0, 2.1, 3.0, 4.9, 4.99];
     let faults = times_s.map(|at_s| {
         format!(
@@ -148,7 +147,7 @@ fn many_faults_have_a_button_each_and_labels_beneath_each_other() {
              target = \"measured.position_m\"\nbias = 1e-6\n"
         )
     });
-    let text = shipped.expect("it is there") + "\n" + &faults.concat();
+    let text = shipped("scenarios/spring-mass.toml") + "\n" + &faults.concat();
     let scenario = rig.write("many.toml", &text);
     let of = |gain: u32| {
         let scenario = scenario.display();

@@ -18,6 +18,12 @@ pub(crate) fn workspace() -> &'static Path {
     tests.parent().expect("the workspace is above this package")
 }
 
+/// Reads a text of the workspace.
+pub(crate) fn shipped(path: impl AsRef<Path>) -> String {
+    let path = workspace().join(path);
+    std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
 /// Profile by which the programs are compiled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Profile {
