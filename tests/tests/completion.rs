@@ -1,10 +1,13 @@
 //! Completions in the real shells: what a session, a scenario and the folder offer, and nothing beside them.
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use crate::support::harness::Rig;
-use crate::support::programs::{misbehaving_controller, program, skip, workspace};
+use crate::support::programs::{
+    misbehaving_controller, path_from, program, skip, works, workspace,
+};
 use crate::support::terminal::Terminal;
 
 const VARIABLE: &str = "HIL_TEST_SHELLS";
@@ -76,17 +79,9 @@ fn desk(rig: &Rig) -> PathBuf {
     desk
 }
 
-/// Tells whether a shell is here.
-fn has(shell: &str) -> bool {
-    let tried = Command::new(shell).args(["-c", "exit 0"]).status();
-    tried.is_ok_and(|status| status.success())
-}
-
 /// The path on which `hil` is found.
-fn path() -> String {
-    let folder = program("hil");
-    let folder = folder.parent().expect("a folder").display().to_string();
-    format!("{folder}:{}", std::env::var("PATH").unwrap_or_default())
+fn path() -> OsString {
+    path_from(program("hil").parent().expect("a folder"))
 }
 
 /// Types lines into a shell at a terminal and presses the tabulator.
@@ -118,7 +113,7 @@ fn typed(rig: &Rig, desk: &Path, shell: &[&str], setup: &str) {
 
 #[test]
 fn bash_offers_what_is_there() {
-    if !has("bash") {
+    if !works(&["bash", "-c", "exit 0"]) {
         return skip("bash is not here", VARIABLE);
     }
     let rig = Rig::new();
@@ -132,7 +127,7 @@ fn bash_offers_what_is_there() {
 
 #[test]
 fn zsh_offers_what_is_there() {
-    if !has("zsh") {
+    if !works(&["zsh", "-c", "exit 0"]) {
         return skip("zsh is not here", VARIABLE);
     }
     let rig = Rig::new();
@@ -146,7 +141,7 @@ fn zsh_offers_what_is_there() {
 
 #[test]
 fn fish_offers_what_is_there() {
-    if !has("fish") {
+    if !works(&["fish", "-c", "exit 0"]) {
         return skip("fish is not here", VARIABLE);
     }
     let rig = Rig::new();

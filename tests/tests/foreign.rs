@@ -14,7 +14,7 @@ use hil_foreign::c::interface::{
 
 use crate::support::board::Board;
 use crate::support::harness::{Rig, Run};
-use crate::support::programs::{example, program, shipped, skip, workspace};
+use crate::support::programs::{example, program, shipped, skip, works, workspace};
 use crate::support::python::succeeds;
 use deeds::{deed, misbehaving};
 
@@ -28,7 +28,7 @@ const SANITIZED: &[&str] = &[
 
 /// Checks for a tool; without the tool the test is skipped by name.
 fn has(tool: &str) -> bool {
-    let is_there = Command::new(tool).arg("--version").output().is_ok();
+    let is_there = works(&[tool, "--version"]);
     if !is_there {
         skip(&format!("there is no `{tool}`"), "HIL_TEST_CC");
     }

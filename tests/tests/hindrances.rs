@@ -3,7 +3,7 @@
 use std::process::{Command, Output};
 
 use crate::support::harness::Rig;
-use crate::support::programs::{program, skip, workspace};
+use crate::support::programs::{program, skip, works, workspace};
 
 /// Runs `hil` where `/dev/shm` is a file system of its own with these options.
 fn hil(options: &str, arguments: &[&str]) -> Output {
@@ -20,10 +20,7 @@ fn hil(options: &str, arguments: &[&str]) -> Output {
 
 #[test]
 fn shared_memory_that_cannot_be_used_is_named_with_what_to_do() {
-    let try_it = Command::new("unshare")
-        .args(["-m", "mount", "-t", "tmpfs", "tmpfs", "/dev/shm"])
-        .output();
-    if !try_it.is_ok_and(|output| output.status.success()) {
+    if !works(&["unshare", "-m", "mount", "-t", "tmpfs", "tmpfs", "/dev/shm"]) {
         let why = "this user may not mount file systems";
         return skip(why, "HIL_TEST_UNSHARE");
     }

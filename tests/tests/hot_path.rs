@@ -19,7 +19,7 @@ use shared_types::stream::{self, Backpressure, Item, RecordSink, RecordSource};
 
 use crate::support::harness::Rig;
 use crate::support::mcap_reader::Recording;
-use crate::support::programs::{program, shipped, skip, workspace};
+use crate::support::programs::{program, shipped, skip, works, workspace};
 
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
 /// System calls of a wait: giving the core away, a sleep or its end for the other side, and a clock that the
@@ -56,11 +56,7 @@ fn calls(log: &Path) -> Vec<(f64, String)> {
 
 #[test]
 fn between_the_first_and_the_last_step_neither_process_calls_the_system() {
-    if std::process::Command::new("strace")
-        .arg("-V")
-        .output()
-        .is_err()
-    {
+    if !works(&["strace", "-V"]) {
         return skip("strace is missing", "HIL_TEST_STRACE");
     }
     let rig = Rig::new();

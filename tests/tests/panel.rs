@@ -18,7 +18,7 @@ use serde_json::Value;
 use crate::panel_socket::parts;
 use crate::support::company::Companion;
 use crate::support::harness::{Rig, ended, send, until};
-use crate::support::programs::{program, workspace};
+use crate::support::programs::{path_from, program, workspace};
 
 const SCENARIO: &str = "scenarios/spring-mass.toml";
 
@@ -160,12 +160,10 @@ fn the_opener_gets_a_file_of_its_user_and_no_argument_has_the_secret() {
         told.display()
     );
     rig.script("xdg-open", &opener);
-    let mut path = rig.path("").into_os_string();
-    path.push(":");
-    path.push(std::env::var_os("PATH").unwrap_or_default());
     let mut hil = Command::new(program("hil"));
     hil.args(["panel", "--session", rig.session(), "--json"]);
-    hil.env("PATH", path).env("DISPLAY", ":0");
+    hil.env("PATH", path_from(&rig.path("")));
+    hil.env("DISPLAY", ":0");
     let panel = Panel::of(hil);
     until("the opener was called", || told.exists());
     let told = std::fs::read_to_string(&told).expect("text");

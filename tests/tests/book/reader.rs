@@ -18,7 +18,7 @@ use super::page::Page;
 use super::shown;
 use crate::support::fmus;
 use crate::support::harness::Rig;
-use crate::support::programs::{NO_DEBUG, program, target, workspace};
+use crate::support::programs::{NO_DEBUG, path_from, program, target, workspace};
 use crate::support::python::python;
 
 /// Time that a page may take before it counts as hanging. On busy cores a run of 20 s takes minutes.
@@ -201,12 +201,10 @@ impl Desk {
             }
         }
         std::fs::write(&script, text).expect("a script");
-        let path = std::env::var("PATH").unwrap_or_default();
-        let bin = self.folder.join("bin");
         let mut bash = Command::new("bash");
         bash.arg(&script)
             .current_dir(&clone)
-            .env("PATH", format!("{}:{path}", bin.display()))
+            .env("PATH", path_from(&self.folder.join("bin")))
             .env("CLONE", &clone)
             .env("NOTES", &notes)
             .env("FMUS", self.folder.join("fmus"))

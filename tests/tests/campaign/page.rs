@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::{STUDY, campaign, digest, planned, study, text};
 use crate::support::harness::Rig;
-use crate::support::programs::{skip, workspace};
+use crate::support::programs::{chromium, skip, workspace};
 use crate::support::python::{python, succeeds};
 
 #[test]
@@ -30,11 +30,8 @@ fn a_page_of_a_campaign_says_what_show_says_and_asks_for_nothing() {
     ] {
         assert!(page_text.contains(told), "{told} is not in the page");
     }
-    let chromium = ["/usr/bin/chromium", "/usr/bin/chromium-browser"]
-        .into_iter()
-        .find(|path| std::path::Path::new(path).exists());
-    let Some((python, chromium)) = python("playwright.sync_api, pyarrow.parquet").zip(chromium)
-    else {
+    let python = python("playwright.sync_api, pyarrow.parquet");
+    let Some((python, chromium)) = python.zip(chromium()) else {
         let why = "python3 with playwright and pyarrow, or chromium, is missing";
         return skip(why, "HIL_TEST_CHROMIUM");
     };

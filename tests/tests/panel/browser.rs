@@ -11,7 +11,7 @@ use super::stream::until_held;
 use super::{Panel, SCENARIO};
 use crate::support::company::Companion;
 use crate::support::harness::{Rig, Running};
-use crate::support::programs::{skip, workspace};
+use crate::support::programs::{chromium, skip, workspace};
 use crate::support::python::python;
 
 const DROPOUT: &str = "dropout measured.position_m --duration 0.05";
@@ -24,10 +24,7 @@ struct Play {
 
 impl Play {
     fn start(name: &str, url: &str) -> Option<Self> {
-        let chromium = ["/usr/bin/chromium", "/usr/bin/chromium-browser"]
-            .into_iter()
-            .find(|path| std::path::Path::new(path).exists());
-        let Some((python, chromium)) = python("playwright.sync_api").zip(chromium) else {
+        let Some((python, chromium)) = python("playwright.sync_api").zip(chromium()) else {
             skip(
                 "python3 with playwright, or chromium, is missing",
                 "HIL_TEST_CHROMIUM",

@@ -1,13 +1,13 @@
 //! Pages in a headless Chromium: every plot is drawn, in both themes and at any width.
 
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 use serde_json::Value;
 
 use super::page::{Page, base64};
 use super::spike_scenario;
 use crate::support::harness::Rig;
-use crate::support::programs::{shipped, skip};
+use crate::support::programs::{shipped, skip, works};
 
 /// Runs before the page's own scripts, keeps their errors and what each canvas has been told to write.
 const CATCH: &str = "<script>window.wrong = [];
@@ -59,14 +59,7 @@ const LOOK: &str = "<script>(() => {
 fn looked_at(rig: &Rig, page: &Page, width: u32, dark: bool) -> Option<Value> {
     let chromium = ["chromium", "chromium-browser", "google-chrome"]
         .into_iter()
-        .find(|name| {
-            let found = Command::new(name)
-                .arg("--version")
-                .stdout(Stdio::null())
-                .stderr(Stdio::null())
-                .status();
-            found.is_ok_and(|status| status.success())
-        });
+        .find(|name| works(&[name, "--version"]));
     let Some(chromium) = chromium else {
         skip("there is no Chromium", "HIL_TEST_CHROMIUM");
         return None;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::support::harness::Rig;
-use crate::support::programs::{program, workspace};
+use crate::support::programs::{path_from, program, workspace};
 
 /// A board in a test's folder.
 pub(crate) struct Board {
@@ -45,11 +45,8 @@ impl Board {
     /// A `hil` that finds this board's `ssh`.
     pub(crate) fn hil(&self) -> Command {
         let mut hil = Command::new(program("hil"));
-        let path = std::env::var_os("PATH").unwrap_or_default();
-        let mut all = vec![self.bin.clone()];
-        all.extend(std::env::split_paths(&path));
-        hil.env("PATH", std::env::join_paths(all).expect("plain names"));
-        hil.current_dir(workspace());
+        hil.env("PATH", path_from(&self.bin))
+            .current_dir(workspace());
         hil
     }
 

@@ -13,7 +13,7 @@ use std::sync::mpsc::Receiver;
 use crate::support::company::Companion;
 use crate::support::harness::WATCHDOG;
 use crate::support::hosts::lines;
-use crate::support::programs::{program, skip, target};
+use crate::support::programs::{program, skip, target, works};
 
 const SHELL: &str = "/bin/busybox";
 /// Modules of the network, each after those that it needs.
@@ -56,9 +56,8 @@ impl Guest {
     pub(crate) fn new(folder: &Path, key: &Path) -> Option<Self> {
         let unpacked = target().join("guest");
         let kernel = first(&unpacked.join("boot"), "vmlinuz");
-        let has_qemu = Command::new("qemu-system-x86_64").arg("--version").output();
-        let (Some(kernel), true, true) = (kernel, has_qemu.is_ok(), Path::new(SHELL).exists())
-        else {
+        let has_qemu = works(&["qemu-system-x86_64", "--version"]);
+        let (Some(kernel), true, true) = (kernel, has_qemu, Path::new(SHELL).exists()) else {
             let why =
                 "there is no qemu-system-x86_64, no static busybox, or no kernel in target/guest";
             skip(why, "HIL_TEST_QEMU");

@@ -10,7 +10,7 @@ use std::sync::mpsc::{Receiver, channel};
 use tempfile::TempDir;
 
 use crate::support::harness::WATCHDOG;
-use crate::support::programs::{program, skip, workspace};
+use crate::support::programs::{path_from, program, skip, works, workspace};
 
 /// Both hosts, until it is dropped.
 pub(crate) struct Hosts {
@@ -27,13 +27,7 @@ pub(crate) struct Hosts {
 impl Hosts {
     /// Makes both, or says what this machine lacks for that.
     pub(crate) fn new() -> Option<Self> {
-        let succeeds = |command: &[&str]| {
-            let mut run = Command::new(command[0]);
-            let run = run.args(&command[1..]).stdin(Stdio::null());
-            let output = run.output();
-            output.is_ok_and(|output| output.status.success())
-        };
-        if !succeeds(&[
+        if !works(&[
             "unshare", "--net", "--mount", "--pid", "--fork", "ip", "link", "show", "lo",
         ]) {
             skip(
@@ -42,7 +36,7 @@ impl Hosts {
             );
             return None;
         }
-        if !Path::new("/usr/sbin/sshd").exists() || !succeeds(&["python3", "--version"]) {
+        if !Path::new("/usr/sbin/sshd").exists() || !works(&["python3", "--version"]) {
             skip("there is no sshd or no python3", "HIL_TEST_SSHD");
             return None;
         }
@@ -50,7 +44,7 @@ impl Hosts {
         let place = folder.path().to_str().expect("plain text").to_owned();
         for key in ["host", "own", "other"] {
             let file = format!("{place}/{key}");
-            assert!(succeeds(&[
+            assert!(works(&[
                 "ssh-keygen",
                 "-q",
                 "-t",
@@ -101,11 +95,7 @@ impl Hosts {
             ),
         )
         .expect("written");
-        assert!(succeeds(&[
-            "chmod",
-            "755",
-            ssh.to_str().expect("plain text")
-        ]));
+        assert!(works(&["chmod", "755", ssh.to_str().expect("plain text")]));
         let mut wire = Command::new("python3");
         wire.arg(workspace().join("tests/hosts/hosts.py"))
             .arg(folder.path());
@@ -144,10 +134,7 @@ impl Hosts {
     pub(crate) fn hil(&self) -> Command {
         let mut hil = Command::new("nsenter");
         hil.args(["-t", &self.desk, "-n"]).arg(program("hil"));
-        let path = std::env::var_os("PATH").unwrap_or_default();
-        let mut all = vec![self.folder.path().join("bin")];
-        all.extend(std::env::split_paths(&path));
-        hil.env("PATH", std::env::join_paths(all).expect("plain names"));
+        hil.env("PATH", path_from(&self.folder.path().join("bin")));
         hil.current_dir(workspace());
         hil
     }

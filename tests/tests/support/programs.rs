@@ -2,10 +2,10 @@
 //! directory, and what a machine may lack.
 
 use std::collections::BTreeMap;
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 /// Variable of Cargo for builds outside the workspace: without debug information, which no test reads, they are done
@@ -175,6 +175,26 @@ fn built_outside(folder: &Path, program: &str) -> PathBuf {
         assert!(made.is_ok() || copy.exists(), "{made:?}");
     }
     copy
+}
+
+/// Returns true if a command can be run here and succeeds.
+pub(crate) fn works(command: &[&str]) -> bool {
+    let mut run = Command::new(command[0]);
+    let output = run.args(&command[1..]).stdin(Stdio::null()).output();
+    output.is_ok_and(|output| output.status.success())
+}
+
+/// Returns the path on which programs are found, with a folder in front.
+pub(crate) fn path_from(folder: &Path) -> OsString {
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let folders = std::iter::once(folder.to_owned()).chain(std::env::split_paths(&path));
+    std::env::join_paths(folders).expect("plain names")
+}
+
+/// Finds a Chromium.
+pub(crate) fn chromium() -> Option<&'static str> {
+    let paths = ["/usr/bin/chromium", "/usr/bin/chromium-browser"];
+    paths.into_iter().find(|path| Path::new(path).exists())
 }
 
 /// Returns true if the environment insists on a part that not every machine has.

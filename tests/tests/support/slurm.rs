@@ -13,7 +13,7 @@ use tempfile::TempDir;
 
 use crate::support::harness::WATCHDOG;
 use crate::support::hosts::lines;
-use crate::support::programs::{program, skip, workspace};
+use crate::support::programs::{program, skip, works, workspace};
 
 /// Time that the cluster has to end by itself.
 const END: Duration = Duration::from_secs(20);
@@ -89,15 +89,11 @@ impl Cluster {
 /// Names what is lacking here; nothing if all is there.
 fn lacking() -> Option<&'static str> {
     let there = |name: &str| Path::new("/usr/sbin").join(name).exists();
-    let succeeds = |command: &[&str]| {
-        let output = Command::new(command[0]).args(&command[1..]).output();
-        output.is_ok_and(|output| output.status.success())
-    };
     if !["slurmctld", "slurmd", "munged"].into_iter().all(there) {
         Some("there is no Slurm, or no munge")
-    } else if !succeeds(&["python3", "--version"]) {
+    } else if !works(&["python3", "--version"]) {
         Some("there is no python3")
-    } else if !succeeds(&["unshare", "--pid", "--mount-proc", "--fork", "true"]) {
+    } else if !works(&["unshare", "--pid", "--mount-proc", "--fork", "true"]) {
         Some("this user may not make a namespace of processes")
     } else {
         None

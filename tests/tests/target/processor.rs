@@ -3,7 +3,7 @@
 use std::process::Command;
 
 use crate::support::harness::{Rig, text};
-use crate::support::programs::{self, skip, workspace};
+use crate::support::programs::{self, skip, works, workspace};
 
 /// The three laws on the paper's plant, by the same source built for another processor: arithmetic and layout are the
 /// same. An emulator keeps this machine's memory order, so nothing is shown of a weaker one.
@@ -14,10 +14,7 @@ pub(super) fn on_another_processor(scenario: &str) {
         .output();
     let has_target =
         installed.is_ok_and(|found| String::from_utf8_lossy(&found.stdout).contains(TRIPLE));
-    let qemu = Command::new("qemu-aarch64-static")
-        .arg("--version")
-        .output();
-    if !has_target || qemu.is_err() {
+    if !has_target || !works(&["qemu-aarch64-static", "--version"]) {
         return skip(
             "rustup has no target for aarch64, or qemu-user is missing",
             "HIL_TEST_AARCH64",

@@ -1,11 +1,9 @@
 //! Targets that cannot be used: another protocol there, no shared memory, no room.
 
-use std::process::{Command, Stdio};
-
 use super::{ON_BOARD, SHORT, hil, run};
 use crate::support::board::Board;
 use crate::support::harness::Rig;
-use crate::support::programs::{program, skip};
+use crate::support::programs::{program, skip, works};
 
 /// A board whose `ssh` does this to the file systems that the remote command sees, and to no others.
 fn behind_mounts(rig: &Rig, mounts: &str) -> Board {
@@ -20,12 +18,8 @@ fn behind_mounts(rig: &Rig, mounts: &str) -> Board {
 
 #[test]
 fn a_target_without_shared_memory_or_room_is_named_and_nothing_is_started() {
-    let mut mount = Command::new("unshare");
-    mount.args(["--mount", "mount", "-t", "tmpfs", "none", "/mnt"]);
-    let mount = mount.stdin(Stdio::null()).output();
-    if !mount.is_ok_and(|output| output.status.success()) {
-        skip("this user may not mount", "HIL_TEST_NETNS");
-        return;
+    if !works(&["unshare", "--mount", "mount", "-t", "tmpfs", "none", "/mnt"]) {
+        return skip("this user may not mount", "HIL_TEST_NETNS");
     }
     let rig = Rig::new();
     let agent = program("hil-target");
