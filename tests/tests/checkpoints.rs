@@ -220,9 +220,7 @@ fn a_branch_whose_fault_had_not_begun_is_the_straight_run_of_the_other_scenario(
     let branch = go_on(&rig, &straight, 9000, &changes).expect(0);
     let other = rig.run(&format!("{SCENARIO} {changes}")).expect(0);
     assert_same(&other, &branch, "the other scenario");
-    let again = rig.path("again").display().to_string();
-    let run = branch.folder.display().to_string();
-    rig.hil(&["rerun", &run, "--out", &again]).expect(0);
+    rig.rerun(&branch.folder, &[]).expect(0);
 }
 
 #[test]
@@ -271,9 +269,7 @@ fn live_faults_continue_and_one_accepted_after_the_checkpoint_does_not() {
     // They were accepted before step 5000, but after the checkpoint there.
     let without = go_on(&rig, &straight, 5000, "").expect(0);
     assert_eq!(without.digest(), rig.run(SCENARIO).expect(0).digest());
-    let folder = resumed.folder.display().to_string();
-    let again = rig.path("again").display().to_string();
-    rig.hil(&["rerun", &folder, "--out", &again]).expect(0);
+    rig.rerun(&resumed.folder, &[]).expect(0);
 }
 
 #[test]

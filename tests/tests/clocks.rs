@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use rustix::process::Signal;
 use serde_json::Value;
 
-use crate::support::harness::{Rig, Run, send};
+use crate::support::harness::{Rig, Run, send, text};
 use crate::support::mcap_reader::{Record, Recording};
 
 /// A second of the teaching plant at 200 Hz: 5 ms a step.
@@ -97,17 +97,14 @@ fn a_busy_controller_misses_its_deadlines_and_a_rerun_repeats_that() {
     }
     assert_eq!(held, number(&summary, "/missed_commands/count"));
 
-    let folder = late.folder.to_str().expect("plain text");
-    let again = rig.path("again");
-    let again = again.to_str().expect("plain text");
-    let session = rig.session();
-    rig.hil(&["rerun", folder, "--out", again, "--session", session])
-        .expect(0);
+    let folder = text(&late.folder);
+    let session = ["--session", rig.session()];
+    let again = rig.rerun(&late.folder, &session).expect(0).folder;
     // The rerun says the same of itself, so that it can be repeated as well.
     let told = rig
         .hil(&[
             "rerun",
-            again,
+            text(&again),
             "--link",
             "in-process",
             "--no-record",
@@ -135,7 +132,7 @@ fn a_law_that_runs_at_every_fifth_sample_repeats_its_misses_too() {
         "--clock realtime --set controller.rate_hz=40 --set controller.command_delay_steps=1";
     let late = run(&rig, &busy("controller"), divided).expect(0);
     assert!(number(&late.summary(), "/missed_commands/count") >= 10);
-    let folder = late.folder.to_str().expect("plain text");
+    let folder = text(&late.folder);
     rig.hil(&["rerun", folder, "--link", "in-process", "--no-record"])
         .expect(0);
 }
@@ -224,6 +221,6 @@ fn in_real_time_a_slow_recorder_loses_records_and_says_how_many() {
     assert!(lost > 0);
     assert_eq!(number(&summary, "/recording/records") + lost, 100_001);
     assert_eq!(summary["digest"], Value::Null);
-    let folder = slow.folder.to_str().expect("plain text");
+    let folder = text(&slow.folder);
     rig.hil(&["rerun", folder]).expect(2).says(&["lost"]);
 }

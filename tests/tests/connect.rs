@@ -178,8 +178,8 @@ fn connected_runs_are_repeated_replayed_and_gone_on_with() {
     let plant = ["--plant-bin", text(&plant)];
     let out = |name: &str| text(&rig.path(name)).to_owned();
 
-    let again = rig.hil(&[&["rerun", folder, "--out", &out("again")], &plant[..]].concat());
-    assert!(again.expect(0).stdout.contains(&run.digest()));
+    let again = rig.rerun(&run.folder, &plant).expect(0);
+    again.prints(&[&run.digest()]);
     for link in ["iceoryx2", "in-process"] {
         let told = rig
             .hil(&["replay", folder, "--json", "--link", link])

@@ -80,8 +80,7 @@ fn an_excerpt_has_its_part_of_the_whole_run_and_the_same_verdict() {
             .expect(2)
             .says(&["is an excerpt (signals measured.*"]);
     }
-    let again = rig.path("again");
-    rig.hil(&["rerun", &part, "--out", &path(&again)]).expect(0);
+    rig.rerun(part.as_ref(), &[]).expect(0);
 }
 
 #[test]

@@ -60,13 +60,7 @@ fn a_fault_in_a_scenario_live_or_written_down_from_the_live_run_is_one_trajector
     rig.hil(&["scenario", "from", &from, "-o", &written])
         .expect(0);
     assert_eq!(rig.run(&written).expect(0).digest(), wanted);
-    rig.hil(&[
-        "rerun",
-        &from,
-        "--out",
-        &rig.path("again").display().to_string(),
-    ])
-    .expect(0);
+    rig.rerun(&live.folder, &[]).expect(0);
 }
 
 /// Makes a fault that a running plant must take.

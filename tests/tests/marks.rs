@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use crate::support::harness::Rig;
+use crate::support::harness::{Rig, text};
 use crate::support::mcap_reader::Recording;
 
 const SHORT: &str = "tests/scenarios/leakage.toml";
@@ -70,9 +70,8 @@ fn a_mark_is_in_summary_export_and_report_and_changes_no_digest() {
     assert!(!page.contains("<b>pilot"));
 
     // Repeated and compared as if there were none.
-    let again = rig.path("again").display().to_string();
-    rig.hil(&["rerun", &folder, "--out", &again]).expect(0);
-    rig.hil(&["compare", &folder, &again]).expect(0);
+    let again = rig.rerun(&run.folder, &[]).expect(0).folder;
+    rig.hil(&["compare", &folder, text(&again)]).expect(0);
 }
 
 #[test]

@@ -98,15 +98,7 @@ fn what_a_killed_hil_recorded_becomes_a_normal_run() {
     let lines = std::fs::read_to_string(&table).expect("a table");
     assert_eq!(lines.lines().count(), 1 + after.len());
     rig.hil(&["replay", run]).expect(0);
-    let again = rig.path("again");
-    let again = [
-        "rerun",
-        run,
-        "--json",
-        "--out",
-        again.to_str().expect("text"),
-    ];
-    let again = rig.hil(&again).expect(0).json();
+    let again = rig.rerun(&folder, &["--json"]).expect(0).json();
     assert_eq!(
         (&again["same"], &again["records"]),
         (&true.into(), &after.len().into())

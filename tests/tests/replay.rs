@@ -123,9 +123,7 @@ fn a_late_controller_is_replayed_with_the_samples_that_it_saw() {
     assert_eq!(answered + unanswered, 200);
     assert!(unanswered >= 5, "{unanswered}");
     // A rerun waits for its controller, and so does the replay of a rerun.
-    let again = rig.path("again");
-    rig.hil(&["rerun", text(&run.folder), "--out", text(&again)])
-        .expect(0);
+    let again = rig.rerun(&run.folder, &[]).expect(0).folder;
     let told = replayed(&rig, &again, &[], 0);
     assert_eq!(
         (number(&told["steps"]), number(&told["unanswered_steps"])),

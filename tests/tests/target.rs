@@ -198,9 +198,7 @@ fn against_the_clock_a_run_there_repeats_here_to_the_same_digest() {
     let board = Board::new(&rig);
     let overrun = "--clock realtime";
     let there = run(&rig, &board, &format!("{SHORT} {ON_BOARD} {overrun}")).expect(0);
-    let again = rig.path("again");
-    rig.hil(&["rerun", text(&there.folder), "--out", text(&again)])
-        .expect(0);
+    rig.rerun(&there.folder, &[]).expect(0);
 }
 
 #[test]

@@ -8,7 +8,7 @@ use shared_types::live::{ChangeRequest, NewValue, Request, Response, ask};
 use shared_types::random::RandomStream;
 use shared_types::session::SessionInfo;
 
-use crate::support::harness::{Rig, Run};
+use crate::support::harness::{Rig, Run, text};
 use crate::support::mcap_reader::Recording;
 use crate::support::programs::shipped;
 
@@ -23,9 +23,8 @@ fn changed(rig: &Rig, words: &str) -> Value {
 /// The run again in every way: by rerun, from the scenario made of it in both links, and by replay.
 fn repeats(rig: &Rig, run: &Run) {
     let folder = run.folder.display().to_string();
-    let again = rig.path("again").display().to_string();
-    rig.hil(&["rerun", &folder, "--out", &again]).expect(0);
-    rig.hil(&["compare", &folder, &again]).expect(0);
+    let again = rig.rerun(&run.folder, &[]).expect(0).folder;
+    rig.hil(&["compare", &folder, text(&again)]).expect(0);
     let written = rig.path("written.toml").display().to_string();
     rig.hil(&["scenario", "from", &folder, "-o", &written])
         .expect(0);
@@ -298,9 +297,7 @@ fn random_changes_at_full_speed_take_hold_at_the_steps_told() {
             (step, &json!(wanted.key), &json!(wanted.value))
         );
     }
-    let again = rig.path("again").display().to_string();
-    let folder = run.folder.display().to_string();
-    rig.hil(&["rerun", &folder, "--out", &again])
+    rig.rerun(&run.folder, &[])
         .expect(0)
         .prints(&["same digest"]);
 }

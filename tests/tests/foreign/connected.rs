@@ -50,13 +50,12 @@ fn a_law_of_other_names_has_one_digest_on_an_fmu_on_c_and_on_rust() {
                 "{shown} {more}"
             );
         }
-        let (folder, out) = (first.folder.display().to_string(), rig.path("again"));
-        let again = ["rerun", &folder, "--out", out.to_str().expect("text")];
         // Named by a flag and not by the scenario, so the recording names no program.
-        rig.hil(&[&again[..], &["--plant-bin", &shown]].concat())
+        let again = rig
+            .rerun(&first.folder, &["--plant-bin", &shown])
             .expect(0)
             .prints(&[&first.digest()]);
-        std::fs::remove_dir_all(out).expect("ours");
+        std::fs::remove_dir_all(again.folder).expect("ours");
     }
 }
 

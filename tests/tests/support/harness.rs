@@ -194,6 +194,14 @@ impl Rig {
         self.beside(&words)
     }
 
+    /// Runs `hil rerun` of a recorded run, into the folder `again` of the test.
+    pub(crate) fn rerun(&self, run: &Path, options: &[&str]) -> Run {
+        let folder = self.path("again");
+        let rerun = ["rerun", text(run), "--out", text(&folder)];
+        let run = self.hil(&[&rerun, options].concat());
+        Run { folder, ..run }
+    }
+
     /// Returns the folder of the session, which is there while it runs.
     pub(crate) fn session_folder(&self) -> PathBuf {
         let uid = rustix::process::geteuid().as_raw();

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use super::{SHORT, log, text, under_way};
+use super::{SHORT, log, under_way};
 use crate::support::harness::{Rig, until};
 use crate::support::hosts::Hosts;
 
@@ -69,9 +69,7 @@ fn who_is_on_the_wire_gets_nothing_in() {
         &format!("{SHORT} --target board --clock realtime"),
     );
     let there = there.finish().expect(0);
-    let again = rig.path("again");
-    rig.hil(&["rerun", text(&there.folder), "--out", text(&again)])
-        .expect(0);
+    rig.rerun(&there.folder, &[]).expect(0);
     nothing_left_on_board(&hosts);
 }
 
@@ -115,9 +113,7 @@ fn against_the_clock_bursts_of_lost_datagrams_repeat_here_to_the_same_digest() {
     let there = there.finish().expect(0);
     let missed = &there.summary()["missed_commands"];
     assert!(missed["longest_streak"].as_u64() >= Some(20), "{missed}");
-    let again = rig.path("again");
-    rig.hil(&["rerun", text(&there.folder), "--out", text(&again)])
-        .expect(0);
+    rig.rerun(&there.folder, &[]).expect(0);
 }
 
 #[test]
