@@ -71,6 +71,14 @@ fn refused(rows: &str, line: usize, words: &[&str]) {
     assert_eq!(errors.count(), 1, "{told}");
 }
 
+/// Fails unless each of these rows, behind a description, is refused with these words.
+#[track_caller]
+fn each_is_refused(rows: &[&str], words: &[&str]) {
+    for row in rows {
+        refused(&format!("/// A quantity.\n{row}"), SECOND, words);
+    }
+}
+
 #[test]
 fn right_tables_compile_without_a_warning() {
     let rows = "/// From below 0.\nangle_rad: \"rad\" = (-0.1) in (-1.5)..=(f64::MAX),";
@@ -80,53 +88,38 @@ fn right_tables_compile_without_a_warning() {
 #[test]
 fn a_range_that_begins_above_its_end_is_named() {
     let words = ["the range of a row begins above its end"];
-    refused(
-        "/// Length.\nlength_m: \"m\" = 1.0 in 2.0..=0.5,",
-        SECOND,
-        &words,
-    );
-    refused(
-        "/// Length.\nlength_m: \"m\" = 1.0 in (f64::MAX)..=0.5,",
-        SECOND,
-        &words,
-    );
+    let rows = [
+        "length_m: \"m\" = 1.0 in 2.0..=0.5,",
+        "length_m: \"m\" = 1.0 in (f64::MAX)..=0.5,",
+    ];
+    each_is_refused(&rows, &words);
 }
 
 #[test]
 fn a_default_outside_its_range_is_named() {
     let words = ["the default of a row is outside its range"];
-    refused(
-        "/// Length.\nlength_m: \"m\" = 3.0 in 0.5..=2.0,",
-        SECOND,
-        &words,
-    );
-    refused(
-        "/// Length.\nlength_m: \"m\" = (f64::NAN) in 0.5..=2.0,",
-        SECOND,
-        &words,
-    );
+    let rows = [
+        "length_m: \"m\" = 3.0 in 0.5..=2.0,",
+        "length_m: \"m\" = (f64::NAN) in 0.5..=2.0,",
+    ];
+    each_is_refused(&rows, &words);
 }
 
 #[test]
 fn a_misspelt_flag_is_named_with_the_one_that_exists() {
     let words = ["`fautable`", "help", "faultable"];
-    refused(
-        "/// Length.\nlength_m: \"m\" = 1.0 in 0.5..=2.0 [fautable],",
-        SECOND,
-        &words,
-    );
+    each_is_refused(&["length_m: \"m\" = 1.0 in 0.5..=2.0 [fautable],"], &words);
 }
 
 #[test]
 fn a_parameter_without_a_default_is_named() {
     let words = ["a parameter has no default"];
-    refused("/// Length.\nlength_m: \"m\",", SECOND, &words);
-    refused("/// Length.\nlength_m: \"m\" in 0.5..=2.0,", SECOND, &words);
-    refused(
-        "/// Length.\nlength_m: \"m\" in 0.5..=2.0 [faultable],",
-        SECOND,
-        &words,
-    );
+    let rows = [
+        "length_m: \"m\",",
+        "length_m: \"m\" in 0.5..=2.0,",
+        "length_m: \"m\" in 0.5..=2.0 [faultable],",
+    ];
+    each_is_refused(&rows, &words);
 }
 
 #[test]
@@ -163,21 +156,12 @@ fn a_row_of_a_name_alone_is_named() {
 #[test]
 fn a_negative_number_without_parentheses_is_named() {
     let words = ["a negative number stands in parentheses"];
-    refused(
-        "/// Angle.\nangle_rad: \"rad\" = 0.0 in -1.5..=1.5,",
-        SECOND,
-        &words,
-    );
-    refused(
-        "/// Angle.\nangle_rad: \"rad\" = (-2.0) in (-3.0)..=-1.5,",
-        SECOND,
-        &words,
-    );
-    refused(
-        "/// Angle.\nangle_rad: \"rad\" = -0.1 in (-1.5)..=1.5,",
-        SECOND,
-        &words,
-    );
+    let rows = [
+        "angle_rad: \"rad\" = 0.0 in -1.5..=1.5,",
+        "angle_rad: \"rad\" = (-2.0) in (-3.0)..=-1.5,",
+        "angle_rad: \"rad\" = -0.1 in (-1.5)..=1.5,",
+    ];
+    each_is_refused(&rows, &words);
 }
 
 #[test]
