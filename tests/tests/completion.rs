@@ -10,8 +10,6 @@ use crate::support::programs::{
 };
 use crate::support::terminal::Terminal;
 
-const VARIABLE: &str = "HIL_TEST_SHELLS";
-
 /// Lines as they are typed, and what each is completed to or offers. Other tests have sessions too.
 fn lines(rig: &Rig) -> Vec<(String, String)> {
     let session = rig.session();
@@ -111,48 +109,45 @@ fn typed(rig: &Rig, desk: &Path, shell: &[&str], setup: &str) {
     }
 }
 
-#[test]
-fn bash_offers_what_is_there() {
-    if !works(&["bash", "-c", "exit 0"]) {
-        return skip("bash is not here", VARIABLE);
+/// Checks what a shell offers while a session is held, if that shell is here.
+fn offered_by(shell: &str, check: impl FnOnce(&Rig, &Path)) {
+    if !works(&[shell, "-c", "exit 0"]) {
+        return skip(&format!("{shell} is not here"), "HIL_TEST_SHELLS");
     }
     let rig = Rig::new();
     let desk = desk(&rig);
     let running = rig.held();
-    let bash = ["bash", "--norc", "--noprofile", "-i"];
-    typed(&rig, &desk, &bash, "source <(hil completions bash)");
+    check(&rig, &desk);
     rig.in_session("resume").expect(0);
     running.finish().expect(0);
+}
+
+#[test]
+fn bash_offers_what_is_there() {
+    let bash = ["bash", "--norc", "--noprofile", "-i"];
+    let setup = "source <(hil completions bash)";
+    offered_by("bash", |rig, desk| typed(rig, desk, &bash, setup));
 }
 
 #[test]
 fn zsh_offers_what_is_there() {
-    if !works(&["zsh", "-c", "exit 0"]) {
-        return skip("zsh is not here", VARIABLE);
-    }
-    let rig = Rig::new();
-    let desk = desk(&rig);
-    let running = rig.held();
+    let zsh = ["zsh", "-f", "-i"];
     let setup = "bindkey -e; autoload -U compinit; compinit -u -D; source <(hil completions zsh)";
-    typed(&rig, &desk, &["zsh", "-f", "-i"], setup);
-    rig.in_session("resume").expect(0);
-    running.finish().expect(0);
+    offered_by("zsh", |rig, desk| typed(rig, desk, &zsh, setup));
 }
 
 #[test]
 fn fish_offers_what_is_there() {
-    if !works(&["fish", "-c", "exit 0"]) {
-        return skip("fish is not here", VARIABLE);
-    }
-    let rig = Rig::new();
-    let desk = desk(&rig);
-    let running = rig.held();
-    for (line, expected) in lines(&rig) {
+    offered_by("fish", fish_offers);
+}
+
+fn fish_offers(rig: &Rig, desk: &Path) {
+    for (line, expected) in lines(rig) {
         let mut fish = Command::new("fish");
-        fish.args(["--no-config", "-c"]).current_dir(&desk);
+        fish.args(["--no-config", "-c"]).current_dir(desk);
         fish.arg("hil completions fish | source; complete --do-complete $argv[1]");
         fish.arg(&line);
-        let output = fish.env("PATH", path()).env("HOME", &desk).output();
+        let output = fish.env("PATH", path()).env("HOME", desk).output();
         let output = output.expect("fish");
         let said = String::from_utf8_lossy(&output.stderr);
         assert_eq!(said, "", "{line}");
@@ -166,8 +161,6 @@ fn fish_offers_what_is_there() {
             "{line}: {offered}"
         );
     }
-    rig.in_session("resume").expect(0);
-    running.finish().expect(0);
 }
 
 /// Asks as the script of `bash` does.
