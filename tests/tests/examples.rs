@@ -6,16 +6,9 @@ use serde_json::Value;
 
 use crate::support::harness::Rig;
 use crate::support::mcap_reader::Recording;
-use crate::support::programs::{example, shipped, test_example, workspace};
+use crate::support::programs::{example, of_pendulum, shipped, test_example, workspace};
 
 const SCENARIO: &str = "examples/own-plant/pendulum.toml";
-
-/// Arguments that run the pendulum under its own law.
-fn own() -> String {
-    let (plant, controller) = (example("own-plant"), example("own-controller"));
-    let (plant, controller) = (plant.display(), controller.display());
-    format!("{SCENARIO} --plant-bin {plant} --controller-bin {controller}")
-}
 
 /// Error and its rate of the closed loop, in rad and rad/s, a time after they were `a` and `b`.
 ///
@@ -33,7 +26,7 @@ fn closed_form(t: f64, [a, b]: [f64; 2]) -> [f64; 2] {
 #[test]
 fn a_plant_and_a_law_from_outside_move_as_the_closed_form_says() {
     let rig = Rig::new();
-    let run = rig.run(&own()).expect(0);
+    let run = rig.run(&of_pendulum(SCENARIO)).expect(0);
     let recording = Recording::open(&run.recording());
     // From 0.2 rad at rest; at 1 s the wanted angle jumps by 0.3 rad.
     let [angle_rad, rate_radps] = closed_form(1.0, [0.2, 0.0]);
@@ -58,7 +51,7 @@ fn a_plant_and_a_law_from_outside_move_as_the_closed_form_says() {
 #[test]
 fn the_summary_names_the_programs_from_outside() {
     let rig = Rig::new();
-    let summary = rig.run(&own()).expect(0).summary();
+    let summary = rig.run(&of_pendulum(SCENARIO)).expect(0).summary();
     let name = |side: &str| summary[side]["binary"].as_str().expect("a path").to_owned();
     assert!(name("plant").ends_with("own-plant"));
     assert!(name("controller").ends_with("own-controller"));
@@ -72,13 +65,7 @@ fn a_pendulum_without_torque_falls_over_and_the_run_says_so() {
     let gains = "[controller.state-feedback]\nangle_nm_per_rad = 9.0\n";
     assert!(shipped.contains(gains));
     let falling = rig.write("falling.toml", &shipped.replace(gains, ""));
-    let (plant, controller) = (example("own-plant"), example("own-controller"));
-    let arguments = format!(
-        "{} --plant-bin {} --controller-bin {} --set controller.law=hold",
-        falling.display(),
-        plant.display(),
-        controller.display()
-    );
+    let arguments = of_pendulum(falling.display()) + " --set controller.law=hold";
     let run = rig.run(&arguments).expect(1);
     let reason = run.summary()["reason"]
         .as_str()
@@ -90,7 +77,7 @@ fn a_pendulum_without_torque_falls_over_and_the_run_says_so() {
 #[test]
 fn a_recording_carries_the_descriptions_of_programs_from_outside() {
     let rig = Rig::new();
-    let run = rig.run(&own()).expect(0);
+    let run = rig.run(&of_pendulum(SCENARIO)).expect(0);
     let attachments = Recording::open(&run.recording()).attachments();
     let described: Value =
         serde_json::from_str(&attachments["controller-description.json"]).expect("JSON");
@@ -137,14 +124,8 @@ fn a_parameter_of_a_plant_from_outside_is_open_to_the_built_in_faults() {
     let rig = Rig::new();
     let fault = "\n[[faults]]\nkind = \"scale\"\nat_s = 0.5\n[[faults.effects]]\ntarget = \"parameter.mass_kg\"\nfactor = 2\n";
     let faulted = rig.write("heavy.toml", &(shipped(SCENARIO) + fault));
-    let (plant, controller) = (example("own-plant"), example("own-controller"));
-    let arguments = format!(
-        "{} --plant-bin {} --controller-bin {}",
-        faulted.display(),
-        plant.display(),
-        controller.display()
-    );
-    let recording = Recording::open(&rig.run(&arguments).expect(0).recording());
+    let run = rig.run(&of_pendulum(faulted.display())).expect(0);
+    let recording = Recording::open(&run.recording());
     let mass_kg = |record| recording.value(&record, "parameter.mass_kg");
     let masses: Vec<f64> = recording.records().map(mass_kg).collect();
     assert_eq!(masses[500], 2.0 * masses[499]);

@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use crate::support::harness::{Rig, Run};
 use crate::support::mcap_reader::Recording;
-use crate::support::programs::{example, shipped};
+use crate::support::programs::{of_pendulum, shipped};
 
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
 const SHORT: &str = "--set run.duration_s=0.02 --set faults[0].at_s=0.01";
@@ -143,12 +143,7 @@ fn assert_recorded(curves: &[String], run: &Run) {
 #[test]
 fn every_curve_of_a_layout_is_a_signal_of_the_run_whatever_the_plant() {
     let rig = Rig::new();
-    let (plant, controller) = (example("own-plant"), example("own-controller"));
-    let own = format!(
-        "examples/own-plant/pendulum.toml --plant-bin {} --controller-bin {}",
-        plant.display(),
-        controller.display()
-    );
+    let own = of_pendulum("examples/own-plant/pendulum.toml");
     let runs = [
         rig.run(&format!("{SCENARIO} {SHORT}")).expect(0),
         rig.run(&format!("{SCENARIO} {SHORT} --set controller.law=pid"))

@@ -15,7 +15,7 @@ use copy::Copy;
 use crate::every_fault;
 use crate::support::harness::{Rig, Run, text, until};
 use crate::support::programs::{
-    example, misbehaving_controller, program, program_of_tests, shipped,
+    example, misbehaving_controller, of_pendulum, program, program_of_tests, shipped,
 };
 
 /// Two seconds of the hydraulic system; the runs here are shorter.
@@ -456,17 +456,12 @@ fn a_run_that_diverged_is_replayed_to_its_last_record() {
 #[test]
 fn a_run_of_a_plant_that_is_not_here_needs_its_recording_only() {
     let rig = Rig::new();
-    let (plant, controller) = (example("own-plant"), example("own-controller"));
-    let run = rig
-        .run(&format!(
-            "examples/own-plant/pendulum.toml --plant-bin {} --controller-bin {}",
-            plant.display(),
-            controller.display()
-        ))
-        .expect(0);
+    let run = rig.run(&of_pendulum("examples/own-plant/pendulum.toml"));
+    let run = run.expect(0);
     let moved = rig.path("moved.mcap");
     std::fs::rename(run.recording(), &moved).expect("moved");
-    let told = replayed(&rig, &moved, &["--controller-bin", text(&controller)], 0);
+    let own = example("own-controller");
+    let told = replayed(&rig, &moved, &["--controller-bin", text(&own)], 0);
     assert_eq!(
         (&told["verdict"], &told["law"]),
         (&"same".into(), &"state-feedback".into())

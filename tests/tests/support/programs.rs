@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
+use std::fmt::Display;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -129,6 +130,13 @@ pub(crate) fn other_hil() -> Option<PathBuf> {
 /// Builds a crate of `examples` and gives its program.
 pub(crate) fn example(name: &str) -> PathBuf {
     outside(&Path::new("examples").join(name), name)
+}
+
+/// Arguments that run a scenario with the pendulum of `examples` and its own law.
+pub(crate) fn of_pendulum(scenario: impl Display) -> String {
+    let (plant, controller) = (example("own-plant"), example("own-controller"));
+    let (plant, controller) = (plant.display(), controller.display());
+    format!("{scenario} --plant-bin {plant} --controller-bin {controller}")
 }
 
 /// Runs the tests of a crate of `examples`, without a network.
