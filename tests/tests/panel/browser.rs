@@ -2,12 +2,13 @@
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
+use std::path::Path;
 use std::process::{ChildStdout, Command, Stdio};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use serde_json::{Value, json};
 
-use super::stream::until_held;
+use super::stream::held;
 use super::{Panel, SCENARIO};
 use crate::support::company::Companion;
 use crate::support::harness::{Rig, Running};
@@ -65,10 +66,8 @@ impl Play {
 
 /// A run that is held before step 2500, with a panel that has seen it from its begin.
 pub(super) fn begun<'r>(rig: &'r Rig, pace: &str, arguments: &[&str]) -> (Running<'r>, Panel) {
-    let run = rig.start(&format!(
-        "{SCENARIO} {pace} --pause-at 0.001 --wait-limit 60"
-    ));
-    until_held(rig);
+    let paused = format!("{pace} --pause-at 0.001");
+    let run = held(rig, Path::new(SCENARIO), &paused);
     let panel = Panel::start(rig, arguments);
     rig.in_session("step 2499").expect(0);
     rig.until_held_at(2500);

@@ -5,7 +5,7 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use super::browser::begun;
-use super::stream::Client;
+use super::stream::{Client, held};
 use super::{Panel, SCENARIO};
 use crate::support::harness::{Rig, WATCHDOG};
 use crate::support::mcap_reader::Recording;
@@ -164,11 +164,7 @@ fn a_log_of_very_many_changes_is_whole() {
         })
         .collect();
     let scenario = rig.write("many.toml", &(shipped(SCENARIO) + &changes));
-    let run = rig.start(&format!(
-        "{} --set requirements=[] --pause-at 2.0 --wait-limit 60",
-        scenario.display()
-    ));
-    super::stream::until_held(&rig);
+    let run = held(&rig, &scenario, "--set requirements=[] --pause-at 2.0");
     let panel = Panel::start(&rig, &[]);
     let mut page = Page::at(&panel.url);
     page.until(|_, log| log.iter().filter(|row| row.starts_with("changed")).count() == 1200);

@@ -1,6 +1,7 @@
 //! Points that a page is sent, against the recording; and a page that takes nothing.
 
 use std::net::TcpStream;
+use std::path::Path;
 use std::time::Instant;
 
 use serde_json::{Value, json};
@@ -8,7 +9,7 @@ use tungstenite::{Message, WebSocket};
 
 use super::{Panel, SCENARIO};
 use crate::panel_socket::{connected, parts};
-use crate::support::harness::{Rig, WATCHDOG, until};
+use crate::support::harness::{Rig, Running, WATCHDOG, until};
 use crate::support::mcap_reader::Recording;
 use crate::support::programs::shipped;
 
@@ -146,11 +147,7 @@ fn points_have_the_least_and_the_greatest_value_of_all_their_records() {
     let rig = Rig::new();
     let spike = "\n[[faults]]\nkind = \"spike\"\nat_s = 0.789\neffects = [{ target = \"measured.position_m\", amplitude = 0.5 }]\n";
     let scenario = rig.write("spike.toml", &(shipped(SCENARIO) + spike));
-    let run = rig.start(&format!(
-        "{} --set requirements=[] --pause-at 0.001 --wait-limit 60",
-        scenario.display()
-    ));
-    until_held(&rig);
+    let run = held(&rig, &scenario, "--set requirements=[] --pause-at 0.001");
     let names = ["truth.position_m", "measured.position_m", "command.force_n"];
     let signals = names.map(|name| ["--signal", name]);
     let mut panel = Panel::start(&rig, signals.as_flattened());
@@ -210,8 +207,11 @@ fn points_have_the_least_and_the_greatest_value_of_all_their_records() {
     assert!(windows[0].length > 1 && stretches.iter().any(|[_, most]| *most > 0.4));
 }
 
-pub(super) fn until_held(rig: &Rig) {
+/// Starts a scenario and waits until it is held.
+pub(super) fn held<'r>(rig: &'r Rig, scenario: &Path, options: &str) -> Running<'r> {
+    let run = rig.start(&format!("{} {options} --wait-limit 60", scenario.display()));
     until("the run is held", || rig.status().paused);
+    run
 }
 
 #[test]
@@ -220,11 +220,7 @@ fn the_panel_of_a_scenario_chooses_readings_sliders_and_buttons() {
     let panel = "\n[panel]\nwindow_s = 2.0\nreadings = [\"tracking_error_m\", \"truth.*\"]\n\
                  tune = [\"reference.*\", \"plant.parameters.mass_kg\"]\ninject = [\"dropout measured.position_m\"]\n";
     let scenario = rig.write("panel.toml", &(shipped(SCENARIO) + panel));
-    let run = rig.start(&format!(
-        "{} --pause-at 0.001 --wait-limit 60",
-        scenario.display()
-    ));
-    until_held(&rig);
+    let run = held(&rig, &scenario, "--pause-at 0.001");
     let panel = Panel::start(&rig, &[]);
     let mut client = Client::greeted(&panel.url);
     let about = client.until(|told| told["tell"] == "about");
@@ -259,11 +255,7 @@ fn the_panel_of_a_scenario_chooses_readings_sliders_and_buttons() {
 
     let wrong = "\n[panel]\ninject = [\"leek\"]\n";
     let scenario = rig.write("wrong.toml", &(shipped(SCENARIO) + wrong));
-    let run = rig.start(&format!(
-        "{} --pause-at 0.001 --wait-limit 60",
-        scenario.display()
-    ));
-    until_held(&rig);
+    let run = held(&rig, &scenario, "--pause-at 0.001");
     rig.in_session("panel --no-open")
         .expect(2)
         .says(&["prepared fault 'leek'"]);
@@ -288,8 +280,8 @@ fn a_page_that_takes_nothing_costs_nothing_and_is_not_told_old_things_later() {
     let rig = Rig::new();
     let alone = rig.run("tests/scenarios/leakage.toml").expect(0).digest();
     // 20,000 steps at half of their speed, so that there is time for very many messages.
-    let run = rig.start("tests/scenarios/leakage.toml --pace 0.5 --pause-at 0.001 --wait-limit 60");
-    until_held(&rig);
+    let scenario = Path::new("tests/scenarios/leakage.toml");
+    let run = held(&rig, scenario, "--pace 0.5 --pause-at 0.001");
     let panel = Panel::start(&rig, &[]);
     let mut client = Client::greeted(&panel.url);
     client.until(|told| told["tell"] == "about");
