@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use serde_json::Value;
 
 use crate::support::company::busy_loop;
-use crate::support::harness::{Rig, Run, until};
+use crate::support::harness::{Rig, Run, until_gone};
 use crate::support::mcap_reader::Recording;
 
 /// Facts that are read, whether or not something is measured.
@@ -191,9 +191,7 @@ fn what_a_dead_session_left_is_gone_before_the_doctor_looks() {
     let running = rig.start("tests/scenarios/leakage.toml --set run.duration_s=1000");
     let children = running.children();
     running.kill();
-    until("both processes end by themselves", || {
-        children.iter().all(|child| !child.is_alive())
-    });
+    until_gone(&children);
     let run = rig.beside(&["doctor", "--quick", "--json"]);
     let report = report(&run, &READ);
     let sessions = finding(&report, "sessions");

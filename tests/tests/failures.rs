@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use rustix::process::Signal;
 
-use crate::support::harness::{Rig, Run, send, until};
+use crate::support::harness::{Rig, Run, send, until, until_gone};
 use crate::support::mcap_reader::{Record, Recording};
 use crate::support::programs::{misbehaving_controller, misbehaving_plant, program};
 
@@ -126,9 +126,7 @@ fn a_stopped_hil_ends_the_run_with_every_clock() {
             sizes.len() > 4
         });
         running.signal(Signal::STOP);
-        until("both processes end by themselves", || {
-            !children.iter().any(|child| child.is_alive())
-        });
+        until_gone(&children);
         running.signal(Signal::CONT);
         let summary = running.finish().expect(3).summary();
         let reason = summary["reason"].as_str().expect("a reason");

@@ -8,7 +8,7 @@ use rustix::process::Signal;
 use serde_json::Value;
 use shared_types::session::SessionInfo;
 
-use crate::support::harness::{Rig, send, until};
+use crate::support::harness::{Rig, send, until, until_gone};
 use crate::support::mcap_reader::{Record, Recording};
 use crate::support::programs::{program, workspace};
 
@@ -46,9 +46,7 @@ fn what_a_killed_hil_recorded_becomes_a_normal_run() {
     let running = rig.start(RUN);
     let children = running.children();
     running.kill();
-    until("both processes end by themselves", || {
-        children.iter().all(|child| !child.is_alive())
-    });
+    until_gone(&children);
     rig.hil(&["sessions", "--clean"]).expect(0);
     let folder = rig.path("run0");
     let (run, file) = (folder.to_str().expect("text"), folder.join("run.mcap"));

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use crate::support::harness::{Rig, Run, until};
+use crate::support::harness::{Rig, Run, until, until_gone};
 use crate::support::programs::workspace;
 
 /// Runs `hil` in the folder of the test.
@@ -202,9 +202,7 @@ fn a_run_that_goes_on_stays_and_one_that_was_killed_is_broken() {
     assert!(told.contains("it goes on"), "{told}");
     assert!(folder.join("scenario.toml").exists());
     running.kill();
-    until("both processes end by themselves", || {
-        children.iter().all(|child| !child.is_alive())
-    });
+    until_gone(&children);
     assert_eq!(verdict(), "broken");
     remove();
     assert!(!folder.exists());

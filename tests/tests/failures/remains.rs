@@ -3,7 +3,7 @@
 use rustix::process::Signal;
 
 use super::{Aborted, LONG, misbehaves, misbehaviour};
-use crate::support::harness::{Rig, send, until};
+use crate::support::harness::{Rig, send, until, until_gone};
 use crate::support::mcap_reader::Recording;
 use crate::support::programs::{misbehaving_controller, program};
 
@@ -107,9 +107,7 @@ fn without_hil_both_processes_end_and_the_next_hil_cleans_up() {
     let running = rig.start(LONG);
     let children = running.children();
     running.kill();
-    until("both processes end by themselves", || {
-        children.iter().all(|child| !child.is_alive())
-    });
+    until_gone(&children);
     assert!(
         rig.session_folder().exists(),
         "nobody was there to remove it"

@@ -443,6 +443,13 @@ pub(crate) fn until(what: &str, mut happened: impl FnMut() -> bool) {
     }
 }
 
+/// Waits until processes have ended by themselves.
+pub(crate) fn until_gone(processes: &[ProcessId]) {
+    until("all processes end by themselves", || {
+        processes.iter().all(|process| !process.is_alive())
+    });
+}
+
 /// Waits for the end of a process.
 pub(crate) fn ended(process: &mut Child) -> ExitStatus {
     let mut status = None;
