@@ -3,8 +3,8 @@
 
 use serde_json::Value;
 
+use crate::succession::applied_n;
 use crate::support::harness::{Rig, Run};
-use crate::support::mcap_reader::{Record, Recording};
 use crate::support::programs::program_of_tests;
 
 /// Samples that the chatting controller answers.
@@ -28,13 +28,6 @@ fn chats(rig: &Rig, law: &str, policy: &str, clock: &str) -> Run {
     rig.run(&format!(
         "{path} --controller-bin {controller} --clock {clock} --wait-limit 0.3"
     ))
-}
-
-fn applied_n(run: &Run) -> Vec<f64> {
-    let recording = Recording::open(&run.recording());
-    let records: Vec<Record> = recording.records().collect();
-    let applied = (records.iter()).map(|record| recording.value(record, "applied.force_n"));
-    applied.filter(|force_n| !force_n.is_nan()).collect()
 }
 
 #[track_caller]

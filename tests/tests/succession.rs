@@ -11,7 +11,7 @@ use shared_types::link::{Link, LinkError};
 use shared_types::session::SessionInfo;
 
 use crate::support::harness::{Rig, Run, Running, send, until};
-use crate::support::mcap_reader::{Record, Recording};
+use crate::support::mcap_reader::Recording;
 use crate::support::programs::{misbehaving_controller, program, program_of_tests};
 
 /// The step at which the laws of the misbehaving controller misbehave, counted from their first.
@@ -39,13 +39,10 @@ fn scenario(rig: &Rig, law: &str, policy: &str) -> String {
 }
 
 /// The forces that the plant met, all steps of which there is a command.
-fn applied_n(run: &Run) -> Vec<f64> {
-    let recording = Recording::open(&run.recording());
-    let records: Vec<Record> = recording.records().collect();
-    let applied = records
-        .iter()
-        .map(|record| recording.value(record, "applied.force_n"));
-    applied.filter(|force_n| !force_n.is_nan()).collect()
+pub(crate) fn applied_n(run: &Run) -> Vec<f64> {
+    let mut applied = Recording::open(&run.recording()).column("applied.force_n");
+    applied.retain(|force_n| !force_n.is_nan());
+    applied
 }
 
 fn lost_at(summary: &Value, controller: usize) -> u64 {
