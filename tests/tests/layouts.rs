@@ -42,7 +42,7 @@ fn values<'v>(json: &'v Value, key: &str, found: &mut Vec<&'v Value>) {
 }
 
 /// The panels of a tree, or of the trees of its tabs.
-fn panels(tree: &Value, found: &mut Vec<String>) {
+pub(crate) fn panels(tree: &Value, found: &mut Vec<String>) {
     match tree {
         Value::String(id) => found.push(id.clone()),
         tree => {

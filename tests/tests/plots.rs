@@ -4,6 +4,7 @@ use std::process::Command;
 
 use serde_json::Value;
 
+use crate::layouts::panels;
 use crate::monitor::json_state;
 use crate::report::page::Page;
 use crate::support::harness::{Rig, until};
@@ -26,15 +27,6 @@ fn titles_on_screen(text: &str) -> Vec<String> {
 
 /// Titles of the panels of a layout for Foxglove, with those of their pages.
 fn titles_of_layout(layout: &Value) -> Vec<(String, String)> {
-    fn panels(tree: &Value, found: &mut Vec<String>) {
-        match tree.as_str() {
-            Some(id) => found.push(id.to_owned()),
-            None => {
-                panels(&tree["first"], found);
-                panels(&tree["second"], found);
-            }
-        }
-    }
     let configs = &layout["configById"];
     let mut titles = Vec::new();
     for tab in configs["Tab!hil"]["tabs"].as_array().expect("tabs") {
