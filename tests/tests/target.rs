@@ -12,7 +12,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
 use crate::support::board::Board;
-use crate::support::harness::{Rig, Run, text, until};
+use crate::support::harness::{Rig, Run, send, text, until};
 use crate::support::programs::{program, workspace};
 
 /// Less than a second of the teaching run, without metrics and requirements.
@@ -32,11 +32,6 @@ fn hil(rig: &Rig, board: &Board, arguments: &[&str]) -> Run {
 
 fn log(run: &Run) -> String {
     std::fs::read_to_string(run.folder.join("controller.log")).unwrap_or_default()
-}
-
-fn kill(pid: u32, signal: Signal) {
-    let pid = Pid::from_raw(pid as i32).expect("a number");
-    kill_process(pid, signal).expect("it is there");
 }
 
 /// The process there with this first argument, once it is there.
@@ -306,7 +301,7 @@ fn a_controller_that_dies_there_is_named_and_the_policy_is_applied() {
     let long = "scenarios/spring-mass.toml --pace 1 --set requirements=[]";
     let running = rig.start_with(board.hil(), &format!("{long} {ON_BOARD}"));
     under_way(&rig);
-    kill(there(&board, "--session"), Signal::KILL);
+    send(there(&board, "--session"), Signal::KILL);
     let run = running.finish().expect(3);
     let said = [&run.stderr, &*log(&run)].concat();
     assert!(
@@ -318,7 +313,7 @@ fn a_controller_that_dies_there_is_named_and_the_policy_is_applied() {
     let restart = "--set run.on_controller_loss=wait-for-restart --set metrics=[]";
     let running = rig.start_with(board.hil(), &format!("{long} {restart} {ON_BOARD}"));
     under_way(&rig);
-    kill(there(&board, "--session"), Signal::KILL);
+    send(there(&board, "--session"), Signal::KILL);
     let summary = running.finish().expect(0).summary();
     assert_eq!(
         summary["controllers"].as_array().map(Vec::len),
@@ -339,7 +334,7 @@ fn an_agent_that_is_killed_ends_the_run_and_the_next_contact_removes_what_it_lef
     );
     running.children_at_once();
     there(&board, "--session");
-    kill(there(&board, "agent"), Signal::KILL);
+    send(there(&board, "agent"), Signal::KILL);
     let run = running.finish_beside_another().expect(3);
     let said = [&run.stderr, &*log(&run)].concat();
     assert!(said.contains("target me@board: connection lost"), "{said}");
@@ -382,7 +377,7 @@ fn a_silent_target_is_given_up_by_name() {
     running.children_at_once();
     there(&board, "--session");
     let agent = there(&board, "agent");
-    kill(agent, Signal::STOP);
+    send(agent, Signal::STOP);
     let run = running.finish_beside_another().expect(3);
     assert!(
         log(&run).contains("target me@board: nothing received since step"),
