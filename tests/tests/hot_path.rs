@@ -5,8 +5,6 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use controller_process::laws;
 use controller_process::runner::{Runner, choose};
-use hil_config::plan::Plan;
-use hil_config::scenario::Scenario;
 use plant_process::engine::{Engine, Progress};
 use plant_process::faults::kinds;
 use plant_process::models;
@@ -17,9 +15,10 @@ use shared_types::session::Session;
 use shared_types::stream::iceoryx::{IceoryxSink, IceoryxSource};
 use shared_types::stream::{self, Backpressure, Item, RecordSink, RecordSource};
 
+use crate::requirements::plan;
 use crate::support::harness::Rig;
 use crate::support::mcap_reader::Recording;
-use crate::support::programs::{program, shipped, skip, works, workspace};
+use crate::support::programs::{program, skip, works};
 
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
 /// System calls of a wait: giving the core away, a sleep or its end for the other side, and a clock that the
@@ -158,23 +157,12 @@ effects = [{ target = "reference.surface_angle_rad", bias = 1 }]
 
 /// The scenario's jobs for both sides.
 fn jobs(session: u64) -> (plant_process::job::Job, controller_process::job::Job) {
-    let describe = |kind: &plant_process::plant::PlantKind| kind.description.clone();
-    let plants: Vec<_> = models::all().iter().map(describe).collect();
-    let laws: Vec<_> = laws::all()
-        .iter()
-        .map(|kind| kind.description.clone())
-        .collect();
-    let kinds: Vec<_> = kinds::all()
-        .into_iter()
-        .map(|kind| kind.description)
-        .collect();
-    let (text, path) = (shipped(SCENARIO) + FAULTS, workspace().join(SCENARIO));
-    let scenario = Scenario::parse(&text, path).expect("it is TOML");
     // Faults act while allocations are counted, but none begins then.
-    let plan: Plan = scenario
-        .set(&["faults[0].at_s=0.01", "controller.law=pid"])
-        .check(&plants, &laws, &kinds)
-        .unwrap_or_else(|problems| panic!("{problems}"));
+    let plan = plan(
+        SCENARIO,
+        FAULTS,
+        &["faults[0].at_s=0.01", "controller.law=pid"],
+    );
     let plant = plant_process::job::Job::of(&plan, session, 5.0);
     let (model, rate, plan) = (&plan.plant.model, plan.run.rate, plan.controller);
     let controller = controller_process::job::Job {

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use shared_types::time::Step;
 
 use crate::support::harness::{Rig, Run};
-use crate::support::programs::shipped;
+use crate::support::programs::{shipped, workspace};
 
 const SHORT: &str = "tests/scenarios/leakage.toml";
 const SPRING_MASS: &str = "scenarios/spring-mass.toml";
@@ -167,28 +167,20 @@ fn a_run_that_diverges_leaves_undecided_what_was_not_certain() {
     assert_eq!(judged["requirements"], summary["requirements"]);
 }
 
-/// The plan of a scenario with the laws and plants that are built in.
-fn plan(text: &str) -> Plan {
-    let plants: Vec<_> = models::all()
-        .iter()
-        .map(|plant| plant.description.clone())
-        .collect();
-    let kinds: Vec<_> = kinds::all()
-        .iter()
-        .map(|kind| kind.description.clone())
-        .collect();
-    let laws: Vec<_> = laws::all()
-        .iter()
-        .map(|law| law.description.clone())
-        .collect();
-    let scenario = Scenario::parse(text, "required.toml").expect("TOML");
-    let checked = scenario.check(&plants, &laws, &kinds);
+/// The plan of a changed scenario of the workspace, with the laws and plants that are built in.
+pub(crate) fn plan(scenario: &str, more: &str, changes: &[&str]) -> Plan {
+    let plants = Vec::from_iter(models::all().into_iter().map(|plant| plant.description));
+    let laws = Vec::from_iter(laws::all().into_iter().map(|law| law.description));
+    let kinds = Vec::from_iter(kinds::all().into_iter().map(|kind| kind.description));
+    let text = shipped(scenario) + more;
+    let scenario = Scenario::parse(&text, workspace().join(scenario)).expect("TOML");
+    let checked = scenario.set(changes).check(&plants, &laws, &kinds);
     checked.unwrap_or_else(|problems| panic!("{problems}"))
 }
 
 #[test]
 fn judging_allocates_nothing() {
-    let plan = plan(&(shipped(SHORT) + REQUIREMENTS));
+    let plan = plan(SHORT, REQUIREMENTS, &[]);
     let plants = models::all();
     let plant = plants
         .iter()
