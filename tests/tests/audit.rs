@@ -8,11 +8,7 @@ use crate::support::programs::program_of_tests;
 
 /// A quarter of a second of the teaching plant at 1 kHz under a law of the test's controller.
 fn audited(rig: &Rig, law: &str, arguments: &str) -> Run {
-    let text = format!(
-        "schema = 1\nname = \"audited\"\n[run]\nduration_s = 0.25\nrate_hz = 1000\n\
-         [plant]\nmodel = \"spring-mass\"\n[controller]\nlaw = \"{law}\"\n"
-    );
-    let scenario = rig.write("audited.toml", &text);
+    let scenario = rig.scenario(0.25, "spring-mass", law);
     let controller = program_of_tests("clock-reading-controller");
     rig.run(&format!(
         "{} --audit --controller-bin {} {arguments}",

@@ -3,7 +3,7 @@
 
 use serde_json::Value;
 
-use crate::succession::applied_n;
+use crate::succession::{SAFE_N, STEPS, applied_n, losing};
 use crate::support::harness::{Rig, Run};
 use crate::support::programs::program_of_tests;
 
@@ -11,18 +11,10 @@ use crate::support::programs::program_of_tests;
 const ANSWERED: u64 = 100;
 /// Force that the chatting controller commands.
 const FORCE_N: f64 = 0.5;
-const SAFE_N: f64 = -0.25;
-const STEPS: u64 = 1000;
 
 /// The teaching plant for a second under a law that chats.
 fn chats(rig: &Rig, law: &str, policy: &str, clock: &str) -> Run {
-    let text = format!(
-        "schema = 1\nname = \"chatter\"\n\
-         [run]\nduration_s = 1.0\nrate_hz = {STEPS}\non_controller_loss = \"{policy}\"\n\
-         [plant]\nmodel = \"spring-mass\"\n[plant.safe_command]\nforce_n = {SAFE_N}\n\
-         [controller]\nlaw = \"{law}\"\n"
-    );
-    let path = rig.write("scenario.toml", &text);
+    let path = losing(rig, law, policy);
     let (path, controller) = (path.display(), program_of_tests("chatting-controller"));
     let controller = controller.display();
     rig.run(&format!(

@@ -144,16 +144,12 @@ fn wrong_flags_are_refused() {
 #[test]
 fn signals_that_nothing_gives_are_refused_with_the_nearest_name() {
     let rig = Rig::new();
-    let text = "schema = 1\nname = \"unbound\"\n\
-        [run]\nduration_s = 1.0\nrate_hz = 1000\n\
-        [plant]\nmodel = \"spring-mass\"\n\
-        [controller]\nlaw = \"LAW\"\n";
     // The teaching plant's own law wants a reference, and there is no stimulus.
-    let path = rig.write("pid.toml", &text.replace("LAW", "pid"));
+    let path = rig.scenario(1.0, "spring-mass", "pid");
     let fragments = ["reference", "position_m"];
     refuse(&rig, path.to_str().expect("plain"), &fragments);
     // A law from outside wants a measured signal that no plant has.
-    let path = rig.write("moons.toml", &text.replace("LAW", "moons"));
+    let path = rig.scenario(1.0, "spring-mass", "moons");
     let controller = misbehaving_controller();
     let arguments = format!(
         "{} --controller-bin {}",

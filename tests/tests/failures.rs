@@ -140,16 +140,8 @@ fn misbehaves(rig: &Rig, law: &str) -> Run {
     misbehaves_as(rig, law, &misbehaving_controller())
 }
 
-fn misbehaviour(rig: &Rig, law: &str) -> PathBuf {
-    let shipped = "schema = 1\nname = \"misbehaviour\"\n\
-        [run]\nduration_s = 1.0\nrate_hz = 1000\n\
-        [plant]\nmodel = \"spring-mass\"\n\
-        [controller]\nlaw = \"LAW\"\n";
-    rig.write("scenario.toml", &shipped.replace("LAW", law))
-}
-
 fn misbehaves_as(rig: &Rig, law: &str, controller: &Path) -> Run {
-    let scenario = misbehaviour(rig, law);
+    let scenario = rig.scenario(1.0, "spring-mass", law);
     let (scenario, controller) = (scenario.display(), controller.display());
     let wait_limit_s = wait_limit_s(law);
     rig.run(&format!(
@@ -234,11 +226,7 @@ fn a_controller_that_never_answers_again_is_named_with_the_step() {
 
 /// A plant of the misbehaving plants; each does its deed at the end of its hundredth step.
 fn plant_misbehaves(rig: &Rig, model: &str) -> Run {
-    let text = format!(
-        "schema = 1\nname = \"misbehaviour\"\n[run]\nduration_s = 1.0\nrate_hz = 1000\n\
-         [plant]\nmodel = \"{model}\"\n[controller]\nlaw = \"hold\"\n"
-    );
-    let scenario = rig.write("scenario.toml", &text);
+    let scenario = rig.scenario(1.0, model, "hold");
     let plant = poor(rig, &misbehaving_plant());
     let (scenario, plant) = (scenario.display(), plant.display());
     let wait_limit_s = wait_limit_s(model);

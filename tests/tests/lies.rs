@@ -10,11 +10,7 @@ use crate::support::programs::{misbehaving_controller, program, program_of_tests
 
 /// A second of the lying plant with 1000 steps; the model is the lie.
 fn lies(rig: &Rig, lie: &str, more: &str) -> Run {
-    let text = format!(
-        "schema = 1\nname = \"lie\"\n[run]\nduration_s = 1.0\nrate_hz = 1000\n\
-         [plant]\nmodel = \"{lie}\"\n[controller]\nlaw = \"hold\"\n"
-    );
-    let scenario = rig.write("scenario.toml", &text);
+    let scenario = rig.scenario(1.0, lie, "hold");
     let (scenario, plant) = (scenario.display(), program_of_tests("lying-plant"));
     let plant = plant.display();
     rig.run(&format!(
@@ -169,11 +165,7 @@ fn a_lie_is_found_out_whatever_is_recorded_and_whoever_may_be_lost() {
 
 /// The teaching plant under a law of the misbehaving controller.
 fn under(rig: &Rig, law: &str, more: &str) -> Run {
-    let text = format!(
-        "schema = 1\nname = \"hello\"\n[run]\nduration_s = 0.1\nrate_hz = 1000\n\
-         [plant]\nmodel = \"spring-mass\"\n[controller]\nlaw = \"{law}\"\n"
-    );
-    let scenario = rig.write("scenario.toml", &text);
+    let scenario = rig.scenario(0.1, "spring-mass", law);
     let (scenario, controller) = (scenario.display(), misbehaving_controller());
     let controller = controller.display();
     rig.run(&format!(

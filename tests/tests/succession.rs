@@ -1,7 +1,7 @@
 //! Controllers that are lost and controllers that take over: how the run goes on, and who may speak for
 //! the controller at all.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use rustix::process::Signal;
 use serde_json::Value;
@@ -18,19 +18,23 @@ use crate::support::programs::{misbehaving_controller, program, program_of_tests
 const WHEN: u64 = 100;
 /// Force that these laws command before that step.
 const BEFORE_N: f64 = 0.5;
-const SAFE_N: f64 = -0.25;
-const STEPS: u64 = 1000;
+pub(crate) const SAFE_N: f64 = -0.25;
+pub(crate) const STEPS: u64 = 1000;
 
-/// The teaching plant for a second under a law that misbehaves.
-fn scenario(rig: &Rig, law: &str, policy: &str) -> String {
+/// The teaching plant for a second under a law that may be lost.
+pub(crate) fn losing(rig: &Rig, law: &str, policy: &str) -> PathBuf {
     let text = format!(
         "schema = 1\nname = \"loss\"\n\
          [run]\nduration_s = 1.0\nrate_hz = {STEPS}\non_controller_loss = \"{policy}\"\n\
          [plant]\nmodel = \"spring-mass\"\n[plant.safe_command]\nforce_n = {SAFE_N}\n\
          [controller]\nlaw = \"{law}\"\n"
     );
-    let path = rig.write("scenario.toml", &text);
-    let controller = misbehaving_controller();
+    rig.write("scenario.toml", &text)
+}
+
+/// The same under a law that misbehaves.
+fn scenario(rig: &Rig, law: &str, policy: &str) -> String {
+    let (path, controller) = (losing(rig, law, policy), misbehaving_controller());
     format!(
         "{} --controller-bin {} --wait-limit 0.5",
         path.display(),

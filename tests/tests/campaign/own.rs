@@ -19,13 +19,9 @@ fn short() -> String {
 
 /// Twelve cases of a plant of `case-plant`, at the positions 0 to 11.
 fn twelve(rig: &Rig, model: &str, more: &str) -> PathBuf {
-    let scenario = format!(
-        "schema = 1\nname = \"cases\"\n[run]\nduration_s = 0.01\nrate_hz = 1000\n\
-         [plant]\nmodel = \"{model}\"\n[controller]\nlaw = \"hold\"\n"
-    );
-    rig.write("cases.toml", &scenario);
+    rig.scenario(0.01, model, "hold");
     let study = format!(
-        "schema = 1\nscenario = \"cases.toml\"\nseed = 1\nsampling = \"grid\"\n{more}\n\
+        "schema = 1\nscenario = \"scenario.toml\"\nseed = 1\nsampling = \"grid\"\n{more}\n\
          [[vary]]\nkey = \"plant.parameters.position_m\"\nkind = \"list\"\n\
          values = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11]\n"
     );

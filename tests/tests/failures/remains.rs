@@ -2,7 +2,7 @@
 
 use rustix::process::Signal;
 
-use super::{Aborted, LONG, misbehaves, misbehaviour};
+use super::{Aborted, LONG, misbehaves};
 use crate::support::harness::{Rig, send, until, until_gone};
 use crate::support::mcap_reader::Recording;
 use crate::support::programs::{misbehaving_controller, program};
@@ -39,7 +39,7 @@ fn what_a_side_leaves_running_ends_with_the_run() {
 #[test]
 fn what_escaped_from_a_killed_hil_ends_with_the_next() {
     let rig = Rig::alone();
-    let scenario = misbehaviour(&rig, "forks");
+    let scenario = rig.scenario(1.0, "spring-mass", "forks");
     let controller = misbehaving_controller();
     let (scenario, controller) = (scenario.display(), controller.display());
     let running = rig.start(&format!(

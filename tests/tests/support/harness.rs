@@ -83,6 +83,15 @@ impl Rig {
         path
     }
 
+    /// Writes a scenario of a plant at 1 kHz under a law, without stimuli.
+    pub(crate) fn scenario(&self, duration_s: f64, model: &str, law: &str) -> PathBuf {
+        let text = format!(
+            "schema = 1\nname = \"small\"\n[run]\nduration_s = {duration_s:?}\nrate_hz = 1000\n\
+             [plant]\nmodel = \"{model}\"\n[controller]\nlaw = \"{law}\"\n"
+        );
+        self.write("scenario.toml", &text)
+    }
+
     /// Writes an executable script.
     pub(crate) fn script(&self, name: &str, text: &str) -> PathBuf {
         let path = self.write(name, text);
