@@ -3,7 +3,7 @@
 
 use serde_json::Value;
 
-use crate::support::harness::{Rig, Run};
+use crate::support::harness::{Rig, Run, names};
 use crate::support::programs::program_of_tests;
 
 /// A quarter of a second of the teaching plant at 1 kHz under a law of the test's controller.
@@ -40,13 +40,8 @@ fn a_law_that_sees_only_its_samples_has_one_digest_under_all_conditions() {
         .iter()
         .filter(|one| one["agrees"] == true);
     assert!(ran.count() >= 5);
-    let kept = std::fs::read_dir(&honest.folder)
-        .expect("a folder")
-        .flatten();
-    let left: Vec<_> = kept
-        .map(|entry| entry.file_name())
-        .filter(|name| name.to_string_lossy().starts_with("audit"))
-        .collect();
+    let mut left = names(&honest.folder);
+    left.retain(|name| name.starts_with("audit"));
     assert!(left.is_empty(), "{left:?}");
 }
 

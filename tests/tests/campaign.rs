@@ -14,7 +14,7 @@ use std::process::Command;
 use rustix::process::Signal;
 use serde_json::Value;
 
-use crate::support::harness::{Rig, Run, text, until};
+use crate::support::harness::{Rig, Run, names, text, until};
 use crate::support::programs::{program, skip, workspace};
 use crate::support::python::{python, succeeds};
 
@@ -111,17 +111,9 @@ fn one_worker_or_three_and_whatever_kills_them_give_one_digest() {
         (&60.into(), &0.into())
     );
     for entry in std::fs::read_dir(three.join("shards")).expect("shards") {
-        let entry = entry.expect("a shard").path();
-        let mut left: Vec<String> = (std::fs::read_dir(&entry).expect("a folder"))
-            .map(|file| {
-                file.expect("a file")
-                    .file_name()
-                    .to_string_lossy()
-                    .into_owned()
-            })
-            .collect();
-        left.sort();
-        assert_eq!(left, ["claim", "curves.json", "part.parquet"]);
+        let left = names(&entry.expect("a shard").path());
+        let wanted = ["claim", "curves.json", "part.parquet"];
+        assert_eq!(left, wanted.map(String::from).into());
     }
 }
 

@@ -6,21 +6,13 @@ use std::process::Command;
 
 use serde_json::Value;
 
-use crate::support::harness::{Rig, Run};
+use crate::support::harness::{Rig, Run, names};
 use crate::support::programs::{NO_DEBUG, finish, target, workspace};
 
 /// Runs `hil` in the folder of the test.
 fn hil(rig: &Rig, line: &str) -> Run {
     let words: Vec<&str> = line.split(' ').collect();
     rig.hil_in(&rig.path(""), &words)
-}
-
-fn names(folder: &Path) -> Vec<String> {
-    let entries = fs::read_dir(folder).expect("a folder").flatten();
-    let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
-    let mut names: Vec<String> = names.collect();
-    names.sort();
-    names
 }
 
 /// Builds a crate that was made, with what the crates of `examples` have built of the framework.
@@ -57,7 +49,7 @@ fn a_folder_names_the_framework_by_a_relative_path() {
         "cart.toml",
         "src",
     ];
-    assert_eq!(names(&cart), wanted);
+    assert_eq!(names(&cart), wanted.map(String::from).into());
     for file in files {
         let file = file.as_str().expect("text");
         let text = fs::read_to_string(cart.join(file)).expect("text");
@@ -143,6 +135,6 @@ fn what_cannot_be_made_is_refused_and_nothing_is_left() {
             "{line}: {}",
             run.stderr
         );
-        assert_eq!(names(&rig.path("")), ["there"], "{line}");
+        assert_eq!(names(&rig.path("")), ["there".to_owned()].into(), "{line}");
     }
 }

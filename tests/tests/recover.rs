@@ -8,7 +8,7 @@ use rustix::process::Signal;
 use serde_json::Value;
 use shared_types::session::SessionInfo;
 
-use crate::support::harness::{Rig, send, until, until_gone};
+use crate::support::harness::{Rig, names, send, until, until_gone};
 use crate::support::mcap_reader::{Record, Recording};
 use crate::support::programs::{program, workspace};
 
@@ -264,10 +264,7 @@ fn what_a_killed_command_left_is_removed_by_the_next() {
     let folder = run.folder;
     let shown = folder.to_str().expect("text");
     let unfinished = || {
-        let entries = std::fs::read_dir(&folder)
-            .expect("the run's folder")
-            .flatten();
-        let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
+        let names = names(&folder).into_iter();
         names.filter(|name| name.starts_with('.')).count()
     };
     let table = folder.join("table.csv");

@@ -1,6 +1,5 @@
 //! Several runs by one command: one verdict table, one exit code, runs that do not disturb each other.
 
-use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
@@ -9,7 +8,7 @@ use serde_json::Value;
 use shared_types::process::ProcessId;
 use shared_types::session::SessionInfo;
 
-use crate::support::harness::{Rig, Running, until};
+use crate::support::harness::{Rig, Running, names, until};
 use crate::support::programs::program_of_tests;
 
 /// A quarter of a second of the teaching plant at 1 kHz, or one that leaves its limits.
@@ -168,12 +167,6 @@ fn lasting(summary: &Value) -> Value {
     lasting
 }
 
-fn files(folder: &Path) -> BTreeSet<String> {
-    let entries = fs::read_dir(folder).expect("a folder").flatten();
-    let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
-    names.collect()
-}
-
 /// Sessions of a suite that are there, by the name that they begin with.
 fn sessions(rig: &Rig) -> Vec<SessionInfo> {
     let all = rig.session_folder();
@@ -225,7 +218,7 @@ fn runs_side_by_side_in_one_process_are_those_that_they_are_alone() {
             for run in runs.iter().skip(number).step_by(3) {
                 let folder = all.folder.join(run["label"].as_str().expect("a label"));
                 assert_eq!(lasting(&summary_in(&folder)), wanted, "{path}");
-                assert_eq!(files(&folder), files(&alone.folder));
+                assert_eq!(names(&folder), names(&alone.folder));
             }
         }
     }
@@ -279,7 +272,7 @@ fn a_suite_in_one_process_takes_requests_and_ends_on_ctrl_c() {
     let suite = suite.finish().expect(130);
     assert!(sessions(&rig).is_empty());
     assert_eq!(
-        files(&suite.folder),
+        names(&suite.folder),
         ["good-1", "good-2"].map(String::from).into()
     );
     let ended = summary_in(&suite.folder.join("good-2"));

@@ -3,6 +3,7 @@
 //! A rig has a session name, a folder and a watchdog. After every `hil` it looks for processes, shared
 //! memory and folders that should be gone. A watchdog that barks fails the test; no test measures time.
 
+use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::io::Read;
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
@@ -438,6 +439,13 @@ fn process_id(pid: u32) -> Pid {
 /// Reads a path as text, for a command line.
 pub(crate) fn text(path: &Path) -> &str {
     path.to_str().expect("plain text")
+}
+
+/// Lists the names of what is in a folder.
+pub(crate) fn names(folder: &Path) -> BTreeSet<String> {
+    let entries = std::fs::read_dir(folder).expect("a folder").flatten();
+    let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
+    names.collect()
 }
 
 /// Waits for something that must come; the watchdog barks if it does not.
