@@ -8,7 +8,7 @@ use rustix::process::Signal;
 use serde_json::Value;
 use shared_types::session::SessionInfo;
 
-use crate::support::harness::{Rig, names, send, until, until_gone};
+use crate::support::harness::{Rig, names, send, text, until, until_gone};
 use crate::support::mcap_reader::{Record, Recording};
 use crate::support::programs::{program, workspace};
 
@@ -49,7 +49,7 @@ fn what_a_killed_hil_recorded_becomes_a_normal_run() {
     until_gone(&children);
     rig.hil(&["sessions", "--clean"]).expect(0);
     let folder = rig.path("run0");
-    let (run, file) = (folder.to_str().expect("text"), folder.join("run.mcap"));
+    let (run, file) = (text(&folder), folder.join("run.mcap"));
     let before = records(&file);
     for command in [
         &["judge", run][..],
@@ -91,8 +91,7 @@ fn what_a_killed_hil_recorded_becomes_a_normal_run() {
     assert!(!judged.stderr.contains("hil recover"), "{}", judged.stderr);
     rig.hil(&["compare", run, run]).expect(0);
     let table = rig.path("table.csv");
-    rig.hil(&["export", run, "-o", table.to_str().expect("text")])
-        .expect(0);
+    rig.hil(&["export", run, "-o", text(&table)]).expect(0);
     let lines = std::fs::read_to_string(&table).expect("a table");
     assert_eq!(lines.lines().count(), 1 + after.len());
     rig.hil(&["replay", run]).expect(0);
@@ -111,7 +110,7 @@ fn a_live_recording_is_not_touched() {
     let running = rig.start("scenarios/severe-leakage.toml --set run.duration_s=100");
     running.wait_for_records();
     let folder = rig.path("run0");
-    let refused = rig.beside(&["recover", folder.to_str().expect("text")]);
+    let refused = rig.beside(&["recover", text(&folder)]);
     refused.expect(2).says(&["is still writing", rig.session()]);
     running.signal(Signal::INT);
     let run = running.finish().expect(130);
@@ -166,7 +165,7 @@ fn every_answered_step_of_a_killed_controller_is_recorded() {
         found.len(),
         "steps that the plant executed"
     );
-    let run = run.folder.to_str().expect("text");
+    let run = text(&run.folder);
     let judged = rig.hil(&["judge", run, "--json"]).expect(1);
     assert_eq!(judged.json()["records"], found.len());
 }
@@ -175,7 +174,7 @@ fn every_answered_step_of_a_killed_controller_is_recorded() {
 fn a_replay_whose_controller_dies_says_so_in_json_too() {
     let rig = Rig::new();
     let run = rig.run(RUN);
-    let run = run.folder.to_str().expect("text").to_owned();
+    let run = text(&run.folder).to_owned();
     let replay = rig.start_hil(&["replay", &run, "--json", "--session", rig.session()]);
     let mut controller = None;
     until("the controller is started", || {
@@ -222,11 +221,7 @@ fn a_full_disk_stops_the_run_with_a_readable_file_and_a_summary() {
     let summary = run.summary();
     let reason = summary["reason"].as_str().expect("a reason");
     let path = run.recording();
-    for fragment in [
-        "cannot write ",
-        path.to_str().expect("text"),
-        "File too large",
-    ] {
+    for fragment in ["cannot write ", text(&path), "File too large"] {
         assert!(reason.contains(fragment), "{reason}");
     }
     let found = records(&path);
@@ -248,8 +243,7 @@ fn a_full_disk_stops_the_run_with_a_readable_file_and_a_summary() {
     assert!(run.stdout.contains(&both), "{}", run.stdout);
     assert_eq!(summary["verdict"], "aborted");
     // It has an end, or the reason says what makes one.
-    let recovered = rig.hil(&["recover", run.folder.to_str().expect("text")]);
-    let recovered = recovered.expect(0);
+    let recovered = rig.hil(&["recover", text(&run.folder)]).expect(0);
     let was_whole = recovered.stdout.contains("is whole");
     assert_eq!(was_whole, !reason.contains("hil recover "), "{reason}");
     let recording = Recording::open(&path);
@@ -262,13 +256,13 @@ fn what_a_killed_command_left_is_removed_by_the_next() {
     let rig = Rig::new();
     let run = rig.run(RUN);
     let folder = run.folder;
-    let shown = folder.to_str().expect("text");
+    let shown = text(&folder);
     let unfinished = || {
         let names = names(&folder).into_iter();
         names.filter(|name| name.starts_with('.')).count()
     };
     let table = folder.join("table.csv");
-    let export = ["export", shown, "-o", table.to_str().expect("text")];
+    let export = ["export", shown, "-o", text(&table)];
     let exporting = rig.start_hil(&export);
     until("a file is being written", || unfinished() == 1);
     exporting.kill();
@@ -299,22 +293,13 @@ fn every_command_names_a_damaged_recording() {
     let rig = Rig::new();
     let small = rig.write("small.toml", SMALL);
     let sound = rig.run(&small.display().to_string()).expect(0).folder;
-    let sound = sound.to_str().expect("text");
+    let sound = text(&sound);
     let broken = rig.path("broken");
     std::fs::create_dir(&broken).expect("made");
     let file = broken.join("run.mcap");
-    let (run, path) = (broken.to_str().expect("text"), file.to_str().expect("text"));
-    let (table, page, layout) = (
-        rig.path("table.csv"),
-        rig.path("page.html"),
-        rig.path("l.json"),
-    );
-    let (page, layout) = (page.to_str().expect("text"), layout.to_str().expect("text"));
-    let baselines = rig.path("baselines.toml");
-    let (table, baselines) = (
-        table.to_str().expect("text"),
-        baselines.to_str().expect("text"),
-    );
+    let (run, path) = (text(&broken), text(&file));
+    let made = ["table.csv", "page.html", "l.json", "baselines.toml"].map(|name| rig.path(name));
+    let [table, page, layout, baselines] = made.each_ref().map(|path| text(path));
     let update = ["compare", sound, "--baseline", "a", "--update"];
     rig.hil(&[&update[..], &["--baselines", baselines]].concat())
         .expect(0);
@@ -371,31 +356,16 @@ fn every_other_file_that_is_damaged_is_named() {
     let run = rig.run(&format!("{} --checkpoint-at 0.2", small.display()));
     let run = run.expect(0);
     let checkpoint = run.folder.join("checkpoint-200");
-    let sound = run.folder.to_str().expect("text").to_owned();
+    let sound = text(&run.folder);
     let baselines = rig.path("baselines.toml");
-    let update = [
-        "compare",
-        &sound,
-        "--baseline",
-        "a",
-        "--update",
-        "--baselines",
-    ];
-    rig.hil(&[&update[..], &[baselines.to_str().expect("text")]].concat())
-        .expect(0);
+    let compare = ["compare", sound, "--baseline", "a", "--baselines"];
+    let compared = [&compare[..], &[text(&baselines)]].concat();
+    rig.hil(&[&compared[..], &["--update"]].concat()).expect(0);
     let scenario = rig.path("scenario.toml");
     std::fs::copy(run.folder.join("scenario.toml"), &scenario).expect("copied");
-    let from = checkpoint.to_str().expect("text");
-    let (scenario_path, baselines_path) = (
-        scenario.to_str().expect("text").to_owned(),
-        baselines.to_str().expect("text").to_owned(),
-    );
     let out = rig.path("out");
-    let out = out.to_str().expect("text");
-    let compared = ["compare", &sound, "--baseline", "a", "--baselines"];
-    let compared = [&compared[..], &[&baselines_path]].concat();
-    let checked = vec!["config", "check", &*scenario_path];
-    let gone_on = vec!["run", "--from", from, "--out", out];
+    let checked = vec!["config", "check", text(&scenario)];
+    let gone_on = vec!["run", "--from", text(&checkpoint), "--out", text(&out)];
     for (file, command) in [
         (checkpoint.join("checkpoint.json"), &gone_on),
         (checkpoint.join("plant.state"), &gone_on),
