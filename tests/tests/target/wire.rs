@@ -36,9 +36,9 @@ fn over_a_wire_that_loses_doubles_reorders_and_corrupts_the_digest_is_that_of_th
             here["digest"],
             "{percent} %, seed {seed}"
         );
-        assert!(!log(&run).contains("no datagram"), "{}", log(&run));
         nothing_left_on_board(&hosts);
     }
+    // Of datagrams alone: what goes through the connection is not spoiled.
     let counts = hosts.order("counts");
     let counts: Vec<u64> = counts
         .split_ascii_whitespace()
