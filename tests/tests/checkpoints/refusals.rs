@@ -53,6 +53,14 @@ fn what_contradicts_the_past_is_refused_and_named() {
             .says(&[told]);
         assert!(!refused.folder.exists(), "{change}");
     }
+    // What is wrong with one side hides nothing of the other.
+    let both = "--set plant.parameters.actuator1.piston_mass_kg=56 \
+        --set controller.ftsc.trajectory.angle_gain_per_s=3";
+    let told = [
+        "piston_mass_kg was 55 and stays, 56",
+        "angle_gain_per_s was",
+    ];
+    go_on(&rig, &run, 10_500, both).expect(2).says(&told);
     let early = rig
         .run(&format!("{SCENARIO} --checkpoint-at 0.5 --link in-process"))
         .expect(0);

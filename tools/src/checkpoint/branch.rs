@@ -127,9 +127,9 @@ impl Check<'_> {
             (&*of_law, &law.parameters, &law_now.parameters),
             ("controller.model", &law.model, &law_now.model),
         ];
-        for (table, then, now) in tables {
-            // Of another model or law every parameter would be another.
-            if keys.is_empty() {
+        // Of another model or law every parameter would be another.
+        if keys.is_empty() {
+            for (table, then, now) in tables {
                 keys.extend(changed(then, now).map(|(name, then, now)| {
                     format!("{table}.{name} was {then} and stays, {now} is another")
                 }));

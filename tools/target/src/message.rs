@@ -191,7 +191,21 @@ pub fn from_hex(digits: &str) -> Option<Vec<u8>> {
         .map(|pair| {
             u8::from_str_radix(str::from_utf8(pair).ok()?, 16)
                 .ok()
-                .filter(|_| pair.len() == 2)
+                .filter(|_| pair.len() == 2 && pair.iter().all(u8::is_ascii_hexdigit))
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hexadecimal_digits_are_read_as_they_are_written_and_nothing_else_is() {
+        let bytes: Vec<u8> = (0..=255).collect();
+        assert_eq!(from_hex(&to_hex(&bytes)), Some(bytes));
+        for wrong in ["0", "0g", "+f", "-1", " 1", "\u{e9}"] {
+            assert_eq!(from_hex(wrong), None, "{wrong}");
+        }
+    }
 }

@@ -281,14 +281,13 @@ impl Entry {
 /// The numbered groups of parameters in which a fault finds all that it moves.
 fn groups(plant: &PlantDescription, fault: &FaultDescription, selector: &str) -> Vec<String> {
     let faultable = || plant.parameters.iter().filter(|field| field.faultable);
-    let mut groups: Vec<&str> = faultable()
-        .filter_map(|field| Some(field.name.split_once('.')?.0))
-        .filter(|group| {
-            let number = group.strip_prefix(selector);
-            number.is_some_and(|number| number.parse::<u32>().is_ok())
-        })
-        .collect();
-    groups.dedup();
+    let mut groups: Vec<&str> = Vec::new();
+    for field in faultable() {
+        let group = field.name.split_once('.').map(|(group, _)| group);
+        let number = group.and_then(|group| group.strip_prefix(selector));
+        let is_numbered = number.is_some_and(|number| number.parse::<u32>().is_ok());
+        groups.extend(group.filter(|group| is_numbered && !groups.contains(group)));
+    }
     let has_all = |group: &&str| {
         let mut moves = fault.moves.iter();
         moves.all(|moved| {
