@@ -17,7 +17,7 @@ use crate::path::DatagramPath;
 const SLICE_NS: u64 = 200_000;
 
 /// Makes the waiter of one end, whose limit is looked at elsewhere, and what tells it where to sleep. With fewer cores than
-/// loops it sleeps at once: what it polled would be the others' time.
+/// loops it polls nothing: that would be the others' time.
 pub(crate) fn waiter(
     both_here: bool,
     bell: Bell,
@@ -25,12 +25,8 @@ pub(crate) fn waiter(
 ) -> (Waiter, Awaited) {
     let loops = if both_here { 4 } else { 2 };
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    let strategy = if cores < loops {
-        WaitStrategy::Sleep
-    } else {
-        WaitStrategy::Hybrid
-    };
-    let mut waiter = Waiter::with(WaitLimit::from_seconds(f64::INFINITY), strategy, cores == 1);
+    let limit = WaitLimit::from_seconds(f64::INFINITY);
+    let mut waiter = Waiter::with(limit, WaitStrategy::Hybrid, cores < loops);
     let awaited = Awaited::default();
     waiter.sleep_on(Some(Box::new(Either {
         bell,
