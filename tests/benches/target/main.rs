@@ -2,8 +2,8 @@
 //!
 //! `cargo bench -p tests --bench target` runs the paper's scenario here and with `--target`, in turns, beside a bare exchange
 //! of datagrams with as many bytes over the same wire, blocking and spinning. The target is this machine, reached by a
-//! script in place of `ssh`, and the wire its loopback: so both ends share the cores, and what is shown is the work of bridge and
-//! agent, not that of a network.
+//! script in place of `ssh`, and the wire its loopback, or with `-- veth` that between two network namespaces, which needs
+//! root: so both ends share the cores, and what is shown is the work of bridge and agent, not that of a network.
 //! Each is measured idle and beside a busy loop on each core; medians of `HIL_BENCH_ROUNDS` (5) in turns.
 
 #[path = "../shared/busy.rs"]
@@ -47,10 +47,16 @@ fn main() -> ExitCode {
     let rounds: usize = rounds.unwrap_or(5);
     let programs = Programs::built();
     let folder = tempfile::tempdir().expect("a folder");
-    let path = ssh_in(folder.path());
+    let wire = if std::env::args().any(|argument| argument == "veth") {
+        Wire::veth()
+    } else {
+        Wire::loopback()
+    };
+    let path = ssh_in(folder.path(), &wire);
     println!(
-        "{}\nus a step, p50 of round trips in us; medians of {rounds}\n",
-        machine()
+        "{}\n{}; us a step, p50 of round trips in us; medians of {rounds}\n",
+        machine(),
+        wire.name
     );
     println!(
         "{:<28} {:<34} {:>9} {:>9} {:>7}",
@@ -72,8 +78,8 @@ fn main() -> ExitCode {
         };
         let mut rows: [Vec<[f64; 2]>; 4] = Default::default();
         for _ in 0..rounds {
-            rows[0].push(bare(false));
-            rows[1].push(bare(true));
+            rows[0].push(bare(&wire, false));
+            rows[1].push(bare(&wire, true));
             for (row, target) in [(2, None), (3, Some("board"))] {
                 let (figures, digest) = run(&programs, &path, target);
                 rows[row].push(figures);
@@ -118,13 +124,79 @@ fn main() -> ExitCode {
     }
 }
 
+/// Wire between the desk and the board.
+struct Wire {
+    name: &'static str,
+    desk: &'static str,
+    board: &'static str,
+    /// Network namespace of the board, which goes with this.
+    namespace: Option<String>,
+}
+
+impl Wire {
+    const fn loopback() -> Self {
+        Self {
+            name: "loopback",
+            desk: "127.0.0.1",
+            board: "127.0.0.1",
+            namespace: None,
+        }
+    }
+
+    fn veth() -> Self {
+        let id = std::process::id();
+        let (board, desk) = (format!("hil-bench-{id}"), format!("hil{id}"));
+        let wire = Self {
+            name: "veth",
+            desk: "10.77.9.1",
+            board: "10.77.9.2",
+            namespace: Some(board.clone()),
+        };
+        for line in [
+            format!("netns add {board}"),
+            format!("link add {desk} type veth peer name eth0 netns {board}"),
+            format!("address add {}/24 dev {desk}", wire.desk),
+            format!("link set {desk} up"),
+            format!("-n {board} address add {}/24 dev eth0", wire.board),
+            format!("-n {board} link set eth0 up"),
+        ] {
+            assert!(ip(&line), "ip {line}: are you root?");
+        }
+        wire
+    }
+
+    /// The words before a command that is to run on the board.
+    fn there(&self) -> Vec<&str> {
+        match &self.namespace {
+            Some(board) => vec!["ip", "netns", "exec", board],
+            None => vec!["env"],
+        }
+    }
+}
+
+impl Drop for Wire {
+    fn drop(&mut self) {
+        if let Some(board) = &self.namespace {
+            ip(&format!("netns delete {board}"));
+        }
+    }
+}
+
+fn ip(line: &str) -> bool {
+    let status = Command::new("ip").args(line.split(' ')).status();
+    status.is_ok_and(|status| status.success())
+}
+
 /// Makes a script in place of `ssh`; returns the search path with it.
-fn ssh_in(folder: &Path) -> String {
+fn ssh_in(folder: &Path, wire: &Wire) -> String {
     let script = folder.join("ssh");
     let text = format!(
         "#!/bin/sh\nwhile [ \"$1\" != -- ]; do shift; done\nexport XDG_CACHE_HOME={}\n\
-         export SSH_CONNECTION='127.0.0.1 1 127.0.0.1 2'\nexec /bin/sh -c \"$3\"\n",
-        folder.display()
+         export SSH_CONNECTION='{} 1 {} 2'\nexec {} /bin/sh -c \"$3\"\n",
+        folder.display(),
+        wire.desk,
+        wire.board,
+        wire.there().join(" ")
     );
     std::fs::write(&script, text).expect("written");
     std::fs::set_permissions(&script, std::fs::Permissions::from_mode(0o755)).expect("own files");
@@ -173,11 +245,14 @@ fn run(programs: &Programs, path: &str, target: Option<&str>) -> ([f64; 2], Stri
 }
 
 /// Bare exchanges with another process: us each on average, and p50 in us.
-fn bare(spins: bool) -> [f64; 2] {
-    let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+fn bare(wire: &Wire, spins: bool) -> [f64; 2] {
+    let socket = UdpSocket::bind((wire.desk, 0)).expect("a socket");
     let address = socket.local_addr().expect("an address");
+    let there = wire.there();
     let mut other = Ended(
-        Command::new(std::env::current_exe().expect("this"))
+        Command::new(there[0])
+            .args(&there[1..])
+            .arg(std::env::current_exe().expect("this"))
             .env(ECHO, format!("{address} {spins}"))
             .stdin(Stdio::null())
             .spawn()
@@ -226,7 +301,7 @@ fn echoed() -> bool {
         return false;
     };
     let (address, spins) = asked.split_once(' ').expect("two words");
-    let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+    let socket = UdpSocket::bind("0.0.0.0:0").expect("a socket");
     socket.connect(address).expect("connected");
     socket.send(&[0; BYTES]).expect("sent");
     socket.set_nonblocking(spins == "true").expect("set");
