@@ -162,7 +162,7 @@ impl Waiter {
         Self::with(limit, WaitStrategy::Hybrid, cores == 1)
     }
 
-    /// A waiter of this strategy; `shares_core` if the other side can run on no other core. Then nobody
+    /// A waiter of this strategy; `shares_core` if the other side may have no other core to run on. Then nobody
     /// polls, whatever the strategy: each poll would cost the other side's time.
     #[must_use]
     pub const fn with(limit: WaitLimit, strategy: WaitStrategy, shares_core: bool) -> Self {

@@ -75,7 +75,7 @@ class Wire:
         self.is_cut, self.is_blocked, self.burst = False, False, 0
         self.held = []
         self.is_intruded, self.old = False, []
-        self.counts = {"passed": 0, "lost": 0, "doubled": 0, "held": 0, "changed": 0}
+        self.counts = {"passed": 0, "lost": 0, "doubled": 0, "held": 0, "changed": 0, "answers": 0}
 
     def hits(self):
         return self.random.uniform(0, 100) < self.percent
@@ -107,6 +107,7 @@ class Wire:
             self.held.append((time.monotonic() + self.random.uniform(0, 0.01), other, frame))
             return None
         self.counts["passed"] += 1
+        self.counts["answers"] += end is self.board
         self.send(other, frame)
         if self.is_intruded:
             self.intrude(end, other, frame)

@@ -37,7 +37,8 @@ fn judged(run: &Run) -> Vec<Value> {
     for fault in summary["faults"].as_array_mut().expect("a list") {
         for effect in fault["effects"].as_array_mut().expect("a list") {
             if effect["unit"] == "ns" {
-                effect["max_effect"].take();
+                let late_ns = effect["max_effect"].take();
+                assert!(late_ns.as_f64() > Some(0.0), "{late_ns}");
             }
         }
     }

@@ -32,7 +32,7 @@ pub(crate) fn losing(rig: &Rig, law: &str, policy: &str) -> PathBuf {
     rig.write("scenario.toml", &text)
 }
 
-/// The same under a law that misbehaves.
+/// Arguments that run it under a law that misbehaves.
 fn scenario(rig: &Rig, law: &str, policy: &str) -> String {
     let (path, controller) = (losing(rig, law, policy), misbehaving_controller());
     format!(

@@ -35,10 +35,10 @@ pub fn all() -> Vec<LawKind> {
 
 #[cfg(test)]
 mod tests {
-    use shared_types::describe::{LawDescription, Settings};
-    use shared_types::random::RandomStream;
     use std::collections::BTreeSet;
 
+    use shared_types::describe::{LawDescription, Settings};
+    use shared_types::random::RandomStream;
     use shared_types::table::Field;
 
     use super::*;

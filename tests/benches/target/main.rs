@@ -19,7 +19,7 @@ use std::net::UdpSocket;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Child, Command, ExitCode, Stdio};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use busy::BusyLoop;
 use measure::{machine, median};
@@ -27,7 +27,9 @@ use programs::Programs;
 
 /// Bytes of a bare datagram: a frame of the scenario, sealed.
 const BYTES: usize = 400;
-/// Variable that makes this program the other end of the bare exchange: whether it spins.
+/// Time after which the other end of the bare exchange counts as missing.
+const WATCHDOG: Duration = Duration::from_secs(60);
+/// Variable that makes this program the other end of the bare exchange: the address of this end, and whether it spins.
 const ECHO: &str = "HIL_BENCH_ECHO";
 /// Steps of the scenario, and bare exchanges.
 const STEPS: u32 = 20_000;
@@ -47,10 +49,20 @@ fn main() -> ExitCode {
     let rounds: usize = rounds.unwrap_or(5);
     let programs = Programs::built();
     let folder = tempfile::tempdir().expect("a folder");
-    let wire = if std::env::args().any(|argument| argument == "veth") {
-        Wire::veth()
-    } else {
-        Wire::loopback()
+    let chosen: Vec<String> = std::env::args()
+        .skip(1)
+        .filter(|word| word != "--bench")
+        .collect();
+    let wire = match &chosen.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        [] => Wire::loopback(),
+        ["veth"] => Wire::veth(),
+        _ => {
+            println!(
+                "unknown: {}; `-- veth` is a wire between network namespaces",
+                chosen.join(" ")
+            );
+            return ExitCode::FAILURE;
+        }
     };
     let path = ssh_in(folder.path(), &wire);
     println!(
@@ -129,8 +141,8 @@ struct Wire {
     name: &'static str,
     desk: &'static str,
     board: &'static str,
-    /// Network namespace of the board, which goes with this.
-    namespace: Option<String>,
+    /// Process in the network namespace of the board, which ends with it, as that one does with this.
+    holder: Option<Ended>,
 }
 
 impl Wire {
@@ -139,52 +151,59 @@ impl Wire {
             name: "loopback",
             desk: "127.0.0.1",
             board: "127.0.0.1",
-            namespace: None,
+            holder: None,
         }
     }
 
     fn veth() -> Self {
-        let id = std::process::id();
-        let (board, desk) = (format!("hil-bench-{id}"), format!("hil{id}"));
+        let mut holder = Command::new("unshare");
+        holder.args(["--net", "cat"]).stdin(Stdio::piped());
+        let holder = Ended(holder.spawn().expect("unshare starts"));
+        let board = holder.0.id();
+        let space = |process: &str| std::fs::read_link(format!("/proc/{process}/ns/net"));
+        let own = space("self").expect("own files");
+        let since = Instant::now();
+        while space(&board.to_string()).map_or(true, |other| other == own) {
+            assert!(
+                since.elapsed() < WATCHDOG,
+                "no network namespace: are you root?"
+            );
+        }
         let wire = Self {
             name: "veth",
             desk: "10.77.9.1",
             board: "10.77.9.2",
-            namespace: Some(board.clone()),
+            holder: Some(holder),
         };
-        for line in [
-            format!("netns add {board}"),
-            format!("link add {desk} type veth peer name eth0 netns {board}"),
-            format!("address add {}/24 dev {desk}", wire.desk),
-            format!("link set {desk} up"),
-            format!("-n {board} address add {}/24 dev eth0", wire.board),
-            format!("-n {board} link set eth0 up"),
-        ] {
-            assert!(ip(&line), "ip {line}: are you root?");
+        let desk = format!("hil{board}");
+        let here = [
+            format!("ip link add {desk} type veth peer name eth0 netns {board}"),
+            format!("ip address add {}/24 dev {desk}", wire.desk),
+            format!("ip link set {desk} up"),
+        ];
+        let there = [
+            format!("ip address add {}/24 dev eth0", wire.board),
+            "ip link set eth0 up".to_owned(),
+        ];
+        let there = there.map(|line| format!("{} {line}", wire.there().join(" ")));
+        for line in here.iter().chain(&there) {
+            let words: Vec<&str> = line.split(' ').collect();
+            let status = Command::new(words[0]).args(&words[1..]).status();
+            assert!(status.is_ok_and(|status| status.success()), "{line}");
         }
         wire
     }
 
     /// The words before a command that is to run on the board.
-    fn there(&self) -> Vec<&str> {
-        match &self.namespace {
-            Some(board) => vec!["ip", "netns", "exec", board],
-            None => vec!["env"],
-        }
+    fn there(&self) -> Vec<String> {
+        let Some(holder) = &self.holder else {
+            return vec!["env".to_owned()];
+        };
+        let holder = holder.0.id().to_string();
+        ["nsenter", "--net", "--target", &holder]
+            .map(str::to_owned)
+            .into()
     }
-}
-
-impl Drop for Wire {
-    fn drop(&mut self) {
-        if let Some(board) = &self.namespace {
-            ip(&format!("netns delete {board}"));
-        }
-    }
-}
-
-fn ip(line: &str) -> bool {
-    let status = Command::new("ip").args(line.split(' ')).status();
-    status.is_ok_and(|status| status.success())
 }
 
 /// Makes a script in place of `ssh`; returns the search path with it.
@@ -250,7 +269,7 @@ fn bare(wire: &Wire, spins: bool) -> [f64; 2] {
     let address = socket.local_addr().expect("an address");
     let there = wire.there();
     let mut other = Ended(
-        Command::new(there[0])
+        Command::new(&there[0])
             .args(&there[1..])
             .arg(std::env::current_exe().expect("this"))
             .env(ECHO, format!("{address} {spins}"))
@@ -259,6 +278,7 @@ fn bare(wire: &Wire, spins: bool) -> [f64; 2] {
             .expect("it starts"),
     );
     let mut bytes = [0; BYTES];
+    socket.set_read_timeout(Some(WATCHDOG)).expect("set");
     let (_, peer) = socket.recv_from(&mut bytes).expect("it is there");
     socket.connect(peer).expect("connected");
     socket.set_nonblocking(spins).expect("set");

@@ -60,7 +60,8 @@ fn what_contradicts_the_past_is_refused_and_named() {
         "piston_mass_kg was 55 and stays, 56",
         "angle_gain_per_s was",
     ];
-    go_on(&rig, &run, 10_500, both).expect(2).says(&told);
+    let refused = go_on(&rig, &run, 10_500, both).expect(2).says(&told);
+    assert!(!refused.folder.exists());
     let early = rig
         .run(&format!("{SCENARIO} --checkpoint-at 0.5 --link in-process"))
         .expect(0);

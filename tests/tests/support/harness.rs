@@ -197,7 +197,7 @@ impl Rig {
         self.start_hil(arguments).finish_beside_another()
     }
 
-    /// Runs a `hil` command, whose words are separated by spaces, on this test's session while its run goes on.
+    /// Runs a `hil` command, whose words are separated by spaces, on this test's session.
     pub(crate) fn in_session(&self, line: &str) -> Run {
         let session = ["--session", self.session()];
         let words: Vec<&str> = line.split_ascii_whitespace().chain(session).collect();
@@ -314,6 +314,7 @@ impl<'r> Running<'r> {
             // Nothing of a test is kept for the user.
             hil.env("XDG_STATE_HOME", rig.path("state"));
         }
+        println!("{:?}", hil.get_args()); // shown if the test fails
         let mut process = hil
             .spawn()
             .unwrap_or_else(|error| panic!("{hil:?}: {error}"));
@@ -449,6 +450,7 @@ pub(crate) fn names(folder: &Path) -> BTreeSet<String> {
 }
 
 /// Waits for something that must come; the watchdog barks if it does not.
+#[track_caller]
 pub(crate) fn until(what: &str, mut happened: impl FnMut() -> bool) {
     let since = Instant::now();
     while !happened() {
@@ -468,6 +470,7 @@ pub(crate) fn until_gone(processes: &[ProcessId]) {
 }
 
 /// Waits for the end of a process.
+#[track_caller]
 pub(crate) fn ended(process: &mut Child) -> ExitStatus {
     let mut status = None;
     until("the process ends", || {

@@ -16,24 +16,28 @@ pub(crate) struct Run {
 
 impl Run {
     /// Fails with everything that was said if the exit code is another.
+    #[track_caller]
     pub(crate) fn expect(self, code: i32) -> Self {
         assert_eq!(self.code, Some(code), "{}\n{}", self.stdout, self.stderr);
         self
     }
 
     /// Fails if standard error lacks one of these.
+    #[track_caller]
     pub(crate) fn says(self, fragments: &[&str]) -> Self {
         assert_has(&self.stderr, fragments);
         self
     }
 
     /// Fails if standard output lacks one of these.
+    #[track_caller]
     pub(crate) fn prints(self, fragments: &[&str]) -> Self {
         assert_has(&self.stdout, fragments);
         self
     }
 
-    /// Reads standard output.
+    /// Reads standard output as JSON.
+    #[track_caller]
     pub(crate) fn json(&self) -> Value {
         let (text, said) = (&self.stdout, &self.stderr);
         serde_json::from_str(text).unwrap_or_else(|error| panic!("{error}: {text}\n{said}"))
@@ -62,6 +66,7 @@ impl Run {
     }
 }
 
+#[track_caller]
 fn assert_has(said: &str, fragments: &[&str]) {
     for fragment in fragments {
         assert!(said.contains(fragment), "`{fragment}` is not in:\n{said}");

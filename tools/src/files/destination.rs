@@ -23,7 +23,7 @@ struct Whole {
 }
 
 impl Destination {
-    /// Begins a file under another name beside it; standard output without a path.
+    /// Begins a file, under another name until it is complete; standard output without a path.
     pub(crate) fn open(path: Option<&Path>, may_replace: bool) -> Result<Self, Failure> {
         let at_once = |file| Self {
             file: BufWriter::new(file),

@@ -101,7 +101,7 @@ impl ByHand {
     /// Refuses programs that cannot be known by the file that their process runs.
     ///
     /// # Errors
-    /// If one of them is a script.
+    /// If one of them is a script or a model.
     pub(crate) fn check(self, binaries: &Binaries) -> Result<(), Failure> {
         for side in self.roles() {
             let (name, binary) = (side.name(), binaries.of_side(side));

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use hil_config::problem::Problems;
 
-/// Exit code of `hil`.
+/// Exit code of `hil`, by severity: of several runs the largest stands for all.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
     /// All as it should be.

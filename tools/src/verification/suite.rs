@@ -191,7 +191,7 @@ fn cases(
             if same > 1 || arguments.repeat > 1 {
                 let earlier = cases.iter().filter(|case| case.plan.name == plan.name);
                 let is_taken = |label: &String| {
-                    plans.iter().any(|(other, _)| other.name == *label)
+                    (arguments.repeat == 1 && plans.iter().any(|(other, _)| other.name == *label))
                         || cases.iter().any(|case| case.label == *label)
                 };
                 case.label = (earlier.count() + 1..)
@@ -246,7 +246,6 @@ fn refuse_unwritable(path: &Path) -> Result<(), Failure> {
 /// The exit code that stands for all: a run that could not end says more than one that failed.
 fn worst(rows: &[Row]) -> Exit {
     let exits = rows.iter().map(|row| row.exit);
-    // The codes rise with severity.
     exits.max_by_key(|exit| *exit as u8).unwrap_or(Exit::Pass)
 }
 

@@ -181,9 +181,7 @@ pub(super) fn find(
         if found.is_ok() || left.is_none() || is_several {
             return found;
         }
-        if interruption.came() {
-            return Err(Failure::Interrupted.into());
-        }
+        interruption.check()?;
         if let (false, Some(wait_s)) = (has_told, left) {
             tell!("waiting up to {wait_s} s for a session");
             has_told = true;

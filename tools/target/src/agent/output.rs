@@ -75,16 +75,18 @@ impl Output {
         Ok(output)
     }
 
-    /// Puts the command of a step; in place of one that is not finite, for which the plant ends the run, the safe one.
-    pub(super) fn put(&mut self, step: u64, row: &[f64]) {
+    /// Puts the command of a step; returns false if it is not finite, with the safe one in its place.
+    pub(super) fn put(&mut self, step: u64, row: &[f64]) -> bool {
         let value = |place: &usize| row.get(*place).copied().unwrap_or(0.0);
         self.values.clear();
         self.values.extend(self.places.iter().map(value));
         if !self.values.iter().all(|value| value.is_finite()) {
-            return self.switch();
+            self.switch();
+            return false;
         }
         (self.step, self.is_safe) = (step, false);
         self.write();
+        true
     }
 
     /// Switches to the safe command, until the next command is put.
@@ -177,17 +179,17 @@ mod tests {
             .mode();
         assert_eq!(mode & 0o777, 0o600);
         assert_eq!(read(&path), (0, true, vec![0.0, -0.5]));
-        output.put(7, &[1.0, 2.0, 3.0]);
+        assert!(output.put(7, &[1.0, 2.0, 3.0]));
         assert_eq!(read(&path), (7, false, vec![1.0, 2.0]));
         output.switch();
         assert_eq!(read(&path), (7, true, vec![0.0, -0.5]));
         for row in [[f64::NAN, 2.0, 3.0], [1.0, f64::NEG_INFINITY, 3.0]] {
-            output.put(8, &[1.0, 2.0, f64::NAN]);
+            assert!(output.put(8, &[1.0, 2.0, f64::NAN]), "an internal");
             assert_eq!(read(&path), (8, false, vec![1.0, 2.0]));
-            output.put(9, &row);
+            assert!(!output.put(9, &row));
             assert_eq!(read(&path), (8, true, vec![0.0, -0.5]));
         }
-        output.put(9, &[4.0, 5.0, 6.0]);
+        assert!(output.put(9, &[4.0, 5.0, 6.0]));
         assert_eq!(read(&path), (9, false, vec![4.0, 5.0]));
         let kept = session.info().folder.join("kept");
         std::fs::hard_link(&path, &kept).expect("linked");

@@ -367,7 +367,9 @@ impl<'a> Run<'a> {
             return;
         }
         let last = output.step();
-        output.put(step, &self.values);
+        if !output.put(step, &self.values) {
+            return;
+        }
         let safe_ns = std::mem::take(&mut self.safe_ns);
         if safe_ns > 0 {
             let for_s = monotonic_ns().saturating_sub(safe_ns) as f64 / 1e9;
