@@ -166,7 +166,7 @@ const fn integer_or(min: i64, max: i64, default: i64) -> KeyKind {
     }
 }
 
-/// One of these texts, the first one by default.
+/// Text out of a list, by default the first.
 const fn choice(choices: &'static [&'static str]) -> KeyKind {
     KeyKind::Text {
         choices,

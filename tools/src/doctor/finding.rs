@@ -107,7 +107,7 @@ impl Check {
     }
 }
 
-/// What a check looked at; where it cannot be read, that is the finding.
+/// Gives what a check looked at; returns from the check with that as its finding where it cannot be read.
 macro_rules! known {
     ($check:ident, $read:expr) => {
         match $read {
