@@ -43,26 +43,26 @@ fn main() -> ExitCode {
         println!("run me with `cargo bench -p tests --bench target`");
         return ExitCode::SUCCESS;
     }
+    let mut words: Vec<String> = std::env::args().skip(1).collect();
+    words.retain(|word| word != "--bench");
+    let is_veth = words == ["veth"];
+    if !is_veth && !words.is_empty() {
+        println!(
+            "unknown: {}; `-- veth` is a wire between network namespaces",
+            words.join(" ")
+        );
+        return ExitCode::FAILURE;
+    }
     let rounds = std::env::var("HIL_BENCH_ROUNDS")
         .ok()
         .and_then(|rounds| rounds.parse().ok());
     let rounds: usize = rounds.unwrap_or(5);
     let programs = Programs::built();
     let folder = tempfile::tempdir().expect("a folder");
-    let chosen: Vec<String> = std::env::args()
-        .skip(1)
-        .filter(|word| word != "--bench")
-        .collect();
-    let wire = match &chosen.iter().map(String::as_str).collect::<Vec<_>>()[..] {
-        [] => Wire::loopback(),
-        ["veth"] => Wire::veth(),
-        _ => {
-            println!(
-                "unknown: {}; `-- veth` is a wire between network namespaces",
-                chosen.join(" ")
-            );
-            return ExitCode::FAILURE;
-        }
+    let wire = if is_veth {
+        Wire::veth()
+    } else {
+        Wire::loopback()
     };
     let path = ssh_in(folder.path(), &wire);
     println!(
@@ -158,14 +158,15 @@ impl Wire {
     fn veth() -> Self {
         let mut holder = Command::new("unshare");
         holder.args(["--net", "cat"]).stdin(Stdio::piped());
-        let holder = Ended(holder.spawn().expect("unshare starts"));
+        let mut holder = Ended(holder.spawn().expect("unshare starts"));
         let board = holder.0.id();
         let space = |process: &str| std::fs::read_link(format!("/proc/{process}/ns/net"));
         let own = space("self").expect("own files");
         let since = Instant::now();
         while space(&board.to_string()).map_or(true, |other| other == own) {
+            let is_there = matches!(holder.0.try_wait(), Ok(None));
             assert!(
-                since.elapsed() < WATCHDOG,
+                is_there && since.elapsed() < WATCHDOG,
                 "no network namespace: are you root?"
             );
         }
