@@ -45,11 +45,12 @@ fn values<'v>(json: &'v Value, key: &str, found: &mut Vec<&'v Value>) {
 pub(crate) fn panels(tree: &Value, found: &mut Vec<String>) {
     match tree {
         Value::String(id) => found.push(id.clone()),
-        tree => {
+        Value::Object(halves) => {
             for half in ["first", "second"] {
-                panels(&tree[half], found);
+                panels(&halves[half], found);
             }
         }
+        other => panic!("neither a panel nor two halves: {other}"),
     }
 }
 
