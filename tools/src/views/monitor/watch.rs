@@ -3,7 +3,7 @@
 //! The thread sleeps between looks at the stream. It must not wait for a terminal: what it does not
 //! take in time is lost to it. Events that were lost are in the recording, once the run has ended.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -143,6 +143,7 @@ impl WatchThread {
         while !self.is_over() && self.session.is_there() {
             if let Some(observer) = Observer::attach(&self.session)? {
                 self.model.lock().attach(observer.layout())?;
+                self.find_run_dir();
                 if let Some(audience) = &mut self.audience {
                     audience.attach(observer.layout());
                 }
@@ -189,11 +190,7 @@ impl WatchThread {
     /// Waits until `hil` has removed the session and written the summary, and takes the verdict.
     fn wait_for_summary(&self) {
         let since = Instant::now();
-        let run_dir = self.model.lock().run_dir.clone();
-        let run_dir = run_dir.or_else(|| {
-            let info = SessionInfo::read(&self.session.folder).ok()?;
-            info.run_dir
-        });
+        let run_dir = self.find_run_dir();
         let (mut verdict, mut standings) = (None, None);
         while !self.is_over() && verdict.is_none() && since.elapsed() < END_LIMIT {
             // Asked before the look. Killed, it writes none.
@@ -218,7 +215,6 @@ impl WatchThread {
             self.complete_log(run_dir.as_deref());
         }
         let mut model = self.model.lock();
-        model.run_dir = model.run_dir.take().or(run_dir);
         // What was asked last is older than the end.
         model.hear_standings(standings);
         if verdict.is_none() && !self.session.owner.is_alive() {
@@ -227,6 +223,16 @@ impl WatchThread {
         } else {
             model.end(verdict);
         }
+    }
+
+    /// Finds the folder of the run as long as the session is there: one that was just made does not tell it yet.
+    fn find_run_dir(&self) -> Option<PathBuf> {
+        let mut model = self.model.lock();
+        if model.run_dir.is_none() {
+            let info = SessionInfo::read(&self.session.folder).ok();
+            model.run_dir = info.and_then(|info| info.run_dir);
+        }
+        model.run_dir.clone()
     }
 
     /// Takes from the recording what happened, of a run of which the stream has not told all.
