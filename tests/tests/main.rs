@@ -25,7 +25,7 @@
 //! | [`faults`] | faults of scenarios in whole runs |
 //! | [`fmu`] | FMUs as plants and controllers: the numbers of FMPy, and FMUs that misbehave |
 //! | [`foreign`] | plants and controllers in C: the numbers of Rust, and every mistake by name |
-//! | `foxglove` | a client that shares no code with `hil monitor --foxglove`; with that feature alone |
+//! | `foxglove` | a client that shares no code with `hil monitor --foxglove` |
 //! | [`hindrances`] | a machine without usable shared memory: the cause and the remedy are named |
 //! | [`hot_path`] | a step makes no system call and no allocation |
 //! | [`interruptions`] | Ctrl-C ends every command with exit code 130 and leaves nothing behind |
@@ -80,7 +80,6 @@
 //! | `HIL_TEST_PARALLEL=1` | GNU `parallel` |
 //! | `HIL_TEST_PYTHON=1` | a Python environment, made for the tests |
 //! | `HIL_TEST_QEMU=1` | a kernel for a guest, unpacked by `.ci/run tools` |
-//! | `HIL_TEST_RELEASE=1` | binaries of the other profile, built for the tests |
 //! | `HIL_TEST_SHELLS=1` | `bash`, `zsh` and `fish` |
 //! | `HIL_TEST_SLURM=1` | Slurm and munge |
 //! | `HIL_TEST_SSHD=1` | `sshd` and `python3` |
@@ -114,7 +113,6 @@ mod failures;
 mod faults;
 mod fmu;
 mod foreign;
-#[cfg(feature = "foxglove")]
 mod foxglove;
 mod hindrances;
 mod hot_path;

@@ -48,7 +48,7 @@ pub struct MonitorArguments {
     #[arg(long)]
     pub once: bool,
     /// Serve the signals to Foxglove over a WebSocket; without a terminal do only that. Other machines can
-    /// connect only at a given ADDRESS. Needs a build with --features foxglove
+    /// connect only at a given ADDRESS
     #[arg(
         long,
         value_name = "ADDRESS",

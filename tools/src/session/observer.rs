@@ -112,14 +112,7 @@ pub(crate) fn admit(session: &SessionInfo, layout: &RecordLayout) -> Result<(), 
 #[derive(Debug)]
 pub(crate) enum Seen<'a> {
     /// A record, and its words.
-    Record(
-        RecordView<'a>,
-        #[cfg_attr(
-            not(feature = "foxglove"),
-            expect(dead_code, reason = "only this server sends records on as they are")
-        )]
-        &'a [u64],
-    ),
+    Record(RecordView<'a>, &'a [u64]),
     /// Something happened.
     Event(Event),
     /// Number of records and events that were lost before the next one.

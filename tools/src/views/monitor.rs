@@ -8,13 +8,12 @@
 //!    [`prepared`] faults are among what keys can ask for. Without a terminal one
 //!    [line](mod@line) tells it.
 //!
-//! With the feature `foxglove` it can also serve what it sees to Foxglove.
+//! It can also serve what it sees to Foxglove.
 //!
 //! Passive: the run has the same digest with and without it, unless a key changes the run.
 
 pub(crate) mod asking;
 pub(crate) mod display;
-#[cfg(feature = "foxglove")]
 pub(crate) mod foxglove;
 pub(crate) mod history;
 pub(crate) mod keys;
@@ -73,11 +72,6 @@ impl SharedModel {
 /// # Errors
 /// If there is no session to watch, it cannot be watched, or a prepared fault is none.
 pub(crate) fn monitor(arguments: &MonitorArguments) -> Result<Exit, Failure> {
-    if arguments.foxglove.is_some() && cfg!(not(feature = "foxglove")) {
-        return Err(Failure::usage(
-            "--foxglove: this hil was built without it; `cargo build --release -p tools --features foxglove` builds one with it",
-        ));
-    }
     let interruption = Interruption::listen()?;
     let session = find(&arguments.choice, arguments.wait, &interruption);
     let session = session.map_err(|error| error.tell(false))?;
@@ -127,7 +121,6 @@ struct Served {
 }
 
 /// Serves the session if that is asked for.
-#[cfg(feature = "foxglove")]
 fn serve(
     arguments: &MonitorArguments,
     session: &SessionInfo,
@@ -148,12 +141,6 @@ fn serve(
         audience: Some(Box::new(outlet)),
         _server: Box::new(serving),
     }))
-}
-
-/// This one cannot, and was not asked to.
-#[cfg(not(feature = "foxglove"))]
-fn serve(_: &MonitorArguments, _: &SessionInfo, _: &Plan) -> Result<Option<Served>, Failure> {
-    Ok(None)
 }
 
 /// Waits until there is nothing more to be seen.
