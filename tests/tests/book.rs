@@ -21,7 +21,7 @@ use reader::Desk;
 use serde_json::{Value, json};
 
 use crate::support::harness::Rig;
-use crate::support::programs::{outside, shipped, workspace};
+use crate::support::programs::{self, outside, shipped, workspace};
 
 fn example(path: &str) -> String {
     shipped(Path::new("examples").join(path))
@@ -29,6 +29,15 @@ fn example(path: &str) -> String {
 
 #[test]
 fn every_command_block_of_the_book_runs() {
+    // Before the first page, since tests that must be alone wait for the end of a page.
+    for name in [
+        "own-plant",
+        "own-controller",
+        "own-fault",
+        "unix-socket-link",
+    ] {
+        programs::example(name);
+    }
     let desk = Desk::new();
     let only = std::env::var("HIL_TEST_PAGE").unwrap_or_default();
     let mut failures = Vec::new();

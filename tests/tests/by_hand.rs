@@ -18,7 +18,7 @@ use shared_types::session::SessionInfo;
 
 use crate::support::company::Companion;
 use crate::support::harness::{Rig, Running, ended, send, until};
-use crate::support::programs::{program, shipped, skip};
+use crate::support::programs::{example, of_pendulum, program, shipped, skip};
 
 const SCENARIO: &str = "scenarios/spring-mass.toml";
 /// A wait limit that a loaded machine keeps, and a time beyond it.
@@ -239,16 +239,12 @@ fn under_gdb_it_is_held_before_and_after_hello() {
     if !works {
         return skip("gdb is not here, or may not trace", "HIL_TEST_GDB");
     }
-    if cfg!(not(debug_assertions)) {
-        return skip(
-            "programs of this profile have no lines to break at",
-            "HIL_TEST_GDB",
-        );
-    }
-    let digest = launched();
+    // Built as a user builds what is to be debugged: with lines to break at.
+    let scenario = of_pendulum("examples/own-plant/pendulum.toml");
+    let digest = Rig::new().run(&scenario).expect(0).digest();
     let rig = Rig::new();
     let running = rig.start(&format!(
-        "{SCENARIO} --controller external --wait-limit inf"
+        "{scenario} --controller external --wait-limit inf"
     ));
     // Admitted, and has not said hello; then in the loop.
     let attach = line_of(
@@ -277,7 +273,7 @@ fn under_gdb_it_is_held_before_and_after_hello() {
         .chain(orders)
         .chain(["--args"])
         .collect();
-    let hand = Hand::start(&rig, "controller", &program("controller-process"), &gdb);
+    let hand = Hand::start(&rig, "controller", &example("own-controller"), &gdb);
     // The debugger ends after its program, and `hil` before it.
     let run = running.finish_beside_another().expect(0);
     let (_, said) = hand.end();

@@ -6,7 +6,7 @@ use std::process::Command;
 use crate::support::company::busy_loop;
 use crate::support::harness::Rig;
 use crate::support::mcap_reader::{Record, Recording};
-use crate::support::programs::{other_hil, program, skip};
+use crate::support::programs::program;
 
 /// Two seconds under FTSC; both actuators begin to leak at 1 s.
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
@@ -117,17 +117,6 @@ fn a_busy_single_core_does_not_change_the_digest() {
 }
 
 #[test]
-fn debug_and_release_have_one_digest() {
-    let rig = Rig::new();
-    let Some(other) = other_hil() else {
-        let why = "building the other profile takes minutes";
-        return skip(why, "HIL_TEST_RELEASE");
-    };
-    let run = rig.start_with(Command::new(other), SCENARIO).finish();
-    assert_eq!(run.expect(0).digest(), reference(&rig, ""));
-}
-
-#[test]
 fn a_recording_proves_its_digest() {
     let rig = Rig::new();
     let run = rig.run(SCENARIO).expect(0);
@@ -171,5 +160,22 @@ fn one_flipped_bit_changes_the_digest() {
     // Measured time is no part of it.
     for column in ["published_ns", "round_trip_ns", "plant_ns"] {
         assert_eq!(flipped(500, column), run.digest(), "{column}");
+    }
+}
+
+/// `.ci/run long`.
+mod long {
+    use std::process::Command;
+
+    use super::{SCENARIO, reference};
+    use crate::support::harness::Rig;
+    use crate::support::programs::other_hil;
+
+    #[test]
+    #[ignore = "long: .ci/run long"]
+    fn debug_and_release_have_one_digest() {
+        let rig = Rig::new();
+        let run = rig.start_with(Command::new(other_hil()), SCENARIO).finish();
+        assert_eq!(run.expect(0).digest(), reference(&rig, ""));
     }
 }

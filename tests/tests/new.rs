@@ -7,7 +7,7 @@ use std::process::Command;
 use serde_json::Value;
 
 use crate::support::harness::{Rig, Run, names};
-use crate::support::programs::{NO_DEBUG, finish, target, workspace};
+use crate::support::programs::{LINES, finish, target, workspace};
 
 /// Runs `hil` in the folder of the test.
 fn hil(rig: &Rig, line: &str) -> Run {
@@ -23,7 +23,7 @@ fn build(folder: &Path) {
     finish(
         cargo
             .env("CARGO_BUILD_BUILD_DIR", outside)
-            .env(NO_DEBUG.0, NO_DEBUG.1)
+            .env(LINES.0, LINES.1)
             .env_remove("CARGO_TARGET_DIR"),
     );
 }

@@ -2,8 +2,8 @@
 //! clone after `cargo build --release`.
 //!
 //! `hil` and `cargo` on the path of that shell are scripts in front of the real ones. `hil` names the
-//! session of the page, where a reader has only one that runs. `cargo` builds with the profile of the
-//! tests into a folder of theirs; tests and benches are only looked up, since they are what runs here.
+//! session of the page, where a reader has only one that runs. `cargo` builds with the profile `dev` into a
+//! folder of the tests; tests and benches are only looked up, since they are what runs here.
 
 use std::fs::File;
 use std::os::unix::fs::{PermissionsExt, symlink};
@@ -18,7 +18,7 @@ use super::page::Page;
 use super::shown;
 use crate::support::fmus;
 use crate::support::harness::Rig;
-use crate::support::programs::{NO_DEBUG, path_from, program, target, workspace};
+use crate::support::programs::{LINES, path_from, program, target, workspace};
 use crate::support::python::python;
 
 /// Time that a page may take before it counts as hanging. On busy cores a run of 20 s takes minutes.
@@ -56,7 +56,10 @@ count=$#
 for ((i = 0; i < count; i++)); do
     case "${words[i]}" in
         --release) unset 'words[i]' ;;
-        --manifest-path) folder=$(dirname "${words[i + 1]}") ;;
+        --manifest-path)
+            folder=$(cd "$(dirname "${words[i + 1]}")" && pwd)
+            unset 'words[i]' 'words[i + 1]'
+            ((++i)) ;;
         --target-dir)
             into=${words[i + 1]}
             unset 'words[i]' 'words[i + 1]'
@@ -69,7 +72,10 @@ done
 case "$1" in
     build)
         [ "$folder" -ef "$CLONE" ] && exit 0
-        CARGO_BUILD_BUILD_DIR=$OUTSIDE "$CARGO" "${words[@]}" --offline --target-dir "$OUTSIDE"
+        # What no page has changed is built where other tests have built it.
+        original=$WORKSPACE/${folder#"$CLONE/"}
+        diff -rq -x target "$folder" "$original" >"$NOTES/changed" 2>&1 || original=$folder
+        (cd "$original" && CARGO_BUILD_BUILD_DIR=$OUTSIDE "$CARGO" "${words[@]}" --offline --target-dir "$OUTSIDE")
         into=${into:-$folder/target}
         mkdir -p "$into"
         ln -sfn "$OUTSIDE/debug" "$into/release" ;;
@@ -211,7 +217,8 @@ impl Desk {
             .env("OUTSIDE", target().join("examples-outside"))
             .env("PROGRAMS", &self.programs)
             .env("CARGO", env!("CARGO"))
-            .env(NO_DEBUG.0, NO_DEBUG.1)
+            .env("WORKSPACE", workspace())
+            .env(LINES.0, LINES.1)
             .env("SESSION", rig.session())
             .env("XDG_STATE_HOME", self.folder.join("state"))
             .env_remove("HIL_PLANT_BIN")

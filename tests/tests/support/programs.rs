@@ -9,9 +9,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::{Mutex, OnceLock, PoisonError};
 
-/// Variable of Cargo for builds outside the workspace: without debug information, which no test reads, they are done
-/// sooner, and each run that hashes such a program too. All builds into one folder need the same, or they build twice.
-pub(crate) const NO_DEBUG: (&str, &str) = ("CARGO_PROFILE_DEV_DEBUG", "0");
+/// Variable of Cargo for builds outside the workspace: lines are all that a debugger is asked for, and the rest would make
+/// programs larger, which each run hashes. All builds into one folder need the same, or they build twice.
+pub(crate) const LINES: (&str, &str) = ("CARGO_PROFILE_DEV_DEBUG", "line-tables-only");
 
 /// Returns the top of the workspace, where every command is run.
 pub(crate) fn workspace() -> &'static Path {
@@ -68,9 +68,6 @@ impl Profile {
 pub(crate) fn build() -> Command {
     let mut cargo = Profile::own().build();
     cargo.arg("--examples");
-    if cfg!(feature = "foxglove") {
-        cargo.args(["--features", "tests/foxglove"]);
-    }
     cargo
 }
 
@@ -114,17 +111,14 @@ pub(crate) fn program_of_tests(name: &str) -> PathBuf {
     program("examples").join(name)
 }
 
-/// Builds `hil` with the other profile, if `HIL_TEST_RELEASE` asks for the minutes that this may take.
-/// Programs that lie there are of no use: only Cargo knows whether they are fresh.
-pub(crate) fn other_hil() -> Option<PathBuf> {
+/// Builds `hil` with the other profile, which takes minutes.
+pub(crate) fn other_hil() -> PathBuf {
     let other = match Profile::own() {
         Profile::Debug => Profile::Release,
         Profile::Release => Profile::Debug,
     };
-    demanded("HIL_TEST_RELEASE").then(|| {
-        finish(&mut other.build());
-        other.folder().join("hil")
-    })
+    finish(&mut other.build());
+    other.folder().join("hil")
 }
 
 /// Builds a crate of `examples` and gives its program.
@@ -144,7 +138,7 @@ pub(crate) fn test_example(name: &str) {
     let mut cargo = Command::new(env!("CARGO"));
     cargo.args(["test", "--offline", "--target-dir"]);
     cargo.arg(target().join("examples-outside"));
-    cargo.env(NO_DEBUG.0, NO_DEBUG.1);
+    cargo.env(LINES.0, LINES.1);
     finish(cargo.current_dir(workspace().join("examples").join(name)));
 }
 
@@ -163,7 +157,7 @@ fn built_outside(folder: &Path, program: &str) -> PathBuf {
     let target = target().join("examples-outside");
     let mut cargo = Command::new(env!("CARGO"));
     cargo.arg("build").current_dir(workspace().join(folder));
-    cargo.env(NO_DEBUG.0, NO_DEBUG.1);
+    cargo.env(LINES.0, LINES.1);
     finish(cargo.arg("--target-dir").arg(&target));
     let built = target.join("debug").join(program);
     let content = std::fs::read(&built).expect("it was built");
