@@ -4,10 +4,12 @@
 //! of datagrams with as many bytes over the same wire, blocking and spinning. The target is this machine, reached by a
 //! script in place of `ssh`, and the wire its loopback, or with `-- veth` that between two network namespaces, which needs
 //! root: so both ends share the cores, and what is shown is the work of bridge and agent, not that of a network.
+//! A third exchange shows the way that was not taken, both sides on the wire themselves, without bridge and agent.
 //! Each is measured idle and beside a busy loop on each core; medians of `HIL_BENCH_ROUNDS` (5) in turns.
 
 #[path = "../shared/busy.rs"]
 mod busy;
+mod files;
 #[path = "../shared/measure.rs"]
 #[expect(dead_code, reason = "others beside it are part of what is measured")]
 mod measure;
@@ -29,7 +31,7 @@ use programs::Programs;
 const BYTES: usize = 400;
 /// Time after which the other end of the bare exchange counts as missing.
 const WATCHDOG: Duration = Duration::from_secs(60);
-/// Variable that makes this program the other end of the bare exchange: the address of this end, and whether it spins.
+/// Variable that makes this program the other end of an exchange: the address of this end, and which exchange it is.
 const ECHO: &str = "HIL_BENCH_ECHO";
 /// Steps of the scenario, and bare exchanges.
 const STEPS: u32 = 20_000;
@@ -88,11 +90,12 @@ fn main() -> ExitCode {
         } else {
             "nobody"
         };
-        let mut rows: [Vec<[f64; 2]>; 4] = Default::default();
+        let mut rows: [Vec<[f64; 2]>; 5] = Default::default();
         for _ in 0..rounds {
-            rows[0].push(bare(&wire, false));
-            rows[1].push(bare(&wire, true));
-            for (row, target) in [(2, None), (3, Some("board"))] {
+            for (row, exchange) in Exchange::ALL.into_iter().enumerate() {
+                rows[row].push(exchanged(&wire, exchange));
+            }
+            for (row, target) in [(3, None), (4, Some("board"))] {
                 let (figures, digest) = run(&programs, &path, target);
                 rows[row].push(figures);
                 digests.insert(digest);
@@ -101,6 +104,7 @@ fn main() -> ExitCode {
         let names = [
             "bare datagrams, blocking",
             "bare datagrams, spinning",
+            "sealed frames, no bridge or agent",
             "hil run",
             "hil run --target",
         ];
@@ -264,8 +268,20 @@ fn run(programs: &Programs, path: &str, target: Option<&str>) -> ([f64; 2], Stri
     )
 }
 
-/// Bare exchanges with another process: us each on average, and p50 in us.
-fn bare(wire: &Wire, spins: bool) -> [f64; 2] {
+/// Exchange of datagrams between two processes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Exchange {
+    Blocking,
+    Spinning,
+    Files,
+}
+
+impl Exchange {
+    const ALL: [Self; 3] = [Self::Blocking, Self::Spinning, Self::Files];
+}
+
+/// Exchanges with another process: us each on average, and p50 in us.
+fn exchanged(wire: &Wire, exchange: Exchange) -> [f64; 2] {
     let socket = UdpSocket::bind((wire.desk, 0)).expect("a socket");
     let address = socket.local_addr().expect("an address");
     let there = wire.there();
@@ -273,27 +289,36 @@ fn bare(wire: &Wire, spins: bool) -> [f64; 2] {
         Command::new(&there[0])
             .args(&there[1..])
             .arg(std::env::current_exe().expect("this"))
-            .env(ECHO, format!("{address} {spins}"))
+            .env(ECHO, format!("{address} {exchange:?}"))
             .stdin(Stdio::null())
             .spawn()
             .expect("it starts"),
     );
     let mut bytes = [0; BYTES];
     socket.set_read_timeout(Some(WATCHDOG)).expect("set");
-    let (_, peer) = socket.recv_from(&mut bytes).expect("it is there");
+    let (length, peer) = socket.recv_from(&mut bytes).expect("it is there");
     socket.connect(peer).expect("connected");
+    let trips = if exchange == Exchange::Files {
+        files::lead(socket, &bytes[..length], STEPS)
+    } else {
+        bare(&socket, exchange == Exchange::Spinning)
+    };
+    other.0.kill().expect("it is there");
+    let each_us = trips.iter().sum::<f64>() / f64::from(STEPS);
+    [each_us, median(trips)]
+}
+
+/// Times of bare exchanges in us.
+fn bare(socket: &UdpSocket, spins: bool) -> Vec<f64> {
     socket.set_nonblocking(spins).expect("set");
-    let mut trips = Vec::with_capacity(STEPS as usize);
-    let since = Instant::now();
-    for _ in 0..STEPS {
+    let mut bytes = [0; BYTES];
+    let trip = |_| {
         let sent = Instant::now();
         socket.send(&bytes).expect("sent");
-        receive(&socket, &mut bytes);
-        trips.push(sent.elapsed().as_secs_f64() * 1e6);
-    }
-    let each_us = since.elapsed().as_secs_f64() * 1e6 / f64::from(STEPS);
-    other.0.kill().expect("it is there");
-    [each_us, median(trips)]
+        receive(socket, &mut bytes);
+        sent.elapsed().as_secs_f64() * 1e6
+    };
+    (0..STEPS).map(trip).collect()
 }
 
 /// A process that is ended when it is dropped.
@@ -316,16 +341,20 @@ fn receive(socket: &UdpSocket, bytes: &mut [u8]) {
     }
 }
 
-/// Answers bare datagrams until this process is ended, if it was started for that; returns true then.
+/// Answers datagrams until this process is ended, if it was started for that; returns true then.
 fn echoed() -> bool {
     let Ok(asked) = std::env::var(ECHO) else {
         return false;
     };
-    let (address, spins) = asked.split_once(' ').expect("two words");
+    let (address, exchange) = asked.split_once(' ').expect("two words");
     let socket = UdpSocket::bind("0.0.0.0:0").expect("a socket");
     socket.connect(address).expect("connected");
+    if exchange == "Files" {
+        files::follow(socket);
+        return true;
+    }
     socket.send(&[0; BYTES]).expect("sent");
-    socket.set_nonblocking(spins == "true").expect("set");
+    socket.set_nonblocking(exchange == "Spinning").expect("set");
     let mut bytes = [0; BYTES];
     loop {
         receive(&socket, &mut bytes);
