@@ -54,6 +54,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 11] = [
             "controller-process",
             "tools",
             "hil-recording",
+            "hil-target",
             "hil-campaign",
             "hil-foreign",
         ],

@@ -1,6 +1,4 @@
 //! `hil monitor --foxglove`: what a client that shares no code with it gets is what is recorded.
-//!
-//! Built with the feature `foxglove` alone.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read, Write};

@@ -25,7 +25,7 @@
 //! | [`faults`] | faults of scenarios in whole runs |
 //! | [`fmu`] | FMUs as plants and controllers: the numbers of FMPy, and FMUs that misbehave |
 //! | [`foreign`] | plants and controllers in C: the numbers of Rust, and every mistake by name |
-//! | `foxglove` | a client that shares no code with `hil monitor --foxglove` |
+//! | [`foxglove`] | a client that shares no code with `hil monitor --foxglove` |
 //! | [`hindrances`] | a machine without usable shared memory: the cause and the remedy are named |
 //! | [`hot_path`] | a step makes no system call and no allocation |
 //! | [`interruptions`] | Ctrl-C ends every command with exit code 130 and leaves nothing behind |

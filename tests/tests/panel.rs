@@ -94,6 +94,20 @@ fn a_panel_beside_a_run_ends_with_it_and_no_sooner() {
 }
 
 #[test]
+fn a_panel_of_a_run_that_is_interrupted_before_it_begins_ends_with_it() {
+    let rig = Rig::new();
+    let (mut run, mut stderr) = with_panel(&rig, &["--controller", "external"]);
+    let url = told_url(&mut stderr);
+    let mut client = stream::Client::greeted(&url);
+    let group = rustix::process::Pid::from_raw(run.id() as i32).expect("a process");
+    rustix::process::kill_process_group(group, Signal::INT).expect("it is there");
+    // Not said by one that `hil` had to kill.
+    client.until(|told| told["tell"] == "over");
+    assert_eq!(ended(&mut run).code(), Some(130));
+    rig.assert_nothing_left();
+}
+
+#[test]
 fn a_run_with_a_panel_that_is_interrupted_leaves_nothing() {
     let rig = Rig::new();
     let (mut run, mut stderr) = with_panel(&rig, &["--pause-at", "0.5"]);

@@ -1,21 +1,25 @@
 use std::process;
-use std::sync::atomic::{AtomicU32, Ordering};
 
 use super::*;
 
 const HEX: usize = 40;
 
-/// Folder that goes when it is dropped. `tempfile` would change what build scripts are made with, this package being one
-/// of them, and have a build for tests compile `iceoryx2` and all above it once more.
+/// Folder that goes when it is dropped. Not by `tempfile`: build scripts use this package, so its dependencies count among
+/// theirs, and a build for tests would compile `iceoryx2` and all above it anew.
 struct Folder(PathBuf);
 
 impl Folder {
     fn new() -> Self {
-        static NUMBER: AtomicU32 = AtomicU32::new(0);
-        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-        let folder = std::env::temp_dir().join(format!("hil-origin-{}-{number}", process::id()));
-        fs::create_dir(&folder).expect("a folder");
-        Self(folder)
+        let folders = (0..).map(|number| {
+            let name = format!("hil-origin-{}-{number}", process::id());
+            std::env::temp_dir().join(name)
+        });
+        let mut folders = folders.take(1000);
+        Self(
+            folders
+                .find(|new| fs::create_dir(new).is_ok())
+                .expect("a folder"),
+        )
     }
 
     fn path(&self) -> &Path {

@@ -9,7 +9,7 @@
 
 #[path = "../shared/busy.rs"]
 mod busy;
-mod files;
+mod direct;
 #[path = "../shared/measure.rs"]
 #[expect(dead_code, reason = "others beside it are part of what is measured")]
 mod measure;
@@ -29,11 +29,11 @@ use programs::Programs;
 
 /// Bytes of a bare datagram: a frame of the scenario, sealed.
 const BYTES: usize = 400;
-/// Time after which the other end of the bare exchange counts as missing.
+/// Time after which the other end of an exchange counts as missing.
 const WATCHDOG: Duration = Duration::from_secs(60);
 /// Variable that makes this program the other end of an exchange: the address of this end, and which exchange it is.
 const ECHO: &str = "HIL_BENCH_ECHO";
-/// Steps of the scenario, and bare exchanges.
+/// Steps of the scenario, and exchanges.
 const STEPS: u32 = 20_000;
 
 fn main() -> ExitCode {
@@ -101,14 +101,9 @@ fn main() -> ExitCode {
                 digests.insert(digest);
             }
         }
-        let names = [
-            "bare datagrams, blocking",
-            "bare datagrams, spinning",
-            "sealed frames, no bridge or agent",
-            "hil run",
-            "hil run --target",
-        ];
-        for (name, figures) in names.iter().zip(&rows) {
+        let names = Exchange::ALL.map(Exchange::name).into_iter();
+        let names = names.chain(["hil run", "hil run --target"]);
+        for (name, figures) in names.zip(&rows) {
             let of = |place: usize| {
                 figures
                     .iter()
@@ -273,11 +268,19 @@ fn run(programs: &Programs, path: &str, target: Option<&str>) -> ([f64; 2], Stri
 enum Exchange {
     Blocking,
     Spinning,
-    Files,
+    Direct,
 }
 
 impl Exchange {
-    const ALL: [Self; 3] = [Self::Blocking, Self::Spinning, Self::Files];
+    const ALL: [Self; 3] = [Self::Blocking, Self::Spinning, Self::Direct];
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Blocking => "bare datagrams, blocking",
+            Self::Spinning => "bare datagrams, spinning",
+            Self::Direct => "sealed frames, no bridge or agent",
+        }
+    }
 }
 
 /// Exchanges with another process: us each on average, and p50 in us.
@@ -289,7 +292,7 @@ fn exchanged(wire: &Wire, exchange: Exchange) -> [f64; 2] {
         Command::new(&there[0])
             .args(&there[1..])
             .arg(std::env::current_exe().expect("this"))
-            .env(ECHO, format!("{address} {exchange:?}"))
+            .env(ECHO, format!("{address} {}", exchange.name()))
             .stdin(Stdio::null())
             .spawn()
             .expect("it starts"),
@@ -298,8 +301,8 @@ fn exchanged(wire: &Wire, exchange: Exchange) -> [f64; 2] {
     socket.set_read_timeout(Some(WATCHDOG)).expect("set");
     let (length, peer) = socket.recv_from(&mut bytes).expect("it is there");
     socket.connect(peer).expect("connected");
-    let trips = if exchange == Exchange::Files {
-        files::lead(socket, &bytes[..length], STEPS)
+    let trips = if exchange == Exchange::Direct {
+        direct::lead(socket, &bytes[..length], STEPS)
     } else {
         bare(&socket, exchange == Exchange::Spinning)
     };
@@ -346,15 +349,20 @@ fn echoed() -> bool {
     let Ok(asked) = std::env::var(ECHO) else {
         return false;
     };
-    let (address, exchange) = asked.split_once(' ').expect("two words");
+    let (address, name) = asked.split_once(' ').expect("two words");
+    let mut all = Exchange::ALL.into_iter();
+    let exchange = all.find(|exchange| exchange.name() == name);
+    let exchange = exchange.expect("an exchange");
     let socket = UdpSocket::bind("0.0.0.0:0").expect("a socket");
     socket.connect(address).expect("connected");
-    if exchange == "Files" {
-        files::follow(socket);
+    if exchange == Exchange::Direct {
+        direct::follow(socket);
         return true;
     }
     socket.send(&[0; BYTES]).expect("sent");
-    socket.set_nonblocking(exchange == "Spinning").expect("set");
+    socket
+        .set_nonblocking(exchange == Exchange::Spinning)
+        .expect("set");
     let mut bytes = [0; BYTES];
     loop {
         receive(&socket, &mut bytes);

@@ -60,6 +60,7 @@ for ((i = 0; i < count; i++)); do
             folder=$(cd "$(dirname "${words[i + 1]}")" && pwd)
             unset 'words[i]' 'words[i + 1]'
             ((++i)) ;;
+        --manifest-path=* | --target-dir=*) echo "in two words, please" >&2; exit 2 ;;
         --target-dir)
             into=${words[i + 1]}
             unset 'words[i]' 'words[i + 1]'
@@ -80,7 +81,8 @@ case "$1" in
         mkdir -p "$into"
         ln -sfn "$OUTSIDE/debug" "$into/release" ;;
     test | bench)
-        [ "$PWD" -ef "$CLONE" ] && exit 0
+        [[ $folder -ef $CLONE || $folder/ = "$CLONE/examples/"* ]] && exit 0
+        cd "$folder"
         CARGO_BUILD_BUILD_DIR=$OUTSIDE exec "$CARGO" "${words[@]}" --offline --target-dir "$OUTSIDE" ;;
     rustc) ln -sf "$PROGRAMS/examples/libhil_c.a" "$CLONE/target/release/libhil_foreign.a" ;;
     run) exec "$PROGRAMS/examples/$example" "${@:after + 1}" ;;

@@ -1,6 +1,6 @@
 //! The references of the book, `docs/reference`, made from the code.
 //!
-//! `HIL_WRITE_BOOK=1 cargo test -p tests book::references` writes them anew.
+//! `HIL_WRITE_BOOK=1 cargo test --release -p tests book::references` writes them anew.
 
 use std::fmt::Write as _;
 
@@ -13,7 +13,7 @@ use tools::testing::CommandLine;
 
 use crate::support::programs::{demanded, workspace};
 
-const MADE: &str = "<!-- Made from the code: `HIL_WRITE_BOOK=1 cargo test -p tests book::references` writes it anew. -->\n";
+const MADE: &str = "<!-- Made from the code: `HIL_WRITE_BOOK=1 cargo test --release -p tests book::references` writes it anew. -->\n";
 const EXITS: &str = include_str!("../../../tools/src/terminal/exit.rs");
 
 #[test]
@@ -36,7 +36,7 @@ fn the_references_say_what_the_code_says() {
             stale.push(path);
         }
     }
-    let renew = "HIL_WRITE_BOOK=1 cargo test -p tests book::references";
+    let renew = "HIL_WRITE_BOOK=1 cargo test --release -p tests book::references";
     assert!(stale.is_empty(), "{stale:?} are stale; `{renew}`");
 }
 

@@ -63,8 +63,7 @@ impl Profile {
     }
 }
 
-/// Makes a `cargo build` of all programs with the profile of this test binary. With the examples, because
-/// dependencies then have the features that they have for the tests and are not built once more.
+/// Makes a `cargo build` of all programs and of the examples, which tests run, with the profile of this test binary.
 pub(crate) fn build() -> Command {
     let mut cargo = Profile::own().build();
     cargo.arg("--examples");

@@ -141,9 +141,9 @@ impl WatchThread {
     /// Attaches as soon as there is something to attach to; `None` if there will not be.
     fn attach(&mut self, tried: &Sender<()>) -> Result<Option<Observer>, Failure> {
         while !self.is_over() && self.session.is_there() {
+            self.find_run_dir();
             if let Some(observer) = Observer::attach(&self.session)? {
                 self.model.lock().attach(observer.layout())?;
-                self.find_run_dir();
                 if let Some(audience) = &mut self.audience {
                     audience.attach(observer.layout());
                 }
@@ -193,8 +193,10 @@ impl WatchThread {
         let run_dir = self.find_run_dir();
         let (mut verdict, mut standings) = (None, None);
         while !self.is_over() && verdict.is_none() && since.elapsed() < END_LIMIT {
-            // Asked before the look. Killed, it writes none.
-            let is_last = !self.session.owner.is_alive();
+            // Asked before the look. Killed, it writes none, and it removes the folder of a run that did not begin.
+            let has_folder = run_dir.as_ref().is_some_and(|folder| folder.exists());
+            let is_last =
+                !(self.session.owner.is_alive() && (has_folder || self.session.is_there()));
             let text = run_dir
                 .as_ref()
                 .and_then(|folder| std::fs::read_to_string(folder.join(SUMMARY)).ok());
@@ -227,12 +229,14 @@ impl WatchThread {
 
     /// Finds the folder of the run as long as the session is there: one that was just made does not tell it yet.
     fn find_run_dir(&self) -> Option<PathBuf> {
-        let mut model = self.model.lock();
-        if model.run_dir.is_none() {
+        let known = self.model.lock().run_dir.clone();
+        known.or_else(|| {
             let info = SessionInfo::read(&self.session.folder).ok();
-            model.run_dir = info.and_then(|info| info.run_dir);
-        }
-        model.run_dir.clone()
+            // Another session may have the name by now.
+            let info = info.filter(|info| info.id == self.session.id)?;
+            self.model.lock().run_dir.clone_from(&info.run_dir);
+            info.run_dir
+        })
     }
 
     /// Takes from the recording what happened, of a run of which the stream has not told all.

@@ -1,7 +1,7 @@
 //! The way that was not taken: both sides on the wire themselves, without bridge and agent.
 //!
-//! Frames are sealed, numbered and repeated as between those, by the same code, and each side waits as they do. Plant
-//! and law do nothing.
+//! Frames are sealed, numbered and repeated as between those, by the same code. Plant and law do nothing. With fewer cores
+//! than two the sides poll nothing, as bridge and agent do with fewer than their four loops.
 
 use std::net::UdpSocket;
 use std::sync::Arc;
