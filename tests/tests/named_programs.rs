@@ -396,6 +396,8 @@ fn a_lost_controller_is_not_started_anew_from_another_file() {
         law.display()
     ));
     let [_, controller] = running.children_at_once();
+    // Before the first step there is no policy for losses.
+    until("steps are exchanged", || rig.status().step > 0);
     std::fs::remove_file(&law).expect("it is ours");
     std::fs::copy(program("controller-process"), &law).expect("copied");
     send(controller.pid, Signal::KILL);
