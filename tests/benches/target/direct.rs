@@ -23,7 +23,7 @@ use super::{BYTES, WATCHDOG};
 const VALUES: usize = 25;
 
 /// Key of both ends: here nobody else listens.
-pub(super) fn key() -> Key {
+fn key() -> Key {
     Key::from_hex(&"77".repeat(32)).expect("hexadecimal digits")
 }
 
