@@ -99,8 +99,7 @@ fn a_panel_of_a_run_that_is_interrupted_before_it_begins_ends_with_it() {
     let (mut run, mut stderr) = with_panel(&rig, &["--controller", "external"]);
     let url = told_url(&mut stderr);
     let mut client = stream::Client::greeted(&url);
-    let group = rustix::process::Pid::from_raw(run.id() as i32).expect("a process");
-    rustix::process::kill_process_group(group, Signal::INT).expect("it is there");
+    interrupt(&run);
     // Not said by one that `hil` had to kill.
     client.until(|told| told["tell"] == "over");
     assert_eq!(ended(&mut run).code(), Some(130));
@@ -114,9 +113,7 @@ fn a_run_with_a_panel_that_is_interrupted_leaves_nothing() {
     let url = told_url(&mut stderr);
     let mut client = stream::Client::greeted(&url);
     client.until(|told| told["state"] == "paused");
-    // The panel is in the group of the run, which a terminal interrupts as a whole.
-    let group = rustix::process::Pid::from_raw(run.id() as i32).expect("a process");
-    rustix::process::kill_process_group(group, Signal::INT).expect("it is there");
+    interrupt(&run);
     client.until(|told| told["state"] == "ended");
     assert_eq!(ended(&mut run).code(), Some(130));
     let address = parts(&url).0.to_owned();
@@ -124,6 +121,12 @@ fn a_run_with_a_panel_that_is_interrupted_leaves_nothing() {
         std::net::TcpStream::connect(&address).is_err()
     });
     rig.assert_nothing_left();
+}
+
+/// Interrupts a run and its panel, which is in the run's group, as a terminal does.
+fn interrupt(run: &Child) {
+    let group = rustix::process::Pid::from_raw(run.id() as i32).expect("a process");
+    rustix::process::kill_process_group(group, Signal::INT).expect("it is there");
 }
 
 /// A run with its panel, in a process group of its own.

@@ -34,8 +34,8 @@
 //!
 //! A subcommand is added in these places: its arguments in a file of [`arguments`], its variant of `Command` and
 //! its name in `GROUPS` in `arguments/mod.rs`; its work in the room that owns it or else in [`commands`]; its line
-//! in `commands::execute`. Then `HIL_WRITE_BOOK=1 cargo test --release -p tests book::references` writes the reference of the
-//! book.
+//! in `commands::execute`. Then `HIL_WRITE_BOOK=1 cargo test --release -p tests book::references` writes the reference
+//! of the book.
 //!
 //! Packages beside the rooms: recordings, [`hil_recording`] (`tools/recording`); draws, folders, tables and statistics
 //! of campaigns, [`hil_campaign`] (`tools/campaign`); the controller on another machine, its agent and the programs

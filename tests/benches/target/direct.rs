@@ -5,7 +5,7 @@
 
 use std::net::UdpSocket;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use hil_target::exchange::{BEAT_NS, DeskEnd, TargetEnd};
 use hil_target::packet::Packet;
@@ -44,11 +44,8 @@ impl Sleeper for OnSocket {
     }
 
     fn sleep(&self, _: u32, ns: u64) {
-        let limit = Timespec {
-            tv_sec: (ns / 1_000_000_000) as i64,
-            tv_nsec: (ns % 1_000_000_000) as _,
-        };
-        let _ = poll(&mut [PollFd::new(&*self.0, PollFlags::IN)], Some(&limit)); // whyever it ends, look again
+        let limit = Timespec::try_from(Duration::from_nanos(ns)).ok();
+        let _ = poll(&mut [PollFd::new(&*self.0, PollFlags::IN)], limit.as_ref()); // whyever it ends, look again
     }
 
     fn retire(&self) {}

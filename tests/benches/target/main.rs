@@ -335,11 +335,16 @@ impl Drop for Ended {
 }
 
 fn receive(socket: &UdpSocket, bytes: &mut [u8]) {
+    let since = Instant::now();
     loop {
         match socket.recv(bytes) {
             Ok(_) => return,
-            Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => std::hint::spin_loop(),
-            Err(error) => panic!("{error}"),
+            Err(error)
+                if error.kind() == std::io::ErrorKind::WouldBlock && since.elapsed() < WATCHDOG =>
+            {
+                std::hint::spin_loop();
+            }
+            Err(error) => panic!("the other end: {error}"),
         }
     }
 }
@@ -359,6 +364,7 @@ fn echoed() -> bool {
         direct::follow(socket);
         return true;
     }
+    socket.set_read_timeout(Some(WATCHDOG)).expect("set");
     socket.send(&[0; BYTES]).expect("sent");
     socket
         .set_nonblocking(exchange == Exchange::Spinning)

@@ -8,7 +8,7 @@
 //!    [`prepared`] faults are among what keys can ask for. Without a terminal one
 //!    [line](mod@line) tells it.
 //!
-//! It can also serve what it sees to Foxglove.
+//! Serves what it sees to Foxglove too, if it is asked to.
 //!
 //! Passive: the run has the same digest with and without it, unless a key changes the run.
 

@@ -5,6 +5,7 @@ use std::cell::Cell;
 use std::net::UdpSocket;
 use std::rc::Rc;
 use std::sync::{Arc, OnceLock};
+use std::time::Duration;
 
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::time::Timespec;
@@ -90,12 +91,9 @@ impl Sleeper for Either {
         };
         match &self.socket {
             Some(socket) if self.awaited.wire.get() => {
-                let limit = Timespec {
-                    tv_sec: (ns / 1_000_000_000) as i64,
-                    tv_nsec: (ns % 1_000_000_000) as _,
-                };
+                let limit = Timespec::try_from(Duration::from_nanos(ns)).ok(); // a slice of a wait always is one
                 // Readable, the end of the time and a signal all mean the same: look again.
-                let _ = poll(&mut [PollFd::new(&**socket, PollFlags::IN)], Some(&limit));
+                let _ = poll(&mut [PollFd::new(&**socket, PollFlags::IN)], limit.as_ref());
             }
             _ => self.bell.sleep(announced, ns),
         }
