@@ -11,7 +11,8 @@
 //! `checkpoint` is what is kept of all this when a run is to go on from a step another time. Requests
 //! from other terminals come in through [`live`], which checks or refuses faults, changes, marks and
 //! pauses, and wait in [`request_queue`]; `engine::requests` serves them. A change waits in [`tuning`],
-//! which makes its event when it takes hold. [`job`] is what is to be done, [`repeat`] a run in
+//! which makes its event when it takes hold. `engine::handover` carries out what is to happen when a
+//! controller is lost, and lets another take over. [`job`] is what is to be done, [`repeat`] a run in
 //! real time once more, in lockstep.
 //!
 //! [`program`] is the process around it; a user's own plant binary is a `main` of one line that

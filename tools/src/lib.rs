@@ -10,7 +10,7 @@
 //! | [`views`] | monitor, panel, get and watch, report, export, layout, and the chooser of their plots |
 //! | [`verification`] | compare, baselines, judge, replay, rerun, audit, suite: is it the same, is it right? |
 //! | [`benchmark`] | what `hil latency` measures |
-//! | [`run`] | one run: processes, recorder, real-time settings, handover |
+//! | [`run`] | one run: processes, recorder, real-time settings, controllers that come and go |
 //! | [`doctor`] | the machine that it all runs on |
 //! | [`session`] | a running session from another terminal: requests, faults, records |
 //! | [`checkpoint`] | the state of both sides before a step, for another run to go on from |
@@ -43,7 +43,7 @@
 //! never linked into `hil`.
 //!
 //! Packages below: [`hil_config`] checks scenarios and live requests, [`plant_process`] and [`controller_process`]
-//! are the loop, [`shared_types`] has links, records and the conformance suites. Three parts of `hil` run on the
+//! are the loop, [`shared_types`] has links, records, their digest and the conformance suites. Three parts of `hil` run on the
 //! loop: the idle plant and law of [`benchmark`], the [replay](verification::replay) in the plant's place, and
 //! [`run`] where it turns both sides in one thread.
 

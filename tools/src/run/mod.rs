@@ -4,8 +4,9 @@
 //! 1. [`settings`] is the checked form of what was typed.
 //! 2. [`execute`](execute()) calls `prepare`: refusals, session, folder, [jobs], [provenance].
 //! 3. `processes` or `in_process` runs both sides, with the [recorder] attached to their stream.
-//!    `processes` ends a run whose side died; `controllers` says whether the loss of one ends it,
-//!    `termination` why it ended.
+//!    Both end a run whose recorder failed, as on a full disk, and `processes` one whose side died.
+//!    `controllers` starts a lost controller again or lets its loss end the run, and `termination` says why it
+//!    ended; to hold or to take the safe command is the plant's, in `plant_process::engine`.
 //!    `by_hand` waits before that for the sides that somebody starts by hand.
 //! 4. `conclude` makes checkpoints, summary and exit code of what came of it.
 //!

@@ -1,9 +1,8 @@
 //! The recorder: drains the record stream on a thread of its own.
 //!
-//! It makes the digest, the metrics and the latency figures, judges the requirements and writes the
-//! recording. The loop
-//! never waits for any of this, except that the stream's credit holds it back before a record would
-//! be lost.
+//! Its `work` takes record after record: digest, metrics, latency figures, requirements, recording. A recording
+//! that cannot be written is told to whoever watches over the run. The loop never waits for any of this, except
+//! that the stream's credit holds it back before a record would be lost.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
