@@ -3,7 +3,7 @@
 //!
 //! | strategy | at first | then |
 //! |---|---|---|
-//! | `hybrid` | poll | yield, and sleep after 2 ms; sleep at once beside others who need the core |
+//! | `hybrid` | poll | yield, and sleep after 4 ms; sleep at once beside others who need the core |
 //! | `spin` | poll | the same, and sleep after 20 ms |
 //! | `yield` | yield | the same, and sleep after 20 ms |
 //! | `sleep` | sleep | the same |
@@ -36,8 +36,9 @@ mod habits;
 
 /// Polls in a row that read no clock: some 12 us.
 const SPINS: u32 = 512;
-/// Time for which a hybrid wait yields before it sleeps.
-const YIELD_NS: u64 = 2_000_000;
+/// Time for which a hybrid wait yields before it sleeps. Longer than the recorder's work, which the other side
+/// may have to wait for: who slept meanwhile would leave a core to it, and both would stay on one core.
+const YIELD_NS: u64 = 4_000_000;
 /// Time without news after which each strategy sleeps: a held run or a process of real-time priority then
 /// no longer blocks its core.
 const PATIENCE_NS: u64 = 20_000_000;

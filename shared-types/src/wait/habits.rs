@@ -63,8 +63,12 @@ impl Polling {
 /// Other programs that need the core, known by the time that it was away when it was given away or waited for.
 #[derive(Debug)]
 pub(super) struct Company {
-    /// Moving average of the time that the core was away.
+    /// Time that the core was away lately, less [`Self::SHARE`] of what passed meanwhile.
     away_ns: u64,
+    /// Time at which it came back last.
+    back_ns: u64,
+    /// Moving average of the time by which waits for a time ended late.
+    late_ns: u64,
     /// Time until which others are taken for granted.
     pub(super) until_ns: u64,
     /// Time for which they are taken for granted when they come next.
@@ -72,46 +76,71 @@ pub(super) struct Company {
 }
 
 impl Company {
-    /// Returns that the average is made of. One that took a slice of the scheduler brings it near the limit,
-    /// and the recorder's short work between many quick ones does not.
-    const RETURNS: u64 = 128;
+    /// Time away that shows nothing if it is shorter: the other side took it, or sides of other sessions.
+    const SHORT_NS: u64 = 100_000;
+    /// Others may have the core for one part in N of the time.
+    const SHARE: u64 = 2;
+    /// Time away beyond that from which others need the core: a slice of the scheduler, which is longer than the
+    /// recorder's work.
+    const AWAY_NS: u64 = 2_000_000;
+    /// Waits for a time that the average is made of. One that ended later by a slice brings it near the limit.
+    const WAITS: u64 = 128;
     /// Average above which others need the core.
-    const LIMIT_NS: u64 = 20_000;
-    /// Time away that only a slice of the scheduler takes.
+    const LATE_ON_AVERAGE_NS: u64 = 20_000;
+    /// Late by this much, a wait shows that they are still there.
     const TURN_NS: u64 = 1_000_000;
     const SHORTEST_NS: u64 = 10_000_000;
     const LONGEST_NS: u64 = 1_000_000_000;
 
     pub(super) const NONE: Self = Self {
         away_ns: 0,
+        back_ns: 0,
+        late_ns: 0,
         until_ns: 0,
         backoff_ns: Self::SHORTEST_NS,
     };
 
-    /// Notes that the core came back.
+    /// Notes that the core came back after it was given away.
     pub(super) fn came_back(&mut self, now_ns: u64, took_ns: u64) {
-        self.away_ns = self.away_ns - self.away_ns / Self::RETURNS + took_ns / Self::RETURNS;
-        // They are gone when they were not met for as long as they would be taken for granted next, however
-        // often the core was given away meanwhile: a yield comes back at once where all others are in another
-        // session.
-        let are_gone = now_ns > self.until_ns.saturating_add(self.backoff_ns);
-        if are_gone {
-            self.backoff_ns = Self::SHORTEST_NS;
+        if took_ns < Self::SHORT_NS {
+            return;
         }
-        if self.away_ns > Self::LIMIT_NS || (!are_gone && took_ns >= Self::TURN_NS) {
-            self.away_ns = self.away_ns.min(Self::LIMIT_NS - Self::LIMIT_NS / 4);
-            self.until_ns = now_ns + self.backoff_ns;
-            self.backoff_ns = (4 * self.backoff_ns).min(Self::LONGEST_NS);
+        let allowed_ns = now_ns.saturating_sub(self.back_ns) / Self::SHARE;
+        self.away_ns = self.away_ns.saturating_sub(allowed_ns) + took_ns;
+        self.back_ns = now_ns;
+        if self.away_ns >= Self::AWAY_NS {
+            self.away_ns = 0;
+            self.met(now_ns);
         }
     }
 
     /// Notes by how much a wait for a time ended later than that. Beside others only a late end counts: one
     /// in time does not show that they went, as the side slept.
     pub(super) fn woke(&mut self, now_ns: u64, late_ns: u64) {
-        let took_ns = late_ns.saturating_sub(LATE_NS);
-        if took_ns > 0 || !self.is_there(now_ns) {
-            self.came_back(now_ns, took_ns);
+        let late_ns = late_ns.saturating_sub(LATE_NS);
+        if late_ns == 0 && self.is_there(now_ns) {
+            return;
         }
+        self.late_ns = self.late_ns - self.late_ns / Self::WAITS + late_ns / Self::WAITS;
+        let are_still_there = !self.are_gone(now_ns) && late_ns >= Self::TURN_NS;
+        if are_still_there || self.late_ns > Self::LATE_ON_AVERAGE_NS {
+            self.late_ns = self.late_ns.min(Self::LATE_ON_AVERAGE_NS / 4 * 3);
+            self.met(now_ns);
+        }
+    }
+
+    /// Takes others for granted for a while.
+    fn met(&mut self, now_ns: u64) {
+        if self.are_gone(now_ns) {
+            self.backoff_ns = Self::SHORTEST_NS;
+        }
+        self.until_ns = now_ns + self.backoff_ns;
+        self.backoff_ns = (4 * self.backoff_ns).min(Self::LONGEST_NS);
+    }
+
+    /// Returns true if they were not met for as long as they would be taken for granted next.
+    const fn are_gone(&self, now_ns: u64) -> bool {
+        now_ns > self.until_ns.saturating_add(self.backoff_ns)
     }
 
     pub(super) const fn is_there(&self, now_ns: u64) -> bool {
@@ -125,17 +154,42 @@ mod tests {
 
     const MS: u64 = 1_000_000;
 
+    /// Gives the core away N times for so long, every so often; returns when others were first taken for granted.
+    fn first_met(company: &mut Company, times: u64, took_ns: u64, every_ns: u64) -> Option<u64> {
+        (1..=times).find(|time| {
+            company.came_back(time * every_ns, took_ns);
+            company.is_there(time * every_ns)
+        })
+    }
+
     #[test]
-    fn a_slice_for_others_is_company_and_a_recorders_work_is_not() {
+    fn neither_the_other_side_nor_the_recorder_is_company() {
+        let others = |took_ns, every_ns| {
+            first_met(&mut Company { ..Company::NONE }, 100_000, took_ns, every_ns)
+        };
+        assert_eq!(
+            others(5_000, 6_000),
+            None,
+            "the other side on the same core"
+        );
+        assert_eq!(others(90_000, 91_000), None, "one at work for longer");
+        assert_eq!(others(MS, 4 * MS), None, "the recorder");
+        assert_eq!(others(MS / 2, MS), None, "half of the time");
+        // A tenth of a millisecond beyond half of the time, until that is 2 ms.
+        assert_eq!(others(6 * MS / 10, MS), Some(15));
+        assert_eq!(
+            others(3 * MS, 100 * MS),
+            Some(1),
+            "a slice of the scheduler"
+        );
+    }
+
+    #[test]
+    fn those_who_are_met_again_are_taken_for_granted_for_longer() {
         let mut company = Company::NONE;
-        for step in 0..100_000 {
-            // 4 ms of yields to the other side, then half a millisecond for the recorder.
-            company.came_back(step, if step % 1000 == 0 { 500_000 } else { 4_000 });
-            assert!(!company.is_there(step));
-        }
         let mut now_ns = 1000 * MS;
         company.came_back(now_ns, 3 * MS);
-        // Still there: each time for four times as long, up to a second, however many quick returns are between.
+        // Each time for four times as long, up to a second, however many quick returns are between.
         for for_ms in [10, 40, 160, 640, 1000, 1000] {
             assert_eq!(company.until_ns, now_ns + for_ms * MS);
             assert!(company.is_there(now_ns) && !company.is_there(company.until_ns));
@@ -146,8 +200,7 @@ mod tests {
         }
         // They went; when they come again, it is for a short time at first.
         now_ns = company.until_ns + 1001 * MS;
-        (0..10_000).for_each(|_| company.came_back(now_ns, 500));
-        company.came_back(now_ns, 2 * MS);
+        company.came_back(now_ns, MS);
         assert!(!company.is_there(now_ns));
         company.came_back(now_ns, 3 * MS);
         assert_eq!(company.until_ns, now_ns + 10 * MS);

@@ -76,8 +76,8 @@ fn no_sleep_reaches_into_the_time_before_a_deadline() {
     const LONG_NAP: Rest = Rest::Sleep(MS);
     const SLICE: Rest = Rest::Sleep(5 * MS);
     for (strategy, waited_ns, left_ns, naps, sleeps) in [
-        (Hybrid, MS, u64::MAX, Rest::Yield, Rest::Yield),
-        (Hybrid, 2 * MS, u64::MAX, NAP, SLICE),
+        (Hybrid, 4 * MS - 1, u64::MAX, Rest::Yield, Rest::Yield),
+        (Hybrid, 4 * MS, u64::MAX, NAP, SLICE),
         (Hybrid, 19 * MS, 4 * MS, NAP, Rest::Sleep(3_700_000)),
         (
             Hybrid,
