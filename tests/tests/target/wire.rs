@@ -212,9 +212,11 @@ fn a_cut_is_survived_or_named_and_the_board_is_clean_either_way() {
     under_way(&rig);
     hosts.order("cut");
     let folder = running.folder().to_owned();
-    let run = running.finish().expect(3);
-    log_until(&folder, "target board: nothing received since step");
-    drop(run);
+    let lost = "target board: nothing received since step";
+    let summary = running.finish().expect(3).summary();
+    let reason = summary["reason"].as_str().expect("a reason");
+    assert!(reason.contains(lost), "{reason}");
+    log_until(&folder, lost);
     // The board hears nothing either, and ends by itself.
     nothing_left_on_board(&hosts);
     hosts.order("mend");

@@ -128,7 +128,7 @@ impl TargetContact {
 /// Arguments of `hil target serve`.
 #[derive(Debug, Args)]
 pub struct ServeArguments {
-    /// Address to listen on
+    /// Address to listen on, as 192.0.2.7:7000
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub listen: std::net::SocketAddr,
     /// File with the key

@@ -130,7 +130,7 @@ fn check(arguments: &TargetContact) -> Result<Exit, Failure> {
         (
             "fit for",
             format!(
-                "up to {} Hz: there half a step is left at p99",
+                "real time up to {} Hz: there half a step is left at p99",
                 checked.fit_for_hz
             ),
         ),

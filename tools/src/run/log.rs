@@ -106,10 +106,20 @@ impl Log {
 
     /// The last line that says something, printable, without the word `error`.
     pub(super) fn last_word(&self) -> Option<String> {
+        let line = self.last_line()?;
+        Some(text::line(line.trim_start_matches("error: ")))
+    }
+
+    /// The error that its process ended with: its last line, if that is one, without the word `error`.
+    pub(super) fn last_error(&self) -> Option<String> {
+        self.last_line()?.strip_prefix("error: ").map(text::line)
+    }
+
+    fn last_line(&self) -> Option<String> {
         let end = self.end(READ_BYTES);
         let end = String::from_utf8_lossy(&end);
         let line = end.lines().rfind(|line| !line.trim().is_empty())?;
-        Some(text::line(line.trim_start_matches("error: ")))
+        Some(line.to_owned())
     }
 
     /// The first and last lines, printable: a panic's message comes before its backtrace.
@@ -159,6 +169,24 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let log = Log::create(folder.path().join("plant.log")).expect("a log");
         (folder, log)
+    }
+
+    #[test]
+    fn an_error_is_the_last_word_and_a_note_is_no_error() {
+        let (_folder, log) = log();
+        let mut process = log.output().expect("a file");
+        for (written, word, error) in [
+            (
+                "error: not yet\nnote: it goes on\n\n",
+                "note: it goes on",
+                None,
+            ),
+            ("error: the wire\n", "the wire", Some("the wire")),
+        ] {
+            process.write_all(written.as_bytes()).expect("written");
+            assert_eq!(log.last_word().as_deref(), Some(word));
+            assert_eq!(log.last_error().as_deref(), error);
+        }
     }
 
     #[test]

@@ -92,16 +92,24 @@ pub(crate) fn check(
         }
     }
     let loops = match link {
-        LinkKind::Iceoryx2 => vec![asked.plant_core, controller_core],
+        LinkKind::Iceoryx2 if is_controller_here => vec![asked.plant_core, controller_core],
+        LinkKind::Iceoryx2 => vec![asked.plant_core],
         // One thread for both sides, with the settings of the plant.
         LinkKind::InProcess => vec![asked.plant_core],
     };
     if asked.priority > 0 && may_take_all(&loops, &cores.allowed) {
         let cores = &cores.allowed;
         let priority = asked.priority;
+        let (loops, others) = match is_controller_here {
+            true => ("plant and controller", "hil and its recorder"),
+            false => (
+                "the plant",
+                "hil, its recorder and the bridge to the target",
+            ),
+        };
         tell!(
-            "warning: at priority {priority} plant and controller may take all cores ({cores}); hil and its recorder then run \
-             only where the loops sleep or the kernel steps in. Leave them a core, or take --priority 0"
+            "warning: at priority {priority} {loops} may take all cores ({cores}); {others} then run only where a loop \
+             sleeps or the kernel steps in. Leave them a core, or take --priority 0"
         );
     }
     Ok(())

@@ -222,7 +222,12 @@ impl SideProcess {
         match (status.code(), status.signal()) {
             (Some(0), _) => None,
             (Some(PANIC), _) => Some(format!("{} panicked", self.name)),
-            (Some(code), _) => Some(format!("{} ended with exit code {code}", self.name)),
+            // A bridge says what became of the controller on its target.
+            (Some(code), _) => Some(
+                (self.log.as_ref().and_then(Log::last_error))
+                    .filter(|error| error.starts_with("target "))
+                    .unwrap_or_else(|| format!("{} ended with exit code {code}", self.name)),
+            ),
             (None, Some(signal)) => {
                 let name = signal_hook::low_level::signal_name(signal).unwrap_or("a signal");
                 Some(format!("{} was killed by {name} ({signal})", self.name))

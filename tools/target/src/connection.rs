@@ -53,9 +53,16 @@ pub(crate) fn connect(
         Ok(seal)
     };
     let seal = hands().map_err(|error| {
-        way.infrastructure(format!(
-            "no handshake ({error}): another key, another version, or it serves another session"
-        ))
+        way.infrastructure(match error.kind() {
+            io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut => format!(
+                "no handshake within {} s; perhaps it serves another session, whose end you can wait for",
+                CONNECT.as_secs()
+            ),
+            io::ErrorKind::UnexpectedEof => {
+                "no handshake: it closed the connection, as for another key or another version".into()
+            }
+            _ => format!("no handshake ({error}): another key or another version"),
+        })
     })?;
     let seal = Arc::new(seal);
     let cannot = |error: io::Error| way.infrastructure(error);

@@ -24,6 +24,9 @@ pub enum KeyError {
         /// Error of the system.
         error: io::Error,
     },
+    /// A new key must not replace one.
+    #[error("key file {} is there already and is not overwritten; name another, or remove it", .0.display())]
+    Exists(PathBuf),
     /// Others can read it, or it is somebody else's.
     #[error("key file {} can be read by others, or is not yours: `chmod 600 {}`", .0.display(), .0.display())]
     Open(PathBuf),
@@ -48,7 +51,10 @@ pub fn make_key(path: &Path) -> Result<(), KeyError> {
         .create_new(true)
         .mode(0o600)
         .open(path)
-        .map_err(failed)?;
+        .map_err(|error| match error.kind() {
+            io::ErrorKind::AlreadyExists => KeyError::Exists(path.into()),
+            _ => failed(error),
+        })?;
     writeln!(file, "{}", key.to_hex())
         .and_then(|()| file.sync_all())
         .map_err(failed)
@@ -154,7 +160,7 @@ mod tests {
         let path = folder.path().join("board.key");
         make_key(&path).expect("made");
         read_key(&path).expect("a key");
-        assert!(matches!(make_key(&path), Err(KeyError::Io { .. })));
+        assert!(matches!(make_key(&path), Err(KeyError::Exists(_))));
         for mode in [0o640, 0o604] {
             fs::set_permissions(&path, fs::Permissions::from_mode(mode)).expect("set");
             assert!(

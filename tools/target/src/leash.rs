@@ -80,7 +80,8 @@ impl Said {
     }
 
     pub(crate) fn text(&self) -> String {
-        text::printable(&String::from_utf8_lossy(&self.lock().tail)).into_owned()
+        let tail = String::from_utf8_lossy(&self.lock().tail).replace("\r\n", "\n"); // ssh ends its lines so
+        text::printable(&tail).into_owned()
     }
 
     /// The last line, once all is said or the limit is over.

@@ -60,6 +60,9 @@ enum Mode {
     },
 }
 
+/// Exit code of `serve` where a flag or a file is wrong, as of `hil target serve`.
+const USAGE: u8 = 2;
+
 fn main() -> ExitCode {
     let ended = match Arguments::parse().end {
         Mode::Agent => serve_ssh().map(|()| 0),
@@ -67,7 +70,13 @@ fn main() -> ExitCode {
             listen,
             key_file,
             allow,
-        } => serve::serve(listen, &key_file, &allow, say).map(|()| 0),
+        } => match serve::serve(listen, &key_file, &allow, say) {
+            Ok(()) => Ok(0),
+            Err(reason) => {
+                say(&format!("error: {reason}"));
+                Ok(USAGE)
+            }
+        },
         Mode::Bridge {
             target,
             agent,

@@ -18,17 +18,25 @@ pub enum Target {
 
 /// Text that is no name of a target.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "`{0}` is no target: [user@]host or a name of your ssh configuration, of letters, digits and ._@:[]- and not \
-     beginning with -; or serve://HOST:PORT"
-)]
-pub struct NoTarget(String);
+pub enum NoTarget {
+    /// It could be something else for `ssh` or a shell, or is too long.
+    #[error(
+        "`{0}` is no target: [user@]host or a name of your ssh configuration, of letters, digits and ._@:[]- and not \
+         beginning with -; or serve://HOST:PORT"
+    )]
+    Name(String),
+    /// Address of an agent that listens, without a port.
+    #[error(
+        "`{0}` is no target: it needs a port from 1 to 65535, as serve://HOST:7000, and no user"
+    )]
+    Port(String),
+}
 
 impl FromStr for Target {
     type Err = NoTarget;
 
     fn from_str(text: &str) -> Result<Self, NoTarget> {
-        let refused = || NoTarget(shared_types::text::printable(text).into_owned());
+        let shown = || shared_types::text::printable(text).into_owned();
         let (host, is_served) = match text.strip_prefix("serve://") {
             Some(address) => (address, true),
             None => (text, false),
@@ -36,7 +44,7 @@ impl FromStr for Target {
         let is_legal = |c: char| c.is_ascii_alphanumeric() || "._@:[]-".contains(c);
         let is_short = (1..=LONGEST).contains(&host.len());
         if !is_short || host.starts_with('-') || !host.chars().all(is_legal) {
-            return Err(refused());
+            return Err(NoTarget::Name(shown()));
         }
         if !is_served {
             return Ok(Self::Ssh(host.into()));
@@ -44,7 +52,7 @@ impl FromStr for Target {
         let port = host.rsplit_once(':').map(|(_, port)| port.parse::<u16>());
         match port {
             Some(Ok(port)) if port > 0 && !host.contains('@') => Ok(Self::Serve(host.into())),
-            _ => Err(refused()),
+            _ => Err(NoTarget::Port(shown())),
         }
     }
 }
@@ -96,5 +104,7 @@ mod tests {
         ] {
             assert!(name.parse::<Target>().is_err(), "{name}");
         }
+        let without_port = "serve://a".parse::<Target>();
+        assert_eq!(without_port, Err(NoTarget::Port("serve://a".into())));
     }
 }

@@ -49,11 +49,18 @@ impl AllowedPrograms {
     /// Takes the programs that were listed.
     ///
     /// # Errors
-    /// If one cannot be read.
+    /// If one cannot be read or is no program.
     pub fn listed(programs: &[PathBuf]) -> Result<Self, String> {
-        let listed = |program: &PathBuf| match hash(program) {
-            Ok(hash) => Ok((program.clone(), hash)),
-            Err(error) => Err(format!("{}: {error}", program.display())),
+        let listed = |program: &PathBuf| {
+            let told = |error: io::Error| format!("{}: {error}", program.display());
+            let found = fs::metadata(program).map_err(told)?;
+            if !found.is_file() || found.mode() & 0o111 == 0 {
+                return Err(format!(
+                    "{} is no program: it cannot be executed",
+                    program.display()
+                ));
+            }
+            Ok((program.clone(), hash(program).map_err(told)?))
         };
         programs
             .iter()
@@ -241,6 +248,21 @@ mod tests {
         fs::set_permissions(&file, fs::Permissions::from_mode(0o600)).expect("writable");
         fs::write(&file, "another").expect("changed");
         assert_eq!(programs.find(&hash), None);
+    }
+
+    #[test]
+    fn only_what_can_be_executed_is_listed() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("a.toml");
+        assert!(AllowedPrograms::listed(std::slice::from_ref(&file)).is_err()); // it is not there
+        fs::write(&file, "no program").expect("written");
+        let listed = |file: &Path| AllowedPrograms::listed(&[file.into()]).map(|_| ());
+        for none in [&file, folder.path()] {
+            let told = listed(none).expect_err("no program");
+            assert!(told.contains("cannot be executed"), "{told}");
+        }
+        fs::set_permissions(&file, fs::Permissions::from_mode(0o700)).expect("set");
+        assert_eq!(listed(&file), Ok(()));
     }
 
     #[test]

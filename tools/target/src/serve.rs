@@ -49,7 +49,10 @@ pub fn serve(
                     Err(why) => format!("{from}: the session has ended: {why}"),
                 });
             }
-            Err(_) => say(&format!("{from}: refused")),
+            Err(_) => say(&format!(
+                "{from}: refused: another key or another version, or no handshake within {} s",
+                HANDSHAKE.as_secs()
+            )),
         }
     }
     Ok(())
