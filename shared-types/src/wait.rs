@@ -13,9 +13,9 @@
 //! A hybrid wait learns two things from the waits before:
 //!
 //! - **Whether others need the core.** A core that was given away comes back within microseconds if only the
-//!   other side took it, and after a slice of milliseconds if a third did. Then it is not given away any more
-//!   for a while: a sleeper that is woken goes before those who compute. A wait for a time that ended late
-//!   shows the same, and such a wait is slept to its end then.
+//!   other side took it, and after milliseconds if a third did. If such returns take more than half of the time,
+//!   it is not given away any more for a while: a sleeper that is woken goes before those who compute. A wait
+//!   for a time that ended late shows the same, and such a wait is slept to its end then.
 //! - **Whether polling helps.** It does not where both sides are on one core, as the other runs only when
 //!   this one lets it. After some waits in a row that polls did not end, there are none for a while.
 //!
@@ -36,8 +36,8 @@ mod habits;
 
 /// Polls in a row that read no clock: some 12 us.
 const SPINS: u32 = 512;
-/// Time for which a hybrid wait yields before it sleeps. Longer than the recorder's work, which the other side
-/// may have to wait for: who slept meanwhile would leave a core to it, and both would stay on one core.
+/// Time for which a hybrid wait yields before it sleeps. Longer than the recorder mostly takes at a time: a side
+/// that sleeps while the other waits behind the recorder leaves a core to it, and both stay on that core.
 const YIELD_NS: u64 = 4_000_000;
 /// Time without news after which each strategy sleeps: a held run or a process of real-time priority then
 /// no longer blocks its core.

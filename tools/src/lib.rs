@@ -43,9 +43,9 @@
 //! never linked into `hil`.
 //!
 //! Packages below: [`hil_config`] checks scenarios and live requests, [`plant_process`] and [`controller_process`]
-//! are the loop, [`shared_types`] has links, records, their digest and the conformance suites. Three parts of `hil` run on the
-//! loop: the idle plant and law of [`benchmark`], the [replay](verification::replay) in the plant's place, and
-//! [`run`] where it turns both sides in one thread.
+//! are the loop, [`shared_types`] has links, records, their digest and the conformance suites. Three parts of `hil`
+//! run on the loop: the idle plant and law of [`benchmark`], the [replay](verification::replay) in the plant's
+//! place, and [`run`] where it turns both sides in one thread.
 
 #![expect(
     rustdoc::private_intra_doc_links,

@@ -63,7 +63,7 @@ impl Polling {
 /// Other programs that need the core, known by the time that it was away when it was given away or waited for.
 #[derive(Debug)]
 pub(super) struct Company {
-    /// Time that the core was away lately, less [`Self::SHARE`] of what passed meanwhile.
+    /// Time that the core was away lately, less half of the time that passed.
     away_ns: u64,
     /// Time at which it came back last.
     back_ns: u64,
@@ -76,12 +76,11 @@ pub(super) struct Company {
 }
 
 impl Company {
-    /// Time away that shows nothing if it is shorter: the other side took it, or sides of other sessions.
+    /// Time away that shows nothing if it is shorter: most likely the other side took it, or sides of other
+    /// sessions.
     const SHORT_NS: u64 = 100_000;
-    /// Others may have the core for one part in N of the time.
-    const SHARE: u64 = 2;
-    /// Time away beyond that from which others need the core: a slice of the scheduler, which is longer than the
-    /// recorder's work.
+    /// Time away, beyond half of the time that passed, from which others need the core: one to three slices of
+    /// the scheduler, and mostly more than the recorder takes at a time.
     const AWAY_NS: u64 = 2_000_000;
     /// Waits for a time that the average is made of. One that ended later by a slice brings it near the limit.
     const WAITS: u64 = 128;
@@ -105,7 +104,7 @@ impl Company {
         if took_ns < Self::SHORT_NS {
             return;
         }
-        let allowed_ns = now_ns.saturating_sub(self.back_ns) / Self::SHARE;
+        let allowed_ns = now_ns.saturating_sub(self.back_ns) / 2;
         self.away_ns = self.away_ns.saturating_sub(allowed_ns) + took_ns;
         self.back_ns = now_ns;
         if self.away_ns >= Self::AWAY_NS {
@@ -220,6 +219,26 @@ mod tests {
             company.woke(now_ns, 3 * MS);
             assert_eq!(company.until_ns, until_ms * MS);
         }
+    }
+
+    #[test]
+    fn waits_that_end_late_are_company_by_their_average() {
+        // Long after others could have been there, so that each late wait counts by the average alone.
+        let first = |late_ns: u64| {
+            let mut company = Company::NONE;
+            (1..10_000_u64).find(|wait| {
+                let now_ns = (1000 + wait) * MS;
+                company.woke(now_ns, LATE_NS + late_ns);
+                company.is_there(now_ns)
+            })
+        };
+        assert_eq!(first(20_000), None, "the limit itself");
+        // The average is late (1 - (127/128)^N): over 20 us once (127/128)^N < 0.98, 0.8 and 0.5.
+        let near = |waits: u64, found: Option<u64>| found.is_some_and(|n| n.abs_diff(waits) <= 1);
+        assert!(near(3, first(MS)), "{:?}", first(MS));
+        assert!(near(29, first(100_000)), "{:?}", first(100_000));
+        assert!(near(89, first(40_000)), "{:?}", first(40_000));
+        assert_eq!(first(3 * MS), Some(1), "a slice");
     }
 
     #[test]

@@ -21,7 +21,9 @@ fn an_agent_that_listens_serves_who_has_the_key_and_runs_what_is_listed() {
         std::fs::metadata(key).expect("there").permissions().mode() & 0o777,
         0o600
     );
-    rig.hil(&["target", "key", key]).expect(2).says(&["is there already"]);
+    rig.hil(&["target", "key", key])
+        .expect(2)
+        .says(&["is there already"]);
     let listed = program("controller-process");
     let mut serve = Command::new(program("hil"));
     serve.args([

@@ -110,9 +110,12 @@ impl Log {
         Some(text::line(line.trim_start_matches("error: ")))
     }
 
-    /// The error that its process ended with: its last line, if that is one, without the word `error`.
+    /// The error that its process ended with: what stands behind `error: ` in the last line, if that is there.
     pub(super) fn last_error(&self) -> Option<String> {
-        self.last_line()?.strip_prefix("error: ").map(text::line)
+        let line = self.last_line()?;
+        // Others may write to the same log, and not end their lines.
+        line.rsplit_once("error: ")
+            .map(|(_, error)| text::line(error))
     }
 
     fn last_line(&self) -> Option<String> {
@@ -182,6 +185,11 @@ mod tests {
                 None,
             ),
             ("error: the wire\n", "the wire", Some("the wire")),
+            (
+                "law's last word, error: the wire\n",
+                "law's last word, error: the wire",
+                Some("the wire"),
+            ),
         ] {
             process.write_all(written.as_bytes()).expect("written");
             assert_eq!(log.last_word().as_deref(), Some(word));

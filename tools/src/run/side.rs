@@ -33,6 +33,8 @@ pub(crate) struct SideProcess {
     id: Option<ProcessId>,
     /// Output, unless that goes to a terminal.
     log: Option<Log>,
+    /// Name of the machine that it is the bridge to.
+    target: Option<String>,
     status: Option<ExitStatus>,
     /// A process that is no child ended and did not say how.
     is_silent: bool,
@@ -55,6 +57,7 @@ impl SideProcess {
             process: Process::ByHand(leash),
             id: Some(id),
             log: None,
+            target: None,
             status: None,
             is_silent: false,
             killed: None,
@@ -93,6 +96,7 @@ impl SideProcess {
             process: Process::Launched(process),
             id,
             log: Some(log),
+            target: binary.at.as_ref().map(|at| at.target().to_string()),
             status: None,
             is_silent: false,
             killed: None,
@@ -222,10 +226,8 @@ impl SideProcess {
         match (status.code(), status.signal()) {
             (Some(0), _) => None,
             (Some(PANIC), _) => Some(format!("{} panicked", self.name)),
-            // A bridge says what became of the controller on its target.
             (Some(code), _) => Some(
-                (self.log.as_ref().and_then(Log::last_error))
-                    .filter(|error| error.starts_with("target "))
+                (self.said_of_target())
                     .unwrap_or_else(|| format!("{} ended with exit code {code}", self.name)),
             ),
             (None, Some(signal)) => {
@@ -234,6 +236,13 @@ impl SideProcess {
             }
             (None, None) => None,
         }
+    }
+
+    /// What a bridge ended with: it says what became of the controller on its target.
+    fn said_of_target(&self) -> Option<String> {
+        let said = format!("target {}: ", self.target.as_ref()?);
+        let error = self.log.as_ref()?.last_error()?;
+        error.starts_with(&said).then_some(error)
     }
 
     /// The last line of its output, without the word `error`.

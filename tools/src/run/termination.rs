@@ -81,6 +81,7 @@ fn unseen_end(
     let words = [cause.last_word(), other.last_word()].into_iter().flatten();
     parts.extend(words.take(1));
     parts.extend(other.fate());
+    parts.dedup(); // the last word of a bridge is its fate
     parts.push(format!("{records} steps were recorded"));
     parts
 }

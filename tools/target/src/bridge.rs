@@ -244,7 +244,10 @@ impl Bridge {
             }
             // Nobody may be left to end this process.
             if self.stopping_ns > 0 && now_ns.saturating_sub(self.stopping_ns) > STOPPING_NS {
-                return Err("it was asked to stop, and the target said nothing".into());
+                let target = &self.contact.way.target;
+                return Err(format!(
+                    "target {target}: it was asked to stop and said nothing"
+                ));
             }
             if busy {
                 waiter.done();

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use crate::channel::{Ear, Mouth};
-use crate::key::{Until, get, prologue, prove, put, read_key};
+use crate::key::{Until, get, no_handshake, prologue, prove, put, read_key};
 use crate::leash::Leash;
 use crate::message::ToDesk;
 use crate::seal::{Seal, begin};
@@ -52,18 +52,7 @@ pub(crate) fn connect(
         connection.set_write_timeout(None)?;
         Ok(seal)
     };
-    let seal = hands().map_err(|error| {
-        way.infrastructure(match error.kind() {
-            io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut => format!(
-                "no handshake within {} s; perhaps it serves another session, whose end you can wait for",
-                CONNECT.as_secs()
-            ),
-            io::ErrorKind::UnexpectedEof => {
-                "no handshake: it closed the connection, as for another key or another version".into()
-            }
-            _ => format!("no handshake ({error}): another key or another version"),
-        })
-    })?;
+    let seal = hands().map_err(|error| way.infrastructure(no_handshake(&error, CONNECT)))?;
     let seal = Arc::new(seal);
     let cannot = |error: io::Error| way.infrastructure(error);
     let ear = Ear::listen(

@@ -5,7 +5,7 @@ use std::io::{self, Read, Write};
 use std::net::TcpStream;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use crate::message::PROTOCOL;
 use crate::seal::{Key, Seal};
@@ -117,6 +117,23 @@ pub(crate) fn see_proof(from: &mut impl Read, seal: &Seal) -> io::Result<()> {
     let (proof, mut content) = (get(from)?, Vec::new());
     seal.open(PROOF, &proof, &mut content)
         .map_err(io::Error::other)
+}
+
+/// Says why a handshake came to nothing.
+pub(crate) fn no_handshake(error: &io::Error, limit: Duration) -> String {
+    use io::ErrorKind::{BrokenPipe, ConnectionReset, TimedOut, UnexpectedEof, WouldBlock};
+    match error.kind() {
+        WouldBlock | TimedOut => format!(
+            "no handshake within {} s; it may be busy with another session",
+            limit.as_secs()
+        ),
+        UnexpectedEof | ConnectionReset | BrokenPipe => {
+            "no handshake: the other end closed the connection, which it does if it has another key or another \
+             version, or waited too long"
+                .into()
+        }
+        _ => format!("no handshake ({error}): another key or another version"),
+    }
 }
 
 /// A connection that may take until a time, all reads together.

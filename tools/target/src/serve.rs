@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use crate::agent;
-use crate::key::{Until, get, prologue, put, read_key, see_proof};
+use crate::key::{Until, get, no_handshake, prologue, put, read_key, see_proof};
 use crate::programs::AllowedPrograms;
 use crate::seal::{Key, Seal, answer};
 
@@ -18,7 +18,7 @@ const HANDSHAKE: Duration = Duration::from_secs(2);
 /// Serves one desk after another, for ever.
 ///
 /// # Errors
-/// If the address cannot be listened on, the key is none, or a listed program cannot be read.
+/// If the address cannot be listened on, the key is none, or a listed program cannot be read or is none.
 pub fn serve(
     listen: SocketAddr,
     key_file: &Path,
@@ -49,9 +49,9 @@ pub fn serve(
                     Err(why) => format!("{from}: the session has ended: {why}"),
                 });
             }
-            Err(_) => say(&format!(
-                "{from}: refused: another key or another version, or no handshake within {} s",
-                HANDSHAKE.as_secs()
+            Err(error) => say(&format!(
+                "{from}: refused: {}",
+                no_handshake(&error, HANDSHAKE)
             )),
         }
     }
