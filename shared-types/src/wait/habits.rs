@@ -153,18 +153,15 @@ mod tests {
 
     const MS: u64 = 1_000_000;
 
-    /// Gives the core away N times for so long, every so often; returns when others were first taken for granted.
-    fn first_met(company: &mut Company, times: u64, took_ns: u64, every_ns: u64) -> Option<u64> {
-        (1..=times).find(|time| {
-            company.came_back(time * every_ns, took_ns);
-            company.is_there(time * every_ns)
-        })
-    }
-
     #[test]
     fn neither_the_other_side_nor_the_recorder_is_company() {
+        // The time at which others were first met, where the core is given away for so long every so often.
         let others = |took_ns, every_ns| {
-            first_met(&mut Company { ..Company::NONE }, 100_000, took_ns, every_ns)
+            let mut company = Company::NONE;
+            (1..=100_000_u64).find(|time| {
+                company.came_back(time * every_ns, took_ns);
+                company.is_there(time * every_ns)
+            })
         };
         assert_eq!(
             others(5_000, 6_000),

@@ -44,8 +44,8 @@ impl Sleeper for OnSocket {
     }
 
     fn sleep(&self, _: u32, ns: u64) {
-        let limit = Timespec::try_from(Duration::from_nanos(ns)).ok();
-        let _ = poll(&mut [PollFd::new(&*self.0, PollFlags::IN)], limit.as_ref()); // whyever it ends, look again
+        let limit = Timespec::try_from(Duration::from_nanos(ns)).unwrap_or_default();
+        let _ = poll(&mut [PollFd::new(&*self.0, PollFlags::IN)], Some(&limit)); // whyever it ends, look again
     }
 
     fn retire(&self) {}

@@ -127,7 +127,7 @@ impl Looped {
 pub(crate) fn matrix(arguments: &LatencyArguments) -> Result<Vec<Case>, Failure> {
     let plans = plans(arguments)?;
     let realtime = arguments.sides.realtime();
-    realtime::check(&realtime, LinkKind::Iceoryx2, true)?;
+    realtime::check(&realtime, LinkKind::Iceoryx2, None)?;
     let bench = Bench {
         realtime,
         interruption: Interruption::listen()?,

@@ -110,12 +110,12 @@ impl Log {
         Some(text::line(line.trim_start_matches("error: ")))
     }
 
-    /// The error that its process ended with: what stands behind `error: ` in the last line, if that is there.
-    pub(super) fn last_error(&self) -> Option<String> {
+    /// The error with this begin that its process ended with, without the word `error`.
+    pub(super) fn last_error(&self, begin: &str) -> Option<String> {
         let line = self.last_line()?;
         // Others may write to the same log, and not end their lines.
-        line.rsplit_once("error: ")
-            .map(|(_, error)| text::line(error))
+        let at = line.find(&format!("error: {begin}"))?;
+        Some(text::line(&line[at + "error: ".len()..]))
     }
 
     fn last_line(&self) -> Option<String> {
@@ -180,20 +180,21 @@ mod tests {
         let mut process = log.output().expect("a file");
         for (written, word, error) in [
             (
-                "error: not yet\nnote: it goes on\n\n",
+                "error: the wire\nnote: it goes on\n\n",
                 "note: it goes on",
                 None,
             ),
+            ("error: the law\n", "the law", None),
             ("error: the wire\n", "the wire", Some("the wire")),
             (
-                "law's last word, error: the wire\n",
-                "law's last word, error: the wire",
-                Some("the wire"),
+                "law's last word, error: the wire: error: cut\n",
+                "law's last word, error: the wire: error: cut",
+                Some("the wire: error: cut"),
             ),
         ] {
             process.write_all(written.as_bytes()).expect("written");
             assert_eq!(log.last_word().as_deref(), Some(word));
-            assert_eq!(log.last_error().as_deref(), error);
+            assert_eq!(log.last_error("the wire").as_deref(), error);
         }
     }
 

@@ -261,8 +261,8 @@ fn check(
         ));
     }
     settings.by_hand.check(binaries)?;
-    let is_here = binaries.controller.at.is_none();
-    realtime::check(&plan.realtime, settings.link, is_here)?;
+    let target = binaries.controller.at.as_ref();
+    realtime::check(&plan.realtime, settings.link, target)?;
     let first = origin.first();
     let steps = checkpoint::steps(&settings.checkpoints_at_s, plan, first)?;
     if !steps.is_empty() || first > Step(0) {

@@ -18,6 +18,7 @@ use shared_types::text;
 use crate::arguments::run::LinkKind;
 use crate::doctor::cores::{CoreList, Cores};
 use crate::doctor::tree::Root;
+use crate::programs::binaries::reached::Reached;
 use crate::results::settings::{Realtime, Recorder};
 use crate::terminal::exit::Failure;
 use crate::terminal::output;
@@ -66,10 +67,10 @@ impl RecorderCore {
 pub(crate) fn check(
     asked: &plan::Realtime,
     link: LinkKind,
-    is_controller_here: bool,
+    target: Option<&Reached>,
 ) -> Result<(), Failure> {
     // The cores of a target are not this machine's: what it does not grant is told when it runs.
-    let controller_core = asked.controller_core.filter(|_| is_controller_here);
+    let controller_core = asked.controller_core.filter(|_| target.is_none());
     if asked.priority == 0
         && [asked.plant_core, asked.controller_core, asked.recorder_core] == [None; 3]
     {
@@ -91,21 +92,23 @@ pub(crate) fn check(
             )));
         }
     }
+    let are_both_here = target.is_none_or(Reached::is_here);
     let loops = match link {
-        LinkKind::Iceoryx2 if is_controller_here => vec![asked.plant_core, controller_core],
-        LinkKind::Iceoryx2 => vec![asked.plant_core],
-        // One thread for both sides, with the settings of the plant.
-        LinkKind::InProcess => vec![asked.plant_core],
+        LinkKind::Iceoryx2 if are_both_here => vec![asked.plant_core, asked.controller_core],
+        // Or one thread for both sides, with the settings of the plant.
+        LinkKind::Iceoryx2 | LinkKind::InProcess => vec![asked.plant_core],
     };
     if asked.priority > 0 && may_take_all(&loops, &cores.allowed) {
         let cores = &cores.allowed;
         let priority = asked.priority;
-        let (loops, others) = match is_controller_here {
-            true => ("plant and controller", "hil and its recorder"),
-            false => (
-                "the plant",
-                "hil, its recorder and the bridge to the target",
-            ),
+        let loops = if are_both_here {
+            "plant and controller"
+        } else {
+            "the plant"
+        };
+        let others = match target {
+            None => "hil and its recorder",
+            Some(_) => "hil, its recorder and the bridge to the target",
         };
         tell!(
             "warning: at priority {priority} {loops} may take all cores ({cores}); {others} then run only where a loop \

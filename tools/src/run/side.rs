@@ -238,11 +238,10 @@ impl SideProcess {
         }
     }
 
-    /// What a bridge ended with: it says what became of the controller on its target.
+    /// Returns the error that a bridge ended with, which says what became of the controller on its target.
     fn said_of_target(&self) -> Option<String> {
-        let said = format!("target {}: ", self.target.as_ref()?);
-        let error = self.log.as_ref()?.last_error()?;
-        error.starts_with(&said).then_some(error)
+        let begin = format!("target {}: ", self.target.as_ref()?);
+        self.log.as_ref()?.last_error(&begin)
     }
 
     /// The last line of its output, without the word `error`.

@@ -52,7 +52,10 @@ pub(crate) fn connect(
         connection.set_write_timeout(None)?;
         Ok(seal)
     };
-    let seal = hands().map_err(|error| way.infrastructure(no_handshake(&error, CONNECT)))?;
+    let seal = hands().map_err(|error| {
+        let silence = "; perhaps it serves another session: wait for its end";
+        way.infrastructure(no_handshake(&error, CONNECT, silence))
+    })?;
     let seal = Arc::new(seal);
     let cannot = |error: io::Error| way.infrastructure(error);
     let ear = Ear::listen(

@@ -119,14 +119,11 @@ pub(crate) fn see_proof(from: &mut impl Read, seal: &Seal) -> io::Result<()> {
         .map_err(io::Error::other)
 }
 
-/// Says why a handshake came to nothing.
-pub(crate) fn no_handshake(error: &io::Error, limit: Duration) -> String {
+/// Says why a handshake came to nothing, with what a silence may mean.
+pub(crate) fn no_handshake(error: &io::Error, limit: Duration, silence: &str) -> String {
     use io::ErrorKind::{BrokenPipe, ConnectionReset, TimedOut, UnexpectedEof, WouldBlock};
     match error.kind() {
-        WouldBlock | TimedOut => format!(
-            "no handshake within {} s; it may be busy with another session",
-            limit.as_secs()
-        ),
+        WouldBlock | TimedOut => format!("no handshake within {} s{silence}", limit.as_secs()),
         UnexpectedEof | ConnectionReset | BrokenPipe => {
             "no handshake: the other end closed the connection, which it does if it has another key or another \
              version, or waited too long"
@@ -170,6 +167,27 @@ mod tests {
     use std::os::unix::fs::PermissionsExt;
 
     use super::*;
+
+    #[test]
+    fn a_handshake_that_failed_says_why() {
+        use io::ErrorKind::{ConnectionReset, Other, TimedOut, UnexpectedEof, WouldBlock};
+        for (kinds, begin) in [
+            (
+                &[WouldBlock, TimedOut][..],
+                "no handshake within 10 s; busy",
+            ),
+            (
+                &[UnexpectedEof, ConnectionReset],
+                "no handshake: the other end closed",
+            ),
+            (&[Other], "no handshake ("),
+        ] {
+            for kind in kinds {
+                let told = no_handshake(&(*kind).into(), Duration::from_secs(10), "; busy");
+                assert!(told.starts_with(begin), "{told}");
+            }
+        }
+    }
 
     #[test]
     fn a_key_is_read_unless_others_can_read_it_or_it_is_none() {

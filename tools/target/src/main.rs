@@ -11,7 +11,7 @@ use hil_target::name::Target;
 use hil_target::programs::AllowedPrograms;
 use hil_target::way::Way;
 use hil_target::{agent, bridge, serve};
-use shared_types::program::{FAILED, say};
+use shared_types::program::{FAILED, UNUSABLE, say};
 
 /// The controller of a hil run on another machine
 #[derive(Debug, Parser)]
@@ -60,23 +60,16 @@ enum Mode {
     },
 }
 
-/// Exit code of `serve` where a flag or a file is wrong, as of `hil target serve`.
-const USAGE: u8 = 2;
-
 fn main() -> ExitCode {
+    let failed = |reason| (FAILED, reason);
     let ended = match Arguments::parse().end {
-        Mode::Agent => serve_ssh().map(|()| 0),
+        Mode::Agent => serve_ssh().map(|()| 0).map_err(failed),
         Mode::Serve {
             listen,
             key_file,
             allow,
-        } => match serve::serve(listen, &key_file, &allow, say) {
-            Ok(()) => Ok(0),
-            Err(reason) => {
-                say(&format!("error: {reason}"));
-                Ok(USAGE)
-            }
-        },
+        } => (serve::serve(listen, &key_file, &allow, say).map(|()| 0))
+            .map_err(|reason| (UNUSABLE, reason)),
         Mode::Bridge {
             target,
             agent,
@@ -90,12 +83,12 @@ fn main() -> ExitCode {
                 agent,
                 key_file,
             };
-            bridge::run(&way, (&program, &blake3), &session)
+            bridge::run(&way, (&program, &blake3), &session).map_err(failed)
         }
     };
-    ExitCode::from(ended.unwrap_or_else(|reason| {
+    ExitCode::from(ended.unwrap_or_else(|(code, reason)| {
         say(&format!("error: {reason}"));
-        FAILED
+        code
     }))
 }
 

@@ -19,7 +19,7 @@ pub enum Target {
 /// Text that is no name of a target.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoTarget {
-    /// It could be something else for `ssh` or a shell, or is too long.
+    /// Name that is something else for `ssh` or a shell, or too long.
     #[error(
         "`{0}` is no target: [user@]host or a name of your ssh configuration, of letters, digits and ._@:[]- and not \
          beginning with -; or serve://HOST:PORT"

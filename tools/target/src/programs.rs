@@ -56,7 +56,7 @@ impl AllowedPrograms {
             let found = fs::metadata(program).map_err(told)?;
             if !found.is_file() || found.mode() & 0o111 == 0 {
                 return Err(format!(
-                    "{} is no program: it cannot be executed",
+                    "{} is no program: it cannot be executed; `chmod +x` it, or list another",
                     program.display()
                 ));
             }

@@ -51,7 +51,7 @@ pub fn serve(
             }
             Err(error) => say(&format!(
                 "{from}: refused: {}",
-                no_handshake(&error, HANDSHAKE)
+                no_handshake(&error, HANDSHAKE, "")
             )),
         }
     }

@@ -91,9 +91,9 @@ impl Sleeper for Either {
         };
         match &self.socket {
             Some(socket) if self.awaited.wire.get() => {
-                let limit = Timespec::try_from(Duration::from_nanos(ns)).ok(); // a slice of a wait always is one
+                let limit = Timespec::try_from(Duration::from_nanos(ns)).unwrap_or_default();
                 // Readable, the end of the time and a signal all mean the same: look again.
-                let _ = poll(&mut [PollFd::new(&**socket, PollFlags::IN)], limit.as_ref());
+                let _ = poll(&mut [PollFd::new(&**socket, PollFlags::IN)], Some(&limit));
             }
             _ => self.bell.sleep(announced, ns),
         }

@@ -140,10 +140,14 @@ impl Reached {
         Ok(command)
     }
 
+    /// Returns true if the target is this machine, such as a container on it.
+    pub(crate) fn is_here(&self) -> bool {
+        self.findings.boot_id == Findings::own().boot_id
+    }
+
     /// Names the evidence that a run with this program there gives.
     pub(crate) fn evidence(&self, program: &Path, is_against_clock: bool) -> &'static str {
-        let own = Findings::own();
-        let is_here = self.findings.boot_id == own.boot_id;
+        let (own, is_here) = (Findings::own(), self.is_here());
         // One that is emulated on this machine takes the emulated one for its own.
         let machine = if is_here {
             &own.machine
