@@ -387,6 +387,8 @@ fn a_silent_target_is_given_up_by_name() {
     // What was silent hears when it is back that nobody is there any more.
     let _ = kill_process(Pid::from_raw(agent as i32).expect("a number"), Signal::CONT); // `ssh` may have ended it
     no_process_there(&board);
+    // Then its session is still there, for the next contact to remove.
+    hil(&rig, &board, &["target", "check", "me@board"]).expect(0);
     rig.assert_nothing_left();
 }
 
