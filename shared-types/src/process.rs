@@ -5,14 +5,17 @@
 
 use std::fs;
 use std::io;
+use std::os::fd::OwnedFd;
 use std::os::unix::fs::MetadataExt;
 use std::process::{Child, ExitStatus};
 use std::time::{Duration, Instant};
 
+use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::{
     Pid, PidfdFlags, Signal, WaitId, WaitIdOptions, getpgid, kill_process, kill_process_group,
     pidfd_open, pidfd_send_signal, waitid,
 };
+use rustix::time::Timespec;
 use serde::{Deserialize, Serialize};
 
 /// Environment variable that a launched process has and all that it starts inherit: by its value they
@@ -36,13 +39,19 @@ impl ProcessId {
     /// The process with this number, if there is one.
     #[must_use]
     pub fn of(pid: u32) -> Option<Self> {
+        Self::found(pid).map(|(id, _)| id)
+    }
+
+    /// The process with this number and the letter of its state, if there is one and it has not ended.
+    fn found(pid: u32) -> Option<(Self, char)> {
         let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
         // The second field, the name, may hold anything; the third begins after its last `)`.
         let (_, rest) = stat.rsplit_once(')')?;
         let mut fields = rest.split_ascii_whitespace();
-        let zombie = matches!(fields.next()?, "Z" | "X");
+        let state = fields.next()?.chars().next()?;
         let start_ticks = fields.nth(18)?.parse().ok()?;
-        (!zombie).then_some(Self { pid, start_ticks })
+        let has_ended = matches!(state, 'Z' | 'X');
+        (!has_ended).then_some((Self { pid, start_ticks }, state))
     }
 
     /// The calling process.
@@ -58,11 +67,7 @@ impl ProcessId {
     /// Checks whether the process is stopped, by a signal or a debugger.
     #[must_use]
     pub fn is_stopped(self) -> bool {
-        let stat = fs::read_to_string(format!("/proc/{}/stat", self.pid)).unwrap_or_default();
-        let state = stat
-            .rsplit_once(") ")
-            .and_then(|(_, rest)| rest.chars().next());
-        self.is_alive() && matches!(state, Some('T' | 't'))
+        Self::found(self.pid).is_some_and(|(id, state)| id == self && matches!(state, 'T' | 't'))
     }
 
     /// Checks whether the process still runs (or is stopped).
@@ -107,6 +112,30 @@ impl ProcessId {
             // It may end by itself in between, which is as good.
             let _ = kill_process(pid, Signal::KILL);
         }
+    }
+}
+
+/// The end of a process, to wait for. Does not reap it.
+#[derive(Debug)]
+pub struct Ending(OwnedFd);
+
+impl Ending {
+    /// The end of this process; `None` if it is over, or the kernel has no such thing.
+    #[must_use]
+    pub fn of(id: ProcessId) -> Option<Self> {
+        let held = pidfd_open(number(id.pid)?, PidfdFlags::empty()).ok()?;
+        // Looked at after it is held, it cannot be a later process of that number.
+        id.is_alive().then_some(Self(held))
+    }
+
+    /// Waits until one of these processes has ended, so long at most; true if one has.
+    pub fn wait_for_any<'a>(endings: impl IntoIterator<Item = &'a Self>, limit: Duration) -> bool {
+        let mut ends: Vec<PollFd<'_>> = (endings.into_iter())
+            .map(|Self(held)| PollFd::new(held, PollFlags::IN))
+            .collect();
+        let limit = Timespec::try_from(limit).unwrap_or_default();
+        // A signal means the same as the limit: look again.
+        poll(&mut ends, Some(&limit)).is_ok_and(|ended| ended > 0)
     }
 }
 
@@ -201,6 +230,30 @@ fn number(pid: u32) -> Option<Pid> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_end_ends_the_wait_for_it() {
+        const LONG: Duration = Duration::from_secs(60);
+        let start = || {
+            let mut sleeper = std::process::Command::new("sleep");
+            let child = sleeper.arg("600").spawn().expect("starts");
+            let id = ProcessId::of(child.id()).expect("a process");
+            (child, id, Ending::of(id).expect("its end"))
+        };
+        let ((mut first, id, end), (mut second, _, other)) = (start(), start());
+        assert!(!Ending::wait_for_any(
+            [&end, &other],
+            Duration::from_millis(5)
+        ));
+        first.kill().expect("it lives");
+        assert!(Ending::wait_for_any([&other, &end], LONG));
+        assert!(!id.is_alive() && !id.is_stopped());
+        assert!(Ending::of(id).is_none(), "it has ended");
+        let status = reap(&mut first).expect("a child");
+        assert!(status.is_some(), "it was left to reap");
+        second.kill().expect("it lives");
+        second.wait().expect("it is reaped");
+    }
 
     #[test]
     fn a_process_is_known_by_its_start_too() {

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use controller_process::job::{JOB_FILE, Job};
 use shared_types::lockstep::OnLoss;
+use shared_types::process::Ending;
 use shared_types::record::{ControllerChange, ControllerFate};
 use shared_types::session::{Session, SessionInfo};
 use shared_types::supervision::{EXPECT, MOST_EPOCHS, PEER_GONE};
@@ -222,13 +223,17 @@ impl Controllers {
         place.unwrap_or(self.members.len() - 1)
     }
 
-    /// Checks that all controllers have ended.
-    pub(super) fn have_ended(&mut self) -> bool {
-        let mut all = true;
-        for member in &mut self.members {
-            all &= member.side.has_ended();
-        }
-        all
+    /// Counts those that have not ended.
+    pub(super) fn running(&mut self) -> usize {
+        let runs = |member: &mut Member| usize::from(!member.side.has_ended());
+        self.members.iter_mut().map(runs).sum()
+    }
+
+    /// Returns the ends that are still to come.
+    pub(super) fn endings(&self) -> impl Iterator<Item = &Ending> {
+        self.members
+            .iter()
+            .filter_map(|member| member.side.ending())
     }
 
     /// Returns true if the active controller has died and that ends the run. While another is to take over,
@@ -242,6 +247,13 @@ impl Controllers {
         self.policy == OnLoss::Abort
             && member.standing == Standing::InOffice
             && member.side.has_ended()
+    }
+
+    /// Returns true unless one is to take over, or the plant was told of a death and has not said what follows.
+    pub(super) fn are_settled(&self) -> bool {
+        let awaits_word =
+            |member: &Member| member.standing == Standing::InOffice && member.told_gone.is_some();
+        !self.is_one_coming() && !self.members.iter().any(awaits_word)
     }
 
     fn is_one_coming(&self) -> bool {

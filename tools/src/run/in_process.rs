@@ -29,7 +29,7 @@ use crate::results::ended::EndedRun;
 use crate::terminal::exit::Failure;
 
 /// Time between two looks at what may end a run before its time.
-const LOOK: Duration = Duration::from_millis(2);
+const LOOK: Duration = Duration::from_millis(10);
 
 /// The plants, kinds of faults and laws that are built into `hil`, for all runs of this process.
 pub(super) static PLANTS: LazyLock<Vec<PlantKind>> = LazyLock::new(plant_process::models::all);

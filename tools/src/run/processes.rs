@@ -5,6 +5,7 @@ use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use hil_config::plan::Clock;
+use shared_types::process::Ending;
 use shared_types::record::Outcome;
 use shared_types::session::Session;
 use shared_types::stream::iceoryx::LAYOUT_FILE;
@@ -28,8 +29,10 @@ use crate::terminal::exit::Failure;
 use crate::terminal::output;
 use crate::terminal::progress::Progress;
 
-/// Time between two looks at the processes.
+/// Time between two looks at a process that is about to say or do something.
 pub(crate) const LOOK: Duration = Duration::from_millis(2);
+/// Time between two looks at a run. Each takes a core from the loop; the end of a process is seen at once.
+const WATCH: Duration = Duration::from_millis(10);
 
 /// Runs both sides to their end, whatever it is.
 ///
@@ -165,15 +168,42 @@ struct Watch<'a> {
 
 impl Watch<'_> {
     fn look_until_all_ended(&mut self) {
-        while !(self.plant.has_ended() && self.controllers.have_ended()) {
+        let mut running = self.running();
+        while running > 0 {
             self.progress.set(self.recorder.next_step());
             if let Some(refused) = self.realtime.look() {
                 self.progress.tell(&refused);
             }
             self.attend_controllers();
             self.look_for_the_end();
+            running = self.wait(running);
+        }
+    }
+
+    /// Waits until one of so many running sides ends, or until the next look; gives how many run then.
+    fn wait(&mut self, before: usize) -> usize {
+        let running = self.running();
+        if running != before {
+            return running;
+        }
+        let limit = if self.controllers.are_settled() {
+            WATCH
+        } else {
+            LOOK
+        };
+        let endings = (self.plant.ending().into_iter()).chain(self.controllers.endings());
+        let has_one_ended = Ending::wait_for_any(endings, limit);
+        let running = self.running();
+        if has_one_ended && running == before {
+            // A debugger traces it and has not let go of it.
             std::thread::sleep(LOOK);
         }
+        running
+    }
+
+    /// Counts the sides that have not ended.
+    fn running(&mut self) -> usize {
+        usize::from(!self.plant.has_ended()) + self.controllers.running()
     }
 
     fn attend_controllers(&mut self) {
@@ -185,10 +215,10 @@ impl Watch<'_> {
         }
         (self.controllers).hear(self.session, self.plant, &changes);
         if self.ending_since.is_none() {
-            self.controllers.look(self.plant);
             if let Ok(wanted) = self.wanted.try_recv() {
                 self.controllers.swap(self.session, wanted);
             }
+            self.controllers.look(self.plant);
         }
         for started in self.controllers.unrecorded() {
             self.recorder.add_facts(started.facts());

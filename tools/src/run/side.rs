@@ -9,7 +9,7 @@ use std::process::{Child, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use shared_types::by_hand;
-use shared_types::process::{MARK, ProcessId, end_group, reap};
+use shared_types::process::{Ending, MARK, ProcessId, end_group, reap};
 use shared_types::session::SessionInfo;
 
 use super::log::Log;
@@ -31,6 +31,8 @@ pub(crate) struct SideProcess {
     pub(super) name: &'static str,
     process: Process,
     id: Option<ProcessId>,
+    /// Its end, where the kernel tells of it.
+    ending: Option<Ending>,
     /// Output, unless that goes to a terminal.
     log: Option<Log>,
     /// Name of the machine that it is the bridge to.
@@ -51,11 +53,12 @@ enum Process {
 
 impl SideProcess {
     /// Takes a process that somebody started by hand and that was admitted.
-    pub(super) const fn by_hand(name: &'static str, id: ProcessId, leash: UnixStream) -> Self {
+    pub(super) fn by_hand(name: &'static str, id: ProcessId, leash: UnixStream) -> Self {
         Self {
             name,
             process: Process::ByHand(leash),
             id: Some(id),
+            ending: Ending::of(id),
             log: None,
             target: None,
             status: None,
@@ -95,6 +98,7 @@ impl SideProcess {
             name,
             process: Process::Launched(process),
             id,
+            ending: id.and_then(Ending::of),
             log: Some(log),
             target: binary.at.as_ref().map(|at| at.target().to_string()),
             status: None,
@@ -134,6 +138,14 @@ impl SideProcess {
             self.bound_log();
         }
         self.status.is_some()
+    }
+
+    /// Returns its end to wait for, if it is still to come.
+    pub(super) const fn ending(&self) -> Option<&Ending> {
+        match self.status {
+            None => self.ending.as_ref(),
+            Some(_) => None,
+        }
     }
 
     fn bound_log(&mut self) {
