@@ -125,6 +125,7 @@ impl Program for ControllerProgram {
         });
         let mut link = program::attach(session, job.epoch, limit, supervision)?;
         supervision.ring_at_news(link.bell());
+        link.bell().tick();
         loop {
             let is_kept = job.is_kept;
             let end = self.run(job, &mut link, session, supervision)?;

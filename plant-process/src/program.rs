@@ -8,6 +8,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use hil_config::plan::Clock;
+use shared_types::clock::monotonic_ns;
 use shared_types::describe::Description;
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{Link, LinkError};
@@ -31,6 +32,9 @@ use crate::plant::PlantKind;
 
 /// Time between two looks of a held run for leave to go on.
 pub const HELD: Duration = Duration::from_millis(1);
+
+/// Longest sleep until it is looked again whether `hil` knows the controller that said hello.
+const KNOWN_NS: u64 = 5_000_000;
 
 /// Runs a plant process that can be any of these plants, by what its arguments say. Its faults are
 /// those of the plants and the [built-in kinds](kinds::all).
@@ -164,6 +168,7 @@ impl Program for PlantProgram {
         let mut job = read()?;
         let mut link = IceoryxLink::create(session).map_err(|e| e.to_string())?;
         supervision.ring_at_news(link.bell());
+        link.bell().tick();
         let backpressure = match (job.observed, job.run.clock) {
             (false, _) => Backpressure::None,
             (true, Clock::Realtime) => Backpressure::AtStart,
@@ -227,6 +232,8 @@ pub fn drive<L: Link, S: RecordSink>(
             waits @ (Progress::Controller | Progress::ControllerUntil(_)) => {
                 let deadline_ns = match waits {
                     Progress::ControllerUntil(deadline_ns) => deadline_ns,
+                    // Nothing rings when it becomes known who the controller is.
+                    _ if engine.is_greeting() => monotonic_ns() + KNOWN_NS,
                     _ => u64::MAX,
                 };
                 let event = if let Some(epoch) = engine.news(gone) {

@@ -13,9 +13,10 @@
 //! A hybrid wait learns two things from the waits before:
 //!
 //! - **Whether others need the core.** A core that was given away comes back within microseconds if only the
-//!   other side took it, and after milliseconds if a third did. If such returns take more than half of the time,
-//!   it is not given away any more for a while: a sleeper that is woken goes before those who compute. A wait
-//!   for a time that ended late shows the same, and such a wait is slept to its end then.
+//!   other side took it, and after milliseconds if a third did. If such returns take more than two fifths of the
+//!   time, it is not given away any more for a while: a sleeper that is woken goes before those who compute. Where
+//!   both sides have one core, few quick returns may be between them: others of another session take their share
+//!   there in any case. A wait for a time that ended late shows the same, and such a wait is slept to its end then.
 //! - **Whether polling helps.** It does not where both sides are on one core, as the other runs only when
 //!   this one lets it. After some waits in a row that polls did not end, there are none for a while.
 //!
@@ -42,8 +43,8 @@ const YIELD_NS: u64 = 4_000_000;
 /// Time without news after which each strategy sleeps: a held run or a process of real-time priority then
 /// no longer blocks its core.
 const PATIENCE_NS: u64 = 20_000_000;
-/// Longest sleep before the limit is looked at.
-const SLICE_NS: u64 = 5_000_000;
+/// Longest sleep before the limit is looked at; a frame, a message and a word of `hil` end it sooner.
+const SLICE_NS: u64 = 100_000_000;
 /// Length of a nap where nothing wakes a sleeper.
 const NAP_NS: u64 = 100_000;
 /// Length of a nap after `PATIENCE_NS`: by then it costs a twentieth of the wait at most.
@@ -178,11 +179,18 @@ impl Waiter {
             sleeper: None,
             announced: None,
             polling: Polling::new(shares_core || !polls),
-            company: Company::NONE,
+            company: Company::none(shares_core),
             polls: 0,
             since_ns: 0,
             limited_ns: 0,
         }
+    }
+
+    /// Takes it that there are several cores, though fewer than loops.
+    #[must_use]
+    pub fn with_several_cores(mut self) -> Self {
+        self.company = Company::none(false);
+        self
     }
 
     /// Sleeps on this from now on, if there is one.
@@ -279,6 +287,7 @@ impl Waiter {
             };
         let longest_ns = match has_bell {
             _ if !sleeps => 0,
+            true if deadline_ns < u64::MAX => SLICE_NS / 2, // by a timer
             true => SLICE_NS,
             false if waited_ns >= PATIENCE_NS => LONG_NAP_NS,
             false => NAP_NS,

@@ -47,7 +47,7 @@ fn calls(log: &Path) -> Vec<(f64, String)> {
     let call = |line: &str| {
         let (_thread, rest) = line.split_once(' ')?;
         let (time_s, call) = rest.trim_start().split_once(' ')?;
-        let (name, _) = call.split_once('(')?;
+        let (name, _) = call.split_once('(').filter(|_| !call.starts_with("<..."))?;
         Some((time_s.parse().ok()?, name.to_owned()))
     };
     text.lines().filter_map(call).collect()

@@ -63,7 +63,11 @@ impl Polling {
 /// Other programs that need the core, known by the time that it was away when it was given away or waited for.
 #[derive(Debug)]
 pub(super) struct Company {
-    /// Time that the core was away lately, less half of the time that passed.
+    /// True if both sides have one core.
+    on_one_core: bool,
+    /// Quick returns since the last slow one.
+    quick: u32,
+    /// Time that the core was away lately, less the share of the time that passed that shows nothing.
     away_ns: u64,
     /// Time at which it came back last.
     back_ns: u64,
@@ -79,37 +83,55 @@ impl Company {
     /// Time away that shows nothing if it is shorter: most likely the other side took it, or sides of other
     /// sessions.
     const SHORT_NS: u64 = 100_000;
-    /// Time away, beyond half of the time that passed, from which others need the core: one to three slices of
-    /// the scheduler, and mostly more than the recorder takes at a time.
-    const AWAY_NS: u64 = 2_000_000;
+    /// Time away, beyond two fifths of the time that passed, from which others need the core. The recorder takes
+    /// less, also where it works for some milliseconds at a time; a loop of another session takes half.
+    const AWAY_NS: u64 = 6_000_000;
+    /// The same on one core: less than two slices of the scheduler in a row.
+    const AWAY_ON_ONE_CORE_NS: u64 = 1_500_000;
+    /// Quick returns before a slow one below which yields on one core lose a slice too often.
+    const FEW: u32 = 32;
     /// Waits for a time that the average is made of. One that ended later by a slice brings it near the limit.
     const WAITS: u64 = 128;
     /// Average above which others need the core.
     const LATE_ON_AVERAGE_NS: u64 = 20_000;
-    /// Late by this much, a wait shows that they are still there.
+    /// Time of somebody else's turn: late by this much, a wait shows that they are still there.
     const TURN_NS: u64 = 1_000_000;
     const SHORTEST_NS: u64 = 10_000_000;
     const LONGEST_NS: u64 = 1_000_000_000;
 
-    pub(super) const NONE: Self = Self {
-        away_ns: 0,
-        back_ns: 0,
-        late_ns: 0,
-        until_ns: 0,
-        backoff_ns: Self::SHORTEST_NS,
-    };
+    pub(super) const fn none(on_one_core: bool) -> Self {
+        Self {
+            on_one_core,
+            quick: 0,
+            away_ns: 0,
+            back_ns: 0,
+            late_ns: 0,
+            until_ns: 0,
+            backoff_ns: Self::SHORTEST_NS,
+        }
+    }
 
     /// Notes that the core came back after it was given away.
     pub(super) fn came_back(&mut self, now_ns: u64, took_ns: u64) {
         if took_ns < Self::SHORT_NS {
+            self.quick = self.quick.saturating_add(1);
             return;
         }
-        let allowed_ns = now_ns.saturating_sub(self.back_ns) / 2;
-        self.away_ns = self.away_ns.saturating_sub(allowed_ns) + took_ns;
+        let allowed_ns = now_ns.saturating_sub(self.back_ns) / 5 * 2;
+        self.away_ns = (self.away_ns + took_ns).saturating_sub(allowed_ns);
         self.back_ns = now_ns;
-        if self.away_ns >= Self::AWAY_NS {
+        let are_few = std::mem::take(&mut self.quick) < Self::FEW;
+        // On one core others of another session take their share whether the sides yield or sleep, and a yield
+        // costs less; beside others of the same session each yield loses a slice.
+        let (limit_ns, counts) = match self.on_one_core {
+            true => (Self::AWAY_ON_ONE_CORE_NS, are_few),
+            false => (Self::AWAY_NS, true),
+        };
+        if self.away_ns >= limit_ns {
             self.away_ns = 0;
-            self.met(now_ns);
+            if counts {
+                self.met(now_ns);
+            }
         }
     }
 
@@ -157,7 +179,7 @@ mod tests {
     fn neither_the_other_side_nor_the_recorder_is_company() {
         // The time at which others were first met, where the core is given away for so long every so often.
         let others = |took_ns, every_ns| {
-            let mut company = Company::NONE;
+            let mut company = Company::none(false);
             (1..=100_000_u64).find(|time| {
                 company.came_back(time * every_ns, took_ns);
                 company.is_there(time * every_ns)
@@ -170,41 +192,68 @@ mod tests {
         );
         assert_eq!(others(90_000, 91_000), None, "one at work for longer");
         assert_eq!(others(MS, 4 * MS), None, "the recorder");
-        assert_eq!(others(MS / 2, MS), None, "half of the time");
-        // A tenth of a millisecond beyond half of the time, until that is 2 ms.
-        assert_eq!(others(6 * MS / 10, MS), Some(15));
-        assert_eq!(
-            others(3 * MS, 100 * MS),
-            Some(1),
-            "a slice of the scheduler"
-        );
+        assert_eq!(others(7 * MS, 20 * MS), None, "the recorder on a slow disk");
+        assert_eq!(others(4 * MS / 10, MS), None, "two fifths of the time");
+        assert_eq!(others(50 * MS, 200 * MS), None, "long, and rare");
+        // A tenth of a millisecond beyond two fifths of the time, until that is 6 ms.
+        assert_eq!(others(MS / 2, MS), Some(60));
+        // One who takes half, in slices of 3 ms: 0.6 ms at each.
+        assert_eq!(others(3 * MS, 6 * MS), Some(10));
+        // A slice at each yield: 1.8 ms at each.
+        assert_eq!(others(3 * MS, 3 * MS), Some(4));
     }
 
     #[test]
     fn those_who_are_met_again_are_taken_for_granted_for_longer() {
-        let mut company = Company::NONE;
+        // Ten milliseconds without the core in a row are 6 ms beyond two fifths.
+        fn meet(company: &mut Company, now_ns: &mut u64) {
+            company.back_ns = *now_ns;
+            *now_ns += 10 * MS;
+            company.came_back(*now_ns, 10 * MS);
+        }
+        let mut company = Company::none(false);
         let mut now_ns = 1000 * MS;
-        company.came_back(now_ns, 3 * MS);
+        meet(&mut company, &mut now_ns);
         // Each time for four times as long, up to a second, however many quick returns are between.
         for for_ms in [10, 40, 160, 640, 1000, 1000] {
             assert_eq!(company.until_ns, now_ns + for_ms * MS);
             assert!(company.is_there(now_ns) && !company.is_there(company.until_ns));
-            now_ns = company.until_ns + 5 * MS;
+            now_ns = company.until_ns;
             (0..10_000).for_each(|_| company.came_back(now_ns, 500));
             assert!(!company.is_there(now_ns));
-            company.came_back(now_ns, 2 * MS);
+            meet(&mut company, &mut now_ns);
         }
         // They went; when they come again, it is for a short time at first.
         now_ns = company.until_ns + 1001 * MS;
-        company.came_back(now_ns, MS);
-        assert!(!company.is_there(now_ns));
-        company.came_back(now_ns, 3 * MS);
+        meet(&mut company, &mut now_ns);
         assert_eq!(company.until_ns, now_ns + 10 * MS);
     }
 
     #[test]
+    fn on_one_core_only_those_who_take_a_slice_at_nearly_each_yield_are_company() {
+        // The slow return at which others were first met, with so many quick ones before each.
+        let others = |quick: u32, took_ns: u64, every_ns: u64| {
+            let mut company = Company::none(true);
+            (1..1000_u64).find(|time| {
+                let now_ns = time * every_ns;
+                (0..quick).for_each(|_| company.came_back(now_ns - took_ns, 5_000));
+                company.came_back(now_ns, took_ns);
+                company.is_there(now_ns)
+            })
+        };
+        let half = |quick| others(quick, 3 * MS, 6 * MS);
+        assert_eq!(half(500), None, "a loop of another session");
+        assert_eq!(half(32), None);
+        assert_eq!(half(31), Some(3), "0.6 ms at each");
+        let slices = others(0, 3 * MS, 3 * MS);
+        assert_eq!(slices, Some(1), "a loop of the same session");
+        let law = others(0, 3 * MS, 10 * MS);
+        assert_eq!(law, None, "a slow law in real time");
+    }
+
+    #[test]
     fn waits_that_end_late_are_company_and_those_in_time_do_not_make_it_go() {
-        let mut company = Company::NONE;
+        let mut company = Company::none(false);
         (0..100_000).for_each(|_| company.woke(0, LATE_NS));
         assert!(!company.is_there(0));
         company.woke(0, 3 * MS);
@@ -222,7 +271,7 @@ mod tests {
     fn waits_that_end_late_are_company_by_their_average() {
         // Long after others could have been there, so that each late wait counts by the average alone.
         let first = |late_ns: u64| {
-            let mut company = Company::NONE;
+            let mut company = Company::none(false);
             (1..10_000_u64).find(|wait| {
                 let now_ns = (1000 + wait) * MS;
                 company.woke(now_ns, LATE_NS + late_ns);

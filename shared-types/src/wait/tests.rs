@@ -45,7 +45,7 @@ fn a_sleep_is_announced_before_the_last_look() {
     assert!(!waiter.pause());
     assert!(!waiter.pause());
     waiter.done(); // it came at the last look
-    let expected = ["announce", "sleep 7 5", "retire", "announce", "retire"];
+    let expected = ["announce", "sleep 7 100", "retire", "announce", "retire"];
     assert_eq!(*log.0.borrow(), expected);
 }
 
@@ -74,7 +74,7 @@ fn no_sleep_reaches_into_the_time_before_a_deadline() {
     use WaitStrategy::{Hybrid, Sleep, Spin, Yield};
     const NAP: Rest = Rest::Sleep(100_000);
     const LONG_NAP: Rest = Rest::Sleep(MS);
-    const SLICE: Rest = Rest::Sleep(5 * MS);
+    const SLICE: Rest = Rest::Sleep(SLICE_NS);
     for (strategy, waited_ns, left_ns, naps, sleeps) in [
         (Hybrid, 4 * MS - 1, u64::MAX, Rest::Yield, Rest::Yield),
         (Hybrid, 4 * MS, u64::MAX, NAP, SLICE),
@@ -87,7 +87,7 @@ fn no_sleep_reaches_into_the_time_before_a_deadline() {
             Rest::Sleep(50_000),
         ),
         (Hybrid, 19 * MS, 300_000, Rest::Yield, Rest::Yield),
-        (Hybrid, 20 * MS, 40 * MS, LONG_NAP, SLICE),
+        (Hybrid, 20 * MS, 140 * MS, LONG_NAP, Rest::Sleep(50 * MS)),
         (Hybrid, 20 * MS, 0, Rest::Yield, Rest::Yield),
         (Yield, 19 * MS, u64::MAX, Rest::Yield, Rest::Yield),
         (Yield, 20 * MS, u64::MAX, LONG_NAP, SLICE),

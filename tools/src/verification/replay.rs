@@ -285,6 +285,7 @@ impl Loop {
         let link = IceoryxLink::create(&self.session).map_err(|e| e.to_string())?;
         let (limit, supervision) = (self.limit, self.supervision.clone());
         supervision.ring_at_news(link.bell());
+        link.bell().tick();
         let mut host = self.host(link);
         host::drive(&mut host, Waiter::new(limit), &supervision).map_err(|e| e.to_string())?;
         Ok(host.finish())

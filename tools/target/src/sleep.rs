@@ -16,6 +16,8 @@ use crate::path::DatagramPath;
 
 /// Longest sleep on one of them while the other may have news too.
 const SLICE_NS: u64 = 200_000;
+/// Longest sleep otherwise: a sleep on the wire hears no bell, and some looks are due by time.
+const LONGEST_NS: u64 = 5_000_000;
 
 /// Makes the waiter of one end, whose limit is looked at elsewhere, and what tells it where to sleep. With fewer cores than
 /// loops it polls nothing: that would be the others' time.
@@ -28,6 +30,9 @@ pub(crate) fn waiter(
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let limit = WaitLimit::from_seconds(f64::INFINITY);
     let mut waiter = Waiter::with(limit, WaitStrategy::Hybrid, cores < loops);
+    if cores > 1 {
+        waiter = waiter.with_several_cores();
+    }
     let awaited = Awaited::default();
     waiter.sleep_on(Some(Box::new(Either {
         bell,
@@ -84,11 +89,10 @@ impl Sleeper for Either {
     }
 
     fn sleep(&self, announced: u32, ns: u64) {
-        let ns = if self.awaited.both.get() {
-            ns.min(SLICE_NS)
-        } else {
-            ns
-        };
+        let ns = ns.min(match self.awaited.both.get() {
+            true => SLICE_NS,
+            false => LONGEST_NS,
+        });
         match &self.socket {
             Some(socket) if self.awaited.wire.get() => {
                 let limit = Timespec::try_from(Duration::from_nanos(ns)).unwrap_or_default();
