@@ -322,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn only_a_sleep_longer_than_two_ticks_has_no_timer() {
+    fn only_a_sleep_of_two_ticks_or_more_has_no_timer() {
         assert!(has_no_timer(100_000_000));
         assert!(!has_no_timer(99_999_999));
     }

@@ -251,9 +251,7 @@ impl Controllers {
 
     /// Returns true unless one is to take over, or the plant was told of a death and has not said what follows.
     pub(super) fn are_settled(&self) -> bool {
-        let awaits_word =
-            |member: &Member| member.standing == Standing::InOffice && member.told_gone.is_some();
-        !self.is_one_coming() && !self.members.iter().any(awaits_word)
+        !self.is_one_coming() && !self.plant_is_silent(Duration::ZERO)
     }
 
     fn is_one_coming(&self) -> bool {
