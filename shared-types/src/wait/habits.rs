@@ -65,7 +65,7 @@ impl Polling {
 pub(super) struct Company {
     /// True if both sides have one core.
     on_one_core: bool,
-    /// Quick returns since the last slow one.
+    /// Quick returns lately, of those before each slow one half.
     quick: u32,
     /// Time that the core was away lately, less the share of the time that passed that shows nothing.
     away_ns: u64,
@@ -88,8 +88,12 @@ impl Company {
     const AWAY_NS: u64 = 6_000_000;
     /// The same on one core: less than two slices of the scheduler in a row.
     const AWAY_ON_ONE_CORE_NS: u64 = 1_500_000;
-    /// Quick returns before a slow one below which yields on one core lose a slice too often.
+    /// The same soon after others were there: less than a slice.
+    const AWAY_AGAIN_NS: u64 = 500_000;
+    /// Quick returns below which yields on one core lose a slice too often.
     const FEW: u32 = 32;
+    /// Most quick returns that count: those who come then are met at their fourth slice.
+    const MANY: u32 = 4 * Self::FEW;
     /// Waits for a time that the average is made of. One that ended later by a slice brings it near the limit.
     const WAITS: u64 = 128;
     /// Average above which others need the core.
@@ -114,17 +118,21 @@ impl Company {
     /// Notes that the core came back after it was given away.
     pub(super) fn came_back(&mut self, now_ns: u64, took_ns: u64) {
         if took_ns < Self::SHORT_NS {
-            self.quick = self.quick.saturating_add(1);
+            self.quick = (self.quick + 1).min(Self::MANY);
             return;
         }
-        let allowed_ns = now_ns.saturating_sub(self.back_ns) / 5 * 2;
+        // While others were taken for granted, the core was not given away.
+        let since_ns = self.back_ns.max(self.until_ns);
+        let allowed_ns = now_ns.saturating_sub(since_ns) / 5 * 2;
         self.away_ns = (self.away_ns + took_ns).saturating_sub(allowed_ns);
         self.back_ns = now_ns;
-        let are_few = std::mem::take(&mut self.quick) < Self::FEW;
+        let are_few = self.quick < Self::FEW;
+        self.quick /= 2;
         // On one core others of another session take their share whether the sides yield or sleep, and a yield
         // costs less; beside others of the same session each yield loses a slice.
         let (limit_ns, counts) = match self.on_one_core {
-            true => (Self::AWAY_ON_ONE_CORE_NS, are_few),
+            true if self.are_gone(now_ns) => (Self::AWAY_ON_ONE_CORE_NS, are_few),
+            true => (Self::AWAY_AGAIN_NS, are_few),
             false => (Self::AWAY_NS, true),
         };
         if self.away_ns >= limit_ns {
@@ -235,7 +243,7 @@ mod tests {
         let others = |quick: u32, took_ns: u64, every_ns: u64| {
             let mut company = Company::none(true);
             (1..1000_u64).find(|time| {
-                let now_ns = time * every_ns;
+                let now_ns = 1000 * MS + time * every_ns;
                 (0..quick).for_each(|_| company.came_back(now_ns - took_ns, 5_000));
                 company.came_back(now_ns, took_ns);
                 company.is_there(now_ns)
@@ -244,11 +252,45 @@ mod tests {
         let half = |quick| others(quick, 3 * MS, 6 * MS);
         assert_eq!(half(500), None, "a loop of another session");
         assert_eq!(half(32), None);
-        assert_eq!(half(31), Some(3), "0.6 ms at each");
+        assert_eq!(half(15), Some(4), "0.6 ms at each but the first");
         let slices = others(0, 3 * MS, 3 * MS);
-        assert_eq!(slices, Some(1), "a loop of the same session");
+        assert_eq!(slices, Some(2), "a loop of the same session");
         let law = others(0, 3 * MS, 10 * MS);
         assert_eq!(law, None, "a slow law in real time");
+    }
+
+    #[test]
+    fn on_one_core_slices_in_a_row_count_by_the_quick_returns_before_all_of_them() {
+        // A loop of another session, whose slices are sometimes near each other.
+        let mut company = Company::none(true);
+        let mut now_ns = 1000 * MS;
+        for (quick, took_us) in
+            [(200, 500), (70, 500), (20, 2900), (250, 2000), (5, 2900)].repeat(100)
+        {
+            (0..quick).for_each(|_| company.came_back(now_ns, 5_000));
+            now_ns += 1000 * (5 * quick + took_us);
+            company.came_back(now_ns, 1000 * took_us);
+            assert!(!company.is_there(now_ns));
+        }
+        // One of the same session that comes then.
+        (0..200).for_each(|_| company.came_back(now_ns, 5_000));
+        let met = (1..100).find(|_| {
+            now_ns += 3 * MS;
+            company.came_back(now_ns, 3 * MS);
+            company.is_there(now_ns)
+        });
+        assert_eq!(met, Some(4));
+        // A part of a slice shows that it is still there, and for longer.
+        now_ns = company.until_ns + MS;
+        company.came_back(now_ns, MS);
+        assert_eq!(company.until_ns, now_ns + 40 * MS);
+        // A slow law that stays does not.
+        for _ in 0..100 {
+            now_ns = now_ns.max(company.until_ns) + 10 * MS;
+            company.came_back(now_ns, 3 * MS);
+        }
+        assert!(!company.is_there(now_ns));
+        assert_eq!(company.backoff_ns, 160 * MS);
     }
 
     #[test]
