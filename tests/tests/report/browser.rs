@@ -7,7 +7,7 @@ use serde_json::Value;
 use super::page::{Page, base64};
 use super::spike_scenario;
 use crate::support::harness::Rig;
-use crate::support::programs::{shipped, skip, works};
+use crate::support::programs::{chromium, shipped, skip};
 
 /// Runs before the page's own scripts, keeps their errors and what each canvas has been told to write.
 const CATCH: &str = "<script>window.wrong = [];
@@ -57,10 +57,7 @@ const LOOK: &str = "<script>(() => {
 
 /// Looks at a page in Chromium, at a width and in a theme.
 fn looked_at(rig: &Rig, page: &Page, width: u32, dark: bool) -> Option<Value> {
-    let chromium = ["chromium", "chromium-browser", "google-chrome"]
-        .into_iter()
-        .find(|name| works(&[name, "--version"]));
-    let Some(chromium) = chromium else {
+    let Some(chromium) = chromium() else {
         skip("there is no Chromium", "HIL_TEST_CHROMIUM");
         return None;
     };
