@@ -7,7 +7,8 @@
 //! cores the runs are. What the machine does not allow is skipped by name.
 //!
 //! `hybrid` is judged against the best fixed strategy, unless that one spreads by more than 1.5 itself.
-//! Each run takes about `HIL_BENCH_SECONDS` (2) with `hybrid`; `HIL_BENCH_ROUNDS` (9) of them make a median.
+//! Each run takes about `HIL_BENCH_SECONDS` (2) with `hybrid`, and is interrupted where it takes three times as long;
+//! `HIL_BENCH_ROUNDS` (9) of them make a median.
 
 mod bare;
 #[path = "../shared/busy.rs"]
@@ -20,13 +21,17 @@ mod programs;
 
 use std::collections::BTreeSet;
 use std::path::Path;
-use std::process::ExitCode;
+use std::process::{Command, ExitCode, Stdio};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::Duration;
 
 use bare::Bare;
 use cell::{Cell, cells};
 use measure::{Bystanders, machine, median};
 use programs::Programs;
+use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 use serde_json::{Value, json};
+use tempfile::TempDir;
 
 /// The strategies; the first is judged by the others.
 const STRATEGIES: [&str; 4] = ["hybrid", "spin", "yield", "sleep"];
@@ -34,7 +39,7 @@ const STRATEGIES: [&str; 4] = ["hybrid", "spin", "yield", "sleep"];
 const RECORDED: &str = "recorded";
 /// Steps of a second of the scenario.
 const RATE_HZ: f64 = 10_000.0;
-/// Longest expected time of a run of a slow strategy, in times that of `hybrid`.
+/// Time after which a run is interrupted, in times that of `hybrid`.
 const LONGEST: f64 = 3.0;
 /// Ratio of what is judged, and of the best to itself.
 const LIMIT: f64 = 1.5;
@@ -102,9 +107,9 @@ fn arguments(duration_s: f64) -> Vec<String> {
     arguments
 }
 
+/// Us a step, of those that were executed.
 fn step_us(summary: &Value) -> f64 {
     let number = |name: &str| summary[name].as_f64().expect("a number");
-    assert_eq!(summary["verdict"], "pass", "{summary}");
     1e6 * number("wall_time_s") / number("steps")
 }
 
@@ -117,13 +122,16 @@ struct Bench {
 
 /// A way to wait in a cell, and us a step of its runs.
 struct Way {
-    name: String,
-    /// Simulated seconds of a run, or trips.
-    length: f64,
+    name: &'static str,
     step_us: Vec<f64>,
 }
 
 impl Way {
+    const fn new(name: &'static str) -> Self {
+        let step_us = Vec::new();
+        Self { name, step_us }
+    }
+
     fn spread(&self) -> f64 {
         let mut sorted = self.step_us.clone();
         sorted.sort_by(f64::total_cmp);
@@ -156,66 +164,75 @@ impl Bench {
         if cell.priority > 0 {
             arguments.extend(["--priority".into(), cell.priority.to_string()]);
         }
-        let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
         let ran: Vec<Value> = std::thread::scope(|scope| {
-            let runs = (0..cell.sessions).map(|_| scope.spawn(|| self.programs.run(&arguments)));
+            let runs = (0..cell.sessions).map(|_| scope.spawn(|| self.run_once(&arguments)));
             let runs: Vec<_> = runs.collect();
             runs.into_iter()
                 .map(|run| run.join().expect("a run"))
                 .collect()
         });
-        digests.extend(
-            ran.iter()
-                .map(|run| format!("{length_s} {}", run["digest"])),
-        );
+        for run in ran.iter().filter(|run| run["verdict"] == "pass") {
+            digests.insert(run["digest"].to_string());
+        }
         ran.iter().map(step_us).sum::<f64>() / ran.len() as f64
     }
 
-    fn measure(&self, cell: &Cell) {
-        // Digests are compared among runs of one length.
-        let mut digests = BTreeSet::new();
-        let mut ways: Vec<Way> = Vec::new();
-        let mut most_s = f64::INFINITY;
-        for strategy in STRATEGIES.into_iter().chain([RECORDED]) {
-            let probed_us = self.run(cell, strategy, 0.2, &mut digests);
-            // A slow strategy gets fewer steps, so that the bench ends.
-            let length_s = |run_s: f64| (run_s / (1e-6 * probed_us * RATE_HZ)).clamp(0.2, 200.0);
-            if strategy == STRATEGIES[0] {
-                most_s = length_s(self.run_s);
-            }
-            ways.push(Way {
-                name: strategy.into(),
-                length: if length_s(LONGEST * self.run_s) < most_s {
-                    length_s(LONGEST * self.run_s)
-                } else {
-                    most_s
-                },
-                step_us: Vec::new(),
+    /// Returns the summary of a run to its end, or of what it was until it took too long.
+    fn run_once(&self, arguments: &[String]) -> Value {
+        let folder = TempDir::new().expect("a folder");
+        let hil = Command::new(&self.programs.hil)
+            .args(["run", "--json", "--out"])
+            .arg(folder.path().join("run"))
+            .args(arguments)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("hil");
+        let process = pidfd_open(Pid::from_child(&hil), PidfdFlags::empty()).expect("a child");
+        let longest = Duration::from_secs_f64(LONGEST * self.run_s);
+        let (running, ended) = channel::<()>();
+        let (output, interrupted) = std::thread::scope(|scope| {
+            let watch = scope.spawn(move || {
+                let is_late = ended.recv_timeout(longest) == Err(RecvTimeoutError::Timeout);
+                is_late && pidfd_send_signal(process, Signal::INT).is_ok()
             });
-        }
+            let output = hil.wait_with_output().expect("hil");
+            drop(running);
+            (output, watch.join().expect("a watch"))
+        });
+        let summary: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|_| {
+            panic!("{arguments:?}: {}", String::from_utf8_lossy(&output.stderr))
+        });
+        assert!(summary["verdict"] == "pass" || interrupted, "{summary}");
+        summary
+    }
+
+    fn measure(&self, cell: &Cell) {
+        let probed_us = self.run(cell, STRATEGIES[0], 0.2, &mut BTreeSet::new());
+        let length_s = (self.run_s / (1e-6 * probed_us * RATE_HZ)).clamp(0.2, 200.0);
+        let mut ways: Vec<Way> = STRATEGIES
+            .into_iter()
+            .chain([RECORDED])
+            .map(Way::new)
+            .collect();
         let mut bare = [Bare::Socket, Bare::Futex].map(|bare| {
             let probed_us = bare.measure(self.work, 2000, cell);
-            let way = Way {
-                name: bare.name().into(),
-                length: (1e6 * self.run_s / probed_us).clamp(2000.0, 2e6),
-                step_us: Vec::new(),
-            };
-            (bare, way)
+            let trips = (1e6 * self.run_s / probed_us).clamp(2000.0, 2e6) as u64;
+            (bare, trips, Way::new(bare.name()))
         });
+        let mut digests = BTreeSet::new();
         let bystanders = Bystanders::watch();
         for _ in 0..self.rounds {
             for way in &mut ways {
-                let us = self.run(cell, &way.name, way.length, &mut digests);
+                let us = self.run(cell, way.name, length_s, &mut digests);
                 way.step_us.push(us);
             }
-            for (bare, way) in &mut bare {
-                let us = bare.measure(self.work, way.length as u64, cell);
-                way.step_us.push(us);
+            for (bare, trips, way) in &mut bare {
+                way.step_us.push(bare.measure(self.work, *trips, cell));
             }
         }
-        let lengths: BTreeSet<&str> = digests.iter().filter_map(|d| d.split(' ').next()).collect();
-        assert_eq!(lengths.len(), digests.len(), "the runs differ: {digests:?}");
-        report(cell, &ways, &bare.map(|(_, way)| way), bystanders.share());
+        assert!(digests.len() <= 1, "the runs differ: {digests:?}");
+        report(cell, &ways, &bare.map(|(.., way)| way), bystanders.share());
     }
 }
 
@@ -246,7 +263,7 @@ fn report(cell: &Cell, ways: &[Way], bare: &[Way], others: f64) {
     );
     let ways = ways.iter().chain(bare).map(|way| {
         (
-            way.name.clone(),
+            way.name.to_owned(),
             json!({ "step_us": way.median(), "spread": way.spread() }),
         )
     });
