@@ -65,7 +65,7 @@ impl Polling {
 pub(super) struct Company {
     /// True if both sides have one core.
     on_one_core: bool,
-    /// Quick returns lately, of those before each slow one half.
+    /// Number of quick returns lately; each slow one halves it.
     quick: u32,
     /// Time that the core was away lately, less the share of the time that passed that shows nothing.
     away_ns: u64,
@@ -88,8 +88,6 @@ impl Company {
     const AWAY_NS: u64 = 6_000_000;
     /// The same on one core: less than two slices of the scheduler in a row.
     const AWAY_ON_ONE_CORE_NS: u64 = 1_500_000;
-    /// The same soon after others were there: less than a slice.
-    const AWAY_AGAIN_NS: u64 = 500_000;
     /// Quick returns below which yields on one core lose a slice too often.
     const FEW: u32 = 32;
     /// Most quick returns that count: those who come then are met at their fourth slice.
@@ -98,7 +96,8 @@ impl Company {
     const WAITS: u64 = 128;
     /// Average above which others need the core.
     const LATE_ON_AVERAGE_NS: u64 = 20_000;
-    /// Time of somebody else's turn: late by this much, a wait shows that they are still there.
+    /// Time of somebody else's turn: a wait that is late by this much shows that they are still there, and on one core
+    /// a yield that took as long.
     const TURN_NS: u64 = 1_000_000;
     const SHORTEST_NS: u64 = 10_000_000;
     const LONGEST_NS: u64 = 1_000_000_000;
@@ -121,21 +120,27 @@ impl Company {
             self.quick = (self.quick + 1).min(Self::MANY);
             return;
         }
-        // While others were taken for granted, the core was not given away.
-        let since_ns = self.back_ns.max(self.until_ns);
-        let allowed_ns = now_ns.saturating_sub(since_ns) / 5 * 2;
-        self.away_ns = (self.away_ns + took_ns).saturating_sub(allowed_ns);
+        let passed_ns = now_ns.saturating_sub(match self.is_there(now_ns) {
+            true => self.back_ns,
+            // Until then others were taken for granted, and the core was not given away.
+            false => self.back_ns.max(self.until_ns),
+        });
+        self.away_ns = (self.away_ns + took_ns).saturating_sub(passed_ns / 5 * 2);
         self.back_ns = now_ns;
         let are_few = self.quick < Self::FEW;
         self.quick /= 2;
         // On one core others of another session take their share whether the sides yield or sleep, and a yield
         // costs less; beside others of the same session each yield loses a slice.
         let (limit_ns, counts) = match self.on_one_core {
-            true if self.are_gone(now_ns) => (Self::AWAY_ON_ONE_CORE_NS, are_few),
-            true => (Self::AWAY_AGAIN_NS, are_few),
+            true => (Self::AWAY_ON_ONE_CORE_NS, are_few),
             false => (Self::AWAY_NS, true),
         };
-        if self.away_ns >= limit_ns {
+        // Nearly a slice, and most of the time: a slow law takes less of it.
+        let are_still_there = self.on_one_core
+            && !self.are_gone(now_ns)
+            && took_ns >= Self::TURN_NS
+            && took_ns >= passed_ns / 5 * 3;
+        if self.away_ns >= limit_ns || are_still_there {
             self.away_ns = 0;
             if counts {
                 self.met(now_ns);
@@ -284,13 +289,27 @@ mod tests {
         now_ns = company.until_ns + MS;
         company.came_back(now_ns, MS);
         assert_eq!(company.until_ns, now_ns + 40 * MS);
-        // A slow law that stays does not.
+        // A slow law that takes a third of the time does not, however soon it comes.
+        let until_ns = company.until_ns;
+        now_ns = until_ns + 8 * MS;
         for _ in 0..100 {
-            now_ns = now_ns.max(company.until_ns) + 10 * MS;
-            company.came_back(now_ns, 3 * MS);
+            company.came_back(now_ns, 4 * MS);
+            now_ns += 12 * MS;
         }
-        assert!(!company.is_there(now_ns));
-        assert_eq!(company.backoff_ns, 160 * MS);
+        assert_eq!(company.until_ns, until_ns);
+    }
+
+    #[test]
+    fn yields_while_others_are_taken_for_granted_show_no_more_than_at_other_times() {
+        for on_one_core in [false, true] {
+            let mut company = Company::none(on_one_core);
+            company.met(1000 * MS);
+            let until_ns = company.until_ns;
+            for step in 0..1000 {
+                company.came_back(1000 * MS + step * MS / 2, 150_000);
+            }
+            assert_eq!(company.until_ns, until_ns);
+        }
     }
 
     #[test]
