@@ -12,7 +12,7 @@ use crate::support::programs::{shipped, workspace};
 
 /// Package and what it may depend on, when it is built and when it is tested. What moves to a target,
 /// the controller, knows neither simulator nor scenario.
-const ARROWS: [(&str, &[&str], &[&str]); 11] = [
+const ARROWS: [(&str, &[&str], &[&str]); 12] = [
     ("hil-origin", &[], &[]),
     ("shared-types", &[], &[]),
     ("hil-config", &["shared-types"], &[]),
@@ -31,10 +31,16 @@ const ARROWS: [(&str, &[&str], &[&str]); 11] = [
         &[],
     ),
     (
+        "hil-in-process",
+        &["shared-types", "plant-process", "controller-process"],
+        &[],
+    ),
+    (
         "tools",
         &[
             "shared-types",
             "hil-origin",
+            "hil-in-process",
             "hil-recording",
             "hil-target",
             "hil-campaign",

@@ -39,13 +39,13 @@
 //!
 //! Packages beside the rooms: recordings, [`hil_recording`] (`tools/recording`); draws, folders, tables and statistics
 //! of campaigns, [`hil_campaign`] (`tools/campaign`); the controller on another machine, its agent and the programs
-//! that it may run, [`hil_target`] (`tools/target`); C programs and FMUs, `hil-foreign` (`tools/foreign`), which is
-//! never linked into `hil`.
+//! that it may run, [`hil_target`] (`tools/target`); both sides of a run in one thread, [`hil_in_process`]
+//! (`tools/in-process`); C programs and FMUs, `hil-foreign` (`tools/foreign`), which is never linked into `hil`.
 //!
 //! Packages below: [`hil_config`] checks scenarios and live requests, [`plant_process`] and [`controller_process`]
 //! are the loop, [`shared_types`] has links, records, their digest and the conformance suites. Three parts of `hil`
 //! run on the loop: the idle plant and law of [`benchmark`], the [replay](verification::replay) in the plant's
-//! place, and [`run`] where it turns both sides in one thread.
+//! place, and [`hil_in_process`].
 
 #![expect(
     rustdoc::private_intra_doc_links,

@@ -86,7 +86,7 @@ pub trait RecordSink {
 }
 
 /// A plant's end that is lent: what borrows it ends before the end does.
-impl<S: RecordSink> RecordSink for &mut S {
+impl<S: RecordSink + ?Sized> RecordSink for &mut S {
     fn open(&mut self, layout: &RecordLayout) -> Result<(), LinkError> {
         (**self).open(layout)
     }

@@ -6,16 +6,15 @@
 
 use std::sync::Arc;
 
-use controller_process::runner::Runner;
+use controller_process::job::Job as ControllerJob;
 use hil_campaign::curve::Grid;
 use hil_config::plan::{Clock, Plan};
-use plant_process::engine::Engine;
+use hil_in_process::{FAULTS, LAWS, PLANTS, Turns, check_controller, check_plant};
+use plant_process::job::Job as PlantJob;
 use shared_types::describe::Description;
-use shared_types::link::in_process::{self, InProcessLink};
-use shared_types::record::Outcome;
+use shared_types::record::{Outcome, RecordLayout};
 use shared_types::wait::{WaitLimit, WaitStrategy, Waiter};
 
-use super::in_process::{FAULTS, LAWS, PLANTS, plant_of, runner, turns};
 use super::jobs;
 use super::recorder::direct::DirectRecorder;
 use crate::results::ended::EndedRun;
@@ -50,34 +49,20 @@ pub(crate) fn refuse_clock(plan: &Plan) -> Result<(), Failure> {
     }
 }
 
-/// Both sides of a run, and the recorder that the plant writes to.
-type Sides<'a> = (
-    Engine<InProcessLink, DirectRecorder>,
-    Runner<'a, InProcessLink>,
-    DirectRecorder,
-);
-
-/// Makes both sides of a plan that was checked against what is [built in](built_in).
-fn sides(
+/// Makes the jobs of a plan that was checked against what is [built in](built_in), and the layout of its records.
+fn jobs_of(
     plan: &Plan,
     [plant, controller]: &[Description; 2],
-    grid: Option<Arc<Grid>>,
-) -> Result<Sides<'static>, Failure> {
+) -> Result<(PlantJob, ControllerJob, RecordLayout), Failure> {
     let both = (plan.plant_among(&plant.plants)).zip(plan.law_among(&controller.laws));
     let (plant, law) = both.ok_or_else(|| Failure::infrastructure("hil lost its plant or law"))?;
     let layout = plan.record_layout(plant, &law);
-    let plant = plant_process::job::Job {
+    let plant = PlantJob {
         law: Some(law),
-        ..plant_process::job::Job::of(plan, NO_SESSION, f64::INFINITY)
+        ..PlantJob::of(plan, NO_SESSION, f64::INFINITY)
     };
     let controller = jobs::controller(plan, NO_SESSION, f64::INFINITY);
-    let (plant_link, controller_link) = in_process::pair();
-    let recorder = DirectRecorder::new(plan.clone(), layout, grid);
-    let kind = plant_of(&plant).map_err(Failure::usage)?;
-    let engine = Engine::new(kind, &FAULTS, plant, plant_link, recorder.clone());
-    let engine = engine.map_err(Failure::usage)?;
-    let runner = runner(controller, controller_link).map_err(Failure::usage)?;
-    Ok((engine, runner, recorder))
+    Ok((plant, controller, layout))
 }
 
 /// Checks the jobs of a plan as `--check` of programs does.
@@ -85,7 +70,9 @@ fn sides(
 /// # Errors
 /// Objection of a side to its job.
 pub(crate) fn check(plan: &Plan, described: &[Description; 2]) -> Result<(), Failure> {
-    sides(plan, described, None).map(|_| ())
+    let (plant, controller, _) = jobs_of(plan, described)?;
+    check_plant(plant).map_err(Failure::usage)?;
+    check_controller(controller).map_err(Failure::usage)
 }
 
 /// Runs a plan that was checked against what is [built in](built_in); takes its curve if there is a grid for it.
@@ -98,23 +85,19 @@ pub(crate) fn run(
     grid: Option<Arc<Grid>>,
     interruption: &Interruption,
 ) -> Result<EndedRun, Failure> {
-    let (mut engine, mut runner, recorder) = sides(plan, described, grid)?;
+    let (plant, controller, layout) = jobs_of(plan, described)?;
+    let mut recorder = DirectRecorder::new(plan.clone(), layout, grid);
+    let has_failed = recorder.failure();
+    let turns = Turns::new(plant, controller, &mut recorder).map_err(Failure::usage)?;
     let limit = WaitLimit::from_seconds(f64::INFINITY);
     let waiter = Waiter::with(limit, WaitStrategy::Hybrid, true);
-    let wants_stop = || interruption.came() || recorder.has_failed();
-    let turned = turns(&mut engine, &mut runner, waiter, wants_stop);
-    let end = engine.end().cloned();
-    drop(engine);
+    let ran = turns.run(waiter, &|| interruption.came() || has_failed());
     let recorded = recorder.finish();
     interruption.check()?;
-    turned.map_err(Failure::infrastructure)?;
-    let (outcome, reason) = match (&recorded.error, end) {
-        (Some(error), _) => (Outcome::Failed, Some(error.clone())),
-        (None, Some(end)) => (end.outcome, end.reason),
-        (None, None) => (
-            Outcome::Failed,
-            Some("the run ended without saying how".into()),
-        ),
+    let end = ran.map_err(Failure::infrastructure)?;
+    let (outcome, reason) = match &recorded.error {
+        Some(error) => (Outcome::Failed, Some(error.clone())),
+        None => (end.outcome, end.reason),
     };
     Ok(EndedRun::new(recorded, outcome, reason))
 }

@@ -1,24 +1,17 @@
 //! A run in one process: both sides in one thread, taking turns.
 
-use std::sync::LazyLock;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
-use controller_process::controller::LawKind;
-use controller_process::runner::{Runner, choose};
-use plant_process::engine::{self, Engine};
-use plant_process::faults::FaultKindEntry;
+use hil_in_process::{FAULTS, Turns, check_controller, check_plant, plant_of};
 use plant_process::live::{self, LiveContext};
-use plant_process::plant::PlantKind;
-use plant_process::program::HELD;
-use shared_types::link::{LinkError, in_process};
-use shared_types::lockstep::{ControllerEvent, PlantEvent};
+use shared_types::link::LinkError;
 use shared_types::realtime::PLANT_FILE;
 use shared_types::record::{Outcome, RecordLayout, RunEnd};
 use shared_types::session::SessionInfo;
 use shared_types::stream::{self, RecordSink};
 use shared_types::supervision::Supervision;
-use shared_types::wait::{WaitLimit, Waiter};
+use shared_types::wait::WaitLimit;
 
 use super::attach::refuse_other_layout;
 use super::jobs::{tuned, tuned_plant};
@@ -31,26 +24,6 @@ use crate::terminal::exit::Failure;
 /// Time between two looks at what may end a run before its time.
 const LOOK: Duration = Duration::from_millis(10);
 
-/// The plants, kinds of faults and laws that are built into `hil`, for all runs of this process.
-pub(super) static PLANTS: LazyLock<Vec<PlantKind>> = LazyLock::new(plant_process::models::all);
-pub(super) static FAULTS: LazyLock<Vec<FaultKindEntry>> =
-    LazyLock::new(plant_process::faults::kinds::all);
-pub(super) static LAWS: LazyLock<Vec<LawKind>> = LazyLock::new(controller_process::laws::all);
-
-pub(super) fn plant_of(job: &plant_process::job::Job) -> Result<&'static PlantKind, String> {
-    let model = &job.plant.model;
-    let kind = PLANTS.iter().find(|kind| kind.description.name == *model);
-    kind.ok_or_else(|| format!("hil has no plant `{model}`"))
-}
-
-pub(super) fn runner(
-    job: controller_process::job::Job,
-    link: in_process::InProcessLink,
-) -> Result<Runner<'static, in_process::InProcessLink>, String> {
-    let law = choose(&LAWS, &job.law, &job.plant).map_err(|e| e.to_string())?;
-    Runner::new(law, job, link).map_err(|e| e.to_string())
-}
-
 /// Checks both jobs as `--check` of their programs does.
 ///
 /// # Errors
@@ -60,13 +33,8 @@ pub(super) fn check(
     controller: &controller_process::job::Job,
     binaries: &Binaries,
 ) -> Result<(), Failure> {
-    plant_of(plant)
-        .and_then(|kind| plant_process::program::check(kind, &FAULTS, plant.clone()))
-        .map_err(|why| binaries.plant.refused_job(&why))?;
-    let (link, _) = in_process::pair();
-    runner(controller.clone(), link)
-        .map(|_| ())
-        .map_err(|why| binaries.controller.refused_job(&why))
+    check_plant(plant.clone()).map_err(|why| binaries.plant.refused_job(&why))?;
+    check_controller(controller.clone()).map_err(|why| binaries.controller.refused_job(&why))
 }
 
 /// A sink that tells the recorder the layout when the stream opens.
@@ -163,11 +131,9 @@ fn objections(
 ) -> live::Objections {
     Box::new(move |question| {
         if question.epoch == 0 {
-            let job = tuned_plant(plant.clone(), &question.parameters);
-            return plant_process::program::check(plant_of(&job)?, &FAULTS, job);
+            return check_plant(tuned_plant(plant.clone(), &question.parameters));
         }
-        let (_, link) = in_process::pair();
-        runner(tuned(job.clone(), &question.parameters), link).map(|_| ())
+        check_controller(tuned(job.clone(), &question.parameters))
     })
 }
 
@@ -176,76 +142,18 @@ fn take_turns(
     session: &SessionInfo,
     plant: plant_process::job::Job,
     controller: controller_process::job::Job,
-    sink: TellingSink,
+    mut sink: TellingSink,
     supervision: &Supervision,
 ) -> Result<RunEnd, String> {
     let (limit, settings) = (WaitLimit::from_seconds(plant.wait_limit_s), plant.realtime);
-    let kind = plant_of(&plant)?;
-    let (plant_link, controller_link) = in_process::pair();
-    let context = LiveContext::new(kind, &FAULTS, &plant);
-    let plant_job = plant.clone();
-    let engine = Engine::new(kind, &FAULTS, plant, plant_link, sink);
-    let mut engine = engine.map_err(|e| e.to_string())?;
-    let _listening = live::serve(
-        session,
-        context,
-        engine.queue(),
-        engine.builder(),
-        objections(plant_job, controller.clone()),
-    )?;
-    let mut runner = runner(controller, controller_link)?;
+    let context = LiveContext::new(plant_of(&plant)?, &FAULTS, &plant);
+    let objections = objections(plant.clone(), controller.clone());
+    let turns = Turns::new(plant, controller, &mut sink)?;
+    let (queue, builder) = (turns.queue(), turns.builder());
+    let _listening = live::serve(session, context, queue, builder, objections)?;
     // Both sides run in this thread: the plant's settings are those of both.
     let report = settings.apply();
     let told = session.write_file(PLANT_FILE, &report);
     told.map_err(|e| e.to_string())?;
-    let waiter = report.waiter(limit);
-    turns(&mut engine, &mut runner, waiter, || {
-        supervision.wants_stop()
-    })
-    .map_err(|e| e.to_string())?;
-    engine
-        .end()
-        .cloned()
-        .ok_or_else(|| "the run ended without saying how".into())
-}
-
-/// Polls both sides in turns until the engine is over.
-pub(super) fn turns<S: RecordSink>(
-    engine: &mut Engine<in_process::InProcessLink, S>,
-    runner: &mut Runner<'_, in_process::InProcessLink>,
-    mut waiter: Waiter,
-    wants_stop: impl Fn() -> bool,
-) -> Result<(), LinkError> {
-    let queue = engine.queue();
-    runner.begin()?;
-    loop {
-        if wants_stop() {
-            engine.interrupt(&PlantEvent::Stop)?;
-            runner.interrupt(&ControllerEvent::Stop)?;
-        }
-        runner.poll()?;
-        match engine.poll()? {
-            engine::Progress::Over => return Ok(()),
-            engine::Progress::Busy => waiter.done(),
-            engine::Progress::Until(target_ns) => {
-                waiter.until_ns(target_ns, || wants_stop() || queue.wants_attention());
-                waiter.done();
-            }
-            engine::Progress::Held => {
-                std::thread::sleep(HELD);
-                waiter.done();
-            }
-            engine::Progress::Recorder => {
-                if waiter.sleep() {
-                    engine.recorder_late()?;
-                }
-            }
-            engine::Progress::Controller | engine::Progress::ControllerUntil(_) => {
-                // It had its turn; if nothing comes all the same, one of them is broken.
-                if waiter.pause() {
-                    engine.interrupt(&PlantEvent::Deadline(waiter.limit().ms()))?;
-                }
-            }
-        }
-    }
+    turns.run(report.waiter(limit), &|| supervision.wants_stop())
 }

@@ -1,9 +1,8 @@
 //! Recorders in the thread that runs very many cases: the same digest, metrics and requirements, with neither a
 //! recording nor latency.
 
-use std::cell::RefCell;
-use std::rc::Rc;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use hil_campaign::curve::Grid;
@@ -50,10 +49,9 @@ pub(crate) fn take_run(
     work.finish()
 }
 
-/// A sink whose items are taken at once. Its copies are the same recorder.
-#[derive(Clone)]
+/// A sink whose items are taken at once.
 pub(crate) struct DirectRecorder {
-    work: Rc<RefCell<RecorderWork>>,
+    work: RecorderWork,
     shared: Arc<Shared>,
     layout: RecordLayout,
 }
@@ -64,32 +62,30 @@ impl DirectRecorder {
         let shared = Arc::new(Shared::default());
         let work = RecorderWork::new(plan, None, Vec::new(), Arc::clone(&shared)).without_latency();
         Self {
-            work: Rc::new(RefCell::new(work.with_curve(grid))),
+            work: work.with_curve(grid),
             shared,
             layout,
         }
     }
 
-    /// Returns true if something went wrong, so that the run should stop.
-    pub(crate) fn has_failed(&self) -> bool {
-        self.shared
-            .failed
-            .load(std::sync::atomic::Ordering::Relaxed)
+    /// Returns a check of whether something went wrong, so that the run should stop; usable while the recorder is
+    /// lent.
+    pub(crate) fn failure(&self) -> impl Fn() -> bool + use<> {
+        let shared = Arc::clone(&self.shared);
+        move || shared.failed.load(Ordering::Relaxed)
     }
 
-    /// Ends with all that was taken; the other copies must be gone.
+    /// Ends with all that was taken.
     pub(crate) fn finish(self) -> Recorded {
-        let work = Rc::try_unwrap(self.work).map_err(|_| "a copy is left");
-        work.expect("the engine is gone").into_inner().finish()
+        self.work.finish()
     }
 }
 
 impl RecordSink for DirectRecorder {
     fn open(&mut self, layout: &RecordLayout) -> Result<(), LinkError> {
-        let mut work = self.work.borrow_mut();
         match refuse_other_layout(&self.layout, layout) {
-            Ok(()) => work.attach(layout.clone()),
-            Err(other) => work.fail(other),
+            Ok(()) => self.work.attach(layout.clone()),
+            Err(other) => self.work.fail(other),
         }
         Ok(())
     }
@@ -99,12 +95,12 @@ impl RecordSink for DirectRecorder {
     }
 
     fn record(&mut self, words: &[u64]) -> Result<(), LinkError> {
-        self.work.borrow_mut().take(Item::Record(words));
+        self.work.take(Item::Record(words));
         Ok(())
     }
 
     fn event(&mut self, event: &Event) -> Result<(), LinkError> {
-        self.work.borrow_mut().take(Item::Event(event.clone()));
+        self.work.take(Item::Event(event.clone()));
         Ok(())
     }
 }

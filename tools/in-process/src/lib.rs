@@ -1,0 +1,156 @@
+//! Both sides of a run in one thread, taking turns.
+//!
+//! Used by `hil run --link in-process` and campaigns, for the plants, kinds of faults and laws that are built into
+//! `hil`. Never waits for another process and starts none. A package of its own so that engine and runner of such a
+//! run are compiled once and in one part.
+
+use std::sync::{Arc, LazyLock};
+
+use controller_process::controller::LawKind;
+use controller_process::job::Job as ControllerJob;
+use controller_process::runner::{Runner, choose};
+use plant_process::engine::{Engine, Progress};
+use plant_process::faults::{FaultBuilder, FaultKindEntry};
+use plant_process::job::Job as PlantJob;
+use plant_process::plant::PlantKind;
+use plant_process::program::{self, HELD};
+use plant_process::request_queue::RequestQueue;
+use shared_types::link::LinkError;
+use shared_types::link::in_process::{InProcessLink, pair};
+use shared_types::lockstep::{ControllerEvent, PlantEvent};
+use shared_types::record::RunEnd;
+use shared_types::stream::RecordSink;
+use shared_types::wait::Waiter;
+
+/// Plants that are built into `hil`.
+pub static PLANTS: LazyLock<Vec<PlantKind>> = LazyLock::new(plant_process::models::all);
+/// Kinds of faults that are built into `hil`.
+pub static FAULTS: LazyLock<Vec<FaultKindEntry>> = LazyLock::new(plant_process::faults::kinds::all);
+/// Laws that are built into `hil`.
+pub static LAWS: LazyLock<Vec<LawKind>> = LazyLock::new(controller_process::laws::all);
+
+/// Finds the plant of a job.
+///
+/// # Errors
+/// If there is none of this name.
+pub fn plant_of(job: &PlantJob) -> Result<&'static PlantKind, String> {
+    let model = &job.plant.model;
+    let kind = PLANTS.iter().find(|kind| kind.description.name == *model);
+    kind.ok_or_else(|| format!("hil has no plant `{model}`"))
+}
+
+/// Checks a plant's job as `--check` of its program does.
+///
+/// # Errors
+/// Objection of the plant to its job.
+pub fn check_plant(job: PlantJob) -> Result<(), String> {
+    program::check(plant_of(&job)?, &FAULTS, job)
+}
+
+/// Checks a controller's job as `--check` of its program does.
+///
+/// # Errors
+/// Objection of the controller to its job.
+pub fn check_controller(job: ControllerJob) -> Result<(), String> {
+    runner(job, pair().1).map(|_| ())
+}
+
+fn runner(
+    job: ControllerJob,
+    link: InProcessLink,
+) -> Result<Runner<'static, InProcessLink>, String> {
+    let law = choose(&LAWS, &job.law, &job.plant).map_err(|e| e.to_string())?;
+    Runner::new(law, job, link).map_err(|e| e.to_string())
+}
+
+/// Both sides of a run.
+pub struct Turns<'a> {
+    engine: Engine<InProcessLink, &'a mut dyn RecordSink>,
+    runner: Runner<'static, InProcessLink>,
+}
+
+impl<'a> Turns<'a> {
+    /// Makes both sides, whose records go to this sink.
+    ///
+    /// # Errors
+    /// Objection of a side to its job.
+    pub fn new(
+        plant: PlantJob,
+        controller: ControllerJob,
+        sink: &'a mut dyn RecordSink,
+    ) -> Result<Self, String> {
+        let (plant_link, controller_link) = pair();
+        let engine = Engine::new(plant_of(&plant)?, &FAULTS, plant, plant_link, sink);
+        Ok(Self {
+            engine: engine.map_err(|e| e.to_string())?,
+            runner: runner(controller, controller_link)?,
+        })
+    }
+
+    /// Returns the queue of requests to this run.
+    #[must_use]
+    pub fn queue(&self) -> Arc<RequestQueue> {
+        self.engine.queue()
+    }
+
+    /// Returns the builder of faults for this run.
+    #[must_use]
+    pub fn builder(&self) -> Arc<FaultBuilder> {
+        self.engine.builder()
+    }
+
+    /// Polls both sides in turns until the run is over, and says how it ended.
+    ///
+    /// # Errors
+    /// If a side failed.
+    pub fn run(
+        mut self,
+        mut waiter: Waiter,
+        wants_stop: &dyn Fn() -> bool,
+    ) -> Result<RunEnd, String> {
+        self.poll_to_end(&mut waiter, wants_stop)
+            .map_err(|e| e.to_string())?;
+        let end = self.engine.end().cloned();
+        end.ok_or_else(|| "the run ended without saying how".into())
+    }
+
+    fn poll_to_end(
+        &mut self,
+        waiter: &mut Waiter,
+        wants_stop: &dyn Fn() -> bool,
+    ) -> Result<(), LinkError> {
+        let Self { engine, runner } = self;
+        let queue = engine.queue();
+        runner.begin()?;
+        loop {
+            if wants_stop() {
+                engine.interrupt(&PlantEvent::Stop)?;
+                runner.interrupt(&ControllerEvent::Stop)?;
+            }
+            runner.poll()?;
+            match engine.poll()? {
+                Progress::Over => return Ok(()),
+                Progress::Busy => waiter.done(),
+                Progress::Until(target_ns) => {
+                    waiter.until_ns(target_ns, || wants_stop() || queue.wants_attention());
+                    waiter.done();
+                }
+                Progress::Held => {
+                    std::thread::sleep(HELD);
+                    waiter.done();
+                }
+                Progress::Recorder => {
+                    if waiter.sleep() {
+                        engine.recorder_late()?;
+                    }
+                }
+                Progress::Controller | Progress::ControllerUntil(_) => {
+                    // It had its turn; if nothing comes all the same, one of them is broken.
+                    if waiter.pause() {
+                        engine.interrupt(&PlantEvent::Deadline(waiter.limit().ms()))?;
+                    }
+                }
+            }
+        }
+    }
+}
