@@ -1,5 +1,6 @@
 //! The release programs, built where they are not up to date; with `--profile dev` those of that.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -46,15 +47,18 @@ impl Programs {
 
     /// The same, of a run that leaves its files in a folder.
     pub(crate) fn run_in(&self, folder: &Path, arguments: &[&str]) -> Value {
-        let output = Command::new(&self.hil)
-            .args(["run", "--json", "--out"])
-            .arg(folder)
-            .args(arguments)
-            .output()
-            .expect("hil");
+        let output = self.command(folder, arguments).output().expect("hil");
         let said = String::from_utf8_lossy(&output.stderr);
         // A run that diverged has a summary too.
         serde_json::from_slice(&output.stdout)
             .unwrap_or_else(|_| panic!("hil run {arguments:?}: {said}"))
+    }
+
+    /// A run that prints its summary and leaves its files in a folder.
+    pub(crate) fn command(&self, folder: &Path, arguments: &[impl AsRef<OsStr>]) -> Command {
+        let mut hil = Command::new(&self.hil);
+        hil.args(["run", "--json", "--out"]).arg(folder);
+        hil.args(arguments);
+        hil
     }
 }
