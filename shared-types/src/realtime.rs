@@ -162,7 +162,8 @@ impl Report {
     /// A waiter of the strategy that was granted.
     #[must_use]
     pub const fn waiter(&self, limit: WaitLimit) -> Waiter {
-        Waiter::with(limit, self.wait.granted, self.shares_core)
+        let waiter = Waiter::with(limit, self.wait.granted, self.shares_core);
+        waiter.with_priority(self.priority.granted > 0)
     }
 }
 

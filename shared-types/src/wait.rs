@@ -31,7 +31,7 @@ use rustix::thread::{CpuSet, sched_getaffinity};
 use serde::{Deserialize, Serialize};
 
 use crate::clock::monotonic_ns;
-use habits::{Company, Polling};
+use habits::{Company, Length, Polling};
 
 mod habits;
 
@@ -140,6 +140,11 @@ pub struct Waiter {
     announced: Option<u32>,
     polling: Polling,
     company: Company,
+    length: Length,
+    /// True if the last wait was one for a time.
+    keeps_pace: bool,
+    /// True if this thread goes before all ordinary ones.
+    has_priority: bool,
     polls: u32,
     /// Time at which this wait outlasted its polls; 0 if it did not.
     since_ns: u64,
@@ -180,6 +185,9 @@ impl Waiter {
             announced: None,
             polling: Polling::new(shares_core || !polls),
             company: Company::none(shares_core),
+            length: Length::unknown(),
+            keeps_pace: false,
+            has_priority: false,
             polls: 0,
             since_ns: 0,
             limited_ns: 0,
@@ -190,6 +198,15 @@ impl Waiter {
     #[must_use]
     pub fn with_several_cores(mut self) -> Self {
         self.company = Company::none(false);
+        self
+    }
+
+    /// Takes it that this thread goes before all ordinary ones, if it `has_priority`. The kernel stops such a
+    /// thread for 50 ms of each second if it never sleeps and others need its core, so a hybrid wait sleeps while
+    /// nothing is expected.
+    #[must_use]
+    pub const fn with_priority(mut self, has_priority: bool) -> Self {
+        self.has_priority = has_priority;
         self
     }
 
@@ -217,19 +234,23 @@ impl Waiter {
             self.outlasted();
         } else if self.polls > 0 {
             self.polling.helped();
+            self.length.waited(0);
+            self.keeps_pace = false;
         }
         self.polls = 0;
     }
 
     /// Learns from a wait that outlasted its polls.
     fn outlasted(&mut self) {
-        self.since_ns = 0;
+        let since_ns = std::mem::take(&mut self.since_ns);
+        self.keeps_pace = false;
         if self.announced.take().is_some()
             && let Some(sleeper) = &self.sleeper
         {
             sleeper.retire();
         }
         if self.strategy == WaitStrategy::Hybrid {
+            self.length.waited(monotonic_ns() - since_ns);
             self.polling.missed();
         }
     }
@@ -266,7 +287,8 @@ impl Waiter {
             Rest::Yield => {
                 std::thread::yield_now();
                 let back_ns = monotonic_ns();
-                self.company.came_back(back_ns, back_ns - now_ns);
+                let has_time = self.keeps_pace || self.length.idle_ns() > 0;
+                self.company.came_back(back_ns, back_ns - now_ns, has_time);
             }
             Rest::Sleep(ns) => self.sleep_for(ns),
         }
@@ -275,9 +297,17 @@ impl Waiter {
 
     /// Decides what to do now.
     fn rest(&self, now_ns: u64, deadline_ns: u64) -> Rest {
-        let waited_ns = now_ns - self.since_ns;
         let has_bell = self.sleeper.is_some();
-        let sleeps = waited_ns >= PATIENCE_NS
+        let idle_ns = match self.has_priority && has_bell {
+            true => self.length.idle_ns(),
+            false => 0,
+        };
+        // What is left of that, and how long the wait lasts since.
+        let waited_ns = now_ns - self.since_ns;
+        let early_ns = idle_ns.saturating_sub(waited_ns);
+        let waited_ns = waited_ns.saturating_sub(idle_ns);
+        let sleeps = early_ns > 0
+            || waited_ns >= PATIENCE_NS
             || match self.strategy {
                 WaitStrategy::Spin | WaitStrategy::Yield => false,
                 WaitStrategy::Sleep => true,
@@ -287,6 +317,7 @@ impl Waiter {
             };
         let longest_ns = match has_bell {
             _ if !sleeps => 0,
+            true if early_ns > 0 && !self.company.is_there(now_ns) => early_ns,
             true if deadline_ns < u64::MAX => SLICE_NS / 2, // by a timer
             true => SLICE_NS,
             false if waited_ns >= PATIENCE_NS => LONG_NAP_NS,
@@ -349,6 +380,7 @@ impl Waiter {
                 // What was past at once is late by the caller's own work.
                 if has_waited {
                     self.company.woke(now_ns, now_ns - target_ns);
+                    self.keeps_pace = true;
                 }
                 return;
             }

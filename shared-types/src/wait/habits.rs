@@ -1,6 +1,6 @@
 //! Habits of a hybrid wait, learned from the waits before.
 
-use super::{LATE_NS, SPINS};
+use super::{EARLY_NS, LATE_NS, SPINS};
 
 /// Number of polls before anything else.
 #[derive(Debug)]
@@ -60,6 +60,35 @@ impl Polling {
     }
 }
 
+/// Length of the next wait, expected from those before.
+#[derive(Debug)]
+pub(super) struct Length {
+    ns: u64,
+}
+
+impl Length {
+    /// Waits that the expectation is made of.
+    const WAITS: u64 = 16;
+
+    pub(super) const fn unknown() -> Self {
+        Self { ns: 0 }
+    }
+
+    /// Notes how long a wait took. A shorter one than expected counts at once, a longer one little by little, so
+    /// only several long ones in a row make the next one long.
+    pub(super) const fn waited(&mut self, ns: u64) {
+        self.ns = match ns.checked_sub(self.ns) {
+            None => ns,
+            Some(more_ns) => self.ns + more_ns / Self::WAITS,
+        };
+    }
+
+    /// Returns the part of the wait that can be slept through if the last `EARLY_NS` are waited for awake.
+    pub(super) const fn idle_ns(&self) -> u64 {
+        self.ns.saturating_sub(EARLY_NS)
+    }
+}
+
 /// Other programs that need the core, known by the time that it was away when it was given away or waited for.
 #[derive(Debug)]
 pub(super) struct Company {
@@ -71,7 +100,7 @@ pub(super) struct Company {
     away_ns: u64,
     /// Time at which it came back last.
     back_ns: u64,
-    /// Moving average of the time by which waits for a time ended late.
+    /// Moving average of the time by which waits ended late.
     late_ns: u64,
     /// Time until which others are taken for granted.
     pub(super) until_ns: u64,
@@ -92,7 +121,7 @@ impl Company {
     const FEW: u32 = 32;
     /// Most quick returns that count: those who come then are met at their fourth slice.
     const MANY: u32 = 4 * Self::FEW;
-    /// Waits for a time that the average is made of. One that ended later by a slice brings it near the limit.
+    /// Waits that the average is made of. One that ended later by a slice brings it near the limit.
     const WAITS: u64 = 128;
     /// Average above which others need the core.
     const LATE_ON_AVERAGE_NS: u64 = 20_000;
@@ -114,10 +143,15 @@ impl Company {
         }
     }
 
-    /// Notes that the core came back after it was given away.
-    pub(super) fn came_back(&mut self, now_ns: u64, took_ns: u64) {
+    /// Notes that the core came back after it was given away; `has_time` if a sleep would have cost little.
+    pub(super) fn came_back(&mut self, now_ns: u64, took_ns: u64, has_time: bool) {
         if took_ns < Self::SHORT_NS {
             self.quick = (self.quick + 1).min(Self::MANY);
+            return;
+        }
+        // However rare a slice is, it is lost for nothing then. On one core it can be a slow law's.
+        if has_time && !self.on_one_core {
+            self.woke(now_ns, took_ns);
             return;
         }
         let passed_ns = now_ns.saturating_sub(match self.is_there(now_ns) {
@@ -130,9 +164,9 @@ impl Company {
         let are_few = self.quick < Self::FEW;
         self.quick /= 2;
         // On one core others of another session take their share whether the sides yield or sleep, and a yield
-        // costs less; beside others of the same session each yield loses a slice.
+        // costs less where waits are short; beside others of the same session each yield loses a slice.
         let (limit_ns, counts) = match self.on_one_core {
-            true => (Self::AWAY_ON_ONE_CORE_NS, are_few),
+            true => (Self::AWAY_ON_ONE_CORE_NS, are_few || has_time),
             false => (Self::AWAY_NS, true),
         };
         // Nearly a slice, and most of the time: a slow law takes less of it.
@@ -148,7 +182,7 @@ impl Company {
         }
     }
 
-    /// Notes by how much a wait for a time ended later than that. Beside others only a late end counts: one
+    /// Notes by how much a wait ended later than it should. Beside others only a late end counts: one
     /// in time does not show that they went, as the side slept.
     pub(super) fn woke(&mut self, now_ns: u64, late_ns: u64) {
         let late_ns = late_ns.saturating_sub(LATE_NS);
@@ -194,7 +228,7 @@ mod tests {
         let others = |took_ns, every_ns| {
             let mut company = Company::none(false);
             (1..=100_000_u64).find(|time| {
-                company.came_back(time * every_ns, took_ns);
+                company.came_back(time * every_ns, took_ns, false);
                 company.is_there(time * every_ns)
             })
         };
@@ -222,7 +256,7 @@ mod tests {
         fn meet(company: &mut Company, now_ns: &mut u64) {
             company.back_ns = *now_ns;
             *now_ns += 10 * MS;
-            company.came_back(*now_ns, 10 * MS);
+            company.came_back(*now_ns, 10 * MS, false);
         }
         let mut company = Company::none(false);
         let mut now_ns = 1000 * MS;
@@ -232,7 +266,7 @@ mod tests {
             assert_eq!(company.until_ns, now_ns + for_ms * MS);
             assert!(company.is_there(now_ns) && !company.is_there(company.until_ns));
             now_ns = company.until_ns;
-            (0..10_000).for_each(|_| company.came_back(now_ns, 500));
+            (0..10_000).for_each(|_| company.came_back(now_ns, 500, false));
             assert!(!company.is_there(now_ns));
             meet(&mut company, &mut now_ns);
         }
@@ -249,8 +283,8 @@ mod tests {
             let mut company = Company::none(true);
             (1..1000_u64).find(|time| {
                 let now_ns = 1000 * MS + time * every_ns;
-                (0..quick).for_each(|_| company.came_back(now_ns - took_ns, 5_000));
-                company.came_back(now_ns, took_ns);
+                (0..quick).for_each(|_| company.came_back(now_ns - took_ns, 5_000, false));
+                company.came_back(now_ns, took_ns, false);
                 company.is_there(now_ns)
             })
         };
@@ -272,31 +306,81 @@ mod tests {
         for (quick, took_us) in
             [(200, 500), (70, 500), (20, 2900), (250, 2000), (5, 2900)].repeat(100)
         {
-            (0..quick).for_each(|_| company.came_back(now_ns, 5_000));
+            (0..quick).for_each(|_| company.came_back(now_ns, 5_000, false));
             now_ns += 1000 * (5 * quick + took_us);
-            company.came_back(now_ns, 1000 * took_us);
+            company.came_back(now_ns, 1000 * took_us, false);
             assert!(!company.is_there(now_ns));
         }
         // One of the same session that comes then.
-        (0..200).for_each(|_| company.came_back(now_ns, 5_000));
+        (0..200).for_each(|_| company.came_back(now_ns, 5_000, false));
         let met = (1..100).find(|_| {
             now_ns += 3 * MS;
-            company.came_back(now_ns, 3 * MS);
+            company.came_back(now_ns, 3 * MS, false);
             company.is_there(now_ns)
         });
         assert_eq!(met, Some(4));
         // A part of a slice shows that it is still there, and for longer.
         now_ns = company.until_ns + MS;
-        company.came_back(now_ns, MS);
+        company.came_back(now_ns, MS, false);
         assert_eq!(company.until_ns, now_ns + 40 * MS);
         // A slow law that takes a third of the time does not, however soon it comes.
         let until_ns = company.until_ns;
         now_ns = until_ns + 8 * MS;
         for _ in 0..100 {
-            company.came_back(now_ns, 4 * MS);
+            company.came_back(now_ns, 4 * MS, false);
             now_ns += 12 * MS;
         }
         assert_eq!(company.until_ns, until_ns);
+    }
+
+    #[test]
+    fn one_lost_slice_is_company_where_a_sleep_would_have_cost_little() {
+        // The slow return at which others were first met, every 100 ms.
+        let others = |took_ns| {
+            let mut company = Company::none(false);
+            (1..1000_u64).find(|time| {
+                company.came_back(time * 100 * MS, took_ns, true);
+                company.is_there(time * 100 * MS)
+            })
+        };
+        assert_eq!(others(3 * MS), Some(1), "a slice");
+        assert_eq!(others(LATE_NS), None);
+        // On one core half of the time is, however many yields are quick, and a slow law is not.
+        let others = |took_ns, every_ns| {
+            let mut company = Company::none(true);
+            (1..1000_u64).find(|time| {
+                let now_ns = 1000 * MS + time * every_ns;
+                (0..500).for_each(|_| company.came_back(now_ns - took_ns, 5_000, true));
+                company.came_back(now_ns, took_ns, true);
+                company.is_there(now_ns)
+            })
+        };
+        assert_eq!(
+            others(3 * MS, 6 * MS),
+            Some(4),
+            "0.6 ms at each but the first"
+        );
+        assert_eq!(others(4 * MS, 12 * MS), None, "a slow law in real time");
+    }
+
+    #[test]
+    fn only_several_long_waits_make_the_next_one_long_and_one_short_one_ends_that() {
+        let mut length = Length::unknown();
+        length.waited(3 * MS);
+        assert_eq!(length.idle_ns(), 0, "a slice");
+        length.waited(0);
+        // 1 ms times 1 - (15/16)^N exceeds 0.2 ms from N = 4 on.
+        let long = (1..100).find(|_| {
+            length.waited(MS);
+            length.idle_ns() > 0
+        });
+        assert_eq!(long, Some(4));
+        (0..1000).for_each(|_| length.waited(MS));
+        assert!((799_000..=800_000).contains(&length.idle_ns()));
+        length.waited(MS / 2);
+        assert_eq!(length.idle_ns(), 300_000, "one that came early");
+        length.waited(3_000);
+        assert_eq!(length.idle_ns(), 0);
     }
 
     #[test]
@@ -306,7 +390,7 @@ mod tests {
             company.met(1000 * MS);
             let until_ns = company.until_ns;
             for step in 0..1000 {
-                company.came_back(1000 * MS + step * MS / 2, 150_000);
+                company.came_back(1000 * MS + step * MS / 2, 150_000, false);
             }
             assert_eq!(company.until_ns, until_ns);
         }

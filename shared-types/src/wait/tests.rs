@@ -125,6 +125,35 @@ fn a_hybrid_wait_in_company_sleeps_at_once_if_it_can_be_woken() {
 }
 
 #[test]
+fn a_hybrid_wait_with_priority_sleeps_until_shortly_before_it_will_most_likely_end() {
+    let waiter = |has_priority: bool| {
+        let mut waiter =
+            Waiter::with(limit(), WaitStrategy::Hybrid, false).with_priority(has_priority);
+        (waiter.since_ns, waiter.limited_ns) = (1, 1);
+        waiter.sleep_on(Some(Box::new(Rc::new(Log::default()))));
+        waiter
+    };
+    let rests = |waiter: &Waiter, waited_us: u64| waiter.rest(1 + 1000 * waited_us, u64::MAX);
+    let (mut with, mut without) = (waiter(true), waiter(false));
+    for waiter in [&mut with, &mut without] {
+        assert_eq!(rests(waiter, 0), Rest::Yield);
+        (0..10_000).for_each(|_| waiter.length.waited(10 * MS + 15)); // nears it by sixteenths
+    }
+    assert_eq!(rests(&with, 0), Rest::Sleep(9_800_000));
+    assert_eq!(rests(&with, 9_000), Rest::Sleep(800_000));
+    assert_eq!(with.rest(1, 1 + MS), Rest::Sleep(700_000), "a deadline");
+    // Awake for 4 ms from then on, as others are from the begin.
+    assert_eq!(rests(&with, 9_800), Rest::Yield);
+    assert_eq!(rests(&with, 13_799), Rest::Yield);
+    assert_eq!(rests(&with, 13_800), Rest::Sleep(SLICE_NS));
+    assert_eq!(rests(&without, 3_999), Rest::Yield);
+    assert_eq!(rests(&without, 4_000), Rest::Sleep(SLICE_NS));
+    // Nothing could wake it.
+    with.sleep_on(None);
+    assert_eq!(rests(&with, 0), Rest::Yield);
+}
+
+#[test]
 fn a_release_is_waited_for_awake_except_by_a_hybrid_wait_in_company() {
     use WaitStrategy::{Hybrid, Sleep, Spin, Yield};
     for (strategy, alone_ns, in_company_ns) in [
