@@ -161,9 +161,9 @@ impl Settings {
 impl Report {
     /// A waiter of the strategy that was granted.
     #[must_use]
-    pub const fn waiter(&self, limit: WaitLimit) -> Waiter {
+    pub fn waiter(&self, limit: WaitLimit) -> Waiter {
         let waiter = Waiter::with(limit, self.wait.granted, self.shares_core);
-        waiter.with_priority(self.priority.granted > 0)
+        waiter.of_a_loop(self.priority.granted > 0)
     }
 }
 

@@ -10,13 +10,15 @@
 //!
 //! Whoever sleeps is woken by the other side's next send ([`Sleeper`]); where nothing can wake it, it naps.
 //!
-//! A hybrid wait learns two things from the waits before:
+//! A hybrid wait learns three things from the waits before:
 //!
 //! - **Whether others need the core.** A core that was given away comes back within microseconds if only the
 //!   other side took it, and after milliseconds if a third did. If such returns take more than two fifths of the
 //!   time, it is not given away any more for a while: a sleeper that is woken goes before those who compute. Where
 //!   both sides have one core, few quick returns may be between them: others of another session take their share
 //!   there in any case. A wait for a time that ended late shows the same, and such a wait is slept to its end then.
+//!   Where a sleep costs little, one lost slice is enough.
+//! - **How long it will last.** A loop with real-time priority sleeps as long as nothing is expected.
 //! - **Whether polling helps.** It does not where both sides are on one core, as the other runs only when
 //!   this one lets it. After some waits in a row that polls did not end, there are none for a while.
 //!
@@ -140,9 +142,10 @@ pub struct Waiter {
     announced: Option<u32>,
     polling: Polling,
     company: Company,
-    length: Length,
-    /// True if the last wait was one for a time.
-    keeps_pace: bool,
+    /// Length of the next wait, if waits are a loop's.
+    length: Option<Length>,
+    /// True if the wait before was one for a time.
+    follows_time: bool,
     /// True if this thread goes before all ordinary ones.
     has_priority: bool,
     polls: u32,
@@ -185,8 +188,8 @@ impl Waiter {
             announced: None,
             polling: Polling::new(shares_core || !polls),
             company: Company::none(shares_core),
-            length: Length::unknown(),
-            keeps_pace: false,
+            length: None,
+            follows_time: false,
             has_priority: false,
             polls: 0,
             since_ns: 0,
@@ -201,11 +204,12 @@ impl Waiter {
         self
     }
 
-    /// Takes it that this thread goes before all ordinary ones, if it `has_priority`. The kernel stops such a
-    /// thread for 50 ms of each second if it never sleeps and others need its core, so a hybrid wait sleeps while
-    /// nothing is expected.
+    /// Assumes that the waits are those of a loop for the other side, much alike from step to step. The kernel stops
+    /// one that `has_priority` for 50 ms of each second if it never sleeps and others need its core; its hybrid waits
+    /// sleep as long as nothing is expected.
     #[must_use]
-    pub const fn with_priority(mut self, has_priority: bool) -> Self {
+    pub fn of_a_loop(mut self, has_priority: bool) -> Self {
+        self.length = Some(Length::default());
         self.has_priority = has_priority;
         self
     }
@@ -234,25 +238,48 @@ impl Waiter {
             self.outlasted();
         } else if self.polls > 0 {
             self.polling.helped();
-            self.length.waited(0);
-            self.keeps_pace = false;
+            if let Some(length) = &mut self.length {
+                length.waited(0);
+            }
+            self.follows_time = false;
         }
         self.polls = 0;
     }
 
     /// Learns from a wait that outlasted its polls.
     fn outlasted(&mut self) {
-        let since_ns = std::mem::take(&mut self.since_ns);
-        self.keeps_pace = false;
+        self.retire();
+        if self.strategy == WaitStrategy::Hybrid {
+            self.polling.missed();
+            let now_ns = monotonic_ns();
+            if self.sleep_is_cheap() {
+                self.company.ended(now_ns);
+            }
+            if let Some(length) = &mut self.length {
+                length.waited(now_ns - self.since_ns);
+            }
+        }
+        (self.since_ns, self.follows_time) = (0, false);
+    }
+
+    /// Takes an announced sleep back.
+    fn retire(&mut self) {
         if self.announced.take().is_some()
             && let Some(sleeper) = &self.sleeper
         {
             sleeper.retire();
         }
-        if self.strategy == WaitStrategy::Hybrid {
-            self.length.waited(monotonic_ns() - since_ns);
-            self.polling.missed();
-        }
+    }
+
+    /// Tells if a sleep in this wait costs little, because there is time until the next release or the wait will most
+    /// likely be long.
+    fn sleep_is_cheap(&self) -> bool {
+        self.follows_time || self.idle_ns() > 0
+    }
+
+    /// Returns the part of this wait in which nothing is expected.
+    fn idle_ns(&self) -> u64 {
+        self.length.as_ref().map_or(0, Length::idle_ns)
     }
 
     /// Waits a moment before the next poll; true when the limit is over.
@@ -285,10 +312,11 @@ impl Waiter {
         match self.rest(now_ns, deadline_ns) {
             Rest::Spin => self.polls = 0, // the clock again after as many polls
             Rest::Yield => {
+                self.retire();
                 std::thread::yield_now();
                 let back_ns = monotonic_ns();
-                let has_time = self.keeps_pace || self.length.idle_ns() > 0;
-                self.company.came_back(back_ns, back_ns - now_ns, has_time);
+                let is_cheap = self.sleep_is_cheap();
+                self.company.came_back(back_ns, back_ns - now_ns, is_cheap);
             }
             Rest::Sleep(ns) => self.sleep_for(ns),
         }
@@ -299,28 +327,27 @@ impl Waiter {
     fn rest(&self, now_ns: u64, deadline_ns: u64) -> Rest {
         let has_bell = self.sleeper.is_some();
         let idle_ns = match self.has_priority && has_bell {
-            true => self.length.idle_ns(),
+            true => self.idle_ns(),
             false => 0,
         };
-        // What is left of that, and how long the wait lasts since.
         let waited_ns = now_ns - self.since_ns;
-        let early_ns = idle_ns.saturating_sub(waited_ns);
-        let waited_ns = waited_ns.saturating_sub(idle_ns);
-        let sleeps = early_ns > 0
-            || waited_ns >= PATIENCE_NS
+        let left_idle_ns = idle_ns.saturating_sub(waited_ns);
+        let awake_ns = waited_ns.saturating_sub(idle_ns);
+        let sleeps = left_idle_ns > 0
+            || awake_ns >= PATIENCE_NS
             || match self.strategy {
                 WaitStrategy::Spin | WaitStrategy::Yield => false,
                 WaitStrategy::Sleep => true,
                 WaitStrategy::Hybrid => {
-                    waited_ns >= YIELD_NS || (has_bell && self.company.is_there(now_ns))
+                    awake_ns >= YIELD_NS || (has_bell && self.has_company(now_ns))
                 }
             };
         let longest_ns = match has_bell {
             _ if !sleeps => 0,
-            true if early_ns > 0 && !self.company.is_there(now_ns) => early_ns,
-            true if deadline_ns < u64::MAX => SLICE_NS / 2, // by a timer
+            true if left_idle_ns > 0 => left_idle_ns.min(SLICE_NS / 2), // by a timer
+            true if deadline_ns < u64::MAX => SLICE_NS / 2,             // the same
             true => SLICE_NS,
-            false if waited_ns >= PATIENCE_NS => LONG_NAP_NS,
+            false if awake_ns >= PATIENCE_NS => LONG_NAP_NS,
             false => NAP_NS,
         };
         let left_ns = deadline_ns.saturating_sub(now_ns).saturating_sub(LATE_NS);
@@ -330,6 +357,11 @@ impl Waiter {
             WaitStrategy::Spin => Rest::Spin,
             _ => Rest::Yield,
         }
+    }
+
+    /// Tells if others are taken for granted who take the core from this side.
+    const fn has_company(&self, now_ns: u64) -> bool {
+        !self.has_priority && self.company.is_there(now_ns)
     }
 
     /// Returns the time until the limit.
@@ -380,7 +412,7 @@ impl Waiter {
                 // What was past at once is late by the caller's own work.
                 if has_waited {
                     self.company.woke(now_ns, now_ns - target_ns);
-                    self.keeps_pace = true;
+                    self.follows_time = true;
                 }
                 return;
             }
@@ -407,7 +439,7 @@ impl Waiter {
             WaitStrategy::Spin => PATIENCE_NS,
             // Who computes before each release soon had as much of the core as is due, and then waits for a
             // slice of the others.
-            WaitStrategy::Hybrid if self.company.is_there(now_ns) => 0,
+            WaitStrategy::Hybrid if self.has_company(now_ns) => 0,
             WaitStrategy::Hybrid | WaitStrategy::Yield | WaitStrategy::Sleep => EARLY_NS,
         }
     }

@@ -61,31 +61,25 @@ impl Polling {
 }
 
 /// Length of the next wait, expected from those before.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Length {
-    ns: u64,
+    /// Lengths of the last waits, in no order.
+    last_ns: [u64; 4],
+    next: usize,
 }
 
 impl Length {
-    /// Waits that the expectation is made of.
-    const WAITS: u64 = 16;
-
-    pub(super) const fn unknown() -> Self {
-        Self { ns: 0 }
-    }
-
-    /// Notes how long a wait took. A shorter one than expected counts at once, a longer one little by little, so
-    /// only several long ones in a row make the next one long.
+    /// Notes how long a wait took.
     pub(super) const fn waited(&mut self, ns: u64) {
-        self.ns = match ns.checked_sub(self.ns) {
-            None => ns,
-            Some(more_ns) => self.ns + more_ns / Self::WAITS,
-        };
+        self.last_ns[self.next] = ns;
+        self.next = (self.next + 1) % self.last_ns.len();
     }
 
-    /// Returns the part of the wait that can be slept through if the last `EARLY_NS` are waited for awake.
-    pub(super) const fn idle_ns(&self) -> u64 {
-        self.ns.saturating_sub(EARLY_NS)
+    /// Returns the part of the next wait that can be slept through if its last `EARLY_NS` are waited for awake. As
+    /// the shortest of the last waits counts, a slice or the recorder makes no wait long.
+    pub(super) fn idle_ns(&self) -> u64 {
+        let least_ns = self.last_ns.iter().copied().min().unwrap_or(0);
+        least_ns.saturating_sub(EARLY_NS)
     }
 }
 
@@ -100,6 +94,8 @@ pub(super) struct Company {
     away_ns: u64,
     /// Time at which it came back last.
     back_ns: u64,
+    /// Longest time for which it was away in this wait, if a sleep would have cost little.
+    longest_ns: u64,
     /// Moving average of the time by which waits ended late.
     late_ns: u64,
     /// Time until which others are taken for granted.
@@ -137,21 +133,22 @@ impl Company {
             quick: 0,
             away_ns: 0,
             back_ns: 0,
+            longest_ns: 0,
             late_ns: 0,
             until_ns: 0,
             backoff_ns: Self::SHORTEST_NS,
         }
     }
 
-    /// Notes that the core came back after it was given away; `has_time` if a sleep would have cost little.
-    pub(super) fn came_back(&mut self, now_ns: u64, took_ns: u64, has_time: bool) {
+    /// Notes that the core came back after it was given away, in a wait in which a sleep costs little or not.
+    pub(super) fn came_back(&mut self, now_ns: u64, took_ns: u64, sleep_is_cheap: bool) {
         if took_ns < Self::SHORT_NS {
             self.quick = (self.quick + 1).min(Self::MANY);
             return;
         }
-        // However rare a slice is, it is lost for nothing then. On one core it can be a slow law's.
-        if has_time && !self.on_one_core {
-            self.woke(now_ns, took_ns);
+        // A lost slice could have been avoided then, however rare it is. On one core it can be a slow law's.
+        if sleep_is_cheap && !self.on_one_core {
+            self.longest_ns = self.longest_ns.max(took_ns);
             return;
         }
         let passed_ns = now_ns.saturating_sub(match self.is_there(now_ns) {
@@ -164,9 +161,13 @@ impl Company {
         let are_few = self.quick < Self::FEW;
         self.quick /= 2;
         // On one core others of another session take their share whether the sides yield or sleep, and a yield
-        // costs less where waits are short; beside others of the same session each yield loses a slice.
+        // costs less; beside others of the same session each yield loses a slice. Where a sleep costs little, a
+        // slice is too much.
         let (limit_ns, counts) = match self.on_one_core {
-            true => (Self::AWAY_ON_ONE_CORE_NS, are_few || has_time),
+            true => (
+                Self::AWAY_ON_ONE_CORE_NS,
+                are_few || (sleep_is_cheap && took_ns >= Self::TURN_NS),
+            ),
             false => (Self::AWAY_NS, true),
         };
         // Nearly a slice, and most of the time: a slow law takes less of it.
@@ -180,6 +181,12 @@ impl Company {
                 self.met(now_ns);
             }
         }
+    }
+
+    /// Notes the end of a wait in which a sleep costs little.
+    pub(super) fn ended(&mut self, now_ns: u64) {
+        let longest_ns = std::mem::take(&mut self.longest_ns);
+        self.woke(now_ns, longest_ns);
     }
 
     /// Notes by how much a wait ended later than it should. Beside others only a late end counts: one
@@ -335,17 +342,20 @@ mod tests {
 
     #[test]
     fn one_lost_slice_is_company_where_a_sleep_would_have_cost_little() {
-        // The slow return at which others were first met, every 100 ms.
+        // The wait in which others were first met, of one in a hundred with so slow a yield.
         let others = |took_ns| {
             let mut company = Company::none(false);
-            (1..1000_u64).find(|time| {
-                company.came_back(time * 100 * MS, took_ns, true);
-                company.is_there(time * 100 * MS)
+            (1..1000_u64).find(|wait| {
+                let now_ns = wait * 100 * MS;
+                company.came_back(now_ns, took_ns, true);
+                (1..100).for_each(|_| company.ended(now_ns));
+                company.ended(now_ns);
+                company.is_there(now_ns)
             })
         };
         assert_eq!(others(3 * MS), Some(1), "a slice");
-        assert_eq!(others(LATE_NS), None);
-        // On one core half of the time is, however many yields are quick, and a slow law is not.
+        assert_eq!(others(MS), None, "the recorder now and then");
+        // On one core half of the time is, however many yields are quick.
         let others = |took_ns, every_ns| {
             let mut company = Company::none(true);
             (1..1000_u64).find(|time| {
@@ -361,26 +371,28 @@ mod tests {
             "0.6 ms at each but the first"
         );
         assert_eq!(others(4 * MS, 12 * MS), None, "a slow law in real time");
+        assert_eq!(
+            others(210_000, 400_000),
+            None,
+            "a plant that spins before its release"
+        );
     }
 
     #[test]
-    fn only_several_long_waits_make_the_next_one_long_and_one_short_one_ends_that() {
-        let mut length = Length::unknown();
-        length.waited(3 * MS);
-        assert_eq!(length.idle_ns(), 0, "a slice");
-        length.waited(0);
-        // 1 ms times 1 - (15/16)^N exceeds 0.2 ms from N = 4 on.
-        let long = (1..100).find(|_| {
-            length.waited(MS);
-            length.idle_ns() > 0
-        });
-        assert_eq!(long, Some(4));
-        (0..1000).for_each(|_| length.waited(MS));
-        assert!((799_000..=800_000).contains(&length.idle_ns()));
-        length.waited(MS / 2);
-        assert_eq!(length.idle_ns(), 300_000, "one that came early");
-        length.waited(3_000);
-        assert_eq!(length.idle_ns(), 0);
+    fn only_four_long_waits_in_a_row_make_the_next_one_long() {
+        for long_ns in [MS, 7 * MS, 1000 * MS] {
+            let mut length = Length::default();
+            for _ in 0..3 {
+                length.waited(long_ns);
+                assert_eq!(length.idle_ns(), 0);
+            }
+            length.waited(long_ns + 1);
+            assert_eq!(length.idle_ns(), long_ns - 200_000);
+            length.waited(MS / 2);
+            assert_eq!(length.idle_ns(), 300_000, "one that came early");
+            length.waited(3_000);
+            assert_eq!(length.idle_ns(), 0);
+        }
     }
 
     #[test]

@@ -47,6 +47,10 @@ fn a_sleep_is_announced_before_the_last_look() {
     waiter.done(); // it came at the last look
     let expected = ["announce", "sleep 7 100", "retire", "announce", "retire"];
     assert_eq!(*log.0.borrow(), expected);
+    // Too near to a deadline for the sleep that was announced.
+    assert!(!waiter.pause_until(monotonic_ns() + 1000 * MS));
+    assert!(!waiter.pause_until(0));
+    assert_eq!(log.0.borrow()[5..], ["announce", "retire"]);
 }
 
 #[test]
@@ -127,30 +131,70 @@ fn a_hybrid_wait_in_company_sleeps_at_once_if_it_can_be_woken() {
 #[test]
 fn a_hybrid_wait_with_priority_sleeps_until_shortly_before_it_will_most_likely_end() {
     let waiter = |has_priority: bool| {
-        let mut waiter =
-            Waiter::with(limit(), WaitStrategy::Hybrid, false).with_priority(has_priority);
+        let mut waiter = Waiter::with(limit(), WaitStrategy::Hybrid, false).of_a_loop(has_priority);
         (waiter.since_ns, waiter.limited_ns) = (1, 1);
         waiter.sleep_on(Some(Box::new(Rc::new(Log::default()))));
         waiter
     };
-    let rests = |waiter: &Waiter, waited_us: u64| waiter.rest(1 + 1000 * waited_us, u64::MAX);
+    let rest = |waiter: &Waiter, waited_us: u64| waiter.rest(1 + 1000 * waited_us, u64::MAX);
+    let waited = |waiter: &mut Waiter, ns| {
+        (0..4).for_each(|_| waiter.length.as_mut().expect("a loop's").waited(ns));
+    };
     let (mut with, mut without) = (waiter(true), waiter(false));
     for waiter in [&mut with, &mut without] {
-        assert_eq!(rests(waiter, 0), Rest::Yield);
-        (0..10_000).for_each(|_| waiter.length.waited(10 * MS + 15)); // nears it by sixteenths
+        assert_eq!(rest(waiter, 0), Rest::Yield);
+        waited(waiter, 10 * MS);
     }
-    assert_eq!(rests(&with, 0), Rest::Sleep(9_800_000));
-    assert_eq!(rests(&with, 9_000), Rest::Sleep(800_000));
+    assert_eq!(rest(&with, 0), Rest::Sleep(9_800_000));
+    assert_eq!(rest(&with, 9_000), Rest::Sleep(800_000));
     assert_eq!(with.rest(1, 1 + MS), Rest::Sleep(700_000), "a deadline");
-    // Awake for 4 ms from then on, as others are from the begin.
-    assert_eq!(rests(&with, 9_800), Rest::Yield);
-    assert_eq!(rests(&with, 13_799), Rest::Yield);
-    assert_eq!(rests(&with, 13_800), Rest::Sleep(SLICE_NS));
-    assert_eq!(rests(&without, 3_999), Rest::Yield);
-    assert_eq!(rests(&without, 4_000), Rest::Sleep(SLICE_NS));
-    // Nothing could wake it.
+    // Awake for 4 ms from then on, as others are from the beginning.
+    assert_eq!(rest(&with, 9_800), Rest::Yield);
+    assert_eq!(rest(&with, 13_799), Rest::Yield);
+    assert_eq!(rest(&with, 13_800), Rest::Sleep(SLICE_NS));
+    assert_eq!(rest(&without, 3_999), Rest::Yield);
+    assert_eq!(rest(&without, 4_000), Rest::Sleep(SLICE_NS));
+    // Nobody takes the core from it.
+    for waiter in [&mut with, &mut without] {
+        waiter.company.until_ns = u64::MAX;
+    }
+    assert_eq!(rest(&with, 9_800), Rest::Yield);
+    assert_eq!(with.early_ns(1), EARLY_NS);
+    assert_eq!(rest(&without, 0), Rest::Sleep(SLICE_NS));
+    // A sleep without a timer would be too long.
+    waited(&mut with, 150 * MS);
+    assert_eq!(rest(&with, 0), Rest::Sleep(50 * MS));
     with.sleep_on(None);
-    assert_eq!(rests(&with, 0), Rest::Yield);
+    assert_eq!(rest(&with, 0), Rest::Yield, "nothing could wake it");
+}
+
+#[test]
+fn a_loop_learns_from_each_wait() {
+    let mut waiter = Waiter::with(limit(), WaitStrategy::Hybrid, false).of_a_loop(false);
+    let long_wait = |waiter: &mut Waiter| {
+        let begin_ns = monotonic_ns();
+        while monotonic_ns() < begin_ns + MS {
+            assert!(!waiter.pause());
+        }
+        waiter.done();
+    };
+    for _ in 0..4 {
+        assert!(!waiter.sleep_is_cheap());
+        long_wait(&mut waiter);
+    }
+    assert!(waiter.sleep_is_cheap());
+    // One that polls end.
+    waiter.polling = Polling::new(false);
+    assert!(!waiter.pause());
+    waiter.done();
+    assert!(!waiter.sleep_is_cheap());
+    // One for a time makes a sleep cheap in the next one, and only there.
+    waiter.until_ns(monotonic_ns() + 1000, || false);
+    waiter.done();
+    assert!(waiter.sleep_is_cheap());
+    assert!(!waiter.pause());
+    waiter.done();
+    assert!(!waiter.sleep_is_cheap());
 }
 
 #[test]
