@@ -56,6 +56,9 @@ const LATE_NS: u64 = 300_000;
 
 /// Time before a release at which a side stops sleeping, as wake-ups come this late on an ordinary machine.
 const EARLY_NS: u64 = 200_000;
+/// Time for which a side that keeps pace beside others looks for the answer to its frame before it sleeps: each sleep
+/// there can end a slice too late.
+const ANSWER_NS: u64 = 100_000;
 /// Longest nap before a time, so that an interruption is seen soon.
 const LONGEST_NAP_NS: u64 = 20_000_000;
 
@@ -353,6 +356,14 @@ impl Waiter {
         let left_ns = deadline_ns.saturating_sub(now_ns).saturating_sub(LATE_NS);
         let ns = longest_ns.min(left_ns).min(self.limit_ns(now_ns));
         match self.strategy {
+            WaitStrategy::Hybrid
+                if self.follows_time
+                    && waited_ns < ANSWER_NS
+                    && self.has_company(now_ns)
+                    && !self.polling.never =>
+            {
+                Rest::Spin
+            }
             _ if ns > 0 => Rest::Sleep(ns),
             WaitStrategy::Spin => Rest::Spin,
             _ => Rest::Yield,

@@ -8,7 +8,7 @@ pub(super) struct Polling {
     /// Polls in this wait.
     pub(super) polls: u32,
     /// True if there are no polls at all, as where both sides have one core.
-    never: bool,
+    pub(super) never: bool,
     /// Waits in a row that polls did not end.
     misses: u32,
     /// Waits before the next one with polls.

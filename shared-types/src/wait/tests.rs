@@ -126,6 +126,12 @@ fn a_hybrid_wait_in_company_sleeps_at_once_if_it_can_be_woken() {
     waiter.sleep_on(Some(Box::new(Rc::new(Log::default()))));
     assert_eq!(waiter.rest(1, u64::MAX), Rest::Sleep(SLICE_NS));
     assert_eq!(waiter.rest(MS, u64::MAX), Rest::Yield);
+    // After a release the answer is looked for, unless the other side has no other core for it.
+    waiter.follows_time = true;
+    assert_eq!(waiter.rest(100_000, u64::MAX), Rest::Spin);
+    assert_eq!(waiter.rest(100_001, u64::MAX), Rest::Sleep(SLICE_NS));
+    waiter.polling = Polling::new(true);
+    assert_eq!(waiter.rest(100_000, u64::MAX), Rest::Sleep(SLICE_NS));
 }
 
 #[test]
