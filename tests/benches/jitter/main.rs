@@ -8,9 +8,9 @@
 //! (`apt-get install rt-tests`) there are no ratios.
 //!
 //! **What is compared.** `cyclictest` sleeps until a release and tells when it woke. The plant sleeps
-//! until shortly before and spins (beside busy loops without priority it sleeps until the release), and tells when the sample went out. Both figures are what a
-//! controller would see as release jitter; that one costs more processor time than the other is the
-//! design, not an error of the measurement.
+//! until shortly before and spins (beside busy loops without priority it sleeps until the release), and
+//! tells when the sample went out. Both figures are what a controller would see as release jitter; that
+//! one costs more processor time than the other is the design, not an error of the measurement.
 //!
 //! **Holes.** On a virtual machine the hypervisor takes a core away for milliseconds. No thread can
 //! prevent that, and a grid that is caught up makes tens of late samples out of one such hole, where
