@@ -17,8 +17,8 @@
 //!   time, it is not given away any more for a while: a sleeper that is woken goes before those who compute. Where
 //!   both sides have one core, few quick returns may be between them: others of another session take their share
 //!   there in any case. A wait for a time that ended late shows the same, and such a wait is slept to its end then.
-//!   Where a sleep costs little, one lost slice is enough.
-//! - **How long it will last.** A loop with real-time priority sleeps as long as nothing is expected.
+//!   Where a sleep costs little, one lost slice can be enough.
+//! - **How long it will last.** A loop with real-time priority that can be woken sleeps as long as nothing is expected.
 //! - **Whether polling helps.** It does not where both sides are on one core, as the other runs only when
 //!   this one lets it. After some waits in a row that polls did not end, there are none for a while.
 //!
@@ -313,7 +313,10 @@ impl Waiter {
             return true;
         }
         match self.rest(now_ns, deadline_ns) {
-            Rest::Spin => self.polls = 0, // the clock again after as many polls
+            Rest::Spin => {
+                self.retire();
+                self.polls = 0; // the clock again after as many polls
+            }
             Rest::Yield => {
                 self.retire();
                 std::thread::yield_now();
@@ -423,8 +426,8 @@ impl Waiter {
                 // What was past at once is late by the caller's own work.
                 if has_waited {
                     self.company.woke(now_ns, now_ns - target_ns);
-                    self.follows_time = true;
                 }
+                self.follows_time = has_waited;
                 return;
             }
             has_waited = true;
