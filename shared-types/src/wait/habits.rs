@@ -140,7 +140,7 @@ impl Company {
         }
     }
 
-    /// Notes that the core came back after it was given away, in a wait in which a sleep costs little or not.
+    /// Notes that the core came back after it was given away, and if a sleep would have cost little in that wait.
     pub(super) fn came_back(&mut self, now_ns: u64, took_ns: u64, sleep_is_cheap: bool) {
         if took_ns < Self::SHORT_NS {
             self.quick = (self.quick + 1).min(Self::MANY);
@@ -350,8 +350,7 @@ mod tests {
             (1..1000_u64).find(|wait| {
                 let now_ns = wait * 100 * MS;
                 company.came_back(now_ns, took_ns, true);
-                (1..100).for_each(|_| company.ended(now_ns));
-                company.ended(now_ns);
+                (0..100).for_each(|_| company.ended(now_ns));
                 company.is_there(now_ns)
             })
         };
