@@ -227,7 +227,6 @@ pub fn drive<L: Link, S: RecordSink>(
                 waiter.until_ns(target_ns, || {
                     supervision.wants_stop() || queue.wants_attention()
                 });
-                waiter.done();
             }
             waits @ (Progress::Controller | Progress::ControllerUntil(_)) => {
                 let deadline_ns = match waits {

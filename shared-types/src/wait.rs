@@ -416,8 +416,10 @@ impl Waiter {
     }
 
     /// Waits for a time of the monotonic clock: naps until close to it, then spins or yields as the strategy
-    /// says. `interrupted` is asked between naps and ends the wait early.
+    /// says. `interrupted` is asked between naps and ends the wait early. A wait before it, as for the recorder, is
+    /// over.
     pub fn until_ns(&mut self, target_ns: u64, interrupted: impl Fn() -> bool) {
+        self.done();
         let mut has_waited = false;
         loop {
             let now_ns = monotonic_ns();

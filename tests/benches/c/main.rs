@@ -1,11 +1,11 @@
-//! Bench `c_twin`: is a run in one process as fast as the same thing in plain C?
+//! Bench `c_twin`: how much longer does a run take than the same thing in plain C?
 //!
 //! `cargo bench -p tests --bench c_twin` compiles `severe_leakage.c`, the paper's scenario with the
 //! same plant, integrator, stimulus, fault and law, by the system's C compiler, at `-O3` and at
 //! `-O3 -march=native`. It first makes sure that both programs compute the same thing: final state
 //! and metrics agree but for the last digits of `sin` and `exp`, in which C libraries differ. Then
-//! it measures in turns: the C programs, `hil run` in one process without recording, and plant,
-//! stimulus and law alone in one thread. Without a C compiler it says so and ends.
+//! it measures in turns: the C programs, `hil run` in one process and in two, not recorded and recorded, and
+//! plant, stimulus and law alone in one thread. Without a C compiler it says so and ends.
 
 #[path = "../shared/experiment.rs"]
 mod experiment;
@@ -33,6 +33,13 @@ const ROUNDING: f64 = 1e-9;
 /// Ways to compile the C program; the first is the one that counts.
 const OPTIONS: [&[&str]; 2] = [&["-O3"], &["-O3", "-march=native"]];
 
+/// Runs of `hil`; the first does what the C program does.
+const RUNS: [(&str, &[&str]); 3] = [
+    ("in one process", &["--link", "in-process", "--no-record"]),
+    ("in two processes", &["--no-record"]),
+    ("in two processes, recorded with lz4", &[]),
+];
+
 fn main() {
     // `cargo test --all-targets` starts benches too, without this argument.
     if !std::env::args().any(|argument| argument == "--bench") {
@@ -48,7 +55,11 @@ fn main() {
     let twins = OPTIONS.map(|options| compiled(folder.path(), options));
     let programs = Programs::built();
     let experiment = Experiment::new("ftsc");
-    assert_same(&run_twin(&twins[0]), &run_hil(&programs), &experiment);
+    assert_same(
+        &run_twin(&twins[0]),
+        &run_hil(&programs, RUNS[0].1),
+        &experiment,
+    );
     compare(&twins, &programs, &experiment);
 }
 
@@ -74,11 +85,11 @@ fn run_twin(program: &Path) -> Value {
     serde_json::from_slice(&output.stdout).expect("a line of JSON")
 }
 
-/// The summary of the same scenario in one process.
-fn run_hil(programs: &Programs) -> Value {
+/// The summary of the same scenario.
+fn run_hil(programs: &Programs, arguments: &[&str]) -> Value {
     let scenario = scenario_file();
     let scenario = scenario.to_str().expect("a path in UTF-8");
-    programs.run(&[scenario, "--link", "in-process", "--no-record"])
+    programs.run(&[&[scenario], arguments].concat())
 }
 
 /// Makes sure that both compute the same thing.
@@ -135,13 +146,15 @@ fn compare(twins: &[PathBuf], programs: &Programs, experiment: &Experiment) {
     let mut steps = 0.0;
     let bystanders = Bystanders::watch();
     for _ in 0..ROUNDS {
-        let summary = run_hil(programs);
-        steps = summary["steps"].as_f64().expect("a number");
+        let runs = RUNS.map(|(_, arguments)| run_hil(programs, arguments));
+        steps = runs[0]["steps"].as_f64().expect("a number");
         let step_ns = |run: &Value| 1e9 * run["wall_time_s"].as_f64().expect("a number") / steps;
         for (twin, options) in twins.iter().zip(OPTIONS) {
             note(format!("C {}", options.join(" ")), step_ns(&run_twin(twin)));
         }
-        note("hil run in one process".into(), step_ns(&summary));
+        for ((name, _), summary) in RUNS.iter().zip(&runs) {
+            note(format!("hil run {name}"), step_ns(summary));
+        }
         note("all in one thread".into(), experiment.closed().0);
         note("  plant alone".into(), experiment.plant_ns(&rows));
         note("  stimulus alone".into(), experiment.stimuli_ns());
@@ -155,13 +168,13 @@ fn compare(twins: &[PathBuf], programs: &Programs, experiment: &Experiment) {
          other programs took {:.0} % of the machine",
         100.0 * others
     );
-    println!("{:<26} {:>8} {:>8}", "", "ns", "to C");
+    println!("{:<40} {:>8} {:>8}", "", "ns", "to C");
     let mut c_ns = None;
     let mut lines = Vec::new();
     for (name, values) in done {
         let step_ns = median(values);
         let to_c = step_ns / *c_ns.get_or_insert(step_ns);
-        println!("{name:<26} {step_ns:>8.0} {to_c:>8.2}");
+        println!("{name:<40} {step_ns:>8.0} {to_c:>8.2}");
         lines.push(json!({ "part": name.trim(), "step_ns": step_ns, "to_c": to_c }));
     }
     let line = json!({

@@ -90,6 +90,11 @@ pub(crate) struct Within {
 }
 
 impl Cell {
+    /// Tells if nothing else runs in it.
+    pub(crate) const fn is_alone(&self) -> bool {
+        self.loops.is_empty() && self.sessions == 1
+    }
+
     /// Makes the situation for what is started from now on.
     pub(crate) fn enter(&self) -> Result<Within, String> {
         let free = sched_getaffinity(None).map_err(|e| e.to_string())?;

@@ -1,7 +1,8 @@
 //! Bench `waiting`: what do the ways to wait cost beside other programs?
 //!
 //! `cargo bench -p tests --bench waiting` runs the paper's scenario in every cell with every strategy, in
-//! turns, beside a bare blocking UNIX socket and a bare futex with the same work, and prints us a step;
+//! turns, beside a bare blocking UNIX socket and a bare futex with the same work, and where nobody else is a bare
+//! ping-pong with a yield after each look, and prints us a step;
 //! `-- idle "one core"` measures the cells whose names contain one of these words.
 //! A cell says which busy loops there are, whether in the session of the runs or in another, and on which
 //! cores the runs are. What the machine does not allow is skipped by name.
@@ -219,11 +220,17 @@ impl Bench {
             .chain([RECORDED])
             .map(Way::new)
             .collect();
-        let mut bare = [Bare::Socket, Bare::Futex].map(|bare| {
-            let probed_us = bare.measure(self.work, 2000, cell);
-            let trips = (1e6 * self.run_s / probed_us).clamp(2000.0, 2e6) as u64;
-            (bare, trips, Way::new(bare.name()))
-        });
+        let mut bare = vec![Bare::Socket, Bare::Futex];
+        if cell.is_alone() {
+            bare.push(Bare::PingPong); // beside others each yield takes a time slice
+        }
+        let mut bare: Vec<(Bare, u64, Way)> = (bare.into_iter())
+            .map(|bare| {
+                let probed_us = bare.measure(self.work, 2000, cell);
+                let trips = (1e6 * self.run_s / probed_us).clamp(2000.0, 2e6) as u64;
+                (bare, trips, Way::new(bare.name()))
+            })
+            .collect();
         let mut digests = BTreeSet::new();
         let bystanders = Bystanders::watch();
         for _ in 0..self.rounds {
@@ -236,7 +243,8 @@ impl Bench {
             }
         }
         assert!(digests.len() <= 1, "the runs differ: {digests:?}");
-        report(cell, &ways, &bare.map(|(.., way)| way), bystanders.share());
+        let bare: Vec<Way> = bare.into_iter().map(|(.., way)| way).collect();
+        report(cell, &ways, &bare, bystanders.share());
     }
 }
 

@@ -133,7 +133,6 @@ impl<'a> Turns<'a> {
                 Progress::Busy => waiter.done(),
                 Progress::Until(target_ns) => {
                     waiter.until_ns(target_ns, || wants_stop() || queue.wants_attention());
-                    waiter.done();
                 }
                 Progress::Held => {
                     std::thread::sleep(HELD);

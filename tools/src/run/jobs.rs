@@ -5,6 +5,7 @@ use hil_config::plan::{Clock, ControllerPlan, Plan, law_keys, settings_after};
 use serde::Serialize;
 use shared_types::checkpoint::Checkpoints;
 use shared_types::describe;
+use shared_types::realtime;
 use shared_types::session::SessionInfo;
 use shared_types::time::Step;
 
@@ -28,6 +29,12 @@ pub(super) fn of(
         Clock::Paced { factor } => plan.run.rate.period_s() / factor,
         Clock::Realtime => plan.run.rate.period_s(),
     };
+    // The cores of a target are not this machine's.
+    let is_elsewhere = binaries.controller.at.is_some();
+    let side = |settings: realtime::Settings| realtime::Settings {
+        peer_core: settings.peer_core.filter(|_| !is_elsewhere),
+        ..settings
+    };
     let plant = plant_process::job::Job {
         law: plan.law_among(binaries.described().1),
         is_controller_by_hand: settings.by_hand.controller,
@@ -37,13 +44,13 @@ pub(super) fn of(
             folder: session.folder.clone(),
             resume: None,
         },
-        realtime: plan.realtime.plant(),
+        realtime: side(plan.realtime.plant()),
         ..plant_process::job::Job::of(plan, session.id, wait_limit_s)
     };
     let controller = controller_process::job::Job {
         is_plant_by_hand: settings.by_hand.plant,
         checkpoints: plant.checkpoints.clone(),
-        realtime: plan.realtime.controller(),
+        realtime: side(plan.realtime.controller()),
         ..controller(plan, session.id, wait_limit_s + between_s)
     };
     (plant, controller)

@@ -97,11 +97,7 @@ struct Safe {
 pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8, String> {
     let supervision = Supervision::from_stdin();
     let session = SessionInfo::read(folder).map_err(described)?;
-    let mut job: Value = session.read_file(CONTROLLER_JOB).map_err(described)?;
-    // Of the target's cores the plant has none.
-    if let Some(core) = job.pointer_mut("/realtime/peer_core") {
-        *core = Value::Null;
-    }
+    let job: Value = session.read_file(CONTROLLER_JOB).map_err(described)?;
     let known: Job = serde_json::from_value(job.clone()).map_err(described)?;
     let job = job.to_string();
     // The controller's job has the plant's limit and a step of a paced run; where there is no plant's, as in a

@@ -38,33 +38,41 @@ struct Program {
 /// Sleeps for so long and judges the time that others took of these cores meanwhile.
 pub(crate) fn measure(tree: &dyn Tree, cores: &CoreList, seconds: f64) -> Finding {
     let judge = || {
-        let before = Times::read(tree, cores)?;
+        // Cores are read next to the sleep: reading the programs is work of this process.
+        let programs = Program::all(tree);
+        let before = Times {
+            cores: busy_of(tree, cores)?,
+            programs,
+        };
         std::thread::sleep(Duration::from_secs_f64(seconds));
-        Ok(finding(&before, &Times::read(tree, cores)?))
+        let after = Times {
+            cores: busy_of(tree, cores)?,
+            programs: Program::all(tree),
+        };
+        Ok(finding(&before, &after))
     };
     judge().unwrap_or_else(|unread| CHECK.unread(&unread))
 }
 
-impl Times {
-    /// Reads those of these cores and of all programs.
-    fn read(tree: &dyn Tree, cores: &CoreList) -> Result<Self, Unread> {
-        let stat = tree.read("proc/stat")?;
-        let program = |name: String| {
-            let process = name.parse().ok()?;
-            Program::of(process, &tree.read(&format!("proc/{process}/stat")).ok()?)
-        };
-        Ok(Self {
-            cores: core_times(&stat)
-                .filter(|(core, ..)| cores.contains(*core))
-                .collect(),
-            programs: (tree.names("proc").into_iter())
-                .filter_map(program)
-                .collect(),
-        })
-    }
+/// Reads the ticks of these cores.
+fn busy_of(tree: &dyn Tree, cores: &CoreList) -> Result<Vec<(u32, u64, u64)>, Unread> {
+    let stat = tree.read("proc/stat")?;
+    let times = core_times(&stat).filter(|(core, ..)| cores.contains(*core));
+    Ok(times.collect())
 }
 
 impl Program {
+    /// Reads those of all programs.
+    fn all(tree: &dyn Tree) -> Vec<Self> {
+        let program = |name: String| {
+            let process = name.parse().ok()?;
+            Self::of(process, &tree.read(&format!("proc/{process}/stat")).ok()?)
+        };
+        (tree.names("proc").into_iter())
+            .filter_map(program)
+            .collect()
+    }
+
     /// Reads its `stat`: behind the name, which may hold anything, user and system time are the 12th and
     /// 13th word and the core is the 37th.
     fn of(process: u32, stat: &str) -> Option<Self> {
@@ -186,7 +194,11 @@ mod tests {
                 stop,
             ),
         ] {
-            let now = Times::read(&machine(busy), &CoreList::parse("0-1")).expect("told");
+            let machine = machine(busy);
+            let now = Times {
+                cores: busy_of(&machine, &CoreList::parse("0-1")).expect("told"),
+                programs: Program::all(&machine),
+            };
             let finding = finding(&idle, &now);
             let found = format!("other programs take 1 % of core 0 and {found}");
             assert_eq!((finding.grade, finding.found), (grade, found));
