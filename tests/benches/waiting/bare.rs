@@ -124,7 +124,8 @@ pub(crate) fn answered() -> bool {
     } else if way == Bare::Futex.name() {
         Box::new(Bells::open(&folder, leads))
     } else {
-        Box::new(Looks(open_board(&folder, leads)))
+        let session = SessionInfo::read(&folder).expect("a session");
+        Box::new(Looks(open_board(&session, leads)))
     };
     let settings = Settings {
         priority: number(PRIORITY) as u32,
@@ -212,12 +213,12 @@ impl Bells {
         if leads {
             let make = |owner| Bell::create(&session, owner).expect("creates");
             let (own, other) = (make(owners.0), make(owners.1));
-            let board = open_board(folder, leads);
+            let board = open_board(&session, leads);
             return Self { board, own, other };
         }
         let find = |owner| awaited(|| Bell::open(&session, owner).ok());
         let (other, own) = (find(owners.0), find(owners.1));
-        let board = open_board(folder, leads);
+        let board = open_board(&session, leads);
         Self { board, own, other }
     }
 }
@@ -257,12 +258,11 @@ impl End for Looks {
     }
 }
 
-fn open_board(folder: &Path, leads: bool) -> Blackboard {
-    let session = SessionInfo::read(folder).expect("a session");
+fn open_board(session: &SessionInfo, leads: bool) -> Blackboard {
     let (there, back) = VALUES;
     match leads {
-        true => Blackboard::open(&session, Side::Plant, there, back).expect("creates"),
-        false => awaited(|| Blackboard::open(&session, Side::Controller, there, back).ok()),
+        true => Blackboard::open(session, Side::Plant, there, back).expect("creates"),
+        false => awaited(|| Blackboard::open(session, Side::Controller, there, back).ok()),
     }
 }
 
