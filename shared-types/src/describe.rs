@@ -14,7 +14,7 @@ use crate::table::{Field, Table, number};
 
 /// Version of the protocol between launcher, plant and controller: description, job file, control
 /// messages, frames and records. Two sides with different versions refuse each other.
-pub const PROTOCOL: u32 = 7;
+pub const PROTOCOL: u32 = 8;
 
 /// A binary's answer to `--describe`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

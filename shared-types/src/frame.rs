@@ -3,6 +3,8 @@
 //! A fixed header and a row of `f64` that a [`SignalTable`](crate::layout::SignalTable) describes.
 //! Links copy frames; the lockstep machines look at headers only.
 
+use std::mem::offset_of;
+
 use iceoryx2::prelude::ZeroCopySend;
 use rapidhash::v3::rapidhash_v3;
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
@@ -51,7 +53,9 @@ impl FrameKind {
     }
 }
 
-/// The header of a frame: 160 bytes, little-endian, no padding.
+/// The header of a frame: 152 bytes, little-endian, no padding.
+///
+/// A [`Frame`] carries only as many words of validity bits as its values need.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, ZeroCopySend,
 )]
@@ -91,9 +95,16 @@ pub struct Header {
     pub count: u16,
     /// Bit `i % 64` of word `i / 64` set: signal `i` is invalid.
     pub invalid: [u64; VALIDITY_WORDS],
-    /// rapidhash (version 3, 64 bits, standard seed) over the header, in which the same of the values
-    /// stands here.
-    pub check_sum: u64,
+}
+
+/// Bytes of a header in front of its validity bits.
+const HEAD_BYTES: usize = offset_of!(Header, invalid);
+/// Words of the same.
+const HEAD_WORDS: usize = word(HEAD_BYTES);
+
+/// Place of the word of a header with the byte at an offset.
+const fn word(offset: usize) -> usize {
+    offset / size_of::<u64>()
 }
 
 impl Header {
@@ -117,7 +128,6 @@ impl Header {
             kind: kind as u16,
             count: 0,
             invalid: [0; VALIDITY_WORDS],
-            check_sum: 0,
         }
     }
 
@@ -134,23 +144,25 @@ impl Header {
     pub const fn is_valid(&self, index: usize) -> bool {
         self.invalid[index / 64] >> (index % 64) & 1 == 0
     }
-
-    /// Makes the sum of the values the check sum, and returns that of header and values.
-    fn sum(&mut self, values: &[f64]) -> u64 {
-        self.check_sum = rapidhash_v3(values.as_bytes());
-        rapidhash_v3(self.as_bytes())
-    }
 }
 
-/// A frame with room for `N` values. `N` is one of [`SizeClass`]'s.
+/// A frame: a check sum, a [`Header`] up to the last word of validity bits that its values need, and the values.
+///
+/// It has room for as many values as make these [`words`]. The check sum is rapidhash (version 3, 64 bits, standard
+/// seed) over all that follows it and means something.
 ///
 /// Any bytes of its size are one, as they come from memory that another process writes to;
 /// [`Frame::open`] says whether to believe it.
 #[derive(Clone, Copy, Debug, FromBytes, Immutable, KnownLayout, ZeroCopySend)]
 #[repr(C)]
-pub struct Frame<const N: usize> {
-    header: Header,
-    values: [f64; N],
+pub struct Frame<const WORDS: usize> {
+    words: [u64; WORDS],
+}
+
+/// Words of a [`Frame`] with room for so many values.
+#[must_use]
+pub const fn words(values: usize) -> usize {
+    1 + HEAD_WORDS + values.div_ceil(64) + values
 }
 
 /// Reason for which a frame is not taken.
@@ -212,66 +224,66 @@ impl FrameIdentity {
     }
 }
 
-impl<const N: usize> Default for Frame<N> {
+impl<const WORDS: usize> Default for Frame<WORDS> {
     fn default() -> Self {
-        Self {
-            header: Header::new(FrameKind::Sample, Step(0)),
-            values: [0.0; N],
-        }
+        Self { words: [0; WORDS] }
     }
 }
 
-impl<const N: usize> Frame<N> {
+impl<const WORDS: usize> Frame<WORDS> {
     /// Number of the frame in its sender's order; 0 if nothing was ever sent.
     #[must_use]
     pub const fn sequence(&self) -> u64 {
-        self.header.sequence
+        self.words[1 + word(offset_of!(Header, sequence))]
     }
 
     /// A frame of these values, sealed and summed. Values become [`canonical`].
     ///
     /// # Panics
-    /// If there are more than `N` values; the size class is chosen at hello so that they fit.
+    /// If there are more values than it has room for; the size class is chosen at hello so that they fit.
     #[must_use]
     pub fn sealed(header: &Header, values: &[f64], identity: FrameIdentity) -> Self {
-        let mut frame = Self {
-            header: Header {
-                session: identity.session,
-                layout: identity.layout,
-                epoch: identity.epoch,
-                count: values.len() as u16,
-                ..*header
-            },
-            values: [0.0; N],
-        };
-        for (to, from) in frame.values[..values.len()].iter_mut().zip(values) {
-            *to = canonical(*from);
+        let mut frame = Self::default();
+        let content = &mut frame.words[1..words(values.len())];
+        let (head, row) = content.split_at_mut(content.len() - values.len());
+        let (head, invalid) = head.split_at_mut(HEAD_WORDS);
+        head.as_mut_bytes()
+            .copy_from_slice(&header.as_bytes()[..HEAD_BYTES]);
+        // Whole words: the sum would have to wait for one that is written in parts.
+        head[word(offset_of!(Header, session))] = identity.session;
+        head[word(offset_of!(Header, layout))] = identity.layout;
+        head[word(offset_of!(Header, epoch))] =
+            u64::from(identity.epoch) | u64::from(header.age_steps) << 32;
+        head[word(offset_of!(Header, count))] = u64::from(header.held_steps)
+            | u64::from(header.kind) << 32
+            | (values.len() as u64) << 48;
+        // One by one: a copy whose length the compiler does not know is a call.
+        for (to, from) in invalid.iter_mut().zip(&header.invalid) {
+            *to = *from;
         }
-        frame.header.check_sum = frame.header.sum(&frame.values[..values.len()]);
+        for (to, from) in row.iter_mut().zip(values) {
+            *to = canonical(*from).to_bits();
+        }
+        frame.words[0] = rapidhash_v3(content.as_bytes());
         frame
     }
 
-    /// Inverts one bit of the header or of the values that mean something, as noise on a wire does.
-    /// Bits count from the header's first; beyond the last they begin again.
+    /// Inverts one bit of what means something, as noise on a wire does. Bits count from the check sum's first;
+    /// beyond the last they begin again.
     pub fn flip(&mut self, bit: u64) {
-        let header = 8 * size_of::<Header>() as u64;
         let bit = bit % self.bits();
-        if bit < header {
-            self.header.as_mut_bytes()[(bit / 8) as usize] ^= 1 << (bit % 8);
-        } else {
-            let bit = bit - header;
-            self.values.as_mut_bytes()[(bit / 8) as usize] ^= 1 << (bit % 8);
-        }
+        self.words[(bit / 64) as usize] ^= 1 << (bit % 64);
     }
 
-    /// Bits of the header and of the values that mean something.
+    /// Bits of check sum, header and values that mean something.
     #[must_use]
     pub fn bits(&self) -> u64 {
-        8 * (size_of::<Header>() + self.count() * size_of::<f64>()) as u64
+        64 * words(self.count()).min(WORDS) as u64
     }
 
+    /// Number of values, as the header says.
     fn count(&self) -> usize {
-        (self.header.count as usize).min(N)
+        (self.words[1 + word(offset_of!(Header, count))] >> 48) as usize
     }
 
     /// Checks the frame and copies its values out.
@@ -281,16 +293,21 @@ impl<const N: usize> Frame<N> {
     /// # Errors
     /// What is wrong with it; `values` are then untouched.
     pub fn open(&self, identity: FrameIdentity, values: &mut [f64]) -> Result<Header, FrameError> {
-        let mut header = self.header;
-        let carried = self.values.get(..header.count as usize);
-        let carried = carried.ok_or(FrameError::Count)?;
-        if self.header.check_sum != header.sum(carried) {
+        let count = self.count();
+        let content = self.words.get(1..words(count)).ok_or(FrameError::Count)?;
+        if self.words[0] != rapidhash_v3(content.as_bytes()) {
             return Err(FrameError::Corrupt);
         }
-        header.check_sum = self.header.check_sum;
+        let (head, row) = content.split_at(content.len() - count);
+        let (head, invalid) = head.split_at(HEAD_WORDS);
+        let mut header = Header::new(FrameKind::Sample, Step(0));
+        header.as_mut_bytes()[..HEAD_BYTES].copy_from_slice(head.as_bytes());
+        for (to, from) in header.invalid.iter_mut().zip(invalid) {
+            *to = *from;
+        }
         identity.check(&header, values.len())?;
-        if !carried.is_empty() {
-            values.copy_from_slice(carried);
+        if !row.is_empty() {
+            values.as_mut_bytes().copy_from_slice(row.as_bytes());
         }
         Ok(header)
     }
@@ -339,7 +356,7 @@ mod tests {
         epoch: 1,
     };
 
-    fn frame(values: &[f64]) -> Frame<16> {
+    fn frame(values: &[f64]) -> Frame<{ words(16) }> {
         Frame::sealed(&Header::new(FrameKind::Sample, Step(3)), values, IDENTITY)
     }
 
@@ -355,7 +372,7 @@ mod tests {
     #[test]
     fn every_single_flipped_bit_is_found() {
         let frame = frame(&[1.0, -2.0, 3.5]);
-        assert_eq!(frame.bits(), 8 * (160 + 24));
+        assert_eq!(frame.bits(), 64 * (1 + 11 + 1 + 3));
         for bit in 0..frame.bits() {
             let mut broken = frame;
             broken.flip(bit);
@@ -402,7 +419,7 @@ mod tests {
     #[test]
     fn an_untouched_segment_is_not_a_frame() {
         assert_eq!(
-            Frame::<16>::default().open(IDENTITY, &mut [0.0]),
+            Frame::<{ words(16) }>::default().open(IDENTITY, &mut [0.0]),
             Err(FrameError::Corrupt)
         );
     }

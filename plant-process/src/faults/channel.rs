@@ -7,7 +7,9 @@
 
 use serde::{Deserialize, Serialize};
 use shared_types::describe::Invalid;
-use shared_types::frame::{Frame, FrameIdentity, FrameKind, Header, MAX_SIGNALS, VALIDITY_WORDS};
+use shared_types::frame::{
+    Frame, FrameIdentity, FrameKind, Header, MAX_SIGNALS, VALIDITY_WORDS, words,
+};
 use shared_types::time::Step;
 
 use super::arrivals::{Arrivals, DEPTH, age_steps};
@@ -125,7 +127,7 @@ impl Channel {
 
     /// Bits of a message's frame.
     pub(super) const fn bits(&self) -> u64 {
-        8 * (size_of::<Header>() + self.width * size_of::<f64>()) as u64
+        64 * words(self.width) as u64
     }
 
     /// Frames that the check sum refused.
@@ -197,7 +199,7 @@ impl Channel {
             ..Header::new(self.kind, step)
         };
         let values = &self.values[place * self.width..][..self.width];
-        let mut frame = Frame::<MAX_SIGNALS>::sealed(&header, values, IDENTITY);
+        let mut frame = Frame::<{ words(MAX_SIGNALS) }>::sealed(&header, values, IDENTITY);
         for bit in &passage.flips[..passage.flipped] {
             frame.flip(*bit);
         }
@@ -351,12 +353,12 @@ mod tests {
         line.note(1);
         line.0.begin();
         let bits = line.0.bits();
-        assert_eq!(bits, 8 * (160 + 2 * 8));
-        // In the header, in the first value, in the last; and one that no copy carries.
+        assert_eq!(bits, 64 * (1 + 11 + 1 + 2)); // check sum, header, validity, values
+        // In the check sum, in the first value, in the last; and one that no copy carries.
         let mut refused = 0;
         for (step, bit, copies) in [
             (2, 0, [Some(0), None]),
-            (3, 8 * 160, [Some(0), Some(1)]),
+            (3, 64 * 13, [Some(0), Some(1)]),
             (4, bits - 1, [Some(3), None]),
             (5, 0, LOST),
         ] {

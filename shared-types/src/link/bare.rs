@@ -11,29 +11,24 @@ use iceoryx2::service::port_factory::blackboard::PortFactory;
 
 use super::LinkError;
 use super::iceoryx::{Ipc, node, transport};
-use crate::frame::Header;
+use crate::frame::words;
 use crate::session::SessionInfo;
 use crate::side::Side;
-
-/// Words of a frame's header.
-pub const HEADER_WORDS: usize = size_of::<Header>() / size_of::<u64>();
 
 const SAMPLES: &str = "bare/samples";
 const COMMANDS: &str = "bare/commands";
 
-/// A payload as large as a frame of `N` values.
+/// A payload as large as a [frame](crate::frame::Frame) of so many words.
 #[derive(Clone, Copy, Debug, ZeroCopySend)]
 #[repr(C)]
-struct Payload<const N: usize> {
-    header: [u64; HEADER_WORDS],
-    values: [u64; N],
+struct Payload<const WORDS: usize> {
+    words: [u64; WORDS],
 }
 
-impl<const N: usize> Payload<N> {
+impl<const WORDS: usize> Payload<WORDS> {
     const fn of(number: u64) -> Self {
         Self {
-            header: [number; HEADER_WORDS],
-            values: [number; N],
+            words: [number; WORDS],
         }
     }
 }
@@ -46,27 +41,27 @@ trait Incoming {
     fn receive(&mut self) -> Option<u64>;
 }
 
-struct Writer<const N: usize>(EntryHandleMut<Ipc, u8, Payload<N>>);
+struct Writer<const WORDS: usize>(EntryHandleMut<Ipc, u8, Payload<WORDS>>);
 
-impl<const N: usize> Outgoing for Writer<N> {
+impl<const WORDS: usize> Outgoing for Writer<WORDS> {
     fn send(&self, number: u64) {
         self.0.update_with_copy(Payload::of(number));
     }
 }
 
-struct Reader<const N: usize> {
-    cell: EntryHandle<Ipc, u8, Payload<N>>,
-    last: Option<BlackboardValue<Payload<N>>>,
+struct Reader<const WORDS: usize> {
+    cell: EntryHandle<Ipc, u8, Payload<WORDS>>,
+    last: Option<BlackboardValue<Payload<WORDS>>>,
 }
 
-impl<const N: usize> Incoming for Reader<N> {
+impl<const WORDS: usize> Incoming for Reader<WORDS> {
     fn receive(&mut self) -> Option<u64> {
         if (self.last.as_ref()).is_some_and(|last| self.cell.is_up_to_date(last)) {
             return None;
         }
         let payload = **self.last.insert(self.cell.get());
         // The last word of a copy, so that all of it is copied.
-        std::hint::black_box(payload).values.last().copied()
+        std::hint::black_box(payload).words.last().copied()
     }
 }
 
@@ -82,12 +77,12 @@ pub struct Blackboard {
 macro_rules! for_class {
     ($values:expr, $function:ident ( $($argument:expr),* )) => {
         match $values {
-            0..=16 => $function::<16>($($argument),*),
-            17..=32 => $function::<32>($($argument),*),
-            33..=64 => $function::<64>($($argument),*),
-            65..=128 => $function::<128>($($argument),*),
-            129..=256 => $function::<256>($($argument),*),
-            _ => $function::<512>($($argument),*),
+            0..=16 => $function::<{ words(16) }>($($argument),*),
+            17..=32 => $function::<{ words(32) }>($($argument),*),
+            33..=64 => $function::<{ words(64) }>($($argument),*),
+            65..=128 => $function::<{ words(128) }>($($argument),*),
+            129..=256 => $function::<{ words(256) }>($($argument),*),
+            _ => $function::<{ words(512) }>($($argument),*),
         }
     };
 }
@@ -131,7 +126,7 @@ impl Blackboard {
     }
 }
 
-fn board<const N: usize>(
+fn board<const WORDS: usize>(
     node: &Node<Ipc>,
     side: Side,
     name: &str,
@@ -140,7 +135,7 @@ fn board<const N: usize>(
     let builder = node.service_builder(&service_name);
     match side {
         Side::Plant => (builder.blackboard_creator::<u8>())
-            .add(0, Payload::<N>::of(0))
+            .add(0, Payload::<WORDS>::of(0))
             .create()
             .map_err(|e| transport(name, e)),
         Side::Controller => (builder.blackboard_opener::<u8>())
@@ -149,29 +144,29 @@ fn board<const N: usize>(
     }
 }
 
-fn outgoing<const N: usize>(
+fn outgoing<const WORDS: usize>(
     node: &Node<Ipc>,
     side: Side,
     name: &str,
 ) -> Result<Box<dyn Outgoing>, LinkError> {
-    let board = board::<N>(node, side, name)?;
+    let board = board::<WORDS>(node, side, name)?;
     let writer = board.writer_builder().create();
     let entry = writer
         .map_err(|e| transport(name, e))?
-        .entry::<Payload<N>>(&0);
+        .entry::<Payload<WORDS>>(&0);
     Ok(Box::new(Writer(entry.map_err(|e| transport(name, e))?)))
 }
 
-fn incoming<const N: usize>(
+fn incoming<const WORDS: usize>(
     node: &Node<Ipc>,
     side: Side,
     name: &str,
 ) -> Result<Box<dyn Incoming>, LinkError> {
-    let board = board::<N>(node, side, name)?;
+    let board = board::<WORDS>(node, side, name)?;
     let reader = board.reader_builder().create();
     let cell = reader
         .map_err(|e| transport(name, e))?
-        .entry::<Payload<N>>(&0);
+        .entry::<Payload<WORDS>>(&0);
     let cell = cell.map_err(|e| transport(name, e))?;
     Ok(Box::new(Reader { cell, last: None }))
 }

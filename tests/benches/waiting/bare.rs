@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use shared_types::link::bare::{Blackboard, HEADER_WORDS};
+use shared_types::frame;
+use shared_types::link::bare::Blackboard;
 use shared_types::link::bell::{Bell, Owner};
 use shared_types::realtime::Settings;
 use shared_types::session::{Session, SessionInfo};
@@ -25,8 +26,8 @@ const PRIORITY: &str = "HIL_BENCH_PRIORITY";
 /// Values of a sample and of a command.
 const VALUES: (usize, usize) = (32, 16);
 /// Bytes of their frames.
-const SAMPLE_BYTES: usize = 8 * (HEADER_WORDS + VALUES.0);
-const COMMAND_BYTES: usize = 8 * (HEADER_WORDS + VALUES.1);
+const SAMPLE_BYTES: usize = 8 * frame::words(VALUES.0);
+const COMMAND_BYTES: usize = 8 * frame::words(VALUES.1);
 /// Time that the other side may take; only a failure takes so long.
 const LIMIT: Duration = Duration::from_secs(60);
 

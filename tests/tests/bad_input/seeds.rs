@@ -11,7 +11,7 @@ use std::path::Path;
 use hil_recording::compression::Compression;
 use hil_recording::writer::{Attachment, Provenance, Recording};
 use shared_types::describe::Description;
-use shared_types::frame::{Frame, FrameIdentity, FrameKind, Header};
+use shared_types::frame::{Frame, FrameIdentity, FrameKind, Header, words};
 use shared_types::hello::{Control, Hello, Offer, agree};
 use shared_types::record::{Event, FaultBegun, Outcome, RecordLayout, RunEnd, Timing};
 use shared_types::table::Field;
@@ -160,7 +160,7 @@ fn frames(folder: &Path) {
             ..Header::new(kind, Step(2))
         };
         let mut out = vec![0.0; count];
-        let frame = Frame::<16>::sealed(&header, &values[..count], IDENTITY);
+        let frame = Frame::<{ words(16) }>::sealed(&header, &values[..count], IDENTITY);
         let header = frame.open(IDENTITY, &mut out).expect("its own identity");
         write(
             &folder.join(name),

@@ -6,7 +6,8 @@
 
 use hdrhistogram::Histogram;
 use shared_types::clock::monotonic_ns;
-use shared_types::link::bare::{Blackboard, HEADER_WORDS};
+use shared_types::frame;
+use shared_types::link::bare::Blackboard;
 use shared_types::wait::Waiter;
 
 use crate::results::latency::histogram;
@@ -17,7 +18,7 @@ const SMALLEST: usize = 16;
 /// Words of the frame that N signals cross in: the next size class.
 #[must_use]
 pub(crate) fn frame_words(signals: usize) -> usize {
-    HEADER_WORDS + signals.next_power_of_two().max(SMALLEST)
+    frame::words(signals.next_power_of_two().max(SMALLEST))
 }
 
 /// End of an exchange.

@@ -7,7 +7,7 @@ use shared_types::text::{line_if_any, line_of};
 use crate::machine::Findings;
 
 /// Version of everything that desk and agent say to each other.
-pub const PROTOCOL: u32 = 2;
+pub const PROTOCOL: u32 = 3;
 
 /// A reason of the agent to end, and whether the user can mend it where it was typed.
 pub(crate) type Refusal = (bool, String);

@@ -7,7 +7,7 @@ use iceoryx2::service::builder::blackboard::BlackboardOpenError;
 use iceoryx2::service::port_factory::blackboard::PortFactory as Blackboard;
 
 use super::{Ipc, LinkError, process_of, transport};
-use crate::frame::{Frame, FrameError, FrameIdentity, Header, SizeClass};
+use crate::frame::{Frame, FrameError, FrameIdentity, Header, SizeClass, words};
 use crate::side::Side;
 
 const LAYOUT: &str = "layout";
@@ -16,12 +16,12 @@ const LAYOUT: &str = "layout";
 macro_rules! for_class {
     ($class:expr, $function:ident ( $($argument:expr),* )) => {
         match $class {
-            SizeClass::N16 => $function::<16>($($argument),*),
-            SizeClass::N32 => $function::<32>($($argument),*),
-            SizeClass::N64 => $function::<64>($($argument),*),
-            SizeClass::N128 => $function::<128>($($argument),*),
-            SizeClass::N256 => $function::<256>($($argument),*),
-            SizeClass::N512 => $function::<512>($($argument),*),
+            SizeClass::N16 => $function::<{ words(16) }>($($argument),*),
+            SizeClass::N32 => $function::<{ words(32) }>($($argument),*),
+            SizeClass::N64 => $function::<{ words(64) }>($($argument),*),
+            SizeClass::N128 => $function::<{ words(128) }>($($argument),*),
+            SizeClass::N256 => $function::<{ words(256) }>($($argument),*),
+            SizeClass::N512 => $function::<{ words(512) }>($($argument),*),
         }
     };
 }
@@ -68,9 +68,9 @@ pub(super) trait Incoming {
 
 /// Holds the cell of the next frame: asking for one looks at a line of memory that the reader writes
 /// to, which is done best right after a frame was sent, while the reader is busy.
-struct Writer<const N: usize>(Option<EntryValueUninit<Ipc, u8, Frame<N>>>);
+struct Writer<const WORDS: usize>(Option<EntryValueUninit<Ipc, u8, Frame<WORDS>>>);
 
-impl<const N: usize> Outgoing for Writer<N> {
+impl<const WORDS: usize> Outgoing for Writer<WORDS> {
     fn send(&mut self, header: &Header, values: &[f64], identity: FrameIdentity) {
         if let Some(next) = self.0.take() {
             let entry = next.update_with_copy(Frame::sealed(header, values, identity));
@@ -79,15 +79,15 @@ impl<const N: usize> Outgoing for Writer<N> {
     }
 }
 
-struct Reader<const N: usize> {
+struct Reader<const WORDS: usize> {
     board: Blackboard<Ipc, u8>,
-    cell: EntryHandle<Ipc, u8, Frame<N>>,
-    last: Option<BlackboardValue<Frame<N>>>,
+    cell: EntryHandle<Ipc, u8, Frame<WORDS>>,
+    last: Option<BlackboardValue<Frame<WORDS>>>,
     /// Number of the frame that was delivered last; 0 for none.
     delivered: u64,
 }
 
-impl<const N: usize> Incoming for Reader<N> {
+impl<const WORDS: usize> Incoming for Reader<WORDS> {
     fn writers(&self) -> Vec<u32> {
         let mut writers = Vec::new();
         self.board.dynamic_config().list_writers(|writer| {
@@ -118,7 +118,7 @@ impl<const N: usize> Incoming for Reader<N> {
     }
 }
 
-fn board<const N: usize>(
+fn board<const WORDS: usize>(
     node: &Node<Ipc>,
     side: Side,
     name: &str,
@@ -135,7 +135,7 @@ fn board<const N: usize>(
             builder
                 .blackboard_creator::<u8>()
                 .max_readers(4)
-                .add_with_default::<Frame<N>>(0)
+                .add_with_default::<Frame<WORDS>>(0)
                 .create_with_attributes(&attributes.map_err(|e| transport(name, e))?)
                 .map_err(|e| transport(name, e))
         }
@@ -157,32 +157,32 @@ fn board<const N: usize>(
     }
 }
 
-fn writer<const N: usize>(
+fn writer<const WORDS: usize>(
     node: &Node<Ipc>,
     side: Side,
     name: &str,
     identity: FrameIdentity,
 ) -> Result<Box<dyn Outgoing>, LinkError> {
-    let writer = (board::<N>(node, side, name, identity)?
+    let writer = (board::<WORDS>(node, side, name, identity)?
         .writer_builder()
         .create())
     .map_err(|e| transport(name, e))?;
     let entry = writer
-        .entry::<Frame<N>>(&0)
+        .entry::<Frame<WORDS>>(&0)
         .map_err(|e| transport(name, e))?;
     Ok(Box::new(Writer(Some(entry.loan_uninit()))))
 }
 
-fn reader<const N: usize>(
+fn reader<const WORDS: usize>(
     node: &Node<Ipc>,
     side: Side,
     name: &str,
     identity: FrameIdentity,
 ) -> Result<Box<dyn Incoming>, LinkError> {
-    let board = board::<N>(node, side, name, identity)?;
+    let board = board::<WORDS>(node, side, name, identity)?;
     let reader = (board.reader_builder().create()).map_err(|e| transport(name, e))?;
     let cell = reader
-        .entry::<Frame<N>>(&0)
+        .entry::<Frame<WORDS>>(&0)
         .map_err(|e| transport(name, e))?;
     Ok(Box::new(Reader {
         board,

@@ -14,7 +14,7 @@ mod peer;
 mod place;
 mod sockets;
 
-use shared_types::frame::Frame;
+use shared_types::frame;
 use shared_types::link::bare::Blackboard;
 use shared_types::session::SessionInfo;
 use shared_types::side::Side;
@@ -28,9 +28,9 @@ pub(crate) const SIGNALS: usize = 32;
 /// Values of a command.
 pub(crate) const COMMANDS: usize = 16;
 /// Bytes of a sample.
-pub(crate) const SAMPLE_BYTES: usize = size_of::<Frame<SIGNALS>>();
+pub(crate) const SAMPLE_BYTES: usize = 8 * frame::words(SIGNALS);
 /// Bytes of a command.
-pub(crate) const COMMAND_BYTES: usize = size_of::<Frame<COMMANDS>>();
+pub(crate) const COMMAND_BYTES: usize = 8 * frame::words(COMMANDS);
 
 /// Exchange that connects the two sides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
