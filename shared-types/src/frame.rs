@@ -1,6 +1,6 @@
 //! The frame: the one form in which a sample or a command crosses the link.
 //!
-//! A fixed header and a row of `f64` that a [`SignalTable`](crate::layout::SignalTable) describes.
+//! A check sum, a header and a row of `f64` that a [`SignalTable`](crate::layout::SignalTable) describes.
 //! Links copy frames; the lockstep machines look at headers only.
 
 use std::mem::offset_of;
@@ -93,16 +93,16 @@ pub struct Header {
     pub kind: u16,
     /// Number of values that mean something; the rest is zero.
     pub count: u16,
-    /// Bit `i % 64` of word `i / 64` set: signal `i` is invalid.
+    /// Bit `i % 64` of word `i / 64` set: signal `i` is invalid. Bits beyond `count` mean nothing.
     pub invalid: [u64; VALIDITY_WORDS],
 }
 
 /// Bytes of a header in front of its validity bits.
 const HEAD_BYTES: usize = offset_of!(Header, invalid);
-/// Words of the same.
+/// `HEAD_BYTES` in words.
 const HEAD_WORDS: usize = word(HEAD_BYTES);
 
-/// Place of the word of a header with the byte at an offset.
+/// Index of the word of a header that holds the byte at an offset.
 const fn word(offset: usize) -> usize {
     offset / size_of::<u64>()
 }
@@ -148,16 +148,25 @@ impl Header {
 
 /// A frame: a check sum, a [`Header`] up to the last word of validity bits that its values need, and the values.
 ///
-/// It has room for as many values as make these [`words`]. The check sum is rapidhash (version 3, 64 bits, standard
-/// seed) over all that follows it and means something.
+/// `WORDS` are the [`words`] of the number of values that it has room for. The check sum is rapidhash (version 3,
+/// 64 bits, standard seed) over header and values, without the room that is left.
 ///
 /// Any bytes of its size are one, as they come from memory that another process writes to;
 /// [`Frame::open`] says whether to believe it.
-#[derive(Clone, Copy, Debug, FromBytes, Immutable, KnownLayout, ZeroCopySend)]
+#[derive(Clone, Copy, Debug, FromBytes, IntoBytes, Immutable, KnownLayout, ZeroCopySend)]
 #[repr(C)]
 pub struct Frame<const WORDS: usize> {
     words: [u64; WORDS],
 }
+
+// `sealed` and `count` read and write words of several fields.
+const _: () = assert!(
+    cfg!(target_endian = "little")
+        && HEAD_BYTES == 88
+        && offset_of!(Header, age_steps) == offset_of!(Header, epoch) + 4
+        && offset_of!(Header, kind) == offset_of!(Header, held_steps) + 4
+        && offset_of!(Header, count) == offset_of!(Header, kind) + 2
+);
 
 /// Words of a [`Frame`] with room for so many values.
 #[must_use]
@@ -249,7 +258,7 @@ impl<const WORDS: usize> Frame<WORDS> {
         let (head, invalid) = head.split_at_mut(HEAD_WORDS);
         head.as_mut_bytes()
             .copy_from_slice(&header.as_bytes()[..HEAD_BYTES]);
-        // Whole words: the sum would have to wait for one that is written in parts.
+        // Whole words: a sum that reads one which was written in parts waits for it (store forwarding).
         head[word(offset_of!(Header, session))] = identity.session;
         head[word(offset_of!(Header, layout))] = identity.layout;
         head[word(offset_of!(Header, epoch))] =
@@ -268,10 +277,10 @@ impl<const WORDS: usize> Frame<WORDS> {
         frame
     }
 
-    /// Inverts one bit of what means something, as noise on a wire does. Bits count from the check sum's first;
-    /// beyond the last they begin again.
+    /// Inverts one bit, as noise on a wire does. Bits count from the check sum's first; beyond the room they begin
+    /// again.
     pub fn flip(&mut self, bit: u64) {
-        let bit = bit % self.bits();
+        let bit = bit % (64 * WORDS as u64);
         self.words[(bit / 64) as usize] ^= 1 << (bit % 64);
     }
 
@@ -288,7 +297,7 @@ impl<const WORDS: usize> Frame<WORDS> {
 
     /// Checks the frame and copies its values out.
     ///
-    /// An end, a confirmation or an abort carries no values and leaves `values` as they were.
+    /// A frame of a kind that carries no values leaves `values` as they were.
     ///
     /// # Errors
     /// What is wrong with it; `values` are then untouched.

@@ -111,10 +111,10 @@ fn every_figure_counts_the_steps_after_the_warm_up_and_no_other() {
         } else {
             assert!(each["release_ns"].is_null(), "nothing is due in lockstep");
         }
-        // A header of 160 bytes, then room for 16, 32, 64 numbers.
+        // A check sum and a header of 12 words, one of validity bits, then room for 16 or 64 numbers.
         let (there, back) = match each["signals"].as_u64() {
-            Some(8) => (160 + 8 * 16, 160 + 8 * 16),
-            _ => (160 + 8 * 64, 160 + 8 * 16),
+            Some(8) => (8 * (12 + 1 + 16), 8 * (12 + 1 + 16)),
+            _ => (8 * (12 + 1 + 64), 8 * (12 + 1 + 16)),
         };
         assert_eq!(each["frame_bytes"], serde_json::json!([there, back]));
     }

@@ -98,6 +98,22 @@ fn busy_loops_on_each_core_move_no_digest_and_are_named() {
 }
 
 #[test]
+fn two_busy_loops_on_each_core_end_no_recorded_run() {
+    let rig = Rig::new();
+    let wanted = run(&rig, "--no-record --link in-process").digest();
+    let _busy: Vec<Companion> = (cores().into_iter())
+        .flat_map(|core| [core, core])
+        .map(busy_loop)
+        .collect();
+    for arguments in ["", "--pace 2"] {
+        let run = run(&rig, arguments);
+        assert_eq!(run.digest(), wanted, "{arguments}");
+        let recording = Recording::open(&run.recording());
+        assert_eq!(recording.records().count(), 20_001, "{arguments}");
+    }
+}
+
+#[test]
 fn each_process_runs_on_its_core() {
     let rig = Rig::new();
     let cores = cores();

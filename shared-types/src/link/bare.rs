@@ -10,8 +10,7 @@ use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::blackboard::PortFactory;
 
 use super::LinkError;
-use super::iceoryx::{Ipc, node, transport};
-use crate::frame::words;
+use super::iceoryx::{Ipc, for_words, node, transport};
 use crate::session::SessionInfo;
 use crate::side::Side;
 
@@ -73,20 +72,6 @@ pub struct Blackboard {
     _node: Node<Ipc>,
 }
 
-/// Runs a function for the size class of N values.
-macro_rules! for_class {
-    ($values:expr, $function:ident ( $($argument:expr),* )) => {
-        match $values {
-            0..=16 => $function::<{ words(16) }>($($argument),*),
-            17..=32 => $function::<{ words(32) }>($($argument),*),
-            33..=64 => $function::<{ words(64) }>($($argument),*),
-            65..=128 => $function::<{ words(128) }>($($argument),*),
-            129..=256 => $function::<{ words(256) }>($($argument),*),
-            _ => $function::<{ words(512) }>($($argument),*),
-        }
-    };
-}
-
 impl Blackboard {
     /// Sends a payload full of this number.
     pub fn send(&mut self, number: u64) {
@@ -119,8 +104,8 @@ impl Blackboard {
             Side::Controller => ((COMMANDS, back), (SAMPLES, there)),
         };
         Ok(Self {
-            outgoing: for_class!(sent, outgoing(&node, side, out_name))?,
-            incoming: for_class!(received, incoming(&node, side, in_name))?,
+            outgoing: for_words!(sent, outgoing(&node, side, out_name))?,
+            incoming: for_words!(received, incoming(&node, side, in_name))?,
             _node: node,
         })
     }

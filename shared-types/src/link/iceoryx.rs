@@ -30,6 +30,7 @@ use crate::session::SessionInfo;
 use crate::shared_memory;
 use crate::side::Side;
 use crate::wait::Sleeper;
+pub(super) use frames::for_words;
 use frames::{Incoming, Outgoing};
 
 mod frames;

@@ -39,8 +39,8 @@ pub struct InProcessSink {
 }
 
 impl InProcessSink {
-    /// Tells if there are so many free words. Looks at the other thread's end only where those known of do not do,
-    /// because each look takes its cache line away from it.
+    /// Tells if so many words are free. Asks how far the recorder is only if those known to be free are too few,
+    /// because each look takes a cache line away from it.
     #[inline]
     fn fits(&self, words: usize) -> bool {
         self.ring.cached_slots() >= words || self.ring.slots() >= words

@@ -16,9 +16,10 @@ use crate::programs::Programs;
 const SHORT: u64 = 500;
 /// Runs in the suite that shows whether they slow down.
 const LASTING: u64 = 1000;
-/// Simulated time of a run of 10 steps, and of one that lasts, at 1 kHz.
+/// Simulated time of a run of 10 steps, of one that lasts, and of one whose files cost little beside it, at 1 kHz.
 const SHORT_S: f64 = 0.01;
 const LASTING_S: f64 = 1.0;
+const LONG_S: f64 = 20.0;
 
 /// A process that goes on.
 #[derive(Clone, Copy, Default)]
@@ -134,45 +135,55 @@ pub(crate) fn compare(programs: &Programs) {
     let disk = TempDir::new().expect("a folder");
     let memory = TempDir::new_in("/dev/shm").expect("a folder");
     let unrecorded = ["--link", "in-process", "--no-record"];
-    let ways: [(&str, &TempDir, &[&str]); 6] = [
-        ("in-process", &disk, &unrecorded),
-        ("in-process, results in memory", &memory, &unrecorded),
+    let one_job = ["--link", "in-process", "--no-record", "--jobs", "1"];
+    let ways: [(&str, &TempDir, f64, &[&str]); 8] = [
+        ("in-process", &disk, SHORT_S, &unrecorded),
         (
-            "in-process, --jobs 1",
-            &disk,
-            &["--link", "in-process", "--no-record", "--jobs", "1"],
+            "in-process, results in memory",
+            &memory,
+            SHORT_S,
+            &unrecorded,
         ),
-        ("in-process, recorded", &disk, &["--link", "in-process"]),
-        ("two processes", &disk, &["--no-record"]),
-        ("two processes, recorded", &disk, &[]),
+        ("in-process, --jobs 1", &disk, SHORT_S, &one_job),
+        (
+            "in-process, recorded",
+            &disk,
+            SHORT_S,
+            &["--link", "in-process"],
+        ),
+        ("in-process, 20,000 steps", &disk, LONG_S, &unrecorded),
+        (
+            "in-process, 20,000 steps, --jobs 1",
+            &disk,
+            LONG_S,
+            &one_job,
+        ),
+        ("two processes", &disk, SHORT_S, &["--no-record"]),
+        ("two processes, recorded", &disk, SHORT_S, &[]),
     ];
-    let mut each_ms = [const { Vec::new() }; 6];
+    let mut each_ms = [const { Vec::new() }; 8];
     // A suite has two runs at least.
     let few = if count < 20 { 2 } else { count / 10 };
     let bystanders = Bystanders::watch();
     for _ in 0..rounds() {
-        for ((_, folder, arguments), each_ms) in ways.iter().zip(&mut each_ms) {
-            // Of those that start processes fewer, for they take longer.
-            let count = if arguments.contains(&"in-process") {
-                count
-            } else {
-                few
-            };
-            let length = (SHORT_S, count);
+        for ((_, folder, length_s, arguments), each_ms) in ways.iter().zip(&mut each_ms) {
+            // Of those that take longer, fewer.
+            let is_short = arguments.contains(&"in-process") && *length_s == SHORT_S;
+            let length = (*length_s, if is_short { count } else { few });
             each_ms.push(suite(hil, folder.path(), length, false, arguments).each_ms);
         }
     }
     let others = bystanders.share();
     println!(
-        "suites of {count} runs of 10 steps (of {} in two processes), medians of {}, other programs took {:.0} % of the machine",
+        "suites of {count} runs of 10 steps (of {} in two processes or of more steps), medians of {}, other programs took {:.0} % of the machine",
         few,
         rounds(),
         100.0 * others
     );
-    println!("{:<30} {:>12}", "", "ms a run");
+    println!("{:<34} {:>12}", "", "ms a run");
     let each_ms = each_ms.map(median);
     for ((name, ..), each_ms) in ways.iter().zip(each_ms) {
-        println!("{name:<30} {each_ms:>12.3}");
+        println!("{name:<34} {each_ms:>12.3}");
     }
     let lines = ways.iter().zip(each_ms);
     let lines: Vec<Value> = lines

@@ -9,13 +9,13 @@ use hil_config::plan::Plan;
 use hil_config::scenario::Scenario;
 use plant_process::faults::kinds;
 use plant_process::models;
-use serde_json::json;
+use serde_json::{Value, json};
 use shared_types::clock::monotonic_ns;
 use shared_types::time::Step;
 
 use crate::effort::rounds;
 use crate::experiment::scenario_file;
-use crate::measure::{Bystanders, machine, median};
+use crate::measure::{Bystanders, cores, machine, median};
 use crate::programs::Programs;
 
 /// Steps of an evaluation alone.
@@ -32,22 +32,37 @@ pub(crate) fn compare(programs: &Programs) {
     for (file, text) in files.iter().zip(&texts) {
         std::fs::write(file, text).expect("the folder can be written");
     }
+    let cores = cores();
+    // The recorder's own, where the sides keep one each.
+    let apart = cores.get(2).map(|_| {
+        let settings = [
+            ("--plant-core", cores[0]),
+            ("--controller-core", cores[1]),
+            ("--recorder-core", cores[2]),
+        ];
+        settings.map(|(flag, core)| [flag.to_owned(), core.to_string()])
+    });
     let (mut runs, mut alone) = ([Vec::new(), Vec::new()], [Vec::new(), Vec::new()]);
+    let mut runs_apart = [Vec::new(), Vec::new()];
     let bystanders = Bystanders::watch();
     for _ in 0..rounds() {
         for at in 0..2 {
             alone[at].push(record_ns(&texts[at]));
-            let summary = programs.run(&[files[at].to_str().expect("plain text")]);
-            let number = |key: &str| summary[key].as_f64().expect("a number");
-            runs[at].push(1e9 * number("wall_time_s") / number("steps"));
+            let mut arguments = vec![files[at].to_str().expect("plain text")];
+            runs[at].push(step_ns(&programs.run(&arguments)));
+            if let Some(apart) = &apart {
+                arguments.extend(apart.iter().flatten().map(String::as_str));
+                runs_apart[at].push(step_ns(&programs.run(&arguments)));
+            }
         }
     }
     let others = bystanders.share();
-    let changes = runs[0]
-        .iter()
-        .zip(&runs[1])
-        .map(|(none, with)| with / none - 1.0);
-    let change = median(changes);
+    let change_of = |[none, with]: &[Vec<f64>; 2]| {
+        let changes = none.iter().zip(with).map(|(none, with)| with / none - 1.0);
+        median(changes)
+    };
+    let change = change_of(&runs);
+    let change_apart = apart.map(|_| change_of(&runs_apart));
     let [none_ns, twenty_ns] = alone.map(median);
     let [none_step_ns, twenty_step_ns] = runs.map(median);
     println!(
@@ -63,6 +78,13 @@ pub(crate) fn compare(programs: &Programs) {
         "  change, median over the rounds         {:+7.1} %",
         100.0 * change
     );
+    match change_apart {
+        Some(change) => println!(
+            "  the same with a core for the recorder  {:+7.1} %",
+            100.0 * change
+        ),
+        None => println!("  the same with a core for the recorder  skipped: needs 3 cores"),
+    }
     let line = json!({
         "bench": "loop/requirements",
         "machine": machine(),
@@ -71,8 +93,14 @@ pub(crate) fn compare(programs: &Programs) {
         "record_ns": [none_ns, twenty_ns],
         "step_ns": [none_step_ns, twenty_step_ns],
         "change": change,
+        "change_apart": change_apart,
     });
     println!("{line}\n");
+}
+
+fn step_ns(summary: &Value) -> f64 {
+    let number = |key: &str| summary[key].as_f64().expect("a number");
+    1e9 * number("wall_time_s") / number("steps")
 }
 
 /// Twenty requirements that look at all of the run and hold until its end: windows at the beginning, to

@@ -87,10 +87,11 @@ impl Bare {
         }
     }
 
-    /// Us a trip, of N, with half of the work on each side.
+    /// Us a trip, of N, with half of the work on each side, of as many pairs at once as the cell has sessions.
     pub(crate) fn measure(self, work: Work, trips: u64, cell: &Cell) -> f64 {
-        let session = Session::create(None).expect("a session");
-        let start = |side: &str| -> Child {
+        let sessions = (0..cell.sessions).map(|_| Session::create(None).expect("a session"));
+        let sessions: Vec<Session> = sessions.collect();
+        let start = |session: &Session, side: &str| -> Child {
             Command::new(std::env::current_exe().expect("this program"))
                 .env(WAY, self.name())
                 .env(SIDE, side)
@@ -102,12 +103,17 @@ impl Bare {
                 .spawn()
                 .expect("this program")
         };
-        let lead = start("lead");
-        let mut follow = start("follow");
-        let output = lead.wait_with_output().expect("an end");
-        assert!(follow.wait().expect("an end").success());
-        let text = String::from_utf8_lossy(&output.stdout);
-        text.trim().parse().expect("us a trip")
+        let pairs = sessions
+            .iter()
+            .map(|session| ["lead", "follow"].map(|side| start(session, side)));
+        let pairs: Vec<[Child; 2]> = pairs.collect();
+        let trips_us = pairs.into_iter().map(|[lead, mut follow]| {
+            let output = lead.wait_with_output().expect("an end");
+            assert!(follow.wait().expect("an end").success());
+            let text = String::from_utf8_lossy(&output.stdout);
+            text.trim().parse::<f64>().expect("us a trip")
+        });
+        trips_us.sum::<f64>() / cell.sessions as f64
     }
 }
 

@@ -10,6 +10,9 @@ use shared_types::realtime::{Settings, pin};
 use crate::busy::BusyLoop;
 use crate::measure::cores;
 
+/// Processor time a second where it is limited.
+const QUOTA: f64 = 1.5;
+
 /// A situation of a run.
 pub(crate) struct Cell {
     pub(crate) name: String,
@@ -21,8 +24,8 @@ pub(crate) struct Cell {
     one_core: bool,
     /// `SCHED_FIFO` priority of both sides.
     pub(crate) priority: u32,
-    /// Processor time a second, if limited.
-    quota: Option<f64>,
+    /// Version of the control groups that limit the processor time of everything in it, if any do.
+    limited_by: Option<u32>,
     /// Runs at once.
     pub(crate) sessions: usize,
 }
@@ -42,7 +45,7 @@ pub(crate) fn cells() -> Vec<Cell> {
         elsewhere: false,
         one_core: false,
         priority: 0,
-        quota: None,
+        limited_by: None,
         sessions: 1,
     };
     let mut cells = vec![plain("idle")];
@@ -71,10 +74,12 @@ pub(crate) fn cells() -> Vec<Cell> {
         priority: 10,
         ..plain("SCHED_FIFO for both")
     });
-    cells.push(Cell {
-        quota: Some(1.5),
-        ..plain("quota of 1.5 CPUs")
-    });
+    for version in [1, 2] {
+        cells.push(Cell {
+            limited_by: Some(version),
+            ..plain(&format!("quota of {QUOTA} CPUs, control groups v{version}"))
+        });
+    }
     cells.push(Cell {
         sessions: 4,
         ..plain("4 sessions at once")
@@ -117,8 +122,8 @@ impl Cell {
         if self.one_core {
             pin(cores()[0] as u32).map_err(|e| e.to_string())?;
         }
-        if let Some(quota) = self.quota {
-            within.group = Some(limited(quota)?);
+        if let Some(version) = self.limited_by {
+            within.group = Some(limited(version)?);
         }
         for (nice, core) in &self.loops {
             let busy = BusyLoop::start(*nice, *core, self.elsewhere);
@@ -140,11 +145,12 @@ impl Drop for Within {
     }
 }
 
-/// Moves this process into a new group with so much processor time a second; gives the group and the one before.
-fn limited(quota: f64) -> Result<(PathBuf, PathBuf), String> {
+/// Moves this process into a new group with the quota, of control groups of a version; gives the group and the one
+/// before.
+fn limited(version: u32) -> Result<(PathBuf, PathBuf), String> {
     const PERIOD_US: f64 = 100_000.0;
     let own = fs::read_to_string("/proc/self/cgroup").map_err(|e| e.to_string())?;
-    let quota_us = (quota * PERIOD_US) as u64;
+    let quota_us = (QUOTA * PERIOD_US) as u64;
     let name = format!("hil-bench-{}", std::process::id());
     let find = |wanted: fn(&str) -> bool| {
         own.lines().find_map(|line| {
@@ -152,18 +158,26 @@ fn limited(quota: f64) -> Result<(PathBuf, PathBuf), String> {
             wanted(parts.next()?).then(|| parts.next().unwrap_or_default().to_owned())
         })
     };
-    let (before, file, text) = match find(|names| names.split(',').any(|name| name == "cpu")) {
-        Some(path) => (
-            Path::new("/sys/fs/cgroup/cpu").join(path.trim_start_matches('/')),
+    let first = find(|names| names.split(',').any(|name| name == "cpu"));
+    let (root, path, file, text) = match (version, first) {
+        (1, Some(path)) => (
+            "/sys/fs/cgroup/cpu",
+            path,
             "cpu.cfs_quota_us",
             quota_us.to_string(),
         ),
-        None => {
-            let path = find(str::is_empty).ok_or("no control group of processor time")?;
-            let before = Path::new("/sys/fs/cgroup").join(path.trim_start_matches('/'));
-            (before, "cpu.max", format!("{quota_us} {PERIOD_US}"))
+        (1, None) => return Err("processor time does not belong to control groups v1 here".into()),
+        (_, Some(_)) => {
+            return Err("processor time does not belong to control groups v2 here".into());
         }
+        (_, None) => (
+            "/sys/fs/cgroup",
+            find(str::is_empty).ok_or("no control groups v2")?,
+            "cpu.max",
+            format!("{quota_us} {PERIOD_US}"),
+        ),
     };
+    let before = Path::new(root).join(path.trim_start_matches('/'));
     let group = before.join(name);
     let failed = |error: std::io::Error| {
         let _ = fs::remove_dir(&group);

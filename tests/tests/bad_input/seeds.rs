@@ -16,7 +16,7 @@ use shared_types::hello::{Control, Hello, Offer, agree};
 use shared_types::record::{Event, FaultBegun, Outcome, RecordLayout, RunEnd, Timing};
 use shared_types::table::Field;
 use shared_types::time::{Rate, Step};
-use shared_types::zerocopy::IntoBytes;
+use shared_types::zerocopy::{FromBytes, IntoBytes};
 
 use super::targets::{rig, session};
 use crate::support::fmus;
@@ -146,26 +146,35 @@ fn recordings(folder: &Path) {
     }
 }
 
+/// The seeds that are frames: name, kind and number of values.
+const FRAMES: [(&str, FrameKind, usize); 4] = [
+    ("sample", FrameKind::Sample, 4),
+    ("command", FrameKind::Command, 1),
+    ("end", FrameKind::End, 0),
+    ("abort", FrameKind::Abort, 0),
+];
+
+#[test]
+fn the_frames_among_the_seeds_open() {
+    for (name, kind, count) in FRAMES {
+        let path = workspace().join("tests/fuzz/corpus/frame").join(name);
+        let bytes = fs::read(path).expect("a seed");
+        let frame = Frame::<{ words(16) }>::read_from_bytes(&bytes).expect("as long as a frame");
+        let header = frame.open(IDENTITY, &mut vec![0.0; count]);
+        assert_eq!(header.expect("a whole frame").kind(), Some(kind), "{name}");
+    }
+}
+
 fn frames(folder: &Path) {
     let values = [1.0, -2.0, f64::NAN, f64::INFINITY];
-    for (name, kind, count) in [
-        ("sample", FrameKind::Sample, 4),
-        ("command", FrameKind::Command, 1),
-        ("end", FrameKind::End, 0),
-        ("abort", FrameKind::Abort, 0),
-    ] {
+    for (name, kind, count) in FRAMES {
         let header = Header {
             sequence: 3,
             directive: 5,
             ..Header::new(kind, Step(2))
         };
-        let mut out = vec![0.0; count];
         let frame = Frame::<{ words(16) }>::sealed(&header, &values[..count], IDENTITY);
-        let header = frame.open(IDENTITY, &mut out).expect("its own identity");
-        write(
-            &folder.join(name),
-            &[header.as_bytes(), out.as_bytes()].concat(),
-        );
+        write(&folder.join(name), frame.as_bytes());
     }
     let event = br#"{"event":"fault-ended","id":1,"effect":0,"step":9,"cleared":true}"#;
     let mut words = vec![1_u64, 2, 64];

@@ -138,24 +138,24 @@ fn receive(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use shared_types::frame::Frame;
     use shared_types::session::Session;
     use shared_types::side::Side;
     use shared_types::wait::WaitLimit;
 
     #[test]
     fn a_payload_is_as_large_as_the_frame_of_so_many_signals() {
-        for (signals, bytes) in [
-            (1, size_of::<Frame<16>>()),
-            (16, size_of::<Frame<16>>()),
-            (17, size_of::<Frame<32>>()),
-            (32, size_of::<Frame<32>>()),
-            (33, size_of::<Frame<64>>()),
-            (128, size_of::<Frame<128>>()),
-            (129, size_of::<Frame<256>>()),
-            (512, size_of::<Frame<512>>()),
+        // A check sum, 11 words of header, one of validity bits for each 64 values of the room, and the room.
+        for (signals, words) in [
+            (1, 12 + 1 + 16),
+            (16, 12 + 1 + 16),
+            (17, 12 + 1 + 32),
+            (32, 12 + 1 + 32),
+            (33, 12 + 1 + 64),
+            (128, 12 + 2 + 128),
+            (129, 12 + 4 + 256),
+            (512, 12 + 8 + 512),
         ] {
-            assert_eq!(8 * frame_words(signals), bytes, "{signals} signals");
+            assert_eq!(frame_words(signals), words, "{signals} signals");
         }
     }
 

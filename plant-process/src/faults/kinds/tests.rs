@@ -8,6 +8,7 @@ mod timing;
 
 use shared_types::describe::{FaultKindDescription, Settings};
 use shared_types::directive::Directive;
+use shared_types::frame::words;
 use shared_types::random::RandomStream;
 use shared_types::time::{Rate, Step};
 
@@ -19,7 +20,7 @@ type Parameters<'a> = &'a [(&'a str, f64)];
 /// Steps per second in these tests: times in steps are exact in binary.
 const RATE_HZ: f64 = 8.0;
 /// Bits of a frame with one signal.
-const BITS: u64 = 8 * (144 + 8);
+const BITS: u64 = 64 * words(1) as u64;
 
 fn rate(hz: f64) -> Rate {
     Rate::new(hz).expect("a legal rate")

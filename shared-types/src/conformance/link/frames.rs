@@ -71,19 +71,20 @@ pub fn frames_cross_both_ways<F: Fixture>() {
 
 /// Every field that a sender fills in arrives as it was.
 pub fn every_field_of_a_header_crosses<F: Fixture>() {
-    let mut pair = Pair::<F>::open(100, 1);
+    let mut pair = Pair::<F>::open(512, 1);
     let sent = Header {
         time_ns: 1 << 40,
         work_ns: 2,
         directive: u64::MAX,
         surroundings: 3,
+        tuning: 6,
         age_steps: 4,
         held_steps: 5,
-        invalid: [1, 1 << 35, 0, 0, 0, 0, 0, 0],
+        invalid: [1, 1 << 35, 0, 0, 0, 0, 0, 1 << 63],
         ..Header::new(FrameKind::Sample, Step(1 << 50))
     };
-    pair.plant.send(&sent, &[0.0; 100]).expect("sends");
-    let arrived = frame::<F>(&mut pair.controller, &mut [0.0; 100]);
+    pair.plant.send(&sent, &[0.0; 512]).expect("sends");
+    let arrived = frame::<F>(&mut pair.controller, &mut [0.0; 512]);
     let Header {
         session,
         layout,

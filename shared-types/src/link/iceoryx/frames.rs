@@ -7,15 +7,17 @@ use iceoryx2::service::builder::blackboard::BlackboardOpenError;
 use iceoryx2::service::port_factory::blackboard::PortFactory as Blackboard;
 
 use super::{Ipc, LinkError, process_of, transport};
-use crate::frame::{Frame, FrameError, FrameIdentity, Header, SizeClass, words};
+use crate::frame::{Frame, FrameError, FrameIdentity, Header};
 use crate::side::Side;
 
 const LAYOUT: &str = "layout";
 
-/// Runs a function for the frame size of a class.
-macro_rules! for_class {
-    ($class:expr, $function:ident ( $($argument:expr),* )) => {
-        match $class {
+/// Runs a function for the words of the smallest frame for so many values.
+macro_rules! for_words {
+    ($values:expr, $function:ident ( $($argument:expr),* )) => {{
+        use $crate::frame::{SizeClass, words};
+        let class = SizeClass::for_count($values);
+        match class.ok_or($crate::link::LinkError::TooManySignals($values))? {
             SizeClass::N16 => $function::<{ words(16) }>($($argument),*),
             SizeClass::N32 => $function::<{ words(32) }>($($argument),*),
             SizeClass::N64 => $function::<{ words(64) }>($($argument),*),
@@ -23,8 +25,9 @@ macro_rules! for_class {
             SizeClass::N256 => $function::<{ words(256) }>($($argument),*),
             SizeClass::N512 => $function::<{ words(512) }>($($argument),*),
         }
-    };
+    }};
 }
+pub(crate) use for_words;
 
 /// Opens the sending end of a channel for frames of N values.
 pub(super) fn outgoing(
@@ -33,7 +36,7 @@ pub(super) fn outgoing(
     identity: FrameIdentity,
     values: usize,
 ) -> Result<Box<dyn Outgoing>, LinkError> {
-    for_class!(class(values)?, writer(node, side, name, identity))
+    for_words!(values, writer(node, side, name, identity))
 }
 
 /// Opens the receiving end of a channel for frames of N values.
@@ -43,11 +46,7 @@ pub(super) fn incoming(
     identity: FrameIdentity,
     values: usize,
 ) -> Result<Box<dyn Incoming>, LinkError> {
-    for_class!(class(values)?, reader(node, side, name, identity))
-}
-
-fn class(count: usize) -> Result<SizeClass, LinkError> {
-    SizeClass::for_count(count).ok_or(LinkError::TooManySignals(count))
+    for_words!(values, reader(node, side, name, identity))
 }
 
 /// A frame channel's sending end, whatever its size class.

@@ -35,7 +35,7 @@ pub fn run(bytes: &[u8]) {
         })
         .collect();
     foreign(&frame, &header);
-    let values: Vec<f64> = (items.iter().skip(size_of::<Header>() / 8).take(ROOM))
+    let values: Vec<f64> = (items.iter().skip(WORDS - ROOM).take(ROOM))
         .map(|word| f64::from_bits(*word))
         .collect();
     sealed(&header, &values, items.last().copied().unwrap_or(0));
