@@ -2,7 +2,7 @@
 //!
 //! `cargo bench -p tests --bench waiting` runs the paper's scenario in every cell with every strategy, in
 //! turns, beside a bare blocking UNIX socket and a bare futex with the same work, and where nobody else is a bare
-//! ping-pong with a yield after each look, and prints us a step;
+//! ping-pong with a yield after each look, once more with the work of a recorded step, and prints us a step;
 //! `-- idle "one core"` measures the cells whose names contain one of these words.
 //! A cell says which busy loops there are, whether in the session of the runs or in another, and on which
 //! cores the runs are. What the machine does not allow is skipped by name.
@@ -38,6 +38,8 @@ use tempfile::TempDir;
 const STRATEGIES: [&str; 4] = ["hybrid", "spin", "yield", "sleep"];
 /// `hybrid` once more, with a recording; not judged.
 const RECORDED: &str = "recorded";
+/// A ping-pong with the work of a recorded step, recorder and all, on the cores of its cell.
+const RECORDED_PING_PONG: &str = "ping-pong, recorded";
 /// Steps of a second of the scenario.
 const RATE_HZ: f64 = 10_000.0;
 /// Time after which a run is interrupted, in times that of `hybrid`.
@@ -58,7 +60,7 @@ fn main() -> ExitCode {
     let bench = Bench {
         rounds: number("HIL_BENCH_ROUNDS", 9.0) as usize,
         run_s: number("HIL_BENCH_SECONDS", 2.0),
-        work: bare::Work::of(1e-6 * plain_step_us(&programs)),
+        work: bare::Work::of(1e-6 * plain_step_us(&programs, false)),
         programs,
     };
     println!("machine: {}", machine());
@@ -82,11 +84,14 @@ fn main() -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// Us a step of the scenario in one process and not recorded: the work without any exchange.
-fn plain_step_us(programs: &Programs) -> f64 {
+/// Us a step of the scenario in one process: the work without any exchange.
+fn plain_step_us(programs: &Programs, is_recorded: bool) -> f64 {
     let arguments = arguments(20.0);
     let mut arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
-    arguments.extend(["--link", "in-process", "--no-record"]);
+    arguments.extend(["--link", "in-process"]);
+    if !is_recorded {
+        arguments.push("--no-record");
+    }
     let summary = programs.run(&arguments);
     assert_eq!(summary["verdict"], "pass", "{summary}");
     step_us(&summary)
@@ -220,15 +225,21 @@ impl Bench {
             .chain([RECORDED])
             .map(Way::new)
             .collect();
-        let mut bare = vec![Bare::Socket, Bare::Futex];
+        let mut bare = vec![
+            (Bare::Socket, self.work, Bare::Socket.name()),
+            (Bare::Futex, self.work, Bare::Futex.name()),
+        ];
         if cell.is_alone() {
-            bare.push(Bare::PingPong); // beside others each yield takes a time slice
+            // Beside others each yield takes a time slice.
+            let recorded = bare::Work::of(1e-6 * plain_step_us(&self.programs, true));
+            bare.push((Bare::PingPong, self.work, Bare::PingPong.name()));
+            bare.push((Bare::PingPong, recorded, RECORDED_PING_PONG));
         }
-        let mut bare: Vec<(Bare, u64, Way)> = (bare.into_iter())
-            .map(|bare| {
-                let probed_us = bare.measure(self.work, 2000, cell);
+        let mut bare: Vec<(Bare, bare::Work, u64, Way)> = (bare.into_iter())
+            .map(|(bare, work, name)| {
+                let probed_us = bare.measure(work, 2000, cell);
                 let trips = (1e6 * self.run_s / probed_us).clamp(2000.0, 2e6) as u64;
-                (bare, trips, Way::new(bare.name()))
+                (bare, work, trips, Way::new(name))
             })
             .collect();
         let mut digests = BTreeSet::new();
@@ -238,8 +249,8 @@ impl Bench {
                 let us = self.run(cell, way.name, length_s, &mut digests);
                 way.step_us.push(us);
             }
-            for (bare, trips, way) in &mut bare {
-                way.step_us.push(bare.measure(self.work, *trips, cell));
+            for (bare, work, trips, way) in &mut bare {
+                way.step_us.push(bare.measure(*work, *trips, cell));
             }
         }
         assert!(digests.len() <= 1, "the runs differ: {digests:?}");
