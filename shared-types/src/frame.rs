@@ -148,8 +148,8 @@ impl Header {
 
 /// A frame: a check sum, a [`Header`] up to the last word of validity bits that its values need, and the values.
 ///
-/// `WORDS` are the [`words`] of the number of values that it has room for. The check sum is rapidhash (version 3,
-/// 64 bits, standard seed) over header and values, without the room that is left.
+/// `WORDS` is [`words`] of the number of values that there is room for. The check sum is rapidhash (version 3,
+/// 64 bits, standard seed) over header and values, not over unused room.
 ///
 /// Any bytes of its size are one, as they come from memory that another process writes to;
 /// [`Frame::open`] says whether to believe it.
@@ -162,13 +162,15 @@ pub struct Frame<const WORDS: usize> {
 // `sealed` and `count` read and write words of several fields.
 const _: () = assert!(
     cfg!(target_endian = "little")
-        && HEAD_BYTES == 88
+        && HEAD_BYTES.is_multiple_of(8)
+        && offset_of!(Header, epoch).is_multiple_of(8)
+        && offset_of!(Header, held_steps).is_multiple_of(8)
         && offset_of!(Header, age_steps) == offset_of!(Header, epoch) + 4
         && offset_of!(Header, kind) == offset_of!(Header, held_steps) + 4
         && offset_of!(Header, count) == offset_of!(Header, kind) + 2
 );
 
-/// Words of a [`Frame`] with room for so many values.
+/// Returns the number of words of a [`Frame`] with room for so many values.
 #[must_use]
 pub const fn words(values: usize) -> usize {
     1 + HEAD_WORDS + values.div_ceil(64) + values
@@ -390,6 +392,24 @@ mod tests {
             assert_eq!(out, [9.0; 3], "bit {bit}");
             broken.flip(bit);
             assert!(broken.open(IDENTITY, &mut out).is_ok(), "bit {bit}");
+        }
+    }
+
+    #[test]
+    fn validity_bits_of_all_values_cross_and_no_others() {
+        for count in [0, 1, 64, 65, 128, 129, 511, 512] {
+            let header = Header {
+                invalid: [u64::MAX; VALIDITY_WORDS],
+                ..Header::new(FrameKind::Sample, Step(3))
+            };
+            let values = vec![1.0; count];
+            let frame = Frame::<{ words(512) }>::sealed(&header, &values, IDENTITY);
+            let mut out = vec![0.0; count];
+            let opened = frame.open(IDENTITY, &mut out).expect("opens");
+            assert_eq!(out, values);
+            let (carried, rest) = opened.invalid.split_at(count.div_ceil(64));
+            assert!(carried.iter().all(|word| *word == u64::MAX), "{count}");
+            assert!(rest.iter().all(|word| *word == 0), "{count}");
         }
     }
 

@@ -265,8 +265,9 @@ def keyboard(desk):
     press("1")
     says(page, "fault 1 dropout takes hold")
     press("f")
+    # A list takes keys as one word only if they follow within a second, which a busy machine does not always manage.
     for _ in range(20):
-        page.keyboard.type("stuck")  # a list goes to what is typed, unless a busy machine lets a second pass between two keys
+        page.keyboard.type("stuck")
         if page.input_value("#kind") == "stuck":
             break
         page.wait_for_timeout(1500)

@@ -70,8 +70,8 @@ pub trait Link {
     /// Uses the frame channels that were opened last, and no others any more.
     fn take_over(&mut self);
 
-    /// Sends a frame; the link fills in session, layout, epoch, sequence and count. Validity bits of signals that
-    /// there are not may get lost.
+    /// Sends a frame; the link fills in session, layout, epoch, sequence and count. Validity bits beyond
+    /// the values may be lost.
     ///
     /// # Errors
     /// If the frame channels are not open or the transport failed.

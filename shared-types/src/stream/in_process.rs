@@ -39,8 +39,8 @@ pub struct InProcessSink {
 }
 
 impl InProcessSink {
-    /// Tells if so many words are free. Asks how far the recorder is only if those known to be free are too few,
-    /// because each look takes a cache line away from it.
+    /// Tells if so many words are free. Looks at the recorder's end of the ring only if those that were free at the
+    /// last look are too few, because each look takes a cache line from the recorder.
     #[inline]
     fn fits(&self, words: usize) -> bool {
         self.ring.cached_slots() >= words || self.ring.slots() >= words

@@ -16,9 +16,11 @@ use crate::programs::Programs;
 const SHORT: u64 = 500;
 /// Runs in the suite that shows whether they slow down.
 const LASTING: u64 = 1000;
-/// Simulated time of a run of 10 steps, of one that lasts, and of one whose files cost little beside it, at 1 kHz.
+/// Simulated time of a run of 10 steps, at 1 kHz.
 const SHORT_S: f64 = 0.01;
+/// Simulated time of a run of the lasting suite.
 const LASTING_S: f64 = 1.0;
+/// Simulated time of a run beside which its files cost little.
 const LONG_S: f64 = 20.0;
 
 /// A process that goes on.
@@ -128,6 +130,9 @@ fn in_shared_memory() -> Vec<String> {
         .collect()
 }
 
+/// Suites of a row: name, folder of the results, simulated seconds and number of the runs, arguments.
+type Way<'a> = (&'a str, &'a TempDir, (f64, u64), &'a [&'a str]);
+
 /// Prints what a short run costs, and whether the thousandth costs more than the first.
 pub(crate) fn compare(programs: &Programs) {
     let hil = &programs.hil;
@@ -136,47 +141,35 @@ pub(crate) fn compare(programs: &Programs) {
     let memory = TempDir::new_in("/dev/shm").expect("a folder");
     let unrecorded = ["--link", "in-process", "--no-record"];
     let one_job = ["--link", "in-process", "--no-record", "--jobs", "1"];
-    let ways: [(&str, &TempDir, f64, &[&str]); 8] = [
-        ("in-process", &disk, SHORT_S, &unrecorded),
-        (
-            "in-process, results in memory",
-            &memory,
-            SHORT_S,
-            &unrecorded,
-        ),
-        ("in-process, --jobs 1", &disk, SHORT_S, &one_job),
+    // Fewer of those that take longer; a suite has two runs at least.
+    let few = if count < 20 { 2 } else { count / 10 };
+    let (short, few_short, long) = ((SHORT_S, count), (SHORT_S, few), (LONG_S, few));
+    let ways: [Way<'_>; 8] = [
+        ("in-process", &disk, short, &unrecorded),
+        ("in-process, results in memory", &memory, short, &unrecorded),
+        ("in-process, --jobs 1", &disk, short, &one_job),
         (
             "in-process, recorded",
             &disk,
-            SHORT_S,
+            short,
             &["--link", "in-process"],
         ),
-        ("in-process, 20,000 steps", &disk, LONG_S, &unrecorded),
-        (
-            "in-process, 20,000 steps, --jobs 1",
-            &disk,
-            LONG_S,
-            &one_job,
-        ),
-        ("two processes", &disk, SHORT_S, &["--no-record"]),
-        ("two processes, recorded", &disk, SHORT_S, &[]),
+        ("in-process, 20,000 steps", &disk, long, &unrecorded),
+        ("in-process, 20,000 steps, --jobs 1", &disk, long, &one_job),
+        ("two processes", &disk, few_short, &["--no-record"]),
+        ("two processes, recorded", &disk, few_short, &[]),
     ];
     let mut each_ms = [const { Vec::new() }; 8];
-    // A suite has two runs at least.
-    let few = if count < 20 { 2 } else { count / 10 };
     let bystanders = Bystanders::watch();
     for _ in 0..rounds() {
-        for ((_, folder, length_s, arguments), each_ms) in ways.iter().zip(&mut each_ms) {
-            // Of those that take longer, fewer.
-            let is_short = arguments.contains(&"in-process") && *length_s == SHORT_S;
-            let length = (*length_s, if is_short { count } else { few });
-            each_ms.push(suite(hil, folder.path(), length, false, arguments).each_ms);
+        for ((_, folder, length, arguments), each_ms) in ways.iter().zip(&mut each_ms) {
+            each_ms.push(suite(hil, folder.path(), *length, false, arguments).each_ms);
         }
     }
     let others = bystanders.share();
     println!(
-        "suites of {count} runs of 10 steps (of {} in two processes or of more steps), medians of {}, other programs took {:.0} % of the machine",
-        few,
+        "suites of {count} runs of 10 steps ({few} where runs take longer), medians of {}, \
+         other programs took {:.0} % of the machine",
         rounds(),
         100.0 * others
     );

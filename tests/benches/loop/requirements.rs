@@ -33,15 +33,18 @@ pub(crate) fn compare(programs: &Programs) {
         std::fs::write(file, text).expect("the folder can be written");
     }
     let cores = cores();
-    // The recorder's own, where the sides keep one each.
-    let apart = cores.get(2).map(|_| {
-        let settings = [
-            ("--plant-core", cores[0]),
-            ("--controller-core", cores[1]),
-            ("--recorder-core", cores[2]),
-        ];
-        settings.map(|(flag, core)| [flag.to_owned(), core.to_string()])
-    });
+    // A core for each side and one for the recorder, if there are three.
+    let apart = match cores[..] {
+        [plant, controller, recorder, ..] => {
+            let settings = [
+                ("--plant-core", plant),
+                ("--controller-core", controller),
+                ("--recorder-core", recorder),
+            ];
+            Some(settings.map(|(flag, core)| [flag.to_owned(), core.to_string()]))
+        }
+        _ => None,
+    };
     let (mut runs, mut alone) = ([Vec::new(), Vec::new()], [Vec::new(), Vec::new()]);
     let mut runs_apart = [Vec::new(), Vec::new()];
     let bystanders = Bystanders::watch();

@@ -87,7 +87,8 @@ impl Bare {
         }
     }
 
-    /// Us a trip, of N, with half of the work on each side, of as many pairs at once as the cell has sessions.
+    /// Measures us a trip, of N, with half of the work on each side: the mean over as many pairs at once as the cell
+    /// has sessions.
     pub(crate) fn measure(self, work: Work, trips: u64, cell: &Cell) -> f64 {
         let sessions = (0..cell.sessions).map(|_| Session::create(None).expect("a session"));
         let sessions: Vec<Session> = sessions.collect();

@@ -10,8 +10,8 @@ use shared_types::realtime::{Settings, pin};
 use crate::busy::BusyLoop;
 use crate::measure::cores;
 
-/// Processor time a second where it is limited.
-const QUOTA: f64 = 1.5;
+/// Cores' worth of processor time in a cell with a quota.
+const QUOTA_CORES: f64 = 1.5;
 
 /// A situation of a run.
 pub(crate) struct Cell {
@@ -24,8 +24,8 @@ pub(crate) struct Cell {
     one_core: bool,
     /// `SCHED_FIFO` priority of both sides.
     pub(crate) priority: u32,
-    /// Version of the control groups that limit the processor time of everything in it, if any do.
-    limited_by: Option<u32>,
+    /// Version of the control groups whose quota everything in it has, if any.
+    quota_version: Option<u32>,
     /// Runs at once.
     pub(crate) sessions: usize,
 }
@@ -45,7 +45,7 @@ pub(crate) fn cells() -> Vec<Cell> {
         elsewhere: false,
         one_core: false,
         priority: 0,
-        limited_by: None,
+        quota_version: None,
         sessions: 1,
     };
     let mut cells = vec![plain("idle")];
@@ -76,8 +76,10 @@ pub(crate) fn cells() -> Vec<Cell> {
     });
     for version in [1, 2] {
         cells.push(Cell {
-            limited_by: Some(version),
-            ..plain(&format!("quota of {QUOTA} CPUs, control groups v{version}"))
+            quota_version: Some(version),
+            ..plain(&format!(
+                "quota of {QUOTA_CORES} CPUs, control groups v{version}"
+            ))
         });
     }
     cells.push(Cell {
@@ -122,7 +124,7 @@ impl Cell {
         if self.one_core {
             pin(cores()[0] as u32).map_err(|e| e.to_string())?;
         }
-        if let Some(version) = self.limited_by {
+        if let Some(version) = self.quota_version {
             within.group = Some(limited(version)?);
         }
         for (nice, core) in &self.loops {
@@ -145,12 +147,12 @@ impl Drop for Within {
     }
 }
 
-/// Moves this process into a new group with the quota, of control groups of a version; gives the group and the one
+/// Moves this process into a new control group (version 1 or 2) with the quota; returns that group and the one
 /// before.
 fn limited(version: u32) -> Result<(PathBuf, PathBuf), String> {
     const PERIOD_US: f64 = 100_000.0;
     let own = fs::read_to_string("/proc/self/cgroup").map_err(|e| e.to_string())?;
-    let quota_us = (QUOTA * PERIOD_US) as u64;
+    let quota_us = (QUOTA_CORES * PERIOD_US) as u64;
     let name = format!("hil-bench-{}", std::process::id());
     let find = |wanted: fn(&str) -> bool| {
         own.lines().find_map(|line| {
@@ -159,20 +161,22 @@ fn limited(version: u32) -> Result<(PathBuf, PathBuf), String> {
         })
     };
     let first = find(|names| names.split(',').any(|name| name == "cpu"));
-    let (root, path, file, text) = match (version, first) {
-        (1, Some(path)) => (
+    let owner = if first.is_some() { 1 } else { 2 };
+    if version != owner {
+        return Err(format!(
+            "processor time belongs to control groups v{owner} here"
+        ));
+    }
+    let (root, path, file, text) = match first {
+        Some(path) => (
             "/sys/fs/cgroup/cpu",
             path,
             "cpu.cfs_quota_us",
             quota_us.to_string(),
         ),
-        (1, None) => return Err("processor time does not belong to control groups v1 here".into()),
-        (_, Some(_)) => {
-            return Err("processor time does not belong to control groups v2 here".into());
-        }
-        (_, None) => (
+        None => (
             "/sys/fs/cgroup",
-            find(str::is_empty).ok_or("no control groups v2")?,
+            find(str::is_empty).ok_or("no control group of processor time")?,
             "cpu.max",
             format!("{quota_us} {PERIOD_US}"),
         ),

@@ -38,7 +38,7 @@ use tempfile::TempDir;
 const STRATEGIES: [&str; 4] = ["hybrid", "spin", "yield", "sleep"];
 /// `hybrid` once more, with a recording; not judged.
 const RECORDED: &str = "recorded";
-/// A ping-pong with the work of a recorded step, recorder and all, on the cores of its cell.
+/// A ping-pong with the work of a recorded step in one process, its recorder included, measured in the same cell.
 const RECORDED_PING_PONG: &str = "ping-pong, recorded";
 /// Steps of a second of the scenario.
 const RATE_HZ: f64 = 10_000.0;
@@ -225,14 +225,12 @@ impl Bench {
             .chain([RECORDED])
             .map(Way::new)
             .collect();
-        let mut bare = vec![
-            (Bare::Socket, self.work, Bare::Socket.name()),
-            (Bare::Futex, self.work, Bare::Futex.name()),
-        ];
+        let mut bare = vec![Bare::Socket, Bare::Futex];
+        bare.extend(cell.is_alone().then_some(Bare::PingPong)); // beside others each yield takes a time slice
+        let bare = bare.into_iter().map(|bare| (bare, self.work, bare.name()));
+        let mut bare: Vec<_> = bare.collect();
         if cell.is_alone() {
-            // Beside others each yield takes a time slice.
             let recorded = bare::Work::of(1e-6 * plain_step_us(&self.programs, true));
-            bare.push((Bare::PingPong, self.work, Bare::PingPong.name()));
             bare.push((Bare::PingPong, recorded, RECORDED_PING_PONG));
         }
         let mut bare: Vec<(Bare, bare::Work, u64, Way)> = (bare.into_iter())

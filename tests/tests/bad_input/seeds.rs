@@ -177,16 +177,16 @@ fn frames(folder: &Path) {
         write(&folder.join(name), frame.as_bytes());
     }
     let event = br#"{"event":"fault-ended","id":1,"effect":0,"step":9,"cleared":true}"#;
-    let mut words = vec![1_u64, 2, 64];
+    let mut items = vec![1_u64, 2, 64];
     let item = |from: usize| {
         let mut word = [0; 8];
         let part = &event[from..event.len().min(from + 8)];
         word[..part.len()].copy_from_slice(part);
         u64::from_le_bytes(word)
     };
-    words.extend((0..8).map(|word| item(8 * word)));
-    words.extend([2, 3, 1, item(64), 9, 1, 16, 1, 2, 3]);
-    write(&folder.join("items"), words.as_bytes());
+    items.extend((0..8).map(|word| item(8 * word)));
+    items.extend([2, 3, 1, item(64), 9, 1, 16, 1, 2, 3]);
+    write(&folder.join("items"), items.as_bytes());
 }
 
 fn messages(folder: &Path) {

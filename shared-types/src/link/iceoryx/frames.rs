@@ -16,8 +16,7 @@ const LAYOUT: &str = "layout";
 macro_rules! for_words {
     ($values:expr, $function:ident ( $($argument:expr),* )) => {{
         use $crate::frame::{SizeClass, words};
-        let class = SizeClass::for_count($values);
-        match class.ok_or($crate::link::LinkError::TooManySignals($values))? {
+        match SizeClass::for_count($values).ok_or(LinkError::TooManySignals($values))? {
             SizeClass::N16 => $function::<{ words(16) }>($($argument),*),
             SizeClass::N32 => $function::<{ words(32) }>($($argument),*),
             SizeClass::N64 => $function::<{ words(64) }>($($argument),*),
@@ -29,7 +28,7 @@ macro_rules! for_words {
 }
 pub(crate) use for_words;
 
-/// Opens the sending end of a channel for frames of N values.
+/// Opens the sending end of a channel for frames with room for so many values.
 pub(super) fn outgoing(
     (node, side): (&Node<Ipc>, Side),
     name: &str,
@@ -39,7 +38,7 @@ pub(super) fn outgoing(
     for_words!(values, writer(node, side, name, identity))
 }
 
-/// Opens the receiving end of a channel for frames of N values.
+/// Opens the receiving end of a channel for frames with room for so many values.
 pub(super) fn incoming(
     (node, side): (&Node<Ipc>, Side),
     name: &str,
