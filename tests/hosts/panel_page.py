@@ -271,6 +271,8 @@ def keyboard(desk):
         if page.input_value("#kind") == "stuck":
             break
         page.wait_for_timeout(1500)
+    else:
+        raise AssertionError("the list of kinds does not go to what is typed")
     focused = page.evaluate("document.activeElement.id")
     # From the list on to the button that puts it in.
     for _ in range(12):

@@ -225,11 +225,11 @@ impl Bench {
             .chain([RECORDED])
             .map(Way::new)
             .collect();
-        let mut bare = vec![Bare::Socket, Bare::Futex];
-        bare.extend(cell.is_alone().then_some(Bare::PingPong)); // beside others each yield takes a time slice
-        let bare = bare.into_iter().map(|bare| (bare, self.work, bare.name()));
-        let mut bare: Vec<_> = bare.collect();
+        let plain = |bare: Bare| (bare, self.work, bare.name());
+        let mut bare = [Bare::Socket, Bare::Futex].map(plain).to_vec();
+        // Beside others each yield would take a time slice.
         if cell.is_alone() {
+            bare.push(plain(Bare::PingPong));
             let recorded = bare::Work::of(1e-6 * plain_step_us(&self.programs, true));
             bare.push((Bare::PingPong, recorded, RECORDED_PING_PONG));
         }
