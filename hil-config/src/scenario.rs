@@ -182,6 +182,7 @@ fn files_in(value: &Value, path: &str, found: &mut Vec<(String, String)>) {
 /// If it cannot be read, is no regular file or text, or too large.
 pub fn read_regular(path: &Path) -> std::io::Result<String> {
     const LARGEST: u64 = 16 << 20;
+    const BYTE_ORDER_MARK: char = '\u{feff}';
     let found = std::fs::metadata(path)?;
     // Reading a folder fails with a reason of its own.
     let ends = found.is_dir() || (found.is_file() && found.len() <= LARGEST);
@@ -200,6 +201,10 @@ pub fn read_regular(path: &Path) -> std::io::Result<String> {
         })?;
     if read as u64 > LARGEST {
         return Err(refused());
+    }
+    // Spreadsheets and Windows editors begin a file with a mark.
+    if text.starts_with(BYTE_ORDER_MARK) {
+        text.remove(0);
     }
     Ok(text)
 }

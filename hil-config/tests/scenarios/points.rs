@@ -46,6 +46,13 @@ fn a_file_is_found_beside_the_scenario() {
 }
 
 #[test]
+fn a_file_that_begins_with_a_byte_order_mark_is_read() {
+    let csv = "\u{feff}time_s,value\n0,1\n0.5,-2.5\n2,3e-3\n";
+    let plan = with_file(Some(csv)).expect("points");
+    assert_eq!(plan.stimuli[1].waveform, points());
+}
+
+#[test]
 fn points_may_stand_in_the_scenario() {
     let inline = "kind = \"table\"\ntime_s = [0, 0.5, 2]\nvalues = [1, -2.5, 3e-3]";
     let text = base_with("kind = \"step\"\nat_s = 0.5\nafter = 2.0", inline);
