@@ -321,11 +321,11 @@ impl Drop for Instance {
     }
 }
 
-/// Checks that the steps of a run fit the FMU's own.
+/// Checks that the steps of a run fit the FMU's own; `key` is the scenario's key of their rate.
 ///
 /// # Errors
 /// If the FMU's own fixed step does not divide the period.
-pub(super) fn check_period(model: &Model, period_s: f64) -> Result<(), Invalid> {
+pub(super) fn check_period(model: &Model, period_s: f64, key: &str) -> Result<(), Invalid> {
     let Some(own_s) = model.description.internal_step_s.filter(|step| *step > 0.0) else {
         return Ok(());
     };
@@ -336,6 +336,6 @@ pub(super) fn check_period(model: &Model, period_s: f64) -> Result<(), Invalid> 
     }
     let rate_hz = 1.0 / own_s;
     Err(Invalid(format!(
-        "the FMU moves in steps of {own_s} s, which do not fit the {period_s} s between two samples; run.rate_hz must be {rate_hz} divided by a whole number"
+        "the FMU moves in steps of {own_s} s, which do not fit the {period_s} s between two samples; {key} must be {rate_hz} divided by a whole number"
     )))
 }

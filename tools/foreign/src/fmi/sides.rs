@@ -59,7 +59,7 @@ pub fn law(fmu: &Arc<Fmu>) -> Result<LawKind, FmuError> {
     let described = law_description(fmu.model());
     let fmu = Arc::clone(fmu);
     let kind = LawKind::from_tables(described, move |setup: &SetupRows<'_>| {
-        check_period(fmu.model(), setup.period_s)?;
+        check_period(fmu.model(), setup.period_s, "controller.rate_hz")?;
         Ok(Box::new(FmuLaw {
             is_reference: (fmu.model().tables.inputs.iter())
                 .map(|column| reference_name(&column.field.name).is_some())
@@ -171,7 +171,7 @@ impl PlantModel for FmuPlant {
     }
 
     fn check_period(&self, period_s: f64) -> Result<(), Invalid> {
-        check_period(self.0.model(), period_s)
+        check_period(self.0.model(), period_s, "run.rate_hz")
     }
 
     fn save(&self) -> Result<State, Invalid> {
