@@ -298,6 +298,18 @@ fn settings(text: &mut String, table: &str, values: &Settings, fields: &[Field])
         return Ok(());
     }
     writeln!(text, "\n[{table}]")?;
+    // In TOML `p` and `p.q` cannot both have values, but `p` and `"p.q"` can.
+    let is_nested = |one: &str| {
+        one.match_indices('.')
+            .any(|(dot, _)| fields.iter().any(|other| other.name == one[..dot]))
+    };
+    let named = |name: &str| {
+        if is_nested(name) {
+            string(name)
+        } else {
+            dotted(name)
+        }
+    };
     for field in fields {
         let Some(value) = values.get(&field.name) else {
             return Err(undescribed(format!("`{}` that fits the plan", field.name)));
@@ -314,7 +326,7 @@ fn settings(text: &mut String, table: &str, values: &Settings, fields: &[Field])
         writeln!(
             text,
             "{} = {} # {}. {}",
-            dotted(&field.name),
+            named(&field.name),
             toml_float(value),
             notes.join(", "),
             comment(&field.description)

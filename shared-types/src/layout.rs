@@ -250,12 +250,18 @@ pub fn check_fields(fields: &[Field], most: usize) -> Result<(), Unusable> {
         {
             return Err(Unusable::Description(name.clone()));
         }
-        // As the schema of a recording has it, which knows no dots.
-        if !names.insert(name.replace('.', "_")) {
+        if !names.insert(schema_name(name)) {
             return Err(Unusable::Twice(name.clone()));
         }
     }
     Ok(())
+}
+
+/// Returns a signal's name as the schema of a recording has it: with `_` for each dot, which the
+/// schema's language does not allow in a name.
+#[must_use]
+pub fn schema_name(name: &str) -> String {
+    name.replace('.', "_")
 }
 
 /// Checks whether a text is a name, or the part of a name before or after a dot.

@@ -19,7 +19,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use crate::layout::LONGEST_NAME;
+use crate::layout::{LONGEST_NAME, schema_name};
 
 /// Begin of the name of a derivative, `der(..)`.
 const DERIVATIVE: &str = "der__";
@@ -85,7 +85,7 @@ pub fn spelled_all<S: AsRef<str>>(foreign: &[S]) -> Result<Vec<String>, Unspella
     let mut names = Vec::with_capacity(foreign.len());
     for other in foreign.iter().map(AsRef::as_ref) {
         let name = spelled(other)?;
-        if let Some(one) = columns.insert(name.replace('.', "_"), other) {
+        if let Some(one) = columns.insert(schema_name(&name), other) {
             let (one, other) = (one.into(), other.into());
             return Err(Unspellable::Alike { one, other });
         }

@@ -1,6 +1,7 @@
 //! FMUs as plants and controllers: the numbers that FMPy gets, what is told of them, and what misbehaves.
 
 mod ends;
+mod names;
 mod vendor;
 
 use std::path::PathBuf;

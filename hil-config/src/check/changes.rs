@@ -213,10 +213,13 @@ fn values(
         let Some(keys) = keys else {
             continue;
         };
-        let meant: Vec<&Known> = keys
-            .iter()
-            .filter(|one| is_meant(&one.key, &name))
-            .collect();
+        // A full key is never also the short form of another.
+        let meant: Vec<&Known> = match keys.iter().find(|one| one.key == name) {
+            Some(exact) => vec![exact],
+            None => (keys.iter())
+                .filter(|one| is_short_form(&one.key, &name))
+                .collect(),
+        };
         let tunable: Vec<&Known> = meant.iter().copied().filter(|one| one.is_tunable).collect();
         if tunable.is_empty() {
             unknown(reader, &path, &name, entry, keys, !meant.is_empty());
@@ -241,11 +244,8 @@ fn values(
     found.into_values().map(|(_, value)| value).collect()
 }
 
-/// Tells if a written key means a full one: the same, or the same group and the last parts of the name.
-fn is_meant(key: &str, written: &str) -> bool {
-    if key == written {
-        return true;
-    }
+/// Returns `true` if a written key has the group of a full key and the last parts of its name.
+fn is_short_form(key: &str, written: &str) -> bool {
     let groups = [PLANT_KEYS.len(), key_group(key)];
     groups.into_iter().any(|length| {
         let (Some(own), Some(other)) = (key.get(..length), written.get(..length)) else {

@@ -1,7 +1,7 @@
 //! Tables whose keys come from a description: parameters of plants and laws.
 //!
-//! A key is a full name, dotted or as nested tables, or its last part alone, which sets every
-//! parameter that ends so. The longer key wins, whatever the order.
+//! A key is a full name, dotted, quoted or as nested tables, or its last part alone, which sets every
+//! parameter that ends so unless one has exactly that name. The longer key wins, whatever the order.
 
 use std::collections::BTreeMap;
 
@@ -31,7 +31,7 @@ pub(super) fn given(
     for (key, entry) in leaves {
         let node = &entry.node;
         let path = section.path_of(&key);
-        let matching: Vec<&Field> = fields.iter().filter(|f| is_named(&f.name, &key)).collect();
+        let matching = named(fields, |field| &field.name, &key);
         if matching.is_empty() {
             unknown(reader, &path, &key, entry, fields, owner);
         }
@@ -82,7 +82,16 @@ pub(super) fn complete(
     settings
 }
 
-/// Returns true if a key means a name: if the key is the name itself or the name's last parts.
+/// Returns what a key names: the one with exactly that name, or else all whose last parts it is.
+pub(super) fn named<'a, T>(all: &'a [T], name: impl Fn(&T) -> &str, key: &str) -> Vec<&'a T> {
+    let exact = all.iter().find(|one| name(one) == key);
+    match exact {
+        Some(one) => vec![one],
+        None => all.iter().filter(|one| is_named(name(one), key)).collect(),
+    }
+}
+
+/// Returns `true` if a key is the name itself or the name's last parts.
 pub(super) fn is_named(name: &str, key: &str) -> bool {
     let rest = name.strip_suffix(key);
     rest.is_some_and(|rest| rest.is_empty() || rest.ends_with('.'))

@@ -1,8 +1,10 @@
 //! `[plant]`: model, substeps, parameters, limits and the safe command.
 
 use shared_types::describe::{PlantDescription, Settings};
+use shared_types::table::Field;
 
 use super::parameters;
+use crate::document::Entry;
 use crate::plan::{Limit, PlantPlan};
 use crate::problem::ProblemKind;
 use crate::quantity::Quantity;
@@ -76,14 +78,14 @@ fn safe_command(
     for field in &plant.commands {
         commands.set(&field.name, 0.0);
     }
-    for entry in section.iter().flat_map(|section| section.table.entries()) {
-        let path = format!("plant.safe_command.{}", entry.key);
+    for (key, entry) in leaves(section, &plant.commands) {
+        let path = format!("plant.safe_command.{key}");
         let names = || plant.commands.iter().map(|field| field.name.as_str());
-        let Some(field) = (plant.commands.iter()).find(|field| field.name == entry.key) else {
-            let message = format!("plant `{}` takes no command `{}`", plant.name, entry.key);
+        let Some(field) = (plant.commands.iter()).find(|field| field.name == key) else {
+            let message = format!("plant `{}` takes no command `{key}`", plant.name);
             reader
                 .report(ProblemKind::UnknownName, path, &entry.key_place, message)
-                .one_of(&entry.key, names());
+                .one_of(&key, names());
             continue;
         };
         let finite = Quantity::finite(&field.unit);
@@ -94,16 +96,25 @@ fn safe_command(
     commands
 }
 
+/// The values of a section by the full names of signals, dotted, quoted or in nested tables.
+fn leaves<'a>(section: Option<&Section<'a>>, fields: &[Field]) -> Vec<(String, &'a Entry)> {
+    let mut leaves = Vec::new();
+    if let Some(section) = section {
+        parameters::collect(section.table, "", fields, &mut leaves);
+    }
+    leaves
+}
+
 fn limits(reader: &mut Reader, section: &Section<'_>, plant: &PlantDescription) -> Vec<Limit> {
     let mut limits = Vec::new();
-    for entry in section.table.entries() {
-        let path = section.path_of(&entry.key);
-        let Some(signal) = plant.truth.iter().find(|field| field.name == entry.key) else {
+    for (key, entry) in leaves(Some(section), &plant.truth) {
+        let path = section.path_of(&key);
+        let Some(signal) = plant.truth.iter().find(|field| field.name == key) else {
             let names = plant.truth.iter().map(|field| field.name.as_str());
-            let message = format!("plant `{}` has no true signal `{}`", plant.name, entry.key);
+            let message = format!("plant `{}` has no true signal `{key}`", plant.name);
             reader
                 .report(ProblemKind::UnknownName, path, &entry.key_place, message)
-                .one_of(&entry.key, names);
+                .one_of(&key, names);
             continue;
         };
         if let Some((min, max)) = reader.pair(&path, &entry.node, &signal.unit) {

@@ -14,6 +14,8 @@ use shared_types::record::{GROUPS, RecordLayout, RecordView, Timing};
 use shared_types::table::{Field, near};
 use shared_types::time::{Rate, Step};
 
+use crate::schema::column_name;
+
 /// Choice of what is to be kept.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Choice {
@@ -78,7 +80,7 @@ impl Choice {
 
 /// Lists the signals of a record as recordings name them, in order.
 pub(super) fn names(layout: &RecordLayout) -> Vec<String> {
-    let name = |group: &str, field: &Field| format!("{group}.{}", field.name.replace('.', "_"));
+    let name = |group: &str, field: &Field| column_name(group, &field.name);
     let groups = GROUPS.iter().zip(layout.groups());
     groups
         .flat_map(|(group, fields)| fields.iter().map(move |field| name(group, field)))

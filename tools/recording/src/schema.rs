@@ -6,6 +6,7 @@
 
 use std::fmt::Write as _;
 
+use shared_types::layout::schema_name;
 use shared_types::record::{GROUPS, RecordLayout, Timing};
 use shared_types::table::Field;
 
@@ -27,6 +28,12 @@ pub const RECORD_NAME: &str = "hil_msgs/msg/Record";
 pub const EVENT_TOPIC: &str = "/events";
 /// Name of an event's schema.
 pub const EVENT_NAME: &str = "hil_msgs/msg/Event";
+
+/// Returns the name of a signal's column: its group, a dot, and its name in the schema.
+#[must_use]
+pub fn column_name(group: &str, signal: &str) -> String {
+    format!("{group}.{}", schema_name(signal))
+}
 
 /// The schema of a record: a message of words with one nested message for each group of signals.
 /// An empty group has no message, because an empty message takes a byte in CDR.
@@ -60,8 +67,7 @@ pub(super) fn of(
         let _ = writeln!(nested, "{RULER}\nMSG: hil_msgs/{message}");
         for field in fields {
             let told = field.description.replace('\n', " ");
-            // Groups of parameters have a dot, which the names of this language may not.
-            let name = field.name.replace('.', "_");
+            let name = schema_name(&field.name);
             let _ = writeln!(nested, "float64 {name} # [{}] {told}", field.unit);
         }
     }

@@ -4,6 +4,7 @@
 //! Made by everyone who reads a recording for more than its columns. Needs none of the programs on this
 //! machine, and reads no record.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
 
@@ -11,6 +12,7 @@ use hil_config::expression::{Columns, Group};
 use hil_config::plan::Plan;
 use hil_config::scenario::read_regular;
 use hil_recording::reader::RunReader;
+use hil_recording::schema::column_name;
 use shared_types::describe::{Description, LawDescription, PlantDescription};
 use shared_types::number::exact_in;
 use shared_types::record::Validity;
@@ -108,6 +110,12 @@ impl RecordedRun {
     /// # Errors
     /// If they are of no known group.
     pub(crate) fn columns(&self, reader: &RunReader) -> Result<(Columns, Range<usize>), String> {
+        let layout = self.plan.record_layout(&self.plant, &self.law);
+        let groups = Group::ALL.iter().zip(layout.groups());
+        let names: BTreeMap<String, &Field> = groups
+            .flat_map(|(group, fields)| fields.iter().map(move |field| (group, field)))
+            .map(|(group, field)| (column_name(group.prefix(), &field.name), field))
+            .collect();
         let mut columns = Columns::default();
         let words = reader.columns();
         let first = words.iter().position(|word| word.is_signal()).unwrap_or(0);
@@ -115,11 +123,8 @@ impl RecordedRun {
             let (prefix, name) = word.name.split_once('.').unwrap_or_default();
             let group = (Group::ALL.into_iter()).find(|group| group.prefix() == prefix);
             let group = group.ok_or_else(|| format!("the recording has a group `{prefix}`"))?;
-            // The schema of a recording has no word for the dots of parameters.
-            let is_it =
-                |field: &&Field| group == Group::Parameter && field.name.replace('.', "_") == name;
-            let parameter = self.plant.parameters.iter().find(is_it);
-            columns.push(group, parameter.map_or(name, |field| &field.name));
+            let field = names.get(word.name.as_str());
+            columns.push(group, field.map_or(name, |field| &field.name));
         }
         let places = first..first + columns.len();
         Ok((columns, places))
@@ -127,7 +132,7 @@ impl RecordedRun {
 
     /// Lists the commands of its command frames, in order, as a recording names them.
     pub(crate) fn sent_commands(&self) -> Vec<String> {
-        let name = |field: &Field| format!("command.{}", field.name.replace('.', "_"));
+        let name = |field: &Field| column_name("command", &field.name);
         let sent = self.law.sent_commands(&self.plant).iter();
         sent.map(name).collect()
     }

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use hil_config::plan::Plan;
 use hil_config::scenario::Advice;
 use hil_recording::reader::RunReader;
+use hil_recording::schema::column_name;
 use shared_types::describe::{Description, LawDescription, PlantDescription};
 use shared_types::table::Field;
 
@@ -134,7 +135,7 @@ impl Places {
         let mut sample = Vec::new();
         for (group, fields) in [("measured", &plant.measured[..]), ("reference", reference)] {
             for field in fields {
-                let name = format!("{group}.{}", field.name);
+                let name = column_name(group, &field.name);
                 let found = place(&name);
                 sample.push(found.ok_or_else(|| {
                     format!("it was recorded without `{name}`; a replay needs all that the controller was sent")
@@ -144,11 +145,11 @@ impl Places {
         let commands = law.sent_commands(plant);
         let sent: Vec<String> = (commands
             .iter()
-            .map(|field| format!("command.{}", field.name)))
+            .map(|field| column_name("command", &field.name)))
         .chain(
             law.internals
                 .iter()
-                .map(|field| format!("internal.{}", field.name)),
+                .map(|field| column_name("internal", &field.name)),
         )
         .collect();
         let answer: Vec<AnswerPlace> = (columns.iter().enumerate())

@@ -5,6 +5,7 @@ use shared_types::number::unit_shown;
 
 use super::Plot;
 use hil_recording::reader::Column;
+use hil_recording::schema::column_name;
 
 /// Longest list of names that is a title, and longest name beside a curve.
 const SHORT: usize = 16;
@@ -100,7 +101,7 @@ fn apart(column: &str) -> Option<(&str, &str)> {
 #[must_use]
 pub(crate) fn recorded_name(name: &str) -> String {
     match apart(name) {
-        Some((group, name)) => format!("{group}.{}", name.replace('.', "_")),
+        Some((group, name)) => column_name(group, name),
         None => name.to_owned(),
     }
 }
