@@ -137,6 +137,15 @@ impl Timing {
     ];
     /// Number of words.
     pub const WORDS: usize = size_of::<Self>() / size_of::<u64>();
+
+    /// Returns `true` for the record after the last step, to which no sample and no command belong.
+    ///
+    /// Every other record has the round trip of its command, or holds an older command, or is that of the step at
+    /// which a plant that lost its controller takes the safe command, which no controller sent.
+    #[must_use]
+    pub const fn is_final(&self) -> bool {
+        self.round_trip_ns == 0 && self.held_steps == 0 && self.epoch > 0
+    }
 }
 
 impl RecordLayout {

@@ -121,6 +121,11 @@ fn a_resumed_run_equals_the_uninterrupted_one_over_any_link() {
             // Latency is that of this run: what came before was measured in another.
             let count = &summary["latency_ns"]["round_trip"]["count"];
             assert_eq!(count.as_u64(), Some(20_000 - 10_500), "{about}");
+            let folder = resumed.folder.display().to_string();
+            let read = rig.hil(&["latency", &folder, "--json"]).expect(0).json();
+            for (figure, leg) in [("round_trip_ns", "round_trip"), ("plant_ns", "plant")] {
+                assert_eq!(read[figure], summary["latency_ns"][leg], "{about}");
+            }
             let recordings = [&straight, &resumed].map(|run| Recording::open(&run.recording()));
             let [theirs, ours] = recordings.each_ref().map(Recording::records);
             assert!(

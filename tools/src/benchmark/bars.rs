@@ -2,8 +2,7 @@
 
 use std::fmt::Write as _;
 
-use hdrhistogram::Histogram;
-
+use crate::results::latency::times::Times;
 use crate::terminal::duration::shown_ns;
 
 /// Beginnings of a decade's classes, in hundredths: the preferred numbers R10 of ISO 3.
@@ -27,10 +26,10 @@ fn class_of(ns: u64) -> (u64, u64) {
 }
 
 /// Classes with their counts, in order; empty ones are left out.
-pub(crate) fn classes(times_ns: &Histogram<u64>) -> Vec<((u64, u64), u64)> {
+pub(crate) fn classes(times_ns: &Times) -> Vec<((u64, u64), u64)> {
     let mut classes: Vec<((u64, u64), u64)> = Vec::new();
-    for cell in times_ns.iter_recorded() {
-        let (class, count) = (class_of(cell.value_iterated_to()), cell.count_at_value());
+    for (_, to_ns, count) in times_ns.buckets() {
+        let class = class_of(to_ns - 1);
         match classes.last_mut() {
             Some((last, sum)) if *last == class => *sum += count,
             _ => classes.push((class, count)),
@@ -41,7 +40,7 @@ pub(crate) fn classes(times_ns: &Histogram<u64>) -> Vec<((u64, u64), u64)> {
 
 /// The histogram, a line for each class; `...` where there are empty ones between.
 #[must_use]
-pub(crate) fn bars(times_ns: &Histogram<u64>) -> String {
+pub(crate) fn bars(times_ns: &Times) -> String {
     let classes = classes(times_ns);
     let most = classes.iter().map(|(_, count)| *count).max().unwrap_or(1);
     let mut text = String::new();
@@ -71,7 +70,6 @@ fn length(count: u64, most: u64) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::results::latency::histogram;
 
     #[test]
     fn classes_are_those_of_iso_3() {
@@ -92,9 +90,9 @@ mod tests {
 
     #[test]
     fn every_step_is_in_one_class_and_gaps_are_told() {
-        let mut times_ns = histogram();
+        let mut times_ns = Times::default();
         for (ns, count) in [(1100, 10_000), (1300, 100), (9_000, 1)] {
-            times_ns.record_n(ns, count).expect("in range");
+            (0..count).for_each(|_| times_ns.record(ns));
         }
         // 1 + 43 of log(100) / log(10 000), which is a half
         let expected = format!(
@@ -105,6 +103,6 @@ mod tests {
         );
         assert_eq!(bars(&times_ns), expected);
         assert!(expected.lines().all(|line| line.len() <= 80));
-        assert_eq!(bars(&histogram()), "");
+        assert_eq!(bars(&Times::default()), "");
     }
 }

@@ -4,13 +4,12 @@
 //! of one and copy all of the other out, and both wait as the loop does. The ends are
 //! [`raw`](super::raw) and the [`Blackboard`].
 
-use hdrhistogram::Histogram;
 use shared_types::clock::monotonic_ns;
 use shared_types::frame;
 use shared_types::link::bare::Blackboard;
 use shared_types::wait::Waiter;
 
-use crate::results::latency::histogram;
+use crate::results::latency::times::Times;
 
 /// Room for values in the smallest frame.
 const SMALLEST: usize = 16;
@@ -84,15 +83,15 @@ pub fn lead(
     trips: Trips,
     mut waiter: Waiter,
     stop: impl Fn() -> bool,
-) -> Result<Histogram<u64>, NoAnswer> {
-    let mut trips_ns = histogram();
+) -> Result<Times, NoAnswer> {
+    let mut trips_ns = Times::default();
     for trip in 1..=trips.all() {
         let since_ns = monotonic_ns();
         end.send(trip);
         receive(end, trip, &mut waiter, &stop)?;
         let took_ns = monotonic_ns() - since_ns;
         if trip > trips.warm_up {
-            trips_ns.saturating_record(took_ns);
+            trips_ns.record(took_ns);
         }
     }
     Ok(trips_ns)

@@ -4,7 +4,6 @@
 //! awake, the plant's; nobody observes or records.
 
 use controller_process::job::JOB_FILE;
-use hdrhistogram::Histogram;
 use hil_config::plan::Realtime;
 use plant_process::engine::Engine;
 use serde::Serialize;
@@ -26,8 +25,8 @@ use super::peer::{Peer, WAIT_LIMIT_S};
 use crate::arguments::latency::{LatencyArguments, PeerWork};
 use crate::arguments::run::LinkKind;
 use crate::benchmark::{null, raw};
-use crate::results::latency::histogram;
 use crate::results::latency::legs::Latency;
+use crate::results::latency::times::Times;
 use crate::run::realtime;
 use crate::terminal::exit::Failure;
 use crate::terminal::interruption::Interruption;
@@ -59,7 +58,7 @@ pub struct Looped {
     pub latency: Latency,
     /// Both ways of the round trip; `None` of a law that does not say when it was called.
     pub ways: Option<Ways>,
-    /// Times at which the first and the last step had their commands.
+    /// Times at which the first and the last step had their commands, or went on without.
     pub span_ns: Option<(u64, u64)>,
     /// Real-time settings of both sides; `None` of a recorded run.
     pub sides: Option<Sides>,
@@ -78,18 +77,18 @@ pub struct Sides {
 #[derive(Clone, Debug)]
 pub struct Ways {
     /// From sending a sample to calling the law with it.
-    pub sample: Histogram<u64>,
+    pub sample: Times,
     /// From there to having the command.
-    pub command: Histogram<u64>,
+    pub command: Times,
 }
 
 /// Trips of payloads as large as the loop's frames.
 #[derive(Clone, Debug)]
 pub struct Limits {
     /// Through atomics between two threads.
-    pub raw: Histogram<u64>,
+    pub raw: Times,
     /// Through a bare iceoryx2 blackboard between two processes.
-    pub bare: Histogram<u64>,
+    pub bare: Times,
 }
 
 impl Looped {
@@ -104,15 +103,20 @@ impl Looped {
     /// Takes in a step.
     pub(super) fn take(&mut self, step: u64, timing: &Timing, called_ns: u64) {
         self.latency.take(step, timing);
+        if timing.is_final() {
+            return;
+        }
         let received_ns = timing.published_ns;
-        if let Some(ways) = &mut self.ways {
+        if let Some(ways) = &mut self.ways
+            && timing.round_trip_ns > 0
+        {
             let sent_ns = received_ns - timing.round_trip_ns;
             let both = [
                 (&mut ways.sample, called_ns.saturating_sub(sent_ns)),
                 (&mut ways.command, received_ns.saturating_sub(called_ns)),
             ];
             for (way, ns) in both {
-                way.saturating_record(ns);
+                way.record(ns);
             }
         }
         let (first_ns, _) = self.span_ns.unwrap_or((received_ns, received_ns));
@@ -215,7 +219,7 @@ struct Bench {
 
 impl Bench {
     /// The raw limit for frames of N signals.
-    fn raw_limit(&self, signals: usize, trips: Trips) -> Result<Histogram<u64>, Failure> {
+    fn raw_limit(&self, signals: usize, trips: Trips) -> Result<Times, Failure> {
         let there = frame_words(signals);
         let back = frame_words(null::answered_with(signals));
         let (mut plant, mut controller) = raw::pair(there, back);
@@ -232,7 +236,7 @@ impl Bench {
     }
 
     /// The bare exchange of frames of N signals.
-    fn bare_exchange(&self, signals: usize, trips: Trips) -> Result<Histogram<u64>, Failure> {
+    fn bare_exchange(&self, signals: usize, trips: Trips) -> Result<Times, Failure> {
         let mut session = session()?;
         let (_, job) = null::jobs(session.info(), None, 0, &self.realtime, WAIT_LIMIT_S);
         (session.info().write_file(JOB_FILE, &job)).map_err(Failure::infrastructure)?;
@@ -277,9 +281,10 @@ impl Bench {
         let supervision = Supervision::new();
         let mut looped = Looped {
             ways: Some(Ways {
-                sample: histogram(),
-                command: histogram(),
+                sample: Times::default(),
+                command: Times::default(),
             }),
+            latency: Latency::new(rate.is_some()),
             ..Looped::default()
         };
         let meter = Meter {
@@ -353,8 +358,7 @@ impl RecordSink for Meter<'_> {
         let step = words[0];
         let timing = Timing::read_from_bytes(words[self.timing_place..].as_bytes());
         let timing = timing.expect("a whole record");
-        // The last record answers no sample.
-        if step >= self.warm_up && timing.round_trip_ns > 0 {
+        if step >= self.warm_up {
             let called_ns = f64::from_bits(words[self.called_place]) as u64;
             self.looped.take(step, &timing, called_ns);
         }
@@ -421,14 +425,15 @@ mod tests {
     fn the_round_trip_is_split_where_the_law_was_called() {
         let mut looped = Looped {
             ways: Some(Ways {
-                sample: histogram(),
-                command: histogram(),
+                sample: Times::default(),
+                command: Times::default(),
             }),
             ..Looped::default()
         };
         assert_eq!(looped.step_ns(), None);
         for step in 0..5 {
             let timing = Timing {
+                epoch: 1,
                 published_ns: 100_000 + 2_000 * step,
                 round_trip_ns: 1_000,
                 ..Timing::default()
@@ -440,5 +445,21 @@ mod tests {
         assert_eq!((ways.sample.min(), ways.sample.max()), (700, 700));
         assert_eq!((ways.command.min(), ways.command.max()), (300, 300));
         assert_eq!(looped.step_ns(), Some(2_000.0));
+        // A step that went on without a command took its time too; the record after the last step is none.
+        let without = Timing {
+            epoch: 1,
+            held_steps: 1,
+            published_ns: 100_000 + 2_000 * 5 + 3_000,
+            ..Timing::default()
+        };
+        looped.take(5, &without, 0);
+        let after_it = Timing {
+            epoch: 1,
+            published_ns: 900_000,
+            ..Timing::default()
+        };
+        looped.take(6, &after_it, 0);
+        assert_eq!(looped.step_ns(), Some(2_600.0));
+        assert_eq!(looped.ways.expect("split").sample.len(), 5);
     }
 }

@@ -2,10 +2,14 @@
 
 use std::path::Path;
 
+use hil_config::plan::Clock;
 use hil_recording::reader::RunReader;
 
 use super::measurement::{Case, Looped, Sides};
+use crate::results::latency::legs::Latency;
 use crate::results::latency::places::TimingPlaces;
+use crate::results::recorded_run::RecordedRun;
+use crate::results::resumed::first_step;
 use crate::terminal::exit::Failure;
 
 /// Reads a run; its first steps are left out.
@@ -27,14 +31,17 @@ pub fn case(run: &Path, warm_up: u64) -> Result<Case, Failure> {
         .filter(|column| is_sample(&column.name))
         .count();
     let rate = reader.rate().map_err(Failure::usage)?;
+    let recorded = RecordedRun::of(&reader, run).ok();
+    let is_due = recorded.is_some_and(|run| run.plan.run.clock != Clock::Lockstep);
     let mut looped = Looped {
         sides: sides(&reader),
+        latency: Latency::new(is_due),
         ..Looped::default()
     };
+    let first = warm_up.max(first_step(&reader));
     while reader.advance().map_err(Failure::usage)? {
-        let timing = places.timing(reader.words());
-        if reader.step() >= warm_up && timing.round_trip_ns > 0 {
-            looped.take(reader.step(), &timing, 0);
+        if reader.step() >= first {
+            looped.take(reader.step(), &places.timing(reader.words()), 0);
         }
     }
     if let Some(torn) = reader.caveat() {

@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use std::fmt::{self, Write as _};
 use std::path::Path;
 
-use hdrhistogram::Histogram;
 use rustix::thread::{CpuSet, sched_getaffinity};
 use serde::Serialize;
 use shared_types::realtime;
@@ -17,9 +16,10 @@ use super::measurement::{Case, Sides};
 use super::null::answered_with;
 use crate::doctor;
 use crate::results::latency::grade::Graded;
-use crate::results::latency::legs::LatencySummary;
+use crate::results::latency::legs::{LatencySummary, without_command};
 use crate::results::latency::percentiles::Percentiles;
 use crate::results::latency::spikes::Spike;
+use crate::results::latency::times::Times;
 use crate::terminal::duration::shown_ns;
 use crate::terminal::output;
 use crate::terminal::table::{Table, left, right};
@@ -30,6 +30,8 @@ const SCHEMA: u32 = 1;
 const WIDTH: usize = 80;
 /// Columns of a spike's figures.
 const SPIKE_FIGURES: usize = 42;
+/// Columns of a late release's figures.
+const RELEASE_FIGURES: usize = 33;
 /// The payload of the case that stands for all, if it was measured.
 const HEADLINE_SIGNALS: usize = 32;
 
@@ -83,8 +85,12 @@ struct Figures {
     ratio_p50: Option<f64>,
     /// Round trip over bare exchange.
     ratio_bare_p50: Option<f64>,
+    /// Number of steps at which no command came.
+    without_command: u64,
     grade: Option<Graded>,
     spikes: Vec<Spike>,
+    /// The latest releases; empty where nothing is due.
+    late_releases: Vec<Spike>,
 }
 
 impl Figures {
@@ -93,6 +99,7 @@ impl Figures {
         let LatencySummary {
             legs,
             spikes,
+            late_releases,
             grade,
         } = looped.latency.summary();
         let limits = case.limits.as_ref();
@@ -126,8 +133,10 @@ impl Figures {
             bare_exchange_ns: bare,
             ratio_p50: raw.map(ratio),
             ratio_bare_p50: bare.map(ratio),
+            without_command: legs.without_command,
             grade,
             spikes,
+            late_releases,
         }
     }
 
@@ -162,6 +171,9 @@ impl Figures {
         if let Some(step_ns) = self.step_ns {
             let step = shown_ns(step_ns as u64);
             table.line(format!("  a whole step: {step} on average"));
+        }
+        if self.without_command > 0 {
+            table.line(format!("  {}", without_command(self.without_command)));
         }
         table.line(match &self.grade {
             Some(graded) => format!("  {graded}"),
@@ -268,7 +280,7 @@ impl Report {
         let (count, released) = (figures.signals, figures.released());
         writeln!(text, "\nround trip of {count} signals, {released}")?;
         writeln!(text, "(a bar grows with the logarithm of its count)")?;
-        let [(_, round_trip), ..] = case.looped.latency.histograms();
+        let [(_, round_trip), ..] = case.looped.latency.times();
         *text += &bars(round_trip);
         writeln!(
             text,
@@ -288,6 +300,15 @@ impl Report {
                 "{step:>10} {round_trip:>10} {controller:>10} {plant:>8} "
             )?;
             write_wrapped(text, &spike.surroundings(), SPIKE_FIGURES)?;
+        }
+        if !figures.late_releases.is_empty() {
+            writeln!(text, "\nits latest releases")?;
+            writeln!(text, "{:>10} {:>10} {:>10}", "step", "late by", "plant")?;
+        }
+        for spike in &figures.late_releases {
+            let [late, plant] = [spike.late_ns, spike.plant_ns].map(shown_ns);
+            write!(text, "{:>10} {late:>10} {plant:>10} ", spike.step)?;
+            write_wrapped(text, &spike.surroundings(), RELEASE_FIGURES)?;
         }
         Ok(())
     }
@@ -358,11 +379,9 @@ pub(crate) fn csv(cases: &[Case]) -> String {
     let mut limits_of = None;
     for case in cases {
         let rate = case.rate.map_or("max".into(), |rate| rate.hz().to_string());
-        let mut rows = |rate: &str, leg: &str, times_ns: &Histogram<u64>| {
-            for cell in times_ns.iter_recorded() {
-                let from_ns = times_ns.lowest_equivalent(cell.value_iterated_to());
-                let to_ns = times_ns.next_non_equivalent(from_ns);
-                let (signals, count) = (case.signals, cell.count_at_value());
+        let mut rows = |rate: &str, leg: &str, times_ns: &Times| {
+            let signals = case.signals;
+            for (from_ns, to_ns, count) in times_ns.buckets() {
                 // Writing to a string cannot fail.
                 let _ = writeln!(text, "{signals},{rate},{leg},{from_ns},{to_ns},{count}");
             }
@@ -374,7 +393,7 @@ pub(crate) fn csv(cases: &[Case]) -> String {
             rows("", "raw_limit", &limits.raw);
             rows("", "bare_exchange", &limits.bare);
         }
-        for (leg, times_ns) in case.looped.latency.histograms() {
+        for (leg, times_ns) in case.looped.latency.times() {
             rows(&rate, leg, times_ns);
         }
         if let Some(ways) = &case.looped.ways {

@@ -26,14 +26,18 @@ pub(crate) struct Collector {
 }
 
 impl Collector {
-    /// Begins with a run of N steps.
-    pub(crate) fn new(steps: u64, evaluation: Option<RecordEvaluation>) -> Self {
+    /// Begins with a run of N steps; without latency nobody asks for it.
+    pub(crate) fn new(
+        steps: u64,
+        evaluation: Option<RecordEvaluation>,
+        latency: Option<Latency>,
+    ) -> Self {
         Self {
             steps,
             evaluation,
             curve: None,
             recorded: Recorded::begun(),
-            latency: Some(Latency::default()),
+            latency,
             published_ns: None,
             is_past: false,
         }

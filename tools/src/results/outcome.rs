@@ -7,6 +7,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use hil_config::plan::Clock;
 use hil_recording::reader::{ReadError, RunReader};
 use shared_types::record::Outcome;
 
@@ -18,6 +19,7 @@ use crate::results::latency::legs::Latency;
 use crate::results::latency::places::TimingPlaces;
 use crate::results::recorded::Recorded;
 use crate::results::recorded_run::RecordedRun;
+use crate::results::resumed::first_step;
 use crate::results::summary::Summary;
 use crate::terminal::exit::Failure;
 
@@ -67,8 +69,11 @@ impl RecordedOutcome {
             Ok((run, evaluation)) => (Ok(run), evaluation),
             Err(failure) => (Err(failure), None),
         };
-        let steps = run.as_ref().map_or(0, |run| run.plan.run.steps);
-        let mut collector = Collector::new(steps, evaluation);
+        let planned = run.as_ref().ok().map(|run| run.plan.run);
+        let is_due = planned.is_some_and(|run| run.clock != Clock::Lockstep);
+        let steps = planned.map_or(0, |run| run.steps);
+        let mut collector = Collector::new(steps, evaluation, Some(Latency::new(is_due)));
+        let first = first_step(&reader);
         let places = TimingPlaces::of(&reader);
         let mut messages = 0;
         let damage = loop {
@@ -84,6 +89,8 @@ impl RecordedOutcome {
                 Err(error) => break Some(error),
             }
             messages += 1;
+            // Records that were copied from the run before took no time of this one.
+            collector.is_past = reader.step() < first;
             collector.record(reader.words(), &places.timing(reader.words()));
         };
         collector.conclude();

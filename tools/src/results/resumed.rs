@@ -2,10 +2,20 @@
 
 use std::path::Path;
 
+use hil_recording::reader::RunReader;
 use serde::Serialize;
 
 /// The fact that names faults which had begun before a checkpoint and went on with other sizes.
 pub(crate) const CHANGED_FAULTS: &str = "changed_faults";
+
+/// The fact that names the first step of a run that went on from a checkpoint.
+const STEP: &str = "resumed_step";
+
+/// Returns the first step of a recorded run; the records before it are copies of another run's.
+pub(crate) fn first_step(reader: &RunReader) -> u64 {
+    let step = reader.fact(STEP).and_then(|step| step.parse().ok());
+    step.unwrap_or(0)
+}
 
 /// A checkpoint as the summary of its run tells it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -52,7 +62,7 @@ impl Resumed {
         let facts = [
             ("resumed_from", self.checkpoint.clone()),
             ("resumed_session", self.session.clone()),
-            ("resumed_step", self.step.to_string()),
+            (STEP, self.step.to_string()),
             ("resumed_digest", self.digest.clone()),
             (CHANGED_FAULTS, changed.join(", ")),
         ];

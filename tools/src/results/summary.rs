@@ -68,6 +68,8 @@ pub(crate) struct Summary {
     latency_ns: Legs,
     /// The worst round trips, the longest first.
     spikes: Vec<Spike>,
+    /// The latest releases, the latest first; empty in lockstep.
+    late_releases: Vec<Spike>,
     /// Grade of the loop; null if nothing was exchanged.
     grade: Option<Graded>,
     realtime: Realtime,
@@ -307,6 +309,7 @@ impl Summary {
             faults: recorded.faults.faults(&plan.faults, plan.run.rate),
             latency_ns: recorded.latency.legs,
             spikes: recorded.latency.spikes.clone(),
+            late_releases: recorded.latency.late_releases.clone(),
             grade: recorded.latency.grade,
             realtime,
             company: None,

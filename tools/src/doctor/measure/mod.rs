@@ -13,7 +13,6 @@ use std::fmt::{self, Display};
 use std::io;
 use std::num::NonZeroU64;
 
-use hdrhistogram::Histogram;
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
 use super::finding::Grade;
@@ -21,11 +20,6 @@ use super::tree::{Tree, Unread};
 use crate::results::latency::grade::{EXCELLENT_BELOW_NS, GOOD_BELOW_NS, UNFIT_NS};
 use crate::results::latency::percentiles::Percentiles;
 use crate::terminal::duration::shown_ns;
-
-/// Longest time that is told apart: an hour.
-const LONGEST_NS: u64 = 3_600_000_000_000;
-/// Significant decimal digits.
-const DIGITS: u8 = 3;
 
 /// The grade of a longest delay, after the limits that LinuxCNC's users live by.
 #[must_use]
@@ -44,10 +38,6 @@ const fn remark(longest_ns: u64) -> &'static str {
     } else {
         ""
     }
-}
-
-fn histogram() -> Histogram<u64> {
-    Histogram::new_with_bounds(1, LONGEST_NS, DIGITS).expect("the bounds are legal")
 }
 
 /// Median, 99 % and longest.

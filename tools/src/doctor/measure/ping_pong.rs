@@ -8,13 +8,13 @@ use std::io;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc;
 
-use hdrhistogram::Histogram;
 use serde_json::json;
 use shared_types::clock::monotonic_ns;
 
-use super::{Class, Pinned, histogram, shown};
+use super::{Class, Pinned, shown};
 use crate::doctor::finding::{Check, Finding, Grade};
 use crate::results::latency::percentiles::Percentiles;
+use crate::results::latency::times::Times;
 
 const CHECK: Check = Check::new(
     "ping_pong",
@@ -50,7 +50,7 @@ struct Pair {
 ///
 /// # Errors
 /// If a thread may not run on its core.
-pub(crate) fn measure(cores: [u32; 2], seconds: f64) -> io::Result<Histogram<u64>> {
+pub(crate) fn measure(cores: [u32; 2], seconds: f64) -> io::Result<Times> {
     let pair = Pair::default();
     std::thread::scope(|scope| {
         let (ready, is_ready) = mpsc::channel();
@@ -87,8 +87,8 @@ fn answer(pair: &Pair) {
     }
 }
 
-fn ask(pair: &Pair, seconds: f64) -> Histogram<u64> {
-    let mut trips_ns = histogram();
+fn ask(pair: &Pair, seconds: f64) -> Times {
+    let mut trips_ns = Times::default();
     let mut asked_ns = monotonic_ns();
     let end_ns = asked_ns + (seconds * 1e9) as u64;
     for number in 1.. {
@@ -99,7 +99,7 @@ fn ask(pair: &Pair, seconds: f64) -> Histogram<u64> {
         // The end of one trip is the start of the next: one reading of the clock is in each.
         let now_ns = monotonic_ns();
         if number > WARM_UP {
-            trips_ns.saturating_record(now_ns - asked_ns);
+            trips_ns.record(now_ns - asked_ns);
         }
         if now_ns >= end_ns {
             break;
@@ -127,12 +127,7 @@ fn answered(pair: &Pair, number: u64) -> bool {
 
 /// The grade of the exchange: by its median, which tells how far apart the cores are.
 #[must_use]
-pub(crate) fn finding(
-    trips_ns: &Histogram<u64>,
-    cores: [u32; 2],
-    seconds: f64,
-    class: Class,
-) -> Finding {
+pub(crate) fn finding(trips_ns: &Times, cores: [u32; 2], seconds: f64, class: Class) -> Finding {
     let figures = Percentiles::of(trips_ns);
     let grade = match figures.p50 {
         _ if figures.count == 0 => return CHECK.unknown("no answer came"),
@@ -168,15 +163,15 @@ mod tests {
             ([150, 700, 800], Grade::Fair),
             ([400, 1_500, 1_600], Grade::Poor),
         ] {
-            let mut all = histogram();
+            let mut all = Times::default();
             for ns in trips_ns {
-                all.saturating_record(ns);
+                all.record(ns);
             }
             let finding = finding(&all, [0, 1], 1.0, class);
             assert_eq!(finding.grade, grade, "{trips_ns:?}");
         }
         assert_eq!(
-            finding(&histogram(), [0, 1], 1.0, class).grade,
+            finding(&Times::default(), [0, 1], 1.0, class).grade,
             Grade::Unknown
         );
     }

@@ -5,18 +5,18 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
-use hdrhistogram::Histogram;
 use rustix::io::Errno;
 use rustix::thread::clock_nanosleep_absolute;
 use rustix::time::{ClockId, Timespec};
 use serde_json::json;
 use shared_types::clock::monotonic_ns;
 
-use super::{Class, ExactTimers, Pinned, histogram, jitter_grade, remark, shown};
+use super::{Class, ExactTimers, Pinned, jitter_grade, remark, shown};
 use crate::doctor::cores::CoreList;
 use crate::doctor::finding::{Check, Finding};
 use crate::doctor::tree::Root;
 use crate::results::latency::percentiles::Percentiles;
+use crate::results::latency::times::Times;
 
 /// Between two wake-ups.
 const PERIOD_NS: u64 = 1_000_000;
@@ -37,7 +37,7 @@ pub(crate) const LOADED: Check =
 /// Lateness of wake-ups.
 #[derive(Clone, Debug)]
 pub(crate) struct WakeUps {
-    lateness_ns: Histogram<u64>,
+    lateness_ns: Times,
     /// Deadlines that passed during another's delay; each delay counts once.
     missed: u64,
 }
@@ -50,7 +50,7 @@ pub(crate) fn measure(core: u32, seconds: f64) -> io::Result<WakeUps> {
     let _pinned = Pinned::to(core)?;
     let _exact = ExactTimers::set()?;
     let mut wake_ups = WakeUps {
-        lateness_ns: histogram(),
+        lateness_ns: Times::default(),
         missed: 0,
     };
     let mut due_ns = monotonic_ns() + PERIOD_NS;
@@ -65,7 +65,7 @@ pub(crate) fn measure(core: u32, seconds: f64) -> io::Result<WakeUps> {
         wake_ups.missed += missed;
         count += 1;
         if count > WARM_UP {
-            wake_ups.lateness_ns.saturating_record(late_ns);
+            wake_ups.lateness_ns.record(late_ns);
         }
     }
     Ok(wake_ups)
@@ -178,9 +178,9 @@ mod tests {
     }
 
     fn wake_ups(lateness_ns: &[u64]) -> WakeUps {
-        let mut all = histogram();
+        let mut all = Times::default();
         for ns in lateness_ns {
-            all.saturating_record(*ns);
+            all.record(*ns);
         }
         WakeUps {
             lateness_ns: all,
@@ -202,7 +202,10 @@ mod tests {
             assert_eq!(finding.grade, grade, "{latest_ns}");
             assert!(finding.found.contains(found), "{}", finding.found);
             let figures = &finding.measured.expect("measured")["lateness_ns"];
-            assert_eq!(figures["count"], 1000);
+            assert_eq!(
+                (&figures["count"], &figures["max"]),
+                (&1000.into(), &latest_ns.into())
+            );
         }
     }
 

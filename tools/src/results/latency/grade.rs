@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::legs::Legs;
+use super::times::Times;
 use crate::terminal::duration::shown_ns;
 
 /// Under it, a loop is excellent, and the longest delay of a machine good.
@@ -53,7 +53,8 @@ impl Grade {
 }
 
 /// A grade and the figure that it follows from: the 99.99 % of the round trip or, if that is worse, of
-/// the release.
+/// the release. A step without a command ranks behind all round trips: it waited for longer than any command took
+/// that came in its time.
 ///
 /// Not the maximum: that is one step, grows with the length of a run, and on a virtual machine is the
 /// hypervisor's. Not the 99 % either, behind which a hundred steps of a second at 10 kHz can hide.
@@ -78,16 +79,18 @@ pub enum Leg {
 }
 
 impl Graded {
-    /// The grade of some steps; `None` if there were none.
+    /// Grades some steps by their round trips, the number of those without a command and their releases; `None` if
+    /// no command came.
     #[must_use]
-    pub fn of(legs: &Legs) -> Option<Self> {
-        let round_trip = (Leg::RoundTrip, legs.round_trip.p9999);
-        let release = legs.release.map(|late| (Leg::Release, late.p9999));
-        let (leg, p9999_ns) = match release {
-            Some(release) if release.1 > round_trip.1 => release,
-            _ => round_trip,
+    pub(crate) fn of(round_trip: &Times, without_command: u64, release: &Times) -> Option<Self> {
+        const SHARE: f64 = 0.9999;
+        let round_trip_ns = round_trip.at_quantile_with_longer(SHARE, without_command);
+        let release_ns = release.at_quantile(SHARE);
+        let (leg, p9999_ns) = match release_ns > round_trip_ns {
+            true => (Leg::Release, release_ns),
+            false => (Leg::RoundTrip, round_trip_ns),
         };
-        (legs.round_trip.count > 0).then(|| Self {
+        (!round_trip.is_empty()).then(|| Self {
             grade: Grade::of(p9999_ns),
             leg,
             p9999_ns,
@@ -109,22 +112,13 @@ impl fmt::Display for Graded {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::results::latency::percentiles::Percentiles;
 
-    fn legs(round_trip_ns: u64, release_ns: Option<u64>) -> Legs {
-        let figures = |p9999| Percentiles {
-            p9999,
-            max: 9_000_000, // not what decides
-            count: 1,
-            ..Percentiles::default()
-        };
-        Legs {
-            round_trip: figures(round_trip_ns),
-            plant: Percentiles::default(),
-            controller: Percentiles::default(),
-            exchange: Percentiles::default(),
-            release: release_ns.map(figures),
+    fn times(times_ns: impl IntoIterator<Item = u64>) -> Times {
+        let mut all = Times::default();
+        for ns in times_ns {
+            all.record(ns);
         }
+        all
     }
 
     #[test]
@@ -144,19 +138,33 @@ mod tests {
 
     #[test]
     fn the_worse_of_round_trip_and_release_decides() {
-        let of = |round_trip_ns, release_ns| {
-            let graded = Graded::of(&legs(round_trip_ns, release_ns)).expect("graded");
+        let of = |round_trip_ns: u64, release_ns: Option<u64>| {
+            let graded = Graded::of(&times([round_trip_ns]), 0, &times(release_ns));
+            let graded = graded.expect("graded");
             (graded.grade, graded.leg)
         };
         assert_eq!(of(7_000, None), (Grade::Excellent, Leg::RoundTrip));
         assert_eq!(of(7_000, Some(60_000)), (Grade::Usable, Leg::Release));
         assert_eq!(of(30_000, Some(2_000)), (Grade::Good, Leg::RoundTrip));
-        let shown = Graded::of(&legs(600_000, None))
+        let shown = Graded::of(&times([600_000]), 0, &times([]))
             .expect("graded")
             .to_string();
         assert_eq!(
             shown,
             "unfit for servo loops (99.99 % of the round trip: 600 us)"
         );
+    }
+
+    #[test]
+    fn one_step_in_ten_thousand_decides_nothing_and_two_without_a_command_do() {
+        // One command of 20,000 came 40 ms late, after steps that went on without one.
+        let round_trips = times((1..20_000).map(|_| 1_000).chain([40_000_000]));
+        let of = |without_command| {
+            let graded = Graded::of(&round_trips, without_command, &times([]));
+            graded.expect("graded").grade
+        };
+        assert_eq!((of(0), of(1)), (Grade::Excellent, Grade::Excellent));
+        assert_eq!((of(2), of(39)), (Grade::Unfit, Grade::Unfit));
+        assert_eq!(Graded::of(&times([]), 5, &times([1])), None);
     }
 }

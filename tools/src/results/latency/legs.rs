@@ -4,24 +4,28 @@
 //! A leg is what the clocks of one step honestly tell apart. Plant and controller each measure their
 //! own work; what the round trip took besides is the exchange, both ways and the waiting in one.
 
-use hdrhistogram::Histogram;
 use serde::Serialize;
+use shared_types::number::counted;
 use shared_types::record::Timing;
 
 use super::grade::Graded;
-use super::histogram;
 use super::percentiles::Percentiles;
-use super::spikes::{Spike, Spikes};
+use super::spikes::{Order, Spike, Spikes};
+use super::times::Times;
 
 /// The legs of the steps so far and the worst of them.
 #[derive(Clone, Debug)]
 pub struct Latency {
-    round_trip: Histogram<u64>,
-    plant: Histogram<u64>,
-    controller: Histogram<u64>,
-    exchange: Histogram<u64>,
-    release: Histogram<u64>,
+    /// Samples were due at some time, by the clock of the run.
+    is_due: bool,
+    round_trip: Times,
+    plant: Times,
+    controller: Times,
+    exchange: Times,
+    release: Times,
+    without_command: u64,
     spikes: Spikes,
+    late_releases: Spikes,
 }
 
 /// Percentiles of all legs of a step.
@@ -37,6 +41,8 @@ pub struct Legs {
     pub exchange: Percentiles,
     /// Delay of sent samples after the time at which they were due; `None` in lockstep, where nothing is due.
     pub release: Option<Percentiles>,
+    /// Number of steps at which no command came, neither theirs nor a late one: they have no round trip.
+    pub without_command: u64,
 }
 
 /// Percentiles, spikes and grade of a run's latency.
@@ -46,38 +52,61 @@ pub struct LatencySummary {
     pub legs: Legs,
     /// The worst round trips, the longest first.
     pub spikes: Vec<Spike>,
+    /// The latest releases, the latest first; empty in lockstep.
+    pub late_releases: Vec<Spike>,
     /// Grade of the latency; `None` if nothing was exchanged.
     pub grade: Option<Graded>,
 }
 
+/// Counts the steps without a command in words.
+pub(crate) fn without_command(steps: u64) -> String {
+    format!("{} without a command", counted(steps, "step"))
+}
+
 impl Default for Latency {
     fn default() -> Self {
-        Self {
-            round_trip: histogram(),
-            plant: histogram(),
-            controller: histogram(),
-            exchange: histogram(),
-            release: histogram(),
-            spikes: Spikes::default(),
-        }
+        Self::new(false)
     }
 }
 
 impl Latency {
-    /// Takes in the timing of a step.
+    /// Begins a run whose samples are due at some time, or not.
+    #[must_use]
+    pub fn new(is_due: bool) -> Self {
+        Self {
+            is_due,
+            round_trip: Times::default(),
+            plant: Times::default(),
+            controller: Times::default(),
+            exchange: Times::default(),
+            release: Times::default(),
+            without_command: 0,
+            spikes: Spikes::new(Order::RoundTrip),
+            late_releases: Spikes::new(Order::Release),
+        }
+    }
+
+    /// Takes in the timing of a record. Each leg that the record has counts, whatever it lacks besides.
     pub fn take(&mut self, step: u64, timing: &Timing) {
-        if timing.round_trip_ns == 0 {
-            return; // nothing was exchanged: the final record, or no command came
-        }
-        self.round_trip.saturating_record(timing.round_trip_ns);
-        self.controller.saturating_record(timing.controller_ns);
-        let exchange_ns = timing.round_trip_ns.saturating_sub(timing.controller_ns);
-        self.exchange.saturating_record(exchange_ns);
+        // The first record of a run has no step before it. No integration takes 0 ns.
         if timing.plant_ns > 0 {
-            self.plant.saturating_record(timing.plant_ns);
+            self.plant.record(timing.plant_ns);
         }
-        if timing.late_ns > 0 {
-            self.release.saturating_record(timing.late_ns);
+        if timing.is_final() {
+            return;
+        }
+        if timing.round_trip_ns > 0 {
+            self.round_trip.record(timing.round_trip_ns);
+            self.controller.record(timing.controller_ns);
+            let exchange_ns = timing.round_trip_ns.saturating_sub(timing.controller_ns);
+            self.exchange.record(exchange_ns);
+        } else {
+            self.without_command += 1;
+        }
+        // Where the clock is not known, a recording of an older format, only a late sample was due for certain.
+        if self.is_due || timing.late_ns > 0 {
+            self.release.record(timing.late_ns);
+            self.late_releases.take(step, timing);
         }
         self.spikes.take(step, timing);
     }
@@ -92,29 +121,31 @@ impl Latency {
             controller: Percentiles::of(&self.controller),
             exchange: Percentiles::of(&self.exchange),
             release,
+            without_command: self.without_command,
         };
         LatencySummary {
             legs,
             spikes: self.spikes.worst().to_vec(),
-            grade: Graded::of(&legs),
+            late_releases: self.late_releases.worst().to_vec(),
+            grade: Graded::of(&self.round_trip, self.without_command, &self.release),
         }
     }
 
-    /// Steps so far that were answered.
+    /// Returns the number of steps so far.
     #[must_use]
     pub fn steps(&self) -> u64 {
-        self.round_trip.len()
+        self.round_trip.len() + self.without_command
     }
 
-    /// Returns true if samples were due at some time.
+    /// Returns `true` if samples were due at some time.
     #[must_use]
     pub fn is_paced(&self) -> bool {
         !self.release.is_empty()
     }
 
-    /// The histograms of the legs, by name.
+    /// The times of the legs, by name.
     #[must_use]
-    pub fn histograms(&self) -> [(&'static str, &Histogram<u64>); 5] {
+    pub fn times(&self) -> [(&'static str, &Times); 5] {
         [
             ("round_trip", &self.round_trip),
             ("plant", &self.plant),
@@ -128,9 +159,11 @@ impl Latency {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::results::latency::grade::Leg;
 
     fn timing(round_trip_ns: u64, controller_ns: u64, late_ns: u64) -> Timing {
         Timing {
+            epoch: 1,
             round_trip_ns,
             controller_ns,
             late_ns,
@@ -141,23 +174,27 @@ mod tests {
 
     #[test]
     fn the_exchange_is_the_round_trip_without_the_controller() {
-        let mut latency = Latency::default();
+        let mut latency = Latency::new(false);
         for step in 0..99 {
             latency.take(step, &timing(1000, 400, 0));
         }
         latency.take(99, &timing(50_000, 400, 0));
-        latency.take(100, &Timing::default());
+        let after_it = Timing {
+            epoch: 1,
+            ..Timing::default()
+        };
+        latency.take(100, &after_it);
         let LatencySummary { legs, spikes, .. } = latency.summary();
         assert_eq!((legs.exchange.p50, legs.exchange.count), (600, 100));
         assert_eq!((legs.round_trip.p99, legs.plant.max), (1000, 7));
-        assert!(legs.round_trip.max.abs_diff(50_000) <= 50);
+        assert_eq!((legs.round_trip.max, legs.without_command), (50_000, 0));
         assert_eq!((spikes[0].step, spikes[0].round_trip_ns), (99, 50_000));
     }
 
     #[test]
     fn a_release_is_late_only_where_it_was_due() {
-        let mut lockstep = Latency::default();
-        let mut paced = Latency::default();
+        let mut lockstep = Latency::new(false);
+        let mut paced = Latency::new(true);
         for step in 1..=100 {
             lockstep.take(step, &timing(1000, 400, 0));
             paced.take(step, &timing(1000, 400, 10 * step));
@@ -169,8 +206,51 @@ mod tests {
     }
 
     #[test]
+    fn a_release_that_was_exactly_on_time_counts() {
+        let mut paced = Latency::new(true);
+        for step in 0..100 {
+            paced.take(step, &timing(1000, 400, 5 * (step % 2)));
+        }
+        let release = paced.summary().legs.release.expect("paced");
+        assert_eq!((release.count, release.p50, release.max), (100, 0, 5));
+    }
+
+    #[test]
+    fn a_step_without_a_command_keeps_its_release_and_its_integration() {
+        let mut paced = Latency::new(true);
+        for step in 0..990 {
+            paced.take(step, &timing(1000, 400, 20));
+        }
+        // The worst ten: late, after a long integration, and without a command in time.
+        for step in 990..1000 {
+            let missed = Timing {
+                held_steps: step - 989,
+                plant_ns: 6_000_001,
+                ..timing(0, 0, 7_000_003)
+            };
+            paced.take(step, &missed);
+        }
+        let LatencySummary {
+            legs,
+            spikes,
+            late_releases,
+            grade,
+        } = paced.summary();
+        assert_eq!((legs.round_trip.count, legs.without_command), (990, 10));
+        assert_eq!((legs.plant.count, legs.plant.max), (1000, 6_000_001));
+        let release = legs.release.expect("paced");
+        assert_eq!((release.count, release.max), (1000, 7_000_003));
+        assert_eq!((release.p99, release.p999), (20, 7_000_003));
+        assert_eq!(spikes[0].round_trip_ns, 1000);
+        assert_eq!((late_releases[0].step, late_releases.len()), (990, 10));
+        let grade = grade.expect("steps were exchanged");
+        assert_eq!((grade.leg, grade.p9999_ns), (Leg::Release, 7_000_003));
+        assert_eq!(paced.steps(), 1000);
+    }
+
+    #[test]
     fn without_an_exchange_there_is_no_grade() {
-        let summary = Latency::default().summary();
+        let summary = Latency::new(true).summary();
         assert_eq!((summary.grade, summary.spikes.len()), (None, 0));
         assert_eq!(summary.legs.round_trip, Percentiles::default());
     }

@@ -15,12 +15,12 @@ use crate::terminal::duration::shown_ns;
 /// Number of spikes that are kept.
 pub(crate) const KEPT: usize = 10;
 
-/// A step that took long.
+/// A step that took long, or whose sample was sent late.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Spike {
     /// The step.
     pub step: u64,
-    /// From sending its sample to having its command.
+    /// From sending its sample to having its command; 0 where none came.
     pub round_trip_ns: u64,
     /// The controller's part of that.
     pub controller_ns: u64,
@@ -100,6 +100,13 @@ impl Spike {
         }
     }
 
+    /// Step, delay of its sample and surroundings in words.
+    #[must_use]
+    pub fn describe_release(&self) -> String {
+        let (step, late) = (self.step, shown_ns(self.late_ns));
+        format!("step {step}, {late} late; {}", self.surroundings())
+    }
+
     /// Step, size and surroundings in words.
     #[must_use]
     pub fn describe(&self) -> String {
@@ -110,12 +117,38 @@ impl Spike {
     }
 }
 
+/// Time by which steps are the worst.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Order {
+    /// The round trip.
+    RoundTrip,
+    /// The delay of the sent sample.
+    Release,
+}
+
+impl Order {
+    const fn ns(self, spike: &Spike) -> u64 {
+        match self {
+            Self::RoundTrip => spike.round_trip_ns,
+            Self::Release => spike.late_ns,
+        }
+    }
+
+    const fn of(self, timing: &Timing) -> u64 {
+        match self {
+            Self::RoundTrip => timing.round_trip_ns,
+            Self::Release => timing.late_ns,
+        }
+    }
+}
+
 /// The worst steps so far. A step that is none of them costs one comparison.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(crate) struct Spikes {
+    order: Order,
     /// Longest first.
     worst: Vec<Spike>,
-    /// Time that a round trip must exceed to be one of the worst.
+    /// Time that a step must exceed to be one of the worst.
     least_ns: u64,
     before: Option<Looks>,
     open: Option<Open>,
@@ -148,16 +181,29 @@ struct Open {
 }
 
 impl Spikes {
-    /// Takes in the timing of a step that was answered.
+    /// Begins without a step.
+    pub(crate) const fn new(order: Order) -> Self {
+        Self {
+            order,
+            worst: Vec::new(),
+            least_ns: 0,
+            before: None,
+            open: None,
+        }
+    }
+
+    /// Takes in the timing of a step.
     pub(crate) fn take(&mut self, step: u64, timing: &Timing) {
-        if let Some(open) = self.open.take()
+        // A step without a command repeats the look that came with the command before it.
+        if timing.round_trip_ns > 0
+            && let Some(open) = self.open.take()
             && open.before.epoch == timing.epoch
         {
             let spike = &mut self.worst[open.place];
             let seen = Since::between(open.before.controller, timing.controller_surroundings);
             spike.controller_thread = Some(seen);
         }
-        if timing.round_trip_ns > self.least_ns {
+        if self.order.of(timing) > self.least_ns {
             self.keep(step, timing);
         }
         self.before = Some(Looks::of(timing));
@@ -178,12 +224,13 @@ impl Spikes {
                 .map(|before| Since::between(before.controller, timing.controller_surroundings)),
         };
         // Of equals the earlier one comes first.
-        let is_longer = |kept: &Spike| kept.round_trip_ns >= spike.round_trip_ns;
+        let order = self.order;
+        let is_longer = |kept: &Spike| order.ns(kept) >= order.ns(&spike);
         let place = self.worst.partition_point(is_longer);
         self.worst.insert(place, spike);
         self.worst.truncate(KEPT);
         if self.worst.len() == KEPT {
-            self.least_ns = self.worst[KEPT - 1].round_trip_ns;
+            self.least_ns = order.ns(&self.worst[KEPT - 1]);
         }
         self.open = same_controller.map(|before| Open { place, before });
     }
@@ -222,7 +269,7 @@ mod tests {
 
     #[test]
     fn the_ten_longest_are_kept_and_of_equals_the_first() {
-        let mut spikes = Spikes::default();
+        let mut spikes = Spikes::new(Order::RoundTrip);
         // Every round trip from 1000 to 1099 ns twice, in an order that is neither rising nor falling.
         for step in 0..200 {
             spikes.take(step, &timing(1000 + step * 37 % 100, 0, 0));
@@ -233,6 +280,24 @@ mod tests {
         for pair in spikes.worst().chunks(2) {
             assert_eq!(pair[0].step + 100, pair[1].step);
         }
+    }
+
+    #[test]
+    fn the_latest_releases_are_kept_even_of_steps_without_a_command() {
+        let mut spikes = Spikes::new(Order::Release);
+        for step in 0..100 {
+            let missed = step % 2 == 1;
+            let late = Timing {
+                late_ns: step * 100,
+                held_steps: missed.into(),
+                ..timing(if missed { 0 } else { 5_000 }, 0, 0)
+            };
+            spikes.take(step, &late);
+        }
+        let latest = spikes.worst()[0];
+        assert_eq!((latest.step, latest.round_trip_ns), (99, 0));
+        let description = latest.describe_release();
+        assert_eq!(description, "step 99, 9.90 us late; neither thread noticed");
     }
 
     #[test]
@@ -261,7 +326,7 @@ mod tests {
             ),
             (calm.0, calm.1, calm.1, "neither thread noticed"),
         ] {
-            let mut spikes = Spikes::default();
+            let mut spikes = Spikes::new(Order::RoundTrip);
             for step in 0..1000 {
                 spikes.take(step, &timing(1300, calm.0, calm.1));
             }
@@ -280,14 +345,14 @@ mod tests {
 
     #[test]
     fn a_spike_without_a_look_before_it_claims_nothing() {
-        let mut spikes = Spikes::default();
+        let mut spikes = Spikes::new(Order::RoundTrip);
         spikes.take(0, &timing(9000, word(0, 1, 1), word(1, 1, 1)));
         assert_eq!(spikes.worst()[0].surroundings(), "no look before it");
     }
 
     #[test]
     fn another_controller_is_not_compared_with_the_one_before() {
-        let mut spikes = Spikes::default();
+        let mut spikes = Spikes::new(Order::RoundTrip);
         spikes.take(0, &timing(1000, word(0, 1, 1), word(1, 900, 900)));
         let next = Timing {
             epoch: 2,

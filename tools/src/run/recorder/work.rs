@@ -21,6 +21,7 @@ use crate::results::collector::Collector;
 use crate::results::curves::CurveTaker;
 use crate::results::ending;
 use crate::results::evaluation::RecordEvaluation;
+use crate::results::latency::legs::Latency;
 use crate::results::recorded::Recorded;
 use crate::run::realtime;
 use crate::run::recorder::{NAP, RecordingPlan, Shared};
@@ -51,7 +52,11 @@ impl RecorderWork {
         shared: Arc<Shared>,
     ) -> Self {
         Self {
-            collector: Collector::new(plan.run.steps, None),
+            collector: Collector::new(
+                plan.run.steps,
+                None,
+                Some(Latency::new(plan.run.clock != Clock::Lockstep)),
+            ),
             plan,
             recording_plan,
             marks,

@@ -5,10 +5,10 @@
 
 use std::collections::VecDeque;
 
-use hdrhistogram::Histogram;
 use shared_types::record::Timing;
 
 use crate::results::latency::percentiles::Percentiles;
+use crate::results::latency::times::Times;
 
 /// Time over which the speed is computed, in ns.
 const SPEED_NS: u64 = 2_000_000_000;
@@ -16,8 +16,8 @@ const SPEED_NS: u64 = 2_000_000_000;
 const KEPT_NS: u64 = 50_000_000;
 /// Time over which the percentiles are computed, in s.
 pub(crate) const SECONDS: u64 = 5;
-/// Longest latency that is told apart: a minute.
-const LONGEST_NS: u64 = 60_000_000_000;
+/// Significant digits of the percentiles: they are added up for each picture.
+const DIGITS: u8 = 2;
 
 /// The newest figures of a run.
 pub(crate) struct Pace {
@@ -25,18 +25,19 @@ pub(crate) struct Pace {
     moments: VecDeque<(u64, u64)>,
     newest: Option<(u64, u64)>,
     /// The round trips of each of the last seconds, at its number modulo their count.
-    seconds: Vec<(u64, Histogram<u64>)>,
+    seconds: Vec<(u64, Times)>,
     /// Steps whose command did not come in time, of those that were seen.
     pub held: u64,
 }
 
 impl Default for Pace {
     fn default() -> Self {
-        let histogram = || Histogram::new_with_bounds(1, LONGEST_NS, 2).expect("legal bounds");
         Self {
             moments: VecDeque::new(),
             newest: None,
-            seconds: (0..SECONDS).map(|_| (0, histogram())).collect(),
+            seconds: (0..SECONDS)
+                .map(|_| (0, Times::with_digits(DIGITS)))
+                .collect(),
             held: 0,
         }
     }
@@ -64,7 +65,7 @@ impl Pace {
             *of = second;
             times.reset();
         }
-        times.saturating_record(timing.round_trip_ns);
+        times.record(timing.round_trip_ns);
     }
 
     /// Steps per second; 0 if the newest step is a second old, `None` before there are two moments.
@@ -82,11 +83,10 @@ impl Pace {
     #[must_use]
     pub(crate) fn round_trips(&self) -> Option<Percentiles> {
         let newest = self.seconds.iter().map(|(second, _)| *second).max()?;
-        let mut all = self.seconds[0].1.clone();
-        all.reset();
+        let mut all = Times::with_digits(DIGITS);
         for (second, times) in &self.seconds {
             if *second + SECONDS > newest {
-                all.add(times).ok()?;
+                all.add(times);
             }
         }
         (!all.is_empty()).then(|| Percentiles::of(&all))
@@ -129,7 +129,7 @@ mod tests {
         pace.take(1, &timing(4_000_000_000, 100));
         pace.take(2, &timing(5_500_000_000, 0));
         let both = pace.round_trips().expect("two");
-        assert_eq!((both.count, both.p50, both.max / 10), (2, 100, 90));
+        assert_eq!((both.count, both.p50, both.max), (2, 100, 900));
         pace.take(3, &timing(6_000_000_000, 100));
         let newer = pace.round_trips().expect("two");
         assert_eq!((newer.count, newer.max), (2, 100));

@@ -4,7 +4,6 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use hdrhistogram::Histogram;
 use serde::Serialize;
 use shared_types::record::ControllerFate;
 use shared_types::time::Step;
@@ -14,6 +13,7 @@ use super::grid::Grid;
 use super::plots::Plot;
 use super::run::{Run, Signals};
 use crate::benchmark::bars::classes;
+use crate::results::latency::times::Times;
 
 /// All of it.
 #[derive(Debug, Serialize)]
@@ -150,7 +150,7 @@ impl RunData {
             at_s: run.rate.seconds(Step(spike.step)),
             ns: spike.round_trip_ns,
         });
-        let histograms = run.outcome.latency.histograms().into_iter();
+        let histograms = run.outcome.latency.times().into_iter();
         let histograms = histograms
             .filter(|(_, times)| !times.is_empty())
             .map(|(leg, times)| HistogramData::new(leg, times));
@@ -168,7 +168,7 @@ impl RunData {
 }
 
 impl HistogramData {
-    fn new(leg: &'static str, times: &Histogram<u64>) -> Self {
+    fn new(leg: &'static str, times: &Times) -> Self {
         let (mut from_ns, mut count) = (Vec::new(), Vec::new());
         let mut end_ns = None;
         for ((from, to), steps) in classes(times) {
