@@ -73,6 +73,15 @@ pub struct Plan {
     pub programs: Programs,
 }
 
+impl Plan {
+    /// Returns `true` if the run follows a clock, or asks the system for real-time settings: its latency is then more
+    /// than the speed at which it happened to run.
+    #[must_use]
+    pub fn asks_for_timing(&self) -> bool {
+        self.run.clock != Clock::Lockstep || self.realtime != Realtime::default()
+    }
+}
+
 /// The programs that a scenario names, as absolute paths; a side without one has the program beside
 /// `hil`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

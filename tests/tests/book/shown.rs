@@ -24,7 +24,7 @@ pub(super) fn compare(shown: &str, found: &str) -> Result<(), String> {
 /// The words of a line that are the same in every run.
 fn stable(line: &str) -> Vec<&str> {
     let words: Vec<&str> = line.split_ascii_whitespace().collect();
-    if let Some(start) = ["round trip", "worst:"]
+    if let Some(start) = ["round trip", "worst:", "late by", "latest:"]
         .into_iter()
         .find(|start| line.trim_start().starts_with(start))
     {

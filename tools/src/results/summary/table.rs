@@ -10,6 +10,8 @@ use shared_types::record::RunEnd;
 use super::{ChangeAt, MarkAt, Metric, Missed, Recording, Summary};
 use crate::results::company::Company;
 use crate::results::handover::Laws;
+use crate::results::latency::legs::without_command;
+use crate::results::latency::percentiles::Percentiles;
 use crate::results::requirements;
 use crate::terminal::duration::shown_ns;
 use crate::terminal::output;
@@ -109,7 +111,7 @@ impl Summary {
         }
         write_metrics(text, &self.metrics, plan, &self.laws, self.steps)?;
         requirements::write(text, &self.requirements)?;
-        self.write_latency(text)?;
+        self.write_latency(text, plan.asks_for_timing())?;
         writeln!(text, "  {}", self.realtime.describe())?;
         if let Some(company) = self.company.filter(Company::is_worth_telling) {
             writeln!(text, "  {company}")?;
@@ -153,22 +155,37 @@ impl Summary {
         }
     }
 
-    /// Two lines: how long steps took, and the worst with its cause.
-    fn write_latency(&self, text: &mut String) -> std::fmt::Result {
-        let (Some(graded), trip) = (&self.grade, &self.latency_ns.round_trip) else {
+    /// Writes how long steps took: one line, or if the run asked for timing the grade besides, the releases and the
+    /// worst of both with their causes.
+    fn write_latency(&self, text: &mut String, asks_for_timing: bool) -> std::fmt::Result {
+        let (Some(graded), legs) = (&self.grade, &self.latency_ns) else {
             return Ok(());
         };
-        let [p50, p99, p9999, max] = [trip.p50, trip.p99, trip.p9999, trip.max].map(shown_ns);
-        let grade = graded.grade.words();
-        writeln!(
-            text,
-            "  round trip {p50} p50, {p99} p99, {p9999} p99.99, {max} max: {grade}"
-        )?;
-        match self.spikes.first() {
-            Some(worst) => writeln!(text, "  worst: {}", worst.describe()),
+        write!(text, "  round trip {}", figures(&legs.round_trip))?;
+        if legs.without_command > 0 {
+            write!(text, ", {}", without_command(legs.without_command))?;
+        }
+        if !asks_for_timing {
+            return writeln!(text);
+        }
+        writeln!(text, ": {}", graded.grade.words())?;
+        if let Some(worst) = self.spikes.first() {
+            writeln!(text, "  worst: {}", worst.describe())?;
+        }
+        if let Some(release) = &legs.release {
+            writeln!(text, "  late by {}", figures(release))?;
+        }
+        match self.late_releases.first() {
+            Some(latest) => writeln!(text, "  latest: {}", latest.describe_release()),
             None => Ok(()),
         }
     }
+}
+
+/// Lists the figures of a leg in one line.
+fn figures(leg: &Percentiles) -> String {
+    let [p50, p99, p9999, max] = [leg.p50, leg.p99, leg.p9999, leg.max].map(shown_ns);
+    format!("{p50} p50, {p99} p99, {p9999} p99.99, {max} max")
 }
 
 /// The table of metrics after N steps, with what others published beside it.

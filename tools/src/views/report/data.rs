@@ -152,6 +152,7 @@ impl RunData {
         });
         let histograms = run.outcome.latency.times().into_iter();
         let histograms = histograms
+            .filter(|(leg, _)| run.asks_for_timing() || *leg == "round_trip")
             .filter(|(_, times)| !times.is_empty())
             .map(|(leg, times)| HistogramData::new(leg, times));
         Self {

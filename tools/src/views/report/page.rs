@@ -38,7 +38,6 @@ pub(super) fn page(runs: &[Run], plots: &[Plot], data: &Data) -> Result<String, 
                 h2 { "Latency" }
                 (tables::latency(runs))
                 div.plots #histograms {}
-                h3 { "The longest round trips" }
                 (tables::spikes(runs))
             }
             section #provenance { h2 { "Provenance" } (tables::provenance(runs)) }

@@ -156,6 +156,11 @@ impl Run {
         self.recorded_run.as_ref().map(|run| &run.plan)
     }
 
+    /// Returns `true` if the run asked for timing, as far as its scenario can be understood.
+    pub(super) fn asks_for_timing(&self) -> bool {
+        self.plan().is_none_or(Plan::asks_for_timing)
+    }
+
     /// A fact that was written down before the run.
     pub(super) fn fact(&self, name: &str) -> &str {
         self.outcome.reader.fact(name).unwrap_or_default()

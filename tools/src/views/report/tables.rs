@@ -8,7 +8,9 @@ use shared_types::number::{short, short_in};
 use shared_types::time::Step;
 
 use super::run::{Run, distinct};
+use crate::results::latency::legs::{LatencySummary, without_command};
 use crate::results::latency::percentiles::Percentiles;
+use crate::results::latency::spikes::Spike;
 use crate::results::requirements::Requirement;
 use crate::results::summary::{Metric, of_law};
 use crate::terminal::duration::shown_ns;
@@ -218,7 +220,7 @@ fn changed(change: &shared_types::record::ControllerChange) -> String {
     }
 }
 
-/// Percentiles of each leg and the worst steps.
+/// Percentiles of each leg, with the grade; of a run that asked for no timing those of the round trip alone.
 pub(super) fn latency(runs: &[Run]) -> Markup {
     html! {
         div.scroll tabindex="0" { table {
@@ -228,8 +230,9 @@ pub(super) fn latency(runs: &[Run]) -> Markup {
             } }
             tbody { @for (number, run) in runs.iter().enumerate() {
                 @let legs = run.outcome.recorded.latency.legs;
+                @let shown = if run.asks_for_timing() { 5 } else { 1 };
                 @let all = [("round trip", Some(legs.round_trip)), ("controller", Some(legs.controller)), ("exchange", Some(legs.exchange)), ("plant", Some(legs.plant)), ("late by", legs.release)];
-                @for (leg, times) in all { @if let Some(times) = times.filter(|times| times.count > 0) { tr {
+                @for (leg, times) in all.into_iter().take(shown) { @if let Some(times) = times.filter(|times| times.count > 0) { tr {
                     th scope="row" { (swatch(number)) (run.label) }
                     td { (leg) }
                     (percentiles(&times))
@@ -237,7 +240,11 @@ pub(super) fn latency(runs: &[Run]) -> Markup {
             } }
         } }
         @for (number, run) in runs.iter().enumerate() {
-            @if let Some(graded) = &run.outcome.recorded.latency.grade {
+            @let latency = &run.outcome.recorded.latency;
+            @if latency.legs.without_command > 0 {
+                p { (swatch(number)) (run.label) ": " (without_command(latency.legs.without_command)) "." }
+            }
+            @if let Some(graded) = latency.grade.as_ref().filter(|_| run.asks_for_timing()) {
                 p { (swatch(number)) (run.label) ": " (graded.grade.words()) ", by the limits that users of machine control live by." }
             }
         }
@@ -251,22 +258,35 @@ fn percentiles(times: &Percentiles) -> Markup {
     }
 }
 
-/// The worst steps with what surrounded them.
+/// The worst steps of runs that asked for timing, with what surrounded them: by the round trip, and by the release.
 pub(super) fn spikes(runs: &[Run]) -> Markup {
+    type Of = fn(&LatencySummary) -> &[Spike];
+    let lists: [(&str, Of); 2] = [
+        ("The longest round trips", |latency| &latency.spikes),
+        ("The latest releases", |latency| &latency.late_releases),
+    ];
+    let runs = (runs.iter().enumerate()).filter(|(_, run)| run.asks_for_timing());
     html! {
-        div.scroll tabindex="0" { table {
-            thead { tr { th { "run" } th.n { "step" } th.n { "time" } th.n { "round trip" } th.n { "controller" } th { "meanwhile" } } }
-            tbody { @for (number, run) in runs.iter().enumerate() {
-                @for spike in &run.outcome.recorded.latency.spikes { tr {
-                    th scope="row" { (swatch(number)) (run.label) }
-                    td.n { (spike.step) }
-                    td.n { (seconds(run.rate.seconds(Step(spike.step)))) " s" }
-                    td.n { (shown_ns(spike.round_trip_ns)) }
-                    td.n { (shown_ns(spike.controller_ns)) }
-                    td { (spike.surroundings()) }
+        @for (title, of) in lists {
+            @let rows = runs.clone().flat_map(|(number, run)| {
+                of(&run.outcome.recorded.latency).iter().map(move |spike| (number, run, spike))
+            });
+            @if rows.clone().next().is_some() {
+                h3 { (title) }
+                div.scroll tabindex="0" { table {
+                    thead { tr { th { "run" } th.n { "step" } th.n { "time" } th.n { "round trip" } th.n { "controller" } th.n { "late by" } th { "meanwhile" } } }
+                    tbody { @for (number, run, spike) in rows { tr {
+                        th scope="row" { (swatch(number)) (run.label) }
+                        td.n { (spike.step) }
+                        td.n { (seconds(run.rate.seconds(Step(spike.step)))) " s" }
+                        td.n { @if spike.round_trip_ns > 0 { (shown_ns(spike.round_trip_ns)) } }
+                        td.n { (shown_ns(spike.controller_ns)) }
+                        td.n { (shown_ns(spike.late_ns)) }
+                        td { (spike.surroundings()) }
+                    } } }
                 } }
-            } }
-        } }
+            }
+        }
     }
 }
 
