@@ -29,6 +29,9 @@ pub struct Imported {
     /// Variables that became neither signal nor parameter.
     #[serde(default)]
     pub left_out: Vec<LeftOut>,
+    /// Attributes of the model that make no sense and are ignored.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
 }
 
 /// An output that depends directly on inputs: it shows the command of the step before.

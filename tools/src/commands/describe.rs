@@ -190,6 +190,12 @@ fn write_imported(text: &mut String, imported: &Imported) -> Written {
     for left_out in &imported.left_out {
         writeln!(text, "  {}: {}", left_out.name, left_out.reason)?;
     }
+    if !imported.notes.is_empty() {
+        writeln!(text, "\nslips in the model description:")?;
+    }
+    for note in &imported.notes {
+        writeln!(text, "  {note}")?;
+    }
     Ok(())
 }
 

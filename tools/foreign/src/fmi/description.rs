@@ -61,7 +61,7 @@ pub struct ModelDescription {
     pub identifier: String,
     /// True if the FMU's state can be taken, put back and written as bytes.
     pub saves: bool,
-    /// Step of the FMU's own solver in s, if that is fixed and told.
+    /// Step of the FMU's own solver in s, above 0, if that is fixed and told.
     pub internal_step_s: Option<f64>,
     /// Categories of messages.
     pub categories: Vec<String>,
@@ -71,6 +71,8 @@ pub struct ModelDescription {
     pub variables: Vec<Variable>,
     /// For each output that the model structure names, the variables it depends on directly.
     pub dependencies: Vec<Dependency>,
+    /// Attributes that the standard does not allow and that count as left out.
+    pub notes: Vec<String>,
 }
 
 /// A unit, in terms of base units.

@@ -288,6 +288,7 @@ fn imported(model: &ModelDescription, units: &Units<'_>) -> Imported {
         format: format!("{} co-simulation", model.version),
         tool: line(&model.tool, LONGEST_TEXT),
         internal_step_s: model.internal_step_s,
+        notes: model.notes.clone(),
         units: units.defined(model),
         ..Imported::default()
     }

@@ -53,7 +53,14 @@ impl ModelDescription {
             Version::Two => ["canGetAndSetFMUstate", "canSerializeFMUstate"],
             Version::Three => ["canGetAndSetFMUState", "canSerializeFMUState"],
         };
-        let variables = variables(&root, version)?;
+        let mut variables = variables(&root, version)?;
+        let units = units(&root)?;
+        let mut notes = Vec::new();
+        let internal_step_s = positive(simulation, "fixedInternalStepSize", &mut notes);
+        notes.extend(units.iter().filter_map(unusable_unit));
+        for variable in &mut variables {
+            drop_bounds(variable, &mut notes);
+        }
         let token = match version {
             Version::Two => root.needed("guid")?,
             Version::Three => root.needed("instantiationToken")?,
@@ -71,14 +78,49 @@ impl ModelDescription {
             token: token.into(),
             identifier: identifier.into(),
             saves: simulation.flag(state[0])? && simulation.flag(state[1])?,
-            internal_step_s: simulation.value("fixedInternalStepSize")?,
+            internal_step_s,
             categories: (root.list("LogCategories").iter())
                 .filter_map(|category| category.text("name").map(str::to_owned))
                 .collect(),
-            units: units(&root)?,
+            units,
             dependencies: dependencies(&root, version, &variables)?,
             variables,
+            notes,
         })
+    }
+}
+
+/// Reads a number that the standard wants above 0. Another one is a slip of the tool, as good as none, and noted.
+fn positive(element: &Element, name: &str, notes: &mut Vec<String>) -> Option<f64> {
+    let text = element.text(name)?;
+    let number: Option<f64> = text.trim().parse().ok();
+    let usable = number.filter(|number| number.is_finite() && *number > 0.0);
+    if usable.is_none() {
+        let (element, text) = (&element.name, shortened(text));
+        notes.push(format!(
+            "`{name}` of {element} is {text:?} and not a number above 0; it is ignored"
+        ));
+    }
+    usable
+}
+
+/// Notes a unit whose definition converts nothing.
+fn unusable_unit(unit: &Unit) -> Option<String> {
+    let BaseUnit { factor, offset, .. } = unit.base?;
+    let is_usable = factor.is_finite() && factor != 0.0 && offset.is_finite();
+    let name = shortened(&unit.name);
+    (!is_usable).then(|| {
+        format!("unit {name:?} has the factor {factor} and the offset {offset}; nothing is converted by it")
+    })
+}
+
+/// Drops bounds that are not numbers.
+fn drop_bounds(variable: &mut Variable, notes: &mut Vec<String>) {
+    let name = shortened(&variable.name);
+    for (which, bound) in [("min", &mut variable.min), ("max", &mut variable.max)] {
+        if bound.take_if(|bound| bound.is_nan()).is_some() {
+            notes.push(format!("`{which}` of {name:?} is NaN; it is ignored"));
+        }
     }
 }
 

@@ -210,3 +210,47 @@ fn a_whole_number_that_no_signal_can_carry_is_no_start_value() {
     one("9007199254740992").expect("2^53");
     one("9007199254740993").expect_err("2^53 + 1");
 }
+
+#[test]
+fn an_internal_step_that_is_no_positive_number_is_noted_and_ignored() {
+    let of = |step: &str| {
+        let text = three("").replace(
+            "modelIdentifier=\"m\"/>",
+            &format!("modelIdentifier=\"m\" fixedInternalStepSize=\"{step}\"/>"),
+        );
+        ModelDescription::read(&text).expect("sound")
+    };
+    let sound = of("0.001");
+    assert_eq!((sound.internal_step_s, sound.notes.len()), (Some(0.001), 0));
+    for step in [
+        "0", "-0.0", "-1", "NaN", "INF", "1e999", "", "fast", "0,001",
+    ] {
+        let slip = of(step);
+        assert_eq!(slip.internal_step_s, None, "{step}");
+        let note = format!(
+            "`fixedInternalStepSize` of CoSimulation is {step:?} and not a number above 0; it is ignored"
+        );
+        assert_eq!(slip.notes, [note]);
+    }
+}
+
+#[test]
+fn bounds_and_units_that_are_no_numbers_are_noted() {
+    let slips = read(
+        "<UnitDefinitions><Unit name=\"bar\"><BaseUnit kg=\"1\" m=\"-1\" s=\"-2\" factor=\"0\"/></Unit>\
+         <Unit name=\"degC\"><BaseUnit K=\"1\" offset=\"NaN\"/></Unit>\
+         <Unit name=\"kPa\"><BaseUnit kg=\"1\" m=\"-1\" s=\"-2\" factor=\"1000\"/></Unit></UnitDefinitions>\
+         <ModelVariables><Float64 name=\"x\" valueReference=\"1\" min=\"NaN\" max=\"2\"/></ModelVariables>",
+    )
+    .expect("sound");
+    let x = &slips.variables[0];
+    assert_eq!((x.min, x.max), (None, Some(2.0)));
+    assert_eq!(
+        slips.notes,
+        [
+            "unit \"bar\" has the factor 0 and the offset 0; nothing is converted by it",
+            "unit \"degC\" has the factor 1 and the offset NaN; nothing is converted by it",
+            "`min` of \"x\" is NaN; it is ignored",
+        ]
+    );
+}
