@@ -2,6 +2,7 @@
 
 mod connected;
 mod deeds;
+mod modes;
 
 use std::fmt::Write;
 use std::mem::offset_of;

@@ -49,6 +49,22 @@ fn an_endless_loop_is_named_by_the_wait_limit() {
 }
 
 #[test]
+fn a_rounding_mode_that_an_fmu_leaves_behind_is_named_and_changes_no_digest() {
+    let Some(place) = Place::new() else { return };
+    place.fmu("p.fmu", &proportional());
+    let plain = place.run(AS_CONTROLLER, "").expect(0);
+    let run = place
+        .run(AS_CONTROLLER, "--set controller.proportional.trouble=13")
+        .expect(0);
+    assert_eq!(run.digest(), plain.digest());
+    let warning = "warning: `DoStep` left the floating-point unit at rounding up";
+    let log = std::fs::read_to_string(run.folder.join("controller.log")).expect("a log");
+    assert_eq!(log.matches(warning).count(), 1, "{log}");
+    let line = format!("controller: {warning}");
+    assert!(run.stderr.contains(&line), "{}", run.stderr);
+}
+
+#[test]
 fn a_killed_fmu_is_lost_by_name_with_its_last_message() {
     let Some(place) = Place::new() else { return };
     place.fmu("p.fmu", &proportional());

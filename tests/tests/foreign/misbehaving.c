@@ -1,12 +1,14 @@
 /* A plant and a controller in C that do everything wrong, each deed at its hundredth step; which one it is its file's
  * name says. `MISTAKE` in the environment makes its tables wrong instead. Used by the tests of C programs. */
+#include <fenv.h>
 #include <hil.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { BEHAVES, CRASHES, ABORTS, LEAVES, LOOPS, IS_NO_NUMBER, FORGETS, DIVERGES, FAILS, IS_SILENT, OVERRUNS, TALKS };
+enum { BEHAVES, CRASHES, ABORTS, LEAVES, LOOPS, IS_NO_NUMBER, FORGETS, DIVERGES, FAILS, IS_SILENT, OVERRUNS, TALKS, ROUNDS_UP,
+       FLUSHES };
 
 static hil_parameter parameters[] = {{"deed", "1", "What it does.", 0.0, 0.0, 20.0, 0}};
 static hil_signal truth[] = {{"x_m", "m", "Position.", 0.0, 0.0}, {"v_mps", "m/s", "Velocity.", 0.0, 0.0}};
@@ -19,8 +21,28 @@ struct side {
     int calls;
 };
 
+/* Numbers of the order of 1e-310 become 0. */
+static void flush_to_zero(void) {
+#if defined(__x86_64__)
+    unsigned word;
+    __asm__ volatile("stmxcsr %0" : "=m"(word));
+    word |= 0x8040;
+    __asm__ volatile("ldmxcsr %0" : : "m"(word));
+#elif defined(__aarch64__)
+    unsigned long word;
+    __asm__ volatile("mrs %0, fpcr" : "=r"(word));
+    __asm__ volatile("msr fpcr, %0" : : "r"(word | 1ul << 24));
+#endif
+}
+
 static int does(const struct side *side, double *row) {
     volatile double *volatile nowhere = NULL;
+    if (side->calls >= 100 && (int)side->deed == ROUNDS_UP) {
+        fesetround(FE_UPWARD);
+    }
+    if (side->calls >= 100 && (int)side->deed == FLUSHES) {
+        flush_to_zero();
+    }
     if (side->calls != 100) {
         return HIL_OK;
     }
@@ -80,8 +102,9 @@ static int measure(const void *self, double *row) {
 }
 static int tell_truth(const void *self, double time_s, const double *command, double *row) {
     (void)time_s;
+    volatile double tiny = 1e-310;
     row[0] = ((const struct side *)self)->calls;
-    row[1] = command[0];
+    row[1] = command[0] + row[0] / 3.0 + 1e300 * (1e8 * (row[0] * tiny));
     return HIL_OK;
 }
 static int advance(void *self, const hil_interval *interval, const double *command) {
@@ -91,7 +114,8 @@ static int advance(void *self, const hil_interval *interval, const double *comma
 }
 static int step(void *self, const hil_sample *sample, double *command, double *internal) {
     struct side *side = self;
-    internal[0] = side->calls;
+    volatile double tiny = 1e-310;
+    internal[0] = side->calls + 1e300 * (1e8 * (side->calls * tiny));
     command[0] = 0.1 * sample->time_s;
     const int status = does(side, command);
     side->calls++;

@@ -7,16 +7,40 @@
  * Rows that a callback writes hold NaN before: a value that is forgotten is named.
  *
  * For one digest everywhere: no clock, no file, no random number; hil_sin and its like below in place of those of
- * <math.h>, whose last bit depends on the machine; and compile with -ffp-contract=off.
+ * <math.h>, whose last bit depends on the machine; and compile with -ffp-contract=off. After each callback the library
+ * puts the rounding mode and flush-to-zero back to the default.
  */
 #ifndef HIL_H
 #define HIL_H
 
+#include <float.h>
 #include <stddef.h>
 #include <stdint.h>
 
 #ifdef __FAST_MATH__
 #error "-ffast-math changes digests; compile without it"
+#endif
+#ifdef __ASSOCIATIVE_MATH__
+#error "-fassociative-math and -funsafe-math-optimizations change digests; compile without them"
+#endif
+#ifdef __RECIPROCAL_MATH__
+#error "-freciprocal-math and -funsafe-math-optimizations change digests; compile without them"
+#endif
+#ifdef __NO_SIGNED_ZEROS__
+#error "-fno-signed-zeros changes digests; compile without it"
+#endif
+#if defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__
+#error "-ffinite-math-only changes digests; compile without it"
+#endif
+#if defined(FLT_EVAL_METHOD) && FLT_EVAL_METHOD != 0
+#error "double has to be computed as double, not as on the x87 unit; compile for SSE2, without -mfpmath=387"
+#endif
+#ifdef __clang__
+/* Clang has no macros for most of these options: this switches them off in the rest of the file. */
+#pragma clang fp contract(off)
+#if __clang_major__ >= 18
+#pragma clang fp reassociate(off) reciprocal(off)
+#endif
 #endif
 
 #ifdef __cplusplus

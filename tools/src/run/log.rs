@@ -125,6 +125,14 @@ impl Log {
         Some(line.to_owned())
     }
 
+    /// The warnings that its process wrote, printable, at most as many as an excerpt has lines.
+    pub(super) fn warnings(&self) -> Vec<String> {
+        let content = self.read(0, KEPT_BYTES);
+        let content = String::from_utf8_lossy(&content);
+        let warnings = content.lines().filter(|line| line.starts_with("warning: "));
+        warnings.map(text::line).take(EXCERPT).collect()
+    }
+
     /// The first and last lines, printable: a panic's message comes before its backtrace.
     pub(super) fn excerpt(&self) -> String {
         let is_short = self.length() <= 2 * READ_BYTES;
@@ -172,6 +180,20 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let log = Log::create(folder.path().join("plant.log")).expect("a log");
         (folder, log)
+    }
+
+    #[test]
+    fn warnings_are_picked_out_of_a_log_and_bounded() {
+        let (_folder, log) = log();
+        let mut process = log.output().expect("a file");
+        process
+            .write_all(b"admitted\nwarning: one\x1b[2J\nno warning: here\n")
+            .expect("written");
+        let fffd = char::REPLACEMENT_CHARACTER;
+        assert_eq!(log.warnings(), [format!("warning: one{fffd}[2J")]);
+        let many = "warning: again\n".repeat(1000);
+        process.write_all(many.as_bytes()).expect("written");
+        assert_eq!(log.warnings().len(), EXCERPT);
     }
 
     #[test]

@@ -137,11 +137,11 @@ pub(super) fn run(
         Outcome::Diverged => !prepared.settings.is_one_of_many,
         Outcome::Failed => true,
     };
-    if is_shown {
-        for side in [&plant, controller] {
-            if let Some(shown) = side.shown_log() {
-                output::tell(&format!("{shown}\n"));
-            }
+    for (name, side) in [("plant", &plant), ("controller", controller)] {
+        match side.shown_log().filter(|_| is_shown) {
+            Some(shown) => output::tell(&format!("{shown}\n")),
+            None if prepared.settings.is_one_of_many => {}
+            None => (side.warnings().iter()).for_each(|warning| tell!("{name}: {warning}")),
         }
     }
     Ok(ended)

@@ -261,6 +261,11 @@ impl SideProcess {
         self.log.as_ref().and_then(Log::last_word)
     }
 
+    /// The warnings that it wrote to its log.
+    pub(super) fn warnings(&self) -> Vec<String> {
+        self.log.as_ref().map(Log::warnings).unwrap_or_default()
+    }
+
     /// The file of its output and the first and last lines of that, if there is any.
     pub(super) fn shown_log(&self) -> Option<String> {
         let log = self.log.as_ref()?;

@@ -9,6 +9,7 @@ use super::interface::{Answer, Controller, RetuneLaw, Sample, Setup};
 use super::memory::{Memory, Saving};
 use super::reason::outcome;
 use super::tables::{check_form, parameters, required, saving, signals, text};
+use crate::float_modes;
 
 /// Functions of a controller and the lengths of its rows.
 #[derive(Clone, Copy, Debug)]
@@ -146,6 +147,7 @@ impl Law for InC {
         let jumps = transition == Transition::Step;
         // SAFETY: the callback is that of this memory, which has started, and the rows are as long as their tables.
         unsafe { retune(self.memory.change(), &setup, jumps.into()) }
+        float_modes::settle("retune");
     }
 
     fn save(&self) -> Result<State, Invalid> {

@@ -8,6 +8,7 @@ use shared_types::time;
 
 use super::interface::{Interval, OK, Rates};
 use super::reason::hil_failed;
+use crate::float_modes;
 
 macro_rules! same_everywhere {
     ($($name:ident($($x:ident),+) = $function:path;)*) => {
@@ -106,6 +107,7 @@ unsafe fn padded<const N: usize>(
         let mut dx = [0.0; N];
         // SAFETY: both arrays have room for at least as many numbers as the state.
         unsafe { rates(context, time_s, x.as_ptr(), dx.as_mut_ptr()) };
+        float_modes::settle("rates");
         // One by one, as they were written: a wider load would wait until all have left the store buffer.
         let dx = dx.each_ref();
         // SAFETY: a reference is valid for reads.

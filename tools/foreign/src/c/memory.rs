@@ -7,6 +7,7 @@ use shared_types::state::State;
 
 use super::interface::{End, Restore, Save};
 use super::reason::outcome;
+use crate::float_modes;
 
 /// Largest `self`, far beyond what a model needs.
 pub(super) const MOST_BYTES: usize = 1 << 32;
@@ -86,6 +87,7 @@ impl Drop for Memory {
         if let Some(end) = self.end {
             // SAFETY: the callback is that of this memory, which has started, and nothing is called after it.
             unsafe { end(self.change()) };
+            float_modes::settle("end");
         }
     }
 }

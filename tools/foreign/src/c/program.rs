@@ -10,6 +10,7 @@ use shared_types::program::{UNUSABLE, say};
 use super::interface::{Controller, Plant};
 use super::tables::text;
 use super::{law, plant};
+use crate::float_modes;
 
 /// Exit code of a program of Rust that panicked.
 const PANICKED: c_int = 101;
@@ -65,6 +66,8 @@ unsafe fn run(
         OsStr::from_bytes(argument.to_bytes()).to_owned()
     });
     let arguments = arguments.collect();
+    // A program that was linked with -ffast-math or crtfastmath.o starts with flush-to-zero.
+    float_modes::settle("main");
     start::write_lines();
     start::outlive_readers();
     let ended = catch_unwind(AssertUnwindSafe(|| body(arguments)));

@@ -8,17 +8,19 @@ use std::ffi::{CStr, c_char, c_int};
 use shared_types::failure::Failure;
 
 use super::interface::{DIVERGED, FAILED, OK};
+use crate::float_modes;
 
 thread_local! {
     static REASON: RefCell<Option<String>> = const { RefCell::new(None) };
 }
 
-/// Result of a callback that returned a status.
+/// Result of a callback that returned a status, after the modes that it left behind are the default again.
 ///
 /// # Errors
 /// If it is not [`OK`]: the reason that was kept, or else the status.
 #[inline]
 pub(super) fn outcome(callback: &'static str, status: c_int) -> Result<(), Failure> {
+    float_modes::settle(callback);
     match status {
         OK => Ok(()),
         status => Err(failure(callback, status)),

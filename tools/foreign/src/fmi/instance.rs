@@ -21,6 +21,7 @@ use super::journal::Journal;
 use super::library::{CallbacksTwo, Functions, Handle, Own};
 use super::status::Status;
 use super::values::{Refused, Values};
+use crate::float_modes;
 use instantiation::instantiate;
 
 mod instantiation;
@@ -251,6 +252,7 @@ impl Instance {
     }
 
     fn judge(&self, function: &'static str, answer: c_int) -> Result<(), Failure> {
+        float_modes::settle(function);
         match Status::of(answer) {
             status if status.is_done() => Ok(()),
             status => Err(self.refused(function, status)),
@@ -291,6 +293,7 @@ impl Instance {
         let mut is_ended = 0;
         // SAFETY: a step of the instance was discarded, when its status may be asked.
         let answer = unsafe { status(self.handle, TERMINATED, &raw mut is_ended) };
+        float_modes::settle("GetBooleanStatus");
         Status::of(answer).is_done() && is_ended != 0
     }
 
@@ -318,6 +321,7 @@ impl Drop for Instance {
                 (self.functions.free)(self.handle);
             }
         }
+        float_modes::settle("FreeInstance");
     }
 }
 
@@ -326,7 +330,7 @@ impl Drop for Instance {
 /// # Errors
 /// If the FMU's own fixed step does not divide the period.
 pub(super) fn check_period(model: &Model, period_s: f64, key: &str) -> Result<(), Invalid> {
-    let Some(own_s) = model.description.internal_step_s.filter(|step| *step > 0.0) else {
+    let Some(own_s) = model.description.internal_step_s else {
         return Ok(());
     };
     let steps = period_s / own_s;

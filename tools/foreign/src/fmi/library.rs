@@ -13,6 +13,7 @@ use libloading::os::unix::{Library, RTLD_LOCAL, RTLD_NOW};
 use shared_types::text;
 
 use super::description::{VariableType, Version};
+use crate::float_modes;
 
 /// Instance of an FMU, or a state of one, as its library knows it.
 pub(super) type Handle = *mut c_void;
@@ -168,6 +169,8 @@ impl Functions {
         // SAFETY: loading runs code of the library, which is what somebody asked for who named the FMU; nothing
         // of this process is told to it here.
         let library = unsafe { Library::open(Some(path), RTLD_NOW | RTLD_LOCAL) };
+        // A library that was linked with -ffast-math sets flush-to-zero as it is loaded.
+        float_modes::settle("dlopen");
         let library = library.map_err(|error| LibraryError::Load(load_failure(&error)))?;
         let library = ManuallyDrop::new(library);
         let find = Find {
@@ -235,6 +238,7 @@ impl Find<'_> {
             let version: GetVersion = self.function("GetVersion")?;
             version()
         };
+        float_modes::settle("GetVersion");
         let library = if told.is_null() {
             String::new()
         } else {

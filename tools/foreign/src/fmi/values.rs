@@ -9,6 +9,7 @@ use super::description::{ModelDescription, VariableType, Version};
 use super::library::{Access, Functions, Handle};
 use super::status::Status;
 use super::tables::Column;
+use crate::float_modes;
 
 /// Largest whole number up to which a row of numbers carries every one.
 const EXACT: i128 = 1 << 53;
@@ -278,6 +279,7 @@ impl Values {
 }
 
 fn done(function: &'static str, status: c_int) -> Result<(), Refused> {
+    float_modes::settle(function);
     match Status::of(status) {
         status if status.is_done() => Ok(()),
         status => Err(Refused::Status(function, status)),

@@ -6,6 +6,7 @@ use std::ptr::null;
 
 use shared_types::describe::Invalid;
 
+use crate::float_modes;
 use crate::fmi::Model;
 use crate::fmi::journal::{Journal, log_three, log_two};
 use crate::fmi::library::{CallbacksTwo, Functions, Handle, Own};
@@ -79,6 +80,7 @@ pub(super) fn instantiate(
             }
         }
     };
+    float_modes::settle("Instantiate");
     if handle.is_null() {
         let said = journal
             .last()
