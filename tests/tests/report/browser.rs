@@ -17,11 +17,11 @@ addEventListener('securitypolicyviolation', (event) => wrong.push('blocked ' + e
 for (const level of ['error', 'warn']) { const tell = console[level]; console[level] = (...said) => { wrong.push(said.join(' ')); tell(...said); }; }
 const context = CanvasRenderingContext2D.prototype; const { fillText, clearRect } = context;
 context.clearRect = function (...box) { this.canvas.texts = []; return clearRect.apply(this, box); };
-context.fillText = function (text, x, y) { (this.canvas.texts ||= []).push([text, x, y, this.measureText(text).width]); return fillText.call(this, text, x, y); };
+context.fillText = function (text, x, y) { const wide = this.measureText(text).width; (this.canvas.texts ||= []).push([text, x, y, wide, x - wide * ({ right: 1, center: 0.5 }[this.textAlign] || 0)]); return fillText.call(this, text, x, y); };
 </script>";
 
 /// Waits for every plot and tells what is drawn: of each figure its colours and, of its first series, the
-/// column whose ink is highest and how high that is, as parts of width and height.
+/// column whose ink is highest and how high that is, as parts of width and height. Then zooms in and tells the texts.
 const LOOK: &str = "<script>(() => {
   const tell = () => {
     const figures = [...document.querySelectorAll('figure.plot')].map((figure) => {
@@ -49,7 +49,11 @@ const LOOK: &str = "<script>(() => {
     });
     const scrolls = [...document.querySelectorAll('.scroll')].map((box) => [box.scrollWidth > box.clientWidth + 1, box.hasAttribute('data-scrolls')]);
     const said = { wrong, figures, scrolls, theme: document.documentElement.dataset.theme, overflow: document.documentElement.scrollWidth - innerWidth };
-    const box = document.createElement('pre'); box.id = 'told'; box.textContent = btoa(unescape(encodeURIComponent(JSON.stringify(said)))); document.body.append(box);
+    for (const key of '+++') document.querySelector('figure.plot').dispatchEvent(new KeyboardEvent('keydown', { key }));
+    setTimeout(() => {
+      said.zoomed = [...document.querySelectorAll('figure.plot canvas')].flatMap((canvas) => canvas.texts || []);
+      const box = document.createElement('pre'); box.id = 'told'; box.textContent = btoa(unescape(encodeURIComponent(JSON.stringify(said)))); document.body.append(box);
+    }, 100);
   };
   const wait = () => document.querySelectorAll('[data-drawn]').length === document.querySelectorAll('figure.plot').length ? setTimeout(tell, 100) : setTimeout(wait, 50);
   addEventListener('load', wait);
@@ -109,6 +113,42 @@ fn assert_drawn(told: &Value, page: &Page) {
         told["overflow"].as_i64() <= Some(0),
         "the page is wider than the window"
     );
+    let texts = figures.iter().map(|figure| &figure["texts"]);
+    for text in texts
+        .chain([&told["zoomed"]])
+        .filter_map(Value::as_array)
+        .flatten()
+    {
+        assert!(text[4].as_f64() >= Some(0.0), "cut at the left: {text}");
+    }
+}
+
+#[test]
+fn labels_of_the_value_axes_are_whole_in_both_themes_on_a_phone_and_zoomed() {
+    let rig = Rig::new();
+    let narrow = "\n[[derived]]\nname = \"narrow\"\nunit = \"m\"\nexpression = \"5e-7 + 1e-8 * truth.position_m\"\n\
+                  [[plots]]\ntitle = \"a narrow range\"\nsignals = [\"narrow\"]\n";
+    let scenario = rig.write(
+        "narrow.toml",
+        &(shipped("scenarios/spring-mass.toml") + narrow),
+    );
+    let run = rig.run(scenario.to_str().expect("text")).expect(0);
+    let page = Page::of(&rig, &[&run], &[]);
+    for (width, dark) in [(1280, false), (1280, true), (500, false)] {
+        let Some(result) = looked_at(&rig, &page, width, dark) else {
+            return;
+        };
+        assert_drawn(&result, &page);
+        let figures = result["figures"].as_array().expect("figures");
+        let is_narrow = |figure: &&Value| figure["title"].to_string().contains("a narrow range");
+        let figure = figures.iter().find(is_narrow).expect("the plot");
+        let texts = figure["texts"].as_array().expect("texts").iter();
+        let mut texts = texts.filter_map(|text| text[0].as_str());
+        assert!(
+            texts.any(|text| text.starts_with("5.0") && text.ends_with("e-7") && text.len() > 8),
+            "{figure}"
+        );
+    }
 }
 
 #[test]

@@ -12,6 +12,8 @@ use crate::views::offline_page::OfflinePage;
 
 pub(crate) const UPLOT: &str = include_str!("assets/uplot/uPlot.iife.min.js");
 pub(crate) const UPLOT_STYLE: &str = include_str!("assets/uplot/uPlot.min.css");
+/// Width of the value axes, which pages with uPlot share.
+pub(crate) const AXIS: &str = include_str!("assets/axis.js");
 const SCRIPT: &str = include_str!("assets/report.js");
 
 /// The whole page.
@@ -49,7 +51,7 @@ pub(super) fn page(runs: &[Run], plots: &[Plot], data: &Data) -> Result<String, 
         body,
         credit: Some("Plots by uPlot, MIT licence."),
         data,
-        scripts: &[UPLOT, SCRIPT],
+        scripts: &[UPLOT, AXIS, SCRIPT],
     };
     page.write()
 }

@@ -100,9 +100,9 @@
   const outcomes = columns.filter((column) => column.role !== "varied");
 
   // ---- Numbers ----
-  const number = (value) => {
+  const number = (value, digits = 5) => {
     if (!Number.isFinite(value)) return value > 0 ? "beyond all" : value < 0 ? "below all" : "-";
-    const rounded = +value.toPrecision(5);
+    const rounded = +value.toPrecision(digits);
     const isOdd = rounded !== 0 && (Math.abs(rounded) < 1e-3 || Math.abs(rounded) >= 1e6);
     return isOdd ? rounded.toExponential().replace("e+", "e") : String(rounded);
   };
@@ -119,8 +119,14 @@
     for (let n = Math.ceil(lo / step); n * step <= hi * (1 + 1e-12) && found.length < 50; n++) found.push(+(n * step).toPrecision(12));
     return found;
   };
+  // Rising values with as many digits as tell them apart.
+  const labelled = (values) => {
+    const step = Math.min(...values.slice(1).map((value, before) => value - values[before]));
+    const digits = (value) => Math.max(5, 1 + Math.ceil(Math.log10(Math.abs(value) / step)));
+    return values.map((value) => [value, number(value, digits(value))]);
+  };
   const ticksOf = (column, most) => {
-    if (!column.texts) return (column.list || ticks(column.lo, column.hi, most)).map((value) => [value, number(value)]);
+    if (!column.texts) return labelled(column.list || ticks(column.lo, column.hi, most));
     const every = Math.ceil(column.texts.length / Math.max(most, 1));
     return column.texts.map((text, place) => [place, text.length > 9 ? text.slice(0, 8) + "…" : text]).filter(([place]) => place % every === 0);
   };
@@ -192,7 +198,9 @@
   });
 
   // ---- Plots ----
-  const LEFT = 50, RIGHT = 10, TOP = 8, BOTTOM = 22;
+  const RIGHT = 10, TOP = 8, BOTTOM = 22;
+  // Width left of every plot: that of the widest label beside one, so that plots above each other have one axis below.
+  let leftWidth = 50;
   const plots = [];
   let colours = {};
   const readColours = () => {
@@ -232,8 +240,8 @@
   // Gives the canvas the pixels of its place; without a change of size this does nothing.
   const fit = (plot) => {
     const [ratio, width] = [Math.min(devicePixelRatio || 1, 2), Math.max(plot.canvas.clientWidth, 120)];
-    if (plot.width === width && plot.ratio === ratio) return;
-    Object.assign(plot, { width, ratio, at: null, inner: width - LEFT - RIGHT, tall: plot.height - TOP - BOTTOM });
+    if (plot.width === width && plot.ratio === ratio && plot.left === leftWidth) return;
+    Object.assign(plot, { width, ratio, left: leftWidth, at: null, inner: width - leftWidth - RIGHT, tall: plot.height - TOP - BOTTOM });
     Object.assign(plot.canvas, { width: Math.round(width * ratio), height: Math.round(plot.height * ratio) });
     plot.context = plot.canvas.getContext("2d");
   };
@@ -246,9 +254,14 @@
     if (plot.x.isUndrawn || plot.y?.isUndrawn) nothing(plot, context);
     else plot.draw(plot, context);
     plot.isStale = false;
+    if (plot.left === leftWidth) return;
+    // A label was wider than the place for it.
+    root.style.setProperty("--axis", `${leftWidth}px`);
+    for (const one of plots) one.isStale = true;
+    requestAnimationFrame(() => drawSeen());
   };
   const inside = ({ lo, hi }, value) => Math.min(Math.max((value - lo) / (hi - lo), 0), 1);
-  const across = (plot, value) => LEFT + plot.inner * inside(plot.x, value);
+  const across = (plot, value) => plot.left + plot.inner * inside(plot.x, value);
   const upwards = (plot, value) => TOP + plot.tall * (1 - inside(plot.y, value));
   const line = (context, colour, x1, y1, x2, y2) => {
     context.strokeStyle = colour;
@@ -262,13 +275,14 @@
       line(context, colours.grid, x, TOP, x, bottom);
       context.fillText(text, Math.min(x, plot.width - context.measureText(text).width / 2 - 1), bottom + 5);
     }
-    line(context, colours.soft, LEFT, bottom + 0.5, LEFT + plot.inner, bottom + 0.5);
+    line(context, colours.soft, plot.left, bottom + 0.5, plot.left + plot.inner, bottom + 0.5);
   };
   const axisLeft = (plot, context, marks) => {
     Object.assign(context, { fillStyle: colours.soft, textBaseline: "middle", textAlign: "right" });
     for (const [y, text] of marks) {
-      line(context, colours.grid, LEFT, y, LEFT + plot.inner, y);
-      context.fillText(text, LEFT - 5, Math.max(y, TOP + 2));
+      leftWidth = Math.max(leftWidth, Math.ceil(context.measureText(text).width) + 6);
+      line(context, colours.grid, plot.left, y, plot.left + plot.inner, y);
+      context.fillText(text, plot.left - 5, Math.max(y, TOP + 2));
     }
   };
   const zero = (context, ...ends) => {
@@ -280,7 +294,7 @@
   const frame = (plot, context) => {
     const [ofX, ofY] = [plot.x.range, plot.y?.range];
     if (!ofX && !ofY) return;
-    const [left, right] = ofX ? ofX.map((value) => across(plot, value)) : [LEFT, LEFT + plot.inner];
+    const [left, right] = ofX ? ofX.map((value) => across(plot, value)) : [plot.left, plot.left + plot.inner];
     const [bottom, top] = ofY ? ofY.map((value) => upwards(plot, value)) : [TOP + plot.tall, TOP];
     Object.assign(context, { fillStyle: colours.link, strokeStyle: colours.link, globalAlpha: 0.12 });
     context.fillRect(left, top, right - left, bottom - top);
@@ -324,7 +338,7 @@
     for (let bin = 0; bin < bins; bin++) {
       const bar = (colour, tall) => {
         context.fillStyle = colour;
-        context.fillRect(LEFT + bin * wide, TOP + plot.tall - tall, wide - (wide > 5 ? 1 : 0), tall);
+        context.fillRect(plot.left + bin * wide, TOP + plot.tall - tall, wide - (wide > 5 ? 1 : 0), tall);
       };
       bar(colours.pale, high(all[bin]));
       if (chosen[bin] === 0) continue;
@@ -349,13 +363,13 @@
     for (let variant = 0; variant < variants; variant++) {
       const mine = perVariant.subarray(variant * bins, (variant + 1) * bins);
       if (mine.every((count) => count === 0)) continue;
-      const outline = new Path2D(`M${LEFT} ${bottom}`);
+      const outline = new Path2D(`M${plot.left} ${bottom}`);
       for (let bin = 0; bin < bins; bin++) {
         const top = bottom - (plot.tall * raised[heights](mine[bin])) / raised[heights](most);
-        outline.lineTo(LEFT + bin * wide, top);
-        outline.lineTo(LEFT + (bin + 1) * wide, top);
+        outline.lineTo(plot.left + bin * wide, top);
+        outline.lineTo(plot.left + (bin + 1) * wide, top);
       }
-      outline.lineTo(LEFT + plot.inner, bottom);
+      outline.lineTo(plot.left + plot.inner, bottom);
       Object.assign(context, { fillStyle: colours.runs[variant], strokeStyle: colours.runs[variant], lineWidth: 1.5, globalAlpha: 0.15 });
       context.fill(outline);
       context.globalAlpha = 1;
@@ -411,13 +425,13 @@
       const i = order[n];
       if (selected[i] === 1 && at[i] >= 0) paint(pixels, wide, sizes[codes[i]], at[i] + shifts[codes[i]], palette[codes[i]]);
     }
-    context.putImageData(image, Math.round(LEFT * ratio), Math.round(TOP * ratio));
+    context.putImageData(image, Math.round(plot.left * ratio), Math.round(TOP * ratio));
     axisBelow(plot, context);
     axisLeft(plot, context, ticksOf(y, plot.tall / 30).map(([value, text]) => [upwards(plot, value), text]));
-    if (y.role === "margin" && y.lo <= 0 && y.hi >= 0) zero(context, LEFT, upwards(plot, 0), LEFT + plot.inner, upwards(plot, 0));
+    if (y.role === "margin" && y.lo <= 0 && y.hi >= 0) zero(context, plot.left, upwards(plot, 0), plot.left + plot.inner, upwards(plot, 0));
     if (marked !== undefined && at[marked] >= 0) {
       const ring = new Path2D();
-      ring.arc(LEFT + ((at[marked] % wide) + largest / 2) / ratio, TOP + (Math.floor(at[marked] / wide) + largest / 2) / ratio, 6, 0, 7);
+      ring.arc(plot.left + ((at[marked] % wide) + largest / 2) / ratio, TOP + (Math.floor(at[marked] / wide) + largest / 2) / ratio, 6, 0, 7);
       Object.assign(context, { strokeStyle: colours.ink, lineWidth: 2 });
       context.stroke(ring);
     }
@@ -425,7 +439,7 @@
   };
   const nearest = (plot, x, y) => {
     const [wide, size] = [Math.round(plot.inner * plot.ratio), Math.round(LARGEST * plot.ratio)];
-    const [left, top] = [(x - LEFT) * plot.ratio - size / 2, (y - TOP) * plot.ratio - size / 2];
+    const [left, top] = [(x - plot.left) * plot.ratio - size / 2, (y - TOP) * plot.ratio - size / 2];
     let [found, best] = [-1, (12 * plot.ratio) ** 2];
     for (const i of colourBy === "class" ? byClass : natural) {
       if (selected[i] === 0 || plot.at[i] < 0) continue;
@@ -464,13 +478,13 @@
     if (!plot.curves.some(Number.isFinite)) return nothing(plot, context);
     const { bins } = data.envelopes;
     const colour = colours.runs[plot.variant];
-    const at = (bin) => LEFT + (plot.inner * (bin + 0.5)) / bins;
+    const at = (bin) => plot.left + (plot.inner * (bin + 0.5)) / bins;
     const up = (value) => TOP + plot.tall * (1 - (value - plot.y.lo) / (plot.y.hi - plot.y.lo));
     axisBelow(plot, context);
-    axisLeft(plot, context, ticks(plot.y.lo, plot.y.hi, plot.tall / 30).map((value) => [up(value), number(value)]));
+    axisLeft(plot, context, labelled(ticks(plot.y.lo, plot.y.hi, plot.tall / 30)).map(([value, text]) => [up(value), text]));
     context.save();
     context.beginPath();
-    context.rect(LEFT, TOP, plot.inner, plot.tall);
+    context.rect(plot.left, TOP, plot.inner, plot.tall);
     context.clip();
     // Between two curves, in as many pieces as there are gaps in time.
     const between = (low, high, alpha, isFilled) => {
@@ -501,7 +515,7 @@
     context.restore();
     if (!worst) return;
     Object.assign(context, { fillStyle: colours.ink, textAlign: "right", textBaseline: "top" });
-    context.fillText(`case ${worst.case}`, LEFT + plot.inner - 3, TOP + 2);
+    context.fillText(`case ${worst.case}`, plot.left + plot.inner - 3, TOP + 2);
   };
   const addTimed = (envelopes) => {
     const names = [...new Set(envelopes.worst.map((one) => one.requirement))];
@@ -578,7 +592,7 @@
       const { fromX, fromY } = start;
       if (!start.isDrag && Math.abs(x - fromX) < 4 && Math.abs(y - fromY) < 4) return;
       start.isDrag = true;
-      plot.x.range = between(plot.x, fromX - LEFT, x - LEFT, plot.inner);
+      plot.x.range = between(plot.x, fromX - plot.left, x - plot.left, plot.inner);
       // With a finger, which scrolls the page upwards and downwards, only across.
       if (plot.y && pointerType !== "touch") plot.y.range = between(plot.y, TOP + plot.tall - fromY, TOP + plot.tall - y, plot.tall);
       later();

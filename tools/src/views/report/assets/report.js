@@ -126,6 +126,8 @@
   // ---- Plots over time ----
 
   const plots = [];
+  // With it the paths are laid anew, where the width has changed.
+  const valueAxis = commonAxis(70, () => plots.forEach((one) => one.plot?.redraw(true, true)));
   const whole = [start[0], Math.max(data.end_s, start[0] + 1e-9)];
   let view = whole.slice();
 
@@ -184,7 +186,7 @@
         },
         axes: [
           { ...axis, size: 34, values: (u, splits, _i, _s, step) => ticks(splits, step, "").map((text, i) => (i === splits.length - 1 ? text + " s" : text)) },
-          { ...axis, size: 70, ...(spec.log ? { splits: (u, _i, min, max) => powers(min, max), filter: (u, splits) => splits, values: (u, splits) => logTicks(splits, spec.unit) } : { values: (u, splits, _i, _s, step) => ticks(splits, step, spec.unit) }) },
+          { ...axis, size: valueAxis, ...(spec.log ? { splits: (u, _i, min, max) => powers(min, max), filter: (u, splits) => splits, values: (u, splits) => logTicks(splits, spec.unit) } : { values: (u, splits, _i, _s, step) => ticks(splits, step, spec.unit) }) },
         ],
         // The first are wider, so that those of one course are seen beneath each other.
         series: [{}, ...this.series.map((one, place) => ({ stroke: () => ink.series[one.colour % 8], width: 1.25 + Math.min(2, 0.9 * (this.series.length - 1 - place)), dash: one.dash, points: { show: false }, paths: (u, index, from, to) => this.path(u, one, from, to) }))],
@@ -532,7 +534,7 @@
       this.plot = new uPlot({
         width: Math.max(280, box.clientWidth), height: 220, legend: { show: false }, cursor: { show: false },
         scales: { x: { time: false, distr: 3, range: () => [edges[0] / 1.1, edges[edges.length - 1] * 1.1] }, y: { distr: 3, range: () => [0.5, most * 2] } },
-        axes: [["ns", 34], ["", 70]].map(([unit, size]) => ({ ...axis, size, splits: (u, _i, min, max) => powers(min, max), filter: (u, splits) => splits, values: (u, splits) => logTicks(splits, unit) })),
+        axes: [["ns", 34], ["", valueAxis]].map(([unit, size]) => ({ ...axis, size, splits: (u, _i, min, max) => powers(min, max), filter: (u, splits) => splits, values: (u, splits) => logTicks(splits, unit) })),
         series: [{}, ...runs.map(({ number }) => ({
           stroke: () => ink.series[number % 8], width: 1.5, points: { show: false },
           paths: (u, index) => steps(u, edges, counts[index - 1]),
