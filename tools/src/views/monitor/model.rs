@@ -60,6 +60,8 @@ struct Trace {
     /// Place among the columns.
     column: usize,
     value: f64,
+    /// Value of the record before.
+    before: f64,
     history: History,
 }
 
@@ -165,6 +167,7 @@ impl Model {
             .map(|column| Trace {
                 column,
                 value: f64::NAN,
+                before: f64::NAN,
                 history: History::default(),
             })
             .collect();
@@ -187,6 +190,7 @@ impl Model {
                 }
                 let derived = self.derived.as_ref().map_or(&[][..], Evaluation::derived);
                 for trace in &mut self.traces {
+                    trace.before = trace.value;
                     trace.value = match trace.column.checked_sub(recorded) {
                         None => record.values[trace.column],
                         Some(at) => derived[at],
@@ -218,8 +222,16 @@ impl Model {
                 ending.outcome = Some(end.outcome);
                 ending.reason = end.reason;
                 ending.steps = Some(end.steps);
+                self.keep_last_values();
             }
             Event::Accepted(_) | Event::Fault(_) | Event::FaultEnded(_) | Event::Mark(_) => {}
+        }
+    }
+
+    /// Keeps the last values of signals that the record after the last step lacks: no command answers it.
+    fn keep_last_values(&mut self) {
+        for trace in self.traces.iter_mut().filter(|trace| trace.value.is_nan()) {
+            trace.value = trace.before;
         }
     }
 
@@ -251,6 +263,7 @@ impl Model {
         let ending = self.ending.get_or_insert_default();
         ending.is_gone = true;
         ending.verdict = verdict;
+        self.keep_last_values();
         self.is_owner_stopped = false;
     }
 

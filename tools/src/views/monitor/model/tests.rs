@@ -275,6 +275,28 @@ fn values_that_are_no_numbers_stay_visible_as_such() {
 }
 
 #[test]
+fn the_last_values_stay_when_the_record_after_the_last_step_lacks_them() {
+    let plan = spring_mass();
+    let layout = layout(&plan);
+    let mut model = attached(plan, &["command.force_n"]);
+    feed(&mut model, &layout, 4999, 0.5);
+    feed(&mut model, &layout, 5000, f64::NAN);
+    assert!(model.values().next().expect("one").1.is_nan());
+    model.take(Seen::Event(Event::End(RunEnd::new(
+        5000,
+        Outcome::Completed,
+    ))));
+    assert_eq!(model.values().next().expect("one").1, 0.5);
+    // A value that was lacking before is no last value.
+    let mut model = attached(spring_mass(), &["command.force_n"]);
+    for step in 4999..=5000 {
+        feed(&mut model, &layout, step, f64::NAN);
+    }
+    model.end(None);
+    assert!(model.values().next().expect("one").1.is_nan());
+}
+
+#[test]
 fn an_account_that_was_asked_before_another_came_tells_nothing_twice() {
     let mut model = attached(spring_mass(), &[]);
     let mark = |step| {
