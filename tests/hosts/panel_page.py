@@ -21,7 +21,10 @@ OVERFLOW = "() => document.documentElement.scrollWidth - innerWidth"
 # Of each plot in sight: pixels in the colour of each curve.
 INK = """() => [...document.querySelectorAll('figure.plot')].filter((figure) => figure.querySelector('canvas') && figure.getBoundingClientRect().top < innerHeight).map((figure) => {
   const canvas = figure.querySelector('canvas');
-  const pixels = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+  // Of a copy: a browser warns of a canvas that is read again and again.
+  const copy = Object.assign(document.createElement('canvas'), { width: canvas.width, height: canvas.height }).getContext('2d', { willReadFrequently: true });
+  copy.drawImage(canvas, 0, 0);
+  const pixels = copy.getImageData(0, 0, canvas.width, canvas.height).data;
   const colours = [...figure.querySelectorAll('.legend line')].map((line) => getComputedStyle(line).stroke.match(/[\\d.]+/g).map(Number));
   const ink = colours.map(() => 0);
   for (let at = 0; at < pixels.length; at += 4) colours.forEach(([r, g, b], i) => {
@@ -29,6 +32,17 @@ INK = """() => [...document.querySelectorAll('figure.plot')].filter((figure) => 
   });
   return ink;
 })"""
+
+# Keeps what each canvas has been told to write, with the left end of each text.
+TEXTS = """(() => {
+  const context = CanvasRenderingContext2D.prototype, { fillText, clearRect } = context;
+  context.clearRect = function (...box) { this.canvas.texts = []; return clearRect.apply(this, box); };
+  context.fillText = function (text, x, y) {
+    const wide = this.measureText(text).width;
+    (this.canvas.texts ||= []).push([text, x - wide * { right: 1, center: 0.5 }[this.textAlign] || x]);
+    return fillText.call(this, text, x, y);
+  };
+})()"""
 
 # Waits for the ink of a curve.
 DRAWN = f"""() => new Promise((done) => {{
@@ -161,11 +175,11 @@ def controls(desk):
     page.click("#pause")
     state(page, "ended")
     wait(page, "document.getElementById('state').textContent.startsWith('ended: ') && !document.getElementById('state').textContent.includes('completed')")
-    page.wait_for_timeout(300)
+    ink = inked_but_first(page)
     told = {
         "usual": usual, "words": words, "marked": bool(marked), "theme": theme, "pressed": pressed, "held": held == still, "faults": faults,
         "state": page.inner_text("#state"), "trouble": page.inner_text("#trouble"), "requirements": page.inner_text("#requirements"),
-        "ink": page.evaluate(INK), "bold": page.locator("b").count(), "readings": page.inner_text("#readings"),
+        "ink": ink, "bold": page.locator("b").count(), "readings": page.inner_text("#readings"),
     }
     desk.close(page)
     return told
@@ -206,10 +220,9 @@ def tune(desk):
         page.mouse.move(box["x"] + box["width"] * part / 100, box["y"] + box["height"] / 2)
     page.mouse.up()
     says(page, gain)
-    page.wait_for_timeout(500)
     dragged = float(field(gain).input_value())
+    value(other, gain, dragged)
     slider(gain).press("ArrowRight")
-    page.wait_for_timeout(500)
     pressed = float(field(gain).input_value())
     value(other, gain, pressed)
     page.fill("#tune-ramp", "0.1")
@@ -256,13 +269,31 @@ def keyboard(desk):
     press("Enter")
     says(page, "marked step 2601")
     press("Escape")
+    asks = []
     before = page.input_value("#window")
     press("-")
     wider = page.input_value("#window")
     press("+")
     press("+")
     narrower = page.input_value("#window")
+    # Numbers that are typed with no field in focus inject nothing, however they end.
+    for text in ("1", "11", "1.1", "y1", "1 y"):
+        page.keyboard.type(text)
+        press("Enter")
+        asks.append(page.is_visible("#armed"))
     press("1")
+    asks.append(page.is_visible("#armed") and page.inner_text("#armed"))
+    press("Escape")
+    asks.append(page.is_visible("#armed"))
+    press("1")
+    page.mouse.click(400, 500)
+    asks.append(page.is_visible("#armed"))
+    press("1")
+    page.wait_for_selector("#armed", state="hidden")  # by itself
+    page.evaluate("document.activeElement.blur()")
+    press("y")
+    press("1")
+    press("y")
     says(page, "fault 1 dropout takes hold")
     press("f")
     # A list takes keys as one word only if they follow within a second, which a busy machine does not always manage.
@@ -293,8 +324,9 @@ def keyboard(desk):
         outlined = outlined and page.evaluate("document.activeElement === document.body || getComputedStyle(document.activeElement).outlineStyle !== 'none'")
     page.evaluate("document.activeElement.blur()")
     press(" ")
-    state(page, "running")
-    told = {"window": [float(before), float(wider), float(narrower)], "focused": focused, "skipped": skipped, "reached": reached, "outlined": outlined}
+    # At full speed the end may come before a page has heard that it runs.
+    wait(page, "document.documentElement.dataset.state !== 'paused'")
+    told = {"window": [float(before), float(wider), float(narrower)], "focused": focused, "skipped": skipped, "reached": reached, "outlined": outlined, "asks": asks}
     desk.close(page)
     return told
 
@@ -306,13 +338,133 @@ def looks(desk):
         page = desk.open(viewport={"width": width, "height": 780}, color_scheme=scheme)
         attached(page)
         state(page, "paused")
-        page.wait_for_timeout(400)
         told[name] = {
-            "theme": page.evaluate("document.documentElement.dataset.theme"), "overflow": page.evaluate(OVERFLOW), "ink": page.evaluate(INK),
+            "theme": page.evaluate("document.documentElement.dataset.theme"), "overflow": page.evaluate(OVERFLOW), "ink": inked(page),
             "small": page.evaluate("[...document.querySelectorAll('button, input, select')].filter((one) => one.offsetParent && !one.closest('.legend') && one.getBoundingClientRect().height < 24).map((one) => one.id || one.textContent)"),
         }
         if len(sys.argv) > 4:
             page.screenshot(path=f"{sys.argv[4]}/{name}.png", full_page=True)
+        desk.close(page)
+    return told
+
+
+def places(desk):
+    """The button that pauses is the one that resumes, in its place and with its focus, whatever the texts beside it."""
+    told = {}
+    for width in (1280, 1000, 800, 360):
+        page = desk.open(viewport={"width": width, "height": 800})
+        attached(page)
+        state(page, "paused")
+        page.focus("#pause")
+        seen = []
+        for name in ("paused", "running", "paused"):
+            state(page, name)
+            wait(page, "(name) => document.getElementById('pause').textContent === name", "Resume" if name == "paused" else "Pause")
+            if name == "running":
+                wait(page, "document.getElementById('speed').textContent.includes('real time')")
+            if len(sys.argv) > 4:
+                page.screenshot(path=f"{sys.argv[4]}/places-{width}-{len(seen)}.png")
+            seen.append([page.evaluate(f"(() => {{ const {{ x, y, width }} = document.getElementById('{one}').getBoundingClientRect(); return [x, y, width]; }})()") for one in ("pause", "step", "window", "plots")])
+            seen[-1].append(page.evaluate("document.activeElement.id"))
+            if len(seen) < 3:
+                page.keyboard.press("Enter")
+        told[str(width)] = seen
+        desk.close(page)
+    return told
+
+
+CHOICES = """() => [document.documentElement.dataset.theme, document.getElementById('window').value,
+  [...document.querySelectorAll('.legend button')].map((one) => one.getAttribute('aria-pressed'))]"""
+HELD = "() => Object.entries(sessionStorage).concat(Object.entries(localStorage)).flat().concat(document.cookie)"
+
+
+def reload(desk):
+    """Window, theme and hidden curves outlast a reload; a storage of garbage, and none, are as a first visit."""
+    page = desk.open()
+    attached(page)
+    first = page.evaluate(CHOICES)
+    page.click("#theme")
+    page.select_option("#window", label="1 s")
+    page.click(".legend button")
+    chosen = page.evaluate(CHOICES)
+    page.reload()
+    attached(page)
+    told = {"first": first, "chosen": chosen, "again": page.evaluate(CHOICES), "ink": inked_but_first(page), "held": page.evaluate(HELD)}
+    for name, value in [("text", "}{"), ("null", "null"), ("number", "7"), ("other", '{"window_s":"1e9","hidden":{"0":1}}'), ("list", '[["x"]]')]:
+        page.evaluate("(value) => { for (const key of Object.keys(sessionStorage)) sessionStorage.setItem(key, value); }", value)
+        page.reload()
+        attached(page)
+        told["garbage " + name] = page.evaluate(CHOICES)
+    desk.close(page)
+    page = desk.open("about:blank")
+    page.add_init_script("Object.defineProperty(window, 'sessionStorage', { get() { throw new DOMException('refused', 'SecurityError'); } });")
+    page.goto(desk.url)
+    attached(page)
+    told["refused"] = page.evaluate(CHOICES)
+    page.click("#theme")
+    page.click(".legend button")
+    told["refused-chosen"] = page.evaluate(CHOICES)
+    desk.close(page)
+    return told
+
+
+def inked_but_first(page):
+    """Waits until every curve in sight but the first has ink; gives how much."""
+    for _ in range(100):
+        ink = page.evaluate(INK)
+        if ink and all(ink[0][1:]) and all(one for plot in ink[1:] for one in plot):
+            break
+        page.wait_for_timeout(100)
+    return ink
+
+
+READ = "() => [...document.querySelectorAll('#readings dt')].map((one) => [one.textContent, one.nextSibling.textContent])"
+LEGENDS = "() => [...document.querySelectorAll('.legend button')].map((one) => [one.title, one.querySelector('.value').textContent])"
+
+
+def final(desk):
+    """Values at the end of the run, and of a page that comes then; those of all plots, which are in sight."""
+    page = desk.open(viewport={"width": 1280, "height": 5000})
+    attached(page)
+    title = page.text_content("#readings-box h2")
+    page.click("#pause")
+    state(page, "ended")
+    told = {"before": title}
+    for name in ("ended", "loaded"):
+        wait(page, "document.documentElement.dataset.newest === '5000'")
+        for _ in range(100):  # values are written every tenth of a second
+            told[name] = [page.evaluate(READ), page.evaluate(LEGENDS), page.text_content("#readings-box h2")]
+            if not any(value in ("", "–") for _, value in told[name][0] + told[name][1]):
+                break
+            page.wait_for_timeout(100)
+        if len(sys.argv) > 4:
+            page.screenshot(path=f"{sys.argv[4]}/final-{name}.png")
+        if name == "ended":
+            page.reload()
+            page.wait_for_selector("figure.plot canvas")
+    desk.close(page)
+    return told
+
+
+def labels(desk):
+    """Left ends of all texts in plots, and where the legends begin, in both themes, sharp, and with another window."""
+    told = {}
+    for scheme, scale in [("light", 1), ("dark", 1), ("light", 2), ("dark", 1.5)]:
+        page = desk.open("about:blank", color_scheme=scheme, device_scale_factor=scale)
+        page.add_init_script(TEXTS)
+        page.goto(desk.url)
+        attached(page)
+        inked(page)
+        for window in ("whole run", "0.1 s"):
+            page.evaluate("document.documentElement.dataset.points = '0'")
+            page.select_option("#window", label=window)
+            wait(page, "document.documentElement.dataset.points > 0")
+            inked(page)
+            if len(sys.argv) > 4:
+                page.screenshot(path=f"{sys.argv[4]}/labels-{scheme}-{scale}-{window[0]}.png")
+            told[f"{scheme} {scale} {window}"] = page.evaluate("""() => [...document.querySelectorAll('figure.plot')].filter((one) => one.querySelector('canvas')).map((figure) => ({
+              texts: figure.querySelector('canvas').texts, over: figure.querySelector('.u-over').getBoundingClientRect().x - figure.getBoundingClientRect().x,
+              legend: figure.querySelector('.legend button').getBoundingClientRect().x - figure.getBoundingClientRect().x }))""")
         desk.close(page)
     return told
 
@@ -439,7 +591,7 @@ def pace(desk):
     return told
 
 
-PLAYS = {play.__name__: play for play in (controls, tune, keyboard, looks, several, reconnect, strangers, first, pace)}
+PLAYS = {play.__name__: play for play in (controls, tune, keyboard, looks, places, reload, final, labels, several, reconnect, strangers, first, pace)}
 
 
 def main(play, url, chromium="/usr/bin/chromium"):

@@ -6,6 +6,7 @@
 mod browser;
 mod intruders;
 mod log;
+mod page;
 mod stream;
 
 use std::ffi::OsStr;

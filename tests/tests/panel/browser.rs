@@ -18,13 +18,13 @@ use crate::support::python::python;
 const DROPOUT: &str = "dropout measured.position_m --duration 0.05";
 
 /// A play of the browser.
-struct Play {
+pub(super) struct Play {
     process: Companion,
     stdout: BufReader<ChildStdout>,
 }
 
 impl Play {
-    fn start(name: &str, url: &str) -> Option<Self> {
+    pub(super) fn start(name: &str, url: &str) -> Option<Self> {
         let Some((python, chromium)) = python("playwright.sync_api").zip(chromium()) else {
             skip(
                 "python3 with playwright, or chromium, is missing",
@@ -53,7 +53,7 @@ impl Play {
     }
 
     /// Waits for the end of the play, in which the browser reported no error; gives its result.
-    fn told(mut self) -> Value {
+    pub(super) fn told(mut self) -> Value {
         let mut told = String::new();
         self.stdout.read_to_string(&mut told).expect("text");
         let status = self.process.wait().expect("our child");
@@ -100,7 +100,7 @@ fn number(text: &str) -> f64 {
 fn every_control_does_in_the_session_what_it_says() {
     let rig = Rig::new();
     // Slow, so that the page can hold it again before it is over.
-    let (run, panel) = begun(&rig, "--pace 0.5", &["--inject", DROPOUT]);
+    let (run, panel) = begun(&rig, "--pace 0.2", &["--inject", DROPOUT]);
     let Some(play) = Play::start("controls", &panel.url) else {
         return;
     };
@@ -247,6 +247,15 @@ fn everything_can_be_done_without_a_pointer() {
         .iter()
         .filter_map(Value::as_f64)
         .collect();
+    let asks = told["asks"].as_array().expect("looks");
+    let question = "Inject dropout measured.position_m --duration 0.05?\ny injects it, any other key does not.";
+    let nothing = json!(false);
+    assert_eq!(asks[..5], [(); 5].map(|()| nothing.clone()), "{told}");
+    assert_eq!(
+        asks[5..],
+        [json!(question), nothing.clone(), nothing],
+        "{told}"
+    );
     // The whole run is the longest there is.
     assert!(
         window[0] == window[1] && window[2] < window[0],

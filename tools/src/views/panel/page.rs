@@ -6,7 +6,7 @@
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::request::Refused;
-use crate::views::report::page::{UPLOT, UPLOT_STYLE};
+use crate::views::report::page::{AXIS, UPLOT, UPLOT_STYLE};
 
 const SCRIPT: &str = include_str!("assets/panel.js");
 const STYLE: &str = include_str!("assets/panel.css");
@@ -77,7 +77,12 @@ fn page(nonce: &str) -> String {
                 }
                 noscript { p.note { "The panel needs a browser with JavaScript." } }
                 p #status .visually-hidden role="status" aria-live="polite" {}
+                p #armed role="alert" hidden {
+                    "Inject " code #armed-words {} "?" br;
+                    kbd { "y" } " injects it, any other key does not."
+                }
                 script nonce=(nonce) { (PreEscaped(UPLOT)) }
+                script nonce=(nonce) { (PreEscaped(AXIS)) }
                 script nonce=(nonce) { (PreEscaped(SCRIPT)) }
             }
         }
@@ -88,36 +93,41 @@ fn page(nonce: &str) -> String {
 fn head() -> Markup {
     html! {
         header.bar {
-            div.title {
-                span #state .badge { "connecting" }
-                h1 #scenario { "hil panel" }
-                span #session .hint {}
-            }
-            div.progress {
-                progress #progress max="1" value="0" aria-label="Progress of the run" {}
-                span #time .n {}
-                span #speed .n.hint {}
-            }
-            div.controls.clock role="toolbar" aria-label="Clock" {
-                button #pause type="button" title="Space" disabled { "Pause" }
-                button #step type="button" title="s" disabled { "Step" }
-                button #steps type="button" title="S" disabled { "100 steps" }
-            }
-            div.controls role="toolbar" aria-label="Note and view" {
-                form #mark-form {
-                    label.visually-hidden for="mark" { "Note at this step" }
-                    input #mark type="text" maxlength="400" placeholder="Note at this step" title="m" autocomplete="off";
-                    button type="submit" { "Mark" }
+            div.line {
+                div.title {
+                    span #state .badge { "connecting" }
+                    h1 #scenario { "hil panel" }
+                    span #session .hint {}
                 }
-                label { "Window " select #window title="+ and -" {} }
-                a #to-aside href="#aside" { "Values" }
-                button #theme type="button" aria-pressed="false" { "Dark" }
-                details.keys {
-                    summary { "Keys" }
-                    div {
-                        kbd { "Space" } " pause, resume; " kbd { "s" } " one step, " kbd { "S" } " 100 steps; " kbd { "m" } " mark; "
-                        kbd { "f" } " fault; " kbd { "t" } " tune; " kbd { "+" } " " kbd { "-" } " window; " kbd { "1" } " to " kbd { "9" } " prepared faults. "
-                        "Point at a plot for its values."
+                div.progress {
+                    progress #progress max="1" value="0" aria-label="Progress of the run" {}
+                    span #time .n {}
+                    span #speed .n.hint {}
+                }
+            }
+            div.line {
+                div.controls.clock role="toolbar" aria-label="Clock" {
+                    button #pause type="button" title="Space" disabled { "Pause" }
+                    button #step type="button" title="s" disabled { "Step" }
+                    button #steps type="button" title="S" disabled { "100 steps" }
+                }
+                div.controls.view role="toolbar" aria-label="Note and view" {
+                    form #mark-form {
+                        label.visually-hidden for="mark" { "Note at this step" }
+                        input #mark type="text" maxlength="400" placeholder="Note at this step" title="m" autocomplete="off";
+                        button type="submit" { "Mark" }
+                    }
+                    label { "Window " select #window title="+ and -" {} }
+                    a #to-aside href="#aside" { "Values" }
+                    button #theme type="button" aria-pressed="false" { "Dark" }
+                    details.keys {
+                        summary { "Keys" }
+                        div {
+                            kbd { "Space" } " pause, resume; " kbd { "s" } " one step, " kbd { "S" } " 100 steps; " kbd { "m" } " mark; "
+                            kbd { "f" } " fault; " kbd { "t" } " tune; " kbd { "+" } " " kbd { "-" } " window; "
+                            kbd { "1" } " to " kbd { "9" } ", then " kbd { "y" } ", prepared faults. "
+                            "Point at a plot for its values."
+                        }
                     }
                 }
             }
@@ -127,7 +137,7 @@ fn head() -> Markup {
 }
 
 fn readings() -> Markup {
-    html! { section #readings-box { h2 { "Readings" } dl #readings {} } }
+    html! { section #readings-box { h2 #readings-title { "Readings" } dl #readings {} } }
 }
 
 fn requirements() -> Markup {

@@ -24,6 +24,28 @@
     return box;
   };
 
+  // ---- Choices that outlast a reload ----
+
+  // Kept by the tab, by the name of the session: a theme, a width, names of curves. A browser may refuse its storage,
+  // and its content may be anything.
+  const recall = (name) => {
+    try {
+      return JSON.parse(sessionStorage.getItem("hil panel " + name));
+    } catch {
+      return null;
+    }
+  };
+  const retain = (name, value) => {
+    try {
+      sessionStorage.setItem("hil panel " + name, JSON.stringify(value));
+    } catch {
+      // The choice lasts until the next load.
+    }
+  };
+  // Curves that a name below their plot hides, by plot and signal.
+  let hidden = null;
+  const retainChoices = () => retain("session " + about.session, { window_s: view.window_s, hidden: [...hidden] });
+
   // ---- Numbers ----
 
   const number = (value) => {
@@ -33,7 +55,7 @@
     const size = Math.abs(rounded);
     return rounded !== 0 && (size < 1e-3 || size >= 1e6) ? rounded.toExponential().replace("e+", "e") : String(rounded);
   };
-  const shown = (value, unit) => number(value) + (unit && unit !== "1" ? " " + unit : "");
+  const shown = (value, unit) => number(value) + (unit && unit !== "1" && !Number.isNaN(value) ? " " + unit : "");
   const seconds = (time) => String(+time.toFixed(4));
   const decimals = (step) => {
     let digits = 0;
@@ -114,6 +136,7 @@
 
   let ink = {};
   const plots = [];
+  const valueAxis = commonAxis(62, () => plots.forEach((one) => one.plot?.redraw(true, true)));
   const setTheme = (isDark) => {
     root.dataset.theme = isDark ? "dark" : "light";
     write(at("theme"), isDark ? "Light" : "Dark");
@@ -147,7 +170,7 @@
       this.spec = spec;
       this.range = null;
       this.series = spec.signals.map((place, nth) => ({
-        signal: signals[place], isShown: true, colour: nth % 8, label: spec.labels[nth] || spec.title,
+        signal: signals[place], isShown: !hidden.has(spec.title + " " + signals[place].name), colour: nth % 8, label: spec.labels[nth] || spec.title,
         dash: /^(reference|stimulus)\./.test(signals[place].name) ? [8, 4] : [],
       }));
       const unit = spec.unit && spec.unit !== "1" ? ` [${spec.unit}]` : "";
@@ -169,10 +192,10 @@
         scales: { x: { time: false, range: () => span() }, y: { distr: spec.log ? 3 : 1, range: () => this.range || [0, 1] } },
         axes: [
           { ...axis, size: 30, values: (u, splits, _i, _s, step) => ticks(splits, step).map((text, i) => (i === splits.length - 1 ? text + " s" : text)) },
-          { ...axis, size: 62, ...(spec.log ? { splits: (u, _i, min, max) => powers(min, max), filter: (u, splits) => splits, values: (u, splits) => splits.map((one) => one.toExponential(0).replace("e+", "e")) } : { values: (u, splits, _i, _s, step) => ticks(splits, step) }) },
+          { ...axis, size: valueAxis, ...(spec.log ? { splits: (u, _i, min, max) => powers(min, max), filter: (u, splits) => splits, values: (u, splits) => splits.map((one) => one.toExponential(0).replace("e+", "e")) } : { values: (u, splits, _i, _s, step) => ticks(splits, step) }) },
         ],
         series: [{}, ...this.series.map((one, place) => ({
-          stroke: () => ink.series[one.colour], width: 1.25 + Math.min(2, 0.9 * (this.series.length - 1 - place)), dash: one.dash, points: { show: false },
+          show: one.isShown, stroke: () => ink.series[one.colour], width: 1.25 + Math.min(2, 0.9 * (this.series.length - 1 - place)), dash: one.dash, points: { show: false },
           paths: (u) => this.path(u, one),
         }))],
         hooks: { drawClear: [(u) => this.shade(u)], draw: [(u) => this.levels(u), (u) => this.names(u)], setCursor: [() => this.read()] },
@@ -348,7 +371,7 @@
 
     legend() {
       for (const [index, one] of this.series.entries()) {
-        const button = make("button", undefined, { type: "button", "aria-pressed": "true", title: one.signal.name });
+        const button = make("button", undefined, { type: "button", "aria-pressed": String(one.isShown), title: one.signal.name });
         const line = document.createElementNS(svg, "svg");
         line.setAttribute("width", "20");
         line.setAttribute("height", "8");
@@ -361,6 +384,10 @@
         button.append(line, one.label + " ", one.shownValue);
         button.addEventListener("click", () => {
           one.isShown = !one.isShown;
+          const name = this.spec.title + " " + one.signal.name;
+          if (one.isShown) hidden.delete(name);
+          else hidden.add(name);
+          retainChoices();
           button.setAttribute("aria-pressed", String(one.isShown));
           if (this.plot) this.plot.setSeries(index + 1, { show: one.isShown });
           drawSoon();
@@ -470,9 +497,14 @@
     const pace = told.pace === null ? "" : ` at ${number(told.pace)}`;
     write(at("session"), `session ${told.session}, ${told.plant}, ${told.clock}${pace}`);
     signals = told.signals.map((one) => ({ ...one, value: NaN, least: new Float32Array(KEPT).fill(NaN), greatest: new Float32Array(KEPT).fill(NaN) }));
-    view.window_s = Math.min(view.number === 0 ? told.window_s : view.window_s, told.duration_s);
     const choices = [...new Set([...windows.filter((one) => one < told.duration_s && one > 3 * period()), Math.min(told.window_s, told.duration_s), told.duration_s])].sort((a, b) => a - b);
     at("window").replaceChildren(...choices.map((one) => make("option", one === told.duration_s ? "whole run" : `${seconds(one)} s`, { value: String(one) })));
+    const chosen = recall("session " + told.session);
+    hidden ??= new Set(Array.isArray(chosen?.hidden) ? chosen.hidden : []);
+    // Another connection keeps what the page has.
+    const isFirst = view.number === 0;
+    if (isFirst) view.window_s = choices.includes(chosen?.window_s) ? chosen.window_s : told.window_s;
+    view.window_s = Math.min(view.window_s, told.duration_s);
     at("window").value = String(view.window_s);
     for (const { figure } of plots.splice(0)) {
       seen.unobserve(figure);
@@ -488,9 +520,15 @@
     }
     const first = told.readings ?? [...new Set(told.plots.flatMap((plot) => plot.signals))].slice(0, 8);
     readings = first.map((place) => ({ signal: signals[place], box: make("dd", "") }));
-    at("readings").replaceChildren(...readings.flatMap(({ signal, box }) => [make("dt", parted(signal.name)), box]));
-    at("buttons").replaceChildren(...told.buttons.map((one) => {
-      const button = make("button", one.label, { type: "button", title: one.words });
+    at("readings").replaceChildren(...readings.map(({ signal, box }) => {
+      const row = make("div", make("dt", parted(signal.name)));
+      row.append(box);
+      return row;
+    }));
+    disarm();
+    at("buttons").replaceChildren(...told.buttons.map((one, nth) => {
+      const button = make("button", make("kbd", String(nth + 1)), { type: "button", title: one.words });
+      button.append(" " + one.label);
       button.addEventListener("click", () => act({ deed: "inject", words: one.words }));
       return button;
     }));
@@ -519,6 +557,7 @@
   const setWindow = (window_s) => {
     view.window_s = window_s;
     at("window").value = String(window_s);
+    retainChoices();
     look();
   };
 
@@ -543,6 +582,7 @@
     const lost = told.lost > 0 ? `, ${told.lost} records not seen` : "";
     write(at("speed"), ending ? "" : (told.realtime_factor ? `${number(+told.realtime_factor.toPrecision(3))}x real time${trip}` : "") + lost);
     write(at("pause"), told.state === "paused" ? "Resume" : "Pause");
+    write(at("readings-title"), ending ? "Final readings" : "Readings");
     enable();
     if (about) shade();
     requirements(told.requirements);
@@ -679,7 +719,10 @@
   });
   at("clear-all").addEventListener("click", () => act({ deed: "clear", fault: null }));
   at("window").addEventListener("change", () => setWindow(Number(at("window").value)));
-  at("theme").addEventListener("click", () => setTheme(root.dataset.theme !== "dark"));
+  at("theme").addEventListener("click", () => {
+    setTheme(root.dataset.theme !== "dark");
+    retain("theme", root.dataset.theme);
+  });
 
   // ---- Values that can be changed ----
 
@@ -921,7 +964,40 @@
 
   // ---- Keys ----
 
+  // A digit asks before it injects, as in `hil monitor`: it may have been meant for a field that lacks the focus. So may
+  // the same digit again and Enter, with which numbers end; neither confirms.
+  const ARMED_MS = 5000;
+  let armed = null;
+  let disarming = 0;
+  const arm = (button) => {
+    armed = button;
+    at("armed").hidden = false;
+    at("armed-words").replaceChildren(button.title);
+    clearTimeout(disarming);
+    disarming = setTimeout(leave, ARMED_MS);
+  };
+  const disarm = () => {
+    clearTimeout(disarming);
+    at("armed").hidden = true;
+    armed = null;
+  };
+  const leave = () => {
+    if (!armed) return;
+    disarm();
+    write(at("status"), "not injected");
+  };
+  addEventListener("pointerdown", leave);
+  addEventListener("blur", leave);
   addEventListener("keydown", (event) => {
+    if (armed && !/^(Shift|Control|Alt|Meta|CapsLock|AltGraph)$/.test(event.key)) {
+      const isPlain = !event.ctrlKey && !event.metaKey && !event.altKey;
+      if (isPlain && event.key !== "Tab") event.preventDefault();
+      if (event.repeat) return;
+      const button = armed;
+      if (!isPlain || button.disabled || !/^y$/i.test(event.key)) return leave();
+      disarm();
+      return button.click();
+    }
     if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented) return;
     const { target } = event;
     if (target.closest("input, select, textarea")) {
@@ -939,7 +1015,7 @@
       "+": () => wider(-1), "=": () => wider(-1), "-": () => wider(1),
     };
     const button = /^[1-9]$/.test(event.key) ? at("buttons").children[Number(event.key) - 1] : null;
-    const does = button ? () => (button.click(), true) : keys[event.key];
+    const does = button ? () => !button.disabled && !event.repeat && (arm(button), true) : keys[event.key];
     if (does && does() !== false) event.preventDefault();
   });
 
@@ -967,9 +1043,16 @@
     });
     box.append(again);
   };
+  let focusedBefore = null;
   const enable = () => {
     const isUsable = isOpen() && state && !state.ending && state.state !== "starting";
     for (const button of document.querySelectorAll("#pause, #step, #steps, #mark-form button, #inject button, #buttons button, #faults button, #clear-all, #tune-box button, #tune-box input")) button.disabled = !isUsable;
+    // A control that was disabled for a while gets the focus back, unless it is elsewhere by now.
+    const { activeElement } = document;
+    if (!isUsable && activeElement?.disabled) focusedBefore = activeElement;
+    if (!isUsable || !focusedBefore) return;
+    if (activeElement === document.body || activeElement === focusedBefore) focusedBefore.focus();
+    focusedBefore = null;
   };
   const lost = () => {
     socket = null;
@@ -1045,7 +1128,9 @@
   });
 
   const wantsDark = matchMedia("(prefers-color-scheme: dark)");
-  setTheme(wantsDark.matches);
-  wantsDark.addEventListener("change", (event) => setTheme(event.matches));
+  const chosenTheme = () => ["dark", "light"].find((one) => one === recall("theme"));
+  const followTheme = () => setTheme(chosenTheme() ? chosenTheme() === "dark" : wantsDark.matches);
+  followTheme();
+  wantsDark.addEventListener("change", followTheme);
   connect();
 })();
