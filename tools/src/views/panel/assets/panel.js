@@ -174,7 +174,7 @@
         dash: /^(reference|stimulus)\./.test(signals[place].name) ? [8, 4] : [],
       }));
       const unit = spec.unit && spec.unit !== "1" ? ` [${spec.unit}]` : "";
-      this.figure = make("figure", make("figcaption", spec.title + unit), { class: "plot", role: "group", "aria-label": "Plot: " + spec.title });
+      this.figure = make("figure", make("figcaption", parted(spec.title + unit)), { class: "plot", role: "group", "aria-label": "Plot: " + spec.title });
       this.box = make("div", undefined, { class: "canvas" });
       this.legendBox = make("div", undefined, { class: "legend" });
       this.figure.append(this.box, this.legendBox);
@@ -381,7 +381,7 @@
         stroke.style.stroke = `var(--c${one.colour})`;
         line.append(stroke);
         one.shownValue = make("span", "", { class: "value" });
-        button.append(line, one.label + " ", one.shownValue);
+        button.append(line, parted(one.label), " ", one.shownValue);
         button.addEventListener("click", () => {
           one.isShown = !one.isShown;
           const name = this.spec.title + " " + one.signal.name;
