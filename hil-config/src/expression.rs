@@ -11,7 +11,7 @@
 //! comparison  = sum [ ("<" | "<=" | ">" | ">=" | "==" | "!=") sum ]
 //! sum         = product { ("+" | "-") product }
 //! product     = sign { ("*" | "/") sign }
-//! sign        = "-" sign | number | signal | call | "(" expression ")"
+//! sign        = "-" sign | number [ unit ] | signal | call | "(" expression ")"
 //! signal      = group "." name { "." name }
 //!             | name of a derived signal
 //! group       = "truth" | "measured" | "reference" | "command" | "applied" | "internal"
@@ -27,7 +27,7 @@
 //! `parameter.actuator1.bulk_modulus_pa`.
 //!
 //! Values of two known units are neither added nor compared; a plain number fits every unit, and so does
-//! a product or quotient.
+//! a product or quotient. A number with a unit counts in coherent SI units: `5 cm` is 0.05 and fits what is in m.
 //!
 //! A comparison is 1 where it holds and 0 where not; every number but 0 counts as true.
 //!
@@ -44,7 +44,9 @@ pub(crate) mod cursor;
 pub(crate) mod lexer;
 mod parser;
 mod program;
+mod quantity;
 mod reduction;
+pub(crate) mod spellings;
 mod units;
 
 use std::ops::Range;
@@ -57,6 +59,7 @@ pub use reduction::{Accumulator, Reduction, ReductionKind};
 
 pub(crate) use parser::{functions, is_reserved};
 use program::{Op, Unary};
+use quantity::Quantity;
 pub(crate) use units::Unit;
 
 /// An expression, read but not yet bound to columns.
@@ -67,6 +70,8 @@ pub struct Expression {
     ops: Vec<Op>,
     /// The signals it names.
     names: Vec<Name>,
+    /// The numbers with units in it.
+    quantities: Box<[Quantity]>,
     reductions: Vec<Reduced>,
 }
 
@@ -241,6 +246,7 @@ impl Expression {
             .iter()
             .map(|&op| match op {
                 Op::Name(index) => self.column(&self.names[index], columns).map(Op::Load),
+                Op::Quantity(index) => Ok(Op::Constant(self.quantities[index].value())),
                 Op::Reduced(index) => Ok(Op::Load(index)),
                 op => Ok(op),
             })

@@ -14,7 +14,7 @@
 //!             | comparison | "(" formula ")"
 //! comparison  = sum ("<" | "<=" | ">" | ">=" | "==" | "!=") sum
 //! bounds      = "[" time "," time "]"
-//! time        = number [ "s" | "ms" | "us" | "ns" ]
+//! time        = number [ unit of time ]
 //! ```
 //!
 //! A `sum` is one of the [expressions](crate::expression), without reductions.

@@ -155,6 +155,52 @@ impl Unit {
         }
     }
 
+    /// The coherent SI unit of the same dimension: its own symbol, such as `N` or `Hz`, or else [`base`](Self::base).
+    #[must_use]
+    pub fn coherent(&self) -> String {
+        let mut symbols = Known::ALL.iter().filter(|known| {
+            let unit = known.unit(1.0, 1.0);
+            unit.is_coherent() && unit.halves == self.halves
+        });
+        symbols
+            .next()
+            .map_or_else(|| self.base(), |known| known.symbol.into())
+    }
+
+    /// Returns `true` if a value in this unit is the value in base units.
+    #[must_use]
+    pub fn is_coherent(&self) -> bool {
+        let one = Self {
+            halves: self.halves,
+            ..Self::ONE
+        };
+        *self == one
+    }
+
+    /// Returns `true` if 0 in this unit is not 0 in base units, as in degC.
+    #[must_use]
+    pub fn has_own_zero(&self) -> bool {
+        self.zero != 0.0
+    }
+
+    /// Converts a value in this unit into base units.
+    #[must_use]
+    pub fn in_base_units(&self, value: f64) -> f64 {
+        // Divided, not multiplied by a part: 200 ms are the same number as 0.2 s.
+        let value = (value + self.zero) * self.numerator / self.denominator;
+        match self.half_turns {
+            0 => value,
+            turns if turns > 0 => value * power_of_pi(turns),
+            turns => value / power_of_pi(-turns),
+        }
+    }
+
+    /// Lists the symbols that can be read, each with every prefix that it takes.
+    #[must_use]
+    pub fn symbols() -> Vec<String> {
+        symbols::all().collect()
+    }
+
     /// The conversion of a value in this unit into another; `None` if their dimensions differ.
     #[must_use]
     pub fn conversion_to(&self, other: &Self) -> Option<Conversion> {

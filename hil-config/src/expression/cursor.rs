@@ -4,8 +4,8 @@
 
 use std::ops::Range;
 
-use super::ExpressionError;
 use super::lexer::{Token, TokenKind, tokens};
+use super::{ExpressionError, quantity, spellings};
 
 /// Deepest nesting of parentheses, calls, signs and operators.
 const NESTING: usize = 64;
@@ -92,13 +92,30 @@ impl<'a> Cursor<'a> {
         let word = &self.text[token.span.clone()];
         let found = match &token.kind {
             TokenKind::End => "the end".into(),
-            TokenKind::Time(_) => format!("the time `{word}`"),
             _ => format!("`{word}`"),
         };
+        let advice = self.advice(token).unwrap_or_default();
         self.error(
             token.span.clone(),
-            format!("expected {wanted}, found {found}"),
+            format!("expected {wanted}, found {found}{advice}"),
         )
+    }
+
+    /// What a name at a wrong place may be meant for: an operator of another language, or a unit.
+    fn advice(&self, token: &Token) -> Option<String> {
+        let TokenKind::Name(name) = &token.kind else {
+            return None;
+        };
+        if let Some(known) = spellings::of_operator(name) {
+            return Some(format!("; write `{known}`"));
+        }
+        let place = self.tokens.iter().position(|other| other == token)?;
+        let before = self.tokens.get(place.checked_sub(1)?)?;
+        let unit = match before.kind {
+            TokenKind::Number(_) => quantity::unreadable(name)?,
+            _ => return None,
+        };
+        Some(format!("; {unit}"))
     }
 
     pub(crate) fn error(&self, span: Range<usize>, message: impl Into<String>) -> ExpressionError {

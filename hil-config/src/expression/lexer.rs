@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-use super::ExpressionError;
+use super::quantity::{self, Quantity};
+use super::{ExpressionError, spellings};
 
 /// A word and its bytes.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,8 +15,8 @@ pub(crate) struct Token {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum TokenKind {
     Number(f64),
-    /// A number with a unit of time, in s.
-    Time(f64),
+    /// A number with a unit.
+    Quantity(Quantity),
     /// A name, with dots if it has parts.
     Name(String),
     /// An operator, a parenthesis, a bracket or a comma.
@@ -28,9 +29,6 @@ const SYMBOLS: [&str; 15] = [
     "<=", ">=", "==", "!=", "<", ">", "+", "-", "*", "/", "(", ")", "[", "]", ",",
 ];
 
-/// Units of time, longer ones first, and how many of them are a second.
-const TIMES: [(&str, f64); 4] = [("ms", 1e3), ("us", 1e6), ("ns", 1e9), ("s", 1.0)];
-
 /// Splits an expression into words; the last one is [`TokenKind::End`].
 pub(crate) fn tokens(text: &str) -> Result<Vec<Token>, ExpressionError> {
     let mut tokens = Vec::new();
@@ -41,21 +39,10 @@ pub(crate) fn tokens(text: &str) -> Result<Vec<Token>, ExpressionError> {
             at += first.len_utf8();
             continue;
         } else if first.is_ascii_digit() || first == '.' {
-            let length = number_length(rest);
-            match number(&rest[..length]) {
-                Some(kind) => (kind, length),
-                None => {
-                    let word = &rest[..length];
-                    // A number and letters behind it: the unit may be meant.
-                    let units = if word.ends_with(|last: char| last.is_ascii_alphabetic()) {
-                        " and not a time: its units are s, ms, us and ns"
-                    } else {
-                        ""
-                    };
-                    let message = format!("`{word}` is not a number{units}");
-                    return Err(ExpressionError::new(text, at..at + length, message));
-                }
-            }
+            number(text, at)?
+        } else if let Some((length, message)) = spellings::of_symbol(rest) {
+            let span = at..at + length;
+            return Err(ExpressionError::new(text, span, message));
         } else if starts_name(first) {
             let length = rest
                 .find(|c: char| !(starts_name(c) || c.is_ascii_digit() || c == '.'))
@@ -91,21 +78,51 @@ fn starts_name(c: char) -> bool {
     c.is_ascii_alphabetic() || c == '_'
 }
 
-/// A number or a time.
-fn number(text: &str) -> Option<TokenKind> {
-    let finite = |text: &str| text.parse::<f64>().ok().filter(|value| value.is_finite());
-    if let Some(value) = finite(text) {
-        return Some(TokenKind::Number(value));
+/// A number at this place, with its unit if one follows, and its length.
+fn number(text: &str, at: usize) -> Result<(TokenKind, usize), ExpressionError> {
+    let rest = &text[at..];
+    let digits = quantity::number_length(rest);
+    let value = rest[..digits]
+        .parse::<f64>()
+        .ok()
+        .filter(|value| value.is_finite());
+    let behind = rest[digits..].trim_start();
+    let begin = rest.len() - behind.len();
+    if let (Some(written), Some((unit, length))) = (value, quantity::unit(behind)) {
+        let end = begin + length;
+        let span = at..at + end;
+        if unit.has_own_zero() {
+            let kelvin = unit.in_base_units(written);
+            let message = format!(
+                "`{}` counts from a zero of its own; write a plain number, in the unit of the signal, or `{kelvin:?} K`",
+                &rest[..end]
+            );
+            return Err(ExpressionError::new(text, span, message));
+        }
+        let symbol = behind[..length].into();
+        let quantity = Quantity {
+            written,
+            unit,
+            symbol,
+            text: rest[..end].into(),
+            span,
+        };
+        return Ok((TokenKind::Quantity(quantity), end));
     }
-    let (value, per_s) = TIMES
-        .iter()
-        .find_map(|(unit, per_s)| Some((text.strip_suffix(unit)?, per_s)))?;
-    // Divided, not multiplied by a part of a second: 200 ms are the same number as 0.2 s.
-    Some(TokenKind::Time(finite(value)? / per_s))
+    let word = meant_length(rest);
+    match value {
+        Some(value) if word == digits => Ok((TokenKind::Number(value), digits)),
+        _ => {
+            let unit = value.and_then(|_| quantity::unreadable(&rest[digits..]));
+            let unit = unit.map_or(String::new(), |unit| format!(": {unit}"));
+            let message = format!("`{}` is not a number{unit}", &rest[..word]);
+            Err(ExpressionError::new(text, at..at + word, message))
+        }
+    }
 }
 
-/// Length of what was meant as a number: digits, points, and an exponent with its sign.
-fn number_length(text: &str) -> usize {
+/// Length of what was meant as a number: digits, points, letters, and an exponent with its sign.
+fn meant_length(text: &str) -> usize {
     let mut last = ' ';
     text.find(|c: char| {
         let belongs = c.is_ascii_alphanumeric()
@@ -151,7 +168,10 @@ mod tests {
             ("1e-1s", 0.1),
         ] {
             let words = tokens(text).expect(text);
-            assert_eq!(words[0].kind, TokenKind::Time(time_s), "{text}");
+            let TokenKind::Quantity(quantity) = &words[0].kind else {
+                panic!("{text}: {words:?}");
+            };
+            assert_eq!(quantity.time_s(), Some(time_s), "{text}");
         }
     }
 
@@ -165,6 +185,8 @@ mod tests {
             ("a..b", 0..4),
             ("1.2.3", 0..5),
             ("µ", 0..2),
+            ("5 degC", 0..6),
+            ("1 + 5em", 4..7),
             ("truth.1x", 0..8),
         ] {
             assert_eq!(tokens(text).expect_err(text).span, span, "{text}");

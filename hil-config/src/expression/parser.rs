@@ -6,7 +6,8 @@ use std::ops::Range;
 use super::cursor::Cursor;
 use super::lexer::TokenKind;
 use super::program::{Binary, Op, STACK, Unary, needed_stack};
-use super::{Expression, ExpressionError, Name, Reduced, ReductionKind};
+use super::quantity::Quantity;
+use super::{Expression, ExpressionError, Name, Reduced, ReductionKind, spellings};
 
 /// Words with a meaning of their own.
 const WORDS: [&str; 3] = ["and", "or", "not"];
@@ -38,6 +39,7 @@ pub(super) fn parse(text: &str) -> Result<Expression, ExpressionError> {
         words: Cursor::new(text)?,
         ops: Vec::new(),
         names: Vec::new(),
+        quantities: Vec::new(),
         reductions: Vec::new(),
     };
     parser.disjunction()?;
@@ -46,6 +48,7 @@ pub(super) fn parse(text: &str) -> Result<Expression, ExpressionError> {
         text: text.into(),
         ops: parser.ops,
         names: parser.names,
+        quantities: parser.quantities.into(),
         reductions: parser.reductions,
     };
     let programs = expression.reductions.iter().map(|reduced| &reduced.ops);
@@ -74,6 +77,7 @@ struct Parser<'a> {
     words: Cursor<'a>,
     ops: Vec<Op>,
     names: Vec<Name>,
+    quantities: Vec<Quantity>,
     reductions: Vec<Reduced>,
 }
 
@@ -173,6 +177,10 @@ impl Parser<'_> {
         let token = self.words.next();
         match token.kind {
             TokenKind::Number(value) => self.ops.push(Op::Constant(value)),
+            TokenKind::Quantity(quantity) => {
+                self.ops.push(Op::Quantity(self.quantities.len()));
+                self.quantities.push(quantity);
+            }
             TokenKind::Symbol("(") => {
                 self.nested(Self::disjunction)?;
                 self.words.expect(")", "an operator or `)`")?;
@@ -240,6 +248,13 @@ impl Parser<'_> {
                 _ => "one value",
             };
             let message = format!("`{name}` takes {takes}, not {arguments}");
+            return self.words.error(span, message);
+        }
+        if let Some(message) = spellings::of_function(name) {
+            return self.words.error(span, message);
+        }
+        if let Some(operator) = spellings::of_operator(name) {
+            let message = format!("unknown operator `{name}`; write `{operator}`");
             return self.words.error(span, message);
         }
         let known: Vec<&str> = functions().collect();

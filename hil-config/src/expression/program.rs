@@ -6,12 +6,13 @@
 /// Number of values that may wait for their operator.
 pub(super) const STACK: usize = 32;
 
-/// Operation. Names and reductions are indices into the expression and are replaced by
-/// [`Op::Load`] when it is bound.
+/// Operation. Names, quantities and reductions are indices into the expression and are replaced by
+/// [`Op::Load`] and [`Op::Constant`] when it is bound.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Op {
     Constant(f64),
     Name(usize),
+    Quantity(usize),
     Reduced(usize),
     Load(usize),
     Unary(Unary),
@@ -116,7 +117,7 @@ fn evaluate_on<const HEIGHT: usize>(mut stack: [f64; HEIGHT], ops: &[Op], row: &
                 height -= 1;
                 stack[height - 1] = operator.apply(stack[height - 1], stack[height]);
             }
-            Op::Name(_) | Op::Reduced(_) => unreachable!("a program is bound"),
+            Op::Name(_) | Op::Quantity(_) | Op::Reduced(_) => unreachable!("a program is bound"),
         }
     }
     stack[0]
@@ -127,7 +128,9 @@ pub(super) fn needed_stack(ops: &[Op]) -> usize {
     let (mut height, mut highest) = (0_usize, 0_usize);
     for op in ops {
         match op {
-            Op::Constant(_) | Op::Name(_) | Op::Reduced(_) | Op::Load(_) => height += 1,
+            Op::Constant(_) | Op::Name(_) | Op::Quantity(_) | Op::Reduced(_) | Op::Load(_) => {
+                height += 1;
+            }
             Op::Unary(_) => {}
             Op::Binary(_) => height -= 1,
         }
@@ -140,7 +143,11 @@ impl Op {
     /// Returns true if the result of the operation is true or false.
     pub(super) fn is_truth(&self) -> bool {
         match self {
-            Self::Constant(_) | Self::Name(_) | Self::Reduced(_) | Self::Load(_) => false,
+            Self::Constant(_)
+            | Self::Name(_)
+            | Self::Quantity(_)
+            | Self::Reduced(_)
+            | Self::Load(_) => false,
             Self::Unary(unary) => *unary == Unary::Not,
             Self::Binary(binary) => match binary {
                 Binary::Add

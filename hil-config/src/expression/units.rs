@@ -3,7 +3,10 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
+use shared_types::units;
+
 use super::program::{Binary, Op, Unary};
+use super::quantity::Quantity;
 use super::{Columns, Expression, ExpressionError, Name, Reduced, ReductionKind};
 
 /// The unit of a value, as far as it is known.
@@ -16,15 +19,25 @@ pub(crate) enum Unit<'a> {
     /// A unit.
     Known {
         symbol: Cow<'a, str>,
-        /// The first signal that tells it. An integral has none: its unit is shown, but not held against
-        /// others, as J and W s are one.
-        name: Option<&'a Name>,
+        /// The first part of the expression that has it.
+        source: Source<'a>,
         /// True unless a value of unknown unit was added or compared.
         is_whole: bool,
     },
 }
 
-/// Two known units that do not go together, with the places of the signals that tell them, in bytes of
+/// Part of an expression that a unit comes from.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Source<'a> {
+    /// A signal.
+    Signal(&'a Name),
+    /// A number with a unit.
+    Quantity(&'a Quantity),
+    /// An integral: its unit is shown, but not held against that of signals, as J and W s are one.
+    Integral,
+}
+
+/// Two known units that do not go together, with the places of the parts that have them, in bytes of
 /// their expressions.
 pub(crate) struct Mixed {
     pub(crate) message: String,
@@ -32,7 +45,40 @@ pub(crate) struct Mixed {
     pub(crate) second: Range<usize>,
 }
 
+impl Source<'_> {
+    /// The place in its expression; none of an integral.
+    fn span(&self) -> Option<Range<usize>> {
+        match self {
+            Self::Signal(name) => Some(name.span.clone()),
+            Self::Quantity(quantity) => Some(quantity.span.clone()),
+            Self::Integral => None,
+        }
+    }
+
+    /// The part as text.
+    fn text(&self) -> String {
+        match self {
+            Self::Signal(name) => name.path.clone(),
+            Self::Quantity(quantity) => quantity.text.clone(),
+            Self::Integral => "integral(..)".into(),
+        }
+    }
+}
+
 impl<'a> Unit<'a> {
+    /// The unit of a number with a unit: coherent, because that is what its value counts in.
+    fn of_quantity(quantity: &'a Quantity) -> Self {
+        let symbol = match quantity.unit.is_coherent() {
+            true => quantity.symbol.as_str().into(),
+            false => quantity.unit.coherent().into(),
+        };
+        Self::Known {
+            symbol,
+            source: Source::Quantity(quantity),
+            is_whole: true,
+        }
+    }
+
     /// The unit, if it is that of the whole value.
     pub(crate) fn symbol(&self) -> Option<&str> {
         match self {
@@ -56,41 +102,38 @@ impl<'a> Unit<'a> {
             (a, b) => (a, b),
         };
         match (a, b) {
-            (Self::Unknown, Self::Known { symbol, name, .. }) => Ok(Self::Known {
+            (Self::Unknown, Self::Known { symbol, source, .. }) => Ok(Self::Known {
                 symbol,
-                name,
+                source,
                 is_whole: false,
             }),
             (
                 Self::Known {
                     symbol,
-                    name,
+                    source,
                     is_whole,
                 },
                 Self::Known {
                     symbol: others,
-                    name: second,
+                    source: second,
                     is_whole: is_other_whole,
                 },
-            ) => match (name, second) {
-                _ if symbol == others => Ok(Self::Known {
-                    symbol,
-                    name: name.or(second),
-                    is_whole: is_whole && is_other_whole,
-                }),
-                (Some(name), Some(second)) => {
-                    let (path, span) = (&second.path, &second.span);
-                    Err(Mixed {
-                        message: format!(
-                            "`{}` is in {symbol} and `{path}` in {others}, which cannot be {joined}; if it is meant, write a factor, as in `1 * {path}`",
-                            name.path
-                        ),
-                        first: name.span.clone(),
-                        second: span.clone(),
-                    })
+            ) => {
+                let is_whole = is_whole && is_other_whole;
+                match agreement((&*symbol, source), (&*others, second), joined)? {
+                    Agreement::First => Ok(Self::Known {
+                        symbol,
+                        source,
+                        is_whole,
+                    }),
+                    Agreement::Second => Ok(Self::Known {
+                        symbol: others,
+                        source: second,
+                        is_whole,
+                    }),
+                    Agreement::None => Ok(Self::Unknown),
                 }
-                _ => Ok(Self::Unknown),
-            },
+            }
             _ => Ok(Self::Unknown),
         }
     }
@@ -102,7 +145,7 @@ impl<'a> Unit<'a> {
                 symbol, is_whole, ..
             } => Self::Known {
                 symbol: times_s(&symbol).into(),
-                name: None,
+                source: Source::Integral,
                 is_whole,
             },
             other => other,
@@ -136,10 +179,11 @@ impl Expression {
                     let unit = columns.unit_of(&name.path);
                     unit.map_or(Unit::Unknown, |symbol| Unit::Known {
                         symbol: symbol.into(),
-                        name: Some(name),
+                        source: Source::Signal(name),
                         is_whole: true,
                     })
                 }
+                Op::Quantity(index) => Unit::of_quantity(&self.quantities[*index]),
                 Op::Reduced(index) => {
                     let Reduced { kind, ops, .. } = &self.reductions[*index];
                     let unit = self.unit_of_ops(ops, columns)?;
@@ -187,6 +231,82 @@ impl Expression {
             .with(b, joined)
             .map_err(|mixed| self.error(mixed.first.start..mixed.second.end, &mixed.message))?;
         Ok(if is_truth { Unit::Unknown } else { unit })
+    }
+}
+
+/// Unit that two values have together.
+enum Agreement {
+    /// That of the first.
+    First,
+    /// That of the second.
+    Second,
+    /// None that is known.
+    None,
+}
+
+/// The unit that two known units have together. Signals agree by the text of their units; a number with a unit
+/// agrees with everything of its dimension that counts in the coherent unit.
+fn agreement(
+    (symbol, first): (&str, Source<'_>),
+    (others, second): (&str, Source<'_>),
+    joined: &str,
+) -> Result<Agreement, Mixed> {
+    let fits = match (first, second) {
+        (Source::Quantity(quantity), other) => fitting(quantity, others, &other),
+        (other, Source::Quantity(quantity)) => fitting(quantity, symbol, &other),
+        _ if symbol == others => Ok(()),
+        (Source::Integral, _) | (_, Source::Integral) => return Ok(Agreement::None),
+        (Source::Signal(_), Source::Signal(name)) => Err(format!(
+            "if it is meant, write a factor, as in `1 * {}`",
+            name.path
+        )),
+    };
+    match (fits, first, second) {
+        // A signal names its unit as its own description does.
+        (Ok(()), Source::Quantity(_) | Source::Integral, Source::Signal(_)) => {
+            Ok(Agreement::Second)
+        }
+        (Ok(()), ..) => Ok(Agreement::First),
+        (Err(advice), ..) => {
+            let written = |symbol: &str, source: &Source<'_>| match source {
+                Source::Quantity(quantity) => quantity.symbol.clone(),
+                _ => symbol.to_owned(),
+            };
+            let place = first.span().or(second.span()).unwrap_or_default();
+            Err(Mixed {
+                message: format!(
+                    "`{}` is in {} and `{}` in {}, which cannot be {joined}; {advice}",
+                    first.text(),
+                    written(symbol, &first),
+                    second.text(),
+                    written(others, &second)
+                ),
+                first: first.span().unwrap_or_else(|| place.clone()),
+                second: second.span().unwrap_or(place),
+            })
+        }
+    }
+}
+
+/// Checks that a number with a unit can stand beside a value in another unit; the error says what to write.
+fn fitting(quantity: &Quantity, symbol: &str, other: &Source<'_>) -> Result<(), String> {
+    if let Source::Quantity(other) = other {
+        return match quantity.unit.conversion_to(&other.unit) {
+            Some(_) => Ok(()),
+            None => Err("write both in units of one dimension".into()),
+        };
+    }
+    let Ok(unit) = units::Unit::parse(symbol) else {
+        return Err("write a plain number, which fits every unit".into());
+    };
+    match quantity.unit.conversion_to(&unit) {
+        Some(_) if unit.is_coherent() => Ok(()),
+        Some(conversion) => Err(format!(
+            "numbers with units count in {}, so write a plain number in {symbol}: `{:?}`",
+            quantity.unit.coherent(),
+            conversion.apply(quantity.written)
+        )),
+        None => Err("a plain number fits every unit".into()),
     }
 }
 

@@ -9,6 +9,7 @@ use shared_types::table::nearest;
 use super::{Comparison, Formula, FormulaSide, Node, Relation, Window};
 use crate::expression::cursor::Cursor;
 use crate::expression::lexer::{Token, TokenKind};
+use crate::expression::spellings;
 use crate::expression::{Expression, ExpressionError, functions, is_reserved};
 
 /// Operators in front of their operand.
@@ -131,7 +132,10 @@ impl Parser<'_> {
             "eventually" => (false, false),
             "historically" => (true, true),
             "once" => (true, false),
-            _ => return self.primary(),
+            _ => {
+                self.refuse_foreign(&token, word)?;
+                return self.primary();
+            }
         };
         self.words.at += 1;
         let window = self.window(token.span)?;
@@ -143,6 +147,28 @@ impl Parser<'_> {
             window,
             operand,
         }))
+    }
+
+    /// Refuses an operator of another language, unless it may be the name of a signal.
+    fn refuse_foreign(&self, token: &Token, word: &str) -> Result<(), ExpressionError> {
+        let begins_operand = match &self.words.tokens[self.words.at + 1].kind {
+            TokenKind::Symbol(symbol) => matches!(*symbol, "(" | "["),
+            TokenKind::Name(next) => !JOINTS.contains(&next.as_str()),
+            TokenKind::Number(_) | TokenKind::Quantity(_) => true,
+            TokenKind::End => false,
+        };
+        if !begins_operand {
+            return Ok(());
+        }
+        let advice = match word {
+            "if" | "IF" | "when" => "`a implies b` for `if a then b`".into(),
+            _ => match spellings::of_operator(word) {
+                Some(operator) => format!("`{operator}`"),
+                None => return Ok(()),
+            },
+        };
+        let message = format!("unknown operator `{word}`; write {advice}");
+        Err(self.words.error(token.span.clone(), message))
     }
 
     fn primary(&mut self) -> Parsed {
@@ -181,6 +207,9 @@ impl Parser<'_> {
             return Err(self.words.unexpected(self.words.peek(), "a comparison"));
         };
         let span = first.span.start..last.span.end;
+        if let Some(word) = foreign_joint(words) {
+            return Err(self.words.unexpected(word, "an operator or the end"));
+        }
         let relations = relations(words);
         let (relation, sign) = match relations.as_slice() {
             [] => return Err(self.no_comparison(begin..end, span)),
@@ -251,6 +280,9 @@ impl Parser<'_> {
             }
             _ => None,
         };
+        if let Some(message) = misspelt.and_then(|name| spellings::of_function(name)) {
+            return self.words.error(first.span.clone(), message);
+        }
         if let Some(name) = misspelt {
             let message = format!("unknown operator `{name}`");
             let mut error = self.words.error(first.span.clone(), message);
@@ -288,12 +320,17 @@ impl Parser<'_> {
 
     fn time(&mut self) -> Result<f64, ExpressionError> {
         let token = self.words.next();
-        match token.kind {
-            TokenKind::Number(time_s) | TokenKind::Time(time_s) => Ok(time_s),
-            _ => Err(self
-                .words
-                .unexpected(&token, "a time of at least 0, such as 2s or 200ms")),
-        }
+        let time_s = match &token.kind {
+            TokenKind::Number(time_s) => Some(*time_s),
+            TokenKind::Quantity(quantity) => quantity.time_s(),
+            _ => None,
+        };
+        let minutes = match &token.kind {
+            TokenKind::Quantity(quantity) if quantity.symbol == "m" => " (minutes are `min`)",
+            _ => "",
+        };
+        let expected = format!("a time of at least 0, such as 2s or 200ms{minutes}");
+        time_s.ok_or_else(|| self.words.unexpected(&token, &expected))
     }
 
     fn push(&mut self, node: Node) -> usize {
@@ -308,6 +345,19 @@ impl Parser<'_> {
         self.words.leave();
         Ok(parsed)
     }
+}
+
+/// The first operator of another language that stands between two operands.
+fn foreign_joint(words: &[Token]) -> Option<&Token> {
+    let ends_operand = |token: &Token| match &token.kind {
+        TokenKind::Number(_) | TokenKind::Quantity(_) | TokenKind::Symbol(")") => true,
+        TokenKind::Name(name) => name != "not" && !JOINTS.contains(&name.as_str()),
+        TokenKind::Symbol(_) | TokenKind::End => false,
+    };
+    let is_foreign = |token: &Token| matches!(&token.kind, TokenKind::Name(name) if spellings::of_operator(name).is_some());
+    let mut pairs = words.windows(2);
+    let pair = pairs.find(|pair| ends_operand(&pair[0]) && is_foreign(&pair[1]))?;
+    Some(&pair[1])
 }
 
 /// The comparisons among words that stand in no parentheses.

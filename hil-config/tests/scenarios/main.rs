@@ -21,6 +21,7 @@ mod live_faults;
 mod monitors;
 mod points;
 mod programs;
+mod quantities;
 mod schema;
 mod shipped;
 mod show;

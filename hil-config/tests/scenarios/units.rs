@@ -37,7 +37,7 @@ target = "measured.position_m"
 bias = 1.0
 "#;
 
-fn text(place: &str, expression: &str) -> String {
+pub(crate) fn text(place: &str, expression: &str) -> String {
     let fitting = [
         ("DERIVED", "truth.position_m - 1"),
         ("METRIC", "max(truth.position_m) - min(way_m)"),

@@ -162,6 +162,15 @@ const PREFIXES: [(&str, f64, f64); 22] = [
     ("y", 1.0, 1e24),
 ];
 
+/// Every symbol, as it stands and with each prefix that it takes.
+pub(super) fn all() -> impl Iterator<Item = String> {
+    Known::ALL.iter().flat_map(|known| {
+        let prefixes = PREFIXES.iter().filter(|_| known.takes_prefix);
+        let prefixed = prefixes.map(|(prefix, ..)| format!("{prefix}{}", known.symbol));
+        std::iter::once(known.symbol.to_owned()).chain(prefixed)
+    })
+}
+
 /// The unit of a symbol: as it stands, or else with a prefix in front.
 pub(super) fn known(symbol: &str) -> Option<Unit> {
     if let Some(known) = Known::ALL.iter().find(|known| known.symbol == symbol) {
@@ -178,7 +187,7 @@ pub(super) fn known(symbol: &str) -> Option<Unit> {
 }
 
 impl Known {
-    fn unit(&self, numerator: f64, denominator: f64) -> Unit {
+    pub(super) fn unit(&self, numerator: f64, denominator: f64) -> Unit {
         let (numerator, denominator) = (self.numerator * numerator, self.denominator * denominator);
         // A kilogram is 1/1, not 1000/1000.
         let is_one = numerator == denominator;
