@@ -16,11 +16,17 @@ use hil_campaign::{order, rank};
 use hil_config::study::{Goal, Sampling, Study};
 use serde::Serialize;
 
+use crate::results::requirements;
 use gathered::Cases;
 pub(super) use gathered::Gathered;
 
 /// Classes of cases.
 pub(super) const CLASSES: [&str; 5] = ["pass", "fail", "diverged", "undecided", LOST];
+/// The classes in words for a person: cases without a requirement are not called a pass.
+pub(super) fn classes_in_words(requirements: usize) -> [&'static str; CLASSES.len()] {
+    CLASSES.map(|class| requirements::in_words(class, requirements))
+}
+
 /// Quantiles of margins that are told.
 const QUANTILES: [f64; 3] = [0.01, 0.05, 0.5];
 /// Number of worst cases and of correlations that are told.
@@ -39,6 +45,15 @@ pub(super) struct Answers {
     pub(super) lost: Vec<u64>,
     pub(super) variants: Vec<VariantAnswer>,
     pub(super) goals: Vec<GoalAnswer>,
+}
+
+impl Answers {
+    /// Number of the requirements that cases are judged by.
+    pub(super) fn requirements(&self) -> usize {
+        self.variants
+            .first()
+            .map_or(0, |one| one.requirements.len())
+    }
 }
 
 /// A share of cases, with bounds of the probability behind it.

@@ -7,9 +7,7 @@ use hil_campaign::folder::Folder;
 use hil_config::study::Study;
 use shared_types::number::{counted, short, unit_shown};
 
-use super::answers::{
-    self, Answers, BoundsAnswer, CLASSES, Gathered, QuantileAnswer, Share, VariantAnswer,
-};
+use super::answers::{self, Answers, BoundsAnswer, Gathered, QuantileAnswer, Share, VariantAnswer};
 use super::collect::{self, set_aside};
 use super::quoted;
 use super::work::open;
@@ -143,7 +141,7 @@ fn classes(text: &mut String, answers: &Answers) -> std::fmt::Result {
     let mut table = Table::new(2, columns);
     let head = ["variant"]
         .into_iter()
-        .chain(CLASSES)
+        .chain(answers::classes_in_words(answers.requirements()))
         .chain(["passes", "probability"]);
     table.cells(head);
     for variant in &answers.variants {

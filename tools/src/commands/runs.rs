@@ -17,6 +17,7 @@ use toml_edit::DocumentMut;
 
 use crate::arguments::runs::{Ending, Order, RunChoice, RunsAction, RunsArguments};
 use crate::files::runs::{self, RUNS, RunFolder, SCENARIO};
+use crate::results::requirements;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
 use crate::terminal::table::{Table, left, right};
@@ -77,6 +78,8 @@ struct Run {
     set: Vec<String>,
     verdict: Ending,
     reason: Option<String>,
+    #[serde(skip)]
+    requirements: usize,
     /// Requirement with the least robustness.
     margin: Option<Margin>,
     steps: Option<u64>,
@@ -168,6 +171,7 @@ impl Run {
             scenario: written_name(&found.path).unwrap_or_default(),
             ..Told::default()
         });
+        let requirements = told.requirements.len();
         let margins = told.requirements.into_iter().filter_map(|one| {
             Some(Margin {
                 requirement: one.name,
@@ -180,6 +184,7 @@ impl Run {
             scenario: told.scenario,
             set: told.set,
             verdict,
+            requirements,
             reason: told.reason,
             margin: margins.min_by(|a, b| a.robustness.total_cmp(&b.robustness)),
             steps: told.steps,
@@ -243,7 +248,7 @@ fn table(runs: &[Run]) -> Table {
         table.cells([
             begun(run.started_utc),
             line(&run.scenario),
-            run.verdict.name().into(),
+            requirements::in_words(run.verdict.name(), run.requirements).into(),
             margin,
             of,
             size::shown(run.bytes),

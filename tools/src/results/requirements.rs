@@ -86,6 +86,17 @@ impl RunVerdict {
     }
 }
 
+/// Words for a run that was completed and had no requirement to meet.
+pub(crate) const WITHOUT_REQUIREMENTS: &str = "completed, no requirements";
+
+/// The verdict of a run in words for a person: a `pass` that no requirement stands behind is not called one.
+pub(crate) fn in_words(verdict: &str, requirements: usize) -> &str {
+    match (verdict, requirements) {
+        ("pass", 0) => WITHOUT_REQUIREMENTS,
+        _ => verdict,
+    }
+}
+
 /// Writes the table of requirements, and the formulas of those that do not hold.
 pub(crate) fn write(text: &mut String, requirements: &[Requirement]) -> std::fmt::Result {
     if requirements.is_empty() {

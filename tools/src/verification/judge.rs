@@ -97,7 +97,8 @@ impl Judgement {
     /// Writes the judgement as a person reads it.
     fn write(&self, text: &mut String, plan: &Plan) -> std::fmt::Result {
         use std::fmt::Write as _;
-        let (scenario, verdict, run) = (&self.scenario, self.verdict.name(), &self.run);
+        let (scenario, run) = (&self.scenario, &self.run);
+        let verdict = requirements::in_words(self.verdict.name(), self.requirements.len());
         writeln!(text, "{scenario}: {verdict}  ({run}, recorded)")?;
         match self.outcome.as_deref() {
             Some("completed") => {}

@@ -104,7 +104,7 @@ fn several(arguments: &RunArguments, mut cases: Vec<Case>) -> Result<Exit, Failu
     let ended = |done: usize, row: &mut Row| {
         let reason = row.reasons().into_iter().next();
         let reason = reason.map_or_else(String::new, |reason| format!(": {reason}"));
-        let (label, verdict) = (&row.label, row.verdict());
+        let (label, verdict) = (&row.label, row.verdict_in_words());
         tell!("[{done}/{all}] {label}: {verdict}{reason}");
         Ok(())
     };

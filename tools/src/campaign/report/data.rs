@@ -11,7 +11,7 @@ use hil_config::study::Study;
 use serde::{Serialize, Serializer};
 
 use super::envelopes::Envelopes;
-use crate::campaign::answers::{Answers, CLASSES, margin, place_of};
+use crate::campaign::answers::{Answers, CLASSES, classes_in_words, margin, place_of};
 use crate::campaign::quoted;
 
 /// Most numbers of a page; with four bytes each in base64 it stays below 20 MB.
@@ -28,6 +28,8 @@ pub(super) struct Data {
     command: String,
     variants: Vec<String>,
     classes: [&'static str; 5],
+    /// The same in words for a person.
+    words: [&'static str; 5],
     /// Distance of the draws whose cases are here; 1 if all are.
     every: u64,
     /// Numbers of the cases; none if they are 0, 1, 2 and so on.
@@ -104,12 +106,15 @@ impl Data {
         let manifest = folder.manifest();
         let class_place = HEAD + study.varied.len();
         let (places, columns): (Vec<_>, Vec<_>) = columns(folder, class_place).unzip();
+        let results = manifest.columns.iter();
+        let requirements = results.filter(|column| column.name.starts_with("verdict."));
         let rows = manifest.cases - manifest.count(&missing(folder));
         let every = (rows * columns.len() as u64).div_ceil(MOST_NUMBERS);
         Self {
             command: format!("hil campaign case {} ", quoted(folder.path())),
             variants: study.variants.iter().map(|one| one.name.clone()).collect(),
             classes: CLASSES,
+            words: classes_in_words(requirements.count()),
             every: every.clamp(1, u64::MAX),
             cases: Some(Numbers::default()),
             class: Codes::default(),

@@ -4,7 +4,9 @@ use maud::{Markup, html};
 use shared_types::number::{counted, short, unit_shown};
 
 use super::page::Campaign;
-use crate::campaign::answers::{Answers, CLASSES, RequirementAnswer, Share, VariantAnswer};
+use crate::campaign::answers::{
+    Answers, RequirementAnswer, Share, VariantAnswer, classes_in_words,
+};
 use crate::campaign::show::bounds;
 
 /// Most varied values that a margin is said to follow.
@@ -83,7 +85,7 @@ pub(super) fn classes(campaign: &Campaign) -> Markup {
         div.scroll tabindex="0" { table #classes {
             thead { tr {
                 th { "variant" }
-                @for class in CLASSES { th.n { (class) } }
+                @for class in classes_in_words(answers.requirements()) { th.n { (class) } }
                 th.n { "passes" } th.n { "probability" }
             } }
             tbody { @for variant in &answers.variants { tr {

@@ -54,7 +54,7 @@ impl Summary {
             text,
             "{}: {}  ({law} on {model}, {})",
             self.scenario,
-            self.verdict.name(),
+            requirements::in_words(self.verdict.name(), self.requirements.len()),
             self.clock
         )?;
         if let Some(reason) = &self.reason {

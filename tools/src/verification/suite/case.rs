@@ -7,6 +7,7 @@ use hil_config::plan::{Clock, Plan};
 
 use super::noise::Noise;
 use crate::arguments::tolerance::Tolerances;
+use crate::results::requirements;
 use crate::run::{self, Environment, Origin, RunResult};
 use crate::terminal::exit::{Exit, Failure};
 use crate::verification::compare::{self, Comparison, Difference};
@@ -131,6 +132,12 @@ impl Row {
             (_, Some(_)) => "aborted",
             (_, None) => "not run",
         }
+    }
+
+    /// The verdict in words for a person.
+    pub(super) fn verdict_in_words(&self) -> &'static str {
+        let requirements = self.ran.as_ref().map(|ran| ran.summary.requirements.len());
+        requirements::in_words(self.verdict(), requirements.unwrap_or(1))
     }
 
     /// Tells whether the run ended by itself, well or not.

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use shared_types::number::short_in;
 
 use super::case::Row;
+use crate::results::requirements::WITHOUT_REQUIREMENTS;
 use crate::terminal::output;
 
 pub(super) fn of(rows: &[Row]) -> String {
@@ -12,8 +13,17 @@ pub(super) fn of(rows: &[Row]) -> String {
 }
 
 fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
-    let passed = rows.iter().filter(|row| row.verdict() == "pass").count();
-    writeln!(text, "## hil: {passed} of {} runs pass\n", rows.len())?;
+    let count = |words: &str| (rows.iter().filter(|row| row.verdict_in_words() == words)).count();
+    let unjudged = match count(WITHOUT_REQUIREMENTS) {
+        0 => String::new(),
+        count => format!("; {count} {WITHOUT_REQUIREMENTS}"),
+    };
+    let passed = count("pass");
+    writeln!(
+        text,
+        "## hil: {passed} of {} runs pass{unjudged}\n",
+        rows.len()
+    )?;
     writeln!(
         text,
         "| run | law | verdict | requirements | digest | why |"
@@ -34,7 +44,7 @@ fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
             "| {} | {} | **{}** | {met} | {digest} | {} |",
             cell(&row.label),
             cell(&row.law),
-            row.verdict(),
+            row.verdict_in_words(),
             why
         )?;
     }

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use shared_types::number::short_in;
 
 use super::case::Row;
+use crate::results::requirements::WITHOUT_REQUIREMENTS;
 use crate::terminal::output;
 use crate::terminal::table::{Table, left, right};
 
@@ -33,7 +34,7 @@ fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
         "folder",
     ]);
     for row in rows {
-        let (label, law, verdict) = (&row.label, &row.law, row.verdict());
+        let (label, law, verdict) = (&row.label, &row.law, row.verdict_in_words());
         let Some(ran) = &row.ran else {
             table.row(&[label, law, &verdict]);
             continue;
@@ -73,8 +74,9 @@ fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
             }
         }
     }
-    let count = |verdict: &str| rows.iter().filter(|row| row.verdict() == verdict).count();
-    let counts = ["pass", "fail", "aborted", "not run"].map(|verdict| (count(verdict), verdict));
+    let count = |words: &str| (rows.iter().filter(|row| row.verdict_in_words() == words)).count();
+    let verdicts = ["pass", WITHOUT_REQUIREMENTS, "fail", "aborted", "not run"];
+    let counts = verdicts.map(|verdict| (count(verdict), verdict));
     let counts: Vec<String> = (counts.iter())
         .filter(|(count, _)| *count > 0)
         .map(|(count, verdict)| format!("{count} {verdict}"))

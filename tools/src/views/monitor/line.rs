@@ -3,6 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use super::model::{Ending, Judged, Model};
+use crate::results::requirements;
 use crate::terminal::duration::shown_ns;
 
 /// Describes the end of the session, with the folder of its run.
@@ -10,7 +11,7 @@ use crate::terminal::duration::shown_ns;
 pub(crate) fn ended(model: &Model, ending: &Ending) -> String {
     let mut text = format!("{} ended: ", model.plan().name);
     text += &match (&ending.verdict, ending.outcome) {
-        (Some(verdict), _) => verdict.clone(),
+        (Some(_), _) => in_words(model, ending).unwrap_or_default().to_owned(),
         (None, _) if ending.is_abandoned => "hil is gone without a summary".into(),
         (None, Some(outcome)) => outcome.name().into(),
         (None, None) if ending.is_gone => "without a word".into(),
@@ -30,6 +31,15 @@ pub(crate) fn ended(model: &Model, ending: &Ending) -> String {
         };
     }
     text
+}
+
+/// The verdict in words for a person, if there is one.
+fn in_words<'a>(model: &Model, ending: &'a Ending) -> Option<&'a str> {
+    let verdict = ending.verdict.as_deref()?;
+    Some(requirements::in_words(
+        verdict,
+        model.plan().requirements.len(),
+    ))
 }
 
 /// Describes the state of the session in one line.
@@ -107,6 +117,7 @@ pub(crate) fn json(model: &Model, now_ns: u64) -> Value {
         "hil_is_stopped": model.is_owner_stopped,
         "ending": model.ending().map(|ending| json!({
             "verdict": ending.verdict,
+            "verdict_in_words": in_words(model, ending),
             "is_without_summary": ending.is_abandoned,
             "outcome": ending.outcome,
             "reason": ending.reason,

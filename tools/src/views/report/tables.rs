@@ -11,7 +11,7 @@ use super::run::{Run, distinct};
 use crate::results::latency::legs::{LatencySummary, without_command};
 use crate::results::latency::percentiles::Percentiles;
 use crate::results::latency::spikes::Spike;
-use crate::results::requirements::Requirement;
+use crate::results::requirements::{self, Requirement};
 use crate::results::summary::{Metric, of_law};
 use crate::terminal::duration::shown_ns;
 
@@ -51,7 +51,7 @@ pub(super) fn runs(runs: &[Run]) -> Markup {
                 @for (number, run) in runs.iter().enumerate() {
                     tr {
                         th scope="row" { (swatch(number)) (run.label) }
-                        td { (badge(&run.verdict)) @if let Some(reason) = &run.reason { br; (reason) } }
+                        td { (badge(requirements::in_words(&run.verdict, run.requirements.len()))) @if let Some(reason) = &run.reason { br; (reason) } }
                         td { (run.fact("scenario")) }
                         td { (run.law()) }
                         td { (run.plan().map_or("", |plan| plan.run.clock.name())) }

@@ -171,17 +171,17 @@
   const tell = () => {
     const perClass = data.classes.map((_, place) => data.variants.reduce((sum, _, variant) => sum + counts[variant * classes + place], 0));
     const of = perClass.reduce((sum, count) => sum + count);
-    const words = isAny() ? `of ${counted(of)} selected, ${percent(perClass[0], of)} pass` : `of all ${counted(rows)} cases, ${percent(perClass[0], rows)} pass`;
+    const words = isAny() ? `of ${counted(of)} selected, ${percent(perClass[0], of)} ${data.words[0]}` : `of all ${counted(rows)} cases, ${percent(perClass[0], rows)} ${data.words[0]}`;
     byId("count").textContent = words;
     byId("clear").disabled = !isAny();
     legend.forEach(({ box, share }, variant) => {
       const mine = counts.subarray(variant * classes, (variant + 1) * classes).reduce((sum, count) => sum + count);
       box.checked = isShown[variant];
-      share.textContent = `${percent(counts[variant * classes], mine)} of ${counted(mine)} pass`;
+      share.textContent = `${percent(counts[variant * classes], mine)} of ${counted(mine)} ${data.words[0]}`;
     });
     classLegend.forEach(({ label, share }, place) => {
       label.hidden = !classOf.includes(place);
-      share.textContent = `${data.classes[place]} ${counted(perClass[place])}`;
+      share.textContent = `${data.words[place]} ${counted(perClass[place])}`;
     });
     byId("chips").replaceChildren(...columns.filter((column) => column.range).map((column) => {
       const onclick = () => { column.range = null; later(); };
@@ -548,7 +548,7 @@
     box.hidden = false;
     box.replaceChildren();
     const head = make("p", `Case ${caseOf[row]}: ${data.variants[variantOf[row]]}, `, box);
-    make("span", data.classes[classOf[row]], head, { className: "badge" }).dataset.verdict = data.classes[classOf[row]];
+    make("span", data.words[classOf[row]], head, { className: "badge" }).dataset.verdict = data.classes[classOf[row]];
     byId("status").textContent = head.textContent;
     make("button", "Close", head, { type: "button", onclick: () => { box.hidden = true; mark(undefined); } });
     addCopy(make("code", data.command + caseOf[row], make("p", undefined, box), { className: "command" }));

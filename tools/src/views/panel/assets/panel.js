@@ -566,14 +566,14 @@
     write(element, text);
     element.dataset.tone = tone ?? "";
   };
-  const verdictOf = (ending) => ending.verdict ?? ending.outcome ?? "ended";
+  const verdictOf = (ending) => ending.verdict_in_words ?? ending.outcome ?? "ended";
   let shownRequirements = "";
   const show = (told) => {
     const before = state;
     state = told;
     root.dataset.state = told.state;
     const { ending } = told;
-    if (ending) badge(at("state"), `ended: ${verdictOf(ending)}`, tones[ending.verdict] ?? "");
+    if (ending) badge(at("state"), `ended: ${verdictOf(ending)}`, tones[verdictOf(ending)] ?? "");
     else badge(at("state"), told.hil_is_stopped ? "hil is stopped" : told.state, told.hil_is_stopped ? "bad" : tones[told.state]);
     const time = told.time_s === null ? "" : `${seconds(told.time_s)} of ${seconds(told.steps / told.rate_hz)} s, step ${told.step}`;
     write(at("time"), time);
@@ -587,7 +587,7 @@
     if (about) shade();
     requirements(told.requirements);
     faults(told.faults);
-    if (told.told && told.told !== before?.told) say(told.told, tones[ending.verdict]);
+    if (told.told && told.told !== before?.told) say(told.told, tones[verdictOf(ending)]);
     if (told.told) trouble(told.told, false);
     drawSoon();
   };
