@@ -149,6 +149,22 @@ pub(crate) fn unreadable(what: &str, path: &Path, error: &std::io::Error) -> Pro
     }])
 }
 
+/// Advises on a file that is not there and that a scenario or study names.
+pub(crate) fn advice_on_missing(folder: &Path, name: &str, owner: &str) -> String {
+    let absolute = |path: &Path| {
+        let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        path.display().to_string()
+    };
+    let path = absolute(&folder.join(name));
+    if Path::new(name).is_absolute() {
+        return format!("check the spelling of {path}");
+    }
+    let folder = absolute(&Path::new(".").join(folder));
+    format!(
+        "paths in a {owner} begin at the folder of the {owner}, {folder}, so this one is {path}"
+    )
+}
+
 /// Finds every `file` below a table.
 fn files(table: &Table, path: &str, found: &mut Vec<(String, String)>) {
     for entry in table.entries() {

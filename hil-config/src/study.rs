@@ -12,6 +12,7 @@ use crate::expression::Expression;
 use crate::flag::key_of;
 use crate::problem::{FLAG, Problem, ProblemKind, Problems};
 use crate::reader::Reader;
+use crate::scenario::{Scenario, advice_on_missing};
 use crate::source::{Place, Sources};
 
 /// Most values that Sobol' points can have.
@@ -49,7 +50,9 @@ pub struct Study {
     /// Requirements on the whole campaign.
     pub goals: Vec<Goal>,
     sources: Sources,
-    /// Places of flags, by their keys.
+    /// Folder of the study, at which its paths begin.
+    folder: PathBuf,
+    /// Places of the scenario and of flags, by their keys.
     homes: Vec<(String, Place)>,
 }
 
@@ -195,6 +198,24 @@ impl Study {
     #[must_use]
     pub const fn cases(&self) -> u64 {
         self.draws * self.variants.len() as u64
+    }
+
+    /// Reads the scenario.
+    ///
+    /// # Errors
+    /// If it cannot be read or is no TOML; a file that is not there is reported at its place in the study.
+    pub fn read_scenario(&self) -> Result<Scenario, Problems> {
+        if self.scenario.exists() {
+            return Scenario::read(&self.scenario);
+        }
+        let (folder, message) = (&self.folder, "the scenario cannot be read: it is not there");
+        let name = self.scenario.strip_prefix(folder).unwrap_or(&self.scenario);
+        let help = advice_on_missing(folder, &name.to_string_lossy(), "study");
+        let problem = self.problem_of("scenario", message, &help);
+        Err(Problems(vec![Problem {
+            kind: ProblemKind::Unreadable,
+            ..problem
+        }]))
     }
 
     /// Tells whether a key of the scenario has a value from here, whatever the case.

@@ -4,11 +4,12 @@
 //! Used for points of stimuli and profiles and for the lists of faults; what the numbers mean is
 //! their business.
 
+use std::io::ErrorKind;
 use std::path::Path;
 
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
-use crate::scenario::read_regular;
+use crate::scenario::{advice_on_missing, read_regular};
 use crate::source::Place;
 
 /// Layout that a file must have.
@@ -64,10 +65,18 @@ pub(super) fn read(
     let text = match read_regular(&path) {
         Ok(text) => text,
         Err(error) => {
-            let message = format!("`{}` cannot be read: {error}", path.display());
+            let (reason, help) = match error.kind() {
+                ErrorKind::NotFound => (
+                    "it is not there".into(),
+                    advice_on_missing(folder, name, "scenario"),
+                ),
+                _ => (error.to_string(), String::new()),
+            };
+            let message = format!("`{}` cannot be read: {reason}", path.display());
             reader
                 .report_at(section, "file", ProblemKind::Unreadable, message)
-                .expected(format!("a CSV file: {}", layout.expected()));
+                .expected(format!("a CSV file: {}", layout.expected()))
+                .help(help);
             return None;
         }
     };

@@ -113,7 +113,7 @@ pub(crate) const WAVEFORMS: &[WaveformKind] = &[
     WaveformKind {
         name: "table",
         derivatives: 1,
-        text: "Straight lines between points, constant before the first and after the last.",
+        text: "Straight lines between points, constant before the first and after the last; some of the times must lie in the run.",
         keys: &[
             Key::new(
                 "file",

@@ -59,11 +59,12 @@ fn study(reader: &mut Reader, root: &Section<'_>, written: &Scenario) -> Option<
             .expected(TITLE);
     }
     let description = reader.text(root, "description").unwrap_or_default().into();
-    let scenario = reader.text(root, "scenario").map(|file| {
-        let folder = path.parent().unwrap_or(Path::new(""));
-        folder.join(file)
-    });
+    let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+    let scenario = reader.text(root, "scenario").map(|file| folder.join(file));
     let mut homes = Homes::default();
+    homes
+        .all
+        .push(("scenario".into(), root.place_of("scenario").clone()));
     let set = homes.flags(reader, root, &[]);
     let sampling = match reader.text(root, "sampling")? {
         "latin-hypercube" => Sampling::LatinHypercube,
@@ -98,6 +99,7 @@ fn study(reader: &mut Reader, root: &Section<'_>, written: &Scenario) -> Option<
         correlations,
         goals,
         sources: written.sources.clone(),
+        folder,
         homes: homes.all,
     })
 }

@@ -161,3 +161,50 @@ fn a_list_that_the_record_stream_has_no_room_for_is_refused() {
         "{found}"
     );
 }
+
+#[test]
+fn a_table_outside_the_run_is_refused_with_both_times() {
+    // The run goes from 0 to 2 s.
+    let inline = |times: &str, values: &str| {
+        let table = format!("kind = \"table\"\ntime_s = {times}\nvalues = {values}");
+        check(&base_with(
+            "kind = \"step\"\nat_s = 0.5\nafter = 2.0",
+            &table,
+        ))
+    };
+    for (times, text) in [
+        (
+            "[3, 4]",
+            "the table goes from 3 to 4 s and the run from 0 to 2 s",
+        ),
+        (
+            "[-2, -1]",
+            "the table goes from -2 to -1 s and the run from 0 to 2 s",
+        ),
+    ] {
+        let message = inline(times, "[1, 2]").expect_err(times).to_string();
+        assert!(message.contains(text), "{message}");
+        assert!(message.contains("times that overlap the run"), "{message}");
+    }
+    for times in ["[2, 3]", "[-1, 0]", "[-1, 9]", "[0.5, 1]"] {
+        assert!(inline(times, "[1, 2]").is_ok(), "{times}");
+    }
+    let problems = with_file(Some("time_s,value\n3,1\n")).expect_err("outside");
+    assert_eq!(problems[0].key, "stimuli[1].file");
+}
+
+#[test]
+fn a_missing_file_is_answered_with_the_folder_that_its_path_begins_at() {
+    let problems = with_file(None).expect_err("no file");
+    let message = problems[0].to_string();
+    let help = problems[0].help.as_deref().expect("advice");
+    assert!(
+        message.contains("cannot be read: it is not there"),
+        "{message}"
+    );
+    assert!(
+        help.contains("paths in a scenario begin at the folder of the scenario, /"),
+        "{help}"
+    );
+    assert!(help.ends_with("/points/x.csv"), "{help}");
+}

@@ -65,7 +65,7 @@ impl Cases {
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
         refuse_programs(&study)?;
-        let scenario = Scenario::read(&study.scenario)?;
+        let scenario = study.read_scenario()?;
         let choices = Choices::of(binaries, &Named::by(&scenario), None)?;
         let rig = match choices.names_one() {
             true => Rig::Own(choices.find(interruption)?),
