@@ -5,6 +5,7 @@
 pub(crate) mod completion;
 pub(crate) mod config;
 pub(crate) mod describe;
+mod fitting;
 pub(crate) mod new;
 pub(crate) mod recover;
 pub(crate) mod runs;
@@ -60,6 +61,7 @@ fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
     ) {
         let _ = session::sweep(); // who creates a session hears of what is wrong
     }
+    fitting::refuse_other_kinds(&command_line.command)?;
     match &command_line.command {
         Command::Run(arguments) => panel::with_run(arguments, suite::run),
         Command::Inject(arguments) => inject::inject(arguments),

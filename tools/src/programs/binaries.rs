@@ -478,6 +478,10 @@ impl Binary {
 fn cannot_run(choice: &Choice, role: &Role, error: &dyn std::fmt::Display) -> Failure {
     let (shown, by) = (choice.path.display(), &choice.by);
     Failure::usage(match by {
+        NamedBy::Nobody if !choice.path.exists() => format!(
+            "no {} program is named, and none lies beside hil: {shown} is not there; `cargo build --release` in the clone builds all programs beside each other, or name one with {} PATH or {}",
+            role.side, role.flag, role.variable
+        ),
         NamedBy::Nobody => format!(
             "cannot run {shown}: {error}; build it with `cargo build --release`, or name one with {}",
             role.flag

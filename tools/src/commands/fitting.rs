@@ -1,0 +1,61 @@
+//! Refusal of a file that is of another kind than a command takes, with the commands that take it.
+
+use std::path::{Path, PathBuf};
+
+use crate::arguments::Command;
+use crate::arguments::campaign::CampaignAction;
+use crate::arguments::config::ConfigAction;
+use crate::files::kind::FileKind::{self, Campaign, Fmu, Program, Recording, Scenario, Study};
+use crate::terminal::exit::Failure;
+
+/// Kinds of files that a command takes.
+type Kinds = &'static [FileKind];
+
+/// Refuses a file of a command line that is surely of a kind that its command does not take.
+///
+/// # Errors
+/// If there is one.
+pub(super) fn refuse_other_kinds(command: &Command) -> Result<(), Failure> {
+    let (paths, kinds): (Vec<&Path>, Kinds) = match command {
+        Command::Run(arguments) => {
+            let paths = arguments.scenarios.iter().map(PathBuf::as_path);
+            (paths.collect(), &[Scenario])
+        }
+        Command::Config(arguments) => match &arguments.action {
+            ConfigAction::Check(it) | ConfigAction::Show(it) => {
+                (vec![it.scenario.as_path()], &[Scenario])
+            }
+            ConfigAction::Schema { .. } => return Ok(()),
+        },
+        Command::Describe(arguments) => (vec![arguments.file.as_path()], &[Program, Fmu]),
+        Command::Campaign(arguments) => match &arguments.action {
+            CampaignAction::Check(it) => (vec![it.study.as_path()], &[Study]),
+            CampaignAction::Plan(it) => (vec![it.check.study.as_path()], &[Study]),
+            CampaignAction::Run(it) => (vec![it.folder.as_path()], &[Campaign]),
+            CampaignAction::Show(it) => (vec![it.folder.as_path()], &[Campaign]),
+            _ => return Ok(()),
+        },
+        Command::Report(arguments) => {
+            let paths = arguments.runs.iter().map(PathBuf::as_path);
+            (paths.collect(), &[Recording, Campaign])
+        }
+        Command::Judge(arguments) => (vec![arguments.run.as_path()], &[Recording]),
+        Command::Replay(arguments) => (vec![arguments.run.as_path()], &[Recording]),
+        Command::Rerun(arguments) => (vec![arguments.run.as_path()], &[Recording]),
+        Command::Export(arguments) => (vec![arguments.run.as_path()], &[Recording]),
+        _ => return Ok(()),
+    };
+    for path in paths {
+        let Some(kind) = FileKind::of(path).filter(|kind| !kinds.contains(kind)) else {
+            continue;
+        };
+        let expected: Vec<&str> = kinds.iter().map(|kind| kind.in_words().0).collect();
+        let (word, commands) = kind.in_words();
+        return Err(Failure::usage(format!(
+            "{} is {word} and not {}: {commands} take {word}",
+            path.display(),
+            expected.join(" or ")
+        )));
+    }
+    Ok(())
+}
