@@ -64,11 +64,58 @@ pub fn nearest<'a>(wanted: &str, known: impl IntoIterator<Item = &'a str>) -> Ve
     }
     let mut scored: Vec<(f64, &str)> = known
         .into_iter()
-        .map(|name| (strsim::jaro_winkler(wanted, name), name))
+        .map(|name| (closeness(wanted, name), name))
         .filter(|(score, _)| *score > 0.6)
         .collect();
     scored.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(b.1)));
     scored.into_iter().take(3).map(|(_, name)| name).collect()
+}
+
+/// Short names and words of other tools, and the word of a name that is meant.
+const SYNONYMS: [(&str, &str); 14] = [
+    ("kp", "proportional"),
+    ("ki", "integral"),
+    ("kd", "derivative"),
+    ("p", "proportional"),
+    ("i", "integral"),
+    ("d", "derivative"),
+    ("gauss", "noise"),
+    ("gauss", "normal"),
+    ("gaussian", "noise"),
+    ("gaussian", "normal"),
+    ("offset", "bias"),
+    ("sin", "sine"),
+    ("sinus", "sine"),
+    ("sweep", "chirp"),
+];
+
+/// How close two names are, from 0 to 1: by their spelling, or because one stands for the other.
+fn closeness(wanted: &str, name: &str) -> f64 {
+    let last = |name: &str| {
+        name.rsplit_once('.')
+            .map_or(0, |(group, _)| group.len() + 1)
+    };
+    let (typed, part) = (&wanted[last(wanted)..], &name[last(name)..]);
+    let words = || part.split(['_', '-']);
+    let stem = |name: &str| name.rsplit_once('_').map(|(stem, _)| stem.to_owned());
+    let lower = wanted.to_ascii_lowercase();
+    let is_meant =
+        |(short, word): &(&str, &str)| *short == lower && words().any(|one| one == *word);
+    // A parameter without its group, without its unit, or with another unit.
+    let is_same = typed == part
+        || stem(part).is_some_and(|stem| stem == typed)
+        || (stem(part).is_some() && stem(part) == stem(typed) && unit_of_name(part).is_some());
+    if SYNONYMS.iter().any(is_meant) || (is_same && wanted != name && part.len() > 1) {
+        return 0.98;
+    }
+    let longest = wanted.chars().count().max(name.chars().count());
+    let edits = strsim::osa_distance(wanted, name);
+    let few = if edits * 3 <= longest {
+        1.0 - edits as f64 / 20.0
+    } else {
+        0.0
+    };
+    strsim::jaro_winkler(wanted, name).max(few)
 }
 
 /// Writes names as text: `` `a`, `b` ``.
@@ -88,5 +135,37 @@ pub fn near<'a>(name: &str, names: impl IntoIterator<Item = &'a str>) -> String 
     match near.is_empty() {
         true => String::new(),
         false => format!("; nearest: {}", listed(&near)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::nearest;
+
+    #[test]
+    fn short_names_swapped_letters_and_other_units_lead_to_the_name_that_is_meant() {
+        for (typed, names, name) in [
+            ("rnu", &["rerun", "runs", "run"][..], "run"),
+            (
+                "kp",
+                &["integral_n_per_m_s", "proportional_n_per_m"],
+                "proportional_n_per_m",
+            ),
+            ("gauss", &["bias", "noise", "drift"], "noise"),
+            ("gauss", &["uniform", "normal", "lognormal"], "normal"),
+            ("position_mm", &["velocity_mps", "position_m"], "position_m"),
+            ("mass", &["mass_kg", "max_force_n"], "mass_kg"),
+            (
+                "piston_mass_kg",
+                &["piston_area_m2", "actuator1.piston_mass_kg"],
+                "actuator1.piston_mass_kg",
+            ),
+        ] {
+            assert_eq!(
+                nearest(typed, names.iter().copied()).first(),
+                Some(&name),
+                "{typed}"
+            );
+        }
     }
 }

@@ -35,9 +35,10 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use clap::builder::styling::Style;
-use clap::error::{ContextKind, ErrorKind};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
+use shared_types::table::nearest;
 
 use campaign::CampaignCommand;
 use clock::{ClockArguments, StepArguments};
@@ -290,8 +291,21 @@ fn meant(typed: &[OsString]) -> clap::Command {
     command
 }
 
-/// The error in words for what Rust says of numbers that are none.
-fn in_words(error: clap::Error, typed: &[OsString]) -> clap::Error {
+/// The error in words for what Rust says of numbers that are none, and with the commands closest to an unknown one.
+fn in_words(mut error: clap::Error, typed: &[OsString]) -> clap::Error {
+    if let Some(ContextValue::String(unknown)) = error.get(ContextKind::InvalidSubcommand) {
+        let command = meant(typed);
+        let known = command.get_subcommands().filter(|one| !one.is_hide_set());
+        let near = nearest(unknown, known.map(clap::Command::get_name));
+        let near: Vec<String> = near.into_iter().map(Into::into).collect();
+        if !near.is_empty() {
+            error.insert(
+                ContextKind::SuggestedSubcommand,
+                ContextValue::Strings(near),
+            );
+        }
+        return error;
+    }
     let said = std::error::Error::source(&error).map(ToString::to_string);
     let (value, argument) = (
         error.get(ContextKind::InvalidValue),
@@ -371,10 +385,27 @@ mod tests {
             let usage = format!("Usage: {} ", words[..2].join(" ".as_ref()).display());
             assert!(said.contains(&usage), "{typed}: {said}");
         }
-        let words = ["hil", "rnu"].map(OsString::from);
+        let words = ["hil", "run"].map(OsString::from);
         let other = CommandLine::try_parse_from(&words).expect_err("refused");
         let said = other.to_string();
         assert_eq!(in_words(other, &words).to_string(), said);
+    }
+
+    #[test]
+    fn an_unknown_command_is_answered_with_the_nearest_ones() {
+        for (typed, near) in [
+            ("hil rnu a.toml", "'run'"),
+            ("hil campain", "'campaign'"),
+            ("hil campaign shwo x", "'show'"),
+            ("hil config chekc x", "'check'"),
+        ] {
+            let words: Vec<OsString> = typed.split(' ').map(Into::into).collect();
+            let error = CommandLine::try_parse_from(&words).expect_err("refused");
+            let message = in_words(error, &words).to_string();
+            let tip = message.split_once("exist").map_or("", |(_, tip)| tip);
+            let first = tip.split_once(": ").map_or("", |(_, names)| names);
+            assert!(first.starts_with(near), "{typed}: {message}");
+        }
     }
 
     #[test]
