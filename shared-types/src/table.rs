@@ -123,8 +123,9 @@ pub trait Table:
 ///
 /// A signal is `name: "unit"`, optionally with its range of validity (`in min..=max`, used by the
 /// engine's guard). A parameter has a default and a range, and may be open to faults, or to be set anew
-/// while the run goes on: `name: "unit" = default in min..=max [faultable]`, or `[tunable]`. Numbers other than plain literals stand in
-/// parentheses. The description is the doc comment.
+/// while the run goes on: `name: "unit" = default in min..=max [faultable]`, `[tunable]`, or both, as
+/// `[faultable, tunable]`. Numbers other than plain literals stand in parentheses. The description is
+/// the doc comment.
 ///
 /// ```
 /// shared_types::table! {
@@ -218,13 +219,13 @@ macro_rules! table {
         impl $crate::table::Parameters for $table {}
     };
     (@kind $table:ident $([] $unit:tt [])*) => {};
-    (@kind $table:ident $([] $unit:tt [$($flag:ident)?])*) => {
-        const _: () = { $( $crate::table!(@closed [$($flag)?] $unit); )* };
+    (@kind $table:ident $([] $unit:tt [$($flag:ident)*])*) => {
+        const _: () = { $( $crate::table!(@closed [$($flag)*] $unit); )* };
     };
     (@kind $table:ident $($default:tt $unit:tt $flag:tt)*) => {
         const _: () = { $( $crate::table!(@settable $default $unit); )* };
     };
-    (@closed [$flag:ident] [$unit:tt]) => { $crate::table::rule::Kept::<false>::settable($unit) };
+    (@closed [$($flag:ident)+] [$unit:tt]) => { $crate::table::rule::Kept::<false>::settable($unit) };
     (@closed $flag:tt $unit:tt) => {};
     (@settable [] [$unit:tt]) => { $crate::table::rule::Kept::<false>::settable($unit) };
     (@settable $default:tt $unit:tt) => {};
@@ -286,7 +287,7 @@ macro_rules! table {
                 $name:ident $(: $unit:tt)?
                     $(= $default:tt $($default_size:literal)?)?
                     $(in $min:tt $($min_size:literal)? ..= $max:tt $($max_size:literal)?)?
-                    $([$flag:ident])?
+                    $([$($flag:ident),+ $(,)?])?
             ),* $(,)?
         }
     ) => {
@@ -311,7 +312,7 @@ macro_rules! table {
                 [$($min $($min_size)?)?] [$($max $($max_size)?)?]
             ); )*
         };
-        $crate::table!(@kind $table $( [$($default $($default_size)?)?] [$($unit)?] [$($flag)?] )*);
+        $crate::table!(@kind $table $( [$($default $($default_size)?)?] [$($unit)?] [$($($flag)+)?] )*);
 
         impl ::core::default::Default for $table {
             #[allow(unused_parens, reason = "a number that is no literal stands in parentheses")]
@@ -337,7 +338,7 @@ macro_rules! table {
                         );
                         $( field.default = Some($default $($default_size)?); )?
                         $( (field.min, field.max) = ($min $($min_size)?, $max $($max_size)?); )?
-                        $( field = $crate::table::flag::$flag(field); )?
+                        $($( field = $crate::table::flag::$flag(field); )+)?
                         field
                     },)*
                 ]
@@ -347,7 +348,8 @@ macro_rules! table {
     ($($other:tt)*) => {
         ::core::compile_error!(
             "a table is `/// What it is.` and `struct Name { .. }`; each of its lines is `/// What it is.` and \
-            `name: \"unit\"`, for a parameter with ` = default in min..=max` and perhaps `[faultable]` behind it. \
+            `name: \"unit\"`, for a parameter with ` = default in min..=max` and perhaps `[faultable]`, \
+            `[tunable]` or `[faultable, tunable]` behind it. \
             Numbers other than plain literals stand in parentheses. The `///` lines are what --describe says, so \
             none may be missing"
         );

@@ -20,3 +20,33 @@ pub fn tunable(field: Field) -> Field {
         ..field
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::table::Table;
+
+    #[test]
+    fn a_parameter_can_be_open_to_faults_and_to_changes_in_either_order() {
+        crate::table! {
+            /// Parameters.
+            struct Open {
+                /// Both.
+                a_kg: "kg" = 1.0 in 0.0..=2.0 [faultable, tunable],
+                /// Both, the other way round.
+                b_kg: "kg" = 1.0 in 0.0..=2.0 [tunable, faultable,],
+                /// One.
+                c_kg: "kg" = 1.0 in 0.0..=2.0 [tunable],
+                /// None.
+                d_kg: "kg" = 1.0 in 0.0..=2.0,
+            }
+        }
+        let flags: Vec<_> = (Open::fields().iter())
+            .map(|field| (field.faultable, field.tunable))
+            .collect();
+        assert_eq!(
+            flags,
+            [(true, true), (true, true), (false, true), (false, false)]
+        );
+        assert_eq!(Open::default().row(), [1.0; 4]);
+    }
+}
