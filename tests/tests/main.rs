@@ -128,6 +128,7 @@ mod monitor;
 mod mutations;
 mod named_programs;
 mod new;
+mod newcomers;
 mod panel;
 #[path = "../shared/panel_socket.rs"]
 mod panel_socket;

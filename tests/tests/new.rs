@@ -73,6 +73,54 @@ fn a_folder_names_the_framework_by_a_relative_path() {
 }
 
 #[test]
+fn nothing_is_built_in_the_clone_and_a_makefile_takes_a_path_with_a_space() {
+    let rig = Rig::new();
+    let clone = rig.path("my clone");
+    for package in [
+        "plant-process",
+        "controller-process",
+        "shared-types",
+        "tools/foreign",
+    ] {
+        fs::create_dir_all(clone.join(package)).expect("made");
+        fs::write(clone.join(package).join("Cargo.toml"), "").expect("written");
+    }
+    fs::write(clone.join("Cargo.lock"), "version = 4\n").expect("written");
+    for (line, file) in [
+        ("new plant cart --framework", ".cargo/config.toml"),
+        ("new plant crane --lang c --framework", "Makefile"),
+    ] {
+        let mut words: Vec<&str> = line.split(' ').collect();
+        words.push("my clone");
+        rig.hil_in(&rig.path(""), &words).expect(0);
+        let text = fs::read_to_string(rig.path(words[2]).join(file)).expect("text");
+        match file {
+            "Makefile" => assert!(text.contains("HIL ?= ../my\\ clone\n"), "{text}"),
+            _ => assert!(
+                !text.contains("clone") && text.contains("{cargo-cache-home}"),
+                "{text}"
+            ),
+        }
+    }
+    let library = |variable: &str, folder: &str| {
+        let mut make = Command::new("make");
+        make.args(["-n", "crane"]).current_dir(rig.path("crane"));
+        make.env_remove("CARGO_TARGET_DIR").env_remove("HIL");
+        let output = make.env(variable, folder).output().expect("make runs");
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    fs::create_dir_all(clone.join("tools/foreign/include")).expect("made");
+    fs::write(clone.join("tools/foreign/include/hil.h"), "").expect("written");
+    let shared = library("CARGO_TARGET_DIR", "/shared folder");
+    assert!(
+        shared.contains("--target-dir /shared\\ folder "),
+        "{shared}"
+    );
+    let own = library("UNUSED", "");
+    assert!(own.contains("--target-dir ../my\\ clone/target "), "{own}");
+}
+
+#[test]
 fn a_scenario_that_was_made_passes_and_is_judged() {
     let rig = Rig::new();
     hil(&rig, "new scenario gust").expect(0);

@@ -10,7 +10,7 @@ a scenario is a file whose requirements are its test. Nothing is overwritten.
 
 Examples:
   hil new plant cart && cd cart
-  cargo test && cargo build --release && hil run cart.toml
+  cargo test --release && cargo build --release && hil run cart.toml
 
   hil new controller ../my-law
   hil new plant motor --lang c && cd motor && make test && make && hil run motor.toml

@@ -116,6 +116,11 @@ pub(crate) fn new(arguments: &NewArguments) -> Result<Exit, Failure> {
     };
     let relative = framework.as_ref().map(|found| relative(found, &place));
     let relative = relative.map(|path| path.display().to_string());
+    // A space ends a word in a Makefile.
+    let framework_in = |file: &str| match file {
+        "Makefile" => relative.clone().unwrap_or_default().replace(' ', "\\ "),
+        _ => relative.clone().unwrap_or_default(),
+    };
     let part = PartFolder::beside(path).map_err(cannot)?;
     let mut made = NewFiles {
         folder: path.clone(),
@@ -131,7 +136,7 @@ pub(crate) fn new(arguments: &NewArguments) -> Result<Exit, Failure> {
         let text = template
             .replace("@NAME@", name)
             .replace("@KIND@", arguments.what.name())
-            .replace("@FRAMEWORK@", relative.as_deref().unwrap_or_default());
+            .replace("@FRAMEWORK@", &framework_in(&file));
         write(&part.path().join(&file), &text).map_err(cannot)?;
         made.files.push(file);
     }
@@ -145,7 +150,7 @@ pub(crate) fn new(arguments: &NewArguments) -> Result<Exit, Failure> {
     let next = match arguments.what {
         What::Scenario => "",
         What::Plant | What::Controller if is_in_c => "  make test\n  make\n",
-        What::Plant | What::Controller => "  cargo test\n  cargo build --release\n",
+        What::Plant | What::Controller => "  cargo test --release\n  cargo build --release\n",
     };
     output::result(arguments.json, &made, || {
         format!("made {shown}; go on with\n  cd {shown}\n{next}  hil run {name}.toml\n")
@@ -231,7 +236,7 @@ fn files_in_c(what: What) -> Vec<(&'static str, &'static str)> {
         ("Makefile", include_str!("new/Makefile.txt")),
         ("@NAME@.toml", scenario),
         ("README.md", include_str!("new/program_c.md.txt")),
-        (".gitignore", "/@NAME@\n/@NAME@_test\n/runs\n"),
+        (".gitignore", "/@NAME@\n/@NAME@_test\n/runs\n/target\n"),
     ]
 }
 

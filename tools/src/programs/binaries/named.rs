@@ -4,6 +4,7 @@
 //! What a file names is run only if nobody but this user and root can have written it, and what a
 //! recording names only if this user made the recording and the program is still the same.
 
+use std::ffi::OsStr;
 use std::fmt;
 use std::fs;
 use std::io::ErrorKind;
@@ -273,6 +274,20 @@ impl<'a> Named<'a> {
     }
 }
 
+/// Variable that names Cargo's target folder in place of `target`.
+const TARGET_DIR: &str = "CARGO_TARGET_DIR";
+
+/// Place of a program in Cargo's target folder, if `path` leads into a folder `target` of a package.
+fn in_target_folder(path: &Path, folder: &OsStr) -> Option<PathBuf> {
+    let mut packages = path.ancestors().skip(1);
+    let default = packages.find(|place| {
+        let is_package = || place.with_file_name("Cargo.toml").is_file();
+        place.file_name().is_some_and(|name| name == "target") && is_package()
+    })?;
+    let folder = Some(Path::new(folder)).filter(|folder| folder.is_absolute())?;
+    Some(folder.join(path.strip_prefix(default).ok()?))
+}
+
 fn by_scenario(
     role: &'static Role,
     file: &Path,
@@ -310,9 +325,21 @@ fn by_scenario(
             role.side
         ))
     };
-    if fs::metadata(path).is_err_and(|error| error.kind() == ErrorKind::NotFound) {
-        return Err(refused("it is not there; build it".into()));
-    }
+    let is_missing =
+        |path: &Path| fs::metadata(path).is_err_and(|error| error.kind() == ErrorKind::NotFound);
+    let moved = std::env::var_os(TARGET_DIR).and_then(|folder| in_target_folder(path, &folder));
+    let path = match (is_missing(path), &moved) {
+        (false, _) => path,
+        (true, Some(moved)) if !is_missing(moved) => moved.as_path(),
+        (true, moved) => {
+            let also = moved.as_ref().map_or_else(String::new, |moved| {
+                format!(", nor is {}, where {TARGET_DIR} leads", moved.display())
+            });
+            return Err(refused(format!(
+                "it is not there{also}; build it (paths in a scenario begin at its folder)"
+            )));
+        }
+    };
     // What was read is what stands in a file that nobody else can have written.
     let (own, _) = trusted::file(file).map_err(refused)?;
     if read_regular(&own).ok().as_deref() != Some(text) {

@@ -1,0 +1,216 @@
+//! Mistakes of people who meet `hil` for the first time: each is answered with what to do.
+
+use std::fs;
+use std::process::Command;
+
+use crate::support::harness::{Rig, Run};
+use crate::support::programs::{program, shipped};
+
+/// Checks that a command line is refused as wrong usage, and that the message has these parts.
+fn refused(run: Run, line: &str, parts: &[&str]) {
+    let run = run.expect(2);
+    for part in parts {
+        assert!(run.stderr.contains(part), "{line}: {part}\n{}", run.stderr);
+    }
+}
+
+#[test]
+fn a_run_without_requirements_is_called_completed_and_not_a_pass() {
+    const WORDS: &str = "completed, no requirements";
+    let rig = Rig::new();
+    let scenario = rig.scenario(0.1, "spring-mass", "hold");
+    let markdown = rig.path("verdicts.md");
+    let line = format!("{} --markdown {}", scenario.display(), markdown.display());
+    let run = rig.run(&line).expect(0);
+    assert!(
+        run.stdout.starts_with(&format!("small: {WORDS}  (")),
+        "{}",
+        run.stdout
+    );
+    let markdown = fs::read_to_string(markdown).expect("written");
+    assert!(
+        markdown.contains(&format!("0 of 1 runs pass; 1 {WORDS}")),
+        "{markdown}"
+    );
+    assert!(markdown.contains(&format!("| **{WORDS}** |")), "{markdown}");
+    let summary = fs::read_to_string(run.folder.join("summary.json")).expect("written");
+    let summary: serde_json::Value = serde_json::from_str(&summary).expect("JSON");
+    assert_eq!(summary["verdict"], "pass");
+
+    let folder = run.folder.to_str().expect("plain");
+    let judged = rig.hil(&["judge", folder]).expect(0);
+    assert!(
+        judged.stdout.contains(&format!("small: {WORDS}  (")),
+        "{}",
+        judged.stdout
+    );
+    let runs = rig
+        .hil(&["runs", rig.path("").to_str().expect("plain")])
+        .expect(0);
+    assert!(runs.stdout.contains(WORDS), "{}", runs.stdout);
+    let page = rig.path("page.html");
+    rig.hil(&["report", folder, "-o", page.to_str().expect("plain")])
+        .expect(0);
+    let page = fs::read_to_string(page).expect("written");
+    assert!(
+        page.contains(&format!("data-verdict=\"{WORDS}\">{WORDS}<")),
+        "no badge"
+    );
+
+    let repeated = ["run", "scenario.toml", "--repeat", "2"];
+    let table = rig.hil_in(&rig.path(""), &repeated).expect(0);
+    let count = format!("2 runs: 2 {WORDS}");
+    assert!(table.stdout.contains(&count), "{}", table.stdout);
+}
+
+#[test]
+fn a_file_of_another_kind_is_answered_with_the_commands_that_take_it() {
+    let rig = Rig::new();
+    let (scenario, study) = (
+        shipped("scenarios/spring-mass.toml"),
+        shipped("studies/spring-mass.toml"),
+    );
+    let hil = program("hil").display().to_string();
+    for (line, parts) in [
+        (
+            "run run.mcap",
+            ["run.mcap is a recording and not a scenario", "`hil report`"],
+        ),
+        (
+            &format!("run {study}"),
+            ["is a study and not a scenario", "`hil campaign plan`"],
+        ),
+        (
+            &format!("config check {study}"),
+            ["is a study and not a scenario", "`hil campaign check`"],
+        ),
+        (
+            &format!("campaign plan {scenario}"),
+            ["is a scenario and not a study", "`hil run`"],
+        ),
+        (
+            &format!("campaign check {scenario}"),
+            ["is a scenario and not a study", "`hil config check`"],
+        ),
+        (
+            &format!("describe {scenario}"),
+            [
+                "is a scenario and not a program or an FMU",
+                "`hil config show`",
+            ],
+        ),
+        (
+            &format!("judge {scenario}"),
+            ["is a scenario and not a recording", "`hil run`"],
+        ),
+        (
+            &format!("report {study}"),
+            [
+                "is a study and not a recording or the folder of a campaign",
+                "`hil campaign plan`",
+            ],
+        ),
+        (
+            &format!("run {hil}"),
+            ["is a program and not a scenario", "`hil describe`"],
+        ),
+    ] {
+        let words: Vec<&str> = line.split(' ').collect();
+        refused(rig.hil_in(&rig.path(""), &words), line, &parts);
+    }
+}
+
+#[test]
+fn hil_without_its_siblings_says_where_it_looked_and_what_to_do() {
+    let rig = Rig::new();
+    let alone = rig.path("hil");
+    fs::copy(program("hil"), &alone).expect("copied");
+    let mut command = Command::new(&alone);
+    command
+        .arg("run")
+        .arg(shipped("scenarios/spring-mass.toml"));
+    command
+        .env_remove("HIL_CONTROLLER_BIN")
+        .env_remove("HIL_PLANT_BIN");
+    let place = rig.path("controller-process").display().to_string();
+    let parts = [
+        "no controller program is named, and none lies beside hil",
+        &place,
+        "`cargo build --release`",
+        "--controller-bin PATH or HIL_CONTROLLER_BIN",
+    ];
+    let run = rig.program(command);
+    assert!(
+        !run.stderr.contains("the folder that you are in"),
+        "{}",
+        run.stderr
+    );
+    refused(run, "run", &parts);
+}
+
+#[test]
+fn a_program_that_cargo_built_elsewhere_is_found_there() {
+    let rig = Rig::new();
+    let text = |program: &str| {
+        format!(
+            "schema = 1\nname = \"own\"\n[run]\nduration_s = 0.1\nrate_hz = 1000\n\
+             [plant]\nmodel = \"spring-mass\"\nprogram = \"target/release/{program}\"\n\
+             [controller]\nlaw = \"hold\"\n"
+        )
+    };
+    let scenario = rig.write("own.toml", &text("own"));
+    let folder = rig.path("shared folder");
+    fs::create_dir_all(folder.join("release")).expect("made");
+    let built = folder.join("release/own");
+    fs::copy(program("plant-process"), &built).expect("copied");
+    let run = || {
+        let mut hil = Command::new(program("hil"));
+        hil.env("CARGO_TARGET_DIR", &folder)
+            .env_remove("HIL_PLANT_BIN");
+        rig.start_with(hil, &format!("{} --no-record", scenario.display()))
+            .finish()
+    };
+    // Without a package beside it, `target` is a folder like any other.
+    refused(
+        run(),
+        "no package",
+        &[
+            "target/release/own",
+            "paths in a scenario begin at its folder",
+        ],
+    );
+    rig.write("Cargo.toml", "");
+    run().expect(0);
+    fs::remove_file(&built).expect("removed");
+    let place = built.display().to_string();
+    refused(
+        run(),
+        "nothing built",
+        &["target/release/own", &place, "where CARGO_TARGET_DIR leads"],
+    );
+}
+
+#[test]
+fn a_missing_scenario_of_a_study_is_answered_with_its_folder() {
+    let rig = Rig::new();
+    fs::create_dir(rig.path("sub")).expect("made");
+    rig.write(
+        "sub/study.toml",
+        "schema = 1\nscenario = \"nope.toml\"\ncases = 3\nseed = 1\n",
+    );
+    let run = rig.hil_in(&rig.path(""), &["campaign", "check", "sub/study.toml"]);
+    assert!(
+        !run.stderr.contains("the folder that you are in"),
+        "{}",
+        run.stderr
+    );
+    let path = rig.path("sub/nope.toml").canonicalize();
+    assert!(path.is_err());
+    let parts = [
+        "the scenario cannot be read: it is not there",
+        "sub/study.toml:2:12",
+        "paths in a study begin at the folder of the study, /",
+        "/sub/nope.toml",
+    ];
+    refused(run, "campaign check", &parts);
+}
