@@ -264,7 +264,10 @@ fn goals_decide_the_exit_code_with_their_bounds() {
         assert!((lower - 0.904_966_147).abs() < 1e-9, "{lower}");
         let passes = &answers["variants"][0]["passes"];
         assert_eq!((&passes["count"], &passes["of"]), (&30.into(), &30.into()));
-        assert_eq!(passes["bounds"]["sided"], "lower");
+        // 0.025^(1/30) = 0.8843: of two bounds each has half of the risk, also where all pass.
+        let lower = passes["bounds"]["lower"].as_f64().expect("a bound");
+        assert!((lower - 0.884_296_684).abs() < 1e-9, "{lower}");
+        assert_eq!(passes["bounds"]["sided"], "both");
         assert_eq!(answers["variants"][1]["classes"][1], 30);
     }
     // A grid is no sample.
@@ -277,6 +280,29 @@ fn goals_decide_the_exit_code_with_their_bounds() {
 #[test]
 fn an_unfinished_campaign_gives_no_probability_and_says_so() {
     let rig = Rig::new();
+#[test]
+fn a_margin_that_varies_by_rounding_follows_nothing() {
+    let rig = Rig::new();
+    let folder = planned(&rig, &study(&rig, STUDY), "demo");
+    campaign(&rig, &["run", text(&folder)]).expect(0);
+    let answers = campaign(&rig, &["show", text(&folder), "--json"]).expect(0);
+    let answers = answers.json();
+    // Each loop has settled to a tenth of a millionth of the limit; how fast it answers follows the plant.
+    let [settles, answers_the_step] =
+        [0, 1].map(|place| &answers["variants"][0]["requirements"][place]);
+    assert_eq!(settles["is_rounding"], true, "{settles}");
+    assert_eq!(settles["correlations"], Value::Array(Vec::new()));
+    assert_eq!(answers_the_step["is_rounding"], false);
+    let strongest = answers_the_step["correlations"][0][1].as_f64();
+    assert!(strongest < Some(-0.8), "{answers_the_step}");
+    let table = campaign(&rig, &["show", text(&folder)]).expect(0).stdout;
+    assert_eq!(
+        table.matches("varies by rounding only").count(),
+        1,
+        "{table}"
+    );
+}
+
     let folder = planned(&rig, &study(&rig, STUDY), "demo");
     campaign(&rig, &["work", text(&folder), "--shards", "0-3"]).expect(0);
     for verb in ["collect", "show"] {

@@ -25,7 +25,7 @@ fn a_page_of_a_campaign_says_what_show_says_and_asks_for_nothing() {
     for told in [
         &*digest,
         "default-src 'none'",
-        "at least 0.90497",
+        "at least 0.8843",
         "hil campaign case",
     ] {
         assert!(page_text.contains(told), "{told} is not in the page");

@@ -89,6 +89,27 @@ pub fn of_ranks(x: &[f64], y: &[f64]) -> Option<f64> {
     }
 }
 
+/// Spread of values, as a share of the largest size among them, up to which their differences are rounding.
+///
+/// A simulation of many steps repeats a result to some ten digits; a difference in the seventh digit means
+/// nothing to anybody, and is not shown.
+const ROUNDING: f64 = 1e-6;
+
+/// Returns `true` if finite values differ, and by no more than rounding: by at most a millionth of the largest of
+/// their sizes.
+#[must_use]
+pub fn is_rounding(values: &[f64]) -> bool {
+    let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+    for value in values.iter().copied().filter(|value| value.is_finite()) {
+        least = if value < least { value } else { least };
+        most = if value > most { value } else { most };
+    }
+    let size = if -least > most { -least } else { most };
+    // Of no values the spread is minus infinity.
+    let spread = most - least;
+    spread > 0.0 && spread <= ROUNDING * size.abs()
+}
+
 /// Number that is greater for a greater value: one for both zeros, and one for NaN, whose sign differs between
 /// machines.
 fn key(value: f64) -> u64 {
@@ -153,6 +174,32 @@ mod tests {
         let falling: Vec<f64> = x.iter().map(|x| 1.0 / (1.0 + x)).collect();
         assert_eq!(spearman(&x, &rising), Some(1.0));
         assert_eq!(spearman(&x, &falling), Some(-1.0));
+    }
+
+    #[test]
+    fn values_that_differ_in_their_seventh_digit_differ_by_rounding() {
+        const INF: f64 = f64::INFINITY;
+        for values in [
+            &[0.1, 0.1 + 1e-9, 0.1 - 1e-9][..],
+            &[-5e-9, -5e-9 * (1.0 + 9e-7)],
+            &[-INF, 1.0, 1.0 + 1e-9, INF, f64::NAN],
+        ] {
+            assert!(is_rounding(values), "{values:?}");
+        }
+        for values in [
+            &[1e-300, 2e-300][..],
+            &[0.0, 1e-12],
+            &[-1e-12, 1e-12],
+            &[-1.0, -1.0 - 2e-6],
+            &[1.0, 1.0 + 2e-6, INF],
+            &[],
+            &[2.0],
+            &[0.0, -0.0],
+            &[3.0, 3.0, 3.0],
+            &[-INF, INF],
+        ] {
+            assert!(!is_rounding(values), "{values:?}");
+        }
     }
 
     #[test]

@@ -84,7 +84,7 @@ show(
     "beta.ppf(1 - c, k, n - k + 1), beta.isf(1 - c, k + 1, n - k)",
     [(k, n, c, stats.beta.ppf(1 - c, k, n - k + 1), stats.beta.isf(1 - c, k + 1, n - k)) for k, n, c in cases],
 )
-cases = [(3, 10, 0.95), (1, 10**6, 0.99), (999, 1000, 0.9)]
+cases = [(0, 10_000, 0.95), (3, 10, 0.95), (1, 10**6, 0.99), (999, 1000, 0.9)]
 show(
     "beta.ppf((1 - c) / 2, k, n - k + 1), beta.isf((1 - c) / 2, k + 1, n - k)",
     [
@@ -93,7 +93,27 @@ show(
     ],
 )
 
-print("// 1 - 0.05^(1/10000), by mpmath\n" + repr(float(1 - (mp.mpf(5) / 100) ** (mp.mpf(1) / 10000))))
+print("// 1 - 0.025^(1/10000), by mpmath\n" + repr(float(1 - (mp.mpf(25) / 1000) ** (mp.mpf(1) / 10000))))
+
+
+def least_coverage(n, c, is_chosen_by_data):
+    """Smallest probability, over a grid and beside each bound, that the bounds contain it."""
+    k = np.arange(n + 1)
+    half = np.full(n + 1, (1 - c) / 2)
+    if is_chosen_by_data:
+        half[[0, n]] = 1 - c
+    with np.errstate(invalid="ignore"):
+        low = np.where(k == 0, 0.0, stats.beta.ppf(half, k, n - k + 1))
+        high = np.where(k == n, 1.0, stats.beta.isf(half, k + 1, n - k))
+    ends = np.concatenate([low, high])
+    p = np.concatenate([np.linspace(0, 1, 501), np.nextafter(ends, 0), ends, np.nextafter(ends, 1)])
+    p = np.unique(p[(p > 0) & (p < 1)])
+    return min(stats.binom.pmf(k[(low <= x) & (x <= high)], n, x).sum() for x in p)
+
+
+for rule, by_data in (("two-sided", False), ("one-sided for none and all", True)):
+    cases = [(n, c) for n in (10, 33, 100, 400, 1000, 4000) for c in (0.9, 0.95, 0.99)]
+    show(f"least coverage, {rule}", [case + (least_coverage(*case, by_data),) for case in cases])
 show("norm.isf(1e-4)", [(stats.norm.isf(1e-4),)])
 
 # tail.rs

@@ -7,7 +7,7 @@
 
 mod gathered;
 
-use hil_campaign::binomial::{self, Sided};
+use hil_campaign::binomial;
 use hil_campaign::collect::Collected;
 use hil_campaign::manifest::Manifest;
 use hil_campaign::rank::Order;
@@ -15,6 +15,7 @@ use hil_campaign::table::{CLASS, Column, LOST, Row};
 use hil_campaign::{order, rank};
 use hil_config::study::{Goal, Sampling, Study};
 use serde::Serialize;
+use shared_types::table::number;
 
 use crate::results::requirements;
 use gathered::Cases;
@@ -69,7 +70,7 @@ pub(super) struct Share {
 pub(super) struct BoundsAnswer {
     pub(super) lower: f64,
     pub(super) upper: f64,
-    /// `both`, or the one side that a share of none or all has.
+    /// Always `both`: each bound takes half of the risk.
     pub(super) sided: &'static str,
 }
 
@@ -97,24 +98,38 @@ pub(super) struct RequirementAnswer {
     pub(super) worst: Vec<WorstAnswer>,
     /// Rank correlations of the margin with varied values, the strongest first.
     pub(super) correlations: Vec<(String, f64)>,
+    /// Differences between the margins are rounding, which follows nothing.
+    pub(super) is_rounding: bool,
 }
 
 /// A quantile of a margin.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(super) struct QuantileAnswer {
     pub(super) p: f64,
-    #[serde(serialize_with = "finite")]
-    pub(super) value: f64,
+    /// NaN without any margin, and between minus infinity and infinity.
+    pub(super) value: Margin,
     /// Bounds, if there are enough independent draws.
-    pub(super) bounds: Option<[f64; 2]>,
+    pub(super) bounds: Option<[Margin; 2]>,
 }
 
 /// A case and its margin.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(super) struct WorstAnswer {
     pub(super) case: u64,
-    #[serde(serialize_with = "finite")]
-    pub(super) margin: f64,
+    pub(super) margin: Margin,
+}
+
+/// A margin that may be infinite; in JSON infinities travel as text, and NaN is null.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Margin(pub(super) f64);
+
+impl Serialize for Margin {
+    fn serialize<S: serde::Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        match self.0 {
+            value if value.is_nan() => to.serialize_none(),
+            value => number::serialize(&value, to),
+        }
+    }
 }
 
 /// Answer to a goal.
@@ -129,12 +144,6 @@ pub(super) struct GoalAnswer {
     /// One-sided lower bound of the probability.
     pub(super) lower: f64,
     pub(super) is_met: bool,
-}
-
-/// Writes a number; null for infinities, which JSON does not know.
-fn finite<S: serde::Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
-    use serde::Serialize as _;
-    value.is_finite().then_some(*value).serialize(to)
 }
 
 /// Returns the class of a row.
@@ -225,10 +234,14 @@ fn answer(
         let bounded = confidence.filter(|_| sorted.len() == margins.len());
         let worst = places.iter().take(MOST).map(|place| WorstAnswer {
             case: cases.case[*place],
-            margin: margins[*place],
+            margin: Margin(margins[*place]),
         });
         // Of cases with a margin; nearly always these are all.
-        let margin_ranks = existing(margins, order.ranks());
+        let is_rounding = rank::is_rounding(&sorted);
+        let margin_ranks = match is_rounding {
+            true => rank::ranks(&existing(margins, without_rounding(margins))),
+            false => existing(margins, order.ranks()),
+        };
         let pairs = varied.iter().zip(&ranks).zip(&cases.varied);
         let correlations = pairs.filter_map(|((column, ranks), values)| {
             let rho = match sorted.len() == margins.len() {
@@ -251,6 +264,7 @@ fn answer(
             without: (margins.len() - sorted.len()) as u64,
             worst: worst.collect(),
             correlations,
+            is_rounding,
         }
     });
     let mut diverged = cases.diverged;
@@ -265,6 +279,12 @@ fn answer(
     }
 }
 
+/// Makes all finite margins equal, so that only infinite ones differ.
+fn without_rounding(margins: &[f64]) -> Vec<f64> {
+    let equal = |margin: &f64| if margin.is_finite() { 0.0 } else { *margin };
+    margins.iter().map(equal).collect()
+}
+
 /// Leaves out the values of cases without a margin.
 fn existing(margins: &[f64], mut values: Vec<f64>) -> Vec<f64> {
     let mut margins = margins.iter();
@@ -277,11 +297,7 @@ fn share(count: u64, of: u64, confidence: Option<f64>) -> Share {
     let bounds = bounds.map(|bounds| BoundsAnswer {
         lower: bounds.lower,
         upper: bounds.upper,
-        sided: match bounds.sided {
-            Sided::Both => "both",
-            Sided::Upper => "upper",
-            Sided::Lower => "lower",
-        },
+        sided: "both",
     });
     Share { count, of, bounds }
 }
@@ -290,12 +306,11 @@ fn quantile(sorted: &[f64], p: f64, confidence: Option<f64>) -> QuantileAnswer {
     let bounds = confidence.and_then(|confidence| {
         let (low, high) = order::quantile_bounds(sorted.len() as u64, p, confidence)?;
         let at = |place: u64| sorted.get(usize::try_from(place).ok()?).copied();
-        let both = [at(low)?, at(high)?];
-        both.iter().all(|bound| bound.is_finite()).then_some(both)
+        Some([Margin(at(low)?), Margin(at(high)?)])
     });
     QuantileAnswer {
         p,
-        value: order::quantile(sorted, p),
+        value: Margin(order::quantile(sorted, p)),
         bounds,
     }
 }
@@ -326,5 +341,48 @@ fn goal_answer(goal: &Goal, variant: &VariantAnswer, is_sure: bool) -> GoalAnswe
         share,
         lower,
         is_met: is_sure && lower >= goal.probability,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    const INF: f64 = f64::INFINITY;
+
+    fn written(sorted: &[f64], p: f64) -> serde_json::Value {
+        serde_json::to_value(quantile(sorted, p, Some(0.9))).expect("JSON")
+    }
+
+    #[test]
+    fn an_infinite_margin_at_a_quantile_is_not_written_as_too_few_cases() {
+        // Two of twenty diverged, two hold without a margin.
+        let mut sorted = vec![-INF, -INF];
+        sorted.extend((1..17).map(f64::from));
+        sorted.extend([INF, INF]);
+        let low = written(&sorted, 0.05);
+        assert_eq!(low["value"], "-inf");
+        // Too few for a bound below the quantile at 5 %.
+        assert_eq!(low["bounds"], json!(null));
+        let high = written(&sorted, 0.9);
+        assert_eq!(high["value"], json!("inf"));
+        let median = written(&sorted, 0.5);
+        assert_eq!(median["value"], json!(8.5));
+        assert!(median["bounds"][0].is_number(), "{median}");
+        // The bounds of the quantile at 20 % begin with a case that diverged.
+        let bounded = written(&sorted, 0.2);
+        assert_eq!(bounded["bounds"][0], json!("-inf"), "{bounded}");
+        assert!(bounded["bounds"][1].is_number(), "{bounded}");
+        assert_eq!(written(&[], 0.5)["value"], json!(null));
+        assert_eq!(written(&[-INF, INF], 0.5)["value"], json!(null));
+    }
+
+    #[test]
+    fn cases_that_diverged_still_differ_from_margins_that_vary_by_rounding() {
+        let margins = [1.0, 1.0 + 1e-12, -INF, 1.0 - 1e-12, f64::NAN];
+        assert_eq!(without_rounding(&margins)[..4], [0.0, 0.0, -INF, 0.0]);
+        assert!(without_rounding(&margins)[4].is_nan());
     }
 }

@@ -31,7 +31,7 @@ pub(super) fn show(arguments: &ShowArguments) -> Result<Exit, Failure> {
 /// Reads the study of a campaign.
 ///
 /// # Errors
-/// If it cannot be read.
+/// If it cannot be read, or is another one than the campaign was planned with: its goals would be others.
 pub(super) fn study(folder: &Folder) -> Result<Study, Failure> {
     Ok(Study::read(
         folder.path().join(&folder.manifest().study.path),
@@ -95,10 +95,7 @@ fn write(text: &mut String, answers: &Answers, shown: &str) -> std::fmt::Result 
         .iter()
         .any(|one| one.passes.bounds.is_some());
     if has_bounds {
-        writeln!(
-            text,
-            "  bounds: Clopper-Pearson at {percent} %, one-sided for none or all of the cases"
-        )?;
+        writeln!(text, "  bounds: Clopper-Pearson at {percent} %, two-sided")?;
     } else {
         let why = match (answers.lost.is_empty(), answers.sampling) {
             (false, _) => "cases are set aside",
@@ -161,16 +158,10 @@ fn percent(share: Share) -> String {
 pub(super) fn bounds(share: Share) -> String {
     match share.bounds {
         None => "-".into(),
-        Some(BoundsAnswer {
-            upper,
-            sided: "upper",
-            ..
-        }) => format!("at most {}", short(upper)),
-        Some(BoundsAnswer {
-            lower,
-            sided: "lower",
-            ..
-        }) => format!("at least {}", short(lower)),
+        Some(BoundsAnswer { upper, .. }) if share.count == 0 => format!("at most {}", short(upper)),
+        Some(BoundsAnswer { lower, .. }) if share.count == share.of => {
+            format!("at least {}", short(lower))
+        }
         Some(BoundsAnswer { lower, upper, .. }) => format!("{} to {}", short(lower), short(upper)),
     }
 }
@@ -204,11 +195,11 @@ fn requirements(text: &mut String, variant: &VariantAnswer, shown: &str) -> std:
         let worst = one
             .worst
             .first()
-            .map_or_else(|| "-".into(), |worst| margin(worst.margin));
+            .map_or_else(|| "-".into(), |worst| margin(worst.margin.0));
         let quantiles = one
             .quantiles
             .iter()
-            .map(|QuantileAnswer { value, .. }| margin(*value));
+            .map(|QuantileAnswer { value, .. }| margin(value.0));
         let cells = [
             one.name.clone(),
             percent(one.holds),
@@ -239,8 +230,11 @@ fn requirements(text: &mut String, variant: &VariantAnswer, shown: &str) -> std:
     let worst = variant
         .requirements
         .iter()
+        if one.is_rounding {
+            table.line("    margin varies by rounding only, and follows nothing");
+        }
         .filter_map(|one| Some((one.worst.first()?, one)));
-    let worst = worst.filter(|(worst, _)| worst.margin < 0.0);
+    let worst = worst.filter(|(worst, _)| worst.margin.0 < 0.0);
     let mut told: Vec<u64> = Vec::new();
     for (worst, one) in worst {
         if !told.contains(&worst.case) {
@@ -256,7 +250,7 @@ fn requirements(text: &mut String, variant: &VariantAnswer, shown: &str) -> std:
 }
 
 fn margin(value: f64) -> String {
-    if !value.is_finite() {
+    if value.is_nan() {
         "-".into()
     } else {
         short(value)

@@ -45,7 +45,7 @@ fn bounds_meant(answers: &Answers) -> String {
     let has_bounds = (answers.variants.iter()).any(|one| one.passes.bounds.is_some());
     match has_bounds {
         true => format!(
-            "Clopper-Pearson at {} %, one-sided for none or all of the cases",
+            "Clopper-Pearson at {} %, two-sided",
             short(answers.confidence * 100.0)
         ),
         false => "none: they need independent draws of every case".into(),
@@ -144,12 +144,12 @@ fn requirement(
         th scope="row" { (variant.name) }
         td.n { (percent(campaign, one.holds)) }
         td.n { (bounds(one.holds)) }
-        td.n { @match one.worst.first() { Some(worst) => (margin(worst.margin, has_diverged)), None => "-" } }
+        td.n { @match one.worst.first() { Some(worst) => (margin(worst.margin.0, has_diverged)), None => "-" } }
         @for quantile in &one.quantiles { td.n {
-            (margin(quantile.value, has_diverged))
-            @if let Some([low, high]) = quantile.bounds { span.hint { (short(low)) br; "to " (short(high)) } }
+            (margin(quantile.value.0, has_diverged))
+            @if let Some([low, high]) = quantile.bounds { span.hint { (margin(low.0, has_diverged)) br; "to " (margin(high.0, has_diverged)) } }
         } }
-        td { @for (name, rho) in strong { span.follows { (name) " " (format!("{rho:+.2}")) } } @if one.without > 0 { span.hint { (counted(one.without, "case")) " without a margin" } } }
+        td { @for (name, rho) in strong { span.follows { (name) " " (format!("{rho:+.2}")) } } @if one.is_rounding { span.hint { "rounding only" } } @if one.without > 0 { span.hint { (counted(one.without, "case")) " without a margin" } } }
         td { @match one.worst.first() {
             Some(worst) => code.command { (command) (worst.case) },
             None => "-",
