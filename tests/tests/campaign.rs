@@ -8,6 +8,7 @@ mod page;
 mod slurm;
 
 use std::io::Write as _;
+mod trust;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 

@@ -7,7 +7,8 @@ use hil_campaign::shard::Shard;
 use hil_config::plan::Plan;
 
 use super::cases::Cases;
-use super::work::{become_planned, open};
+use super::planned::{self, become_planned};
+use super::work::open;
 use crate::arguments::BinaryArguments;
 use crate::arguments::campaign::CaseArguments;
 use crate::arguments::run::LinkKind;
@@ -27,7 +28,7 @@ pub(super) fn case(arguments: &CaseArguments) -> Result<Exit, Failure> {
     let interruption = Interruption::listen()?;
     let folder = open(&arguments.folder)?;
     become_planned(&folder)?;
-    folder.check().map_err(Failure::usage)?;
+    planned::check(&folder)?;
     let (case, all) = (arguments.case, folder.manifest().cases);
     if case >= all {
         return Err(Failure::usage(format!(

@@ -3,8 +3,9 @@
 //! The planned `hil` does it, and every new case is checked before anything is written. Earlier shards stay as they
 //! are; the manifest comes last and at once, so whoever works on the folder meanwhile loses nothing.
 
-use std::fs::File;
+use std::fs::{File, Permissions};
 use std::io::Write as _;
+use std::os::unix::fs::PermissionsExt;
 
 use hil_campaign::folder::Folder;
 use hil_campaign::manifest::{Copied, GROWN, MANIFEST, Manifest, Stage};
@@ -16,8 +17,9 @@ use shared_types::number::counted;
 use super::cases::Cases;
 use super::envelopes::DRAWS;
 use super::plan::{CASES, cases_table, every_plan, refuse_ineffective, shard_cases};
+use super::planned::{self, become_planned};
 use super::quoted;
-use super::work::{become_planned, cannot, open};
+use super::work::{cannot, open};
 use crate::arguments::campaign::GrowArguments;
 use crate::files::part_file::PartFile;
 use crate::terminal::duration::shown_ns;
@@ -43,7 +45,7 @@ pub(super) fn grow(arguments: &GrowArguments) -> Result<Exit, Failure> {
     }
     // As it is now that nobody else adds to it.
     let folder = open(&arguments.folder)?;
-    folder.check().map_err(Failure::usage)?;
+    planned::check(&folder)?;
     let cases = Cases::of_folder(&folder, &interruption)?;
     refuse(cases.study(), arguments.cases)?;
     let origin = folder.path().join(&folder.manifest().study.path);
@@ -111,6 +113,10 @@ fn write(folder: &Folder, cases: &Cases) -> Result<Manifest, Failure> {
         let path = folder.path().join(name);
         let part = PartFile::beside(&path)?;
         part.file().write_all(text)?;
+        // Whatever the process's mask allows: a file that others can write is not believed.
+        let mode = part.file().metadata()?.permissions().mode();
+        let own = Permissions::from_mode(mode & !0o022);
+        part.file().set_permissions(own)?;
         part.complete(&path, true)
     };
     let copy = Copied {

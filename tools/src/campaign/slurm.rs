@@ -11,7 +11,8 @@ use hil_campaign::shard::missing;
 use serde::Serialize;
 use shared_types::number::counted;
 
-use super::work::{cannot, open, program};
+use super::planned::{self, program};
+use super::work::{cannot, open};
 use crate::arguments::campaign::SubmitArguments;
 use crate::terminal::duration::shown_ns;
 use crate::terminal::exit::{Exit, Failure};
@@ -52,7 +53,7 @@ pub(super) struct Tasks {
 /// If there is no Slurm, or it refuses.
 pub(super) fn submit(arguments: &SubmitArguments) -> Result<Exit, Failure> {
     let folder = open(&arguments.folder)?;
-    folder.check().map_err(Failure::usage)?;
+    planned::check(&folder)?;
     let (manifest, missing) = (folder.manifest(), missing(&folder));
     if missing.is_empty() {
         output::write("nothing is missing\n")?;

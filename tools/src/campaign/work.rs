@@ -6,9 +6,7 @@
 
 use std::cell::RefCell;
 use std::io::Read;
-use std::os::unix::process::CommandExt;
 use std::path::Path;
-use std::process::Command;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -17,12 +15,12 @@ use hil_campaign::folder::{Conflict, Folder};
 use hil_campaign::shard::attempt::{Attempt, Published, difference};
 use hil_campaign::shard::{MOST_TRIES, PartError, Shard, missing};
 use hil_campaign::table::Row;
-use hil_target::machine::hash;
 use rustix::process::{Signal, getpid, kill_process};
 use shared_types::session;
 
 use super::answers::class_of;
 use super::cases::Cases;
+use super::planned::{self, become_planned};
 use super::result::CaseResult;
 use crate::arguments::campaign::WorkArguments;
 use crate::run::kept::Kept;
@@ -46,7 +44,7 @@ pub(super) fn work(arguments: &WorkArguments) -> Result<Exit, Failure> {
     if arguments.leash {
         end_with_input();
     }
-    folder.check().map_err(Failure::usage)?;
+    planned::check(&folder)?;
     let cases = Cases::of_folder(&folder, &interruption)?;
     let worker = Worker {
         watchdog: Watchdog::begin(cases.study().case_limit_s),
@@ -89,38 +87,6 @@ pub(super) fn cannot(folder: &Folder, error: &dyn std::fmt::Display) -> Failure 
     Failure::infrastructure(format!(
         "cannot work on {shown}: {error}; what is there stays, and the same command goes on"
     ))
-}
-
-/// Goes on as the `hil` that the campaign was planned with, if this is another one.
-pub(super) fn become_planned(folder: &Folder) -> Result<(), Failure> {
-    let own = std::env::current_exe().map_err(Failure::infrastructure)?;
-    let wanted = &folder.manifest().hil;
-    if hash(&own).is_ok_and(|found| found == wanted.blake3) {
-        return Ok(());
-    }
-    let copy = program(folder)?;
-    let found = hash(&copy).map_err(|error| cannot(folder, &error))?;
-    if found != wanted.blake3 {
-        return Err(Failure::usage(format!(
-            "{} has hash {found}, and the campaign was planned with {}",
-            copy.display(),
-            wanted.blake3
-        )));
-    }
-    let error = Command::new(&copy).args(std::env::args_os().skip(1)).exec();
-    Err(Failure::infrastructure(format!(
-        "cannot run {}: {error}",
-        copy.display()
-    )))
-}
-
-/// Returns the `hil` of a campaign.
-///
-/// # Errors
-/// If its path cannot be known.
-pub(super) fn program(folder: &Folder) -> Result<std::path::PathBuf, Failure> {
-    let copy = folder.path().join(&folder.manifest().hil.path);
-    std::path::absolute(copy).map_err(Failure::infrastructure)
 }
 
 /// Ends the worker when its input does: whoever started it is gone.

@@ -16,7 +16,8 @@ use shared_types::number::{counted, short};
 
 use super::answers::{Gathered, class_of};
 use super::plan::bar;
-use super::work::{DIFFERS, cannot, open, program};
+use super::planned::{self, program};
+use super::work::{DIFFERS, cannot, open};
 use super::{collect, quoted, show};
 use crate::arguments::campaign::RunCampaignArguments;
 use crate::terminal::duration::shown_ns;
@@ -39,7 +40,7 @@ const MOST_STILLBORN: u32 = 5;
 pub(super) fn run(arguments: &RunCampaignArguments) -> Result<Exit, Failure> {
     let interruption = Interruption::listen()?;
     let folder = open(&arguments.folder)?;
-    folder.check().map_err(Failure::usage)?;
+    planned::check(&folder)?;
     if arguments.again {
         try_again(&folder)?;
     }

@@ -36,7 +36,7 @@ pub(crate) mod host;
 pub(crate) mod named;
 pub(crate) mod reached;
 pub(crate) mod seal;
-mod trusted;
+pub(crate) mod trusted;
 
 /// A binary and its answer to `--describe`.
 #[derive(Clone, Debug)]

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::io;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 use hil_campaign::folder::{CONFLICTS, SHARDS, try_out};
@@ -13,11 +14,13 @@ use hil_target::machine::hash;
 use super::Checked;
 use crate::campaign::cases::Cases;
 use crate::campaign::grow::with_cases;
+use crate::campaign::planned::PROGRAMS;
 use crate::campaign::quoted;
 use crate::files::part_file::PartFolder;
 use crate::programs::binaries::beside;
 use crate::programs::binaries::host::HOST;
 use crate::programs::binaries::named::{CONTROLLER, PLANT};
+use crate::programs::binaries::trusted;
 use crate::terminal::exit::Failure;
 
 /// Name of the table of all values.
@@ -75,6 +78,13 @@ pub(super) fn write(checked: &Checked, out: &Path) -> Result<(), Failure> {
         fs::create_dir_all(parent).map_err(cannot)?;
     }
     let absolute = std::path::absolute(out).map_err(cannot)?;
+    let beside = absolute.parent().unwrap_or(Path::new("/"));
+    // Else the campaign would be refused when it is run.
+    trusted::folder(beside).map_err(|why| {
+        Failure::usage(format!(
+            "a campaign in {shown} could not be run: {why}; choose a place that only you can write to with -o"
+        ))
+    })?;
     let part = PartFolder::beside(&absolute).map_err(cannot)?;
     try_out(part.path()).map_err(Failure::usage)?;
     let manifest = copied(checked, part.path())?;
@@ -85,7 +95,22 @@ pub(super) fn write(checked: &Checked, out: &Path) -> Result<(), Failure> {
     for folder in [SHARDS, CONFLICTS] {
         fs::create_dir(part.path().join(folder)).map_err(cannot)?;
     }
+    keep_others_out(part.path()).map_err(cannot)?;
     part.complete(&absolute).map_err(cannot)
+}
+
+/// Takes the right to write from everybody else, which a process's mask may have given them: a folder that others
+/// can write to is not run.
+fn keep_others_out(path: &Path) -> io::Result<()> {
+    let there = fs::symlink_metadata(path)?;
+    let mode = there.permissions().mode();
+    fs::set_permissions(path, fs::Permissions::from_mode(mode & !0o022))?;
+    if there.is_dir() {
+        for entry in fs::read_dir(path)? {
+            keep_others_out(&entry?.path())?;
+        }
+    }
+    Ok(())
 }
 
 /// Copies all that the cases need into a folder.
@@ -117,7 +142,7 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
         tables.insert(name, copy(&from, format!("tables/{number}.csv"))?);
     }
     let own = std::env::current_exe().map_err(Failure::infrastructure)?;
-    let program = |side: &str, path: &Path| copy(path, format!("programs/{side}")).map(Some);
+    let program = |side: &str, path: &Path| copy(path, format!("{PROGRAMS}/{side}")).map(Some);
     let (plant, controller) = match cases.binaries() {
         None => (None, None),
         Some(binaries) => (
@@ -131,8 +156,8 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
     };
     let pair = pair.map(|[plant, controller]| {
         Ok::<_, Failure>([
-            copy(&plant, "programs/plant-process".into())?,
-            copy(&controller, "programs/controller-process".into())?,
+            copy(&plant, format!("{PROGRAMS}/plant-process"))?,
+            copy(&controller, format!("{PROGRAMS}/controller-process"))?,
         ])
     });
     // Beside the copy of `hil`, which looks for it there.
@@ -142,7 +167,7 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
         .flatten()
         .filter_map(|one| one.host.as_ref());
     if let Some(host) = hosts.next() {
-        copy(&host.path, format!("programs/{HOST}"))?;
+        copy(&host.path, format!("{PROGRAMS}/{HOST}"))?;
     }
     Ok(Manifest {
         schema: SCHEMA,
@@ -153,7 +178,7 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
         study: text("study.toml", study.text())?,
         scenario: text("scenario.toml", cases.scenario().text())?,
         tables,
-        hil: copy(&own, "programs/hil".into())?,
+        hil: copy(&own, format!("{PROGRAMS}/hil"))?,
         plant,
         controller,
         pair: pair.transpose()?,
@@ -202,7 +227,24 @@ pub(in crate::campaign) fn cases_table(
 
 #[cfg(test)]
 mod tests {
-    use super::shard_cases;
+    use super::*;
+
+    #[test]
+    fn nobody_else_may_write_to_what_was_planned() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let inner = folder.path().join("programs");
+        let file = inner.join("hil");
+        fs::create_dir(&inner).expect("a folder");
+        fs::write(&file, "").expect("a file");
+        let set = |path: &Path, mode| {
+            fs::set_permissions(path, fs::Permissions::from_mode(mode)).expect("it is ours");
+        };
+        set(&file, 0o775);
+        set(&inner, 0o777);
+        keep_others_out(folder.path()).expect("it is ours");
+        let mode = |path: &Path| fs::metadata(path).expect("there").permissions().mode() & 0o777;
+        assert_eq!((mode(&inner), mode(&file)), (0o755, 0o755));
+    }
 
     #[test]
     fn shards_take_some_seconds_and_are_neither_few_nor_too_many() {

@@ -1,7 +1,8 @@
 //! Files that only this user and root can have written: what a file names is run only if it is one.
 //!
 //! Follows the path part by part, links included, so that nobody else can put another file in its
-//! place before it is run. What a person names on the command line is not looked at.
+//! place before it is run. What a person names on the command line is not looked at, but for the folder of a
+//! campaign, which names programs in turn.
 
 use std::ffi::OsString;
 use std::fs::{self, Metadata};
@@ -24,7 +25,7 @@ const SETS_ID: u32 = 0o6000;
 ///
 /// # Errors
 /// If anything speaks against the program; the error says what.
-pub(super) fn program(path: &Path) -> Result<PathBuf, String> {
+pub(crate) fn program(path: &Path) -> Result<PathBuf, String> {
     let (path, found) = file(path)?;
     if found.mode() & SETS_ID != 0 {
         let shown = path.display();
@@ -39,13 +40,26 @@ pub(super) fn program(path: &Path) -> Result<PathBuf, String> {
 ///
 /// # Errors
 /// If anything speaks against the file; the error says what.
-pub(super) fn file(path: &Path) -> Result<(PathBuf, Metadata), String> {
+pub(crate) fn file(path: &Path) -> Result<(PathBuf, Metadata), String> {
     let path = std::path::absolute(path).map_err(|error| error.to_string())?;
     let (path, found) = walk(&path)?;
     match found.is_file() {
         true => Ok((path, found)),
         false if found.is_dir() => Err(format!("{} is a folder", path.display())),
         false => Err(format!("{} is no regular file", path.display())),
+    }
+}
+
+/// The path of a folder without links, if nobody but this user and root can put anything into it.
+///
+/// # Errors
+/// If anything speaks against the folder; the error says what.
+pub(crate) fn folder(path: &Path) -> Result<PathBuf, String> {
+    let path = std::path::absolute(path).map_err(|error| error.to_string())?;
+    let (path, found) = walk(&path)?;
+    match found.is_dir() {
+        true => Ok(path),
+        false => Err(format!("{} is no folder", path.display())),
     }
 }
 
