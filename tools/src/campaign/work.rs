@@ -30,6 +30,8 @@ use crate::terminal::output;
 
 /// Word of a worker when a case came out otherwise in new processes.
 pub(super) const DIFFERS: &str = "differs";
+/// Word of a worker that cannot go on, before the reason as a text of JSON.
+pub(super) const FAILED: &str = "failed ";
 /// Time between two looks of the watchdog.
 const LOOK: Duration = Duration::from_millis(100);
 
@@ -38,6 +40,20 @@ const LOOK: Duration = Duration::from_millis(100);
 /// # Errors
 /// If the folder cannot be worked on.
 pub(super) fn work(arguments: &WorkArguments) -> Result<Exit, Failure> {
+    match worked(arguments) {
+        // The command that started this worker says so itself, of all its workers once.
+        Err(Failure::Interrupted) if arguments.leash => Ok(Exit::Interrupted),
+        Err(failure @ (Failure::Usage(_) | Failure::Infrastructure(_))) if arguments.leash => {
+            let reason = serde_json::to_string(&failure.reason());
+            let reason = reason.map_err(Failure::infrastructure)?;
+            output::write(&format!("{FAILED}{reason}\n"))?;
+            Ok(failure.exit())
+        }
+        result => result,
+    }
+}
+
+fn worked(arguments: &WorkArguments) -> Result<Exit, Failure> {
     let interruption = Interruption::listen()?;
     let folder = open(&arguments.folder)?;
     become_planned(&folder)?;

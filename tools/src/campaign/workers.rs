@@ -17,7 +17,7 @@ use shared_types::number::{counted, short};
 use super::answers::{Gathered, class_of};
 use super::plan::bar;
 use super::planned::{self, program};
-use super::work::{DIFFERS, cannot, open};
+use super::work::{DIFFERS, FAILED, cannot, open};
 use super::{collect, quoted, show};
 use crate::arguments::campaign::RunCampaignArguments;
 use crate::terminal::duration::shown_ns;
@@ -163,6 +163,7 @@ fn round(
     }
     let mut stillborn = 0;
     let mut failed = None;
+    let mut reason = None;
     let mut is_ending = false;
     while children.iter().any(Option::is_some) {
         if (interruption.came() || failed.is_some()) && !is_ending {
@@ -185,7 +186,10 @@ fn round(
             }
             News::Line(line) => {
                 stillborn = 0;
-                progress.take(&line);
+                match line.strip_prefix(FAILED) {
+                    Some(text) => reason = reason.or_else(|| serde_json::from_str(text).ok()),
+                    None => progress.take(&line),
+                }
             }
             News::Ended(number) => {
                 let Some(mut child) = children[number].take() else {
@@ -196,9 +200,8 @@ fn round(
                     continue;
                 }
                 if let Some(code @ (2 | 3)) = status.code() {
-                    failed = Some(Failure::infrastructure(format!(
-                        "a worker ended with exit code {code}"
-                    )));
+                    let code = || format!("a worker ended with exit code {code}");
+                    failed = Some(Failure::infrastructure(reason.take().unwrap_or_else(code)));
                     continue;
                 }
                 stillborn += 1;
