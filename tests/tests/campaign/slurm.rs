@@ -206,6 +206,10 @@ fn status_tells_of_tasks_that_wait_are_held_and_run() {
     let told = campaign.action("status", &[]).expect(0).stdout;
     let release = format!("task {task} is held (JobHeldUser); scontrol release {task}");
     assert!(told.contains(&release), "{told}");
+    assert!(
+        told.contains(&format!("scancel {task} removes it")),
+        "{told}"
+    );
 
     // The advice works.
     campaign.slurm("scontrol", &["release", &task]).expect(0);
@@ -215,6 +219,38 @@ fn status_tells_of_tasks_that_wait_are_held_and_run() {
     campaign.slurm("scancel", &["--name=study"]).expect(0);
     campaign.until("it has ended", |status| {
         status["tasks"]["running"] == 0 && status["shards_under_way"] == 0
+    });
+    nothing_left(&rig, cluster);
+}
+
+#[test]
+fn tasks_that_are_left_of_a_complete_campaign_have_the_command_that_removes_them() {
+    let Some(cluster) = Cluster::begin() else {
+        return;
+    };
+    let rig = Rig::new();
+    let study = study(&rig, 5, 0.5);
+    let campaign = Campaign::planned(&rig, &cluster, &study, "on-slurm");
+    let submitted = campaign.submit(&["--", "--hold"]).expect(0);
+    let job = submitted
+        .stdout
+        .split(['\u{20}', ':'])
+        .nth(1)
+        .expect("a job")
+        .to_owned();
+    campaign.action("run", &[]).expect(0);
+    let held = campaign.until("it is held", |status| !status["tasks"]["held"][0].is_null());
+    assert_eq!(held["missing"], 0);
+    let remove = format!("scancel {job} removes them");
+    let told = campaign.action("status", &[]).expect(0).stdout;
+    assert!(told.contains(&remove), "{told}");
+    // Whoever submits again hears of it too.
+    let again = campaign.submit(&[]).expect(0);
+    assert_eq!(again.stdout, "nothing is missing\n");
+    assert!(again.stderr.contains(&remove), "{again:?}");
+    campaign.slurm("scancel", &[&job]).expect(0);
+    campaign.until("it is gone", |status| {
+        status["tasks"]["jobs"] == serde_json::json!([])
     });
     nothing_left(&rig, cluster);
 }

@@ -1,15 +1,18 @@
 //! Workers on a cluster that Slurm keeps: a job array over what is missing.
 //!
-//! Slurm starts tasks and restarts some of them; nothing that it says decides about a result.
+//! Slurm starts tasks and restarts some of them; nothing that it says decides about a result. [`Tasks`] are what it
+//! says.
 
-use std::collections::BTreeMap;
+mod tasks;
+
 use std::fs;
 use std::process::Command;
 
 use hil_campaign::folder::Folder;
 use hil_campaign::shard::missing;
-use serde::Serialize;
 use shared_types::number::counted;
+
+pub(super) use tasks::Tasks;
 
 use super::planned::{self, program};
 use super::work::{cannot, open};
@@ -22,30 +25,8 @@ use crate::terminal::output;
 const JOBS: &str = "jobs";
 /// Folder of the tasks' output.
 const LOGS: &str = "logs";
-/// Reasons to wait that go by themselves.
-const ORDINARY: [&str; 6] = [
-    "",
-    "None",
-    "Resources",
-    "Priority",
-    "BeginTime",
-    "Dependency",
-];
-/// Most held tasks that are told of by name.
-const MOST_HELD: usize = 5;
 /// Share of a partition's time limit that a task may take by the measured case.
 const SHARE_OF_LIMIT: f64 = 0.5;
-
-/// Tasks of a campaign, as Slurm knows them.
-#[derive(Debug, Default, Serialize)]
-pub(super) struct Tasks {
-    running: u64,
-    waiting: u64,
-    /// Reasons for which tasks wait, unless it is for other tasks to end, with the number of each.
-    reasons: BTreeMap<String, u64>,
-    /// Tasks that Slurm starts no more until they are released, with its reason.
-    held: Vec<(String, String)>,
-}
 
 /// Submits what is missing.
 ///
@@ -55,6 +36,11 @@ pub(super) fn submit(arguments: &SubmitArguments) -> Result<Exit, Failure> {
     let folder = open(&arguments.folder)?;
     planned::check(&folder)?;
     let (manifest, missing) = (folder.manifest(), missing(&folder));
+    // Of an earlier submission, which nobody may look at again.
+    if let Some(tasks) = tasks(&folder) {
+        let stuck = tasks.stuck(missing.is_empty(), true);
+        stuck.iter().for_each(|line| tell!("{line}"));
+    }
     if missing.is_empty() {
         output::write("nothing is missing\n")?;
         return Ok(Exit::Pass);
@@ -204,69 +190,26 @@ fn limit_s(text: &str) -> Option<f64> {
 /// Asks Slurm for the tasks of a campaign; none if nothing was submitted or it does not answer.
 pub(super) fn tasks(folder: &Folder) -> Option<Tasks> {
     let jobs = fs::read_dir(folder.path().join(JOBS)).ok()?;
-    let jobs: Vec<String> = jobs
+    let mut jobs: Vec<String> = jobs
         .flatten()
         .map(|job| job.file_name().to_string_lossy().into_owned())
         .collect();
     if jobs.is_empty() {
         return None;
     }
+    jobs.sort_by_key(|job| (job.len(), job.clone()));
     let mut tasks = Tasks::default();
     for job in jobs {
         let mut squeue = Command::new("squeue");
         squeue.args(["--noheader", "--array", "--format=%i %T %r"]);
-        let listed = match output_of(squeue.arg(format!("--jobs={job}"))) {
-            Ok(listed) => listed,
+        match output_of(squeue.arg(format!("--jobs={job}"))) {
+            Ok(listed) => tasks.take(&job, &listed),
             // It ended long ago.
-            Err(failure) if failure.to_string().contains("Invalid job id") => continue,
+            Err(failure) if failure.to_string().contains("Invalid job id") => {}
             Err(_) => return None,
-        };
-        for line in listed.lines() {
-            let mut words = line.splitn(3, ' ');
-            let (task, state) = (words.next()?, words.next().unwrap_or_default());
-            let reason = words.next().unwrap_or_default();
-            if reason.to_lowercase().contains("held") {
-                tasks.held.push((task.into(), reason.into()));
-            } else if state == "PENDING" {
-                tasks.waiting += 1;
-                if !ORDINARY.contains(&reason) {
-                    *tasks.reasons.entry(reason.into()).or_default() += 1;
-                }
-            } else {
-                tasks.running += 1;
-            }
         }
     }
     Some(tasks)
-}
-
-impl Tasks {
-    /// Tells of them, with what to do.
-    pub(super) fn describe(&self) -> String {
-        let mut text = format!(
-            "  slurm: {} running, {} waiting\n",
-            counted(self.running, "task"),
-            self.waiting
-        );
-        for (reason, count) in &self.reasons {
-            let advice = match reason.contains("DOWN") || reason.contains("DRAINED") {
-                true => {
-                    "; sinfo -R names nodes that are out of service, and an administrator takes one back by scontrol update nodename=NODE state=resume"
-                }
-                false => "",
-            };
-            text += &format!("  {} waiting: {reason}{advice}\n", counted(*count, "task"));
-        }
-        for (task, reason) in self.held.iter().take(MOST_HELD) {
-            text += &format!(
-                "  task {task} is held ({reason}); scontrol release {task} lets it start again\n"
-            );
-        }
-        if self.held.len() > MOST_HELD {
-            text += &format!("  and {} more are held\n", self.held.len() - MOST_HELD);
-        }
-        text
-    }
 }
 
 #[cfg(test)]

@@ -110,9 +110,11 @@ impl Status {
             text += &format!("  {conflict}\n");
         }
         if let Some(tasks) = &self.tasks {
-            text += &tasks.describe();
+            let is_done = self.shards_published == self.shards;
+            text += &tasks.describe(is_done, self.shards_under_way > 0);
         }
-        if self.shards_published < self.shards && self.shards_under_way == 0 {
+        let is_left = self.shards_published < self.shards && self.shards_under_way == 0;
+        if is_left && self.tasks.as_ref().is_none_or(|tasks| tasks.running == 0) {
             text += &format!("  nobody works on it here; hil campaign run {shown} goes on\n");
         }
         text
