@@ -1,14 +1,16 @@
 //! Campaigns: each case once, with the digest of a run of its own, whatever ends the workers.
 
+mod damage;
 mod engines;
 mod growth;
+mod leaks;
 mod mistakes;
 mod own;
 mod page;
 mod slurm;
+mod trust;
 
 use std::io::Write as _;
-mod trust;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -279,9 +281,6 @@ fn goals_decide_the_exit_code_with_their_bounds() {
 }
 
 #[test]
-fn an_unfinished_campaign_gives_no_probability_and_says_so() {
-    let rig = Rig::new();
-#[test]
 fn a_margin_that_varies_by_rounding_follows_nothing() {
     let rig = Rig::new();
     let folder = planned(&rig, &study(&rig, STUDY), "demo");
@@ -304,6 +303,9 @@ fn a_margin_that_varies_by_rounding_follows_nothing() {
     );
 }
 
+#[test]
+fn an_unfinished_campaign_gives_no_probability_and_says_so() {
+    let rig = Rig::new();
     let folder = planned(&rig, &study(&rig, STUDY), "demo");
     campaign(&rig, &["work", text(&folder), "--shards", "0-3"]).expect(0);
     for verb in ["collect", "show"] {

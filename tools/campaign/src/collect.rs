@@ -13,7 +13,7 @@ use crate::curves::Curves;
 use crate::folder::Folder;
 use crate::shard::part::{Part, circumstance_columns};
 use crate::shard::{PartError, Shard};
-use crate::table::{CLASS, Column, ColumnKind, LOST, TableError, Writer};
+use crate::table::{CLASS, Column, ColumnKind, LOST, TableError, Writer, sealed};
 
 /// A campaign's rows, collected.
 #[derive(Clone, Debug, Default)]
@@ -97,7 +97,7 @@ pub fn pass(
 }
 
 /// Joins the parts: rows of results into one table, their circumstances into another; and hands each on. Changes
-/// nothing in the folder.
+/// nothing in the folder. Both tables are to be [sealed](crate::table::sealed::seal).
 ///
 /// # Errors
 /// If a table cannot be written, or a part not be read.
@@ -119,6 +119,7 @@ pub fn collect<W: Write + Send, V: Write + Send>(
     let facts = [
         ("campaign", folder.id().to_owned()),
         ("digest", collected.digest.clone().unwrap_or_default()),
+        sealed::unsealed(),
     ];
     let results = table.finish(&facts)?;
     let circumstances = second.finish(&facts)?;

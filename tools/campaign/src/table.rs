@@ -5,6 +5,7 @@
 
 mod cell;
 mod reader;
+pub mod sealed;
 mod values;
 mod writer;
 

@@ -6,6 +6,7 @@ use hil_campaign::collect::Collected;
 use hil_campaign::folder::Folder;
 use hil_campaign::shard::part::Part;
 use hil_campaign::shard::{Shard, missing};
+use hil_campaign::table::sealed;
 use serde_json::json;
 use shared_types::number::counted;
 
@@ -128,7 +129,8 @@ pub(super) fn join(
     }
     for (part, to, path) in [(results, to, path), (circumstances, also_to, other)] {
         let flushed = to.into_inner();
-        drop(flushed.map_err(|error| cannot_join(&error.error()))?);
+        let file = flushed.map_err(|error| cannot_join(&error.error()))?;
+        sealed::seal(&file).map_err(|error| cannot_join(&error))?;
         part.complete(&path, true)
             .map_err(|error| cannot_join(&error))?;
     }
@@ -161,6 +163,38 @@ pub(super) fn read(
     }
     tell_lost(folder, &collected);
     Ok(collected)
+}
+
+/// Tells of tables in the folder that do not have these results, with the command that writes them anew. The results
+/// are those of the shards, whatever is wrong with a table.
+///
+/// Returns `true` unless a table is damaged; one that was written before some results came is not.
+pub(super) fn tell_damaged_tables(folder: &Folder, collected: &Collected) -> bool {
+    let mut are_whole = true;
+    for path in [RESULTS, CIRCUMSTANCES].map(|name| folder.path().join(name)) {
+        if !path.is_file() {
+            continue; // not collected yet
+        }
+        let shown = path.display();
+        let mend = format!(
+            "hil campaign collect {} writes it anew",
+            quoted(folder.path())
+        );
+        match sealed::checked_fact(&path, "digest") {
+            Ok(digest) if digest == collected.digest => {}
+            Ok(None) => tell!(
+                "note: {shown} has no check sum, as earlier versions wrote it, so nobody can tell that it is whole; {mend}"
+            ),
+            Ok(Some(_)) => tell!("note: {shown} is older than the last results; {mend}"),
+            Err(error) => {
+                are_whole = false;
+                tell!(
+                    "error: {shown} is damaged: {error}; what is shown here is read from the shards and is not, and {mend}"
+                );
+            }
+        }
+    }
+    are_whole
 }
 
 /// Tells of cases that were set aside.

@@ -25,7 +25,12 @@ pub(super) fn show(arguments: &ShowArguments) -> Result<Exit, Failure> {
     let study = study(&folder)?;
     let mut gathered = Gathered::new(folder.manifest(), &study);
     let collected = collect::read(&folder, false, |part| gathered.take(part))?;
-    print(&folder, &collected, gathered, arguments.json)
+    let exit = print(&folder, &collected, gathered, arguments.json)?;
+    let are_whole = collect::tell_damaged_tables(&folder, &collected);
+    Ok(match exit {
+        Exit::Pass | Exit::Failed if !are_whole => Exit::Infrastructure,
+        exit => exit,
+    })
 }
 
 /// Reads the study of a campaign.
@@ -33,9 +38,15 @@ pub(super) fn show(arguments: &ShowArguments) -> Result<Exit, Failure> {
 /// # Errors
 /// If it cannot be read, or is another one than the campaign was planned with: its goals would be others.
 pub(super) fn study(folder: &Folder) -> Result<Study, Failure> {
-    Ok(Study::read(
-        folder.path().join(&folder.manifest().study.path),
-    )?)
+    let copy = &folder.manifest().study;
+    let path = folder.path().join(&copy.path);
+    folder.check_copies([copy]).map_err(|why| {
+        let (shown, study) = (folder.path().display(), quoted(&path));
+        Failure::usage(format!(
+            "{why}; the results in {shown} are not those of another study. Put the study back as it was, or plan a campaign of this one: hil campaign plan {study} -o OTHER"
+        ))
+    })?;
+    Ok(Study::read(path)?)
 }
 
 /// Prints the answers of a collected campaign.
@@ -219,6 +230,9 @@ fn requirements(text: &mut String, variant: &VariantAnswer, shown: &str) -> std:
         if !strong.is_empty() {
             table.line(format!("    margin follows {}", strong.join(", ")));
         }
+        if one.is_rounding {
+            table.line("    margin varies by rounding only, and follows nothing");
+        }
         if one.without > 0 {
             table.line(format!(
                 "    {} without a margin",
@@ -230,9 +244,6 @@ fn requirements(text: &mut String, variant: &VariantAnswer, shown: &str) -> std:
     let worst = variant
         .requirements
         .iter()
-        if one.is_rounding {
-            table.line("    margin varies by rounding only, and follows nothing");
-        }
         .filter_map(|one| Some((one.worst.first()?, one)));
     let worst = worst.filter(|(worst, _)| worst.margin.0 < 0.0);
     let mut told: Vec<u64> = Vec::new();

@@ -1,0 +1,75 @@
+//! Workers that run hundreds of cases: no descriptor and no thread stays behind.
+
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use super::{STUDY, campaign, planned, study, text};
+use crate::support::harness::Rig;
+use crate::support::programs::program;
+
+/// Difference between two cases in the same worker that is no leak: files that are open for a moment.
+const PASSING: usize = 20;
+
+/// Descriptors and threads of a worker and of the processes that it keeps.
+fn held(worker: u32) -> usize {
+    let process = PathBuf::from(format!("/proc/{worker}"));
+    let count = |path: &Path| std::fs::read_dir(path).map_or(0, Iterator::count);
+    let mut all = count(&process.join("fd")) + count(&process.join("task"));
+    let tasks = std::fs::read_dir(process.join("task"));
+    for task in tasks.into_iter().flatten().flatten() {
+        let children = std::fs::read_to_string(task.path().join("children")).unwrap_or_default();
+        let children = children
+            .split_whitespace()
+            .filter_map(|child| child.parse().ok());
+        all += children.map(held).sum::<usize>();
+    }
+    all
+}
+
+/// Runs all cases in one worker and compares what it holds in the first ones and in the last.
+fn holds_the_same_from_case_to_case(rig: &Rig, folder: &Path) {
+    let mut worker = Command::new(program("hil"));
+    worker.args(["campaign", "work", "--tell", text(folder)]);
+    worker.env("XDG_STATE_HOME", rig.path("state"));
+    let mut worker = worker.stdout(Stdio::piped()).spawn().expect("hil runs");
+    let lines = BufReader::new(worker.stdout.take().expect("piped")).lines();
+    let mut counts = Vec::new();
+    for line in lines.map_while(Result::ok) {
+        if line.starts_with("case ") {
+            counts.push(held(worker.id()));
+        }
+    }
+    assert!(worker.wait().expect("it ends").success());
+    assert!(counts.len() >= 200, "{}", counts.len());
+    // Neither the first cases, which open what is kept, nor the last one, after which all is closed.
+    let most = |counts: &[usize]| counts.iter().copied().max().unwrap_or_default();
+    let (early, late) = (most(&counts[5..50]), most(&counts[150..counts.len() - 1]));
+    assert!(early > 0 && late < early + PASSING, "{early}, later {late}");
+}
+
+#[test]
+fn a_worker_that_runs_in_one_process_leaks_nothing_from_case_to_case() {
+    let rig = Rig::new();
+    let study = study(&rig, &STUDY.replace("cases = 30", "cases = 110"));
+    holds_the_same_from_case_to_case(&rig, &planned(&rig, &study, "in-process"));
+}
+
+#[test]
+fn a_worker_with_kept_or_new_processes_leaks_nothing_from_case_to_case() {
+    let rig = Rig::new();
+    for (name, more) in [("kept", ""), ("new", "fresh_processes = true\n")] {
+        let text_of = STUDY.replace("cases = 30", "cases = 110");
+        let (study, folder) = (study(&rig, &format!("{more}{text_of}")), rig.path(name));
+        let sides = ["plant-process", "controller-process"].map(program);
+        let plan = ["plan", text(&study), "-o", text(&folder)];
+        let options = [
+            "--plant-bin",
+            text(&sides[0]),
+            "--controller-bin",
+            text(&sides[1]),
+        ];
+        campaign(&rig, &[&plan[..], &options[..]].concat()).expect(0);
+        holds_the_same_from_case_to_case(&rig, &folder);
+    }
+}

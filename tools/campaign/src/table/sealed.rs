@@ -1,0 +1,162 @@
+//! Check sum of a table in a file, as one of the facts beside it: BLAKE3 over all bytes, with zeros in place of its
+//! own digits.
+//!
+//! Parquet has none of its own, and a reader of Parquet believes what it reads: a file is checked before it is read.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read};
+use std::os::unix::fs::FileExt;
+use std::path::Path;
+
+use parquet::file::reader::{FileReader, SerializedFileReader};
+
+use super::TableError;
+
+/// Text before the digits of the sum.
+const WORD: &str = "hil-table-sum:";
+const DIGITS: usize = 64;
+/// Last bytes of a table: the length of the part with the facts, and this word.
+const END: [u8; 4] = *b"PAR1";
+const END_BYTES: u64 = 8;
+
+/// Returns the fact that a table needs to be sealed, by name and value.
+#[must_use]
+pub fn unsealed() -> (&'static str, String) {
+    ("sum", format!("{WORD}{}", "0".repeat(DIGITS)))
+}
+
+/// Writes the check sum into a table that has the fact of [`unsealed`].
+///
+/// # Errors
+/// If the file cannot be read or written, or has no place for it.
+pub fn seal(file: &File) -> Result<(), TableError> {
+    let place = place(file)?.ok_or_else(|| other("it has no place for a check sum"))?;
+    file.write_all_at(&sum(file, place)?, place)?;
+    Ok(())
+}
+
+/// Checks a table by its check sum; returns the fact of this name if it has one, and none of a table without a sum, as
+/// earlier versions wrote it.
+///
+/// # Errors
+/// If the file cannot be read, its end is missing, or its sum is another.
+pub fn checked_fact(path: &Path, name: &str) -> Result<Option<String>, TableError> {
+    let file = File::open(path)?;
+    let Some(place) = place(&file)? else {
+        return Ok(None);
+    };
+    let mut digits = [0; DIGITS];
+    file.read_exact_at(&mut digits, place)?;
+    if digits != sum(&file, place)? {
+        return Err(other("its check sum is another"));
+    }
+    let file = SerializedFileReader::new(file)?;
+    let facts = file.metadata().file_metadata().key_value_metadata();
+    let fact = facts.into_iter().flatten().find(|fact| fact.key == name);
+    Ok(fact.and_then(|fact| fact.value.clone()))
+}
+
+/// Finds the digits of the sum among the facts, which stand at the end.
+fn place(file: &File) -> Result<Option<u64>, TableError> {
+    let bytes = file.metadata()?.len();
+    let missing = || other("its end is missing");
+    let last = bytes.checked_sub(END_BYTES).ok_or_else(missing)?;
+    let mut end = [0; END_BYTES as usize];
+    file.read_exact_at(&mut end, last)?;
+    let [a, b, c, d, word @ ..] = end;
+    if word != END {
+        return Err(missing());
+    }
+    let length = u64::from(u32::from_le_bytes([a, b, c, d]));
+    let begin = last.checked_sub(length).ok_or_else(missing)?;
+    let mut facts = vec![0; usize::try_from(length).map_err(|_| missing())?];
+    file.read_exact_at(&mut facts, begin)?;
+    let found = facts
+        .windows(WORD.len())
+        .rposition(|word| word == WORD.as_bytes());
+    let place = found.map(|found| begin + (found + WORD.len()) as u64);
+    Ok(place.filter(|place| place + DIGITS as u64 <= last))
+}
+
+/// Computes the sum of a file whose digits stand at a place.
+fn sum(file: &File, place: u64) -> io::Result<[u8; DIGITS]> {
+    let mut hasher = blake3::Hasher::new();
+    let mut bytes = BufReader::new(ReadAt { file, at: 0 });
+    io::copy(&mut bytes.by_ref().take(place), &mut hasher)?;
+    let mut own = [0; DIGITS];
+    bytes.read_exact(&mut own)?;
+    hasher.update(&[b'0'; DIGITS]);
+    io::copy(&mut bytes, &mut hasher)?;
+    let mut digits = [0; DIGITS];
+    digits.copy_from_slice(hasher.finalize().to_hex().as_bytes());
+    Ok(digits)
+}
+
+/// Reads a file from its begin on, wherever its descriptor stands.
+struct ReadAt<'a> {
+    file: &'a File,
+    at: u64,
+}
+
+impl Read for ReadAt<'_> {
+    fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
+        let bytes = self.file.read_at(to, self.at)?;
+        self.at += bytes as u64;
+        Ok(bytes)
+    }
+}
+
+fn other(what: &str) -> TableError {
+    TableError::Other(what.into())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+    use crate::table::{Cell, Column, ColumnKind, Writer};
+
+    /// A table of a thousand rows, with these facts beside the digest.
+    fn table(facts: &[(&str, String)]) -> Vec<u8> {
+        let columns = [Column::new("case", ColumnKind::Count)];
+        let mut writer = Writer::new(Vec::new(), &columns).expect("a table");
+        for case in 0..1000 {
+            writer.row(&[Cell::Count(case)]).expect("a row");
+        }
+        let digest = [("digest", "abc".to_owned())];
+        writer.finish(&[&digest, facts].concat()).expect("a table")
+    }
+
+    #[test]
+    fn any_bit_that_is_another_is_noticed() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("table");
+        fs::write(&path, table(&[unsealed()])).expect("written");
+        let file = File::options().read(true).write(true).open(&path);
+        seal(&file.expect("a file")).expect("sealed");
+        let digest = || checked_fact(&path, "digest");
+        assert_eq!(digest().expect("whole").as_deref(), Some("abc"));
+        let whole = fs::read(&path).expect("bytes");
+        for place in 0..whole.len() {
+            let mut damaged = whole.clone();
+            damaged[place] ^= 1 << (place % 8);
+            fs::write(&path, damaged).expect("written");
+            // Where the word before the sum is damaged, there is none, as in a table of an earlier version.
+            let is_noticed = digest().map_or(true, |digest| digest.is_none());
+            assert!(is_noticed, "byte {place}");
+        }
+        for bytes in [0, 7, 8, whole.len() / 2, whole.len() - 1] {
+            fs::write(&path, &whole[..bytes]).expect("written");
+            digest().expect_err("its end is missing");
+        }
+    }
+
+    #[test]
+    fn a_table_without_a_sum_has_no_fact_to_trust() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("table");
+        fs::write(&path, table(&[])).expect("written");
+        assert_eq!(checked_fact(&path, "digest").expect("a table"), None);
+    }
+}
