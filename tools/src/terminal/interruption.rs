@@ -9,7 +9,7 @@ use std::io::{self, ErrorKind, PipeWriter, Read, Write};
 use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, LazyLock};
+use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 use rustix::fs::{OFlags, fcntl_setfl};
 use shared_types::session;
@@ -43,11 +43,24 @@ fn end_on(signal: i32) -> Result<(), Failure> {
 pub struct Interruption(Arc<AtomicBool>);
 
 impl Interruption {
-    /// Listens to the signals from now on.
+    /// Listens to the signals from now on. They are those of the process: whoever listens shares one flag, and the
+    /// handlers with their descriptors and their thread are made once.
     ///
     /// # Errors
     /// If they cannot be listened to.
     pub fn listen() -> Result<Self, Failure> {
+        static OF_PROCESS: Mutex<Option<Interruption>> = Mutex::new(None);
+        let mut of_process = OF_PROCESS.lock().unwrap_or_else(PoisonError::into_inner);
+        let interruption = match &*of_process {
+            Some(interruption) => interruption.clone(),
+            None => of_process.insert(Self::register()?).clone(),
+        };
+        AT_ONCE.store(false, Ordering::SeqCst);
+        Ok(interruption)
+    }
+
+    /// Registers the handlers of the process, which stay as long as it.
+    fn register() -> Result<Self, Failure> {
         let flag = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM, SIGHUP] {
             end_on(signal)?;
@@ -57,7 +70,6 @@ impl Interruption {
         // A file that may grow no more is an error to whoever writes it, not the end of the process.
         signal_hook::flag::register(SIGXFSZ, Arc::default()).map_err(Failure::infrastructure)?;
         end_without_shared_memory().map_err(Failure::infrastructure)?;
-        AT_ONCE.store(false, Ordering::SeqCst);
         Ok(Self(flag))
     }
 
@@ -131,4 +143,45 @@ fn fill(mut pipe: &PipeWriter) -> io::Result<()> {
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs::read_dir;
+
+    use super::*;
+
+    /// Counts descriptors that lead to a pipe or a socket, as those of handlers do.
+    fn pipes_and_sockets() -> usize {
+        let descriptors = read_dir("/proc/self/fd")
+            .expect("own descriptors")
+            .flatten();
+        let targets =
+            descriptors.filter_map(|descriptor| std::fs::read_link(descriptor.path()).ok());
+        targets
+            .filter(|target| {
+                let target = target.to_string_lossy();
+                target.starts_with("pipe:") || target.starts_with("socket:")
+            })
+            .count()
+    }
+
+    #[test]
+    fn listening_again_and_again_takes_no_more_descriptors_and_threads() {
+        const CALLS: usize = 300;
+        let threads = || read_dir("/proc/self/task").expect("own threads").count();
+        let first = Interruption::listen().expect("listens");
+        let before = (pipes_and_sockets(), threads());
+        for _ in 0..CALLS {
+            let next = Interruption::listen().expect("listens");
+            assert!(
+                Arc::ptr_eq(&first.0, &next.0),
+                "signals reach every listener"
+            );
+        }
+        let after = (pipes_and_sockets(), threads());
+        // Tests beside this one open and close some of their own.
+        assert!(after.0 < before.0 + CALLS / 2, "{before:?}, {after:?}");
+        assert!(after.1 < before.1 + CALLS / 2, "{before:?}, {after:?}");
+    }
 }
