@@ -18,7 +18,7 @@ use crate::private_folder::{open_at_once, private_file};
 use crate::process::ProcessId;
 use crate::shared_memory::FOLDER as SHARED_MEMORY;
 use all::AllSessions;
-pub use all::{abandon, dead, list, peek, sweep};
+pub use all::{GROUP, abandon, dead, list, peek, sweep};
 use prefix::{is_prefix, noted_prefix, remove_below, segments_of};
 
 mod all;
@@ -26,7 +26,7 @@ mod counter;
 mod node;
 mod prefix;
 
-/// Longest session name: the paths of sockets below the folder must stay under 108 bytes.
+/// Longest name of a session or a group: the paths of sockets below the folder must stay under 108 bytes.
 const LONGEST_NAME: usize = 24;
 
 /// Name of a session, its places and its processes; the content of its `session.json`.
@@ -68,6 +68,11 @@ pub enum SessionError {
     /// The name is not one.
     #[error("`{0}` is no session name: 1 to 24 of a-z, 0-9 and -")]
     Name(String),
+    /// The name of the group of sessions is none.
+    #[error(
+        "`{0}` in HIL_SESSION_GROUP is no name of a group of sessions: 1 to 24 of a-z, 0-9 and -"
+    )]
+    Group(String),
     /// A live session has that name.
     #[error(
         "session `{name}` is running (process {pid}); choose another --session, or see `hil sessions`"
@@ -308,8 +313,7 @@ impl Session {
     fn new(name: Option<&str>, is_shared: bool) -> Result<Self, SessionError> {
         let id = random_number();
         let name = name.map_or_else(|| format!("s{:08x}", id >> 32), str::to_owned);
-        let legal = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
-        if name.is_empty() || name.len() > LONGEST_NAME || !name.chars().all(legal) {
+        if !is_name(&name) {
             return Err(SessionError::Name(name));
         }
         let all = AllSessions::lock()?;
@@ -433,6 +437,12 @@ impl Drop for Session {
         crate::private_folder::sweep();
         drop(AllSessions::lock());
     }
+}
+
+/// Returns `true` if a session, or a group of sessions, may have that name.
+fn is_name(name: &str) -> bool {
+    let legal = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+    (1..=LONGEST_NAME).contains(&name.len()) && name.chars().all(legal)
 }
 
 fn random_number() -> u64 {

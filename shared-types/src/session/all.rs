@@ -1,5 +1,6 @@
 //! All sessions of this user: their folder, and who may create and sweep in it.
 
+use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io::{self, ErrorKind};
 use std::os::unix::fs::MetadataExt;
@@ -10,7 +11,7 @@ use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
 
 use super::{
-    SHARED_MEMORY, SessionError, SessionInfo, noted_prefix, private_folder, remove_below,
+    SHARED_MEMORY, SessionError, SessionInfo, is_name, noted_prefix, private_folder, remove_below,
     remove_folder,
 };
 use crate::private_folder::{is_at, open_at_once, private_file};
@@ -21,10 +22,25 @@ const LOCK_LIMIT: Duration = Duration::from_secs(10);
 /// Time between two looks at that lock, which is held for about as long.
 const LOCK_LOOK: Duration = Duration::from_micros(200);
 
-/// The folder of all sessions of this user.
-fn all_sessions() -> PathBuf {
+/// Environment variable with the name of a group of sessions. Sessions of one group and of no group are unknown to
+/// those of another, as if they belonged to another user.
+pub const GROUP: &str = "HIL_SESSION_GROUP";
+
+/// Returns the folder of all sessions of this user in this process's group.
+fn all_sessions() -> Result<PathBuf, SessionError> {
+    let group = std::env::var_os(GROUP).filter(|group| !group.is_empty());
+    folder_of(group.as_deref())
+}
+
+/// Returns the folder of all sessions of this user in a group.
+fn folder_of(group: Option<&OsStr>) -> Result<PathBuf, SessionError> {
     let uid = rustix::process::geteuid().as_raw();
-    Path::new(SHARED_MEMORY).join(format!("hil-{uid}"))
+    let name = match group.map(|group| (group, group.to_str())) {
+        None => format!("hil-{uid}"),
+        Some((_, Some(group))) if is_name(group) => format!("hil-{uid}-{group}"),
+        Some((group, _)) => return Err(SessionError::Group(group.to_string_lossy().into_owned())),
+    };
+    Ok(Path::new(SHARED_MEMORY).join(name))
 }
 
 /// The folder of all sessions of this user, locked.
@@ -35,7 +51,7 @@ pub(super) struct AllSessions {
 
 impl AllSessions {
     pub(super) fn lock() -> Result<Self, SessionError> {
-        Self::lock_in(&all_sessions(), LOCK_LIMIT)
+        Self::lock_in(&all_sessions()?, LOCK_LIMIT)
     }
 
     /// Locks a folder of sessions; the error names what stands in the way for longer than the limit.
@@ -194,8 +210,12 @@ pub fn list() -> Result<Vec<SessionInfo>, SessionError> {
 /// The live sessions of this user as far as they can be seen at a glance: waits for nobody and makes nothing.
 #[must_use]
 pub fn peek() -> Vec<SessionInfo> {
-    let entries = fs::read_dir(all_sessions()).into_iter().flatten().flatten();
-    let folders = entries.map(|entry| entry.path());
+    let entries = all_sessions().ok().and_then(|all| fs::read_dir(all).ok());
+    let folders = entries
+        .into_iter()
+        .flatten()
+        .flatten()
+        .map(|entry| entry.path());
     let live = folders.filter(|folder| folder.is_dir() && is_live(folder));
     let mut live: Vec<_> = live
         .filter_map(|folder| SessionInfo::read(&folder).ok())
@@ -221,7 +241,7 @@ pub fn dead() -> Result<Vec<String>, SessionError> {
 /// # Errors
 /// If something of a dead session cannot be removed.
 pub fn sweep() -> Result<Vec<String>, SessionError> {
-    if !all_sessions().exists() {
+    if !all_sessions()?.exists() {
         return Ok(Vec::new());
     }
     crate::private_folder::sweep();
@@ -265,6 +285,22 @@ mod tests {
         );
         drop(held);
         assert_eq!(told(), "locked");
+    }
+
+    #[test]
+    fn a_group_has_a_folder_of_its_own_beside_that_of_the_user() {
+        let folder = |group: Option<&str>| {
+            folder_of(group.map(OsStr::new)).map_err(|error| error.to_string())
+        };
+        let uid = rustix::process::geteuid().as_raw();
+        let of_user = format!("/dev/shm/hil-{uid}");
+        assert_eq!(folder(None), Ok(PathBuf::from(&of_user)));
+        let of_group = PathBuf::from(format!("{of_user}-ci-7"));
+        assert_eq!(folder(Some("ci-7")), Ok(of_group));
+        for name in ["..", "a/b", "A", &"a".repeat(25)] {
+            let error = folder(Some(name)).expect_err(name);
+            assert!(error.contains("HIL_SESSION_GROUP"), "{error}");
+        }
     }
 
     #[test]

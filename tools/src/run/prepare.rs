@@ -134,7 +134,9 @@ pub(super) fn prepare(
         Session::create
     };
     let mut session = create(settings.session.as_deref()).map_err(|error| match error {
-        SessionError::Name(_) | SessionError::Taken { .. } => Failure::usage(error),
+        SessionError::Name(_) | SessionError::Group(_) | SessionError::Taken { .. } => {
+            Failure::usage(error)
+        }
         other => Failure::infrastructure(other),
     })?;
     let info = session.info().clone();

@@ -106,7 +106,9 @@ pub(crate) fn replay(arguments: &ReplayArguments) -> Result<Exit, Failure> {
     prepared.check()?;
 
     let session = Session::create(arguments.session.as_deref()).map_err(|error| match error {
-        SessionError::Name(_) | SessionError::Taken { .. } => Failure::usage(error),
+        SessionError::Name(_) | SessionError::Group(_) | SessionError::Taken { .. } => {
+            Failure::usage(error)
+        }
         other => Failure::infrastructure(other),
     })?;
     let report = match prepared.run(session, reader) {
