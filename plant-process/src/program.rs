@@ -224,6 +224,11 @@ pub fn drive<L: Link, S: RecordSink>(
             Progress::Busy => waiter.done(),
             Progress::Over => return Ok(()),
             Progress::Until(target_ns) => {
+                // Against a clock a lost controller is not awaited, so that this is where its successor's end is seen.
+                if let Some(epoch) = engine.candidate_gone(gone) {
+                    engine.interrupt(&PlantEvent::PeerGone(epoch))?;
+                    continue;
+                }
                 waiter.until_ns(target_ns, || {
                     supervision.wants_stop() || queue.wants_attention()
                 });

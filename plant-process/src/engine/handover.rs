@@ -93,6 +93,12 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         if (gone.is(active) || gone.is_everybody()) && !self.side.is_alone() {
             return Some(active);
         }
+        self.candidate_gone(gone)
+    }
+
+    /// Returns the controller that was announced and has ended before it took over.
+    #[must_use]
+    pub fn candidate_gone(&self, gone: Gone) -> Option<u32> {
         self.side.candidate().filter(|epoch| gone.is(*epoch))
     }
 
