@@ -115,12 +115,7 @@ pub(crate) fn new(arguments: &NewArguments) -> Result<Exit, Failure> {
         Language::C => files_in_c(arguments.what),
     };
     let relative = framework.as_ref().map(|found| relative(found, &place));
-    let relative = relative.map(|path| path.display().to_string());
-    // A space ends a word in a Makefile.
-    let framework_in = |file: &str| match file {
-        "Makefile" => relative.clone().unwrap_or_default().replace(' ', "\\ "),
-        _ => relative.clone().unwrap_or_default(),
-    };
+    let relative = relative.map_or_else(String::new, |path| path.display().to_string());
     let part = PartFolder::beside(path).map_err(cannot)?;
     let mut made = NewFiles {
         folder: path.clone(),
@@ -136,7 +131,7 @@ pub(crate) fn new(arguments: &NewArguments) -> Result<Exit, Failure> {
         let text = template
             .replace("@NAME@", name)
             .replace("@KIND@", arguments.what.name())
-            .replace("@FRAMEWORK@", &framework_in(&file));
+            .replace("@FRAMEWORK@", &relative);
         write(&part.path().join(&file), &text).map_err(cannot)?;
         made.files.push(file);
     }
