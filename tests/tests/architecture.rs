@@ -2,6 +2,7 @@
 
 mod rooms;
 mod sources;
+mod starts;
 
 use std::collections::BTreeSet;
 use std::process::Command;

@@ -17,7 +17,7 @@ use shared_types::process::ProcessId;
 use shared_types::session::SessionInfo;
 
 use crate::support::company::Companion;
-use crate::support::harness::{Rig, Running, ended, send, until};
+use crate::support::harness::{Rig, Running, ended, send, text, until};
 use crate::support::programs::{example, of_pendulum, program, shipped, skip};
 
 const SCENARIO: &str = "scenarios/spring-mass.toml";
@@ -32,9 +32,10 @@ impl Hand {
     /// Starts a program as a side that is awaited, with words in front of its command if there are any.
     fn start(rig: &Rig, side: &str, program: &Path, before: &[&str]) -> Self {
         awaited(&rig.session_folder(), side);
-        let command = command(rig, program);
-        let words: Vec<&str> = (before.iter().copied()).chain(command.split(' ')).collect();
-        let mut command = Command::new(words[0]);
+        let folder = rig.session_folder();
+        let own = [text(program), "--session", text(&folder), "--by-hand"];
+        let words = [before, &own].concat();
+        let mut command = rig.command(words[0]);
         command
             .args(&words[1..])
             // Its leash is not its terminal.
@@ -79,9 +80,12 @@ fn awaited(folder: &Path, side: &str) {
     until("the side is awaited", || token.exists());
 }
 
-/// The command that `hil` has to print.
+/// The command that `hil` has to print, for a shell.
 fn command(rig: &Rig, program: &Path) -> String {
-    let (program, folder) = (program.display(), rig.session_folder());
+    let (mut program, folder) = (text(program).to_owned(), rig.session_folder());
+    if program.contains(' ') {
+        program = format!("'{program}'");
+    }
     format!("{program} --session {} --by-hand", folder.display())
 }
 

@@ -22,7 +22,7 @@ use crate::support::programs::{program, skip, workspace};
 use crate::support::python::{python, succeeds};
 
 /// A study of the teaching run: some masses and springs, held by a law that fails and by one that passes.
-const STUDY: &str = r#"
+pub(crate) const STUDY: &str = r#"
 schema = 1
 scenario = "SCENARIO"
 cases = 30
@@ -57,14 +57,14 @@ set = ["controller.law=hold"]
 "#;
 
 /// Writes a study of the shipped scenario.
-fn study(rig: &Rig, text: &str) -> PathBuf {
+pub(crate) fn study(rig: &Rig, text: &str) -> PathBuf {
     let scenario = workspace().join("scenarios/spring-mass.toml");
     let scenario = scenario.to_str().expect("plain text");
     rig.write("demo.toml", &text.replace("SCENARIO", scenario))
 }
 
 /// Plans a campaign in a folder of the test.
-fn planned(rig: &Rig, study: &Path, name: &str) -> PathBuf {
+pub(crate) fn planned(rig: &Rig, study: &Path, name: &str) -> PathBuf {
     let folder = rig.path(name);
     rig.hil(&["campaign", "plan", text(study), "-o", text(&folder)])
         .expect(0);
@@ -176,7 +176,7 @@ fn a_case_is_the_run_of_its_values_in_one_process_and_in_two() {
     file.write_all(b"another").expect("written");
     drop(file);
     let wrong = rig.script("wrong", "#!/bin/sh\nexit 9\n");
-    let mut hil = Command::new(other);
+    let mut hil = rig.command(other);
     hil.args(arguments).env("HIL_PLANT_BIN", wrong);
     let run = rig.program(hil).expect(0);
     assert_eq!(run.json()["digest"], alone.digest());

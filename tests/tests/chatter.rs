@@ -4,7 +4,7 @@
 use serde_json::Value;
 
 use crate::succession::{SAFE_N, STEPS, applied_n, losing};
-use crate::support::harness::{Rig, Run};
+use crate::support::harness::{EXPIRES_S, Rig, Run};
 use crate::support::programs::program_of_tests;
 
 /// Samples that the chatting controller answers.
@@ -18,7 +18,7 @@ fn chats(rig: &Rig, law: &str, policy: &str, clock: &str) -> Run {
     let (path, controller) = (path.display(), program_of_tests("chatting-controller"));
     let controller = controller.display();
     rig.run(&format!(
-        "{path} --controller-bin {controller} --clock {clock} --wait-limit 0.3"
+        "{path} --controller-bin {controller} --clock {clock} --wait-limit {EXPIRES_S}"
     ))
 }
 
@@ -30,7 +30,7 @@ fn assert_told(told: &Value, fragment: &str) {
 
 #[test]
 fn an_answer_repeated_for_ever_ends_with_the_wait_limit_whatever_the_policy() {
-    let late = "controller did not answer step 100 within 0.3 s";
+    let late = &format!("controller did not answer step 100 within {EXPIRES_S} s");
     let rig = Rig::new();
     let run = chats(&rig, "repeats", "abort", "lockstep").expect(3);
     let summary = run.summary();
@@ -59,7 +59,7 @@ fn an_answer_repeated_for_ever_ends_with_the_wait_limit_whatever_the_policy() {
     assert_told(&controllers[0]["reason"], late);
     assert_told(
         &controllers[1]["reason"],
-        "controller did not answer step 101 within 0.3 s",
+        &format!("controller did not answer step 101 within {EXPIRES_S} s"),
     );
 }
 
@@ -67,7 +67,7 @@ fn an_answer_repeated_for_ever_ends_with_the_wait_limit_whatever_the_policy() {
 fn against_a_clock_chatter_holds_up_no_run() {
     let rig = Rig::new();
     let run = chats(&rig, "repeats", "abort", "paced").expect(3);
-    let late = "controller did not answer step 100 within 0.3 s";
+    let late = &format!("controller did not answer step 100 within {EXPIRES_S} s");
     assert_told(&run.summary()["reason"], late);
     // In real time the run goes on until the limit; at which step that is depends on the machine.
     let run = chats(&rig, "repeats", "abort", "realtime").expect(3);
@@ -85,7 +85,7 @@ fn against_a_clock_chatter_holds_up_no_run() {
 fn a_hello_said_for_ever_ends_with_the_wait_limit() {
     let rig = Rig::new();
     let run = chats(&rig, "greets", "hold", "lockstep").expect(3);
-    let late = "controller did not open its frames within 0.3 s";
+    let late = &format!("controller did not open its frames within {EXPIRES_S} s");
     let summary = run.summary();
     assert_told(&summary["reason"], late);
     assert!(
@@ -121,8 +121,8 @@ fn chatter_holds_up_no_replay() {
         "--controller-bin",
         controller.to_str().expect("plain text"),
         "--wait-limit",
-        "0.3",
+        &EXPIRES_S.to_string(),
     ]);
-    let late = "controller did not answer step 100 within 0.3 s";
+    let late = &format!("controller did not answer step 100 within {EXPIRES_S} s");
     replay.expect(3).says(&[late]);
 }

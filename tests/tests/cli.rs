@@ -17,7 +17,7 @@ impl Marked {
     fn new(rig: &Rig) -> Self {
         let mark = rig.path("started");
         let text = format!(
-            "#!/bin/sh\ncase \"$1\" in --session) touch {} ;; esac\nexec {} \"$@\"\n",
+            "#!/bin/sh\ncase \"$1\" in --session) touch {} ;; esac\nexec '{}' \"$@\"\n",
             mark.display(),
             program("plant-process").display()
         );
@@ -346,7 +346,7 @@ fn the_schema_names_every_plant_and_law() {
 fn a_program_is_a_path_and_the_one_that_is_hashed_runs() {
     let rig = Rig::new();
     let text = format!(
-        "#!/bin/sh\nexec {} \"$@\"\n",
+        "#!/bin/sh\nexec '{}' \"$@\"\n",
         program("plant-process").display()
     );
     let script = rig.script("my-plant", &text);
@@ -369,7 +369,8 @@ fn a_program_is_a_path_and_the_one_that_is_hashed_runs() {
 #[test]
 fn an_output_that_cannot_be_written_is_no_panic() {
     let rig = Rig::new();
-    let [hil, plant] = ["hil", "plant-process"].map(|name| program(name).display().to_string());
+    let [hil, plant] =
+        ["hil", "plant-process"].map(|name| format!("'{}'", program(name).display()));
     for (line, code) in [
         (format!("exec {hil} config schema >/dev/full"), 3),
         // What the doctor measures is told there; the findings are not.
@@ -385,7 +386,7 @@ fn an_output_that_cannot_be_written_is_no_panic() {
         (format!("{plant} --describe | exec true"), 0),
         (format!("exec {plant} --describe >/dev/full"), 3),
     ] {
-        let mut shell = std::process::Command::new("sh");
+        let mut shell = rig.command("sh");
         let output = shell
             .args(["-c", &line])
             .output()

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use rustix::process::Signal;
 use serde_json::Value;
 
-use crate::support::harness::{Rig, Run, send, text};
+use crate::support::harness::{EXPIRES_S, Rig, Run, send, text, until};
 use crate::support::mcap_reader::{Record, Recording};
 
 /// A second of the teaching plant at 200 Hz: 5 ms a step.
@@ -191,7 +191,7 @@ fn long(rig: &Rig) -> String {
 #[test]
 fn in_real_time_a_stopped_controller_is_named_after_the_wait_limit() {
     let rig = Rig::new();
-    let running = rig.start(&format!("{} --wait-limit 0.5", long(&rig)));
+    let running = rig.start(&format!("{} --wait-limit {EXPIRES_S}", long(&rig)));
     let [_, controller] = running.children();
     send(controller.pid, Signal::STOP);
     let stopped = running.finish().expect(3);
@@ -212,7 +212,8 @@ fn in_real_time_a_slow_recorder_loses_records_and_says_how_many() {
     let running = rig.start(&long(&rig));
     running.wait_for_records();
     running.signal(Signal::STOP);
-    std::thread::sleep(std::time::Duration::from_millis(1500)); // 15,000 steps, more than the buffer holds
+    let last = rig.status().step + 15_000; // more than the buffer holds
+    until("the plant goes on", || rig.status().step > last);
     running.signal(Signal::CONT);
     let slow = running.finish().expect(0);
     let summary = slow.summary();

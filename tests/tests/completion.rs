@@ -2,7 +2,7 @@
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 
 use crate::support::harness::Rig;
 use crate::support::programs::{
@@ -84,7 +84,7 @@ fn path() -> OsString {
 
 /// Types lines into a shell at a terminal and presses the tabulator.
 fn typed(rig: &Rig, desk: &Path, shell: &[&str], setup: &str) {
-    let mut command = Command::new("setsid");
+    let mut command = rig.command("setsid");
     command.arg("--ctty").args(shell).current_dir(desk);
     command.env("PS1", "ready> ").env("PATH", path());
     command
@@ -143,7 +143,7 @@ fn fish_offers_what_is_there() {
 
 fn fish_offers(rig: &Rig, desk: &Path) {
     for (line, expected) in lines(rig) {
-        let mut fish = Command::new("fish");
+        let mut fish = rig.command("fish");
         fish.args(["--no-config", "-c"]).current_dir(desk);
         fish.arg("hil completions fish | source; complete --do-complete $argv[1]");
         fish.arg(&line);
@@ -164,8 +164,8 @@ fn fish_offers(rig: &Rig, desk: &Path) {
 }
 
 /// Asks as the script of `bash` does.
-fn asked(desk: &Path, line: &str) -> String {
-    let mut hil = Command::new(program("hil"));
+fn asked(rig: &Rig, desk: &Path, line: &str) -> String {
+    let mut hil = rig.command(program("hil"));
     hil.env("HIL_COMPLETE", "bash");
     hil.env("HIL_COMPLETE_BREAKS", "=:");
     hil.args(["--", "hil", line]).current_dir(desk);
@@ -204,14 +204,14 @@ fn a_request_says_nothing_else_and_leaves_nothing() {
         ("hil export latest --signal truth.pos", "truth.position_m\n"),
         ("hil pause --session no-such", ""),
     ] {
-        assert_eq!(asked(&desk, line), expected, "{line}");
+        assert_eq!(asked(&rig, &desk, line), expected, "{line}");
     }
     assert_eq!(listed(&desk), before);
     rig.assert_nothing_left();
     // Without a session the built-in plants answer.
-    let kinds = asked(&desk, "hil inject ");
+    let kinds = asked(&rig, &desk, "hil inject ");
     assert!(kinds.lines().any(|kind| kind == "leakage"), "{kinds}");
-    let keys = asked(&desk, "hil inject leakage --coe");
+    let keys = asked(&rig, &desk, "hil inject leakage --coe");
     assert_eq!(keys, "--coefficient_m3ps_per_sqrt_pa\n");
 }
 
@@ -238,11 +238,11 @@ fn completion_asks_an_own_program_for_its_keys() {
         program.display()
     );
     // The scenario has gains of a law that the program does not have: nothing is offered.
-    assert_eq!(asked(&desk, &line), "");
+    assert_eq!(asked(&rig, &desk, &line), "");
     let text = std::fs::read_to_string(desk.join("plain.toml")).expect("text");
     let (before, after) = text.split_once("[controller]").expect("a controller");
     let after = after.split_once("[[stimuli]]").expect("stimuli").1;
     let text = format!("{before}[controller]\nlaw = \"babbles\"\n[[stimuli]]{after}");
     std::fs::write(desk.join("plain.toml"), text).expect("written");
-    assert_eq!(asked(&desk, &line), "panics\n");
+    assert_eq!(asked(&rig, &desk, &line), "panics\n");
 }

@@ -83,8 +83,8 @@ fn another_scenario_has_another_digest() {
 }
 
 /// `hil` on one core only.
-fn on_core_0() -> Command {
-    let mut hil = Command::new("taskset");
+fn on_core_0(rig: &Rig) -> Command {
+    let mut hil = rig.command("taskset");
     hil.args(["-c", "0"]).arg(program("hil"));
     hil
 }
@@ -92,7 +92,7 @@ fn on_core_0() -> Command {
 #[test]
 fn one_core_gives_the_digest_of_two() {
     let rig = Rig::new();
-    let run = rig.start_with(on_core_0(), SCENARIO).finish().expect(0);
+    let run = rig.start_with(on_core_0(&rig), SCENARIO).finish().expect(0);
     assert_eq!(run.digest(), reference(&rig, ""));
 }
 
@@ -111,7 +111,10 @@ fn a_busy_single_core_does_not_change_the_digest() {
     let wanted = reference(&rig, changes);
     let _busy = busy_loop(0);
     let arguments = format!("{SCENARIO} {changes}");
-    let run = rig.start_with(on_core_0(), &arguments).finish().expect(0);
+    let run = rig
+        .start_with(on_core_0(&rig), &arguments)
+        .finish()
+        .expect(0);
     assert_eq!(run.summary()["steps"], 1000);
     assert_eq!(run.digest(), wanted);
 }
@@ -165,8 +168,6 @@ fn one_flipped_bit_changes_the_digest() {
 
 /// `.ci/run long`.
 mod long {
-    use std::process::Command;
-
     use super::{SCENARIO, reference};
     use crate::support::harness::Rig;
     use crate::support::programs::other_hil;
@@ -175,7 +176,7 @@ mod long {
     #[ignore = "long: .ci/run long"]
     fn debug_and_release_have_one_digest() {
         let rig = Rig::new();
-        let run = rig.start_with(Command::new(other_hil()), SCENARIO).finish();
+        let run = rig.start_with(rig.command(other_hil()), SCENARIO).finish();
         assert_eq!(run.expect(0).digest(), reference(&rig, ""));
     }
 }

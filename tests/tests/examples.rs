@@ -1,7 +1,5 @@
 //! The crates of `examples`: a plant, a law and a link of one's own, built outside the workspace.
 
-use std::process::Command;
-
 use serde_json::Value;
 
 use crate::support::harness::Rig;
@@ -142,7 +140,7 @@ fn a_run_over_a_link_from_outside_has_the_digest_of_shared_memory() {
     let rig = Rig::new();
     let scenario = "scenarios/spring-mass.toml";
     let wanted = rig.run(&format!("{scenario} --no-record")).expect(0);
-    let mut link = Command::new(example("unix-socket-link"));
+    let mut link = rig.command(example("unix-socket-link"));
     let output = link.arg(workspace().join(scenario)).output();
     let told = output.expect("it can be run").stdout;
     let wanted = format!("digest {}\n", wanted.digest());

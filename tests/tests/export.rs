@@ -140,7 +140,7 @@ fn what_cannot_be_exported_says_why_and_how_to_mend_it() {
 fn a_reader_that_wants_no_more_is_no_failure() {
     let rig = Rig::new();
     let run = rig.run(&format!("{SCENARIO} {SHORT}")).expect(0);
-    let mut hil = Command::new(program("hil"))
+    let mut hil = (rig.command(program("hil")))
         .arg("export")
         .arg(&run.folder)
         .stdout(Stdio::piped())

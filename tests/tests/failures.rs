@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use rustix::process::Signal;
 
-use crate::support::harness::{Rig, Run, send, until, until_gone};
+use crate::support::harness::{EXPIRES_S, Rig, Run, send, until, until_gone};
 use crate::support::mcap_reader::{Record, Recording};
 use crate::support::programs::{misbehaving_controller, misbehaving_plant, program};
 
@@ -79,7 +79,7 @@ impl Aborted {
 #[track_caller]
 fn after_signal(side: usize, signal: Signal, fragments: &[&str]) -> Aborted {
     let rig = Rig::new();
-    let running = rig.start(&format!("{LONG} --wait-limit 0.5"));
+    let running = rig.start(&format!("{LONG} --wait-limit {EXPIRES_S}"));
     let child = running.children()[side];
     send(child.pid, signal);
     Aborted::of(running.finish(), 3, fragments)
@@ -116,7 +116,7 @@ fn a_stopped_hil_ends_the_run_with_every_clock() {
         let rig = Rig::new();
         let running = rig.start(&format!(
             "scenarios/spring-mass.toml --set run.duration_s=1e5 --set run.rate_hz={rate_hz} \
-             --set metrics=[] --set requirements=[] --clock {clock} --wait-limit 0.5"
+             --set metrics=[] --set requirements=[] --clock {clock} --wait-limit {EXPIRES_S}"
         ));
         let children = running.children_at_once();
         let mut sizes = BTreeSet::new();
@@ -151,7 +151,7 @@ fn misbehaves_as(rig: &Rig, law: &str, controller: &Path) -> Run {
 
 /// Only who sleeps is to be found out by waiting; a busy machine is slow to give memory.
 fn wait_limit_s(deed: &str) -> f64 {
-    if deed == "sleeps" { 0.5 } else { 30.0 }
+    if deed == "sleeps" { EXPIRES_S } else { 30.0 }
 }
 
 #[test]
@@ -208,7 +208,7 @@ fn an_answer_without_end_is_refused() {
     // Complaints may be endless too; what counts is the answer.
     let own = program("controller-process");
     let text = format!(
-        "#!/bin/sh\nyes complaint | head -c 100000000 >&2\nexec {} \"$@\"\n",
+        "#!/bin/sh\nyes complaint | head -c 100000000 >&2\nexec '{}' \"$@\"\n",
         own.display()
     );
     let loud = rig.script("loud", &text);
@@ -238,7 +238,7 @@ fn plant_misbehaves(rig: &Rig, model: &str) -> Run {
 /// The same program with little memory.
 fn poor(rig: &Rig, program: &Path) -> PathBuf {
     let program = program.display();
-    let script = format!("#!/bin/sh\nulimit -v 2000000\nexec {program} \"$@\"\n");
+    let script = format!("#!/bin/sh\nulimit -v 2000000\nexec '{program}' \"$@\"\n");
     rig.script("poor", &script)
 }
 
@@ -337,7 +337,7 @@ fn too_few_open_files_are_named_with_what_to_do() {
     let rig = Rig::new();
     let hil = program("hil");
     let limited = |limit: &str| {
-        let mut shell = std::process::Command::new("sh");
+        let mut shell = rig.command("sh");
         shell.args(["-c", &format!("ulimit {limit} && exec \"$0\" \"$@\"")]);
         shell.arg(&hil);
         rig.start_with(shell, "scenarios/spring-mass.toml").finish()

@@ -55,7 +55,7 @@ impl Place {
     }
 
     fn command(&self) -> Command {
-        let mut hil = Command::new(program("hil"));
+        let mut hil = self.rig.command(program("hil"));
         hil.env("TMPDIR", self.rig.path("temporary"));
         hil
     }

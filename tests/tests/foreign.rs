@@ -149,10 +149,10 @@ fn cmake_builds_the_examples_too_and_a_run_goes_on_from_a_checkpoint() {
     }
     let rig = Rig::new();
     let plant = generated(&rig, "c-plant", "pendulum");
-    let described = succeeds(Command::new(&plant).arg("--describe"));
+    let described = succeeds(rig.command(&plant).arg("--describe"));
     assert!(described.contains("\"saves\": true"), "{described}");
     let law = generated(&rig, "c-controller", "state_feedback");
-    let described = succeeds(Command::new(&law).arg("--describe"));
+    let described = succeeds(rig.command(&law).arg("--describe"));
     assert!(described.contains("\"state-feedback\""), "{described}");
     // Under `hold`, which every program can run and which can be saved.
     let changes = "--set controller.law=hold --set plant.parameters.initial_angle_rad=1e-6";

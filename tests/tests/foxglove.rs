@@ -26,9 +26,8 @@ struct Server {
 
 impl Server {
     fn start(rig: &Rig, arguments: &[&str]) -> Self {
-        let mut hil = Command::new(program("hil"));
-        hil.current_dir(workspace())
-            .args(["monitor", "--session", rig.session(), "--foxglove", "0"])
+        let mut hil = rig.command(program("hil"));
+        hil.args(["monitor", "--session", rig.session(), "--foxglove", "0"])
             .args(arguments)
             .stdin(Stdio::null())
             .stdout(Stdio::piped())

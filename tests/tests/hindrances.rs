@@ -1,17 +1,16 @@
 //! A machine that gives no shared memory: what is wrong with it is said, and what to do.
 
-use std::process::{Command, Output};
+use std::process::Output;
 
 use crate::support::harness::Rig;
-use crate::support::programs::{program, skip, works, workspace};
+use crate::support::programs::{program, skip, works};
 
 /// Runs `hil` where `/dev/shm` is a file system of its own with these options.
-fn hil(options: &str, arguments: &[&str]) -> Output {
+fn hil(rig: &Rig, options: &str, arguments: &[&str]) -> Output {
     let script = format!(
         "mount -t tmpfs -o mode=1777,{options} tmpfs /dev/shm && exec timeout 100 \"$0\" \"$@\""
     );
-    let mut unshare = Command::new("unshare");
-    unshare.current_dir(workspace());
+    let mut unshare = rig.command("unshare");
     unshare
         .args(["-m", "sh", "-c", &script])
         .arg(program("hil"));
@@ -38,6 +37,7 @@ fn shared_memory_that_cannot_be_used_is_named_with_what_to_do() {
         let out = out.to_str().expect("text");
         let scenario = "scenarios/spring-mass.toml";
         let run = hil(
+            &rig,
             options,
             &["run", scenario, "--wait-limit", "10", "--out", out],
         );
@@ -46,7 +46,7 @@ fn shared_memory_that_cannot_be_used_is_named_with_what_to_do() {
         assert_eq!(run.status.code(), Some(3), "{options}: {said}");
         assert!(said.contains(told), "{options}: {said}");
 
-        let doctor = hil(options, &["doctor", "--quick"]);
+        let doctor = hil(&rig, options, &["doctor", "--quick"]);
         let said = String::from_utf8_lossy(&doctor.stdout);
         let checks = said.lines().find(|line| line.contains("shared_memory"));
         assert!(

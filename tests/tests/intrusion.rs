@@ -89,7 +89,7 @@ fn processes(target: &mut Target<'_>) {
         ("plant-process", "has its plant already"),
     ] {
         // Its input stays open, as that of one that was launched.
-        let mut second = Command::new(program(binary));
+        let mut second = target.rig.command(program(binary));
         second
             .arg("--session")
             .arg(&target.session.folder)
@@ -245,7 +245,7 @@ fn other_users(target: &mut Target<'_>) {
     std::fs::copy(program("hil"), &copy).expect("copied");
     let open = std::fs::Permissions::from_mode(0o755);
     std::fs::set_permissions(copy.parent().expect("a folder"), open).expect("set");
-    let mut pause = Command::new(&copy);
+    let mut pause = target.rig.command(&copy);
     pause.args(["pause", "--session", &target.session.name]);
     let output = pause
         .uid(NOBODY)

@@ -1,8 +1,6 @@
 //! Peers that say what is not so: a run is what was planned, step by step and signal by signal, or it failed
 //! by name.
 
-use std::process::Command;
-
 use serde_json::Value;
 
 use crate::support::harness::{Rig, Run};
@@ -215,8 +213,9 @@ fn shows(description: &mut Value) -> &mut Vec<Value> {
 
 #[test]
 fn a_description_that_cannot_be_written_down_is_refused_before_anything_starts() {
+    let rig = Rig::new();
     let described = |binary: &str| -> Value {
-        let output = Command::new(program(binary)).arg("--describe").output();
+        let output = rig.command(program(binary)).arg("--describe").output();
         serde_json::from_slice(&output.expect("it runs").stdout).expect("JSON")
     };
     let (plant, controller) = (described("plant-process"), described("controller-process"));
@@ -248,7 +247,6 @@ fn a_description_that_cannot_be_written_down_is_refused_before_anything_starts()
         }),
     ];
     for (flag, wanted, change) in changes {
-        let rig = Rig::new();
         let is_plant = flag == "--plant-bin";
         let mut text = if is_plant { &plant } else { &controller }.clone();
         change(&mut text);

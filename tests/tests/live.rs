@@ -9,7 +9,7 @@ use shared_types::live::{Injected, Request, Response};
 use shared_types::random::RandomStream;
 use shared_types::session::SessionInfo;
 
-use crate::support::harness::{Rig, Run, until};
+use crate::support::harness::{EXPIRES_S, Rig, Run, until};
 use crate::support::mcap_reader::Recording;
 use crate::support::programs::shipped;
 
@@ -216,9 +216,9 @@ fn a_pause_of_any_length_changes_nothing() {
     let rig = Rig::new();
     let wanted = rig.run(SHORT).expect(0).digest();
     // Held for longer than the controller's patience, which every frame of the pause renews.
-    let run = rig.start(&format!("{SHORT} --pause-at 0.5 --wait-limit 0.5"));
+    let run = rig.start(&format!("{SHORT} --pause-at 0.5 --wait-limit {EXPIRES_S}"));
     rig.until_held_at(5000);
-    std::thread::sleep(Duration::from_millis(1500));
+    std::thread::sleep(Duration::from_secs_f64(1.5 * EXPIRES_S));
     rig.in_session("step 3").expect(0).prints(&["5003"]);
     rig.until_held_at(5003);
     rig.in_session("resume").expect(0);

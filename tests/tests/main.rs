@@ -31,6 +31,7 @@
 //! | [`interruptions`] | Ctrl-C ends every command with exit code 130 and leaves nothing behind |
 //! | [`intrusion`] | strangers to a session cannot read, disturb or join it |
 //! | [`kept`] | processes that are kept never use frames of one job for the next |
+//! | [`lasting`] | descriptors and threads of processes that do many jobs |
 //! | [`latency`] | every figure of a loop counts the right steps and is consistent with the others |
 //! | [`layouts`] | layouts for Foxglove and PlotJuggler plot signals that are recorded |
 //! | [`lies`] | false statements of a peer are detected and end the run by name |
@@ -119,6 +120,7 @@ mod hot_path;
 mod interruptions;
 mod intrusion;
 mod kept;
+mod lasting;
 mod latency;
 mod layouts;
 mod lies;

@@ -18,7 +18,7 @@ const USUAL: (u16, u16) = (80, 24);
 
 /// A monitor of this test's session in a terminal, attached.
 fn monitor(rig: &Rig, arguments: &[&str]) -> Terminal {
-    let mut hil = Command::new(program("hil"));
+    let mut hil = rig.command(program("hil"));
     hil.current_dir(workspace());
     hil.args(["monitor", "--session", rig.session()])
         .args(arguments);
@@ -116,7 +116,7 @@ fn a_view_whose_terminal_is_gone_ends() {
 fn exit_of_a_view_without_its_window(rig: &Rig) -> Option<i32> {
     let (master, line) = open_terminal(USUAL.0, USUAL.1);
     let end = || line.try_clone().expect("another handle");
-    let mut hil = Command::new(program("hil"));
+    let mut hil = rig.command(program("hil"));
     hil.args(["monitor", "--session", rig.session()])
         .current_dir(workspace());
     hil.env("TERM", "xterm-256color")
@@ -319,7 +319,7 @@ fn what_cannot_be_watched_is_refused_with_the_reason() {
 #[test]
 fn a_monitor_waits_for_a_session_and_says_when_it_was_killed() {
     let rig = Rig::alone();
-    let mut hil = Command::new(program("hil"));
+    let mut hil = rig.command(program("hil"));
     hil.current_dir(workspace());
     hil.args(["monitor", "--wait", "100s", "--session", rig.session()]);
     let mut terminal = Terminal::start(hil, USUAL);

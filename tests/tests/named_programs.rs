@@ -5,7 +5,6 @@ mod place;
 use std::fs::Permissions;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
-use std::process::Command;
 
 use rustix::process::Signal;
 use serde_json::Value;
@@ -43,9 +42,8 @@ fn a_scenario_names_its_programs_from_its_own_folder() {
 fn flags_win_over_the_environment_and_that_over_the_scenario() {
     let place = Place::new();
     let hil = |variable: &str, arguments: &str| {
-        let mut hil = Command::new("env");
-        hil.arg(format!("HIL_PLANT_BIN={variable}"))
-            .arg(program("hil"));
+        let mut hil = place.rig.command(program("hil"));
+        hil.env("HIL_PLANT_BIN", variable);
         let arguments = format!("{} {arguments}", place.scenario.display());
         place.rig.start_with(hil, &arguments).finish()
     };

@@ -152,7 +152,7 @@ fn two_folders_of_one_name_have_each_its_own_program() {
     // In turns: what is fresh of one must not be taken for the other.
     for folder in described.iter().chain(&described) {
         build(folder);
-        let mut program = Command::new(folder.join("target/debug/steer"));
+        let mut program = rig.command(folder.join("target/debug/steer"));
         let told = program.arg("--describe").output().expect("it runs");
         let told: Value = serde_json::from_slice(&told.stdout).expect("JSON");
         let place = folder.parent().and_then(Path::file_name).expect("a name");

@@ -32,7 +32,7 @@ struct Panel {
 
 impl Panel {
     fn start(rig: &Rig, arguments: &[&str]) -> Self {
-        let mut hil = Command::new(program("hil"));
+        let mut hil = rig.command(program("hil"));
         hil.arg("panel")
             .args(["--session", rig.session(), "--json", "--no-open"]);
         hil.args(arguments);
@@ -133,7 +133,7 @@ fn interrupt(run: &Child) {
 /// A run with its panel, in a process group of its own.
 fn with_panel(rig: &Rig, arguments: &[&str]) -> (Child, BufReader<ChildStderr>) {
     use std::os::unix::process::CommandExt;
-    let mut hil = Command::new(program("hil"));
+    let mut hil = rig.command(program("hil"));
     hil.args([
         "run",
         SCENARIO,
@@ -178,7 +178,7 @@ fn the_opener_gets_a_file_of_its_user_and_no_argument_has_the_secret() {
         told.display()
     );
     rig.script("xdg-open", &opener);
-    let mut hil = Command::new(program("hil"));
+    let mut hil = rig.command(program("hil"));
     hil.args(["panel", "--session", rig.session(), "--json"]);
     hil.env("PATH", path_from(&rig.path("")));
     hil.env("DISPLAY", ":0");

@@ -3,7 +3,6 @@
 use std::ffi::{OsStr, OsString};
 use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::path::PathBuf;
-use std::process::Command;
 
 use crate::support::harness::{Rig, Run};
 use crate::support::programs::{program, workspace};
@@ -19,8 +18,7 @@ fn odd(rig: &Rig, ending: &str) -> PathBuf {
 
 /// A command with such a path for every `@`, with its ending behind it.
 fn hil(rig: &Rig, line: &str) -> Run {
-    let mut hil = Command::new(program("hil"));
-    hil.current_dir(workspace());
+    let mut hil = rig.command(program("hil"));
     for word in line.split(' ') {
         match word.strip_prefix('@') {
             Some(ending) => hil.arg(odd(rig, ending)),

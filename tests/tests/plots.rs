@@ -1,14 +1,12 @@
 //! Plots of one run in its report, its monitor and its layouts: the same, in the same order.
 
-use std::process::Command;
-
 use serde_json::Value;
 
 use crate::layouts::panels;
 use crate::monitor::json_state;
 use crate::report::page::Page;
 use crate::support::harness::{Rig, until};
-use crate::support::programs::{program, workspace};
+use crate::support::programs::program;
 use crate::support::terminal::Terminal;
 
 /// Room for every plot, and none beside them for lists.
@@ -48,8 +46,7 @@ fn report_monitor_and_layout_show_the_same_plots_in_the_same_order() {
         "scenarios/severe-leakage.toml --set run.duration_s=8 --set requirements=[] --set metrics=[] --pause-at 7.5 --wait-limit 60",
     );
     until("the run is held", || json_state(&rig) == "paused");
-    let mut hil = Command::new(program("hil"));
-    hil.current_dir(workspace());
+    let mut hil = rig.command(program("hil"));
     hil.args(["monitor", "--session", rig.session()]);
     let mut terminal = Terminal::start(hil, TALL);
     terminal.until_it_shows("PAUSED");

@@ -191,8 +191,8 @@ fn what_was_asked_for_is_granted_or_the_reason_and_the_mend_are_told() {
 }
 
 /// `hil` without the right to raise priorities and to lock memory.
-fn without_rights() -> Option<Command> {
-    let mut hil = Command::new("setpriv");
+fn without_rights(rig: &Rig) -> Option<Command> {
+    let mut hil = rig.command("setpriv");
     hil.args(["--bounding-set", "-sys_nice,-ipc_lock"]);
     hil.args([
         "--inh-caps",
@@ -211,8 +211,8 @@ fn without_rights() -> Option<Command> {
 #[test]
 fn without_rights_a_run_goes_on_and_says_what_it_lacks_once() {
     // Who is not root has none to give up.
-    let hil = without_rights().unwrap_or_else(|| Command::new(program("hil")));
     let rig = Rig::new();
+    let hil = without_rights(&rig).unwrap_or_else(|| rig.command(program("hil")));
     let wanted = run(&rig, "--no-record").digest();
     let arguments = format!("{SCENARIO} --priority 50 --lock-memory --prefault");
     let run = rig.start_with(hil, &arguments).finish().expect(0);

@@ -2,7 +2,6 @@
 //! every command says what to do.
 
 use std::path::Path;
-use std::process::Command;
 
 use rustix::process::Signal;
 use serde_json::Value;
@@ -211,7 +210,7 @@ fn chunks_are_closed_in_time_however_slow_the_run_is() {
 fn a_full_disk_stops_the_run_with_a_readable_file_and_a_summary() {
     let rig = Rig::new();
     // Files of at most 40 MB, in blocks of 512 bytes: enough for shared memory, too little for the run.
-    let mut limited = Command::new("sh");
+    let mut limited = rig.command("sh");
     limited
         .arg("-c")
         .arg("trap '' XFSZ; ulimit -f 80000; exec \"$0\" \"$@\"")

@@ -49,15 +49,10 @@ fn under_way(rig: &Rig) {
     until("steps are exchanged", || rig.status().step > 10);
 }
 
-/// Sessions of this user without a name of their own, as agents make them.
-fn sessions() -> Vec<String> {
-    let uid = rustix::process::geteuid().as_raw();
-    let found = std::fs::read_dir(format!("/dev/shm/hil-{uid}"));
-    let names = found
-        .into_iter()
-        .flatten()
-        .flatten()
-        .map(|entry| entry.file_name());
+/// Sessions of this test without a name of their own, as agents make them.
+fn sessions(rig: &Rig) -> Vec<String> {
+    let entries = std::fs::read_dir(rig.sessions());
+    let names = (entries.into_iter().flatten().flatten()).map(|entry| entry.file_name());
     names
         .map(|name| name.to_string_lossy().into_owned())
         .filter(|name| name.starts_with('s'))
@@ -326,7 +321,7 @@ fn a_controller_that_dies_there_is_named_and_the_policy_is_applied() {
 #[test]
 fn an_agent_that_is_killed_ends_the_run_and_the_next_contact_removes_what_it_left() {
     let rig = Rig::alone();
-    let before = sessions();
+    let before = sessions(&rig);
     let board = Board::new(&rig);
     let running = rig.start_with(
         board.hil(),
@@ -338,16 +333,16 @@ fn an_agent_that_is_killed_ends_the_run_and_the_next_contact_removes_what_it_lef
     let run = running.finish_beside_another().expect(3);
     let said = [&run.stderr, &*log(&run)].concat();
     assert!(said.contains("target me@board: connection lost"), "{said}");
-    assert_ne!(sessions(), before, "the agent was killed");
+    assert_ne!(sessions(&rig), before, "the agent was killed");
     hil(&rig, &board, &["target", "check", "me@board"]).expect(0);
     no_process_there(&board);
-    assert_eq!(sessions(), before);
+    assert_eq!(sessions(&rig), before);
 }
 
 #[test]
 fn whatever_ends_the_desk_nothing_goes_on_there() {
     let rig = Rig::alone();
-    let before = sessions();
+    let before = sessions(&rig);
     let board = Board::new(&rig);
     let paced = format!("scenarios/spring-mass.toml --pace 1 {ON_BOARD}");
     let running = rig.start_with(board.hil(), &paced);
@@ -363,7 +358,7 @@ fn whatever_ends_the_desk_nothing_goes_on_there() {
     running.kill();
     no_process_there(&board);
     // The desk's is left for the next `hil`, the board's agent removed its own.
-    assert_eq!(sessions(), before);
+    assert_eq!(sessions(&rig), before);
     rig.hil(&["sessions", "--clean"]).expect(0);
     rig.assert_nothing_left();
 }

@@ -209,7 +209,7 @@ impl Desk {
             }
         }
         std::fs::write(&script, text).expect("a script");
-        let mut bash = Command::new("bash");
+        let mut bash = rig.command("bash");
         bash.arg(&script)
             .current_dir(&clone)
             .env("PATH", path_from(&self.folder.join("bin")))
@@ -223,10 +223,7 @@ impl Desk {
             .env(LINES.0, LINES.1)
             .env("SESSION", rig.session())
             .env("XDG_STATE_HOME", self.folder.join("state"))
-            .env_remove("HIL_PLANT_BIN")
-            .env_remove("HIL_CONTROLLER_BIN")
             .env_remove("CARGO_TARGET_DIR")
-            .env_remove("RUST_BACKTRACE")
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(Stdio::null())

@@ -115,7 +115,7 @@ fn nobody_else_gets_in() {
             .output()
             .expect("cat");
         assert!(!output.status.success() && output.stdout.is_empty());
-        let mut shell = Command::new(program("controller-process"));
+        let mut shell = rig.command(program("controller-process"));
         let output = shell.arg("--session").arg(&folder).arg("--by-hand");
         let output = output.uid(NOBODY).gid(NOBODY).output();
         // It may not even be allowed to run the program.
@@ -194,7 +194,7 @@ fn what_makes_no_sense_is_refused_by_name() {
     let script = rig.script(
         "controller",
         &format!(
-            "#!/bin/sh\nexec {} \"$@\"\n",
+            "#!/bin/sh\nexec '{}' \"$@\"\n",
             program("controller-process").display()
         ),
     );
@@ -237,7 +237,7 @@ fn what_makes_no_sense_is_refused_by_name() {
     }
     // Where nobody waits for one.
     let running = rig.held();
-    let mut hand = Command::new(program("controller-process"));
+    let mut hand = rig.command(program("controller-process"));
     hand.arg("--session")
         .arg(rig.session_folder())
         .arg("--by-hand");

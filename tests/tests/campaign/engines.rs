@@ -39,7 +39,7 @@ fn gnu_parallel_runs_a_campaign_by_the_command_of_the_page() {
         let local = command.replace("--sshloginfile nodes ", "");
         let command = local.replace("/shared/runs/common-mode/", &format!("{folder}/"));
         let command = command.replace("/shared/runs/common-mode", &folder);
-        let mut shell = Command::new("sh");
+        let mut shell = rig.command("sh");
         shell.args(["-c", &command]);
         rig.program(shell).expect(0);
     });
@@ -59,7 +59,7 @@ fn pods_of_an_indexed_job_run_a_campaign_by_the_command_of_the_page() {
         let command = command.replace("/campaign", &format!("'{folder}'"));
         // One pod was started twice, as Kubernetes does at times.
         for index in (0..TASKS).chain([3]) {
-            let mut pod = Command::new(shell);
+            let mut pod = rig.command(shell);
             pod.args([flag, &command])
                 .env("JOB_COMPLETION_INDEX", index.to_string());
             rig.program(pod).expect(0);

@@ -1,6 +1,8 @@
 //! Remains of a run: logs, child processes and sessions, after every kind of end.
 
 use rustix::process::Signal;
+use serde_json::json;
+use shared_types::session::GROUP;
 
 use super::{Aborted, LONG, misbehaves};
 use crate::support::harness::{Rig, send, until, until_gone};
@@ -62,7 +64,7 @@ fn what_a_description_leaves_running_is_ended() {
     let own = program("controller-process");
     // One that holds the answer's pipe open, in a session of its own; its arguments name this test.
     let text = format!(
-        "#!/bin/sh\nsetsid sh -c 'while :; do sleep 1000; done' {} &\nexec {} \"$@\"\n",
+        "#!/bin/sh\nsetsid sh -c 'while :; do sleep 1000; done' {} &\nexec '{}' \"$@\"\n",
         rig.path("left").display(),
         own.display()
     );
@@ -153,7 +155,7 @@ fn sessions_lists_what_runs_and_clean_leaves_it_alone() {
     let running = rig.start(LONG);
     let children = running.children();
     for arguments in [&["sessions"][..], &["sessions", "--clean"]] {
-        let mut hil = std::process::Command::new(program("hil"));
+        let mut hil = rig.command(program("hil"));
         let output = hil.args(arguments).output().expect("hil can be run");
         let said = String::from_utf8_lossy(&output.stdout);
         assert!(
@@ -164,4 +166,28 @@ fn sessions_lists_what_runs_and_clean_leaves_it_alone() {
     assert!(children.iter().all(|child| child.is_alive()));
     running.signal(Signal::INT);
     running.finish().expect(130);
+}
+
+#[test]
+fn a_session_of_another_group_is_neither_found_nor_removed() {
+    let rig = Rig::new();
+    let running = rig.held();
+    let elsewhere = |group: &str, arguments: &[&str]| {
+        let mut hil = rig.command(program("hil"));
+        hil.args(arguments).env(GROUP, group);
+        rig.program(hil)
+    };
+    let other = format!("{}-b", rig.session());
+    let all = elsewhere(&other, &["sessions", "--clean", "--json"]).expect(0);
+    assert_eq!(
+        all.json(),
+        json!({"sessions": [], "removed": []}),
+        "of {other}"
+    );
+    let mark = elsewhere(&other, &["mark", "x", "--session", rig.session()]);
+    mark.expect(2).says(&["no session"]);
+    let mark = elsewhere("no/group", &["mark", "x"]);
+    mark.expect(3).says(&["`no/group` in HIL_SESSION_GROUP"]);
+    rig.in_session("resume").expect(0);
+    running.finish().expect(0);
 }

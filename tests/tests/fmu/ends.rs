@@ -5,7 +5,7 @@ use rustix::process::Signal;
 use super::{Place, scenario};
 use crate::support::board::Board;
 use crate::support::fmus::proportional;
-use crate::support::harness::{send, until};
+use crate::support::harness::{EXPIRES_S, send, until};
 
 /// The FMU as the controller of the mass on a spring.
 const AS_CONTROLLER: &str = "schema = 1
@@ -39,7 +39,10 @@ fn an_endless_loop_is_named_by_the_wait_limit() {
         ),
     ] {
         // That nothing runs on and nothing stays on the disk is looked at when the run has ended.
-        let run = place.run(text, &format!("--set {key}.trouble=11 --wait-limit 0.5"));
+        let run = place.run(
+            text,
+            &format!("--set {key}.trouble=11 --wait-limit {EXPIRES_S}"),
+        );
         let run = run.expect(3);
         let said = format!("{}{}", run.stdout, run.stderr);
         for fragment in [told, "the solver looks for a root"] {

@@ -1,7 +1,6 @@
 //! Everything that a plant or a controller in C can do wrong, each by its name.
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use rustix::process::Signal;
 use serde_json::Value;
@@ -217,7 +216,7 @@ fn every_mistake_in_the_tables_is_named_before_anything_starts() {
             "the callback `retune` is missing, which takes `deed`",
         ),
     ] {
-        let mut command = Command::new(&plant);
+        let mut command = rig.command(&plant);
         let output = command.arg("--describe").env("MISTAKE", mistake).output();
         let output = output.expect("it runs");
         let said = String::from_utf8_lossy(&output.stderr);
@@ -227,7 +226,10 @@ fn every_mistake_in_the_tables_is_named_before_anything_starts() {
     // And `hil` shows it.
     let wrong = rig.script(
         "wrong",
-        &format!("#!/bin/sh\nMISTAKE=twice exec {} \"$@\"\n", plant.display()),
+        &format!(
+            "#!/bin/sh\nMISTAKE=twice exec '{}' \"$@\"\n",
+            plant.display()
+        ),
     );
     let run = deed(&rig, "plant", &wrong, 0).expect(2);
     let told = "truth of plant `misbehaves`: `x_m` is there twice";
@@ -246,7 +248,7 @@ fn a_law_in_c_whose_parameter_is_tunable_takes_new_values_or_is_refused_by_the_n
     let controller = rig.path("misbehaving-controller");
     std::fs::copy(&plant, &controller).expect("copied");
     let described = |missing: &str| {
-        let mut command = Command::new(&controller);
+        let mut command = rig.command(&controller);
         let output = command.arg("--describe").env("MISTAKE", missing).output();
         output.expect("it runs")
     };
@@ -271,7 +273,7 @@ fn a_law_in_c_whose_parameter_is_tunable_takes_new_values_or_is_refused_by_the_n
         let wrong = rig.script(
             "wrong-controller",
             &format!(
-                "#!/bin/sh\nMISTAKE={missing} exec {} \"$@\"\n",
+                "#!/bin/sh\nMISTAKE={missing} exec '{}' \"$@\"\n",
                 controller.display()
             ),
         );

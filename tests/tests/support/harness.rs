@@ -1,36 +1,39 @@
 //! Harness in which tests run `hil`: a [`Rig`] for each test.
 //!
-//! A rig has a session name, a folder and a watchdog. After every `hil` it looks for processes, shared
+//! A rig has a session name, a group of sessions, a folder and a watchdog. What it starts knows the sessions of its
+//! group and no others: neither those of another test nor those of the user. After every `hil` it looks for processes, shared
 //! memory and folders that should be gone. A watchdog that barks fails the test; no test measures time.
 
 use std::collections::BTreeSet;
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::io::Read;
-use std::os::unix::fs::{MetadataExt, PermissionsExt};
+use std::os::unix::fs::PermissionsExt;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::{OnceLock, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 use shared_types::live::{LiveError, Request, Response, Status, ask};
 use shared_types::process::ProcessId;
-use shared_types::session::SessionInfo;
+use shared_types::session::{GROUP, SessionInfo};
 use tempfile::TempDir;
 
-use crate::support::programs::{program, workspace};
+use crate::support::leftovers::{left_before, segments_of_nobody};
+use crate::support::programs::{program, words, workspace};
 pub(crate) use crate::support::run::Run;
 
 /// Time that anything may take before it counts as hanging.
 pub(crate) const WATCHDOG: Duration = Duration::from_secs(120);
+/// Wait limit, in seconds, for a test in which it expires. A loaded machine keeps it: each side gets a core in that time.
+pub(crate) const EXPIRES_S: f64 = 3.0;
 /// Time between two looks at something that is awaited.
 const LOOK: Duration = Duration::from_millis(2);
 
-/// Lock that every test with a rig holds. A test that looks at what a dead `hil` left holds it exclusively, because
-/// any other `hil` would sweep that away.
+/// Lock that every test with a rig holds. A test that looks at what is left on the whole machine holds it exclusively.
 static SESSIONS: RwLock<()> = RwLock::new(());
 
 /// Place of a test. A test has one at a time.
@@ -153,7 +156,33 @@ impl Rig {
 
     /// Starts what [`run`](Self::run) runs, and does not wait.
     pub(crate) fn start(&self, arguments: &str) -> Running<'_> {
-        self.start_with(Command::new(program("hil")), arguments)
+        self.start_with(self.command(program("hil")), arguments)
+    }
+
+    /// Makes a command of a program, one of ours or one that starts ours: `hil` finds this test's sessions only, and no
+    /// program of the environment. Nothing of a test is kept for the user.
+    pub(crate) fn command(&self, program: impl AsRef<OsStr>) -> Command {
+        let mut command = Command::new(program);
+        command.current_dir(workspace());
+        self.surround(&mut command);
+        command
+    }
+
+    /// Sets the surroundings of a command but for those that it has already.
+    fn surround(&self, command: &mut Command) {
+        let (group, state) = (OsString::from(&self.session), self.path("state"));
+        for (name, value) in [(GROUP, group), ("XDG_STATE_HOME", state.into())] {
+            if command.get_envs().all(|(set, _)| set != name) {
+                command.env(name, value);
+            }
+        }
+        for name in ["HIL_PLANT_BIN", "HIL_CONTROLLER_BIN"] {
+            if command.get_envs().all(|(set, _)| set != name) {
+                command.env_remove(name);
+            }
+        }
+        // It would push the message of a panic out of what is shown.
+        command.env_remove("RUST_BACKTRACE");
     }
 
     /// Starts the same with another `hil`, or one behind `taskset`.
@@ -162,7 +191,7 @@ impl Rig {
         let folder = self.path(&format!("run{number}"));
         let mut hil = hil;
         hil.current_dir(workspace());
-        hil.arg("run").args(arguments.split_ascii_whitespace());
+        hil.arg("run").args(words(arguments));
         hil.arg("--session").arg(&self.session);
         hil.arg("--out").arg(&folder);
         Running::start(self, hil, folder)
@@ -175,14 +204,14 @@ impl Rig {
 
     /// Starts what [`hil`](Self::hil) runs, and does not wait.
     pub(crate) fn start_hil(&self, arguments: &[&str]) -> Running<'_> {
-        let mut hil = Command::new(program("hil"));
-        hil.args(arguments).current_dir(workspace());
+        let mut hil = self.command(program("hil"));
+        hil.args(arguments);
         Running::start(self, hil, self.path("none"))
     }
 
     /// Runs any `hil` command in another working directory.
     pub(crate) fn hil_in(&self, folder: &Path, arguments: &[&str]) -> Run {
-        let mut hil = Command::new(program("hil"));
+        let mut hil = self.command(program("hil"));
         hil.args(arguments).current_dir(folder);
         Running::start(self, hil, self.path("none")).finish()
     }
@@ -200,7 +229,8 @@ impl Rig {
     /// Runs a `hil` command, whose words are separated by spaces, on this test's session.
     pub(crate) fn in_session(&self, line: &str) -> Run {
         let session = ["--session", self.session()];
-        let words: Vec<&str> = line.split_ascii_whitespace().chain(session).collect();
+        let line = words(line);
+        let words: Vec<&str> = line.iter().map(String::as_str).chain(session).collect();
         self.beside(&words)
     }
 
@@ -212,10 +242,15 @@ impl Rig {
         Run { folder, ..run }
     }
 
+    /// Returns the folder of all sessions of this test, which is there while one is.
+    pub(crate) fn sessions(&self) -> PathBuf {
+        let uid = rustix::process::geteuid().as_raw();
+        PathBuf::from(format!("/dev/shm/hil-{uid}-{}", self.session))
+    }
+
     /// Returns the folder of the session, which is there while it runs.
     pub(crate) fn session_folder(&self) -> PathBuf {
-        let uid = rustix::process::geteuid().as_raw();
-        Path::new(&format!("/dev/shm/hil-{uid}")).join(&self.session)
+        self.sessions().join(&self.session)
     }
 
     /// Fails if processes or shared memory of this test are left.
@@ -258,36 +293,18 @@ impl Rig {
     }
 }
 
-/// Lists files of this user in shared memory that look like a session's, but whose session is gone.
-fn segments_of_nobody() -> Vec<PathBuf> {
-    let uid = rustix::process::geteuid().as_raw();
-    // In this order: a session removes its folder last.
-    let files: Vec<PathBuf> = (std::fs::read_dir("/dev/shm")
-        .expect("shared memory")
-        .flatten())
-    .filter(|entry| entry.metadata().is_ok_and(|file| file.uid() == uid))
-    .map(|entry| entry.path())
-    .filter(|path| name(path).starts_with("hil_"))
-    .collect();
-    let sessions = std::fs::read_dir(format!("/dev/shm/hil-{uid}"));
-    let prefixes: Vec<String> = (sessions.into_iter().flatten().flatten())
-        .filter_map(|session| SessionInfo::read(&session.path()).ok())
-        .map(|info| info.prefix)
-        .collect();
-    let claimed = |file: &Path| prefixes.iter().any(|prefix| name(file).starts_with(prefix));
-    (files.into_iter())
-        .filter(|file| !claimed(file) && file.exists())
-        .collect()
-}
-
-fn name(path: &Path) -> &str {
-    path.file_name().and_then(OsStr::to_str).unwrap_or_default()
-}
-
-/// Returns what was left on this machine before any test began.
-fn left_before() -> &'static [PathBuf] {
-    static BEFORE: OnceLock<Vec<PathBuf>> = OnceLock::new();
-    BEFORE.get_or_init(segments_of_nobody)
+impl Drop for Rig {
+    /// Removes what a killed `hil` of the test left: nobody else knows its group.
+    fn drop(&mut self) {
+        if self.sessions().exists() {
+            let clean = self
+                .command(program("hil"))
+                .args(["sessions", "--clean"])
+                .output();
+            let is_clean = clean.is_ok_and(|clean| clean.status.success());
+            assert!(is_clean || std::thread::panicking(), "sessions are left");
+        }
+    }
 }
 
 /// A `hil` at work. Dropped before its end, it is killed with everything it started.
@@ -305,15 +322,8 @@ impl<'r> Running<'r> {
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             // A group of its own, which gets signals as that of a terminal does.
-            .process_group(0)
-            // It would push the message of a panic out of what is shown.
-            .env_remove("RUST_BACKTRACE")
-            .env_remove("HIL_PLANT_BIN")
-            .env_remove("HIL_CONTROLLER_BIN");
-        if hil.get_envs().all(|(name, _)| name != "XDG_STATE_HOME") {
-            // Nothing of a test is kept for the user.
-            hil.env("XDG_STATE_HOME", rig.path("state"));
-        }
+            .process_group(0);
+        rig.surround(&mut hil);
         println!("{:?}", hil.get_args()); // shown if the test fails
         let mut process = hil
             .spawn()

@@ -125,6 +125,17 @@ pub(crate) fn example(name: &str) -> PathBuf {
     outside(&Path::new("examples").join(name), name)
 }
 
+/// Splits a line at its spaces, but for those in the paths of the workspace and of what is built.
+pub(crate) fn words(line: &str) -> Vec<String> {
+    let mut line = line.to_owned();
+    for folder in [workspace().to_owned(), target()] {
+        let folder = folder.display().to_string();
+        line = line.replace(&folder, &folder.replace(' ', "\0"));
+    }
+    let words = line.split_ascii_whitespace();
+    words.map(|word| word.replace('\0', " ")).collect()
+}
+
 /// Arguments that run a scenario with the pendulum of `examples` and its own law.
 pub(crate) fn of_pendulum(scenario: impl Display) -> String {
     let (plant, controller) = (example("own-plant"), example("own-controller"));

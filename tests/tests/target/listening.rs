@@ -1,7 +1,7 @@
 //! An agent that listens, in place of `ssh`.
 
 use std::os::unix::fs::PermissionsExt;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 
 use super::{SHORT, text};
 use crate::support::company::Companion;
@@ -25,7 +25,7 @@ fn an_agent_that_listens_serves_who_has_the_key_and_runs_what_is_listed() {
         .expect(2)
         .says(&["is there already"]);
     let listed = program("controller-process");
-    let mut serve = Command::new(program("hil"));
+    let mut serve = rig.command(program("hil"));
     serve.args([
         "target",
         "serve",
