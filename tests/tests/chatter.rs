@@ -9,16 +9,21 @@ use crate::support::programs::program_of_tests;
 
 /// Samples that the chatting controller answers.
 const ANSWERED: u64 = 100;
+/// Duration of a run in real time.
+const LONG_S: u64 = 10;
 /// Force that the chatting controller commands.
 const FORCE_N: f64 = 0.5;
 
-/// The teaching plant for a second under a law that chats.
+/// The teaching plant for a second, or for longer in real time, under a law that chats.
 fn chats(rig: &Rig, law: &str, policy: &str, clock: &str) -> Run {
     let path = losing(rig, law, policy);
     let (path, controller) = (path.display(), program_of_tests("chatting-controller"));
     let controller = controller.display();
+    // In real time the run must outlast the limit.
+    let duration_s = if clock == "realtime" { LONG_S } else { 1 };
     rig.run(&format!(
-        "{path} --controller-bin {controller} --clock {clock} --wait-limit {EXPIRES_S}"
+        "{path} --controller-bin {controller} --clock {clock} --wait-limit {EXPIRES_S} \
+         --set run.duration_s={duration_s}"
     ))
 }
 
@@ -74,7 +79,7 @@ fn against_a_clock_chatter_holds_up_no_run() {
     assert_told(&run.summary()["reason"], "controller did not answer step ");
     let run = chats(&rig, "repeats", "safe-command", "realtime");
     let summary = run.summary();
-    assert_eq!(summary["steps"], STEPS);
+    assert_eq!(summary["steps"], LONG_S * STEPS);
     assert_told(
         &summary["controllers"][0]["reason"],
         "controller did not answer step ",

@@ -191,7 +191,10 @@ fn long(rig: &Rig) -> String {
 #[test]
 fn in_real_time_a_stopped_controller_is_named_after_the_wait_limit() {
     let rig = Rig::new();
-    let running = rig.start(&format!("{} --wait-limit {EXPIRES_S}", long(&rig)));
+    let running = rig.start(&format!(
+        "{} --set run.duration_s=100 --wait-limit {EXPIRES_S}",
+        long(&rig)
+    ));
     let [_, controller] = running.children();
     send(controller.pid, Signal::STOP);
     let stopped = running.finish().expect(3);
