@@ -4,7 +4,7 @@ use std::fs;
 use std::process::Command;
 
 use crate::support::harness::{Rig, Run};
-use crate::support::programs::{program, shipped};
+use crate::support::programs::{program, workspace};
 
 /// Checks that a command line is refused as wrong usage, and that the message has these parts.
 fn refused(run: Run, line: &str, parts: &[&str]) {
@@ -65,58 +65,25 @@ fn a_run_without_requirements_is_called_completed_and_not_a_pass() {
 
 #[test]
 fn a_file_of_another_kind_is_answered_with_the_commands_that_take_it() {
+    const SCENARIO: &str = "scenarios/spring-mass.toml";
+    const STUDY: &str = "studies/spring-mass.toml";
     let rig = Rig::new();
-    let (scenario, study) = (
-        shipped("scenarios/spring-mass.toml"),
-        shipped("studies/spring-mass.toml"),
-    );
-    let hil = program("hil").display().to_string();
-    for (line, parts) in [
-        (
-            "run run.mcap",
-            ["run.mcap is a recording and not a scenario", "`hil report`"],
-        ),
-        (
-            &format!("run {study}"),
-            ["is a study and not a scenario", "`hil campaign plan`"],
-        ),
-        (
-            &format!("config check {study}"),
-            ["is a study and not a scenario", "`hil campaign check`"],
-        ),
-        (
-            &format!("campaign plan {scenario}"),
-            ["is a scenario and not a study", "`hil run`"],
-        ),
-        (
-            &format!("campaign check {scenario}"),
-            ["is a scenario and not a study", "`hil config check`"],
-        ),
-        (
-            &format!("describe {scenario}"),
-            [
-                "is a scenario and not a program or an FMU",
-                "`hil config show`",
-            ],
-        ),
-        (
-            &format!("judge {scenario}"),
-            ["is a scenario and not a recording", "`hil run`"],
-        ),
-        (
-            &format!("report {study}"),
-            [
-                "is a study and not a recording or the folder of a campaign",
-                "`hil campaign plan`",
-            ],
-        ),
-        (
-            &format!("run {hil}"),
-            ["is a program and not a scenario", "`hil describe`"],
-        ),
-    ] {
-        let words: Vec<&str> = line.split(' ').collect();
-        refused(rig.hil_in(&rig.path(""), &words), line, &parts);
+    let hil = program("hil");
+    let hil = hil.to_str().expect("plain");
+    #[rustfmt::skip] // a table
+    let cases: [(&[&str], [&str; 2]); 9] = [
+        (&["run", "run.mcap"], ["run.mcap is a recording and not a scenario", "`hil report`"]),
+        (&["run", STUDY], ["is a study and not a scenario", "`hil campaign plan`"]),
+        (&["config", "check", STUDY], ["is a study and not a scenario", "`hil campaign check`"]),
+        (&["campaign", "plan", SCENARIO], ["is a scenario and not a study", "`hil run`"]),
+        (&["campaign", "check", SCENARIO], ["is a scenario and not a study", "`hil config check`"]),
+        (&["describe", SCENARIO], ["is a scenario and not a program or an FMU", "`hil config show`"]),
+        (&["judge", SCENARIO], ["is a scenario and not a recording", "`hil run`"]),
+        (&["report", STUDY], ["is a study and not a recording or the folder of a campaign", "`hil campaign plan`"]),
+        (&["run", hil], ["is a program and not a scenario", "`hil describe`"]),
+    ];
+    for (words, parts) in cases {
+        refused(rig.hil(words), &words.join(" "), &parts);
     }
 }
 
@@ -127,8 +94,8 @@ fn hil_without_its_siblings_says_where_it_looked_and_what_to_do() {
     fs::copy(program("hil"), &alone).expect("copied");
     let mut command = Command::new(&alone);
     command
-        .arg("run")
-        .arg(shipped("scenarios/spring-mass.toml"));
+        .args(["run", "scenarios/spring-mass.toml"])
+        .current_dir(workspace());
     command
         .env_remove("HIL_CONTROLLER_BIN")
         .env_remove("HIL_PLANT_BIN");
