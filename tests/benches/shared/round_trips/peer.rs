@@ -97,7 +97,7 @@ fn between_processes(exchange: Exchange, wait: Wait, place: Place<'_>, trips: Tr
 /// Sends and awaits the answer, again and again.
 fn led(end: &mut impl End, trips: Trips, waiter: Waiter) -> Round {
     let trips_ns = lead(end, trips, waiter, || false).expect("the controller follows");
-    let at = |share| trips_ns.value_at_quantile(share) as f64;
+    let at = |share| trips_ns.at_quantile(share) as f64;
     Round {
         p50: at(0.5),
         p99: at(0.99),
