@@ -3,6 +3,7 @@
 mod listening;
 mod long;
 mod processor;
+mod stopped;
 mod unusable;
 mod wire;
 

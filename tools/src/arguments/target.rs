@@ -56,6 +56,7 @@ impl TargetArguments {
             target,
             agent: self.target_agent.clone(),
             key_file: self.key_file.clone(),
+            silence: Way::SILENCE,
         }))
     }
 }

@@ -59,7 +59,7 @@ pub(super) fn target(action: &TargetAction) -> Result<Exit, Failure> {
 }
 
 fn reach(contact: &TargetContact, interruption: &Interruption) -> Result<Reached, Failure> {
-    let reached = Reached::by(&contact.arguments(), interruption)?;
+    let reached = Reached::by(&contact.arguments(), f64::INFINITY, interruption)?;
     reached.ok_or_else(|| Failure::usage("no target was named"))
 }
 

@@ -85,7 +85,7 @@ pub(crate) fn replay(arguments: &ReplayArguments) -> Result<Exit, Failure> {
     let original = interruption.at_once(|| Original::of(&reader, &arguments.run))??;
     let recorded = Recorded::of(&reader, &arguments.run);
     let given = arguments.controller_bin.as_deref();
-    let at = Reached::by(&arguments.target, &interruption)?;
+    let at = Reached::by(&arguments.target, arguments.wait_limit, &interruption)?;
     let controller = Binary::controller(
         given,
         &Named::Recorded(&recorded),

@@ -57,7 +57,7 @@ pub(crate) fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
     }
     refuse_set(&options.changes.set, |role| role.flag)?;
     let (settings, interruption) = run::begin(options)?;
-    let at = Reached::by(&options.target, &interruption)?;
+    let at = Reached::by(&options.target, settings.wait_limit_s, &interruption)?;
     let named = Named::Recorded(&recorded.programs);
     let choices = Choices::of(&options.binaries, &named, at.as_ref())?;
     let binaries = choices.find(&interruption)?;

@@ -145,7 +145,7 @@ fn resumed(
     }
     let options = &arguments.options;
     let recorded = interruption.at_once(|| past::recorded(from))??;
-    let at = Reached::by(&options.target, interruption)?;
+    let at = Reached::by(&options.target, settings.wait_limit_s, interruption)?;
     let choices = Choices::of(&options.binaries, &Named::Recorded(&recorded), at.as_ref())?;
     let binaries = choices.find(interruption)?;
     binaries.tell();
@@ -168,7 +168,7 @@ fn cases(
     let options = &arguments.options;
     let mut plans = Vec::new();
     let mut problems = Vec::new();
-    let at = Reached::by(&options.target, interruption)?;
+    let at = Reached::by(&options.target, settings.wait_limit_s, interruption)?;
     let mut finder = Finder::new(&options.binaries, at.as_ref(), interruption);
     for scenario in &arguments.scenarios {
         match finder.read(scenario, &options.changes, options.json) {

@@ -22,6 +22,7 @@ use crate::path::{DatagramPath, listen};
 use crate::programs::{AllowedPrograms, Storing};
 use crate::seal::{Key, answer};
 use crate::sleep::LateBell;
+use beats::Beats;
 use run::Run;
 use started::Started;
 
@@ -32,28 +33,34 @@ const COMPLAINT: usize = 16 << 10;
 
 /// Serves one desk: answers what it asks, and runs what it wants to be run. Returns when the channel is closed.
 ///
+/// `admit` is called first, and may wait.
+///
 /// # Errors
 /// The reason for which it ended before, which the desk was told if it could be.
 pub fn run(
-    from: impl Read + Send + 'static,
-    into: impl Write + Send + 'static,
+    (from, into): (impl Read + Send + 'static, impl Write + Send + 'static),
     seal: Option<Arc<crate::seal::Seal>>,
     programs: &AllowedPrograms,
     address: Option<IpAddr>,
+    admit: impl FnOnce() -> Result<(), String>,
 ) -> Result<(), String> {
     let bell = LateBell::default();
     let rung = bell.clone();
     let ring = move || rung.ring();
+    let mouth = Mouth::speak(into, seal.clone());
     let mut agent = Agent {
         ear: Ear::listen(from, seal.clone(), ring),
-        mouth: Mouth::speak(into, seal),
+        beats: Some(Beats::start(&mouth)),
+        mouth,
         bell,
         programs,
         address,
         program: None,
     };
-    let _ = sweep(); // what cannot be removed now the next one tries again
-    let served = agent.serve();
+    let served = admit().map_err(failed).and_then(|()| {
+        let _ = sweep(); // what cannot be removed now the next one tries again
+        agent.serve()
+    });
     if let Err((is_usage, reason)) = &served {
         // A desk that does not listen will not hear this either.
         agent.mouth.try_say(&ToDesk::Refused {
@@ -73,6 +80,8 @@ pub fn run(
 
 struct Agent<'a> {
     ear: Ear<ToAgent>,
+    /// Signs of life until a run begins, whose loop gives its own. Before the mouth: the thread has a copy of it.
+    beats: Option<Beats>,
     mouth: Mouth,
     bell: LateBell,
     programs: &'a AllowedPrograms,
@@ -173,7 +182,8 @@ impl Agent<'_> {
     }
 
     /// Makes a session for a program and runs it there.
-    fn begin(&self, request: &RunRequest) -> Result<(), Refusal> {
+    fn begin(&mut self, request: &RunRequest) -> Result<(), Refusal> {
+        let beats = self.beats.take();
         let (blake3, program) = self.program()?;
         let key = Key::from_hex(&request.key).ok_or((false, "that is no key".to_owned()))?;
         let first = from_hex(&request.handshake).unwrap_or_default();
@@ -201,6 +211,7 @@ impl Agent<'_> {
             handshake: to_hex(&second),
         });
         let limit = request.limit_s.unwrap_or(f64::INFINITY);
+        drop(beats);
         Run::new(
             (&self.ear, &self.mouth),
             link,
@@ -223,6 +234,7 @@ fn cannot_run(error: &dyn std::fmt::Display) -> String {
     format!("cannot run the program there: {error}")
 }
 
+mod beats;
 mod output;
 mod run;
 mod started;

@@ -118,6 +118,7 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
             "{file} was changed after it was checked, so it is not run"
         ));
     }
+    let way = &way.clone().with_silence(limit_s);
     let contact = Contact::open(way, ring, &is_interrupted).map_err(described)?;
     contact
         .provide(file, blake3, &is_interrupted)

@@ -25,6 +25,9 @@ pub(crate) fn connect(
         return Err(way.usage("an agent that listens needs its key: --key-file FILE"));
     };
     let key = read_key(key_file).map_err(|error| way.usage(error))?;
+    // Before the connection is made: an agent that many strangers contact has little time for one that says nothing.
+    let begun = begin(&key, &prologue()).map_err(|error| way.infrastructure(error));
+    let (begun, first) = begun?;
     let addresses =
         (address.to_socket_addrs()).map_err(|error| way.usage(format!("unknown host: {error}")))?;
     let mut connection = Err(way.usage("unknown host"));
@@ -37,12 +40,12 @@ pub(crate) fn connect(
         }
     }
     let connection = connection?;
+    let limit = CONNECT.min(way.silence);
     let hands = || -> io::Result<Seal> {
         let mut connection = &connection;
-        let deadline = Instant::now() + CONNECT;
+        let deadline = Instant::now() + limit;
         connection.set_nodelay(true)?;
-        connection.set_write_timeout(Some(CONNECT))?;
-        let (begun, first) = begin(&key, &prologue()).map_err(io::Error::other)?;
+        connection.set_write_timeout(Some(limit))?;
         put(&mut connection, &first)?;
         let seal = begun
             .end(&get(&mut Until(connection, deadline))?)
@@ -53,8 +56,8 @@ pub(crate) fn connect(
         Ok(seal)
     };
     let seal = hands().map_err(|error| {
-        let silence = "; perhaps it serves another session: wait for its end";
-        way.infrastructure(no_handshake(&error, CONNECT, silence))
+        let silence = ": no agent that answers listens there";
+        way.infrastructure(no_handshake(&error, limit, silence))
     })?;
     let seal = Arc::new(seal);
     let cannot = |error: io::Error| way.infrastructure(error);

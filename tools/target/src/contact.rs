@@ -261,12 +261,19 @@ impl Contact {
         is_interrupted: &dyn Fn() -> bool,
     ) -> Result<ToDesk, TargetError> {
         let since = Instant::now();
+        let mut heard = since;
         while since.elapsed() <= limit {
             if is_interrupted() {
                 return Err(TargetError::Interrupted);
             }
             match self.ear.wait(LOOK) {
-                None | Some(Heard::Message(ToDesk::Beat)) => {}
+                None if heard.elapsed() > self.way.silence => {
+                    let silence_s = self.way.silence.as_secs_f64();
+                    let reason = format!("nothing received from its agent for {silence_s} s");
+                    return Err(self.way.infrastructure(reason));
+                }
+                None => {}
+                Some(Heard::Message(ToDesk::Beat)) => heard = Instant::now(),
                 Some(Heard::Message(ToDesk::Refused { is_usage, reason })) => {
                     return Err(if is_usage {
                         self.way.usage(reason)
@@ -314,6 +321,7 @@ mod tests {
                 target: "board".parse().expect("a name"),
                 agent: None,
                 key_file: None,
+                silence: Way::SILENCE,
             },
             ear: Ear::listen(again(), None, || ()),
             mouth: Mouth::speak(again(), None),

@@ -10,6 +10,8 @@ use std::time::{Duration, Instant};
 use crate::message::PROTOCOL;
 use crate::seal::{Key, Seal};
 
+/// Bytes of the length before a handshake message.
+const LENGTH_BYTES: usize = size_of::<u16>();
 /// Longest handshake message.
 const LONGEST: usize = 256;
 
@@ -109,14 +111,13 @@ pub(crate) fn prove(into: &mut impl Write, seal: &Seal) -> io::Result<()> {
     put(into, &proof)
 }
 
-/// Sees that the handshake came to its end at the other end.
+/// Checks the proof that the handshake came to its end at the other end.
 ///
 /// # Errors
-/// If it did not.
-pub(crate) fn see_proof(from: &mut impl Read, seal: &Seal) -> io::Result<()> {
-    let (proof, mut content) = (get(from)?, Vec::new());
-    seal.open(PROOF, &proof, &mut content)
-        .map_err(io::Error::other)
+/// If it is none.
+pub(crate) fn check_proof(proof: &[u8], seal: &Seal) -> io::Result<()> {
+    let opened = seal.open(PROOF, proof, &mut Vec::new());
+    opened.map_err(io::Error::other)
 }
 
 /// Says why a handshake came to nothing, with what a silence may mean.
@@ -147,19 +148,42 @@ impl Read for Until<'_> {
     }
 }
 
+/// Waits for a message of a handshake.
 pub(crate) fn get(from: &mut impl Read) -> io::Result<Vec<u8>> {
-    let mut length = [0; 2];
-    from.read_exact(&mut length)?;
-    let length = usize::from(u16::from_le_bytes(length));
-    if length > LONGEST {
-        return Err(io::Error::new(
-            io::ErrorKind::InvalidData,
-            "a handshake is too long",
-        ));
+    let message = PartialMessage::default().read(from)?;
+    message.ok_or_else(|| io::ErrorKind::WouldBlock.into())
+}
+
+/// Message of a handshake, as far as it has come. Nothing after it is read.
+#[derive(Default)]
+pub(crate) struct PartialMessage(Vec<u8>);
+
+impl PartialMessage {
+    /// Reads as much as is there; returns the message once it is whole.
+    ///
+    /// # Errors
+    /// If the connection failed or was closed, or the message is too long.
+    pub(crate) fn read(&mut self, from: &mut impl Read) -> io::Result<Option<Vec<u8>>> {
+        let mut buffer = [0; LENGTH_BYTES + LONGEST];
+        loop {
+            let length = self.0.first_chunk().copied().map(u16::from_le_bytes);
+            let whole = LENGTH_BYTES + length.map_or(0, usize::from);
+            if whole > buffer.len() {
+                let text = "a handshake is too long";
+                return Err(io::Error::new(io::ErrorKind::InvalidData, text));
+            }
+            if length.is_some() && self.0.len() == whole {
+                return Ok(Some(std::mem::take(&mut self.0).split_off(LENGTH_BYTES)));
+            }
+            match from.read(&mut buffer[..whole - self.0.len()]) {
+                Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+                Ok(count) => self.0.extend(&buffer[..count]),
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(None),
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) => return Err(error),
+            }
+        }
     }
-    let mut message = vec![0; length];
-    from.read_exact(&mut message)?;
-    Ok(message)
 }
 
 #[cfg(test)]

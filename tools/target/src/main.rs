@@ -82,6 +82,7 @@ fn main() -> ExitCode {
                 target,
                 agent,
                 key_file,
+                silence: Way::SILENCE,
             };
             bridge::run(&way, (&program, &blake3), &session).map_err(failed)
         }
@@ -100,5 +101,6 @@ fn serve_ssh() -> Result<(), String> {
         .nth(2)
         .and_then(|own| own.parse().ok());
     let programs = AllowedPrograms::cached()?;
-    agent::run(io::stdin(), io::stdout(), None, &programs, own)
+    let ends = (io::stdin(), io::stdout());
+    agent::run(ends, None, &programs, own, || Ok(()))
 }

@@ -1,5 +1,12 @@
 //! An agent that listens, for boards without `ssh`: whoever has the key may have one of the listed programs run,
 //! one session at a time.
+//!
+//! One thread greets all contacts side by side, also during a session. A contact that has proved that it has the key gets a
+//! thread, on which it waits for its [turn](turn).
+
+mod greetings;
+mod refusals;
+mod turn;
 
 use std::io;
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -7,13 +14,21 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use crate::agent;
-use crate::key::{Until, get, no_handshake, prologue, put, read_key, see_proof};
-use crate::programs::AllowedPrograms;
-use crate::seal::{Key, Seal, answer};
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::time::Timespec;
 
-/// Longest time that a handshake may take: a stranger who says nothing holds the place no longer.
-const HANDSHAKE: Duration = Duration::from_secs(2);
+use crate::agent;
+use crate::key::{no_handshake, read_key};
+use crate::programs::AllowedPrograms;
+use crate::seal::{Key, Seal};
+use greetings::{Greeting, Places, Refused};
+use refusals::{Refusals, Source};
+use turn::Turn;
+
+/// Contacts that are accepted before those under way are heard.
+const MOST_AT_ONCE: usize = 32;
+/// Time after which another contact is looked for when none could be accepted, as no file was to be had.
+const RETRY: Duration = Duration::from_millis(100);
 
 /// Serves one desk after another, for ever.
 ///
@@ -23,64 +38,155 @@ pub fn serve(
     listen: SocketAddr,
     key_file: &Path,
     allowed: &[PathBuf],
-    say: impl Fn(&str),
+    say: impl Fn(&str) + Sync,
 ) -> Result<(), String> {
     let key = read_key(key_file).map_err(|error| error.to_string())?;
     let programs = AllowedPrograms::listed(allowed)?;
-    let listener =
-        TcpListener::bind(listen).map_err(|error| format!("cannot listen on {listen}: {error}"))?;
-    let at = listener.local_addr().map_err(|error| error.to_string())?;
+    let cannot = |error: io::Error| format!("cannot listen on {listen}: {error}");
+    let listener = TcpListener::bind(listen).map_err(cannot)?;
+    listener.set_nonblocking(true).map_err(cannot)?;
+    let at = listener.local_addr().map_err(cannot)?;
     say(&format!("listening on {at}"));
-    for connection in listener.incoming() {
-        let Ok(connection) = connection else {
-            std::thread::sleep(Duration::from_millis(100)); // no file to be had, and nobody else to wait for
-            continue;
-        };
-        let from = connection
-            .peer_addr()
-            .map_or_else(|_| "somebody".into(), |address| address.to_string());
-        match greet(&connection, &key) {
-            Ok(seal) => {
-                say(&format!("{from}: a session begins"));
-                let seal = Arc::new(seal);
-                let ended = session(connection, &seal, &programs);
-                say(&match ended {
-                    Ok(()) => format!("{from}: the session has ended"),
-                    Err(why) => format!("{from}: the session has ended: {why}"),
-                });
+    let turn = Turn::default();
+    let mut reception = Reception {
+        listener,
+        key,
+        places: Places::default(),
+        refusals: Refusals::default(),
+        retry: None,
+    };
+    std::thread::scope(|scope| {
+        loop {
+            reception.sleep();
+            let (greeted, lines) = reception.receive(Instant::now());
+            for line in lines {
+                say(&line);
             }
-            Err(error) => say(&format!(
-                "{from}: refused: {}",
-                no_handshake(&error, HANDSHAKE, "")
-            )),
+            for (connection, seal) in greeted {
+                let (turn, say, programs) = (&turn, &say, &programs);
+                let session = move || session(connection, seal, programs, turn, say);
+                let thread = std::thread::Builder::new().spawn_scoped(scope, session);
+                if let Err(error) = thread {
+                    say(&format!("a session cannot begin: {error}"));
+                }
+            }
         }
+    })
+}
+
+/// Place where contacts are accepted and greeted.
+struct Reception {
+    listener: TcpListener,
+    key: Key,
+    places: Places<Greeting>,
+    refusals: Refusals,
+    /// None could be accepted: the time to try again.
+    retry: Option<Instant>,
+}
+
+impl Reception {
+    /// Sleeps until somebody says something or something is due.
+    fn sleep(&self) {
+        let due = [self.places.next(), self.refusals.next(), self.retry];
+        let due = due.into_iter().flatten().min();
+        let limit = due.map(|due| due.saturating_duration_since(Instant::now()));
+        // A little later, so that what is due at that time is over.
+        let limit = limit.map(|limit| limit + Duration::from_millis(1));
+        let limit = limit.and_then(|limit| Timespec::try_from(limit).ok());
+        // News, the end of the time and a signal all mean the same: look.
+        let _ = poll(&mut self.watched(), limit.as_ref());
     }
-    Ok(())
+
+    /// The connections, in order, and the listener behind them.
+    fn watched(&self) -> Vec<PollFd<'_>> {
+        let connections = self.places.connections();
+        let watched = connections.map(|connection| PollFd::new(connection, PollFlags::IN));
+        let listener = self.retry.is_none().then_some(&self.listener);
+        let listener = listener.map(|listener| PollFd::new(listener, PollFlags::IN));
+        watched.chain(listener).collect()
+    }
+
+    /// Hears and accepts contacts; returns those that have the key, and lines for the log.
+    fn receive(&mut self, now: Instant) -> (Vec<(TcpStream, Seal)>, Vec<String>) {
+        let mut lines = self.refusals.due(now);
+        self.retry.take_if(|retry| *retry <= now);
+        // Those that are there are heard before others can take their places.
+        let mut greeted = self.hear(now, &mut lines);
+        for _ in 0..MOST_AT_ONCE {
+            let (connection, address) = match self.listener.accept() {
+                Ok(contact) => contact,
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
+                Err(error) if error.kind() == io::ErrorKind::ConnectionAborted => continue,
+                Err(_) => {
+                    self.retry = Some(now + RETRY);
+                    break;
+                }
+            };
+            let source = Source::of(address.ip());
+            let refused = match Greeting::begin(connection) {
+                Ok(greeting) => self.places.greet((source, greeting), now),
+                Err(error) => Some((source, error)),
+            };
+            lines.extend(refused.and_then(|refused| self.refuse(&refused, now)));
+        }
+        // What a contact sent at once is there by now.
+        greeted.extend(self.hear(now, &mut lines));
+        (greeted, lines)
+    }
+
+    fn hear(&mut self, now: Instant, lines: &mut Vec<String>) -> Vec<(TcpStream, Seal)> {
+        let at_once = Timespec::default();
+        let mut watched = self.watched();
+        let count = poll(&mut watched, Some(&at_once)).unwrap_or(0);
+        let news: Vec<bool> = (watched.iter())
+            .map(|one| count > 0 && !one.revents().is_empty())
+            .collect();
+        let has_news = |number: usize| news.get(number).copied().unwrap_or(false);
+        let (greeted, refused) = self.places.hear(has_news, &self.key, now);
+        lines.extend(refused.iter().filter_map(|one| self.refuse(one, now)));
+        greeted
+    }
+
+    fn refuse(&mut self, (source, error): &Refused, now: Instant) -> Option<String> {
+        let reason = match error.kind() {
+            io::ErrorKind::ResourceBusy => error.to_string(),
+            _ => no_handshake(error, greetings::LIMIT, ""),
+        };
+        self.refusals.add(*source, &reason, now)
+    }
 }
 
-fn greet(mut connection: &TcpStream, key: &Key) -> io::Result<Seal> {
-    connection.set_nodelay(true)?;
-    let mut from = Until(connection, Instant::now() + HANDSHAKE);
-    connection.set_write_timeout(Some(HANDSHAKE))?;
-    let first = get(&mut from)?;
-    let (seal, second) = answer(key, &prologue(), &first).map_err(io::Error::other)?;
-    put(&mut connection, &second)?;
-    see_proof(&mut from, &seal)?;
-    connection.set_read_timeout(None)?;
-    connection.set_write_timeout(None)?;
-    Ok(seal)
-}
-
+/// Serves a desk that has the key, once it is its turn.
 fn session(
     connection: TcpStream,
-    seal: &Arc<Seal>,
+    seal: Seal,
     programs: &AllowedPrograms,
-) -> Result<(), String> {
-    let told = |error: io::Error| error.to_string();
-    let address = connection.local_addr().map_err(told)?.ip();
-    let reader = connection.try_clone().map_err(told)?;
-    let writer = connection.try_clone().map_err(told)?;
-    let ended = agent::run(reader, writer, Some(seal.clone()), programs, Some(address));
+    turn: &Turn,
+    say: &(impl Fn(&str) + Sync),
+) {
+    let serve = || -> Result<(), String> {
+        let described = |error: io::Error| error.to_string();
+        let from = connection.peer_addr().map_err(described)?;
+        let address = connection.local_addr().map_err(described)?.ip();
+        let reader = connection.try_clone().map_err(described)?;
+        let writer = connection.try_clone().map_err(described)?;
+        // Kept until the end of the session is logged.
+        let mut taken = None;
+        let admit = || {
+            taken = Some(turn.take(from)?);
+            say(&format!("{from}: a session begins"));
+            Ok(())
+        };
+        let seal = Some(Arc::new(seal));
+        let ended = agent::run((reader, writer), seal, programs, Some(address), admit);
+        say(&match ended {
+            Ok(()) => format!("{from}: the session has ended"),
+            Err(reason) => format!("{from}: the session has ended: {reason}"),
+        });
+        Ok(())
+    };
+    if let Err(reason) = serve() {
+        say(&format!("a session came to nothing: {reason}"));
+    }
     let _ = connection.shutdown(std::net::Shutdown::Both); // it may be closed by now
-    ended
 }

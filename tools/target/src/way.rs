@@ -1,6 +1,7 @@
 //! The way to a target: its name, its agent and its key, and the errors that name it.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use shared_types::text;
 
@@ -40,6 +41,8 @@ pub struct Way {
     pub agent: Option<PathBuf>,
     /// File of the key, of an agent that listens.
     pub key_file: Option<PathBuf>,
+    /// Longest silence of the agent. One that works on an answer gives signs of life.
+    pub silence: Duration,
 }
 
 /// The static agent for a type of machine in the same build folder as a program of this build, and the agent beside that.
@@ -59,6 +62,19 @@ fn is_for(file: &Path, machine: &str) -> bool {
 }
 
 impl Way {
+    /// Longest silence where no wait limit is given.
+    pub const SILENCE: Duration = Duration::from_secs(15);
+    /// Least limit of a silence: some signs of life may be late.
+    const LEAST_SILENCE: Duration = Duration::from_secs(1);
+
+    /// Takes the wait limit of a run, in s, as the longest silence of the agent.
+    #[must_use]
+    pub fn with_silence(mut self, wait_limit_s: f64) -> Self {
+        let limit = Duration::try_from_secs_f64(wait_limit_s).unwrap_or(Self::SILENCE);
+        self.silence = limit.clamp(Self::LEAST_SILENCE, Self::SILENCE);
+        self
+    }
+
     /// The agent for a type of machine, if nobody named it and it is older than the one beside this program, with
     /// that: a part of this build that was not built anew.
     #[must_use]

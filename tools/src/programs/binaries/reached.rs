@@ -24,17 +24,19 @@ pub(crate) struct Reached {
 }
 
 impl Reached {
-    /// Reaches the target that was typed, if one was.
+    /// Reaches the target that was typed, if one was; its agent may be silent for the wait limit.
     ///
     /// # Errors
     /// If it cannot be reached or used.
     pub(crate) fn by(
         arguments: &TargetArguments,
+        wait_limit_s: f64,
         interruption: &Interruption,
     ) -> Result<Option<Self>, Failure> {
         let Some(way) = arguments.way()? else {
             return Ok(None);
         };
+        let way = way.with_silence(wait_limit_s);
         let contact = open(&way, interruption)?;
         let findings = contact.findings().clone();
         let reason = match (findings.free_bytes, &findings.hindrance) {
@@ -126,6 +128,7 @@ impl Reached {
             target,
             agent,
             key_file,
+            silence: _, // the bridge takes the wait limit of its job
         } = &self.way;
         let mut command = Command::new(beside("hil-target")?);
         command.args(["bridge", "--target", &target.to_string()]);
