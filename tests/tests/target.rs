@@ -269,16 +269,13 @@ fn live_faults_and_another_controller_come_to_a_run_there() {
     rig.until_held_at(500);
     let first = there(&board, "--session");
     beside(&["inject", "bias", "measured.position_m", "0.001"]).expect(0);
-    let swap = std::thread::scope(|scope| {
-        let swap = scope.spawn(|| beside(&["controller", "swap", "--set", "controller.law=hold"]));
-        // The handover is between two steps, so the run goes on; the next is on the board too.
-        until("another is there", || {
-            board.processes("--session").iter().any(|pid| *pid != first)
-        });
-        beside(&["resume"]);
-        swap.join().expect("ends")
+    // The run is held until the other one has taken over: it cannot end before.
+    beside(&["controller", "swap", "--set", "controller.law=hold"]).expect(0);
+    until("the other one alone is there", || {
+        let there = board.processes("--session");
+        there.len() == 1 && there[0] != first
     });
-    swap.expect(0);
+    beside(&["resume"]).expect(0);
     let run = running.finish().expect(0);
     let summary = run.summary();
     assert_eq!(
@@ -368,15 +365,16 @@ fn whatever_ends_the_desk_nothing_goes_on_there() {
 fn a_silent_target_is_given_up_by_name() {
     let rig = Rig::alone();
     let board = Board::new(&rig);
-    let paced = format!("scenarios/spring-mass.toml --pace 1 --wait-limit 1 {ON_BOARD}");
-    let running = rig.start_with(board.hil(), &paced);
-    running.children_at_once();
-    there(&board, "--session");
+    // A run that is held awaits no answer: nobody but the bridge can miss the target.
+    let held = format!("scenarios/spring-mass.toml --pause-at 0.5 {ON_BOARD}");
+    let running = rig.start_with(board.hil(), &held);
+    rig.until_held_at(500);
     let agent = there(&board, "agent");
     send(agent, Signal::STOP);
     let run = running.finish_beside_another().expect(3);
+    // The hold is no sample: the last one was that of the step before.
     assert!(
-        log(&run).contains("target me@board: nothing received since step"),
+        log(&run).contains("target me@board: nothing received since step 499 for 4.5 s"),
         "{}",
         log(&run)
     );

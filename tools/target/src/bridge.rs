@@ -3,6 +3,7 @@
 //!
 //! For `hil` it is the controller: it is started, told, logged and ended as one.
 
+use std::collections::VecDeque;
 use std::io::Write;
 use std::net::SocketAddr;
 use std::path::Path;
@@ -21,9 +22,7 @@ use shared_types::realtime::CONTROLLER_FILE;
 use shared_types::record::LONGEST_MARK;
 use shared_types::session::SessionInfo;
 use shared_types::supervision::{PEER_GONE, STOP, Supervision};
-use shared_types::table::number;
 use shared_types::text;
-use shared_types::time::Rate;
 use shared_types::wait::WaitLimit;
 
 use crate::channel::Heard;
@@ -33,16 +32,20 @@ use crate::machine::{Findings, hash};
 use crate::message::{Missed, RunRequest, ToAgent, ToDesk, from_hex, prologue, to_hex};
 use crate::packet::Packet;
 use crate::path::DatagramPath;
+use crate::route::{Answers, Carrier, DeskRoute, Notice};
 use crate::seal::{Key, begin};
 use crate::sleep::{LateBell, waiter};
 use crate::way::Way;
+
+mod files;
+
+use files::{Job, PlantJob, SWITCHES_FILE};
+pub use files::{ready_file, switches};
 
 /// Share of the wait limit after which a silent target is given up: before the plant gives up, which knows no target.
 const SHARE: f64 = 0.9;
 /// Sample periods without a sample after which the output of a target is the safe command.
 pub const MISSED_PERIODS: u32 = 20;
-/// Silence of the datagrams after which the frames go through the channel as well.
-const PATH_NS: u64 = 1_000_000_000;
 /// Time between two signs of life through the channel, and two looks at what changes seldom.
 const SIGN_NS: u64 = 250_000_000;
 /// Time that a controller may take to stop.
@@ -50,45 +53,8 @@ const STOPPING_NS: u64 = 3_000_000_000;
 /// Time that the last frames of a controller may take once it has ended.
 const PARTING_NS: u64 = 1_000_000_000;
 
-/// Name of the file in a session's folder that has the number of switches of the target's output to the safe command.
-const SWITCHES_FILE: &str = "target-switches.json";
 /// Time for the plant to take a note.
 const MARKING: Duration = Duration::from_secs(2);
-
-/// Number of switches of the target's output to the safe command in a session, if the desk heard of one.
-#[must_use]
-pub fn switches(session: &SessionInfo) -> Option<u32> {
-    session.read_file(SWITCHES_FILE).ok()
-}
-
-/// Name of the file in a session's folder that tells that the controller of this epoch runs on its target.
-#[must_use]
-pub fn ready_file(epoch: u32) -> String {
-    format!("target-{epoch}.json")
-}
-
-/// The parts of a controller's job that the bridge deals with.
-#[derive(serde::Deserialize)]
-struct Job {
-    epoch: u32,
-    rate: Rate,
-    #[serde(with = "number")]
-    wait_limit_s: f64,
-}
-
-/// The parts of a plant's job that matter to a target.
-#[derive(serde::Deserialize)]
-struct PlantJob {
-    #[serde(with = "number")]
-    wait_limit_s: f64,
-    plant: Safe,
-}
-
-#[derive(serde::Deserialize)]
-struct Safe {
-    #[serde(default)]
-    safe_command: Settings,
-}
 
 /// Runs the controller of a session on a target; returns the exit code of a controller.
 ///
@@ -161,6 +127,7 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
         link,
         switches_before: switches(&session).unwrap_or(0),
         session,
+        route: DeskRoute::new(path.is_some()),
         path,
         address,
         desk: DeskEnd::new(false, BEAT_NS),
@@ -168,19 +135,23 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
         open: None,
         values: Vec::new(),
         bytes: Vec::new(),
-        at_step: 0,
+        sampled: None,
         tuning: 0,
         heard_ns: monotonic_ns(),
-        datagram_ns: None,
-        goes_through_channel: true,
-        has_told_way: false,
+        unsent: VecDeque::new(),
+        answers: Answers::default(),
         against_clock: false,
         ended: None,
-        stopping_ns: 0,
-        told_stop: false,
+        stop: None,
         told_gone: false,
     }
     .drive(limit, &supervision)
+}
+
+/// Order to the controller to stop.
+struct Stop {
+    since_ns: u64,
+    is_sent: bool,
 }
 
 /// The end of the controller's process.
@@ -199,27 +170,27 @@ struct Bridge {
     session: SessionInfo,
     path: Option<DatagramPath>,
     address: Option<SocketAddr>,
+    route: DeskRoute,
+    answers: Answers,
     desk: DeskEnd,
     /// Identity that the frames must carry, and the number of values from the target.
     open: Option<(FrameIdentity, usize)>,
     /// Values of a sample.
     values: Vec<f64>,
     bytes: Vec<u8>,
-    at_step: u64,
+    /// Step of the last sample.
+    sampled: Option<u64>,
+    /// Control messages for which the channel has no room yet.
+    unsent: VecDeque<ToAgent>,
     /// Number of the plant's messages about parameters that were passed on.
     tuning: u64,
     /// Time at which anything of the target came.
     heard_ns: u64,
-    /// Time at which a datagram of it came, or the first sample went: nothing is known of the way before.
-    datagram_ns: Option<u64>,
-    goes_through_channel: bool,
-    has_told_way: bool,
     beat_ns: u64,
     against_clock: bool,
     ended: Option<EndedController>,
-    /// Time at which the controller was told to stop; 0 if it was not.
-    stopping_ns: u64,
-    told_stop: bool,
+    /// The controller is to stop.
+    stop: Option<Stop>,
     told_gone: bool,
     /// Switches of outputs to the safe command under controllers before this.
     switches_before: u32,
@@ -227,6 +198,13 @@ struct Bridge {
 
 impl Bridge {
     fn drive(mut self, limit: WaitLimit, supervision: &Supervision) -> Result<u8, String> {
+        let code = self.serve(limit, supervision);
+        let target = &self.contact.way.target;
+        program::say(&format!("target {target}: {}", self.answers));
+        code
+    }
+
+    fn serve(&mut self, limit: WaitLimit, supervision: &Supervision) -> Result<u8, String> {
         let (mut waiter, awaited) = waiter(self.both_here, self.link.bell(), self.path.as_ref());
         let mut sign_ns = 0;
         loop {
@@ -240,46 +218,64 @@ impl Bridge {
                 return code;
             }
             // Nobody may be left to end this process.
-            if self.stopping_ns > 0 && now_ns.saturating_sub(self.stopping_ns) > STOPPING_NS {
+            let is_over = |stop: &Stop| now_ns.saturating_sub(stop.since_ns) > STOPPING_NS;
+            if self.stop.as_ref().is_some_and(is_over) {
                 let target = &self.contact.way.target;
                 return Err(format!(
                     "target {target}: it was asked to stop and said nothing"
+                ));
+            }
+            if now_ns.saturating_sub(self.heard_ns) > limit.ns() {
+                return Err(format!(
+                    "target {}: nothing received since {} for {} s",
+                    self.contact.way.target,
+                    self.place(),
+                    limit.ms() as f64 / 1e3
                 ));
             }
             if busy {
                 waiter.done();
                 continue;
             }
-            if now_ns.saturating_sub(self.heard_ns) > limit.ns() {
-                return Err(format!(
-                    "target {}: nothing received since step {} for {} s",
-                    self.contact.way.target,
-                    self.at_step,
-                    limit.ms() as f64 / 1e3
-                ));
-            }
             if now_ns >= sign_ns {
                 sign_ns = now_ns + SIGN_NS;
                 self.contact.mouth.try_say(&ToAgent::Beat);
-                self.look_at_path(now_ns);
+                if let Some(notice) = self.route.look(now_ns) {
+                    self.tell(notice);
+                }
             }
-            awaited.set(
-                self.desk.awaits_answer() && !self.goes_through_channel,
-                self.against_clock,
-            );
+            let is_on_wire = !self.route.carriers().channel;
+            awaited.set(self.desk.awaits_answer() && is_on_wire, self.against_clock);
             let _ = waiter.pause_until(self.desk.due_ns().min(sign_ns)); // the limit is looked at above
+        }
+    }
+
+    /// Place of the run for a message: only samples have moved it.
+    fn place(&self) -> String {
+        self.sampled
+            .map_or_else(|| "the start".into(), |step| format!("step {step}"))
+    }
+
+    /// Sends the control messages of the plant, as far as the channel has room.
+    fn send_control(&mut self) {
+        while let Some(message) = self.unsent.front()
+            && self.contact.mouth.try_say(message)
+        {
+            self.unsent.pop_front();
         }
     }
 
     /// Passes on what `hil` wants.
     fn pass_on(&mut self, supervision: &Supervision) {
+        self.send_control();
         let mouth = &self.contact.mouth;
         let word = |line: &str| mouth.try_say(&ToAgent::Word { line: line.into() });
         if supervision.wants_stop() {
-            if self.stopping_ns == 0 {
-                self.stopping_ns = monotonic_ns();
-            }
-            self.told_stop = self.told_stop || word(STOP);
+            let stop = self.stop.get_or_insert_with(|| Stop {
+                since_ns: monotonic_ns(),
+                is_sent: false,
+            });
+            stop.is_sent = stop.is_sent || word(STOP);
         }
         if !self.told_gone && supervision.is_peer_gone() {
             self.told_gone = word(PEER_GONE);
@@ -289,7 +285,7 @@ impl Bridge {
     fn hear_plant(&mut self) -> Result<bool, LinkError> {
         let mut came = false;
         // Once samples flow, the plant has nothing more to say there.
-        if self.at_step == 0 {
+        if self.sampled.is_none() {
             while let Some(content) = self.link.receive_control()? {
                 came = true;
                 self.control(&content)?;
@@ -299,9 +295,9 @@ impl Bridge {
             && let Some(header) = self.link.receive(&mut self.values)?
         {
             came = true;
-            self.at_step = header.step;
             if header.kind() == Some(FrameKind::Sample) {
-                self.datagram_ns.get_or_insert_with(monotonic_ns);
+                self.sampled = Some(header.step);
+                self.route.sent_sample(monotonic_ns());
             }
             // What the plant said of parameters before the sample goes ahead of it.
             if header.tuning > self.tuning {
@@ -330,7 +326,8 @@ impl Bridge {
             self.open = Some((spec.identity, spec.outgoing));
         }
         let content = String::from_utf8_lossy(content).into_owned();
-        self.contact.mouth.say(&ToAgent::Control { content }); // few, and most of them before the first step
+        self.unsent.push_back(ToAgent::Control { content }); // few, and most of them before the first step
+        self.send_control();
         Ok(())
     }
 
@@ -338,16 +335,15 @@ impl Bridge {
         let Some(packet) = self.path.as_mut().and_then(DatagramPath::receive) else {
             return Ok(false);
         };
-        // Small ones may get through where frames do not.
-        if packet.frame.is_some() || !self.goes_through_channel {
-            self.datagram_ns = Some(monotonic_ns());
-            self.goes_through_channel = false;
+        let has_frame = packet.frame.is_some();
+        if let Some(notice) = self.route.received_datagram(has_frame, monotonic_ns()) {
+            self.tell(notice);
         }
-        self.take(packet)?;
+        self.take(packet, Carrier::Datagram)?;
         Ok(true)
     }
 
-    fn take(&mut self, packet: Packet) -> Result<(), LinkError> {
+    fn take(&mut self, packet: Packet, carrier: Carrier) -> Result<(), LinkError> {
         let now_ns = monotonic_ns();
         self.heard_ns = now_ns;
         let Some((identity, count)) = self.open else {
@@ -359,6 +355,7 @@ impl Bridge {
         if identity.check(&frame.header, count).is_err() {
             return Ok(()); // the target is authentic, so it is of another version
         }
+        self.answers.note(carrier);
         self.link.send(&frame.header, &frame.values)
     }
 
@@ -370,7 +367,7 @@ impl Bridge {
         match heard {
             Heard::Packet(bytes) => {
                 if let Some(packet) = Packet::read(&bytes) {
-                    self.take(packet).map_err(described)?;
+                    self.take(packet, Carrier::Channel).map_err(described)?;
                 }
             }
             Heard::Message(message) => self.hear(message)?,
@@ -379,8 +376,8 @@ impl Bridge {
             Heard::Closed(_) if self.ended.is_some() => {}
             Heard::Closed(why) => {
                 log(&self.contact.leash.said());
-                let step = self.at_step;
-                return Err(format!("{}, at step {step}", self.contact.lost(&why)));
+                let lost = self.contact.lost(&why);
+                return Err(format!("{lost}, at {}", self.place()));
             }
         }
         Ok(true)
@@ -444,28 +441,28 @@ impl Bridge {
             return;
         }
         self.desk.packet(now_ns, &mut self.bytes);
-        if let Some(path) = &mut self.path {
+        let carriers = self.route.carriers();
+        if carriers.datagram
+            && let Some(path) = &mut self.path
+        {
             path.send(&self.bytes);
         }
-        if self.goes_through_channel || self.path.is_none() {
+        if carriers.channel {
             self.contact.mouth.packet(&self.bytes);
         }
     }
 
-    /// Goes through the channel while no datagram gets through.
-    fn look_at_path(&mut self, now_ns: u64) {
-        let is_late = |since_ns: u64| now_ns.saturating_sub(since_ns) > PATH_NS;
-        let is_silent = self.path.is_none() || self.datagram_ns.is_some_and(is_late);
-        self.goes_through_channel |= is_silent;
-        if is_silent && !std::mem::replace(&mut self.has_told_way, true) {
-            let to = self
-                .address
-                .map_or_else(String::new, |address| format!(" to {address}"));
-            program::say(&format!(
-                "target {}: no datagram gets through{to}; the frames go through the connection, which takes longer",
-                self.contact.way.target
-            ));
-        }
+    fn tell(&self, notice: Notice) {
+        let to = self
+            .address
+            .map_or_else(String::new, |address| format!(" to {address}"));
+        let text = match notice {
+            Notice::Lost => format!(
+                "no datagram gets through{to}; the frames go through the connection, which takes longer"
+            ),
+            Notice::Restored => format!("datagrams get through{to} again"),
+        };
+        program::say(&format!("target {}: {text}", self.contact.way.target));
     }
 
     /// The exit code, once the controller has ended and its last frame was given to the plant.
@@ -477,9 +474,9 @@ impl Bridge {
         }
         if let Some(fate) = &ended.fate {
             let target = &self.contact.way.target;
+            let place = self.place();
             return Some(Err(format!(
-                "target {target}: the controller {fate} at step {}",
-                self.at_step
+                "target {target}: the controller {fate} at {place}"
             )));
         }
         let code = ended.code.and_then(|code| u8::try_from(code).ok());

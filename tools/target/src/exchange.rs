@@ -297,6 +297,18 @@ impl TargetEnd {
         self.ends.packet(bytes);
     }
 
+    /// Returns `true` if the desk has not confirmed the controller's newest frame.
+    #[must_use]
+    pub fn has_unheard(&self) -> bool {
+        !self.ends.is_heard()
+    }
+
+    /// Number of the last frame that was given to the controller.
+    #[must_use]
+    pub const fn heard(&self) -> u64 {
+        self.ends.heard
+    }
+
     /// Number of the controller's last frame.
     #[must_use]
     pub fn said(&self) -> u64 {

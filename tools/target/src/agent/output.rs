@@ -96,11 +96,6 @@ impl Output {
         self.write();
     }
 
-    /// Step of the command that was put last.
-    pub(super) const fn step(&self) -> u64 {
-        self.step
-    }
-
     /// Writes it: number of the write, step, 1 if safe, the values, and the beginning of the hash of all that, each of 64
     /// bits and little-endian.
     fn write(&mut self) {

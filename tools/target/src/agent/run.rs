@@ -21,6 +21,7 @@ use crate::machine::Findings;
 use crate::message::{Missed, RunRequest, ToAgent, ToDesk};
 use crate::packet::{Numbered, Packet};
 use crate::path::DatagramPath;
+use crate::route::{Carrier, Carriers, TargetRoute};
 use crate::sleep::waiter;
 
 /// Time between two looks at what changes seldom.
@@ -30,11 +31,21 @@ const LAST_WORDS_NS: u64 = 100_000_000;
 /// Time between two signs of life through the channel.
 const SIGN_NS: u64 = 250_000_000;
 
-/// Way that a packet came.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Way {
-    Datagram,
-    Channel,
+/// The newest sample that came.
+#[derive(Clone, Copy)]
+struct Sampled {
+    step: u64,
+    at_ns: u64,
+}
+
+/// Output that is the safe command because samples are missing.
+#[derive(Clone, Copy)]
+struct Missing {
+    since_ns: u64,
+    /// Step of the last sample before.
+    after: u64,
+    /// Step of the first sample since then.
+    back: Option<u64>,
 }
 
 /// A run of one controller.
@@ -53,23 +64,21 @@ pub(super) struct Run<'a> {
     /// Identity that the frames must carry, and the number of values from the desk.
     open: Option<(FrameIdentity, usize)>,
     end: TargetEnd,
-    way: Way,
+    route: TargetRoute,
     /// Number of the plant's messages about parameters that were given to the controller.
     tuning: u64,
     /// Packet with a sample that such a message comes before.
-    waiting: Option<(Packet, Way)>,
+    waiting: Option<(Packet, Carrier)>,
     /// A frame was given to the controller, and it has not answered.
     is_at_work: bool,
     heard_ns: u64,
-    /// Time at which the last sample came; 0 before the first and while the run is held.
-    sample_ns: u64,
+    /// The last sample, while another must follow: not before the first, while the run is held and after its end.
+    sampled: Option<Sampled>,
     /// The output, once its signals are known; in real time alone.
     output: Option<Output>,
     safe: Settings,
-    /// Time since which samples are missing and the output is the safe command; 0 if it is not for that.
-    safe_ns: u64,
-    /// Step of the first sample since then.
-    back: Option<u64>,
+    /// Samples are missing, and the output is the safe command for that.
+    missing: Option<Missing>,
     switches: u32,
     has_reported: bool,
     /// Control message for which the channel had no room.
@@ -102,16 +111,15 @@ impl<'a> Run<'a> {
             against_clock: false,
             open: None,
             end: TargetEnd::new(false),
-            way: Way::Channel,
+            route: TargetRoute::new(),
             tuning: 0,
             waiting: None,
             is_at_work: false,
             heard_ns: monotonic_ns(),
-            sample_ns: 0,
+            sampled: None,
             output: None,
             safe: request.safe.clone(),
-            safe_ns: 0,
-            back: None,
+            missing: None,
             switches: 0,
             has_reported: false,
             unsaid: None,
@@ -153,7 +161,7 @@ impl<'a> Run<'a> {
                 waiter.done();
                 continue;
             }
-            let on_wire = !self.is_at_work && self.way == Way::Datagram;
+            let on_wire = !self.is_at_work && self.route.hears_datagrams(now_ns);
             awaited.set(on_wire, self.against_clock);
             let _ = waiter.pause_until(now_ns + BEAT_NS); // the limit is looked at above
         }
@@ -163,7 +171,7 @@ impl<'a> Run<'a> {
         let Some(packet) = self.path.as_mut().and_then(DatagramPath::receive) else {
             return Ok(false);
         };
-        self.take(packet, Way::Datagram)?;
+        self.take(packet, Carrier::Datagram)?;
         Ok(true)
     }
 
@@ -177,7 +185,7 @@ impl<'a> Run<'a> {
             Heard::Closed(_) => return Ok(None),
             Heard::Packet(bytes) => {
                 if let Some(packet) = Packet::read(&bytes) {
-                    self.take(packet, Way::Channel).map_err(described)?;
+                    self.take(packet, Carrier::Channel).map_err(described)?;
                 }
             }
             Heard::Message(ToAgent::Control { content }) => self.control(&content)?,
@@ -210,22 +218,23 @@ impl<'a> Run<'a> {
             .map_err(described)?;
         if let Ok(Control::Tuned(tuned)) = said {
             self.tuning = self.tuning.max(tuned.number);
-            if let Some((packet, way)) = self.waiting.take() {
-                return self.take(packet, way).map_err(described);
+            if let Some((packet, carrier)) = self.waiting.take() {
+                return self.take(packet, carrier).map_err(described);
             }
         }
         Ok(())
     }
 
-    fn take(&mut self, packet: Packet, way: Way) -> Result<(), LinkError> {
+    fn take(&mut self, packet: Packet, carrier: Carrier) -> Result<(), LinkError> {
         self.heard_ns = monotonic_ns();
-        self.way = way;
+        let number = packet.frame.as_ref().map(|frame| frame.number);
+        self.route.received(carrier, number, self.heard_ns);
         // Datagrams and the channel have no common order: the sample waits for what was said before it.
         let is_early = |frame: &Numbered| {
             frame.header.kind() == Some(FrameKind::Sample) && frame.header.tuning > self.tuning
         };
         if packet.frame.as_ref().is_some_and(is_early) {
-            self.waiting = Some((packet, way));
+            self.waiting = Some((packet, carrier));
             return Ok(());
         }
         // What is given to the controller depends on what it has answered by now.
@@ -238,13 +247,17 @@ impl<'a> Run<'a> {
             .filter(|frame| self.end.is_news(frame));
         let sample = sample.filter(|frame| frame.header.kind() == Some(FrameKind::Sample));
         if let Some(sample) = sample {
-            self.sample_ns = self.heard_ns;
-            if self.safe_ns > 0 {
-                self.back.get_or_insert(sample.header.step);
+            self.sampled = Some(Sampled {
+                step: sample.header.step,
+                at_ns: self.heard_ns,
+            });
+            if let Some(missing) = &mut self.missing {
+                missing.back.get_or_insert(sample.header.step);
             }
         }
         let Some(frame) = self.end.take(packet) else {
-            self.answer();
+            let has_frame = self.end.has_unheard();
+            self.send(self.route.of_reply(carrier, has_frame, self.heard_ns));
             return Ok(());
         };
         let Some((identity, count)) = self.open else {
@@ -261,12 +274,12 @@ impl<'a> Run<'a> {
         match frame.header.kind() {
             Some(FrameKind::Sample) => self.is_at_work = true,
             Some(FrameKind::End) => {
-                (self.is_at_work, self.sample_ns) = (true, 0);
+                (self.is_at_work, self.sampled) = (true, None);
                 self.end_output();
             }
             // Nothing answers a hold or an abort: the desk hears that it came.
             kind => {
-                self.sample_ns = 0;
+                self.sampled = None;
                 if kind == Some(FrameKind::Abort) {
                     self.end_output();
                 }
@@ -277,10 +290,19 @@ impl<'a> Run<'a> {
     }
 
     fn answer(&mut self) {
+        let carriers = self.route.of_answer(self.end.heard(), monotonic_ns());
+        self.send(carriers);
+    }
+
+    fn send(&mut self, carriers: Carriers) {
         self.end.packet(&mut self.bytes);
-        match (&mut self.path, self.way) {
-            (Some(path), Way::Datagram) => path.send(&self.bytes),
-            _ => self.mouth.packet(&self.bytes),
+        if carriers.datagram
+            && let Some(path) = &mut self.path
+        {
+            path.send(&self.bytes);
+        }
+        if carriers.channel {
+            self.mouth.packet(&self.bytes);
         }
     }
 
@@ -363,18 +385,17 @@ impl<'a> Run<'a> {
         let Some(output) = &mut self.output else {
             return;
         };
-        if self.safe_ns > 0 && self.back.is_none_or(|first| step < first) {
+        let is_stale = |missing: Missing| missing.back.is_none_or(|first| step < first);
+        if self.missing.is_some_and(is_stale) || !output.put(step, &self.values) {
             return;
         }
-        let last = output.step();
-        if !output.put(step, &self.values) {
-            return;
-        }
-        let safe_ns = std::mem::take(&mut self.safe_ns);
-        if safe_ns > 0 {
-            let for_s = monotonic_ns().saturating_sub(safe_ns) as f64 / 1e9;
+        if let Some(Missing {
+            since_ns, after, ..
+        }) = self.missing.take()
+        {
+            let for_s = monotonic_ns().saturating_sub(since_ns) as f64 / 1e9;
             let what = format!(
-                "no sample after step {last} for {} periods: its output was the safe command for {for_s:.3} s, and is the controller's again from step {step}",
+                "no sample after step {after} for {} periods: its output was the safe command for {for_s:.3} s, and is the controller's again from step {step}",
                 self.missed.periods
             );
             self.tell_output(what, true);
@@ -395,15 +416,21 @@ impl<'a> Run<'a> {
         let Some(output) = &mut self.output else {
             return;
         };
+        let Some(Sampled { step, at_ns }) = self.sampled else {
+            return;
+        };
         let limit_ns = (period_s * f64::from(periods) * 1e9) as u64;
-        let is_late = self.sample_ns > 0 && now_ns.saturating_sub(self.sample_ns) > limit_ns;
-        if is_late && self.safe_ns == 0 {
+        let is_late = now_ns.saturating_sub(at_ns) > limit_ns;
+        if is_late && self.missing.is_none() {
             output.switch();
             let what = format!(
-                "no sample after step {} for {periods} periods: its output is the safe command",
-                output.step()
+                "no sample after step {step} for {periods} periods: its output is the safe command"
             );
-            (self.safe_ns, self.back) = (now_ns, None);
+            self.missing = Some(Missing {
+                since_ns: now_ns,
+                after: step,
+                back: None,
+            });
             self.switches += 1;
             self.tell_output(what, false);
         }

@@ -1,0 +1,236 @@
+//! The rule that chooses between datagrams and the channel: one state machine for each end, without input, output or clock.
+//!
+//! Datagrams are faster, but a firewall may drop them, in one direction or both, or only those as large as a frame. The
+//! channel always works. So the desk sends every packet as a datagram, and a copy through the channel as long as
+//! datagrams are in doubt. A frame of the target that arrives as a datagram ends the doubt, whichever copy came first;
+//! [`SILENCE_NS`] without a datagram begins it again.
+//!
+//! The target must not end that doubt while the desk's own datagrams are lost. So it sends a frame as a datagram only while
+//! frames of the desk arrive as datagrams, and sends a copy through the channel if the frame that it answers came
+//! through the channel too.
+
+use std::fmt;
+
+/// Silence of the datagrams after which the desk doubts them.
+pub const SILENCE_NS: u64 = 1_000_000_000;
+/// Time for which the arrival of a datagram at the target proves that others arrive. Shorter than [`SILENCE_NS`]: when the
+/// desk begins to doubt, the proof must be over.
+const PROOF_NS: u64 = SILENCE_NS / 2;
+/// Least time between two notices that datagrams do not arrive.
+const NOTICE_NS: u64 = 60_000_000_000;
+
+/// Carrier of a packet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Carrier {
+    /// A datagram of its own.
+    Datagram,
+    /// The channel.
+    Channel,
+}
+
+/// Carriers by which a packet is to be sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Carriers {
+    /// Send it as a datagram.
+    pub datagram: bool,
+    /// Send it through the channel.
+    pub channel: bool,
+}
+
+/// Answers that the plant was given, by their carrier.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Answers {
+    datagrams: u64,
+    channel: u64,
+}
+
+impl Answers {
+    /// Counts one.
+    pub const fn note(&mut self, carrier: Carrier) {
+        match carrier {
+            Carrier::Datagram => self.datagrams += 1,
+            Carrier::Channel => self.channel += 1,
+        }
+    }
+}
+
+impl fmt::Display for Answers {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { datagrams, channel } = self;
+        let all = datagrams + channel;
+        write!(f, "{datagrams} of {all} answers came as datagrams")
+    }
+}
+
+/// Change of the route that a user should hear of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Notice {
+    /// No datagram arrives: the frames go through the channel.
+    Lost,
+    /// Datagrams arrive again.
+    Restored,
+}
+
+/// Route of the packets from the desk.
+#[derive(Debug)]
+pub struct DeskRoute {
+    state: DeskState,
+    /// Time of the last notice that datagrams do not arrive.
+    noticed_ns: Option<u64>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum DeskState {
+    /// There is no socket.
+    NoSocket,
+    /// Nothing is known of datagrams, as no sample was sent.
+    Unknown,
+    /// No frame has come as a datagram since then; copies go through the channel.
+    Doubted { since_ns: u64, is_noticed: bool },
+    /// Datagrams arrive, the last at that time.
+    Proven { last_ns: u64 },
+}
+
+impl DeskRoute {
+    /// Makes the route of a run, with a socket for datagrams or without one.
+    #[must_use]
+    pub const fn new(has_socket: bool) -> Self {
+        let state = if has_socket {
+            DeskState::Unknown
+        } else {
+            DeskState::NoSocket
+        };
+        Self {
+            state,
+            noticed_ns: None,
+        }
+    }
+
+    /// Notes that a sample was sent.
+    pub fn sent_sample(&mut self, now_ns: u64) {
+        match self.state {
+            DeskState::Unknown => self.doubt(now_ns),
+            DeskState::NoSocket | DeskState::Doubted { .. } | DeskState::Proven { .. } => {}
+        }
+    }
+
+    /// Notes a datagram of the target, with a frame or without one. Small datagrams may arrive where frames do not, so
+    /// they end no doubt.
+    pub fn received_datagram(&mut self, has_frame: bool, now_ns: u64) -> Option<Notice> {
+        let is_noticed = match self.state {
+            DeskState::Doubted { is_noticed, .. } => is_noticed,
+            DeskState::NoSocket | DeskState::Unknown | DeskState::Proven { .. } => false,
+        };
+        if has_frame || matches!(self.state, DeskState::Proven { .. }) {
+            self.state = DeskState::Proven { last_ns: now_ns };
+            return is_noticed.then_some(Notice::Restored);
+        }
+        None
+    }
+
+    /// Looks at the time; to be called several times a second.
+    pub fn look(&mut self, now_ns: u64) -> Option<Notice> {
+        let is_late = |since_ns: u64| now_ns.saturating_sub(since_ns) > SILENCE_NS;
+        match self.state {
+            DeskState::Proven { last_ns } if is_late(last_ns) => self.doubt(last_ns),
+            _ => {}
+        }
+        let is_due = match self.state {
+            DeskState::NoSocket => self.noticed_ns.is_none(),
+            DeskState::Doubted {
+                since_ns,
+                is_noticed,
+            } => {
+                let was_noticed = self.noticed_ns;
+                let is_rare = was_noticed.is_none_or(|at| now_ns.saturating_sub(at) > NOTICE_NS);
+                !is_noticed && is_rare && is_late(since_ns)
+            }
+            DeskState::Unknown | DeskState::Proven { .. } => false,
+        };
+        if !is_due {
+            return None;
+        }
+        self.noticed_ns = Some(now_ns);
+        if let DeskState::Doubted { is_noticed, .. } = &mut self.state {
+            *is_noticed = true;
+        }
+        Some(Notice::Lost)
+    }
+
+    const fn doubt(&mut self, since_ns: u64) {
+        self.state = DeskState::Doubted {
+            since_ns,
+            is_noticed: false,
+        };
+    }
+
+    /// Carriers of the next packet.
+    #[must_use]
+    pub const fn carriers(&self) -> Carriers {
+        Carriers {
+            datagram: !matches!(self.state, DeskState::NoSocket),
+            channel: !matches!(self.state, DeskState::Proven { .. }),
+        }
+    }
+}
+
+/// Route of the packets from the target.
+#[derive(Debug, Default)]
+pub struct TargetRoute {
+    /// Time at which the last datagram came that proves that frames arrive as datagrams.
+    proof_ns: Option<u64>,
+    /// Number of the newest frame that came through the channel.
+    copied: Option<u64>,
+}
+
+impl TargetRoute {
+    /// Makes the route of a run.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Notes a packet of the desk, with the number of the frame in it.
+    pub fn received(&mut self, carrier: Carrier, frame: Option<u64>, now_ns: u64) {
+        match carrier {
+            Carrier::Channel => self.copied = self.copied.max(frame),
+            // Small ones may arrive where frames do not: they prove nothing by themselves.
+            Carrier::Datagram if frame.is_some() || self.hears_datagrams(now_ns) => {
+                self.proof_ns = Some(now_ns);
+            }
+            Carrier::Datagram => {}
+        }
+    }
+
+    /// Returns `true` if frames of the desk arrive as datagrams.
+    #[must_use]
+    pub fn hears_datagrams(&self, now_ns: u64) -> bool {
+        let is_fresh = |proof_ns| now_ns.saturating_sub(proof_ns) <= PROOF_NS;
+        self.proof_ns.is_some_and(is_fresh)
+    }
+
+    /// Carriers of the reply to a packet that needs nothing of the controller; `has_frame` if the controller's newest frame
+    /// is repeated in it.
+    #[must_use]
+    pub fn of_reply(&self, to: Carrier, has_frame: bool, now_ns: u64) -> Carriers {
+        let is_proven = self.hears_datagrams(now_ns);
+        Carriers {
+            // Without a frame it ends no doubt of the desk.
+            datagram: is_proven || (to == Carrier::Datagram && !has_frame),
+            channel: !is_proven || to == Carrier::Channel,
+        }
+    }
+
+    /// Carriers of a frame of the controller, which was given the frame of this number last.
+    #[must_use]
+    pub fn of_answer(&self, heard: u64, now_ns: u64) -> Carriers {
+        let is_proven = self.hears_datagrams(now_ns);
+        Carriers {
+            datagram: is_proven,
+            channel: !is_proven || self.copied >= Some(heard),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
