@@ -5,7 +5,11 @@
 //! script in place of `ssh`, and the wire its loopback, or with `-- veth` that between two network namespaces, which needs
 //! root: so both ends share the cores, and what is shown is the work of bridge and agent, not that of a network.
 //! A third exchange shows the way that was not taken, both sides on the wire themselves, without bridge and agent.
+//! The share of the answers that came as datagrams is shown too: on a clean wire the connection has to carry next to none.
 //! Each is measured idle and beside a busy loop on each core; medians of `HIL_BENCH_ROUNDS` (5) in turns.
+//!
+//! `-- strangers` measures an agent that listens instead: the time of `hil target check` beside silent contacts, and what
+//! 100,000 contacts leave in its memory and log.
 
 #[path = "../shared/busy.rs"]
 mod busy;
@@ -16,6 +20,7 @@ mod measure;
 #[path = "../shared/programs.rs"]
 #[expect(dead_code, reason = "its runs have a search path of their own")]
 mod programs;
+mod strangers;
 
 use std::net::UdpSocket;
 use std::os::unix::fs::PermissionsExt;
@@ -48,9 +53,10 @@ fn main() -> ExitCode {
     let mut words: Vec<String> = std::env::args().skip(1).collect();
     words.retain(|word| word != "--bench");
     let is_veth = words == ["veth"];
-    if !is_veth && !words.is_empty() {
+    let is_strangers = words == ["strangers"];
+    if !is_veth && !is_strangers && !words.is_empty() {
         println!(
-            "unknown: {}; `-- veth` is a wire between network namespaces",
+            "unknown: {}; `-- veth` is a wire between network namespaces, `-- strangers` contacts an agent that listens",
             words.join(" ")
         );
         return ExitCode::FAILURE;
@@ -61,6 +67,10 @@ fn main() -> ExitCode {
     let rounds: usize = rounds.unwrap_or(5);
     let programs = Programs::built();
     let folder = tempfile::tempdir().expect("a folder");
+    if is_strangers {
+        strangers::measure(&programs, folder.path());
+        return ExitCode::SUCCESS;
+    }
     let wire = if is_veth {
         Wire::veth()
     } else {
@@ -91,14 +101,16 @@ fn main() -> ExitCode {
             "nobody"
         };
         let mut rows: [Vec<[f64; 2]>; 5] = Default::default();
+        let mut shares = Vec::new();
         for _ in 0..rounds {
             for (row, exchange) in Exchange::ALL.into_iter().enumerate() {
                 rows[row].push(exchanged(&wire, exchange));
             }
             for (row, target) in [(3, None), (4, Some("board"))] {
-                let (figures, digest) = run(&programs, &path, target);
-                rows[row].push(figures);
-                digests.insert(digest);
+                let run = run(&programs, &path, target);
+                rows[row].push(run.figures);
+                digests.insert(run.digest);
+                shares.extend(run.datagrams);
             }
         }
         let names = Exchange::ALL.map(Exchange::name).into_iter();
@@ -126,6 +138,12 @@ fn main() -> ExitCode {
                 most / least
             );
         }
+        let least = shares.iter().copied().fold(f64::INFINITY, f64::min);
+        let share = 1e2 * median(shares);
+        println!(
+            "{beside:<28} answers that came as datagrams: {share:.2} %, least {:.2} %",
+            1e2 * least
+        );
     }
     println!("\n{} digest", digests.len());
     if digests.len() == 1 {
@@ -226,8 +244,16 @@ fn ssh_in(folder: &Path, wire: &Wire) -> String {
     )
 }
 
-/// A run of the paper's scenario: us a step, p50 of the round trips in us, and its digest.
-fn run(programs: &Programs, path: &str, target: Option<&str>) -> ([f64; 2], String) {
+/// A run of the paper's scenario.
+struct Run {
+    /// Time of a step and p50 of the round trips, in us.
+    figures: [f64; 2],
+    digest: String,
+    /// Share of the answers that came as datagrams, with a target.
+    datagrams: Option<f64>,
+}
+
+fn run(programs: &Programs, path: &str, target: Option<&str>) -> Run {
     let duration_s = f64::from(STEPS) / 10_000.0;
     let mut hil = Command::new(&programs.hil);
     hil.args([
@@ -257,10 +283,24 @@ fn run(programs: &Programs, path: &str, target: Option<&str>) -> ([f64; 2], Stri
     let number = |value: &serde_json::Value| value.as_f64().unwrap_or_else(|| panic!("{said}"));
     let step_us = 1e6 * number(&summary["wall_time_s"]) / f64::from(STEPS);
     let p50_us = number(&summary["latency_ns"]["round_trip"]["p50"]) / 1e3;
-    (
-        [step_us, p50_us],
-        summary["digest"].as_str().expect("a digest").to_owned(),
-    )
+    let log = std::fs::read_to_string(out.path().join("controller.log")).unwrap_or_default();
+    let datagrams = target.map(|_| share(&log).unwrap_or_else(|| panic!("{log}")));
+    Run {
+        figures: [step_us, p50_us],
+        digest: summary["digest"].as_str().expect("a digest").to_owned(),
+        datagrams,
+    }
+}
+
+/// Reads the share of the answers that came as datagrams in the log of a run.
+fn share(log: &str) -> Option<f64> {
+    let line = log
+        .lines()
+        .find(|line| line.contains("came as datagrams"))?;
+    let (counts, _) = line.split_once(" answers came")?;
+    let (datagrams, all) = counts.split_once(" of ")?;
+    let datagrams: f64 = datagrams.rsplit(' ').next()?.parse().ok()?;
+    Some(datagrams / all.parse::<f64>().ok()?)
 }
 
 /// Exchange of datagrams between two processes.
