@@ -10,7 +10,7 @@ use crate::support::programs::program_of_tests;
 /// Samples that the chatting controller answers.
 const ANSWERED: u64 = 100;
 /// Duration of a run in real time.
-const LONG_S: u64 = 10;
+const LONG_S: u64 = 15;
 /// Force that the chatting controller commands.
 const FORCE_N: f64 = 0.5;
 

@@ -180,10 +180,11 @@ fn one_thread_has_no_real_time() {
         .says(&["two processes"]);
 }
 
-/// Ten seconds of the hydraulic system at 10 kHz in real time.
+/// Ten seconds of the hydraulic system at 10 kHz in real time, under a law that feeds nothing back: beside load, late
+/// commands of another would make the plant diverge.
 fn long(rig: &Rig) -> String {
     let text = "schema = 1\nname = \"long\"\n[run]\nduration_s = 10.0\nrate_hz = 10000\n\
-        clock = \"realtime\"\n[plant]\nmodel = \"drhas\"\n[controller]\nlaw = \"pid\"\n\
+        clock = \"realtime\"\n[plant]\nmodel = \"drhas\"\n[controller]\nlaw = \"hold\"\n\
         [[stimuli]]\ntarget = \"surface_angle_rad\"\nkind = \"paper\"\n";
     rig.write("long.toml", text).display().to_string()
 }
@@ -195,7 +196,8 @@ fn in_real_time_a_stopped_controller_is_named_after_the_wait_limit() {
         "{} --set run.duration_s=100 --wait-limit {EXPIRES_S}",
         long(&rig)
     ));
-    let [_, controller] = running.children();
+    let [_, controller] = running.children_at_once();
+    until("steps are exchanged", || rig.status().step > 1000);
     send(controller.pid, Signal::STOP);
     let stopped = running.finish().expect(3);
     let summary = stopped.summary();
@@ -213,7 +215,8 @@ fn in_real_time_a_stopped_controller_is_named_after_the_wait_limit() {
 fn in_real_time_a_slow_recorder_loses_records_and_says_how_many() {
     let rig = Rig::new();
     let running = rig.start(&long(&rig));
-    running.wait_for_records();
+    running.children_at_once();
+    until("steps are exchanged", || rig.status().step > 1000);
     running.signal(Signal::STOP);
     let last = rig.status().step + 15_000; // more than the buffer holds
     until("the plant goes on", || rig.status().step > last);

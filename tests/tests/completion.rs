@@ -234,7 +234,7 @@ fn completion_asks_an_own_program_for_its_keys() {
     let desk = desk(&rig);
     let program = misbehaving_controller();
     let line = format!(
-        "hil run plain.toml --controller-bin {} --set controller.law=pan",
+        "hil run plain.toml --controller-bin '{}' --set controller.law=pan",
         program.display()
     );
     // The scenario has gains of a law that the program does not have: nothing is offered.

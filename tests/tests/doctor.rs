@@ -187,7 +187,7 @@ fn cores_that_are_not_there_are_refused() {
 
 #[test]
 fn what_a_dead_session_left_is_gone_before_the_doctor_looks() {
-    let rig = Rig::alone();
+    let rig = Rig::new();
     let running = rig.start("tests/scenarios/leakage.toml --set run.duration_s=1000");
     let children = running.children();
     running.kill();

@@ -244,7 +244,9 @@ fn other_users(target: &mut Target<'_>) {
     let copy = target.rig.path("hil");
     std::fs::copy(program("hil"), &copy).expect("copied");
     let open = std::fs::Permissions::from_mode(0o755);
-    std::fs::set_permissions(copy.parent().expect("a folder"), open).expect("set");
+    for path in [copy.parent().expect("a folder"), &copy] {
+        std::fs::set_permissions(path, open.clone()).expect("set");
+    }
     let mut pause = target.rig.command(&copy);
     pause.args(["pause", "--session", &target.session.name]);
     let output = pause
@@ -306,7 +308,7 @@ fn a_file_of_another_user_with_our_prefix_is_left_alone_and_in_nobodys_way() {
 
 #[test]
 fn a_stopped_hil_keeps_its_session() {
-    let rig = Rig::alone();
+    let rig = Rig::new();
     let running = rig.start(&format!(
         "{SCENARIO} --set run.duration_s=60 --clock paced --wait-limit 60"
     ));

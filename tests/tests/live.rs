@@ -260,7 +260,7 @@ fn refused(run: Run, fragments: &[&str]) {
 
 #[test]
 fn without_a_session_there_is_nobody_to_inject_into() {
-    let rig = Rig::alone();
+    let rig = Rig::new();
     refused(
         rig.hil(&["inject", "bias", "measured.x", "1"]),
         &["no session", "hil run"],

@@ -76,7 +76,7 @@ fn a_mark_is_in_summary_export_and_report_and_changes_no_digest() {
 
 #[test]
 fn a_mark_without_a_session_or_a_text_is_refused() {
-    let rig = Rig::alone();
+    let rig = Rig::new();
     rig.hil(&["mark", "x"])
         .expect(2)
         .says(&["no session", "hil run"]);

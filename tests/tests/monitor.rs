@@ -140,8 +140,7 @@ fn exit_of_a_view_without_its_window(rig: &Rig) -> Option<i32> {
 
 #[test]
 fn a_stopped_and_a_killed_hil_are_named() {
-    // Alone: another `hil` would sweep the dead session away.
-    let rig = Rig::alone();
+    let rig = Rig::new();
     let run = rig.held();
     let mut terminal = monitor(&rig, &[]);
     terminal.until_it_shows("PAUSED");
@@ -318,7 +317,7 @@ fn what_cannot_be_watched_is_refused_with_the_reason() {
 
 #[test]
 fn a_monitor_waits_for_a_session_and_says_when_it_was_killed() {
-    let rig = Rig::alone();
+    let rig = Rig::new();
     let mut hil = rig.command(program("hil"));
     hil.current_dir(workspace());
     hil.args(["monitor", "--wait", "100s", "--session", rig.session()]);

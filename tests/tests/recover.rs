@@ -41,7 +41,7 @@ fn records(path: &Path) -> Vec<Record> {
 
 #[test]
 fn what_a_killed_hil_recorded_becomes_a_normal_run() {
-    let rig = Rig::alone();
+    let rig = Rig::new();
     let running = rig.start(RUN);
     let children = running.children();
     running.kill();

@@ -182,7 +182,7 @@ fn runs_go_by_a_rule_and_only_when_that_is_meant() {
 
 #[test]
 fn a_run_that_goes_on_stays_and_one_that_was_killed_is_broken() {
-    let rig = Rig::alone();
+    let rig = Rig::new();
     let running = rig.start("scenarios/spring-mass.toml --pace 0.1 --wait-limit 60");
     let children = running.children_at_once();
     let folder = running.folder().to_owned();

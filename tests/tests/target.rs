@@ -318,7 +318,7 @@ fn a_controller_that_dies_there_is_named_and_the_policy_is_applied() {
 
 #[test]
 fn an_agent_that_is_killed_ends_the_run_and_the_next_contact_removes_what_it_left() {
-    let rig = Rig::alone();
+    let rig = Rig::new();
     let before = sessions(&rig);
     let board = Board::new(&rig);
     let running = rig.start_with(
@@ -339,7 +339,7 @@ fn an_agent_that_is_killed_ends_the_run_and_the_next_contact_removes_what_it_lef
 
 #[test]
 fn whatever_ends_the_desk_nothing_goes_on_there() {
-    let rig = Rig::alone();
+    let rig = Rig::new();
     let before = sessions(&rig);
     let board = Board::new(&rig);
     let paced = format!("scenarios/spring-mass.toml --pace 1 {ON_BOARD}");
@@ -363,7 +363,7 @@ fn whatever_ends_the_desk_nothing_goes_on_there() {
 
 #[test]
 fn a_silent_target_is_given_up_by_name() {
-    let rig = Rig::alone();
+    let rig = Rig::new();
     let board = Board::new(&rig);
     // A run that is held awaits no answer: nobody but the bridge can miss the target.
     let held = format!("scenarios/spring-mass.toml --pause-at 0.5 {ON_BOARD}");

@@ -92,7 +92,7 @@ fn scenario_without_gains(rig: &Rig, arguments: &str) -> String {
 
 #[test]
 fn a_side_ends_with_a_killed_hil_even_if_it_is_stopped() {
-    let rig = Rig::alone();
+    let rig = Rig::new();
     for is_stopped in [false, true] {
         let (running, hand) = held(&rig, "--wait-limit inf");
         if is_stopped {

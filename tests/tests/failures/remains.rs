@@ -40,7 +40,7 @@ fn what_a_side_leaves_running_ends_with_the_run() {
 
 #[test]
 fn what_escaped_from_a_killed_hil_ends_with_the_next() {
-    let rig = Rig::alone();
+    let rig = Rig::new();
     let scenario = rig.scenario(1.0, "spring-mass", "forks");
     let controller = misbehaving_controller();
     let (scenario, controller) = (scenario.display(), controller.display());
@@ -105,7 +105,7 @@ fn ctrl_c_ends_a_run_in_one_process_too() {
 
 #[test]
 fn without_hil_both_processes_end_and_the_next_hil_cleans_up() {
-    let rig = Rig::alone();
+    let rig = Rig::new();
     let running = rig.start(LONG);
     let children = running.children();
     running.kill();
@@ -126,7 +126,7 @@ fn without_hil_both_processes_end_and_the_next_hil_cleans_up() {
 
 #[test]
 fn the_next_run_cleans_up_after_everything_was_killed() {
-    let rig = Rig::alone();
+    let rig = Rig::new();
     let running = rig.start(LONG);
     let children = running.children();
     running.kill();
@@ -137,7 +137,7 @@ fn the_next_run_cleans_up_after_everything_was_killed() {
 
 #[test]
 fn a_stopped_process_does_not_outlive_hil_for_long() {
-    let rig = Rig::alone();
+    let rig = Rig::new();
     let running = rig.start(LONG);
     let [plant, controller] = running.children();
     send(plant.pid, Signal::STOP);
@@ -151,7 +151,7 @@ fn a_stopped_process_does_not_outlive_hil_for_long() {
 
 #[test]
 fn sessions_lists_what_runs_and_clean_leaves_it_alone() {
-    let rig = Rig::alone();
+    let rig = Rig::new();
     let running = rig.start(LONG);
     let children = running.children();
     for arguments in [&["sessions"][..], &["sessions", "--clean"]] {

@@ -5,8 +5,6 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use shared_types::session::SessionInfo;
-
 /// Lists files of this user in shared memory that look like a session's, but whose session is gone.
 pub(crate) fn segments_of_nobody() -> Vec<PathBuf> {
     let uid = rustix::process::geteuid().as_raw();
@@ -25,9 +23,10 @@ pub(crate) fn segments_of_nobody() -> Vec<PathBuf> {
     .map(|entry| entry.path())
     .filter(|path| name(path).starts_with(&format!("hil-{uid}")));
     let sessions = groups.filter_map(|group| std::fs::read_dir(group).ok());
+    // From the lock, which notes the prefix too: a test may have damaged the other file.
     let prefixes: Vec<String> = (sessions.flatten().flatten())
-        .filter_map(|session| SessionInfo::read(&session.path()).ok())
-        .map(|info| info.prefix)
+        .filter_map(|session| std::fs::read_to_string(session.path().join("lock")).ok())
+        .filter_map(|lock| Some(lock.split_once(' ')?.0.to_owned()))
         .collect();
     let claimed = |file: &Path| prefixes.iter().any(|prefix| name(file).starts_with(prefix));
     (files.into_iter())
