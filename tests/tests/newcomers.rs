@@ -1,7 +1,6 @@
 //! Mistakes of people who meet `hil` for the first time: each is answered with what to do.
 
 use std::fs;
-use std::process::Command;
 
 use crate::support::harness::{Rig, Run};
 use crate::support::programs::{program, workspace};
@@ -92,7 +91,7 @@ fn hil_without_its_siblings_says_where_it_looked_and_what_to_do() {
     let rig = Rig::new();
     let alone = rig.path("hil");
     fs::copy(program("hil"), &alone).expect("copied");
-    let mut command = Command::new(&alone);
+    let mut command = rig.command(&alone);
     command
         .args(["run", "scenarios/spring-mass.toml"])
         .current_dir(workspace());
@@ -131,7 +130,7 @@ fn a_program_that_cargo_built_elsewhere_is_found_there() {
     let built = folder.join("release/own");
     fs::copy(program("plant-process"), &built).expect("copied");
     let run = || {
-        let mut hil = Command::new(program("hil"));
+        let mut hil = rig.command(program("hil"));
         hil.env("CARGO_TARGET_DIR", &folder)
             .env_remove("HIL_PLANT_BIN");
         rig.start_with(hil, &format!("{} --no-record", scenario.display()))

@@ -6,12 +6,13 @@ use std::path::Path;
 use crate::support::programs::workspace;
 
 /// What tests start without the rig, as the sources spell it: tools that start none of our programs.
-const TOOLS: [&str; 18] = [
+const TOOLS: [&str; 19] = [
     "\"cat\"",
     "\"cc\"",
     "\"cmake\"",
     "\"gdb\"",
     "\"git\"",
+    "\"kill\"",
     "\"make\"",
     "\"node\"",
     "\"npm\"",

@@ -2,7 +2,7 @@
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 
 use super::{STUDY, campaign, planned, study, text};
 use crate::support::harness::Rig;
@@ -29,9 +29,8 @@ fn held(worker: u32) -> usize {
 
 /// Runs all cases in one worker and compares what it holds in the first ones and in the last.
 fn holds_the_same_from_case_to_case(rig: &Rig, folder: &Path) {
-    let mut worker = Command::new(program("hil"));
+    let mut worker = rig.command(program("hil"));
     worker.args(["campaign", "work", "--tell", text(folder)]);
-    worker.env("XDG_STATE_HOME", rig.path("state"));
     let mut worker = worker.stdout(Stdio::piped()).spawn().expect("hil runs");
     let lines = BufReader::new(worker.stdout.take().expect("piped")).lines();
     let mut counts = Vec::new();

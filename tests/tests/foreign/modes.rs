@@ -14,14 +14,14 @@ const ROUNDS_UP: u32 = 12;
 const FLUSHES: u32 = 13;
 
 /// Compiles a file that includes the header, to nothing or to assembly.
-fn compiler(rig: &Rig, name: &str, options: &str, to: &str) -> Command {
+fn compilation(rig: &Rig, compiler: &str, options: &str, to: &str) -> Command {
     let source = rig.write(
         "sum.c",
         "#include <hil.h>\ndouble sum(const double *x, double d);\n\
          double sum(const double *x, double d) {\n  double s = 0.0;\n  \
          for (int i = 0; i < 64; i++) {\n    s += x[i] / d;\n  }\n  return s;\n}\n",
     );
-    let mut command = Command::new(name);
+    let mut command = Command::new(compiler);
     command.args([
         "-O2",
         "-std=c11",
@@ -39,8 +39,8 @@ fn compiler(rig: &Rig, name: &str, options: &str, to: &str) -> Command {
 }
 
 /// Checks for Clang, whose macros tell less.
-fn is_clang(name: &str) -> bool {
-    let version = succeeds(Command::new(name).arg("--version"));
+fn is_clang(compiler: &str) -> bool {
+    let version = succeeds(Command::new(compiler).arg("--version"));
     version.to_ascii_lowercase().contains("clang")
 }
 
@@ -56,7 +56,7 @@ fn options_that_change_numbers_do_not_compile() {
         "-fno-math-errno",
         "-ffp-contract=off",
     ] {
-        succeeds(&mut compiler(&rig, "cc", options, "/dev/null"));
+        succeeds(&mut compilation(&rig, "cc", options, "/dev/null"));
     }
     let mut refused = vec![
         ("-ffast-math", "-ffast-math changes digests"),
@@ -74,7 +74,7 @@ fn options_that_change_numbers_do_not_compile() {
         refused.push(("-mfpmath=387", "compile for SSE2"));
     }
     for (options, reason) in refused {
-        let output = compiler(&rig, "cc", options, "/dev/null").output();
+        let output = compilation(&rig, "cc", options, "/dev/null").output();
         let output = output.expect("it runs");
         let text = String::from_utf8_lossy(&output.stderr);
         assert!(!output.status.success(), "{options}");
@@ -91,7 +91,7 @@ fn clang_compiles_the_same_code_under_options_that_it_does_not_tell() {
     let code = |options: &str| {
         let path = rig.path("sum.s");
         let to = path.to_str().expect("text");
-        succeeds(&mut compiler(&rig, "clang", options, to));
+        succeeds(&mut compilation(&rig, "clang", options, to));
         std::fs::read_to_string(&path).expect("it was written")
     };
     let plain = code("");
