@@ -15,6 +15,7 @@ use shared_types::wait::WaitLimit;
 
 use super::attach::refuse_other_layout;
 use super::jobs::{tuned, tuned_plant};
+use super::pause::PauseLookout;
 use super::prepare::PreparedRun;
 use super::realtime::Watched;
 use crate::programs::binaries::Binaries;
@@ -91,7 +92,7 @@ pub(super) fn run(prepared: &PreparedRun, realtime: &mut Watched) -> Result<Ende
         let sink = TellingSink { sink, tell };
         take_turns(&session, plant, controller, sink, &theirs)
     });
-    let mut progress = prepared.progress();
+    let (mut progress, mut pause) = (prepared.progress(), PauseLookout::new());
     while ended.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
         if prepared.interruption.came() {
             supervision.stop("interrupted");
@@ -99,7 +100,7 @@ pub(super) fn run(prepared: &PreparedRun, realtime: &mut Watched) -> Result<Ende
         if recorder.has_failed() {
             supervision.stop("the recorder failed");
         }
-        progress.set(recorder.next_step());
+        pause.look(recorder.next_step(), &prepared.session, &mut progress);
         if let Some(refused) = realtime.look() {
             progress.tell(&refused);
         }

@@ -11,7 +11,8 @@
 //! 4. `conclude` makes checkpoints, summary and exit code of what came of it.
 //!
 //! Meanwhile `attach` joins the recorder to the stream, [`swap`] brings another controller, `objections` asks the
-//! programs about changed parameters, and `log` bounds what processes write. [`realtime`] applies what is `hil`'s own,
+//! programs about changed parameters, `pause` says that a run is held, and `log` bounds what processes write.
+//! [`realtime`] applies what is `hil`'s own,
 //! and [`open_files`] sees to enough open files.
 //!
 //! For very many runs, [`alone`] is a run in one thread with neither session nor folder, and [`kept`] keeps the
@@ -29,6 +30,7 @@ pub(crate) mod kept;
 mod log;
 mod objections;
 pub(crate) mod open_files;
+mod pause;
 mod prepare;
 pub(crate) mod processes;
 mod provenance;

@@ -15,6 +15,7 @@ use super::attach::attach;
 use super::by_hand::ByHand;
 use super::controllers::Controllers;
 use super::objections;
+use super::pause::PauseLookout;
 use super::prepare::PreparedRun;
 use super::realtime::Watched;
 use super::side::{GRACE, SideProcess};
@@ -114,6 +115,7 @@ pub(super) fn run(
         recorder: &recorder,
         wanted: &door.wanted,
         progress: &mut progress,
+        pause: PauseLookout::new(),
         realtime,
         ending_since: None,
         stopped_since: None,
@@ -157,6 +159,7 @@ struct Watch<'a> {
     /// Controllers that somebody wants to take over.
     wanted: &'a Receiver<Wanted>,
     progress: &'a mut Progress,
+    pause: PauseLookout,
     realtime: &'a mut Watched,
     /// Since when the run is to end.
     ending_since: Option<Instant>,
@@ -170,7 +173,8 @@ impl Watch<'_> {
     fn look_until_all_ended(&mut self) {
         let mut running = self.running();
         while running > 0 {
-            self.progress.set(self.recorder.next_step());
+            let (session, next_step) = (&self.prepared.session, self.recorder.next_step());
+            self.pause.look(next_step, session, self.progress);
             if let Some(refused) = self.realtime.look() {
                 self.progress.tell(&refused);
             }

@@ -1,7 +1,7 @@
 //! Progress of a run on standard error: simulated time, speed, time left, and where it holds.
 
 use std::io::Write as _;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use shared_types::time::{Rate, Step};
@@ -13,6 +13,8 @@ pub(crate) struct Progress {
     bar: ProgressBar,
     rate: Rate,
     pause: Option<Pause>,
+    /// Step of the newest notice of a pause.
+    told_pause: Option<Step>,
     shown: bool,
 }
 
@@ -43,7 +45,7 @@ impl Progress {
         let speed = move |state: &ProgressState, text: &mut dyn std::fmt::Write| {
             let _ = write!(text, "{:.1}x", state.per_sec() / rate.hz());
         };
-        let template = "{wide_bar} {simulated} {speed} {eta}";
+        let template = "{wide_bar} {simulated} {speed} {eta} {msg}";
         // A bar without the style is better than no run.
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(
@@ -59,6 +61,7 @@ impl Progress {
             bar,
             rate,
             pause: None,
+            told_pause: None,
             shown,
         }
     }
@@ -73,6 +76,19 @@ impl Progress {
         });
     }
 
+    /// Says that the run is held before a step, unless that was announced.
+    pub(crate) fn tell_pause(&mut self, step: u64, since: SystemTime, session: &str) {
+        let step = Step(step);
+        self.bar.set_message("paused");
+        if self.told_pause.replace(step) != Some(step) {
+            let time_s = self.rate.seconds(step);
+            let since = humantime::format_rfc3339_seconds(since);
+            self.tell(&format!(
+                "paused at step {step} ({time_s} s) since {since}; hil resume --session {session}"
+            ));
+        }
+    }
+
     /// Writes something beside the bar.
     pub(crate) fn tell(&self, text: &str) {
         self.bar.suspend(|| output::tell(text));
@@ -80,8 +96,13 @@ impl Progress {
 
     /// All steps before this one are done.
     pub(crate) fn set(&mut self, next_step: u64) {
+        if self.bar.position() != next_step {
+            self.bar.set_message("");
+            self.told_pause = None;
+        }
         self.bar.set_position(next_step);
         if let Some(pause) = self.pause.take_if(|pause| next_step >= pause.step.0) {
+            self.told_pause = Some(pause.step);
             self.tell(&pause.notice);
         }
     }
