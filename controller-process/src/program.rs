@@ -41,12 +41,13 @@ pub fn answer(
     version: String,
     laws: Vec<LawKind>,
 ) -> u8 {
-    program::answer(&of(&program, version, laws), arguments)
+    let program = of(&program, version, laws);
+    program::with_stack(|| program::answer(&program, arguments))
 }
 
 /// The program that [`run`] runs, for a `main` that adds to its description.
 #[must_use]
-pub fn of(program: &str, origin: impl Into<Origin>, laws: Vec<LawKind>) -> impl Program {
+pub fn of(program: &str, origin: impl Into<Origin>, laws: Vec<LawKind>) -> impl Program + Sync {
     ControllerProgram {
         program: program.into(),
         origin: origin.into(),

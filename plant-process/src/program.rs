@@ -70,12 +70,13 @@ pub fn answer(
     version: String,
     plants: Vec<PlantKind>,
 ) -> u8 {
-    program::answer(&of(&program, version, plants), arguments)
+    let program = of(&program, version, plants);
+    program::with_stack(|| program::answer(&program, arguments))
 }
 
 /// The program that [`run`] runs, for a `main` that adds to its description.
 #[must_use]
-pub fn of(program: &str, origin: impl Into<Origin>, plants: Vec<PlantKind>) -> impl Program {
+pub fn of(program: &str, origin: impl Into<Origin>, plants: Vec<PlantKind>) -> impl Program + Sync {
     PlantProgram {
         program: program.into(),
         origin: origin.into(),

@@ -5,10 +5,13 @@
 
 use std::ffi::OsString;
 use std::io::{ErrorKind, Write};
+use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::thread::Builder;
 
 use clap::Parser;
+use rustix::process::{Resource, getrlimit};
 
 use crate::by_hand;
 use crate::describe::{Description, PROTOCOL};
@@ -24,6 +27,9 @@ pub const PLANT_JOB: &str = "plant.json";
 
 /// Name of a controller's job in the session's folder.
 pub const CONTROLLER_JOB: &str = "controller.json";
+
+/// Stack of a program's work, in bytes: what most systems give the first thread.
+const STACK: usize = 8 << 20;
 
 /// Exit code of a completed run.
 pub const COMPLETED: u8 = 0;
@@ -73,10 +79,31 @@ struct Arguments {
     by_hand: bool,
 }
 
+/// Runs a program's work on a thread with a stack of its own where the system gives its first thread less, as after
+/// `ulimit -s 64`; else on the thread that calls. A panic is one of the caller.
+pub fn with_stack<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    let limit = getrlimit(Resource::Stack).current;
+    if limit.is_none_or(|bytes| bytes >= STACK as u64) {
+        return work();
+    }
+    std::thread::scope(|scope| {
+        // The name that a panic's message has.
+        let thread = Builder::new().name("main".into()).stack_size(STACK);
+        let ended = match thread.spawn_scoped(scope, work) {
+            Ok(thread) => thread.join(),
+            Err(error) => {
+                say(&format!("error: cannot start a thread: {error}"));
+                std::process::exit(i32::from(FAILED));
+            }
+        };
+        ended.unwrap_or_else(|panic| resume_unwind(panic))
+    })
+}
+
 /// Does what the arguments say.
 #[must_use]
-pub fn run(program: &impl Program) -> ExitCode {
-    ExitCode::from(answer(program, std::env::args_os()))
+pub fn run(program: &(impl Program + Sync)) -> ExitCode {
+    ExitCode::from(with_stack(|| answer(program, std::env::args_os())))
 }
 
 /// Does what these arguments say, of which the first is the program's own path; gives the exit code.

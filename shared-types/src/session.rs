@@ -23,6 +23,7 @@ use prefix::{is_prefix, noted_prefix, remove_below, segments_of};
 
 mod all;
 mod counter;
+pub mod guard;
 mod node;
 mod prefix;
 
@@ -44,6 +45,9 @@ pub struct SessionInfo {
     pub prefix: String,
     /// The process that owns it.
     pub owner: ProcessId,
+    /// Process whose death the owner does not survive.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub guard: Option<ProcessId>,
     /// The processes that it started.
     pub children: Vec<ProcessId>,
     /// The controller that it started last.
@@ -332,6 +336,7 @@ impl Session {
             id,
             prefix: format!("hil_{:08x}_", id as u32),
             owner: ProcessId::own(),
+            guard: guard::own(),
             children: Vec::new(),
             controller: None,
             run_dir: None,

@@ -2,12 +2,18 @@
 //! another controller comes, another job is there, or nothing any more.
 //!
 //! Words arrive as lines on standard input, or on the leash of a side that was [started by hand](crate::by_hand); its end means that `hil` is gone and nobody will clean
-//! up, so the process ends too. Any program that speaks the protocol may ignore the lines, but should
-//! end with its input.
+//! up, so the process ends too: in order if it can, else by SIGKILL. Any program that speaks the protocol may ignore
+//! the lines, but should end with its input.
 
 use std::io::{BufRead, BufReader};
+use std::os::fd::AsFd;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, OnceLock, PoisonError};
+use std::time::Duration;
+
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::io::Errno;
+use rustix::process::{Signal, getpid, kill_process};
 
 use crate::link::bell::Bell;
 
@@ -20,6 +26,26 @@ pub const PEER_GONE: &str = "peer-gone";
 pub const EXPECT: &str = "expect";
 /// Line that tells a process that is kept for further jobs that its next job is in the session's folder.
 pub const NEXT: &str = "next";
+
+/// Time in which a process without its `hil` may end in order. Longer than a bridge waits for its target.
+const GRACE: Duration = Duration::from_secs(4);
+
+/// Ends this process by SIGKILL after a grace: an end in order can be held up for ever, by a thread that waits for
+/// another, by handlers of an exit, or by a panic that holds a lock.
+fn end_after_grace() {
+    std::thread::sleep(GRACE);
+    let _ = kill_process(getpid(), Signal::KILL); // it is there
+}
+
+/// Ends this process once the other end of a pipe or socket is closed, whatever its other threads wait for and
+/// whether or not they read what is left in it; the process has a grace to end in order.
+pub fn end_with(channel: impl AsFd + Send + 'static) {
+    std::thread::spawn(move || {
+        let mut closes = [PollFd::new(&channel, PollFlags::RDHUP)];
+        while poll(&mut closes, None) == Err(Errno::INTR) {}
+        end_after_grace();
+    });
+}
 
 /// Most controllers of one run.
 pub const MOST_EPOCHS: u32 = 63;
@@ -85,7 +111,8 @@ impl Supervision {
         Self::from_words(BufReader::new(std::io::stdin()))
     }
 
-    /// Listens to lines on a thread of its own, as long as there are any.
+    /// Listens to lines on a thread of its own, as long as there are any. Their end ends the process, after a grace
+    /// by SIGKILL.
     #[must_use]
     pub fn from_words(words: impl BufRead + Send + 'static) -> Self {
         let supervision = Self::new();
@@ -98,6 +125,7 @@ impl Supervision {
                 }
             }
             heard.stop("hil is gone");
+            end_after_grace();
         });
         supervision
     }

@@ -4,6 +4,7 @@
 #[path = "../shared/position_and_force.rs"]
 mod position_and_force;
 
+use std::os::unix::fs::FileExt;
 use std::process::ExitCode;
 
 use plant_process::plant::{Plant, PlantKind};
@@ -65,6 +66,8 @@ plant!(Mutters, "mutters", || {
     eprintln!("\u{9b}2J\u{1b}]52;c;eA==\u{7}\rmuttered \u{1b}[31mpass");
     std::process::exit(7)
 });
+plant!(Smears, "smears", || write_over_shared_memory(0xff));
+plant!(Wipes, "wipes", || write_over_shared_memory(0));
 plant!(Hoards, "hoards", || {
     let mut hoard = Vec::new();
     loop {
@@ -72,12 +75,31 @@ plant!(Hoards, "hoards", || {
     }
 });
 
+/// Writes a byte over all memory that this process shares, as a wild pointer in C can.
+fn write_over_shared_memory(byte: u8) {
+    let maps = std::fs::read_to_string("/proc/self/maps").expect("own memory");
+    let memory = std::fs::File::options().write(true).open("/proc/self/mem");
+    let memory = memory.expect("own memory");
+    for line in maps.lines().filter(|line| line.contains(" /dev/shm/hil_")) {
+        let (range, rest) = line.split_once(' ').expect("a range and its rights");
+        let (from, to) = range.split_once('-').expect("a range");
+        let address = |text| u64::from_str_radix(text, 16).expect("an address");
+        let (from, to) = (address(from), address(to));
+        if rest.starts_with("rw") {
+            let bytes = vec![byte; (to - from) as usize];
+            memory.write_all_at(&bytes, from).expect("written");
+        }
+    }
+}
+
 fn main() -> ExitCode {
     let plants = vec![
         PlantKind::of::<Leaves>(),
         PlantKind::of::<Panics>(),
         PlantKind::of::<Sleeps>(),
         PlantKind::of::<Mutters>(),
+        PlantKind::of::<Smears>(),
+        PlantKind::of::<Wipes>(),
         PlantKind::of::<Hoards>(),
     ];
     plant_process::program::run("misbehaving-plant", "0.1.0", plants)

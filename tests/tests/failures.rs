@@ -315,7 +315,7 @@ fn memory_that_is_cut_short_is_named_and_nothing_is_left() {
     let session = shared_types::session::SessionInfo::read(&rig.session_folder());
     let session = session.expect("it runs");
     // The recorder's: both sides are held, and `hil` alone looks at it.
-    let maps = std::fs::read_to_string(format!("/proc/{}/maps", running.pid()));
+    let maps = std::fs::read_to_string(format!("/proc/{}/maps", session.owner.pid));
     let maps = maps.expect("it runs");
     let mapped = |path: &PathBuf| maps.contains(path.to_str().expect("plain text"));
     let segments: Vec<PathBuf> = session.segments().into_iter().filter(mapped).collect();

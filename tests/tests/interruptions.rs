@@ -14,7 +14,7 @@ const MANY: usize = 150_000;
 
 /// Returns the processor time of a process, in ticks; `None` if the process has ended.
 fn ticks(running: &Running<'_>) -> Option<u64> {
-    let stat = fs::read_to_string(format!("/proc/{}/stat", running.pid())).ok()?;
+    let stat = fs::read_to_string(format!("/proc/{}/stat", running.worker())).ok()?;
     let fields = stat.rsplit_once(')')?.1; // the name before may have spaces
     let mut fields = fields.split_ascii_whitespace();
     if fields.next()? == "Z" {
@@ -27,7 +27,7 @@ fn ticks(running: &Running<'_>) -> Option<u64> {
 
 /// Returns true if a process has begun its work and nothing of it is running.
 fn waits(running: &Running<'_>) -> bool {
-    let process = PathBuf::from(format!("/proc/{}", running.pid()));
+    let process = PathBuf::from(format!("/proc/{}", running.worker()));
     let status = fs::read_to_string(process.join("status")).unwrap_or_default();
     let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));
     let caught = caught.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());

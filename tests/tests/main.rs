@@ -26,6 +26,7 @@
 //! | [`fmu`] | FMUs as plants and controllers: the numbers of FMPy, and FMUs that misbehave |
 //! | [`foreign`] | plants and controllers in C: the numbers of Rust, and every mistake by name |
 //! | [`foxglove`] | a client that shares no code with `hil monitor --foxglove` |
+//! | [`guard`] | whatever kills `hil`, a summary says so and nothing is left |
 //! | [`hindrances`] | a machine without usable shared memory: the cause and the remedy are named |
 //! | [`hot_path`] | a step makes no system call and no allocation |
 //! | [`interruptions`] | Ctrl-C ends every command with exit code 130 and leaves nothing behind |
@@ -115,6 +116,7 @@ mod faults;
 mod fmu;
 mod foreign;
 mod foxglove;
+mod guard;
 mod hindrances;
 mod hot_path;
 mod interruptions;

@@ -144,7 +144,7 @@ fn a_stopped_and_a_killed_hil_are_named() {
     let run = rig.held();
     let mut terminal = monitor(&rig, &[]);
     terminal.until_it_shows("PAUSED");
-    send(run.pid(), Signal::STOP);
+    run.signal(Signal::STOP);
     terminal.until_it_shows("hil is stopped");
     run.kill();
     terminal.until_it_shows("hil is gone without a summary");

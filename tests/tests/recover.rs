@@ -7,7 +7,7 @@ use rustix::process::Signal;
 use serde_json::Value;
 use shared_types::session::SessionInfo;
 
-use crate::support::harness::{Rig, names, send, text, until, until_gone};
+use crate::support::harness::{Rig, names, text, until, until_gone};
 use crate::support::mcap_reader::{Record, Recording};
 use crate::support::programs::{program, workspace};
 
@@ -125,7 +125,7 @@ fn every_completed_step_of_a_killed_plant_is_recorded() {
     let running = rig.start("scenarios/severe-leakage.toml --set run.duration_s=100");
     let [plant, _] = running.children();
     // The recorder stands still, so that what the plant publishes stays in its stream.
-    send(running.pid(), Signal::STOP);
+    running.signal(Signal::STOP);
     let size = || std::fs::metadata(rig.path("run0/run.mcap")).map_or(0, |data| data.len());
     let mut last = 0;
     until("the recorder stands still", || {
@@ -134,7 +134,7 @@ fn every_completed_step_of_a_killed_plant_is_recorded() {
     // Far more steps than it had left to take.
     std::thread::sleep(std::time::Duration::from_millis(100));
     plant.kill();
-    send(running.pid(), Signal::CONT);
+    running.signal(Signal::CONT);
     let run = running.finish().expect(3);
     let found = records(&run.recording());
     assert_eq!(run.summary()["recording"]["records"], found.len());

@@ -2,6 +2,8 @@
 
 use std::process::ExitCode;
 
+use shared_types::program::with_stack;
+
 fn main() -> ExitCode {
-    tools::main()
+    with_stack(tools::main)
 }

@@ -11,8 +11,8 @@ use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
 
 use super::{
-    SHARED_MEMORY, SessionError, SessionInfo, is_name, noted_prefix, private_folder, remove_below,
-    remove_folder,
+    SHARED_MEMORY, SessionError, SessionInfo, guard, is_name, noted_prefix, private_folder,
+    remove_below, remove_folder,
 };
 use crate::private_folder::{is_at, open_at_once, private_file};
 use crate::process::ProcessId;
@@ -122,7 +122,7 @@ impl AllSessions {
     pub(super) fn sweep(&self) -> Result<Vec<String>, SessionError> {
         let mut swept = Vec::new();
         for folder in self.folders()? {
-            if is_live(&folder) {
+            if is_live(&folder) && !guard::dies(&folder) {
                 continue;
             }
             swept.extend(
@@ -161,7 +161,7 @@ impl Drop for AllSessions {
 
 /// Checks whether someone holds the session's lock, or nobody can tell: a session that is not known to be
 /// dead is left alone.
-fn is_live(folder: &Path) -> bool {
+pub(super) fn is_live(folder: &Path) -> bool {
     match open_at_once(&folder.join("lock")) {
         Ok(lock) => flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err(),
         Err(error) => error.kind() != ErrorKind::NotFound,
@@ -230,7 +230,8 @@ pub fn peek() -> Vec<SessionInfo> {
 /// If their folder cannot be used.
 pub fn dead() -> Result<Vec<String>, SessionError> {
     let all = AllSessions::lock()?;
-    let dead = (all.folders()?.into_iter()).filter(|folder| !is_live(folder));
+    let folders = all.folders()?.into_iter();
+    let dead = folders.filter(|folder| !is_live(folder) || guard::dies(folder));
     Ok(dead
         .filter_map(|folder| Some(folder.file_name()?.to_string_lossy().into_owned()))
         .collect())

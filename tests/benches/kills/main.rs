@@ -170,7 +170,11 @@ impl Judge<'_> {
             return None;
         };
         std::thread::sleep(moment);
-        let own = running.hil.id();
+        // The guard's death is that of both; its stop is its own.
+        let own = match how {
+            "STOP" => running.owner(),
+            _ => running.hil.id(),
+        };
         let (pid, survivors) = match victim {
             "plant" => (plant.pid, vec![controller]),
             "controller" => (controller.pid, vec![plant]),

@@ -78,6 +78,12 @@ impl Running {
         children
     }
 
+    /// Returns the number of the process that runs the session, which has a guard.
+    pub(crate) fn owner(&self) -> u32 {
+        let info = SessionInfo::read(&session_folder(&self.session));
+        info.map_or_else(|_| self.hil.id(), |info| info.owner.pid)
+    }
+
     /// Waits for the end of `hil`; returns true if it came in time.
     pub(crate) fn ends(&mut self) -> bool {
         comes(|| matches!(self.hil.try_wait(), Ok(Some(_))))

@@ -66,7 +66,7 @@ fn long_run(programs: &Programs, folder: &TempDir, steps: u64) -> Value {
     let scenario = path.to_str().expect("plain text");
     let mut running = Running::start(&programs.hil, place.clone(), session.clone(), &[scenario]);
     let [plant, controller] = running.children().expect("both start");
-    let pids = [plant.pid, controller.pid, running.hil.id()];
+    let pids = [plant.pid, controller.pid, running.owner()];
     let mut seen: Vec<([f64; 3], f64)> = Vec::new();
     let (mut injected, mut number) = (0_u64, 1_u64);
     while !matches!(running.hil.try_wait(), Ok(Some(_))) {

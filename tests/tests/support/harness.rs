@@ -386,6 +386,16 @@ impl<'r> Running<'r> {
         self.process.id()
     }
 
+    /// Returns the number of the process that does the work: that of a guard's child, once there is one.
+    pub(crate) fn worker(&self) -> u32 {
+        let own = self.process.id();
+        let children = std::fs::read_to_string(format!("/proc/{own}/task/{own}/children"));
+        let child = children
+            .ok()
+            .and_then(|list| list.split(' ').next()?.parse().ok());
+        child.unwrap_or(own)
+    }
+
     /// Sends a signal to the process group of `hil`, as a terminal does.
     pub(crate) fn signal(&self, signal: Signal) {
         kill_process_group(process_id(self.process.id()), signal).expect("`hil` is there");

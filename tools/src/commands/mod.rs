@@ -1,11 +1,13 @@
 //! The one place that sends each verb to its room, and the verbs that belong to no other: config, controller swap,
-//! describe, new, recover, runs, sessions, target, completions. No work of a verb that has a room of its own is done
+//! describe, new, recover, runs, sessions, target, completions; and the
+//! [guard] of verbs that share memory with programs of others. No work of a verb that has a room of its own is done
 //! here.
 
 pub(crate) mod completion;
 pub(crate) mod config;
 pub(crate) mod describe;
 mod fitting;
+mod guard;
 pub(crate) mod new;
 pub(crate) mod recover;
 pub(crate) mod runs;
@@ -35,6 +37,9 @@ pub fn main() -> ExitCode {
         return ExitCode::SUCCESS;
     }
     let command_line = CommandLine::of_process();
+    if guard::is_needed(&command_line.command) && !guard::is_there() {
+        return guard::run(&command_line.command);
+    }
     match interruption::end_at_once().and_then(|()| execute(&command_line)) {
         Ok(exit) => exit.into(),
         Err(failure) => {

@@ -5,7 +5,7 @@
 //!    with indexes, sums and the result of a run that ended there. New sums make nothing true: the new
 //!    file says what no sum of the old one vouched for.
 //! 3. That takes the place of the old one when it is whole on the disk, not before.
-//! 4. A folder without `summary.json` gets one.
+//! 4. A folder without `summary.json` gets one, as does one whose summary the guard of a killed `hil` wrote.
 //!
 //! A file that is damaged before its end is never replaced: what comes after the damage is not in the
 //! new one.
@@ -24,6 +24,7 @@ use shared_types::session;
 use crate::arguments::recover::RecoverArguments;
 use crate::files::part_file::{self, PartFile};
 use crate::files::runs::SUMMARY;
+use crate::results::lost;
 use crate::results::outcome::RecordedOutcome;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::interruption::Interruption;
@@ -211,17 +212,22 @@ fn copy(
     part.complete(to, may_replace)
 }
 
-/// Writes the summary of a run that has none.
+/// Writes the summary of a run that has none, or one that knows nothing of its recording.
 fn summarise(
     outcome: RecordedOutcome,
     folder: &Path,
     reason: Option<&str>,
 ) -> Result<Option<PathBuf>, Failure> {
     let path = folder.join(SUMMARY);
-    if path.exists() {
+    let lost = lost::reason_in(&path);
+    if path.exists() && lost.is_none() {
         return Ok(None);
     }
-    match outcome.summary(reason) {
+    let reason = reason.map(|reason| match lost {
+        Some(lost) => format!("{reason}; {lost}"),
+        None => reason.to_owned(),
+    });
+    match outcome.summary(reason.as_deref()) {
         Ok(summary) => {
             let json = serde_json::to_string_pretty(&summary).map_err(Failure::infrastructure)?;
             part_file::write_text(&path, &json)?;

@@ -104,7 +104,8 @@ impl RunFolder {
     }
 }
 
-fn summary(path: &Path) -> Option<Value> {
+/// Reads a summary, if there is one that can be read.
+pub(crate) fn summary(path: &Path) -> Option<Value> {
     let file = File::open(path).ok().filter(|file| {
         file.metadata()
             .is_ok_and(|file| file.is_file() && file.len() <= LARGEST)

@@ -1,6 +1,7 @@
 //! Facts of a run and what they mean. `collector` takes records in, from the recorder or a recording; `ending` doubts
 //! the plant's account of the end; `requirements` makes verdict and exit code; `faults`, `handover`, `late_commands`
-//! and [`latency`] say what became of each; `outcome` reads a recording as far as it goes; `summary` tells all.
+//! and [`latency`] say what became of each; `outcome` reads a recording as far as it goes; `summary` tells all,
+//! and `lost` what is left to tell where `hil` was killed.
 //! Starts no process. Of the machine it reads processor times alone (`company`).
 
 pub(crate) mod collector;
@@ -13,6 +14,7 @@ pub(crate) mod faults;
 pub(crate) mod handover;
 pub(crate) mod late_commands;
 pub(crate) mod latency;
+pub(crate) mod lost;
 pub(crate) mod outcome;
 pub(crate) mod recorded;
 pub(crate) mod recorded_run;

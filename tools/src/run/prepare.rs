@@ -26,8 +26,9 @@ use super::{in_process, jobs, provenance, realtime};
 use crate::arguments::run::LinkKind;
 use crate::checkpoint;
 use crate::checkpoint::past::PastRecords;
+use crate::files::begun::BegunRun;
 use crate::files::runs::SCENARIO;
-use crate::files::{folder, part_file};
+use crate::files::{begun, folder, part_file};
 use crate::programs::binaries::Binaries;
 use crate::programs::scenario;
 use crate::results::resumed::Resumed;
@@ -181,6 +182,18 @@ pub(super) fn prepare(
         .map_err(Failure::infrastructure)?;
     let in_place = is_in_process && settings.recording.is_none();
     write_scenario(&folder, &effective, in_place)?;
+    begun::note(|| BegunRun {
+        folder: absolute.unwrap_or_else(|_| folder.clone()),
+        scenario: plan.name.clone(),
+        law: plan.controller.law.clone(),
+        session: info.name.clone(),
+        started_utc: started_utc.clone(),
+        set: settings.set.clone(),
+        evidence: (settings.evidence(&plan, &binaries.controller)).into(),
+        clock: plan.run.clock.name().into(),
+        rate_hz: plan.run.rate.hz(),
+        seed: plan.run.seed,
+    });
     let recording = (settings.recording.as_ref()).map(|recording| {
         let mut provenance =
             provenance::of(&plan, &info, &binaries, &settings, &effective, &started_utc);

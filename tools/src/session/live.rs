@@ -251,6 +251,7 @@ mod tests {
             folder: "/nowhere".into(),
             prefix: "hil_".into(),
             owner: ProcessId::own(),
+            guard: None,
             children: Vec::new(),
             controller: None,
             run_dir: None,

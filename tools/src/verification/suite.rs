@@ -8,6 +8,7 @@
 mod audit;
 mod case;
 mod junit;
+pub(crate) mod lost;
 mod markdown;
 mod noise;
 mod running;

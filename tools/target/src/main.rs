@@ -11,7 +11,8 @@ use hil_target::name::Target;
 use hil_target::programs::AllowedPrograms;
 use hil_target::way::Way;
 use hil_target::{agent, bridge, serve};
-use shared_types::program::{FAILED, UNUSABLE, say};
+use shared_types::program::{FAILED, UNUSABLE, say, with_stack};
+use shared_types::supervision::end_with;
 
 /// The controller of a hil run on another machine
 #[derive(Debug, Parser)]
@@ -61,6 +62,10 @@ enum Mode {
 }
 
 fn main() -> ExitCode {
+    with_stack(run)
+}
+
+fn run() -> ExitCode {
     let failed = |reason| (FAILED, reason);
     let ended = match Arguments::parse().end {
         Mode::Agent => serve_ssh().map(|()| 0).map_err(failed),
@@ -101,6 +106,7 @@ fn serve_ssh() -> Result<(), String> {
         .nth(2)
         .and_then(|own| own.parse().ok());
     let programs = AllowedPrograms::cached()?;
+    end_with(io::stdin());
     let ends = (io::stdin(), io::stdout());
     agent::run(ends, None, &programs, own, || Ok(()))
 }

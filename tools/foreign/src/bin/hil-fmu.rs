@@ -20,10 +20,12 @@ const VERSION: &str = env!("CARGO_PKG_VERSION");
 const USAGE: &str = "usage: hil-fmu plant|controller MODEL.fmu [--truth PATTERN].. --describe | --check JOB.json | --session FOLDER; hil starts it for a scenario that names an FMU";
 
 fn main() -> ExitCode {
-    ExitCode::from(run().unwrap_or_else(|reason| {
-        program::say(&format!("error: {reason}"));
-        UNUSABLE
-    }))
+    program::with_stack(|| {
+        ExitCode::from(run().unwrap_or_else(|reason| {
+            program::say(&format!("error: {reason}"));
+            UNUSABLE
+        }))
+    })
 }
 
 fn run() -> Result<u8, String> {

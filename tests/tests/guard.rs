@@ -1,0 +1,242 @@
+//! Deaths of `hil` itself: whatever kills it, its guard ends both sides, leaves a summary, and nothing else; to
+//! terminals, shells and scripts guard and run are one process.
+
+use std::fs;
+use std::path::Path;
+
+use rustix::process::{Pid, Signal, kill_process};
+use serde_json::Value;
+use shared_types::process::ProcessId;
+use shared_types::session::SessionInfo;
+
+use crate::support::harness::{Rig, Run, Running, send, text, until, until_gone};
+use crate::support::programs::{misbehaving_controller, misbehaving_plant, program, shipped};
+
+/// A run that ends only when it is ended.
+const ENDLESS: &str = "scenarios/severe-leakage.toml --set run.duration_s=1000 --wait-limit 60";
+
+/// Returns the process that runs this test's session.
+fn owner(rig: &Rig) -> ProcessId {
+    let session = SessionInfo::read(&rig.session_folder());
+    session.expect("the session is there").owner
+}
+
+fn summary_in(folder: &Path) -> Value {
+    let text = fs::read_to_string(folder.join("summary.json"));
+    serde_json::from_str(&text.expect("a summary")).expect("JSON")
+}
+
+/// Fails unless a run has the summary that a guard writes, and the commands that read summaries take it.
+#[track_caller]
+fn assert_lost(rig: &Rig, run: &Run, cause: &str) {
+    let summary = run.summary();
+    assert_eq!(summary["verdict"], "aborted");
+    assert_eq!(summary["digest"], Value::Null);
+    let reason = summary["reason"].as_str().expect("a reason");
+    assert!(
+        reason.contains(cause) && reason.contains("hil recover"),
+        "{reason}"
+    );
+    let folder = text(&run.folder);
+    let listed = rig.beside(&["runs", folder, "--json"]).expect(0).json();
+    assert_eq!(listed["runs"][0]["verdict"], "aborted");
+}
+
+#[test]
+fn a_plant_that_writes_over_its_shared_memory_ends_the_run_with_a_summary() {
+    for deed in ["smears", "wipes"] {
+        let rig = Rig::new();
+        let scenario = rig.scenario(1000.0, deed, "hold");
+        let plant = misbehaving_plant();
+        let line = format!("{} --plant-bin {}", scenario.display(), plant.display());
+        // It dies by a signal, or its recorder panics.
+        let run = rig.run(&line).expect(3).says(&["hil recover"]);
+        assert_lost(&rig, &run, "hil ");
+    }
+}
+
+#[test]
+fn a_run_whose_process_a_signal_kills_has_a_summary_that_names_the_signal() {
+    for (signal, name) in [
+        (Signal::KILL, "SIGKILL (9)"),
+        (Signal::SEGV, "SIGSEGV (11)"),
+        (Signal::ABORT, "SIGABRT (6)"),
+    ] {
+        let rig = Rig::new();
+        let running = rig.start(&format!("{ENDLESS} --json"));
+        let children = running.children();
+        let owner = owner(&rig);
+        let pid = Pid::from_raw(owner.pid as i32).expect("a number");
+        // Again: the standard library's handler passes over a SIGSEGV that no access of the process caused.
+        until("it dies", || {
+            let _ = kill_process(pid, signal); // it may be gone
+            !owner.is_alive()
+        });
+        let run = running.finish().expect(3).says(&[name, "hil recover"]);
+        assert!(children.iter().all(|child| !child.is_alive()));
+        assert_eq!(run.json(), run.summary(), "{name}");
+        assert_lost(&rig, &run, &format!("hil was killed by {name}"));
+    }
+}
+
+#[test]
+fn a_recovered_run_has_the_summary_of_its_recording_and_keeps_the_cause() {
+    let rig = Rig::new();
+    let running = rig.start(ENDLESS);
+    running.children();
+    send(owner(&rig).pid, Signal::KILL);
+    let run = running.finish().expect(3);
+    rig.hil(&["recover", text(&run.folder)]).expect(0);
+    let summary = run.summary();
+    assert!(summary["steps"].as_u64() > Some(0) && summary["digest"].is_string());
+    let reason = summary["reason"].as_str().expect("a reason");
+    assert!(
+        reason.contains("broke off") && reason.contains("SIGKILL"),
+        "{reason}"
+    );
+}
+
+#[test]
+fn a_killed_guard_takes_its_run_with_it_and_the_next_hil_removes_the_rest() {
+    let rig = Rig::new();
+    let running = rig.start(ENDLESS);
+    let children = running.children();
+    let owner = owner(&rig);
+    running.kill();
+    // At once: the run may be dying still.
+    rig.hil(&["sessions", "--clean"]).expect(0);
+    until_gone(&children);
+    until_gone(&[owner]);
+}
+
+#[test]
+fn of_a_suite_that_is_killed_each_run_is_told_as_it_ended() {
+    let rig = Rig::new();
+    let (junit, markdown) = (rig.path("all.xml"), rig.path("all.md"));
+    let short = rig.write(
+        "short.toml",
+        &shipped("scenarios/spring-mass.toml")
+            .replace("name = \"spring-mass\"", "name = \"short\""),
+    );
+    let running = rig.start(&format!(
+        "{} scenarios/spring-mass.toml --repeat 2 --jobs 1 --junit {} --markdown {} --pace 5",
+        short.display(),
+        junit.display(),
+        markdown.display()
+    ));
+    let second = running.folder().join("spring-mass-1");
+    until("the second of four goes on", || {
+        fs::metadata(second.join("run.mcap")).is_ok_and(|file| file.len() > 0)
+    });
+    let sessions = rig.session_folder();
+    let session = format!("{}-2", rig.session());
+    let info = SessionInfo::read(&sessions.with_file_name(session)).expect("it goes on");
+    send(info.owner.pid, Signal::KILL);
+    let suite = running.finish().expect(3);
+    suite.says(&["SIGKILL"]).prints(&[
+        "short-1",
+        "pass",
+        "spring-mass-1",
+        "2 runs that were not begun",
+    ]);
+    assert_eq!(summary_in(&second)["verdict"], "aborted");
+    let first = second.with_file_name("short-1");
+    assert_eq!(summary_in(&first)["verdict"], "pass");
+    let (junit, markdown) = (fs::read_to_string(junit), fs::read_to_string(markdown));
+    let junit = junit.expect("written");
+    assert!(
+        junit.contains("errors=\"2\"") && junit.contains("SIGKILL"),
+        "{junit}"
+    );
+    let markdown = markdown.expect("written");
+    assert!(markdown.contains("1 of 3 runs pass"), "{markdown}");
+}
+
+#[test]
+fn signals_to_the_process_that_was_started_end_the_run_in_order() {
+    for signal in [Signal::INT, Signal::TERM, Signal::HUP] {
+        let rig = Rig::new();
+        let running = rig.start(ENDLESS);
+        running.children();
+        send(running.pid(), signal);
+        let summary = running.finish().expect(130).summary();
+        let reason = summary["reason"].as_str().expect("a reason");
+        assert!(reason.starts_with("interrupted"), "{signal:?}: {reason}");
+    }
+}
+
+#[test]
+fn a_run_stops_and_goes_on_as_its_shell_wants() {
+    let rig = Rig::new();
+    let running = rig.held();
+    let run = owner(&rig);
+    let guard = ProcessId::of(running.pid()).expect("it runs");
+    for _ in 0..3 {
+        send(guard.pid, Signal::TSTP);
+        until("both are stopped", || {
+            run.is_stopped() && guard.is_stopped()
+        });
+        send(guard.pid, Signal::CONT);
+        until("both go on", || !run.is_stopped() && !guard.is_stopped());
+    }
+    rig.in_session("resume").expect(0);
+    running.finish().expect(0);
+}
+
+#[test]
+fn a_side_that_is_stuck_does_not_outlive_a_killed_hil() {
+    let rig = Rig::new();
+    let scenario = rig.scenario(1000.0, "spring-mass", "sleeps");
+    let controller = misbehaving_controller();
+    let running = rig.start(&format!(
+        "{} --controller-bin {} --wait-limit 600",
+        scenario.display(),
+        controller.display()
+    ));
+    let children = running.children_at_once();
+    until("the law sleeps", || rig.status().step == 100);
+    running.kill();
+    until_gone(&children);
+    rig.hil(&["sessions", "--clean"]).expect(0);
+}
+
+#[test]
+fn every_program_runs_with_a_stack_of_64_kib() {
+    let rig = Rig::new();
+    let start = |arguments: &str| -> Running<'_> {
+        let mut shell = rig.command("sh");
+        shell.args(["-c", "ulimit -Ss 64; exec \"$0\" \"$@\""]);
+        shell.arg(program("hil"));
+        rig.start_with(shell, arguments)
+    };
+    for link in ["iceoryx2", "in-process"] {
+        let line = format!("scenarios/spring-mass.toml --link {link}");
+        start(&line).finish().expect(0);
+    }
+}
+
+#[test]
+fn a_run_that_somebody_paused_says_so_on_its_own_terminal() {
+    for link in ["iceoryx2", "in-process"] {
+        let rig = Rig::new();
+        let said = rig.path("said");
+        let mut shell = rig.command("sh");
+        let line = format!("exec \"$0\" \"$@\" 2>{}", said.display());
+        shell.args(["-c", &line]).arg(program("hil"));
+        let line = "scenarios/spring-mass.toml --pace 0.1 --wait-limit 60";
+        let running = rig.start_with(shell, &format!("{line} --link {link}"));
+        rig.status();
+        rig.in_session("pause").expect(0);
+        let step = rig.status().step;
+        let notice = format!("paused at step {step} ");
+        let said = || fs::read_to_string(&said).expect("written to");
+        until("the run says that it is paused", || {
+            said().contains(&notice)
+        });
+        assert!(said().contains(&format!("hil resume --session {}", rig.session())));
+        assert_eq!(said().matches("paused at").count(), 1, "{}", said());
+        rig.in_session("resume").expect(0);
+        running.signal(Signal::INT);
+        running.finish().expect(130);
+    }
+}

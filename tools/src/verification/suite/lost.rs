@@ -1,0 +1,97 @@
+//! Reports of a suite whose `hil` was killed: each run that was begun, with the verdict of its folder, and the rest
+//! as not run.
+
+use std::path::PathBuf;
+
+use serde_json::{Value, json};
+
+use super::case::Row;
+use super::{table, write_reports};
+use crate::arguments::run::RunArguments;
+use crate::files::begun::BegunRun;
+use crate::terminal::exit::{Exit, Failure};
+use crate::terminal::output;
+
+/// A run that was begun, and the summary in its folder.
+pub(crate) type LostRun = (BegunRun, Value);
+
+/// Writes the files that were asked for, and the result of the command.
+///
+/// # Errors
+/// If one cannot be written.
+pub(crate) fn report(
+    arguments: &RunArguments,
+    runs: &[LostRun],
+    reason: &str,
+) -> Result<(), Failure> {
+    let wanted = arguments.scenarios.len() * arguments.repeat as usize;
+    let is_single = wanted <= 1 || arguments.audit;
+    let mut rows: Vec<Row> = runs.iter().map(row).collect();
+    let missing = if is_single { 1 } else { wanted };
+    if let Some(count @ 1..) = missing.checked_sub(rows.len()) {
+        rows.push(unbegun(count, reason));
+    }
+    let result = match (is_single, arguments.options.json) {
+        (true, true) => runs.first().map(|(_, summary)| format!("{summary:#}\n")),
+        (true, false) => None,
+        (false, true) => {
+            let runs: Vec<Value> = runs.iter().map(json_of).collect();
+            let all = json!({ "schema": 1, "verdict": "aborted", "reason": reason, "runs": runs });
+            Some(format!("{all:#}\n"))
+        }
+        (false, false) => Some(table::of(&rows)),
+    };
+    let written = result.map_or(Ok(()), |text| output::write(&text));
+    write_reports(arguments, &rows)?;
+    written
+}
+
+/// Makes the row of a run from its summary.
+fn row((run, summary): &LostRun) -> Row {
+    let exit = match summary["verdict"].as_str() {
+        Some("pass") => Exit::Pass,
+        Some("fail") => Exit::Failed,
+        _ => Exit::Infrastructure,
+    };
+    let reason = summary["reason"].as_str().map(Failure::infrastructure);
+    Row {
+        label: label(run),
+        law: run.law.clone(),
+        origin: run.folder.display().to_string(),
+        exit,
+        skipped: None,
+        failure: reason.filter(|_| exit == Exit::Infrastructure),
+        disagreement: None,
+        ran: None,
+    }
+}
+
+/// Makes the row of runs that were asked for and never begun.
+fn unbegun(count: usize, reason: &str) -> Row {
+    Row {
+        label: match count {
+            1 => "a run that was not begun".into(),
+            _ => format!("{count} runs that were not begun"),
+        },
+        law: String::new(),
+        origin: String::new(),
+        exit: Exit::Infrastructure,
+        skipped: None,
+        failure: Some(Failure::infrastructure(reason)),
+        disagreement: None,
+        ran: None,
+    }
+}
+
+/// Names a run by its folder, which differs among runs of one scenario.
+fn label(run: &BegunRun) -> String {
+    let name = run.folder.file_name().map(PathBuf::from);
+    name.map_or_else(|| run.scenario.clone(), |name| name.display().to_string())
+}
+
+fn json_of((run, summary): &LostRun) -> Value {
+    let mut value = summary.clone();
+    value["label"] = json!(label(run));
+    value["folder"] = json!(run.folder);
+    value
+}
