@@ -105,7 +105,7 @@ pub(crate) fn measure(programs: &Programs, folder: &Path) {
     let show = |beside: &str, checks: &[Option<f64>]| {
         let failed = checks.iter().filter(|check| check.is_none()).count();
         let ms = checks.iter().flatten().copied();
-        let worst = ms.clone().fold(0.0, f64::max);
+        let worst = ms.clone().max_by(f64::total_cmp).unwrap_or(f64::NAN);
         let p50 = if failed < checks.len() {
             median(ms)
         } else {
