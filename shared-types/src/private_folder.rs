@@ -14,8 +14,9 @@ use rustix::fs::{FlockOperation, OFlags, flock};
 
 /// Ending of the lock beside a folder.
 const LOCK: &str = "lock";
-/// Attempts to make a folder that no sweep takes for dead.
-const ATTEMPTS: u32 = 64;
+/// Attempts to make a folder that no sweep takes for dead. Thousands of processes that start and end at once may
+/// each spoil one.
+const ATTEMPTS: u32 = 4096;
 
 /// A private folder of this process. Dropping it removes it with all that is in it.
 #[derive(Debug)]
@@ -38,7 +39,9 @@ impl PrivateFolder {
     fn create_in(all: &Path, name: &str) -> io::Result<Self> {
         let own = std::process::id();
         for attempt in 0..ATTEMPTS {
-            make_private(all)?;
+            if !make_private(all)? {
+                continue;
+            }
             let folder = all.join(format!("{name}-{own}-{attempt}"));
             let path = folder.with_extension(LOCK);
             let lock = match private_file(&path) {
@@ -85,7 +88,7 @@ pub fn sweep() {
 }
 
 fn sweep_in(all: &Path) {
-    if !is_private(all) {
+    if !fs::symlink_metadata(all).is_ok_and(|metadata| is_private(&metadata)) {
         return; // there is none, or it is not ours to clear
     }
     let entries = fs::read_dir(all).into_iter().flatten().flatten();
@@ -135,22 +138,28 @@ pub(crate) fn private_file(path: &Path) -> io::Result<File> {
     options.open(path)
 }
 
-fn make_private(path: &Path) -> io::Result<()> {
+/// Makes the folder of all private folders unless it is there. Returns false if another process, which removed the
+/// last private folder, removed this one just after it was there.
+fn make_private(path: &Path) -> io::Result<bool> {
     match DirBuilder::new().mode(0o700).create(path) {
-        Err(error) if error.kind() != ErrorKind::AlreadyExists => Err(error),
-        _ if is_private(path) => Ok(()),
-        _ => Err(io::Error::other(format!(
+        Err(error) if error.kind() != ErrorKind::AlreadyExists => return Err(error),
+        _ => {}
+    }
+    match fs::symlink_metadata(path) {
+        Ok(metadata) if is_private(&metadata) => Ok(true),
+        Ok(_) => Err(io::Error::other(format!(
             "{} is not a folder of yours alone; remove it or have it removed",
             path.display()
         ))),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(false),
+        Err(error) => Err(error),
     }
 }
 
-/// Checks for a folder of this user that is closed to others; a link to one is none.
-fn is_private(path: &Path) -> bool {
+/// Returns true for a folder of this user that is closed to others; a link to one is none.
+fn is_private(metadata: &fs::Metadata) -> bool {
     let uid = rustix::process::geteuid().as_raw();
-    fs::symlink_metadata(path)
-        .is_ok_and(|found| found.is_dir() && found.uid() == uid && found.mode() & 0o077 == 0)
+    metadata.is_dir() && metadata.uid() == uid && metadata.mode() & 0o077 == 0
 }
 
 /// Checks whether an open file is still the one at its path.
@@ -185,6 +194,26 @@ mod tests {
         drop(one);
         assert_eq!(fs::read_dir(&all).expect("there").count(), 2);
         drop(other);
+        assert!(!all.exists());
+    }
+
+    #[test]
+    fn processes_that_start_and_end_at_once_never_fail() {
+        let place = tempdir().expect("a folder");
+        let all = place.path().join("all");
+        std::thread::scope(|scope| {
+            for number in 0..8 {
+                let all = &all;
+                // A name for each thread, as each process has its own.
+                let name = format!("t{number}");
+                scope.spawn(move || {
+                    for _ in 0..500 {
+                        sweep_in(all);
+                        drop(PrivateFolder::create_in(all, &name).expect("made"));
+                    }
+                });
+            }
+        });
         assert!(!all.exists());
     }
 
