@@ -55,6 +55,10 @@ pub struct Job {
     /// Time that the other side may take, in s.
     #[serde(with = "number")]
     pub wait_limit_s: f64,
+    /// Longest time in s that the other side may take until the first step, if that is more than `wait_limit_s`: an FMU
+    /// may compute for long at its start.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start_limit_s: Option<f64>,
 }
 
 impl Job {
@@ -80,6 +84,7 @@ impl Job {
             checkpoints: Checkpoints::default(),
             realtime: realtime::Settings::default(),
             wait_limit_s,
+            start_limit_s: None,
         }
     }
 }

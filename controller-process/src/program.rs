@@ -6,6 +6,7 @@ use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitCode;
 
+use shared_types::clock::monotonic_ns;
 use shared_types::describe::Description;
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{Link, LinkError};
@@ -158,6 +159,7 @@ pub fn drive<L: Link>(
 ) -> Result<(), LinkError> {
     waiter.sleep_on(runner.sleeper());
     runner.begin()?;
+    let since_ns = monotonic_ns();
     loop {
         if supervision.wants_stop() {
             runner.interrupt(&ControllerEvent::Stop)?;
@@ -172,7 +174,8 @@ pub fn drive<L: Link>(
                 if peer_gone {
                     runner.interrupt(&ControllerEvent::PeerGone)?;
                 } else if waiter.pause() {
-                    if runner.is_plant_in_hand() {
+                    let waited_ns = monotonic_ns() - since_ns;
+                    if runner.is_plant_in_hand() || runner.is_plant_starting(waited_ns) {
                         waiter.renew();
                         continue;
                     }

@@ -20,7 +20,7 @@ use shared_types::table::Field;
 use shared_types::text;
 use shared_types::thread::ThreadSampler;
 use shared_types::time::Step;
-use shared_types::wait::Sleeper;
+use shared_types::wait::{Sleeper, WaitLimit};
 
 use crate::controller::{Law, LawKind, Start};
 use crate::job::Job;
@@ -291,6 +291,14 @@ impl<'a, L: Link> Runner<'a, L> {
     #[must_use]
     pub const fn is_plant_in_hand(&self) -> bool {
         self.job.is_plant_by_hand && (self.bound.is_none() || self.side.awaits_first())
+    }
+
+    /// Returns true while the plant may still be starting, after it was waited for so long.
+    #[must_use]
+    pub fn is_plant_starting(&self, waited_ns: u64) -> bool {
+        let limit = self.job.start_limit_s.map(WaitLimit::from_seconds);
+        let is_before = self.bound.is_none() || self.side.awaits_first();
+        is_before && limit.is_some_and(|limit| waited_ns < limit.ns())
     }
 
     /// Returns how the run ended; `None` until then.

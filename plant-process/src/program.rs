@@ -210,7 +210,7 @@ pub fn drive<L: Link, S: RecordSink>(
 ) -> Result<(), LinkError> {
     waiter.sleep_on(engine.sleeper());
     let queue = engine.queue();
-    let mut announced = 0;
+    let (mut announced, since_ns) = (0, monotonic_ns());
     loop {
         if supervision.wants_stop() {
             engine.interrupt(&PlantEvent::Stop)?;
@@ -244,7 +244,8 @@ pub fn drive<L: Link, S: RecordSink>(
                 let event = if let Some(epoch) = engine.news(gone) {
                     PlantEvent::PeerGone(epoch)
                 } else if waiter.pause_until(deadline_ns) {
-                    if engine.is_controller_in_hand() {
+                    let waited_ns = monotonic_ns() - since_ns;
+                    if engine.is_controller_in_hand() || engine.is_controller_starting(waited_ns) {
                         waiter.renew();
                         continue;
                     }

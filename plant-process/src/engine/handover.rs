@@ -12,6 +12,7 @@ use shared_types::record::{ControllerChange, ControllerFate, Event, Outcome};
 use shared_types::stream::RecordSink;
 use shared_types::supervision::Gone;
 use shared_types::time::Step;
+use shared_types::wait::WaitLimit;
 
 use super::commands::Command;
 use super::{Clock, Engine, Progress};
@@ -74,6 +75,13 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     #[must_use]
     pub const fn is_greeting(&self) -> bool {
         self.side.is_greeting()
+    }
+
+    /// Returns true while the first controller may still be starting, after it was waited for so long.
+    #[must_use]
+    pub fn is_controller_starting(&self, waited_ns: u64) -> bool {
+        let limit = self.job.start_limit_s.map(WaitLimit::from_seconds);
+        self.is_greeting() && limit.is_some_and(|limit| waited_ns < limit.ns())
     }
 
     /// Returns true while the first controller, started by hand, may be held in a debugger as long as somebody

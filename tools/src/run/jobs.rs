@@ -2,6 +2,7 @@
 //! both programs before anything is started.
 
 use hil_config::plan::{Clock, ControllerPlan, Plan, law_keys, settings_after};
+use hil_target::asking;
 use serde::Serialize;
 use shared_types::checkpoint::Checkpoints;
 use shared_types::describe;
@@ -23,6 +24,11 @@ pub(super) fn of(
     steps: &[Step],
 ) -> (plant_process::job::Job, controller_process::job::Job) {
     let wait_limit_s = settings.wait_limit_s;
+    let has_fmu = [&binaries.plant, &binaries.controller]
+        .iter()
+        .any(|binary| binary.host.is_some());
+    let start_limit_s = has_fmu.then(|| wait_limit_s.max(asking::LEAST_S));
+    let start_limit_s = start_limit_s.filter(|limit_s| limit_s.is_finite());
     // Between two samples of a paced run the controller waits for the clock, not for the plant.
     let between_s = match plan.run.clock {
         Clock::Lockstep => 0.0,
@@ -45,12 +51,14 @@ pub(super) fn of(
             resume: None,
         },
         realtime: side(plan.realtime.plant()),
+        start_limit_s,
         ..plant_process::job::Job::of(plan, session.id, wait_limit_s)
     };
     let controller = controller_process::job::Job {
         is_plant_by_hand: settings.by_hand.plant,
         checkpoints: plant.checkpoints.clone(),
         realtime: side(plan.realtime.controller()),
+        start_limit_s,
         ..controller(plan, session.id, wait_limit_s + between_s)
     };
     (plant, controller)

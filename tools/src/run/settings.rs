@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use hil_campaign::curve::Grid;
 use hil_config::plan::{Clock, Plan};
+use hil_target::asking;
 use shared_types::side::Side;
 
 use crate::arguments::run::{LinkKind, RunOptions, StartKind};
@@ -133,6 +134,7 @@ impl Settings {
                 "--wait-limit takes a number above 0, or inf",
             ));
         }
+        asking::allow_seconds(options.wait_limit);
         let given = &options.binaries;
         let is_given = given.plant_bin.is_some() || given.controller_bin.is_some();
         if options.link == LinkKind::InProcess && is_given {

@@ -25,6 +25,7 @@ use controller_process::job::{JOB_FILE, Job};
 use controller_process::runner::{Runner, choose};
 use hil_config::plan::Plan;
 use hil_recording::reader::{RunReader, UNVOUCHED};
+use hil_target::asking;
 use serde_json::json;
 use shared_types::hello::{Hello, agree};
 use shared_types::link::iceoryx::IceoryxLink;
@@ -75,6 +76,7 @@ pub(crate) fn replay(arguments: &ReplayArguments) -> Result<Exit, Failure> {
             "--wait-limit takes a number above 0, or inf",
         ));
     }
+    asking::allow_seconds(arguments.wait_limit);
     let interruption = Interruption::listen()?;
     let open = || RunReader::open(&arguments.run);
     let reader = interruption.at_once(open)?.map_err(Failure::usage)?;

@@ -6,14 +6,18 @@ use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use shared_types::process::{MARK, end_group, end_marked, reap};
 
-/// Longest time that a program may take to describe itself or to check a job.
+/// Time that every program may take to describe itself or to check a job.
 const ANSWER_LIMIT: Duration = Duration::from_secs(10);
+/// The same in s: the least that a program may take to start.
+pub const LEAST_S: f64 = ANSWER_LIMIT.as_secs() as f64;
+/// Time that a program may take in this process, in ms: the limit of its command line, if that is longer.
+static LIMIT_MS: AtomicU64 = AtomicU64::new(ANSWER_LIMIT.as_millis() as u64);
 /// Longest answer; that of 100 plants with 512 signals each is shorter.
 const LONGEST_ANSWER: u64 = 16 << 20;
 /// Longest beginning of a program's standard error that is kept, in bytes.
@@ -39,6 +43,17 @@ pub enum NoAnswer {
     /// Failure: it cannot be started, or does not answer as it should.
     #[error("{0}")]
     Failed(String),
+}
+
+/// Lets every program that this process asks take so many seconds from now on, and never less than 10.
+pub fn allow_seconds(limit_s: f64) {
+    // The cast saturates: infinity is 584 million years.
+    let limit_ms = (limit_s * 1e3) as u64;
+    LIMIT_MS.fetch_max(limit_ms, Ordering::Relaxed);
+}
+
+fn limit() -> Duration {
+    Duration::from_millis(LIMIT_MS.load(Ordering::Relaxed))
 }
 
 /// Runs a program for a short answer; one that never answers, or never ends to, is ended, and so is
@@ -93,10 +108,10 @@ fn await_end(
             Some(status) => return Ok(status),
             None if is_interrupted() => return Err(NoAnswer::Interrupted),
             None if heard.stdout.is_too_long() => return Err(NoAnswer::Failed(too_long())),
-            None if since.elapsed() > ANSWER_LIMIT => {
-                let limit_s = ANSWER_LIMIT.as_secs();
-                let told = format!("it gave no answer within {limit_s} s");
-                return Err(NoAnswer::Failed(told));
+            None if since.elapsed() > limit() => {
+                let limit_s = limit().as_secs_f64();
+                let reason = format!("it gave no answer within {limit_s} s");
+                return Err(NoAnswer::Failed(reason));
             }
             None => std::thread::sleep(Duration::from_millis(1)),
         }
