@@ -62,8 +62,16 @@ fn every_deed_of_a_plant_in_c_is_named() {
     let plant = misbehaving(&rig, "misbehaving-plant", CLEAN);
     deed(&rig, "plant", &plant, 0).expect(0);
     let deeds: [(u32, i32, &[&str]); 9] = [
-        (1, 3, &["plant was killed by SIGSEGV"]),
-        (2, 3, &["plant was killed by SIGABRT"]),
+        (
+            1,
+            3,
+            &["plant was killed by SIGSEGV", "SIGSEGV came in measure"],
+        ),
+        (
+            2,
+            3,
+            &["plant was killed by SIGABRT", "SIGABRT came in measure"],
+        ),
         (3, 3, &["plant ended before the run was over"]),
         (4, 3, &["plant was stuck"]),
         (
@@ -136,8 +144,22 @@ fn every_deed_of_a_controller_in_c_is_named() {
     std::fs::copy(plant, &controller).expect("copied");
     deed(&rig, "controller", &controller, 0).expect(0);
     let deeds: [(u32, &[&str]); 7] = [
-        (1, &["step 100", "controller was killed by SIGSEGV"]),
-        (2, &["step 100", "controller was killed by SIGABRT"]),
+        (
+            1,
+            &[
+                "step 100",
+                "controller was killed by SIGSEGV",
+                "SIGSEGV came in step",
+            ],
+        ),
+        (
+            2,
+            &[
+                "step 100",
+                "controller was killed by SIGABRT",
+                "SIGABRT came in step",
+            ],
+        ),
         (3, &["controller", "step 100"]),
         (4, &["controller did not answer step 100", "stuck"]),
         (

@@ -12,4 +12,5 @@
 
 pub mod c;
 mod float_modes;
+mod crash;
 pub mod fmi;

@@ -5,6 +5,8 @@ use shared_types::describe::{Invalid, LawDescription};
 use shared_types::failure::Failure;
 use shared_types::state::State;
 
+use crate::crash::calling;
+
 use super::interface::{Answer, Controller, RetuneLaw, Sample, Setup};
 use super::memory::{Memory, Saving};
 use super::reason::outcome;
@@ -85,6 +87,7 @@ pub unsafe fn kind(controller: &Controller) -> Result<LawKind, Invalid> {
             period_s: rows.period_s,
         };
         let mut memory = Memory::new(size);
+        let _call = calling(&"start");
         // SAFETY: `start` gets memory of the size that it asked for and rows as long as their tables.
         let status = unsafe { start(memory.change(), &setup) };
         outcome("start", status).map_err(|failure| Invalid(failure.to_string()))?;
@@ -129,6 +132,7 @@ impl Law for InC {
             held_steps: row.held_steps,
         };
         let (command, internals) = (command.as_mut_ptr(), internals.as_mut_ptr());
+        let _call = calling(&"step");
         // SAFETY: the callback is that of this memory, which has started, and all rows are as long as their tables.
         let status = unsafe { (calls.step)(self.memory.change(), &sample, command, internals) };
         outcome("step", status)
@@ -145,6 +149,7 @@ impl Law for InC {
             period_s: rows.period_s,
         };
         let jumps = transition == Transition::Step;
+        let _call = calling(&"retune");
         // SAFETY: the callback is that of this memory, which has started, and the rows are as long as their tables.
         unsafe { retune(self.memory.change(), &setup, jumps.into()) }
         float_modes::settle("retune");

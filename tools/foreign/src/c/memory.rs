@@ -5,6 +5,8 @@ use std::ffi::c_void;
 use shared_types::describe::Invalid;
 use shared_types::state::State;
 
+use crate::crash::calling;
+
 use super::interface::{End, Restore, Save};
 use super::reason::outcome;
 use crate::float_modes;
@@ -57,6 +59,7 @@ impl Memory {
     pub(super) fn save(&self, saving: Option<Saving>) -> Result<State, Invalid> {
         let saving = saving.ok_or_else(cannot_save)?;
         let mut bytes = vec![0_u8; saving.size];
+        let _call = calling(&"save");
         // SAFETY: the callback is that of this memory, which has started, and writes `size` bytes.
         let status = unsafe { (saving.save)(self.read(), bytes.as_mut_ptr().cast()) };
         outcome("save", status).map_err(|failure| Invalid(failure.to_string()))?;
@@ -76,6 +79,7 @@ impl Memory {
                 "the state has {found} bytes, and this program saves {size}"
             )));
         }
+        let _call = calling(&"restore");
         // SAFETY: the callback is that of this memory, which has started, and reads `size` bytes.
         let status = unsafe { (saving.restore)(self.change(), bytes.as_ptr().cast()) };
         outcome("restore", status).map_err(|failure| Invalid(failure.to_string()))
@@ -85,6 +89,7 @@ impl Memory {
 impl Drop for Memory {
     fn drop(&mut self) {
         if let Some(end) = self.end {
+            let _call = calling(&"end");
             // SAFETY: the callback is that of this memory, which has started, and nothing is called after it.
             unsafe { end(self.change()) };
             float_modes::settle("end");

@@ -6,6 +6,8 @@ use shared_types::failure::Failure;
 use shared_types::state::State;
 use shared_types::time;
 
+use crate::crash::calling;
+
 use super::interface::{Advance, Interval, Plant, TakeRow, WriteRow, WriteTruth};
 use super::memory::{Memory, Saving};
 use super::reason::outcome;
@@ -78,6 +80,7 @@ pub unsafe fn kind(plant: &Plant) -> Result<PlantKind, Invalid> {
     PlantKind::from_tables(description, move |row| {
         assert_eq!(row.len(), calls.parameters);
         let mut memory = Memory::new(size);
+        let _call = calling(&"start");
         // SAFETY: `start` gets memory of the size that it asked for and a row as long as its table.
         let status = unsafe { start(memory.change(), row.as_ptr()) };
         outcome("start", status).map_err(|failure| Invalid(failure.to_string()))?;
@@ -92,6 +95,7 @@ impl Model for InC {
         let Some(retune) = self.calls.retune else {
             return Ok(());
         };
+        let _call = calling(&"retune");
         // SAFETY: the callback is that of this memory, which has started, and the row is as long as its table.
         let status = unsafe { retune(self.memory.change(), parameters.as_ptr()) };
         outcome("retune", status)
@@ -100,6 +104,7 @@ impl Model for InC {
     fn measure(&mut self, measured: &mut [f64]) -> Result<(), Failure> {
         assert_eq!(measured.len(), self.calls.measured);
         measured.fill(f64::NAN);
+        let _call = calling(&"measure");
         // SAFETY: the callback is that of this memory, which has started, and the row is as long as its table.
         let status = unsafe { (self.calls.measure)(self.memory.read(), measured.as_mut_ptr()) };
         outcome("measure", status)
@@ -110,6 +115,7 @@ impl Model for InC {
         assert_eq!(lengths, (self.calls.commands, self.calls.truth));
         truth.fill(f64::NAN);
         let (command, truth) = (command.as_ptr(), truth.as_mut_ptr());
+        let _call = calling(&"tell_truth");
         // SAFETY: the callback is that of this memory, which has started, and both rows are as long as their tables.
         let status = unsafe { (self.calls.tell_truth)(self.memory.read(), time_s, command, truth) };
         outcome("tell_truth", status)
@@ -122,6 +128,7 @@ impl Model for InC {
             length_s: interval.length_s,
             substeps: interval.substeps,
         };
+        let _call = calling(&"advance");
         // SAFETY: the callback is that of this memory, which has started, and the row is as long as its table.
         let status =
             unsafe { (self.calls.advance)(self.memory.change(), &interval, command.as_ptr()) };

@@ -7,6 +7,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use shared_types::describe::Invalid;
 use shared_types::program::{UNUSABLE, say};
 
+use crate::crash::install;
+
 use super::interface::{Controller, Plant};
 use super::tables::text;
 use super::{law, plant};
@@ -70,6 +72,7 @@ unsafe fn run(
     float_modes::settle("main");
     start::write_lines();
     start::outlive_readers();
+    install(&"");
     let ended = catch_unwind(AssertUnwindSafe(|| body(arguments)));
     match ended {
         Ok(Ok(code)) => code.into(),

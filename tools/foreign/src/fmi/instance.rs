@@ -16,6 +16,8 @@ use shared_types::describe::Invalid;
 use shared_types::failure::Failure;
 use shared_types::time::Interval;
 
+use crate::crash::calling;
+
 use super::Model;
 use super::journal::Journal;
 use super::library::{CallbacksTwo, Functions, Handle, Own};
@@ -122,24 +124,30 @@ impl Instance {
         let functions = Arc::clone(&self.functions);
         match functions.own {
             Own::Two { setup, enter, .. } => {
+                let call = calling(&"SetupExperiment");
                 // SAFETY: the instance is made; no tolerance, start at 0, no end.
                 self.judge("SetupExperiment", unsafe {
                     setup(self.handle, 0, 0.0, 0.0, 0, 0.0)
                 })?;
+                drop(call);
+                let _call = calling(&"EnterInitializationMode");
                 // SAFETY: the experiment is set up.
                 self.judge("EnterInitializationMode", unsafe { enter(self.handle) })?;
             }
             Own::Three { enter, .. } => {
+                let _call = calling(&"EnterInitializationMode");
                 // SAFETY: the instance is made; no tolerance, start at 0, no end.
                 self.judge("EnterInitializationMode", unsafe {
                     enter(self.handle, false, 0.0, 0.0, false, 0.0)
                 })?;
             }
         }
+        let call = calling(&"ExitInitializationMode");
         // SAFETY: the instance is in initialisation mode.
         self.judge("ExitInitializationMode", unsafe {
             (functions.exit)(self.handle)
         })?;
+        drop(call);
         self.life.set(Life::Stepping);
         self.read()
     }
@@ -156,6 +164,7 @@ impl Instance {
         }
         let pointers: Vec<*const c_char> = names.iter().map(|name| name.as_ptr()).collect();
         let functions = Arc::clone(&self.functions);
+        let _call = calling(&"SetDebugLogging");
         // SAFETY: the instance is made, and the list has so many texts, which live until the call is over.
         self.judge("SetDebugLogging", unsafe {
             match functions.own {
@@ -207,6 +216,7 @@ impl Instance {
         let (at_s, length_s) = (interval.start_s, interval.length_s);
         match functions.own {
             Own::Two { step, .. } => {
+                let _call = calling(&"DoStep");
                 // The state before the step is never asked for again: 1, true.
                 // SAFETY: the instance is between two steps.
                 let status = unsafe { step(self.handle, at_s, length_s, 1) };
@@ -216,6 +226,7 @@ impl Instance {
                 // As bytes, so that no value of the library is a wrong one.
                 let (mut event, mut is_over, mut is_early) = (0_u8, 0_u8, 0_u8);
                 let mut reached_s = at_s;
+                let _call = calling(&"DoStep");
                 // SAFETY: the instance is between two steps, and all four places live until the call is over.
                 self.judge("DoStep", unsafe {
                     step(
@@ -291,6 +302,7 @@ impl Instance {
             return false;
         };
         let mut is_ended = 0;
+        let _call = calling(&"GetBooleanStatus");
         // SAFETY: a step of the instance was discarded, when its status may be asked.
         let answer = unsafe { status(self.handle, TERMINATED, &raw mut is_ended) };
         float_modes::settle("GetBooleanStatus");
@@ -315,9 +327,11 @@ impl Drop for Instance {
         // not used again. The answer of an instance that goes away is nobody's concern.
         unsafe {
             if self.life.get() == Life::Stepping {
+                let _call = calling(&"Terminate");
                 let _ = (self.functions.terminate)(self.handle);
             }
             if self.life.get() != Life::Fatal {
+                let _call = calling(&"FreeInstance");
                 (self.functions.free)(self.handle);
             }
         }

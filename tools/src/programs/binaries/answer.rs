@@ -1,12 +1,14 @@
 //! Answers of programs on this machine, and what of an answer is passed on.
 
 use std::ffi::OsStr;
+use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
 
 use hil_target::asking::{NoAnswer, ask};
 use hil_target::contact::Answer;
 use serde_json::Value;
 use shared_types::text;
+use signal_hook::low_level::signal_name;
 
 use crate::terminal::exit::Failure;
 use crate::terminal::interruption::Interruption;
@@ -31,14 +33,31 @@ pub(super) fn asked<S: AsRef<OsStr>>(
     interruption: &Interruption,
 ) -> Result<Result<Answer, String>, Failure> {
     match ask(path, arguments, &|| interruption.came()) {
-        Ok(answer) => Ok(Ok(Answer {
-            is_success: answer.status.success(),
-            stdout: String::from_utf8_lossy(&answer.stdout).into_owned(),
-            stderr: String::from_utf8_lossy(&answer.stderr).into_owned(),
-        })),
+        Ok(answer) => {
+            let stderr = String::from_utf8_lossy(&answer.stderr).into_owned();
+            if let Some(signal) = answer.status.signal() {
+                return Ok(Err(killed(signal, &stderr)));
+            }
+            Ok(Ok(Answer {
+                is_success: answer.status.success(),
+                stdout: String::from_utf8_lossy(&answer.stdout).into_owned(),
+                stderr,
+            }))
+        }
         Err(NoAnswer::Interrupted) => Err(Failure::Interrupted),
         Err(NoAnswer::Failed(why)) => Ok(Err(why)),
     }
+}
+
+/// Names the signal that a program died by, with its last words.
+fn killed(signal: i32, stderr: &str) -> String {
+    let name = signal_name(signal).unwrap_or("a signal");
+    let last = stderr.lines().rfind(|line| !line.trim().is_empty());
+    let words = last.map_or_else(String::new, |line| {
+        let line = line.strip_prefix(REASON).unwrap_or(line);
+        format!(": {}", text::printable(&text::line(line)))
+    });
+    format!("it was killed by {name} ({signal}){words}")
 }
 
 /// The first text of a description that a terminal would do something at.
@@ -74,6 +93,16 @@ mod tests {
         ] {
             assert_eq!(refusal(stderr), reason, "{stderr}");
         }
+    }
+
+    #[test]
+    fn a_program_that_dies_by_a_signal_is_named_by_it_with_its_last_words() {
+        let words = "a library speaks\nerror: SIGSEGV came in fmi2DoStep\n\n";
+        assert_eq!(
+            killed(11, words),
+            "it was killed by SIGSEGV (11): SIGSEGV came in fmi2DoStep"
+        );
+        assert_eq!(killed(9, ""), "it was killed by SIGKILL (9)");
     }
 
     #[test]

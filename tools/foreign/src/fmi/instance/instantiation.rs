@@ -7,6 +7,7 @@ use std::ptr::null;
 use shared_types::describe::Invalid;
 
 use crate::float_modes;
+use crate::crash::calling;
 use crate::fmi::Model;
 use crate::fmi::journal::{Journal, log_three, log_two};
 use crate::fmi::library::{CallbacksTwo, Functions, Handle, Own};
@@ -44,6 +45,7 @@ pub(super) fn instantiate(
                 step_finished: None,
                 environment,
             }));
+            let _call = calling(&"Instantiate");
             // SAFETY: all texts live until the call is over; the callbacks and the journal live until the
             // instance is freed.
             unsafe {
@@ -61,6 +63,7 @@ pub(super) fn instantiate(
         Own::Three { instantiate, .. } => {
             // As the standard has it, with a separator at the end.
             let place = text(&format!("{}/", resources.display()))?;
+            let _call = calling(&"InstantiateCoSimulation");
             // SAFETY: as above. Neither event mode, early return nor intermediate update.
             unsafe {
                 instantiate(

@@ -8,6 +8,7 @@ use shared_types::describe::Invalid;
 use shared_types::state::State;
 
 use super::Instance;
+use crate::crash::calling;
 use crate::fmi::library::{Functions, StateFunctions};
 use crate::fmi::status::Status;
 
@@ -21,9 +22,12 @@ impl Instance {
         let state = saving(&functions)?;
         let mut taken = null_mut();
         let mut size = 0;
+        let call = calling(&"GetFMUState");
         // SAFETY: the instance is between two steps, when its state may be taken, and `taken` is null.
         let got = unsafe { (state.get)(self.handle, &raw mut taken) };
         self.saved("GetFMUState", got)?;
+        drop(call);
+        let _call = calling(&"SerializeFMUState");
         // SAFETY: the state was taken from this instance.
         let sized = unsafe { (state.size)(self.handle, taken, &raw mut size) };
         let mut bytes = Vec::new();
@@ -55,16 +59,20 @@ impl Instance {
             ));
         }
         let mut made = null_mut();
+        let call = calling(&"DeserializeFMUState");
         // SAFETY: the instance is between two steps, and `bytes` has so many.
         let read =
             unsafe { (state.deserialize)(self.handle, bytes.as_ptr(), bytes.len(), &raw mut made) };
         self.saved("DeserializeFMUState", read)?;
+        drop(call);
+        let call = calling(&"SetFMUState");
         // SAFETY: the state was made by this instance.
         let set = unsafe { (state.set)(self.handle, made) };
         // SAFETY: the state is of this instance and is not used again.
         let freed = unsafe { (state.free)(self.handle, &raw mut made) };
         self.saved("SetFMUState", set)?;
         self.saved("FreeFMUState", freed)?;
+        drop(call);
         self.tuned = tuned;
         self.read().map_err(|failure| Invalid(failure.to_string()))
     }

@@ -1,0 +1,118 @@
+//! Names the call of foreign code in which this process dies by a signal.
+//!
+//! Every call of an FMU or a C callback is marked by [`calling`], two writes to memory. If a signal that ends the
+//! process comes meanwhile, a handler writes its name and that of the call to standard error, the log of the run, and
+//! lets the signal do its work: exit status and core dump are those of the crash.
+
+use std::ffi::c_int;
+use std::mem::MaybeUninit;
+use std::ptr::{null, null_mut};
+use std::sync::Once;
+use std::sync::atomic::{AtomicPtr, Ordering};
+
+/// Signals by which a program ends itself.
+const SIGNALS: [(c_int, &str); 6] = [
+    (libc::SIGSEGV, "SIGSEGV"),
+    (libc::SIGABRT, "SIGABRT"),
+    (libc::SIGBUS, "SIGBUS"),
+    (libc::SIGFPE, "SIGFPE"),
+    (libc::SIGILL, "SIGILL"),
+    (libc::SIGTRAP, "SIGTRAP"),
+];
+/// Bytes of the stack of the handler where there is none: an overflow leaves none of the ordinary one.
+const STACK_BYTES: usize = 64 << 10;
+
+/// Name of the call that is going on; null if none is.
+static CALL: AtomicPtr<&'static str> = AtomicPtr::new(null_mut());
+/// Name of the version in front of all names, `fmi2` or `fmi3`; null for none.
+static FAMILY: AtomicPtr<&'static str> = AtomicPtr::new(null_mut());
+static INSTALLED: Once = Once::new();
+
+/// Mark of a call, taken back when dropped.
+#[must_use]
+pub(crate) struct Calling(*mut &'static str);
+
+/// Marks the begin of a call of foreign code.
+#[inline]
+pub(crate) fn calling(name: &'static &'static str) -> Calling {
+    let name = std::ptr::from_ref(name).cast_mut();
+    // Not one exchange, which would be a barrier at each call: one thread alone calls foreign code.
+    let before = CALL.load(Ordering::Relaxed);
+    CALL.store(name, Ordering::Relaxed);
+    Calling(before)
+}
+
+impl Drop for Calling {
+    #[inline]
+    fn drop(&mut self) {
+        CALL.store(self.0, Ordering::Relaxed);
+    }
+}
+
+/// Lets a signal that ends this process be named with the call from now on. All calls have this text in front.
+pub(crate) fn install(family: &'static &'static str) {
+    FAMILY.store(std::ptr::from_ref(family).cast_mut(), Ordering::Relaxed);
+    INSTALLED.call_once(|| {
+        provide_stack();
+        for (signal, _) in SIGNALS {
+            // SAFETY: a struct of numbers and pointers, for which zero is a value of each.
+            let mut action: libc::sigaction = unsafe { MaybeUninit::zeroed().assume_init() };
+            let handler: extern "C" fn(c_int) = died;
+            action.sa_sigaction = handler as libc::sighandler_t;
+            // Reset, so that the signal ends the process when it comes again.
+            action.sa_flags = libc::SA_RESETHAND | libc::SA_ONSTACK;
+            // SAFETY: the handler takes the number alone, as without SA_SIGINFO, and calls only what may be called
+            // in one.
+            unsafe { libc::sigaction(signal, &raw const action, null_mut()) };
+        }
+    });
+}
+
+/// Gives the handler a stack of its own on this thread, unless there is one, as on every thread of Rust.
+fn provide_stack() {
+    // SAFETY: as in `install`.
+    let mut present: libc::stack_t = unsafe { MaybeUninit::zeroed().assume_init() };
+    // SAFETY: asks only.
+    let answer = unsafe { libc::sigaltstack(null(), &raw mut present) };
+    if answer != 0 || present.ss_flags & libc::SS_DISABLE == 0 {
+        return;
+    }
+    let memory = Box::leak(vec![0_u8; STACK_BYTES].into_boxed_slice());
+    let stack = libc::stack_t {
+        ss_sp: memory.as_mut_ptr().cast(),
+        ss_flags: 0,
+        ss_size: memory.len(),
+    };
+    // SAFETY: the memory is never freed or used otherwise.
+    unsafe { libc::sigaltstack(&raw const stack, null_mut()) };
+}
+
+/// Handler: writes what happened and lets it happen.
+extern "C" fn died(signal: c_int) {
+    // SAFETY: null, or a reference that lives for ever.
+    let call = unsafe { CALL.load(Ordering::Relaxed).as_ref() };
+    // SAFETY: as above.
+    let family = unsafe { FAMILY.load(Ordering::Relaxed).as_ref() };
+    if let Some(call) = call {
+        let name = SIGNALS.iter().find(|(number, _)| *number == signal);
+        let name = name.map_or("a signal", |(_, name)| name);
+        for part in [
+            "error: ",
+            name,
+            " came in ",
+            family.unwrap_or(&""),
+            call,
+            "\n",
+        ] {
+            write(part);
+        }
+    }
+    // Delivered when the handler returns, where the faulting instruction does not fault again.
+    // SAFETY: `raise` may be called in a handler.
+    unsafe { libc::raise(signal) };
+}
+
+fn write(text: &str) {
+    // SAFETY: `write` may be called in a handler, and the text has so many bytes.
+    unsafe { libc::write(libc::STDERR_FILENO, text.as_ptr().cast(), text.len()) };
+}
