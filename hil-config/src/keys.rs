@@ -320,6 +320,16 @@ pub(crate) const PLANT: &[Key] = &[
         "Inner signals of an FMU that are part of the truth: patterns with * and ? for their names in the FMU or in hil. Default: none.",
     ),
     Key::new(
+        "trust_archive",
+        KeyKind::Boolean { default: false },
+        "Permission for the archive of an FMU to unpack to more than 100 times its size, as one with a large table of zeros does; its other limits stay.",
+    ),
+    Key::new(
+        "allow_execution_tool",
+        KeyKind::Boolean { default: false },
+        "Permission for an FMU that says it needs the tool it was made with (needsExecutionTool) to run and to start that tool.",
+    ),
+    Key::new(
         "substeps",
         integer_or(1, 1000, 4),
         "Integration steps in one exchange step.",
@@ -353,6 +363,16 @@ pub(crate) const CONTROLLER: &[Key] = &[
         "program",
         KeyKind::Program,
         "Controller program or FMU, relative to the scenario, or a table of programs by machine name, as printed by `uname -m`; a scenario that names a program runs it. Default: controller-process beside hil.",
+    ),
+    Key::new(
+        "trust_archive",
+        KeyKind::Boolean { default: false },
+        "Permission for the archive of an FMU to unpack to more than 100 times its size, as one with a large table of zeros does; its other limits stay.",
+    ),
+    Key::new(
+        "allow_execution_tool",
+        KeyKind::Boolean { default: false },
+        "Permission for an FMU that says it needs the tool it was made with (needsExecutionTool) to run and to start that tool.",
     ),
     Key::new(
         "rate_hz",

@@ -92,6 +92,45 @@ pub struct Programs {
     pub controller: Option<ControllerProgram>,
     /// Patterns of the plant's inner signals that are part of its truth, if it is an FMU.
     pub locals: Vec<String>,
+    /// Permissions of the plant, if it is an FMU.
+    pub plant_permissions: Permissions,
+    /// Permissions of the controller, if it is an FMU.
+    pub controller_permissions: Permissions,
+}
+
+/// Permissions that a scenario gives to an FMU.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Permissions {
+    /// Permission to unpack to many times the archive's size.
+    pub trust_archive: bool,
+    /// Permission to use a tool that is installed on this machine.
+    pub allow_execution_tool: bool,
+}
+
+impl Permissions {
+    /// Names of the keys.
+    pub const KEYS: [&str; 2] = ["trust_archive", "allow_execution_tool"];
+
+    /// The value of each key, in the order of [`Permissions::KEYS`].
+    #[must_use]
+    pub const fn values(self) -> [bool; 2] {
+        [self.trust_archive, self.allow_execution_tool]
+    }
+
+    /// The permissions of which `is_given` returns true for the name of the key.
+    pub fn of(mut is_given: impl FnMut(&'static str) -> bool) -> Self {
+        let [trust_archive, allow_execution_tool] = Self::KEYS.map(&mut is_given);
+        Self {
+            trust_archive,
+            allow_execution_tool,
+        }
+    }
+
+    /// Names of the keys that are true.
+    pub fn given(self) -> impl Iterator<Item = &'static str> {
+        let all = Self::KEYS.into_iter().zip(self.values());
+        all.filter_map(|(key, is_given)| is_given.then_some(key))
+    }
 }
 
 /// The controller program of a scenario.

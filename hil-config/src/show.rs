@@ -21,7 +21,8 @@ use shared_types::time::{Rate, Step};
 
 use crate::keys::{self, Key, KeyKind, SCHEMA};
 use crate::plan::{
-    Clock, ControllerProgram, Derived, FaultEvent, Metric, Plan, Realtime, Run, Stimulus,
+    Clock, ControllerProgram, Derived, FaultEvent, Metric, Permissions, Plan, Realtime, Run,
+    Stimulus,
 };
 use crate::quantity::{Quantity, toml_float};
 
@@ -222,12 +223,14 @@ fn realtime(text: &mut String, realtime: &Realtime) -> Written {
 
 fn plant_tables(text: &mut String, plan: &Plan, plant: &PlantDescription) -> Written {
     let (program, locals) = (&plan.programs.plant, &plan.programs.locals);
+    let permissions = plan.programs.plant_permissions;
     let plan = &plan.plant;
     writeln!(text, "\n[plant] # {}", comment(&plant.summary))?;
     section(text, keys::PLANT, |key| match key {
         "model" => Some(string(&plan.model)),
         "program" => program.as_ref()?.to_str().map(string),
         "locals" => (!locals.is_empty()).then(|| strings(locals)),
+        "trust_archive" | "allow_execution_tool" => permission(permissions, key),
         "substeps" => Some(plan.substeps.to_string()),
         other => forgotten(other),
     })?;
@@ -252,9 +255,16 @@ fn plant_tables(text: &mut String, plan: &Plan, plant: &PlantDescription) -> Wri
     settings(text, "plant.safe_command", safe, &plant.commands)
 }
 
+/// A permission of an FMU, if it is given.
+fn permission(permissions: Permissions, key: &str) -> Option<String> {
+    let is_given = permissions.given().any(|given| given == key);
+    is_given.then(|| "true".into())
+}
+
 fn controller(text: &mut String, plan: &Plan, law: &LawDescription) -> Written {
     let made_for = &plan.controller.made_for;
     let made_for = (*made_for != plan.plant.model).then(|| string(made_for));
+    let permissions = plan.programs.controller_permissions;
     let (rate, program, plan) = (plan.run.rate, &plan.programs.controller, &plan.controller);
     writeln!(text, "\n[controller] # {}", comment(&law.summary))?;
     section(text, keys::CONTROLLER, |name| match name {
@@ -269,6 +279,7 @@ fn controller(text: &mut String, plan: &Plan, law: &LawDescription) -> Written {
                 Some(inline(named))
             }
         },
+        "trust_archive" | "allow_execution_tool" => permission(permissions, name),
         "rate_hz" => Some(toml_float(rate.hz() / f64::from(plan.rate_divisor))),
         "command_delay_steps" => Some(plan.command_delay_steps.to_string()),
         other => forgotten(other),

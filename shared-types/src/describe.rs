@@ -467,7 +467,7 @@ pub struct Invalid(pub String);
 mod imported;
 mod rows;
 
-pub use imported::{DefinedUnit, DirectDependency, Imported, LeftOut};
+pub use imported::{DefinedUnit, DirectDependency, Imported, LeftOut, LibraryNeeds};
 
 #[cfg(test)]
 mod tests;

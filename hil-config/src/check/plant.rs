@@ -53,7 +53,11 @@ pub(super) fn check(
             parameters::given(reader, given, &plant.parameters, &owner)
         })
         .unwrap_or_default();
-    let whole = parameters_section.as_ref().unwrap_or(section);
+    let absent = Section {
+        path: section.path_of("parameters"),
+        ..section.clone()
+    };
+    let whole = parameters_section.as_ref().unwrap_or(&absent);
     let parameters = parameters::complete(reader, whole, &plant.parameters, &given, |_| None);
     let limits = limits_section
         .map(|section| limits(reader, &section, plant))

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::document::{Node, Value};
-use crate::plan::{ControllerProgram, Programs};
+use crate::plan::{ControllerProgram, Permissions, Programs};
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section, describe};
 
@@ -27,11 +27,29 @@ pub(super) fn check(reader: &mut Reader, root: &Section<'_>, folder: &Path) -> P
     });
     let locals = entry_of(root, "plant", "locals");
     let locals = locals.map_or(Vec::new(), |node| texts(reader, "plant.locals", node));
+    let mut permissions = |table: &str| {
+        Permissions::of(|key| {
+            let node = entry_of(root, table, key);
+            node.is_some_and(|node| flag(reader, &format!("{table}.{key}"), node))
+        })
+    };
     Programs {
         plant,
         controller,
         locals,
+        plant_permissions: permissions("plant"),
+        controller_permissions: permissions("controller"),
     }
+}
+
+/// The value of a key that is true or false; false if it is neither, which is reported.
+fn flag(reader: &mut Reader, path: &str, node: &Node) -> bool {
+    let Value::Boolean(value) = node.value else {
+        let expected = describe(&crate::keys::KeyKind::Boolean { default: false });
+        reader.wrong_type(path, node, expected);
+        return false;
+    };
+    value
 }
 
 /// The value of a key of a table, if both are there.

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use hil_config::plan::{ControllerProgram, Programs};
+use hil_config::plan::{ControllerProgram, Permissions, Programs};
 use hil_config::problem::ProblemKind;
 use hil_config::scenario::Advice;
 use hil_config::show::show;
@@ -27,7 +27,7 @@ fn a_program_is_found_from_the_folder_of_the_scenario() {
     let programs = Programs {
         plant: Some(beside("target/plant")),
         controller: Some(ControllerProgram::One("/opt/laws".into())),
-        locals: Vec::new(),
+        ..Programs::default()
     };
     assert_eq!(parse(&text).expect("TOML").programs(), programs);
     assert_eq!(plan(&text).programs, programs);
@@ -45,6 +45,40 @@ fn inner_signals_of_a_plant_are_patterns() {
         assert!(
             found.iter().any(|one| one.key.starts_with("plant.locals")),
             "{wrong}: {found:?}"
+        );
+    }
+}
+
+#[test]
+fn permissions_of_an_fmu_are_read_for_each_side_and_shown_again() {
+    let text = base_with(
+        "substeps = 2",
+        "substeps = 2\ntrust_archive = true\nallow_execution_tool = false",
+    );
+    let law = "law = \"ftsc\"";
+    let text = text.replacen(law, &format!("{law}\nallow_execution_tool = true"), 1);
+    let plan = plan(&text);
+    let [archive, tool] = [true, false].map(|trust_archive| Permissions {
+        trust_archive,
+        allow_execution_tool: !trust_archive,
+    });
+    assert_eq!(plan.programs.plant_permissions, archive);
+    assert_eq!(plan.programs.controller_permissions, tool);
+    let (plants, laws) = (descriptions::plants(), descriptions::laws());
+    let shown = show(&plan, &plants, &laws, &descriptions::kinds()).expect("described");
+    assert_eq!(crate::plan(&shown).programs, plan.programs, "{shown}");
+    for wrong in ["1", "\"true\"", "[true]"] {
+        let text = base_with(
+            "substeps = 2",
+            &format!("substeps = 2\ntrust_archive = {wrong}"),
+        );
+        let problems = problems(&text);
+        let [problem] = &problems[..] else {
+            panic!("{problems:?}")
+        };
+        assert_eq!(
+            (problem.key.as_str(), problem.kind),
+            ("plant.trust_archive", ProblemKind::WrongType)
         );
     }
 }

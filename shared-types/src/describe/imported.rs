@@ -32,6 +32,26 @@ pub struct Imported {
     /// Attributes of the model that make no sense and are ignored.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
+    /// Needs of its shared library, if that was loaded to find them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub library: Option<LibraryNeeds>,
+}
+
+/// Needs of a shared library, and those of them that this machine does not meet.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LibraryNeeds {
+    /// Libraries that it names.
+    #[serde(default)]
+    pub needs: Vec<String>,
+    /// Libraries that it names and that cannot be loaded.
+    #[serde(default)]
+    pub lacks_libraries: Vec<String>,
+    /// Symbols that it must have from others and that nothing loaded here defines.
+    #[serde(default)]
+    pub lacks_symbols: Vec<String>,
+    /// Reason for which it cannot be loaded.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refusal: Option<String>,
 }
 
 /// An output that depends directly on inputs: it shows the command of the step before.

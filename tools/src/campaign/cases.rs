@@ -105,8 +105,9 @@ impl Cases {
                     text: scenario.text(),
                     // The programs are the copies; what belongs to them is not.
                     programs: Programs {
-                        locals: scenario.programs().locals,
-                        ..Programs::default()
+                        plant: None,
+                        controller: None,
+                        ..scenario.programs()
                     },
                 };
                 let choices = Choices::of(&arguments, &named, None)?;

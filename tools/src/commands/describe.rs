@@ -2,8 +2,11 @@
 
 use std::fmt::Write;
 
+use hil_config::plan::Permissions;
 use serde_json::json;
-use shared_types::describe::{Description, Imported, LawDescription, PlantDescription};
+use shared_types::describe::{
+    Description, Imported, LawDescription, LibraryNeeds, PlantDescription,
+};
 use shared_types::number::exact;
 use shared_types::table::Field;
 
@@ -25,7 +28,12 @@ pub(crate) fn describe(arguments: &DescribeArguments) -> Result<Exit, Failure> {
         DescribedSide::Plant => &PLANT,
         DescribedSide::Controller => &CONTROLLER,
     };
-    let binary = Binary::described(&arguments.file, role, &interruption)?;
+    let permissions = Permissions {
+        trust_archive: arguments.trust_archive,
+        allow_execution_tool: arguments.allow_execution_tool,
+    };
+    let fmu = (permissions, arguments.load);
+    let binary = Binary::described(&arguments.file, role, fmu, &interruption)?;
     let Binary {
         description,
         blake3,
@@ -43,7 +51,13 @@ pub(crate) fn describe(arguments: &DescribeArguments) -> Result<Exit, Failure> {
     output::result(arguments.json, &result, || {
         output::text(|text| write_all(text, &file, description))
     })?;
-    Ok(Exit::Pass)
+    let library = (description.imported.as_ref()).and_then(|imported| imported.library.as_ref());
+    match library.and_then(|library| library.refusal.as_ref()) {
+        None => Ok(Exit::Pass),
+        Some(reason) => Err(Failure::usage(format!(
+            "{file}: its library cannot be loaded: {reason}"
+        ))),
+    }
 }
 
 type Written = std::fmt::Result;
@@ -196,7 +210,31 @@ fn write_imported(text: &mut String, imported: &Imported) -> Written {
     for note in &imported.notes {
         writeln!(text, "  {note}")?;
     }
-    Ok(())
+    match &imported.library {
+        Some(library) => write_library(text, library),
+        None => Ok(()),
+    }
+}
+
+fn write_library(text: &mut String, library: &LibraryNeeds) -> Written {
+    writeln!(text, "\nits library needs: {}", listed(&library.needs))?;
+    writeln!(
+        text,
+        "libraries that are not there: {}",
+        listed(&library.lacks_libraries)
+    )?;
+    writeln!(
+        text,
+        "symbols that nothing defines: {}",
+        listed(&library.lacks_symbols)
+    )
+}
+
+fn listed(names: &[String]) -> String {
+    match names.is_empty() {
+        true => "none".into(),
+        false => names.join(", "),
+    }
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
 
-use hil_config::plan::{ControllerProgram, Plan, Programs};
+use hil_config::plan::{ControllerProgram, Permissions, Plan, Programs};
 use hil_config::scenario::Advice;
 use hil_target::bridge::ready_file;
 use shared_types::describe::{
@@ -167,6 +167,8 @@ impl Binaries {
                 .host
                 .as_ref()
                 .map_or(Vec::new(), |host| host.locals.clone()),
+            plant_permissions: self.plant.permissions(),
+            controller_permissions: self.controller.permissions(),
         }
     }
 
@@ -257,10 +259,15 @@ impl Binary {
     pub(crate) fn described(
         path: &Path,
         role: &Role,
+        (permissions, loads): (Permissions, bool),
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
         let path = std::path::absolute(path).map_err(Failure::usage)?;
-        let choice = Choice::new(path, NamedBy::Person("--as"));
+        let choice = Choice {
+            permissions,
+            loads,
+            ..Choice::new(path, NamedBy::Person("--as"))
+        };
         Self::find(&choice, role, None, interruption)
     }
 
@@ -302,6 +309,12 @@ impl Binary {
             }
             by => format!("these are the {what}s of {path} ({by})"),
         }
+    }
+
+    /// Returns the permissions that it has as an FMU.
+    pub(crate) fn permissions(&self) -> Permissions {
+        let host = self.host.as_ref();
+        host.map_or_else(Permissions::default, |host| host.permissions)
     }
 
     /// Returns the path, if somebody named it.
@@ -351,18 +364,16 @@ impl Binary {
             path, by, blake3, ..
         } = choice;
         let shown = path.display();
-        let cannot = |error: &dyn std::fmt::Display| cannot_run(choice, role, error);
-        let host = Host::of(path, role.side, &choice.locals).map_err(|error| cannot(&error))?;
+        let cannot = |error: &dyn std::fmt::Display| choice.cannot_run(role, error);
+        let host = Host::of(choice, role.side).map_err(|error| cannot(&error))?;
         if let (Some(_), Some(at)) = (&host, at) {
             let target = at.target();
             return Err(cannot(&format!(
                 "an FMU runs on this machine, not on {target}"
             )));
         }
-        if !choice.locals.is_empty() && host.is_none() {
-            return Err(Failure::usage(format!(
-                "{shown} is no FMU, so `plant.locals` has no effect; its truth is all that it describes"
-            )));
+        if let (None, Some(reason)) = (&host, choice.only_for_an_fmu(role)) {
+            return Err(Failure::usage(format!("{shown} is no FMU, so {reason}")));
         }
         let hashed = match &host {
             Some(_) => hashed_model(path),
@@ -473,23 +484,6 @@ impl Binary {
         let (program, why) = (&self.description.program, text::printable(why));
         Failure::usage(format!("{program}: {why}"))
     }
-}
-
-fn cannot_run(choice: &Choice, role: &Role, error: &dyn std::fmt::Display) -> Failure {
-    let (shown, by) = (choice.path.display(), &choice.by);
-    Failure::usage(match by {
-        NamedBy::Nobody if !choice.path.exists() => format!(
-            "no {} program is named, and none lies beside hil: {shown} is not there; `cargo build --release` in the clone builds all programs beside each other, or name one with {} PATH or {}",
-            role.side, role.flag, role.variable
-        ),
-        NamedBy::Nobody => format!(
-            "cannot run {shown}: {error}; build it with `cargo build --release`, or name one with {}",
-            role.flag
-        ),
-        // A flag was just typed; a variable may have been set long ago.
-        NamedBy::Person(flag) if flag.starts_with("--") => format!("cannot run {shown}: {error}"),
-        by => format!("cannot run {shown} ({by}): {error}"),
-    })
 }
 
 /// A binary beside this one.

@@ -10,7 +10,7 @@ use shared_types::side::Side;
 
 use super::settings::Settings;
 use crate::doctor;
-use crate::programs::binaries::named::LOCALS;
+use crate::programs::binaries::named::{LOCALS, PERMISSIONS};
 use crate::programs::binaries::{Binaries, seal};
 use crate::results::summary::BY_HAND;
 use crate::results::target::Target;
@@ -67,6 +67,16 @@ pub(super) fn of(
     let locals = binaries.programs().locals;
     if !locals.is_empty() {
         fact(LOCALS, serde_json::json!(locals).to_string());
+    }
+    let permissions: Vec<String> = [("plant", plant), ("controller", controller)]
+        .into_iter()
+        .flat_map(|(side, binary)| {
+            let keys = binary.permissions().given();
+            keys.map(move |key| format!("{side}.{key}"))
+        })
+        .collect();
+    if !permissions.is_empty() {
+        fact(PERMISSIONS, serde_json::json!(permissions).to_string());
     }
     let host = rustix::system::uname();
     fact("host", host.nodename().to_string_lossy().into_owned());

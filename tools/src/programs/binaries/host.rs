@@ -9,8 +9,10 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use hil_config::plan::Permissions;
 use hil_target::contact::Answer;
 
+use super::named::Choice;
 use super::{FileIdentity, asked, beside, hashed};
 use crate::terminal::exit::Failure;
 use crate::terminal::interruption::Interruption;
@@ -31,6 +33,10 @@ pub(crate) struct Host {
     pub(crate) blake3: String,
     /// Patterns of inner signals that are part of the truth.
     pub(crate) locals: Vec<String>,
+    /// Permissions of the model.
+    pub(crate) permissions: Permissions,
+    /// True if the model's library is loaded to say what it needs.
+    loads: bool,
     pub(super) file: FileIdentity,
     side: &'static str,
 }
@@ -40,12 +46,8 @@ impl Host {
     ///
     /// # Errors
     /// If there is no host.
-    pub(super) fn of(
-        path: &Path,
-        side: &'static str,
-        locals: &[String],
-    ) -> Result<Option<Self>, String> {
-        if !is_model(path) {
+    pub(super) fn of(choice: &Choice, side: &'static str) -> Result<Option<Self>, String> {
+        if !is_model(&choice.path) {
             return Ok(None);
         }
         let own = beside(HOST).map_err(|error| error.to_string())?;
@@ -54,7 +56,9 @@ impl Host {
         Ok(Some(Self {
             path: own,
             blake3,
-            locals: locals.to_vec(),
+            locals: choice.locals.clone(),
+            permissions: choice.permissions,
+            loads: choice.loads,
             file,
             side,
         }))
@@ -86,6 +90,17 @@ impl Host {
         for pattern in &self.locals {
             arguments.extend([OsStr::new("--truth"), pattern.as_ref()]);
         }
+        let Permissions {
+            trust_archive,
+            allow_execution_tool,
+        } = self.permissions;
+        let flags = [
+            (trust_archive, "--trust-archive"),
+            (allow_execution_tool, "--allow-execution-tool"),
+            (self.loads, "--load"),
+        ];
+        let flags = flags.iter().filter(|(is_set, _)| *is_set);
+        arguments.extend(flags.map(|(_, flag)| OsStr::new(*flag)));
         arguments
     }
 }

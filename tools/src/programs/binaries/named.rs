@@ -10,7 +10,7 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use hil_config::plan::{ControllerProgram, Programs};
+use hil_config::plan::{ControllerProgram, Permissions, Programs};
 use hil_config::scenario::{Scenario, read_regular};
 use hil_recording::reader::RunReader;
 
@@ -48,6 +48,9 @@ pub(crate) const CONTROLLER: Role = Role {
 /// Fact of a recording with the patterns of inner signals.
 pub(crate) const LOCALS: &str = "plant_locals";
 
+/// Fact of a recording with the keys of the scenario that give an FMU a permission.
+pub(crate) const PERMISSIONS: &str = "fmu_permissions";
+
 /// Source that named a program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum NamedBy {
@@ -81,17 +84,57 @@ pub(crate) struct Choice {
     pub(crate) blake3: Option<String>,
     /// Patterns of inner signals that are part of the truth, if it is an FMU.
     pub(crate) locals: Vec<String>,
+    /// Permissions, if it is an FMU.
+    pub(crate) permissions: Permissions,
+    /// True if the library of an FMU is loaded to say what it needs.
+    pub(crate) loads: bool,
 }
 
 impl Choice {
     /// Chooses a program of which nothing more is asked.
-    pub(super) const fn new(path: PathBuf, by: NamedBy) -> Self {
+    pub(super) fn new(path: PathBuf, by: NamedBy) -> Self {
         Self {
             path,
             by,
             blake3: None,
             locals: Vec::new(),
+            permissions: Permissions::default(),
+            loads: false,
         }
+    }
+
+    /// Makes the failure of a program that cannot be run.
+    pub(super) fn cannot_run(&self, role: &Role, error: &dyn fmt::Display) -> Failure {
+        let (shown, by) = (self.path.display(), &self.by);
+        Failure::usage(match by {
+            NamedBy::Nobody if !self.path.exists() => format!(
+                "no {} program is named, and none lies beside hil: {shown} is not there; `cargo build --release` in the clone builds all programs beside each other, or name one with {} PATH or {}",
+                role.side, role.flag, role.variable
+            ),
+            NamedBy::Nobody => format!(
+                "cannot run {shown}: {error}; build it with `cargo build --release`, or name one with {}",
+                role.flag
+            ),
+            // A flag was just typed; a variable may have been set long ago.
+            NamedBy::Person(flag) if flag.starts_with("--") => {
+                format!("cannot run {shown}: {error}")
+            }
+            by => format!("cannot run {shown} ({by}): {error}"),
+        })
+    }
+
+    /// The first wish that only an FMU can grant, and that it has no effect.
+    pub(super) fn only_for_an_fmu(&self, role: &Role) -> Option<String> {
+        if !self.locals.is_empty() {
+            return Some("`plant.locals` has no effect; its truth is all that it describes".into());
+        }
+        let keys = self.permissions.given();
+        let flag = self.loads.then(|| "--load".to_owned());
+        let wish = { keys }
+            .map(|key| format!("`{}.{key}`", role.side))
+            .chain(flag)
+            .next()?;
+        Some(format!("{wish} has no effect"))
     }
 }
 
@@ -114,6 +157,8 @@ pub(crate) struct Recorded {
     controller: Option<PathBuf>,
     /// Patterns of the plant's inner signals that were part of the truth.
     locals: Vec<String>,
+    /// Permissions of the plant and of the controller.
+    permissions: [Permissions; 2],
     /// Hashes of the plant's and the controller's program.
     pub(crate) blake3: [Option<String>; 2],
     /// True if this user recorded the run; an error gives the reason for which that cannot be told.
@@ -124,6 +169,9 @@ pub(crate) struct Recorded {
 impl Recorded {
     pub(crate) fn of(reader: &RunReader, run: &Path) -> Self {
         let fact = |name| reader.fact(name).map(str::to_owned);
+        let permitted: Vec<String> = (reader.fact(PERMISSIONS))
+            .and_then(|text| serde_json::from_str(text).ok())
+            .unwrap_or_default();
         Self {
             run: run.to_owned(),
             plant: fact("plant_binary").map(PathBuf::from),
@@ -131,6 +179,9 @@ impl Recorded {
             locals: (reader.fact(LOCALS))
                 .and_then(|text| serde_json::from_str(text).ok())
                 .unwrap_or_default(),
+            permissions: [&PLANT, &CONTROLLER].map(|role| {
+                Permissions::of(|key| permitted.contains(&format!("{}.{key}", role.side)))
+            }),
             blake3: [fact("plant_blake3"), fact("controller_blake3")],
             is_own: seal::is_own(|name| reader.fact(name)),
             host: fact("host").unwrap_or_default(),
@@ -151,6 +202,8 @@ impl Recorded {
             plant: self.plant.clone(),
             controller: self.controller.clone().map(ControllerProgram::One),
             locals: self.locals.clone(),
+            plant_permissions: self.permissions[0],
+            controller_permissions: self.permissions[1],
         }
     }
 
@@ -232,6 +285,18 @@ impl<'a> Named<'a> {
         }
     }
 
+    /// The permissions of a side.
+    fn permissions(&self, role: &Role) -> Permissions {
+        let [plant, controller] = match self {
+            Self::Scenario { programs, .. } => {
+                [programs.plant_permissions, programs.controller_permissions]
+            }
+            Self::Recorded(recorded) => recorded.permissions,
+            Self::Nothing => [Permissions::default(); 2],
+        };
+        if role == &PLANT { plant } else { controller }
+    }
+
     /// The program of a side; `given` is that of the command line, `at` the machine that it runs on.
     ///
     /// # Errors
@@ -269,6 +334,7 @@ impl<'a> Named<'a> {
         };
         Ok(Choice {
             locals: self.locals(role),
+            permissions: self.permissions(role),
             ..choice
         })
     }
