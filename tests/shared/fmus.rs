@@ -41,6 +41,16 @@ pub(crate) fn has_compiler() -> bool {
 
 /// Compiles sources with these options into a library; gives its bytes.
 pub(crate) fn compiled(name: &str, sources: &[PathBuf], options: &[&str]) -> Vec<u8> {
+    linked(name, sources, options, &["-lm"])
+}
+
+/// The same with other libraries than libm.
+pub(crate) fn linked(
+    name: &str,
+    sources: &[PathBuf],
+    options: &[&str],
+    libraries: &[&str],
+) -> Vec<u8> {
     let folder = tempfile::tempdir().expect("a folder");
     let library = folder.path().join(format!("{name}.so"));
     let include = third_party().join("include");
@@ -52,7 +62,7 @@ pub(crate) fn compiled(name: &str, sources: &[PathBuf], options: &[&str]) -> Vec
         .args(sources)
         .arg("-o")
         .arg(&library)
-        .arg("-lm");
+        .args(libraries);
     let output = cc.output().expect("a C compiler");
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{cc:?} failed:\n{said}");
@@ -127,23 +137,53 @@ pub(crate) fn entries(name: &str, version: u32, description: Vec<u8>, options: &
     ]
 }
 
+/// An entry as an archive has it.
+pub(crate) struct Packed {
+    pub(crate) name: String,
+    /// Bytes of the packed content, and their method.
+    pub(crate) bytes: Vec<u8>,
+    pub(crate) method: u8,
+    pub(crate) crc: u32,
+    pub(crate) size: usize,
+}
+
+impl Packed {
+    /// An entry that is stored as it is.
+    pub(crate) fn stored((name, content): &(String, Vec<u8>)) -> Self {
+        Self {
+            name: name.clone(),
+            bytes: content.clone(),
+            method: 0,
+            crc: crc32fast::hash(content),
+            size: content.len(),
+        }
+    }
+}
+
 /// Writes an archive of stored entries.
 pub(crate) fn write(path: &Path, entries: &[(String, Vec<u8>)]) {
+    let packed: Vec<Packed> = entries.iter().map(Packed::stored).collect();
+    write_packed(path, &packed);
+}
+
+/// Writes an archive.
+pub(crate) fn write_packed(path: &Path, entries: &[Packed]) {
     let size = |number: usize| u32::try_from(number).expect("small").to_le_bytes();
     let (mut bytes, mut list) = (Vec::new(), Vec::new());
-    for (name, content) in entries {
+    for entry in entries {
+        let name = &entry.name;
         let length = u16::try_from(name.len()).expect("short").to_le_bytes();
-        let mut middle = vec![0; 8];
-        middle.extend(crc32fast::hash(content).to_le_bytes());
-        middle.extend(size(content.len()));
-        middle.extend(size(content.len()));
+        let mut middle = vec![0, 0, entry.method, 0, 0, 0, 0, 0];
+        middle.extend(entry.crc.to_le_bytes());
+        middle.extend(size(entry.bytes.len()));
+        middle.extend(size(entry.size));
         middle.extend(length);
         middle.extend([0; 2]);
         let head = bytes.len();
         bytes.extend(b"PK\x03\x04\x14\0");
         bytes.extend(&middle);
         bytes.extend(name.as_bytes());
-        bytes.extend(content);
+        bytes.extend(&entry.bytes);
         list.extend(b"PK\x01\x02\x14\x03\x14\0");
         list.extend(&middle);
         list.extend([0; 6]);

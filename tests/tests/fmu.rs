@@ -2,6 +2,7 @@
 
 mod ends;
 mod names;
+mod shipped;
 mod vendor;
 
 use std::path::PathBuf;

@@ -1,4 +1,4 @@
-//! An FMU: any bytes as the archive, or any text as the model description in it.
+//! An FMU: any bytes as the archive, or as the model description in it.
 //!
 //! No name leads out of the folder that an archive is unpacked into. A model whose tables can be made describes itself
 //! as a plant and as a law so that `hil` reads the same, or is refused.
@@ -23,8 +23,8 @@ const MOST: u64 = 1 << 20;
 pub fn run(bytes: &[u8]) {
     if bytes.starts_with(&MARK) {
         archive(bytes);
-    } else if let Ok(text) = std::str::from_utf8(bytes) {
-        model(text);
+    } else {
+        model(bytes);
     }
 }
 
@@ -39,19 +39,15 @@ fn archive(bytes: &[u8]) {
         let stays = parts.all(|part| matches!(part, Component::Normal(_)));
         assert!(stays, "{name:?} leads out of the folder");
         match archive.content(name, MOST) {
-            Ok(content) if name == "modelDescription.xml" => {
-                if let Ok(text) = std::str::from_utf8(&content) {
-                    model(text);
-                }
-            }
+            Ok(content) if name == "modelDescription.xml" => model(&content),
             Ok(content) => assert!(content.len() as u64 <= MOST),
             Err(error) => assert_told(&error.to_string()),
         }
     }
 }
 
-fn model(text: &str) {
-    let description = match ModelDescription::read(text) {
+fn model(bytes: &[u8]) {
+    let description = match ModelDescription::decode(bytes) {
         Ok(description) => description,
         Err(error) => return assert_told(&error.to_string()),
     };

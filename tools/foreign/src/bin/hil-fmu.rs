@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use glob::Pattern;
-use hil_foreign::fmi::{Fmu, sides};
+use hil_foreign::fmi::{Fmu, Permissions, leave, sides};
 use shared_types::describe::{Description, Imported};
 use shared_types::program::{self, Program, UNUSABLE};
 use shared_types::session::SessionInfo;
@@ -17,18 +17,23 @@ use shared_types::supervision::Supervision;
 
 const NAME: &str = "hil-fmu";
 const VERSION: &str = env!("CARGO_PKG_VERSION");
-const USAGE: &str = "usage: hil-fmu plant|controller MODEL.fmu [--truth PATTERN].. --describe | --check JOB.json | --session FOLDER; hil starts it for a scenario that names an FMU";
+const USAGE: &str = "usage: hil-fmu plant|controller MODEL.fmu [--truth PATTERN].. [--trust-archive] [--allow-execution-tool] [--load] --describe | --check JOB.json | --session FOLDER; hil starts it for a scenario that names an FMU";
 
 fn main() -> ExitCode {
-    program::with_stack(|| {
-        ExitCode::from(run().unwrap_or_else(|reason| {
+    let (code, needs_tool) = program::with_stack(|| {
+        run().unwrap_or_else(|reason| {
             program::say(&format!("error: {reason}"));
-            UNUSABLE
-        }))
-    })
+            (UNUSABLE, false)
+        })
+    });
+    if needs_tool {
+        leave(code);
+    }
+    ExitCode::from(code)
 }
 
-fn run() -> Result<u8, String> {
+/// Does what the arguments say; gives the exit code, and true if the FMU needs its tool.
+fn run() -> Result<(u8, bool), String> {
     let mut arguments = std::env::args_os();
     let own = arguments.next().unwrap_or_else(|| NAME.into());
     let (Some(side), Some(path)) = (arguments.next(), arguments.next()) else {
@@ -40,20 +45,38 @@ fn run() -> Result<u8, String> {
     while arguments.next_if(|one| one == "--truth").is_some() {
         patterns.push(pattern(arguments.next())?);
     }
+    let mut flag = |name: &str| arguments.next_if(|one| one == name).is_some();
+    let permissions = Permissions {
+        trust_archive: flag("--trust-archive"),
+        allow_execution_tool: flag("--allow-execution-tool"),
+        is_of_controller: side == "controller",
+    };
+    let is_loaded = flag("--load");
     let rest = std::iter::once(own).chain(arguments);
     let told = |error: &dyn std::fmt::Display| describe(&path, error);
-    let fmu = Arc::new(Fmu::open(&path, &patterns).map_err(|error| told(&error))?);
-    let imported = &fmu.model().tables.imported;
+    let fmu = Arc::new(Fmu::open(&path, &patterns, permissions).map_err(|error| told(&error))?);
+    let mut imported = fmu.model().tables.imported.clone();
+    if is_loaded {
+        imported.library = Some(fmu.needs().map_err(|error| told(&error))?);
+    }
+    let imported = &imported;
+    let needs_tool = fmu.model().description.needs_tool;
     match side.to_str() {
         Some("plant") => {
             let kind = sides::plant(&fmu).map_err(|error| told(&error))?;
             let inner = plant_process::program::of(NAME, VERSION, vec![kind]);
-            Ok(program::answer(&Described { inner, imported }, rest))
+            Ok((
+                program::answer(&Described { inner, imported }, rest),
+                needs_tool,
+            ))
         }
         Some("controller") => {
             let kind = sides::law(&fmu).map_err(|error| told(&error))?;
             let inner = controller_process::program::of(NAME, VERSION, vec![kind]);
-            Ok(program::answer(&Described { inner, imported }, rest))
+            Ok((
+                program::answer(&Described { inner, imported }, rest),
+                needs_tool,
+            ))
         }
         _ => Err(USAGE.into()),
     }

@@ -5,7 +5,7 @@
 //! than the [`Limits`] say. Content is unpacked into memory of the size that the list gives and compared
 //! with its sum. Nothing here writes a file but [`Archive::extract`], into a folder that is there already.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
@@ -28,8 +28,8 @@ pub enum ArchiveError {
     /// An entry's name leads elsewhere or can be read in two ways.
     #[error("entry {0:?} does not name a file inside the archive")]
     Name(String),
-    /// An entry is there twice, or a file is used as a folder.
-    #[error("entry {0:?} is there twice")]
+    /// An entry is there twice and the second is not the first, or a file is used as a folder.
+    #[error("entry {0:?} is there twice, with different content or as a file and a folder")]
     Twice(String),
     /// An entry is a link, a device or the like.
     #[error("entry {0:?} is a link or a device, not a file")]
@@ -37,6 +37,14 @@ pub enum ArchiveError {
     /// The archive is larger than the limits allow.
     #[error("{0}")]
     Large(String),
+    /// The archive unpacks to more than the ratio allows.
+    #[error("its entries have {total_mib} MiB unpacked, more than {ratio} times its size")]
+    Ratio {
+        /// Content of all entries in MiB.
+        total_mib: u64,
+        /// Ratio of the limits.
+        ratio: u64,
+    },
     /// An entry is not what the list says of it.
     #[error("entry {0:?} is damaged")]
     Content(String),
@@ -75,6 +83,12 @@ pub const LIMITS: Limits = Limits {
     total: 1 << 30,
     ratio: 100,
     free: 32 << 20,
+};
+
+/// Limits for an FMU whose user says that its content is what it should be: only the ratio is free.
+pub const TRUSTED: Limits = Limits {
+    ratio: u64::MAX,
+    ..LIMITS
 };
 
 /// Bytes of the record at the end of an archive, without its comment.
@@ -130,12 +144,12 @@ impl Archive<File> {
     ///
     /// # Errors
     /// If it is none, or breaks a limit.
-    pub fn open(path: &Path) -> Result<Self, ArchiveError> {
+    pub fn open(path: &Path, limits: &Limits) -> Result<Self, ArchiveError> {
         let file = File::open(path)?;
         if !file.metadata()?.is_file() {
             return Err(ArchiveError::Damaged("it is no regular file"));
         }
-        Self::read(file, &LIMITS)
+        Self::read(file, limits)
     }
 }
 
@@ -162,6 +176,7 @@ impl<R: Read + Seek> Archive<R> {
         check_names(&entries)?;
         check_size(&entries, length, limits)?;
         check_places(&entries, end.list)?;
+        let entries = without_copies(&mut source, entries)?;
         Ok(Self { source, entries })
     }
 
@@ -349,8 +364,9 @@ fn check_names(entries: &[Entry]) -> Result<(), ArchiveError> {
             true => {
                 folders.insert(path);
             }
-            false if files.insert(path) => {}
-            false => return Err(ArchiveError::Twice(name.clone())),
+            false => {
+                files.insert(path);
+            }
         }
     }
     match files.intersection(&folders).next() {
@@ -368,12 +384,32 @@ fn check_size(entries: &[Entry], length: u64, limits: &Limits) -> Result<(), Arc
         )));
     }
     if total > limits.free && total / limits.ratio > length {
-        let (total, ratio) = (total >> 20, limits.ratio);
-        return Err(ArchiveError::Large(format!(
-            "its entries have {total} MiB unpacked, more than {ratio} times its size"
-        )));
+        let (total_mib, ratio) = (total >> 20, limits.ratio);
+        return Err(ArchiveError::Ratio { total_mib, ratio });
     }
     Ok(())
+}
+
+/// The entries without those that are there once more with the same content, as tools that pack a file twice leave
+/// them.
+fn without_copies<R: Read + Seek>(
+    source: &mut R,
+    entries: Vec<Entry>,
+) -> Result<Vec<Entry>, ArchiveError> {
+    let mut first: BTreeMap<String, Entry> = BTreeMap::new();
+    let mut kept = Vec::with_capacity(entries.len());
+    for entry in entries {
+        let Some(before) = first.get(&entry.name).filter(|_| !entry.is_folder()) else {
+            first.insert(entry.name.clone(), entry.clone());
+            kept.push(entry);
+            continue;
+        };
+        let is_alike = (before.size, before.crc) == (entry.size, entry.crc);
+        if !is_alike || content(source, before)? != content(source, &entry)? {
+            return Err(ArchiveError::Twice(entry.name));
+        }
+    }
+    Ok(kept)
 }
 
 /// Checks that no two entries share bytes, as those of a bomb do that is small and unpacks to very much.

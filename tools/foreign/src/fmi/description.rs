@@ -1,11 +1,13 @@
 //! Description of an FMU: its `modelDescription.xml`, of FMI 2.0 and 3.0, in one form.
 //!
-//! [`ModelDescription::read`] takes the text and never asks for anything else: a document type, and with it
+//! [`ModelDescription::decode`] takes the bytes in whatever encoding tools write; [`ModelDescription::read`] takes the
+//! text and never asks for anything else: a document type, and with it
 //! every entity that a document could declare, is refused. Nothing here knows signals or plants; which
 //! variable becomes which is the work of [`tables`](super::tables).
 
 use std::fmt;
 
+mod encoding;
 mod reading;
 mod tree;
 
@@ -24,6 +26,15 @@ pub enum DescriptionError {
     /// The FMU cannot be run here; the text says why.
     #[error("{0}")]
     Unsupported(String),
+}
+
+impl DescriptionError {
+    /// The reason without the name of the file.
+    pub(super) fn reason(self) -> String {
+        match self {
+            Self::Xml(reason) | Self::Content(reason) | Self::Unsupported(reason) => reason,
+        }
+    }
 }
 
 /// Version of the standard.
@@ -59,6 +70,8 @@ pub struct ModelDescription {
     pub token: String,
     /// Name of the library, without its ending.
     pub identifier: String,
+    /// True if it says that it needs the tool that it was made with.
+    pub needs_tool: bool,
     /// True if the FMU's state can be taken, put back and written as bytes.
     pub saves: bool,
     /// Step of the FMU's own solver in s, above 0, if that is fixed and told.
@@ -233,6 +246,10 @@ pub struct Variable {
     pub is_clocked: bool,
     /// Start values; one for each element.
     pub start: Vec<f64>,
+    /// Values of the items, if it is of an enumeration that has some.
+    pub items: Vec<f64>,
+    /// Reason for which it cannot be used, if it is an inner variable that cannot.
+    pub unusable: Option<String>,
     /// Unit.
     pub unit: Option<String>,
     /// Smallest value.
@@ -244,6 +261,22 @@ pub struct Variable {
 }
 
 impl Variable {
+    /// Values of items as text.
+    #[must_use]
+    pub fn items_text(items: &[f64]) -> String {
+        let items: Vec<String> = items.iter().map(f64::to_string).collect();
+        items.join(", ")
+    }
+
+    /// Returns true if nobody outside needs it.
+    #[must_use]
+    pub const fn is_inner(&self) -> bool {
+        matches!(
+            self.causality,
+            Causality::Local | Causality::CalculatedParameter
+        )
+    }
+
     /// Number of elements.
     #[must_use]
     pub fn elements(&self) -> usize {

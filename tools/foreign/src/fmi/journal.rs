@@ -63,14 +63,16 @@ pub(super) unsafe extern "C" fn log_three(
     message: *const c_char,
 ) {
     // SAFETY: the instance was made with a journal that lives longer; texts are the library's to keep sound.
-    unsafe { log(environment, status, category, message) }
+    unsafe { log(environment, status, category, message, None) }
 }
 
 /// Logger of FMI 2, whose type in C is variadic: `(void*, const char*, int, const char*, const char*, ...)`.
 ///
 /// Stable Rust can call a variadic function and not define one. This function takes the fixed arguments and
-/// leaves the others where they are, so a message with `%d` is shown with the mark. It may be called as the
-/// variadic one: in the System V ABI of x86-64 (section 3.5.7) and in the procedure call standard of ARM for
+/// leaves the others where they are, so a message with `%d` is shown with the mark. The first of the others stands
+/// where a sixth fixed argument stands, and is shown if the first mark is `%s`: many tools say everything that way.
+/// A caller that passes five leaves any number there, so it is an address only by that mark, and read by a system
+/// call that fails where nothing is. The function may be called as the variadic one: in the System V ABI of x86-64 (section 3.5.7) and in the procedure call standard of ARM for
 /// 64 bits (AAPCS64, section 6.8.2) named arguments of a variadic call are passed as those of any other, the
 /// caller takes back the stack, and what is passed besides (in `al`, the number of vector registers used) is
 /// of a register that every function may change.
@@ -83,9 +85,10 @@ pub(super) unsafe extern "C" fn log_two(
     status: c_int,
     category: *const c_char,
     message: *const c_char,
+    first: usize,
 ) {
     // SAFETY: as in `log_three`.
-    unsafe { log(environment, status, category, message) }
+    unsafe { log(environment, status, category, message, Some(first)) }
 }
 
 /// # Safety
@@ -95,12 +98,117 @@ unsafe fn log(
     status: c_int,
     category: *const c_char,
     message: *const c_char,
+    first: Option<usize>,
 ) {
     // SAFETY: the caller says that it is null or a journal.
     let Some(journal) = (unsafe { environment.cast::<Journal>().as_ref() }) else {
         return; // a library that lost it has nobody to tell
     };
     // SAFETY: the caller says that they are texts.
-    let (category, message) = unsafe { (read(category), read(message)) };
+    let (category, mut message) = unsafe { (read(category), read(message)) };
+    if let Some(address) = first
+        && let Some(at) = first_text_mark(&message)
+        && let Some(text) = text_at(address)
+    {
+        message.replace_range(at..at + 2, &text);
+    }
     journal.note(status, &category, &message);
+}
+
+/// Place of the first mark of a format, if that is `%s`.
+fn first_text_mark(format: &str) -> Option<usize> {
+    let mut from = 0;
+    while let Some(at) = format[from..].find('%').map(|at| from + at) {
+        match format.as_bytes().get(at + 1) {
+            Some(b'%') => from = at + 2,
+            Some(b's') => return Some(at),
+            _ => return None,
+        }
+    }
+    None
+}
+
+/// The text at an address of this process, cut to a bounded length; `None` if there is none. The kernel reads it, so an
+/// address that is none is no crash.
+fn text_at(address: usize) -> Option<String> {
+    /// Size of the smallest page: what is readable ends where one does.
+    const PAGE: usize = 4096;
+    let mut bytes = Vec::new();
+    while bytes.len() < LONGEST {
+        let at = address.checked_add(bytes.len())?;
+        let mut part = [0_u8; PAGE];
+        let count = (PAGE - at % PAGE).min(LONGEST - bytes.len());
+        let here = libc::iovec {
+            iov_base: part.as_mut_ptr().cast(),
+            iov_len: count,
+        };
+        let there = libc::iovec {
+            iov_base: at as *mut c_void,
+            iov_len: count,
+        };
+        // SAFETY: the kernel writes `count` bytes at most to `part`, which has as many, and checks the other address.
+        let read = unsafe {
+            libc::process_vm_readv(libc::getpid(), &raw const here, 1, &raw const there, 1, 0)
+        };
+        if usize::try_from(read) != Ok(count) {
+            return None;
+        }
+        match part[..count].iter().position(|byte| *byte == 0) {
+            Some(end) => {
+                bytes.extend(&part[..end]);
+                break;
+            }
+            None => bytes.extend(&part[..count]),
+        }
+    }
+    Some(String::from_utf8_lossy(&bytes).into_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ffi::CString;
+
+    use super::*;
+
+    /// The message that a journal keeps of these arguments.
+    fn kept(format: &str, first: usize) -> String {
+        let journal = Journal::default();
+        let (format, environment) = (CString::new(format).expect("text"), &raw const journal);
+        // SAFETY: a journal and texts, and a number that need not be an address.
+        unsafe {
+            log_two(
+                environment.cast_mut().cast(),
+                c"model".as_ptr(),
+                3,
+                c"error".as_ptr(),
+                format.as_ptr(),
+                first,
+            );
+        }
+        journal.last().expect("an error is kept")
+    }
+
+    #[test]
+    fn a_message_by_its_first_text_argument_is_shown() {
+        let text = CString::new("the solver gives up").expect("text");
+        let address = text.as_ptr() as usize;
+        assert_eq!(kept("%s", address), "the solver gives up");
+        assert_eq!(
+            kept("at 100%%: %s after %d steps", address),
+            "at 100%%: the solver gives up after %d steps"
+        );
+        // Only where the first argument is a text.
+        assert_eq!(kept("%d: %s", address), "%d: %s");
+        assert_eq!(kept("no mark", address), "no mark");
+        assert_eq!(kept("100%", address), "100%");
+        let long = CString::new("x".repeat(3 * LONGEST)).expect("text");
+        assert_eq!(kept("%s", long.as_ptr() as usize), "x".repeat(LONGEST));
+    }
+
+    #[test]
+    fn an_address_where_nothing_is_leaves_the_mark_and_is_no_crash() {
+        for address in [0, 1, usize::MAX, usize::MAX - 4095, 1 << 63] {
+            assert_eq!(kept("%s", address), "%s");
+        }
+    }
 }

@@ -9,11 +9,14 @@ use std::ffi::{CStr, c_char, c_int, c_void};
 use std::mem::ManuallyDrop;
 use std::path::Path;
 
-use libloading::os::unix::{Library, RTLD_LOCAL, RTLD_NOW};
+use libloading::os::unix::Library;
 use shared_types::text;
 
 use super::description::{VariableType, Version};
-use crate::float_modes;
+use crate::{crash, float_modes};
+
+mod elf;
+pub(super) mod host;
 
 /// Instance of an FMU, or a state of one, as its library knows it.
 pub(super) type Handle = *mut c_void;
@@ -68,8 +71,14 @@ pub(super) enum Access {
 /// Callbacks that FMI 2 takes as one struct; its pointer must stay valid while the instance lives.
 #[repr(C)]
 pub(super) struct CallbacksTwo {
-    pub(super) logger:
-        unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const c_char, *const c_char),
+    pub(super) logger: unsafe extern "C" fn(
+        *mut c_void,
+        *const c_char,
+        c_int,
+        *const c_char,
+        *const c_char,
+        usize,
+    ),
     pub(super) allocate: unsafe extern "C" fn(usize, usize) -> *mut c_void,
     pub(super) free: unsafe extern "C" fn(*mut c_void),
     pub(super) step_finished: Option<unsafe extern "C" fn(*mut c_void, c_int)>,
@@ -156,7 +165,7 @@ pub(super) struct Functions {
 
 impl Functions {
     /// Loads a library, for variables of these types. It is never closed: a thread that it left running
-    /// would go on in memory that is gone.
+    /// would go on in memory that is gone. The symbols of one that `needs_tool` are for all that it loads.
     ///
     /// # Errors
     /// If it cannot be loaded, is of another version or lacks a function.
@@ -165,14 +174,17 @@ impl Functions {
         version: Version,
         kinds: &[VariableType],
         saves: bool,
+        needs_tool: bool,
     ) -> Result<Self, LibraryError> {
-        // SAFETY: loading runs code of the library, which is what somebody asked for who named the FMU; nothing
-        // of this process is told to it here.
-        let library = unsafe { Library::open(Some(path), RTLD_NOW | RTLD_LOCAL) };
+        let library = host::load(path, needs_tool);
         // A library that was linked with -ffast-math sets flush-to-zero as it is loaded.
         float_modes::settle("dlopen");
-        let library = library.map_err(|error| LibraryError::Load(load_failure(&error)))?;
+        let library = library?;
         let library = ManuallyDrop::new(library);
+        crash::install(match version {
+            Version::Two => &"fmi2",
+            Version::Three => &"fmi3",
+        });
         let find = Find {
             library: &library,
             version,
@@ -193,18 +205,6 @@ impl Functions {
         };
         Ok(functions)
     }
-}
-
-/// The system's reason, with the usual cause where the reason hides it.
-fn load_failure(error: &libloading::Error) -> String {
-    let mut told = text::line(
-        &std::error::Error::source(error)
-            .map_or_else(|| error.to_string(), |source| source.to_string()),
-    );
-    if told.contains("failed to map segment") {
-        told.push_str("; is the folder for temporary files mounted noexec? TMPDIR names another");
-    }
-    told
 }
 
 /// A library and the version that the names of its functions begin with.
@@ -305,29 +305,43 @@ impl Find<'_> {
     /// # Safety
     /// As of [`own`](Self::own).
     unsafe fn access(&self, kind: VariableType) -> Result<Access, LibraryError> {
-        let name = match (self.version, kind) {
-            (Version::Two, VariableType::Float64) => "Real",
-            (Version::Two, VariableType::Int32 | VariableType::Enumeration) => "Integer",
-            (Version::Three, VariableType::Float32) => "Float32",
-            (Version::Three, VariableType::Float64) => "Float64",
-            (Version::Three, VariableType::Int8) => "Int8",
-            (Version::Three, VariableType::UInt8) => "UInt8",
-            (Version::Three, VariableType::Int16) => "Int16",
-            (Version::Three, VariableType::UInt16) => "UInt16",
-            (Version::Three, VariableType::Int32) => "Int32",
-            (Version::Three, VariableType::UInt32) => "UInt32",
-            (Version::Three, VariableType::Int64 | VariableType::Enumeration) => "Int64",
-            (Version::Three, VariableType::UInt64) => "UInt64",
-            (_, VariableType::Boolean) => "Boolean",
-            _ => return Err(LibraryError::Missing(format!("for a {}", kind.name()))),
+        let names = access_names(self.version, kind);
+        let Some([get, set]) = names else {
+            return Err(LibraryError::Missing(format!("for a {}", kind.name())));
         };
-        let (get, set) = (format!("Get{name}"), format!("Set{name}"));
         // SAFETY: as the headers have them; a pointer to values of any type is passed as any other.
         unsafe {
             Ok(match self.version {
-                Version::Two => Access::Two(self.function(&get)?, self.function(&set)?),
-                Version::Three => Access::Three(self.function(&get)?, self.function(&set)?),
+                Version::Two => Access::Two(self.function(get)?, self.function(set)?),
+                Version::Three => Access::Three(self.function(get)?, self.function(set)?),
             })
         }
     }
+}
+
+/// Names of the functions that read and write variables of a type, without the version in front.
+pub(super) fn access_names(
+    version: Version,
+    kind: VariableType,
+) -> Option<[&'static &'static str; 2]> {
+    Some(match (version, kind) {
+        (Version::Two, VariableType::Float64) => [&"GetReal", &"SetReal"],
+        (Version::Two, VariableType::Int32 | VariableType::Enumeration) => {
+            [&"GetInteger", &"SetInteger"]
+        }
+        (Version::Three, VariableType::Float32) => [&"GetFloat32", &"SetFloat32"],
+        (Version::Three, VariableType::Float64) => [&"GetFloat64", &"SetFloat64"],
+        (Version::Three, VariableType::Int8) => [&"GetInt8", &"SetInt8"],
+        (Version::Three, VariableType::UInt8) => [&"GetUInt8", &"SetUInt8"],
+        (Version::Three, VariableType::Int16) => [&"GetInt16", &"SetInt16"],
+        (Version::Three, VariableType::UInt16) => [&"GetUInt16", &"SetUInt16"],
+        (Version::Three, VariableType::Int32) => [&"GetInt32", &"SetInt32"],
+        (Version::Three, VariableType::UInt32) => [&"GetUInt32", &"SetUInt32"],
+        (Version::Three, VariableType::Int64 | VariableType::Enumeration) => {
+            [&"GetInt64", &"SetInt64"]
+        }
+        (Version::Three, VariableType::UInt64) => [&"GetUInt64", &"SetUInt64"],
+        (_, VariableType::Boolean) => [&"GetBoolean", &"SetBoolean"],
+        _ => return None,
+    })
 }

@@ -11,14 +11,15 @@
 //! An FMU is native code of somebody else. It runs in a process of its own, so that a crash is the loss of one
 //! side with a name; nothing here keeps it from doing what any program of this user can do.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use glob::Pattern;
-use shared_types::describe::Invalid;
+use shared_types::describe::{Invalid, LibraryNeeds};
 use shared_types::private_folder::PrivateFolder;
 
-use archive::{Archive, ArchiveError};
+use archive::{Archive, ArchiveError, LIMITS, Limits, TRUSTED};
 use description::{DescriptionError, ModelDescription};
 use library::{Functions, LibraryError};
 use tables::Tables;
@@ -48,12 +49,25 @@ pub enum FmuError {
     #[error(transparent)]
     Description(#[from] DescriptionError),
     /// There is no library for this machine.
-    #[error("it has no library for {wanted}; it has {there}")]
+    #[error("it has no library for {platform}, {name}: {there}")]
     Platform {
-        /// Folder that is missing.
-        wanted: &'static str,
-        /// Folders that are there, as text.
+        /// Folder of this machine's libraries.
+        platform: &'static str,
+        /// Name that the library must have.
+        name: String,
+        /// Libraries that are there, in a sentence.
         there: String,
+    },
+    /// It is refused unless the user permits it.
+    #[error(
+        "{reason}; `{key} = true` in the scenario runs it all the same, and --{} describes it",
+        flag(key)
+    )]
+    Forbidden {
+        /// Reason.
+        reason: String,
+        /// Key of the scenario.
+        key: &'static str,
     },
     /// The shared library.
     #[error(transparent)]
@@ -72,6 +86,39 @@ impl From<Invalid> for FmuError {
     }
 }
 
+/// The flag of `hil describe` for a key of the scenario.
+fn flag(key: &str) -> String {
+    let name = key.split_once('.').map_or(key, |(_, name)| name);
+    name.replace('_', "-")
+}
+
+/// Permissions that the user gives to an FMU.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Permissions {
+    /// Permission to unpack to many times the archive's size.
+    pub trust_archive: bool,
+    /// Permission to use the tool that it says it needs.
+    pub allow_execution_tool: bool,
+    /// True if they are those of the controller, not of the plant.
+    pub is_of_controller: bool,
+}
+
+impl Permissions {
+    const fn limits(self) -> &'static Limits {
+        match self.trust_archive {
+            true => &TRUSTED,
+            false => &LIMITS,
+        }
+    }
+
+    const fn key(self, [plant, controller]: [&'static str; 2]) -> &'static str {
+        match self.is_of_controller {
+            true => controller,
+            false => plant,
+        }
+    }
+}
+
 /// Description and tables of an FMU.
 #[derive(Debug)]
 pub struct Model {
@@ -85,6 +132,7 @@ pub struct Model {
 #[derive(Debug)]
 pub struct Fmu {
     path: PathBuf,
+    permissions: Permissions,
     model: Arc<Model>,
     loaded: OnceLock<Loaded>,
 }
@@ -104,17 +152,37 @@ impl Fmu {
     ///
     /// # Errors
     /// If it is no FMU that can be run here.
-    pub fn open(path: &Path, patterns: &[Pattern]) -> Result<Self, FmuError> {
-        let mut archive = Archive::open(path)?;
-        let bytes = archive.content(DESCRIPTION, LONGEST_DESCRIPTION)?;
-        let text = std::str::from_utf8(&bytes).map_err(|_| {
-            DescriptionError::Xml("it is not UTF-8, which the standard asks for".into())
+    pub fn open(
+        path: &Path,
+        patterns: &[Pattern],
+        permissions: Permissions,
+    ) -> Result<Self, FmuError> {
+        let archive = Archive::open(path, permissions.limits());
+        let mut archive = archive.map_err(|error| match error {
+            ArchiveError::Ratio { .. } => FmuError::Forbidden {
+                reason: error.to_string(),
+                key: permissions.key(["plant.trust_archive", "controller.trust_archive"]),
+            },
+            other => other.into(),
         })?;
-        let description = ModelDescription::read(text)?;
+        let bytes = archive.content(DESCRIPTION, LONGEST_DESCRIPTION)?;
+        let description = ModelDescription::decode(&bytes)?;
+        if description.needs_tool && !permissions.allow_execution_tool {
+            let keys = [
+                "plant.allow_execution_tool",
+                "controller.allow_execution_tool",
+            ];
+            return Err(FmuError::Forbidden {
+                reason: "it says that it needs the tool that it was made with (needsExecutionTool)"
+                    .into(),
+                key: permissions.key(keys),
+            });
+        }
         check_platform(&archive, &description)?;
         let tables = Tables::of(&description, patterns)?;
         Ok(Self {
             path: path.to_owned(),
+            permissions,
             model: Arc::new(Model {
                 description,
                 tables,
@@ -138,17 +206,34 @@ impl Fmu {
         Ok(self.loaded.get_or_init(|| loaded))
     }
 
+    /// Loads the library to say what it needs and what of it this machine does not have.
+    ///
+    /// # Errors
+    /// If it cannot be unpacked.
+    pub fn needs(&self) -> Result<LibraryNeeds, FmuError> {
+        let unpacked = self.unpack()?;
+        let description = &self.model.description;
+        let library = unpacked.folder().join(library_name(description));
+        Ok(library::host::needs(&library, description.needs_tool))
+    }
+
+    /// Unpacks the libraries of this machine and the resources.
+    fn unpack(&self) -> Result<PrivateFolder, FmuError> {
+        let unpacked = PrivateFolder::create("fmu").map_err(FmuError::Place)?;
+        let mut archive = Archive::open(&self.path, self.permissions.limits())?;
+        let platform = tables::platform(self.model.description.version);
+        archive.extract(&format!("binaries/{platform}/"), unpacked.folder())?;
+        archive.extract("resources/", unpacked.folder())?;
+        Ok(unpacked)
+    }
+
     fn load(&self) -> Result<Loaded, FmuError> {
         let Model {
             description,
             tables,
         } = &*self.model;
-        let unpacked = PrivateFolder::create("fmu").map_err(FmuError::Place)?;
-        let mut archive = Archive::open(&self.path)?;
+        let unpacked = self.unpack()?;
         let library = library_name(description);
-        let folder = format!("binaries/{}/", tables::platform(description.version));
-        archive.extract(&folder, unpacked.folder())?;
-        archive.extract("resources/", unpacked.folder())?;
         let resources = unpacked.folder().join("resources");
         // Asked for by the standard also where the archive has none.
         std::fs::create_dir_all(&resources).map_err(FmuError::Place)?;
@@ -163,12 +248,23 @@ impl Fmu {
             description.version,
             &tables::kinds(description, &columns),
             description.saves,
+            description.needs_tool,
         )?;
         Ok(Loaded {
             functions: Arc::new(functions),
             resources,
             _unpacked: unpacked,
         })
+    }
+}
+
+/// Ends this process without what the libraries in it do at an exit: an interpreter that an FMU brought along takes
+/// itself apart there while its extensions still use it, which ends a complete run as a crash.
+pub fn leave(code: u8) -> ! {
+    // SAFETY: writes out what the C library holds of all streams, and ends the process.
+    unsafe {
+        libc::fflush(std::ptr::null_mut());
+        libc::_exit(code.into())
     }
 }
 
@@ -185,21 +281,34 @@ fn check_platform(
     if archive.names().any(|name| name == library) {
         return Ok(());
     }
-    let folder = |name: &str| {
-        Some(
-            name.strip_prefix("binaries/")?
-                .split_once('/')?
-                .0
-                .to_owned(),
-        )
+    let platform = tables::platform(description.version);
+    let all: Vec<&str> = archive.names().collect();
+    let folder = |name: &&str| {
+        let (folder, _) = name.strip_prefix("binaries/")?.split_once('/')?;
+        Some(folder.to_owned())
     };
-    let folders: std::collections::BTreeSet<String> = archive.names().filter_map(folder).collect();
-    let there = folders.into_iter().collect::<Vec<_>>().join(", ");
+    let folders: BTreeSet<String> = all.iter().filter_map(folder).collect();
+    let own = format!("binaries/{platform}/");
+    let beside = all.iter().filter_map(|name| name.strip_prefix(&own));
+    let beside: Vec<&str> = beside.filter(|name| name.ends_with(".so")).collect();
+    let has_sources = all.iter().any(|name| {
+        name.strip_prefix("sources/")
+            .is_some_and(|name| name.ends_with(".c"))
+    });
+    let there = if !beside.is_empty() {
+        let beside = beside.join(", ");
+        format!("{platform} has {beside}, and the name must be modelIdentifier's")
+    } else if has_sources {
+        "it has C sources; build its library with `python3 -m fmpy compile FILE.fmu`, or export it with one for Linux".into()
+    } else if folders.is_empty() {
+        "it has no library at all; export it with one for Linux".into()
+    } else {
+        let folders = folders.into_iter().collect::<Vec<_>>().join(", ");
+        format!("it has those for {folders}; export it with one for Linux")
+    };
     Err(FmuError::Platform {
-        wanted: tables::platform(description.version),
-        there: match there.as_str() {
-            "" => "none".into(),
-            _ => there,
-        },
+        platform,
+        name: format!("{}.so", description.identifier),
+        there,
     })
 }

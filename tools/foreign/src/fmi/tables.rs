@@ -52,7 +52,7 @@ impl Tables {
     /// The tables of a model, with the inner signals whose names, in the model or here, match a pattern.
     ///
     /// # Errors
-    /// If two names cannot be told apart, one is too long, or a pattern matches none.
+    /// If two names cannot be told apart, or a pattern matches none.
     pub fn of(model: &ModelDescription, patterns: &[Pattern]) -> Result<Self, Invalid> {
         let units = Units::of(model);
         let mut tables = Self {
@@ -69,13 +69,19 @@ impl Tables {
                 }
                 _ => unsupported(variable, is_parameter),
             };
-            if let Some(reason) = reason {
-                tables.leave_out(variable, reason);
-                continue;
-            }
             let elements = 0..variable.elements();
             let columns = elements.map(|element| column(variable, place, element, &units));
-            let columns: Vec<Column> = columns.collect::<Result<_, _>>()?;
+            let columns: Result<Vec<Column>, _> = match reason {
+                Some(reason) => Err(Invalid(reason)),
+                None => columns.collect(),
+            };
+            let columns = match columns {
+                Ok(columns) => columns,
+                Err(Invalid(reason)) => {
+                    tables.leave_out(variable, reason);
+                    continue;
+                }
+            };
             let (table, most) = match variable.causality {
                 Causality::Parameter => (&mut tables.parameters, MOST_FIELDS),
                 Causality::Input => (&mut tables.inputs, MAX_SIGNALS),
@@ -99,7 +105,10 @@ impl Tables {
                 table.extend(columns);
             }
         }
-        if let Some(place) = matched.iter().position(|matched| !matched) {
+        // All that there are may be none.
+        let is_all = |pattern: &Pattern| pattern.as_str().chars().all(|c| c == '*');
+        let is_without = |(pattern, matched): (&Pattern, &bool)| !matched && !is_all(pattern);
+        if let Some(place) = patterns.iter().zip(&matched).position(is_without) {
             let pattern = patterns[place].as_str();
             return Err(Invalid(format!(
                 "no inner signal of the FMU matches {pattern:?}; `hil describe` lists them"
@@ -195,6 +204,9 @@ pub(super) fn reference_name(name: &str) -> Option<&str> {
 /// The reason for which a variable can have no column, if there is one.
 fn unsupported(variable: &Variable, is_parameter: bool) -> Option<String> {
     let kind = variable.kind.name();
+    if variable.unusable.is_some() {
+        return variable.unusable.clone();
+    }
     if variable.kind.range().is_none() {
         return Some(match variable.causality {
             Causality::Input | Causality::Parameter => {
@@ -237,16 +249,31 @@ fn column(
 ) -> Result<Column, Invalid> {
     let is_parameter = variable.causality == Causality::Parameter;
     let foreign = variable.element_name(element);
-    let name = spelled(&foreign).map_err(|error| Invalid(error.to_string()))?;
+    let name = spelled(&foreign).map_err(|error| match variable.causality {
+        Causality::Input | Causality::Parameter => {
+            Invalid(format!("{error}, so it keeps its start value"))
+        }
+        _ => Invalid(error.to_string()),
+    })?;
     let (low, high) = variable
         .kind
         .range()
         .unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
-    let is_above = |bound: &f64| *bound > low;
-    let is_below = |bound: &f64| *bound < high;
+    // A range that begins above its end is none.
+    let is_range = (variable.min.zip(variable.max)).is_none_or(|(min, max)| min <= max);
+    let is_above = |bound: &f64| is_range && *bound > low;
+    let is_below = |bound: &f64| is_range && *bound < high;
+    let min = variable.min.filter(is_above).unwrap_or(low);
+    let max = variable.max.filter(is_below).unwrap_or(high);
+    let start = variable.start.get(element).copied();
+    let start = start.filter(|_| is_parameter);
+    let is_legal = |start: &f64| {
+        let is_item = variable.items.is_empty() || variable.items.contains(start);
+        (min..=max).contains(start) && is_item
+    };
     let mut text = line(&variable.description, LONGEST_TEXT);
     if text.is_empty() {
-        text = "Variable of the FMU".into();
+        text = undescribed(variable);
     }
     if !text.ends_with('.') {
         text.push('.');
@@ -254,14 +281,20 @@ fn column(
     if name != foreign {
         text = format!("{text} `{}` in the FMU.", line(&foreign, LONGEST_TEXT));
     }
+    if let Some(start) = start.filter(|start| !is_legal(start)) {
+        text = format!(
+            "{text} To be set: its start value in the FMU, {start}, is not one that it may have."
+        );
+    }
+    if !variable.items.is_empty() {
+        let items = Variable::items_text(&variable.items);
+        text = format!("{text} One of {}.", line(&items, LONGEST_TEXT));
+    }
     let unit = variable.unit.as_deref().unwrap_or("1");
     let field = Field {
-        default: match is_parameter {
-            true => variable.start.get(element).copied(),
-            false => None,
-        },
-        min: variable.min.filter(is_above).unwrap_or(low),
-        max: variable.max.filter(is_below).unwrap_or(high),
+        default: start.filter(is_legal),
+        min,
+        max,
         faultable: is_parameter && variable.is_tunable,
         ..Field::signal(&name, &units.text(unit), &text)
     };
@@ -270,6 +303,22 @@ fn column(
         variable: place,
         element,
     })
+}
+
+/// Description of a variable that has none in the FMU: its role and type.
+fn undescribed(variable: &Variable) -> String {
+    let role = match variable.causality {
+        Causality::Parameter if variable.is_tunable => "Tunable parameter",
+        Causality::Parameter => "Parameter",
+        Causality::CalculatedParameter => "Calculated parameter",
+        Causality::Input => "Input",
+        Causality::Output => "Output",
+        _ => "Inner signal",
+    };
+    match variable.kind {
+        VariableType::Float64 => format!("{role}, not described in the FMU"),
+        kind => format!("{role} ({}), not described in the FMU", kind.name()),
+    }
 }
 
 /// A text as one line of bounded length, without rows of signs that separate columns elsewhere.

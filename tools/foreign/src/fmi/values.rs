@@ -5,8 +5,10 @@
 
 use std::ffi::{c_int, c_void};
 
-use super::description::{ModelDescription, VariableType, Version};
-use super::library::{Access, Functions, Handle};
+use crate::crash::calling;
+
+use super::description::{ModelDescription, Variable, VariableType, Version};
+use super::library::{Access, Functions, Handle, access_names};
 use super::status::Status;
 use super::tables::Column;
 use crate::float_modes;
@@ -153,7 +155,11 @@ struct Group {
     kind: VariableType,
     references: Vec<u32>,
     places: Vec<usize>,
+    /// For each value the items of its enumeration; empty where any number of the type is one.
+    items: Vec<Vec<f64>>,
     buffer: Buffer,
+    /// Names of the functions that read and write them.
+    names: [&'static &'static str; 2],
 }
 
 /// Variables that are read or written together.
@@ -187,7 +193,9 @@ impl Values {
                         kind,
                         references: Vec::new(),
                         places: Vec::new(),
+                        items: Vec::new(),
                         buffer: Buffer::new(model.version, kind, 0),
+                        names: access_names(model.version, kind).unwrap_or([&"Get", &"Set"]),
                     });
                     let last = groups.len() - 1;
                     &mut groups[last]
@@ -197,6 +205,7 @@ impl Values {
                 group.references.push(variable.reference);
             }
             group.places.push(place);
+            group.items.push(variable.items.clone());
         }
         for group in &mut groups {
             group.buffer = Buffer::new(model.version, group.kind, group.places.len());
@@ -223,6 +232,7 @@ impl Values {
         for group in &mut self.groups {
             let (references, count) = (&group.references, group.places.len());
             let (first, values) = (references.as_ptr(), group.buffer.pointer());
+            let call = calling(group.names[0]);
             // SAFETY: the instance is alive, `references` has so many references and the buffer as many values
             // of the type as these variables have elements.
             let status = unsafe {
@@ -231,14 +241,20 @@ impl Values {
                     Access::Three(get, _) => get(handle, first, references.len(), values, count),
                 }
             };
+            drop(call);
             done("get", status)?;
             for (index, &place) in group.places.iter().enumerate() {
-                row[place] = group.buffer.get(index).ok_or_else(|| {
+                let value = group.buffer.get(index).ok_or_else(|| {
                     let name = &self.names[place];
                     Refused::Value(format!(
                         "`{name}` is a whole number beyond 2^53, which a signal cannot carry exactly"
                     ))
                 })?;
+                // True is any number but 0 in C, and a vendor's -1 is true as well.
+                row[place] = match group.kind {
+                    VariableType::Boolean => f64::from(u8::from(value != 0.0)),
+                    _ => value,
+                };
             }
         }
         Ok(())
@@ -256,6 +272,14 @@ impl Values {
     ) -> Result<(), Refused> {
         for group in &mut self.groups {
             for (index, &place) in group.places.iter().enumerate() {
+                let items = &group.items[index];
+                if !items.is_empty() && !items.contains(&row[place]) {
+                    let (name, value) = (&self.names[place], row[place]);
+                    let items = Variable::items_text(items);
+                    return Err(Refused::Value(format!(
+                        "`{name}` is set to {value}, which is no item of its enumeration; the items are {items}"
+                    )));
+                }
                 if !group.buffer.set(index, row[place]) {
                     let (name, value, kind) = (&self.names[place], row[place], group.kind.name());
                     return Err(Refused::Value(format!(
@@ -265,6 +289,7 @@ impl Values {
             }
             let (references, count) = (&group.references, group.places.len());
             let (first, values) = (references.as_ptr(), group.buffer.pointer().cast_const());
+            let call = calling(group.names[1]);
             // SAFETY: as in `get`.
             let status = unsafe {
                 match functions.access[&group.kind] {
@@ -272,6 +297,7 @@ impl Values {
                     Access::Three(_, set) => set(handle, first, references.len(), values, count),
                 }
             };
+            drop(call);
             done("set", status)?;
         }
         Ok(())

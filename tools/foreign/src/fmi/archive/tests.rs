@@ -189,6 +189,58 @@ fn links_devices_and_twins_are_refused() {
 }
 
 #[test]
+fn an_entry_that_is_there_twice_with_the_same_bytes_is_one() {
+    let stored = Written {
+        method: STORED,
+        ..Written::new("a", b"1")
+    };
+    let twice = Writer::new()
+        .add(&Written::new("a", b"1"))
+        .add(&Written::new("b", b"2"))
+        .add(&stored);
+    let bytes = twice.finish();
+    let mut archive = read(&bytes).expect("sound");
+    assert_eq!(archive.names().collect::<Vec<_>>(), ["a", "b"]);
+    assert_eq!(archive.content("a", 10).expect("there"), b"1");
+    let folder = tempfile::tempdir().expect("a folder");
+    assert_eq!(archive.extract("a", folder.path()).expect("unpacked"), 1);
+    // The same sum and size, and other bytes: what is compared is the content.
+    let mut forged = Writer::new()
+        .add(&Written {
+            method: STORED,
+            ..Written::new("a", b"11111111")
+        })
+        .add(&Written {
+            method: STORED,
+            ..Written::new("a", b"11111112")
+        })
+        .finish();
+    let sum = crc32fast::hash(b"11111111").to_le_bytes();
+    let list = forged.len() - END_BYTES as usize - LISTED_BYTES - 1;
+    forged[list + 16..list + 20].copy_from_slice(&sum);
+    let reason = read(&forged).expect_err("another content").to_string();
+    assert!(reason.contains("is damaged"), "{reason}");
+}
+
+#[test]
+fn a_trusted_archive_may_be_packed_as_well_as_it_can_and_no_larger() {
+    let zeros = vec![0; 40 << 20];
+    let table = one(&Written::new("resources/table.csv", &zeros));
+    refused(&table, "more than 100 times its size");
+    let trusted = |bytes: &[u8]| {
+        let archive = Archive::read(Cursor::new(bytes), &TRUSTED);
+        archive.map(|archive| archive.names().count())
+    };
+    assert_eq!(trusted(&table).expect("trusted"), 1);
+    let bomb = one(&Written {
+        told: 1100 << 20,
+        ..Written::new("a", &zeros)
+    });
+    let reason = trusted(&bomb).expect_err("large").to_string();
+    assert!(reason.contains("more than 1024 MiB"), "{reason}");
+}
+
+#[test]
 fn encryption_other_methods_and_parts_are_refused_by_name() {
     let encrypted = Written {
         flags: 1,

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::encoding::decoded;
 use super::tree::{Element, shortened};
 use super::{
     BASE_UNITS, BaseUnit, Causality, Dependency, DescriptionError, ModelDescription, Unit,
@@ -35,6 +36,14 @@ const KINDS: [(&str, VariableType); 15] = [
 type Types<'a> = BTreeMap<&'a str, &'a Element>;
 
 impl ModelDescription {
+    /// Reads the bytes of a `modelDescription.xml`.
+    ///
+    /// # Errors
+    /// If its encoding is not known, or as of [`read`](Self::read).
+    pub fn decode(bytes: &[u8]) -> Result<Self, DescriptionError> {
+        Self::read(&decoded(bytes)?)
+    }
+
     /// Reads the text of a `modelDescription.xml`.
     ///
     /// # Errors
@@ -77,6 +86,7 @@ impl ModelDescription {
             tool: root.text("generationTool").unwrap_or_default().into(),
             token: token.into(),
             identifier: identifier.into(),
+            needs_tool: simulation.flag("needsExecutionTool")?,
             saves: simulation.flag(state[0])? && simulation.flag(state[1])?,
             internal_step_s,
             categories: (root.list("LogCategories").iter())
@@ -154,11 +164,6 @@ fn co_simulation(root: &Element) -> Result<&Element, DescriptionError> {
             None => "it has no co-simulation".into(),
         }));
     };
-    if simulation.flag("needsExecutionTool")? {
-        return Err(DescriptionError::Unsupported(
-            "it needs the tool that it was made with (needsExecutionTool); export it with a library of its own".into(),
-        ));
-    }
     Ok(simulation)
 }
 
@@ -225,7 +230,8 @@ fn variables(root: &Element, version: Version) -> Result<Vec<Variable>, Descript
                 None => return Err(element.wrong("type", "is unknown")),
             },
         };
-        let variable = variable(element, of, kind, &types)?;
+        let variable =
+            variable(element, of, kind, &types).or_else(|error| unusable(element, kind, error))?;
         let sizes: Vec<&Element> = (of.children.iter())
             .filter(|child| version == Version::Three && child.name == "Dimension")
             .collect();
@@ -250,7 +256,13 @@ fn variables(root: &Element, version: Version) -> Result<Vec<Variable>, Descript
         .filter_map(|variable| Some((variable.reference, *variable.start.first()?)))
         .collect();
     for (variable, sizes) in variables.iter_mut().zip(structure) {
-        variable.dimensions = dimensions(&sizes, &starts)?;
+        variable.dimensions = match dimensions(&sizes, &starts) {
+            Err(error) if variable.is_inner() => {
+                variable.unusable.get_or_insert_with(|| error.reason());
+                continue;
+            }
+            other => other?,
+        };
         let count = variable.elements();
         add(count)?;
         if let ([one], true) = (&variable.start[..], count != 1) {
@@ -258,6 +270,12 @@ fn variables(root: &Element, version: Version) -> Result<Vec<Variable>, Descript
         }
         if !variable.start.is_empty() && variable.start.len() != count {
             let (name, given) = (&variable.name, variable.start.len());
+            if variable.is_inner() {
+                let reason = format!("its start has {given} values for {count} elements");
+                variable.unusable.get_or_insert(reason);
+                variable.start.clear();
+                continue;
+            }
             return Err(DescriptionError::Content(format!(
                 "`start` of {name:?} has {given} values for {count} elements"
             )));
@@ -271,6 +289,40 @@ fn variables(root: &Element, version: Version) -> Result<Vec<Variable>, Descript
         )));
     }
     Ok(variables)
+}
+
+/// An inner variable that cannot be read keeps its place, with the reason.
+fn unusable(
+    element: &Element,
+    kind: VariableType,
+    error: DescriptionError,
+) -> Result<Variable, DescriptionError> {
+    let (name, reference) = (element.text("name"), element.value("valueReference"));
+    let (Some(name), Ok(Some(reference)), Ok(causality)) = (name, reference, causality(element))
+    else {
+        return Err(error);
+    };
+    let variable = Variable {
+        name: name.into(),
+        description: String::new(),
+        reference,
+        kind,
+        causality,
+        is_tunable: false,
+        is_constant: false,
+        is_clocked: false,
+        start: Vec::new(),
+        items: Vec::new(),
+        unusable: Some(error.clone().reason()),
+        unit: None,
+        min: None,
+        max: None,
+        dimensions: Vec::new(),
+    };
+    match variable.is_inner() {
+        true => Ok(variable),
+        false => Err(error),
+    }
 }
 
 fn two(element: &Element) -> Option<VariableType> {
@@ -299,7 +351,7 @@ fn variable(
             (own, _) => Ok(own),
         }
     };
-    let (mut min, mut max) = (None, None);
+    let (mut min, mut max, mut items) = (None, None, Vec::new());
     if !matches!(
         kind,
         VariableType::Boolean | VariableType::String | VariableType::Binary | VariableType::Clock
@@ -307,13 +359,14 @@ fn variable(
         (min, max) = (inherited("min")?, inherited("max")?);
     }
     if let (VariableType::Enumeration, Some(declared)) = (kind, declared) {
-        let items = declared.children.iter().filter(|item| item.name == "Item");
-        for item in items {
+        let all = declared.children.iter().filter(|item| item.name == "Item");
+        for item in all {
             let value: f64 = item
                 .value("value")?
                 .ok_or_else(|| item.wrong("value", "is missing"))?;
             min = Some(min.filter(|min| *min <= value).unwrap_or(value));
             max = Some(max.filter(|max| *max >= value).unwrap_or(value));
+            items.push(value);
         }
     }
     let causality = causality(element)?;
@@ -332,6 +385,8 @@ fn variable(
             .text("clocks")
             .is_some_and(|clocks| !clocks.trim().is_empty()),
         start: start(of, kind)?,
+        items,
+        unusable: None,
         unit: unit.map(str::to_owned),
         min,
         max,

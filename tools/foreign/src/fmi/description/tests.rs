@@ -124,10 +124,43 @@ fn a_document_with_entities_is_refused() {
     refused(&three("<X>"), "modelDescription.xml");
     refused("", "cut off");
     refused("<a/>", "not fmiModelDescription");
-    refused(
-        &three("").replace("UTF-8", "UTF-16"),
-        "its encoding is UTF-16",
-    );
+}
+
+#[test]
+fn a_document_is_read_in_the_encoding_that_it_declares() {
+    let inside = "<ModelVariables><Float64 name=\"\u{3b1}\" valueReference=\"1\" description=\"20 \u{b0}C\"/></ModelVariables>";
+    let latin = three(&inside.replace('\u{3b1}', "a")).replace("UTF-8", "ISO-8859-1");
+    let latin: Vec<u8> = latin
+        .chars()
+        .map(|c| u8::try_from(c).expect("latin"))
+        .collect();
+    let model = ModelDescription::decode(&latin).expect("ISO-8859-1");
+    assert_eq!(model.variables[0].description, "20 \u{b0}C");
+    let text = format!("\u{feff}{}", three(inside).replace("UTF-8", "UTF-16"));
+    let wide: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
+    let model = ModelDescription::decode(&wide).expect("UTF-16");
+    assert_eq!(model.variables[0].name, "\u{3b1}");
+    let reason = ModelDescription::decode(&latin[..10])
+        .expect_err("cut")
+        .to_string();
+    assert!(reason.contains("modelDescription.xml"), "{reason}");
+}
+
+#[test]
+fn an_inner_variable_that_cannot_be_read_keeps_its_place_with_the_reason() {
+    let all = "<ModelVariables><Int8 name=\"x\" valueReference=\"7\" start=\"1,5\"/>\
+         <Float64 name=\"a\" valueReference=\"8\"><Dimension start=\"99999\"/><Dimension start=\"99999\"/></Float64>\
+         <Float64 name=\"y\" valueReference=\"9\" causality=\"output\"/></ModelVariables>";
+    let model = read(all).expect("sound");
+    let reasons: Vec<_> = (model.variables.iter())
+        .map(|variable| variable.unusable.as_deref())
+        .collect();
+    let [Some(start), Some(size), None] = reasons[..] else {
+        panic!("{reasons:?}")
+    };
+    assert!(start.contains("is not a value of its type"), "{start}");
+    assert!(size.contains("more than 65536 elements"), "{size}");
+    assert_eq!(model.variables[0].reference, 7);
 }
 
 #[test]
@@ -143,8 +176,6 @@ fn what_cannot_be_run_is_refused_by_name() {
         "scheduled execution alone",
     );
     refused(&other(""), "no co-simulation");
-    let tool = "<CoSimulation modelIdentifier=\"m\" needsExecutionTool=\"true\"/>";
-    refused(&other(tool), "needsExecutionTool");
     for name in ["", "../m", "a/b", "a b"] {
         let other = other(&format!("<CoSimulation modelIdentifier=\"{name}\"/>"));
         refused(&other, "is no name of a library");
@@ -160,7 +191,7 @@ fn what_cannot_be_run_is_refused_by_name() {
 fn variables_that_make_no_sense_are_refused() {
     let one = |attributes: &str| {
         read(&format!(
-            "<ModelVariables><Int8 valueReference=\"1\" {attributes}/></ModelVariables>"
+            "<ModelVariables><Int8 valueReference=\"1\" causality=\"input\" {attributes}/></ModelVariables>"
         ))
     };
     one("name=\"x\" start=\"1\"").expect("sound");
@@ -172,15 +203,15 @@ fn variables_that_make_no_sense_are_refused() {
         ),
         ("name=\"x\" start=\"1 2\"", "has 2 values for 1 elements"),
         (
-            "name=\"x\" causality=\"odd\"",
-            "`causality` of Int8 \"x\" is unknown",
+            "name=\"x\" clocks=\"1\" start=\"x\"",
+            "`start` of Int8 \"x\" is not a value of its type",
         ),
         ("name=\"x\" min=\"low\"", "`min` of Int8 \"x\" is \"low\""),
     ] {
         let told = one(attributes).expect_err(fragment).to_string();
         assert!(told.contains(fragment), "{told}");
     }
-    let large = "<ModelVariables><Float64 name=\"x\" valueReference=\"1\"><Dimension start=\"99999\"/><Dimension start=\"99999\"/></Float64></ModelVariables>";
+    let large = "<ModelVariables><Float64 name=\"x\" valueReference=\"1\" causality=\"input\"><Dimension start=\"99999\"/><Dimension start=\"99999\"/></Float64></ModelVariables>";
     let told = read(large).expect_err("large").to_string();
     assert!(told.contains("more than 65536 elements"), "{told}");
     let array = |number: usize| {
@@ -204,7 +235,7 @@ fn variables_that_make_no_sense_are_refused() {
 fn a_whole_number_that_no_signal_can_carry_is_no_start_value() {
     let one = |start: &str| {
         read(&format!(
-            "<ModelVariables><Int64 name=\"x\" valueReference=\"1\" start=\"{start}\"/></ModelVariables>"
+            "<ModelVariables><Int64 name=\"x\" valueReference=\"1\" causality=\"input\" start=\"{start}\"/></ModelVariables>"
         ))
     };
     one("9007199254740992").expect("2^53");

@@ -42,19 +42,6 @@ impl Element {
                         &"it has a document type, and with it entities, which are not read",
                     ));
                 }
-                Event::Decl(declared) => {
-                    let encoding = declared.encoding().transpose();
-                    let encoding = encoding.map_err(|error| refused(&error))?;
-                    match encoding {
-                        Some(name) if !name.eq_ignore_ascii_case(b"utf-8") => {
-                            let name = String::from_utf8_lossy(&name);
-                            return Err(refused(&format!(
-                                "its encoding is {name}, and the standard asks for UTF-8"
-                            )));
-                        }
-                        _ => continue,
-                    }
-                }
                 Event::Eof => break,
                 _ => continue,
             };
@@ -151,7 +138,12 @@ impl Element {
 
 /// The beginning of a text of the document, as it may be shown.
 pub(super) fn shortened(text: &str) -> String {
-    text::line(text).chars().take(80).collect()
+    shortened_to(text, 80)
+}
+
+/// The beginning of a text of so many characters.
+pub(super) fn shortened_to(text: &str, most: usize) -> String {
+    text::line(text).chars().take(most).collect()
 }
 
 fn refused(error: &dyn std::fmt::Display) -> DescriptionError {

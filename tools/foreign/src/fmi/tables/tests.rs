@@ -161,3 +161,97 @@ fn inputs_of_a_law_are_references_by_the_begin_of_their_names() {
     assert_eq!(of(&measured), ["reference"]);
     assert_eq!(of(&reference), ["angle_rad"]);
 }
+
+/// The model with one more variable, made of its second.
+fn with(change: impl FnOnce(&mut Variable)) -> ModelDescription {
+    let mut model = model("BouncingBall/FMI3");
+    let mut other = model.variables[1].clone();
+    other.causality = Causality::Parameter;
+    change(&mut other);
+    model.variables.push(other);
+    model
+}
+
+#[test]
+fn a_variable_whose_name_is_too_long_is_left_out_and_listed() {
+    for causality in [
+        Causality::Local,
+        Causality::Output,
+        Causality::Input,
+        Causality::Parameter,
+    ] {
+        let model = with(|other| {
+            other.name = "v".repeat(300);
+            other.start = vec![0.0];
+            other.causality = causality;
+        });
+        let tables = tables(&model, &["*"]).expect("sound");
+        let [left_out] = &tables.imported.left_out[..] else {
+            panic!("{:?}", tables.imported.left_out)
+        };
+        assert!(
+            left_out.reason.contains("has 300 bytes"),
+            "{}",
+            left_out.reason
+        );
+        let keeps = matches!(causality, Causality::Input | Causality::Parameter);
+        assert_eq!(left_out.reason.contains("keeps its start value"), keeps);
+    }
+}
+
+#[test]
+fn all_inner_signals_may_be_none() {
+    let mut model = model("StateSpace/FMI3");
+    model.variables.retain(|one| !one.is_inner());
+    assert_eq!(tables(&model, &["*"]).expect("sound").locals, []);
+    tables(&model, &["x*"]).expect_err("none begins so");
+}
+
+#[test]
+fn a_start_that_its_variable_may_not_have_is_no_default_and_said() {
+    let parameter = |model: &ModelDescription| {
+        let tables = tables(model, &[]).expect("sound");
+        tables.parameters.last().expect("there").field.clone()
+    };
+    let model = with(|other| {
+        other.name = "p".into();
+        (other.min, other.max, other.start) = (Some(0.0), Some(5.0), vec![7.0]);
+    });
+    let field = parameter(&model);
+    assert_eq!((field.default, field.min, field.max), (None, 0.0, 5.0));
+    assert!(
+        field.description.contains("start value in the FMU, 7"),
+        "{}",
+        field.description
+    );
+    let items = |start: f64| {
+        parameter(&with(|other| {
+            other.name = "p".into();
+            other.kind = VariableType::Enumeration;
+            (other.min, other.max) = (Some(1.0), Some(5.0));
+            (other.items, other.start) = (vec![1.0, 2.0, 5.0], vec![start]);
+        }))
+    };
+    assert_eq!(items(5.0).default, Some(5.0));
+    assert!(items(5.0).description.ends_with("One of 1, 2, 5."));
+    assert_eq!(items(4.0).default, None);
+    // A range that begins above its end is none.
+    let model = with(|other| {
+        other.name = "p".into();
+        (other.min, other.max, other.start) = (Some(5.0), Some(0.0), vec![7.0]);
+    });
+    assert_eq!(parameter(&model).default, Some(7.0));
+}
+
+#[test]
+fn a_variable_without_a_description_is_told_by_its_role() {
+    let model = with(|other| {
+        other.name = "p".into();
+        other.description.clear();
+        other.start = vec![1.0];
+        other.is_tunable = true;
+    });
+    let tables = tables(&model, &[]).expect("sound");
+    let text = &tables.parameters.last().expect("there").field.description;
+    assert_eq!(text, "Tunable parameter, not described in the FMU.");
+}

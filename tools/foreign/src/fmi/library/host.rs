@@ -1,0 +1,146 @@
+//! Loading of a library as a program in C does it: the parts of the C library that FMUs count on are there for
+//! every library, and the functions that nobody defines matter only when they are called.
+//!
+//! [`needs`] says what a library names and what of it is not there, for `hil describe --load`.
+
+use std::path::Path;
+use std::sync::Once;
+
+use libloading::os::unix::{Library, RTLD_GLOBAL, RTLD_LAZY, RTLD_LOCAL, RTLD_NOW};
+use shared_types::describe::LibraryNeeds;
+use shared_types::{program, text};
+
+use super::LibraryError;
+use super::elf::Dynamic;
+
+/// Parts of the C library that a program in C has loaded, and on which libraries count without naming them. Where the
+/// C library is in one piece, as musl and new versions of glibc, those that are not there are part of it.
+const PARTS: [&str; 4] = ["libm.so.6", "libdl.so.2", "librt.so.1", "libpthread.so.0"];
+/// Begin of the names of a Python interpreter's functions.
+const PYTHON: [&str; 2] = ["Py", "_Py"];
+/// Minor versions of Python 3 whose library is looked for, the newest first.
+const PYTHON_VERSIONS: std::ops::RangeInclusive<u32> = 6..=20;
+
+/// Makes the parts of the C library available to all libraries, once.
+fn provide_parts() {
+    static DONE: Once = Once::new();
+    DONE.call_once(|| {
+        for name in PARTS {
+            provide(name);
+        }
+    });
+}
+
+/// Makes the symbols of an installed library available to all others; returns false if there is none.
+fn provide(name: &str) -> bool {
+    // SAFETY: libraries of the system, whose loading has no effect but that.
+    let library = unsafe { Library::open(Some(name), RTLD_LAZY | RTLD_GLOBAL) };
+    // Never closed: what uses it stays as well.
+    library.map(std::mem::forget).is_ok()
+}
+
+/// Loads a library. One that `needs_tool`, as an interpreter, is loaded so that all that it loads can use its symbols
+/// and those of the libraries that it names.
+///
+/// # Errors
+/// If it cannot be loaded.
+pub(super) fn load(path: &Path, needs_tool: bool) -> Result<Library, LibraryError> {
+    provide_parts();
+    let scope = if needs_tool { RTLD_GLOBAL } else { RTLD_LOCAL };
+    if needs_tool {
+        provide_python(path);
+    }
+    // SAFETY: loading runs code of the library, which is what somebody asked for who named the FMU; nothing
+    // of this process is told to it here.
+    let open = |binding| unsafe { Library::open(Some(path), binding | scope) };
+    open(RTLD_NOW).or_else(|error| {
+        // A function that nobody defines does no harm as long as it is not called.
+        let Ok(library) = open(RTLD_LAZY) else {
+            return Err(LibraryError::Load(failure(&error)));
+        };
+        let reason = reason(&error);
+        program::say(&format!(
+            "fmu: {reason}; a call of it would end this process"
+        ));
+        Ok(library)
+    })
+}
+
+/// Loads the library of Python 3 that is installed, for a library that calls it without naming it.
+fn provide_python(path: &Path) {
+    let Some(dynamic) = Dynamic::read(path) else {
+        return;
+    };
+    let is_python = |name: &String| PYTHON.iter().any(|begin| name.starts_with(begin));
+    let is_named = dynamic.needs.iter().any(|name| name.contains("libpython"));
+    if is_named || !dynamic.undefined.iter().any(is_python) {
+        return;
+    }
+    let mut names = PYTHON_VERSIONS
+        .rev()
+        .map(|minor| format!("libpython3.{minor}.so.1.0"));
+    let _ = names.any(|name| provide(&name)) || provide("libpython3.so"); // what it lacks is told by the loader
+}
+
+/// What a library names, and what of it is not there. Loads it and whatever it names.
+pub(in crate::fmi) fn needs(path: &Path, needs_tool: bool) -> LibraryNeeds {
+    let refusal = load(path, needs_tool).map(std::mem::forget).err();
+    let Some(dynamic) = Dynamic::read(path) else {
+        return LibraryNeeds {
+            refusal: refusal.map(|error| error.to_string()),
+            ..LibraryNeeds::default()
+        };
+    };
+    let beside = path.parent().filter(|_| dynamic.looks_beside_itself);
+    let open = |name: &String| {
+        // SAFETY: as in `load`: a library that the FMU names.
+        let open = |file: &Path| unsafe { Library::open(Some(file), RTLD_LAZY | RTLD_LOCAL) };
+        let library = open(Path::new(name));
+        library.or_else(|error| beside.map_or(Err(error), |folder| open(&folder.join(name))))
+    };
+    let opened: Vec<(&String, Option<Library>)> = (dynamic.needs.iter())
+        .map(|name| (name, open(name).ok()))
+        .collect();
+    let own = Library::this();
+    let is_defined = |symbol: &String| {
+        let named = opened.iter().filter_map(|(_, library)| library.as_ref());
+        std::iter::once(&own).chain(named).any(|library| {
+            let symbol = format!("{symbol}\0");
+            // SAFETY: looked up only, and never used.
+            unsafe { library.get::<*const u8>(symbol.as_bytes()) }.is_ok()
+        })
+    };
+    let undefined = dynamic.undefined.iter();
+    let lacks_symbols = undefined.filter(|symbol| !is_defined(symbol)).cloned();
+    let lacks_symbols = lacks_symbols.collect();
+    let absent = opened.iter().filter(|(_, library)| library.is_none());
+    let lacks_libraries = absent.map(|(name, _)| (*name).clone()).collect();
+    for (_, library) in opened {
+        library.map(std::mem::forget);
+    }
+    LibraryNeeds {
+        needs: dynamic.needs,
+        lacks_libraries,
+        lacks_symbols,
+        refusal: refusal.map(|error| match error {
+            LibraryError::Load(reason) => reason,
+            other => other.to_string(),
+        }),
+    }
+}
+
+fn reason(error: &libloading::Error) -> String {
+    let source = std::error::Error::source(error);
+    text::line(&source.map_or_else(|| error.to_string(), ToString::to_string))
+}
+
+/// The system's reason, with the usual cause where the reason hides it.
+fn failure(error: &libloading::Error) -> String {
+    let mut reason = reason(error);
+    if reason.contains("failed to map segment") {
+        reason.push_str("; is the folder for temporary files mounted noexec? TMPDIR names another");
+    } else {
+        reason.push_str("; `hil describe --load` lists all that it needs and lacks");
+    }
+    reason
+}
