@@ -27,7 +27,10 @@ pub(super) fn of(
     let has_fmu = [&binaries.plant, &binaries.controller]
         .iter()
         .any(|binary| binary.host.is_some());
-    let start_limit_s = has_fmu.then(|| wait_limit_s.max(asking::LEAST_S));
+    let start_limit_s = has_fmu.then_some(match wait_limit_s > asking::LEAST_S {
+        true => wait_limit_s,
+        false => asking::LEAST_S,
+    });
     let start_limit_s = start_limit_s.filter(|limit_s| limit_s.is_finite());
     // Between two samples of a paced run the controller waits for the clock, not for the plant.
     let between_s = match plan.run.clock {

@@ -115,8 +115,8 @@ pub(in crate::fmi) fn needs(path: &Path, needs_tool: bool) -> LibraryNeeds {
     let lacks_symbols = lacks_symbols.collect();
     let absent = opened.iter().filter(|(_, library)| library.is_none());
     let lacks_libraries = absent.map(|(name, _)| (*name).clone()).collect();
-    for (_, library) in opened {
-        library.map(std::mem::forget);
+    for library in opened.into_iter().filter_map(|(_, library)| library) {
+        std::mem::forget(library); // its exit handlers may be anything
     }
     LibraryNeeds {
         needs: dynamic.needs,
