@@ -11,6 +11,6 @@
 #![deny(unsafe_op_in_unsafe_fn)]
 
 pub mod c;
-mod float_modes;
 mod crash;
+mod float_modes;
 pub mod fmi;

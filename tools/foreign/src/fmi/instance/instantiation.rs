@@ -6,8 +6,8 @@ use std::ptr::null;
 
 use shared_types::describe::Invalid;
 
-use crate::float_modes;
 use crate::crash::calling;
+use crate::float_modes;
 use crate::fmi::Model;
 use crate::fmi::journal::{Journal, log_three, log_two};
 use crate::fmi::library::{CallbacksTwo, Functions, Handle, Own};
