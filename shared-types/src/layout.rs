@@ -254,6 +254,15 @@ pub fn check_fields(fields: &[Field], most: usize) -> Result<(), Unusable> {
             return Err(Unusable::Twice(name.clone()));
         }
     }
+    let mut names: BTreeSet<&str> = fields.iter().map(|field| field.name.as_str()).collect();
+    for alias in fields.iter().flat_map(|field| &field.aliases) {
+        if alias.len() > LONGEST_NAME || !alias.split('.').all(is_name) {
+            return Err(Unusable::Name(beginning(alias)));
+        }
+        if !names.insert(alias) {
+            return Err(Unusable::Twice(alias.clone()));
+        }
+    }
     Ok(())
 }
 

@@ -24,6 +24,10 @@ pub struct Field {
     /// Name with its unit at the end, for example `surface_angle_rad`; a field of a group has the
     /// group in front, for example `actuator1.piston_mass_kg`.
     pub name: String,
+    /// Further names of the same variable, which count wherever a name is written; tables and recordings
+    /// have [`name`](Self::name) alone.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub aliases: Vec<String>,
     /// Unit as text, for example `rad`, `m/s`, `1`.
     pub unit: String,
     /// Description in one sentence.
@@ -48,6 +52,9 @@ pub struct Field {
     /// to faults may be too.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub tunable: bool,
+    /// True if the value is a difference, as of two temperatures: units convert it without their zeros.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub is_difference: bool,
 }
 
 impl Field {
@@ -56,6 +63,7 @@ impl Field {
     pub fn signal(name: &str, unit: &str, description: &str) -> Self {
         Self {
             name: name.into(),
+            aliases: Vec::new(),
             unit: unit.into(),
             description: description.trim().into(),
             default: None,
@@ -63,7 +71,21 @@ impl Field {
             max: highest(),
             faultable: false,
             tunable: false,
+            is_difference: false,
         }
+    }
+
+    /// All names: that of the column, then its aliases.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        std::iter::once(&self.name)
+            .chain(&self.aliases)
+            .map(String::as_str)
+    }
+
+    /// Returns `true` if this is the name or an alias.
+    #[must_use]
+    pub fn is_called(&self, name: &str) -> bool {
+        self.names().any(|one| one == name)
     }
 
     /// Checks whether a value is a number inside the range. Infinity is legal where the range says so.
