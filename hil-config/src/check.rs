@@ -247,7 +247,11 @@ fn parts(
             plant,
             reference: reference.as_deref(),
         };
-        connections = connect::check(reader, &connect, &ends);
+        connections = connect::check(reader, &connect, &ends).map(|mut all| {
+            let reference = reference.as_deref().unwrap_or_default();
+            all.extend(binding::by_aliases(law, plant, reference, &all));
+            all
+        });
         let connected = (connections.as_ref()).and_then(|all| law.connected(all).ok());
         if let Some(law) = &connected {
             binding::check(reader, section, law, plant, stimuli.as_deref());

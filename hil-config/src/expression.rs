@@ -183,6 +183,31 @@ impl Expression {
         unknown.take(MOST_PROBLEMS + 1).collect()
     }
 
+    /// Lists where the names in it are aliases, with the names of their columns, in the order of the text.
+    pub(crate) fn aliases<'a>(
+        &'a self,
+        columns: &'a Columns,
+    ) -> impl Iterator<Item = (Range<usize>, &'a str)> {
+        let own = |name: &'a Name| {
+            let own = columns.own_name(&name.path);
+            (own != name.path).then(|| (name.span.clone(), own))
+        };
+        let mut aliases: Vec<_> = self.names.iter().filter_map(own).collect();
+        aliases.sort_by_key(|(span, _)| span.start);
+        aliases.into_iter()
+    }
+
+    /// The expression with the names of columns in place of aliases, as recordings have them.
+    ///
+    /// # Errors
+    /// If the text grows beyond what is read.
+    pub(crate) fn with_own_names(self, columns: &Columns) -> Result<Self, ExpressionError> {
+        match replaced(&self.text, self.aliases(columns)) {
+            Some(text) => Self::parse(&text),
+            None => Ok(self),
+        }
+    }
+
     /// Refuses reductions, which a derived signal cannot have.
     ///
     /// # Errors
@@ -272,4 +297,18 @@ impl Expression {
     fn error(&self, span: Range<usize>, message: &str) -> ExpressionError {
         ExpressionError::new(&self.text, span, message)
     }
+}
+
+/// A text with other words at some places of it, which follow each other; `None` if there are none.
+pub(crate) fn replaced<'a>(
+    text: &str,
+    words: impl Iterator<Item = (Range<usize>, &'a str)>,
+) -> Option<String> {
+    let (mut result, mut end) = (String::new(), 0);
+    for (span, word) in words {
+        result += &text[end..span.start];
+        result += word;
+        end = span.end;
+    }
+    (end > 0).then(|| result + &text[end..])
 }

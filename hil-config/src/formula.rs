@@ -51,7 +51,7 @@ mod parser;
 
 use std::ops::Range;
 
-use crate::expression::{Columns, Expression, ExpressionError};
+use crate::expression::{Columns, Expression, ExpressionError, replaced};
 use crate::problem::MOST_PROBLEMS;
 
 pub(crate) use parser::is_operator;
@@ -227,6 +227,23 @@ impl Formula {
             errors.map(|error| self.inside(error, side.start))
         });
         errors.take(MOST_PROBLEMS + 1).collect()
+    }
+
+    /// The formula with the names of columns in place of aliases, as recordings have them.
+    ///
+    /// # Errors
+    /// If the text grows beyond what is read.
+    pub(crate) fn with_own_names(self, columns: &Columns) -> Result<Self, ExpressionError> {
+        let mut sides: Vec<_> = self.sides().collect();
+        sides.sort_by_key(|side| side.start);
+        let aliases = sides.into_iter().flat_map(|side| {
+            let aliases = side.expression.aliases(columns);
+            aliases.map(|(span, own)| (span.start + side.start..span.end + side.start, own))
+        });
+        match replaced(&self.text, aliases) {
+            Some(text) => Self::parse(&text),
+            None => Ok(self),
+        }
     }
 
     /// The unit that all its comparisons have among these columns, if there is one.

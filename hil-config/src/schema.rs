@@ -184,9 +184,10 @@ fn field(field: &Field) -> Value {
 /// A table of parameters: groups as tables, and every last part alone.
 fn described(fields: &[&Field]) -> Value {
     let mut root = json!({"type": "object", "properties": {}, "additionalProperties": false});
-    for one in fields {
+    let names = (fields.iter()).flat_map(|one| one.names().map(move |name| (*one, name)));
+    for (one, name) in names {
         let mut table = &mut root;
-        let mut parts = one.name.split('.').peekable();
+        let mut parts = name.split('.').peekable();
         while let Some(part) = parts.next() {
             let properties = &mut table["properties"];
             if parts.peek().is_some() && properties[part].is_null() {
@@ -197,7 +198,7 @@ fn described(fields: &[&Field]) -> Value {
             }
             table = &mut table["properties"][part];
         }
-        if let Some((_, last)) = one.name.rsplit_once('.') {
+        if let Some((_, last)) = name.rsplit_once('.') {
             offer(&mut root["properties"][last], one);
         }
     }
@@ -231,13 +232,14 @@ fn offer(slot: &mut Value, one: &Field) {
 fn limits(fields: &[&Field]) -> Value {
     let properties: Map<String, Value> = fields
         .iter()
-        .map(|field| {
+        .flat_map(|field| field.names().map(move |name| (*field, name)))
+        .map(|(field, name)| {
             let mut value = pair();
             value["description"] = json!(match unit_shown(&field.unit) {
                 "" => field.description.clone(),
                 unit => format!("{} In {unit}.", field.description),
             });
-            (field.name.clone(), value)
+            (name.to_owned(), value)
         })
         .collect();
     json!({"properties": properties, "additionalProperties": false})

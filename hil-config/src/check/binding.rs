@@ -3,8 +3,11 @@
 //! The same binding is made again between the processes, from their own tables; here it is told
 //! before anything is started, with the line of the scenario and what would give the signal.
 
+use shared_types::connection::Connection;
 use shared_types::describe::{LawDescription, PlantDescription};
+use shared_types::layout::SignalKind;
 use shared_types::table::{Field, derivative_of};
+use shared_types::units::Conversion;
 
 use crate::keys::WAVEFORMS;
 use crate::plan::Stimulus;
@@ -38,6 +41,53 @@ pub(super) fn check(
     if let Some(stimuli) = stimuli {
         bind_reference(reader, section, law, stimuli);
     }
+}
+
+/// Connects signals of which one side has the name that is an alias on the other, so that the processes bind them
+/// by the names of the columns.
+pub(super) fn by_aliases(
+    law: &LawDescription,
+    plant: &PlantDescription,
+    reference: &[Field],
+    connections: &[Connection],
+) -> Vec<Connection> {
+    let commands = law.commands.as_deref().unwrap_or_default();
+    let mut added = Vec::new();
+    for (kind, of_law, of_plant) in [
+        (SignalKind::Measured, &law.measured[..], &plant.measured[..]),
+        (SignalKind::Reference, &law.reference, reference),
+        (SignalKind::Command, commands, &plant.commands),
+    ] {
+        let all = || connections.iter().filter(|one| one.kind == kind);
+        let is_free = |own: &&Field| {
+            let mut others = of_plant.iter();
+            all().all(|one| one.law != own.name) && others.all(|one| one.name != own.name)
+        };
+        for own in of_law.iter().filter(is_free) {
+            let is_one = |other: &&Field| {
+                own.unit == other.unit && own.names().any(|name| other.is_called(name))
+            };
+            let Some(other) = of_plant.iter().find(is_one) else {
+                continue;
+            };
+            // A command has one sender.
+            let is_given = kind == SignalKind::Command
+                && (all().any(|one| one.plant == other.name)
+                    || commands.iter().any(|one| one.name == other.name));
+            if !is_given {
+                added.push(Connection {
+                    kind,
+                    law: own.name.clone(),
+                    law_unit: own.unit.clone(),
+                    plant: other.name.clone(),
+                    plant_unit: other.unit.clone(),
+                    conversion: Conversion::IDENTITY,
+                    is_given: false,
+                });
+            }
+        }
+    }
+    added
 }
 
 fn gives_field(given: &[Field], wanted: &Field) -> bool {

@@ -13,7 +13,7 @@ use shared_types::table::Field;
 use shared_types::time::Step;
 
 use super::RequestContext;
-use super::parameters::{LISTED, collect, is_named};
+use super::parameters::{LISTED, Written, collect, is_named};
 use super::run::Grid;
 use crate::document::Entry;
 use crate::keys::LIVE_CHANGE;
@@ -40,8 +40,32 @@ pub(crate) struct ChangeContext<'a> {
 /// A key that can be named, and whether it can be changed.
 struct Known {
     key: String,
+    /// The key under further names of its variable.
+    aliases: Vec<String>,
     field: Field,
     is_tunable: bool,
+}
+
+impl Known {
+    fn new(group: &str, field: &Field, is_tunable: bool) -> Self {
+        let key = |name: &String| format!("{group}{name}");
+        Self {
+            key: key(&field.name),
+            aliases: field.aliases.iter().map(key).collect(),
+            field: field.clone(),
+            is_tunable,
+        }
+    }
+
+    fn keys(&self) -> impl Iterator<Item = &str> {
+        std::iter::once(&self.key)
+            .chain(&self.aliases)
+            .map(String::as_str)
+    }
+
+    fn is_called(&self, key: &str) -> bool {
+        self.keys().any(|one| one == key)
+    }
 }
 
 /// The changes that are right; the others are reported.
@@ -89,24 +113,17 @@ pub(super) fn tunable(context: &ChangeContext<'_>) -> Option<Vec<String>> {
 /// All keys; `None` if some are not known.
 fn known(context: &ChangeContext<'_>) -> Option<Vec<Known>> {
     let (law, parameters) = context.law?;
-    let of_law = parameters.iter().map(|field| Known {
-        key: law_keys(law) + &field.name,
-        field: field.clone(),
-        is_tunable: field.tunable,
-    });
-    let of_plant = context.plant?.parameters.iter().map(|field| Known {
-        key: format!("{PLANT_KEYS}{}", field.name),
-        field: field.clone(),
-        is_tunable: field.tunable || field.faultable,
-    });
-    let signals = context.stimuli?.iter().map(|stimulus| Known {
-        key: format!("{REFERENCE_KEYS}{}", stimulus.target),
-        field: Field {
+    let group = law_keys(law);
+    let of_law = (parameters.iter()).map(|field| Known::new(&group, field, field.tunable));
+    let of_plant = (context.plant?.parameters.iter())
+        .map(|field| Known::new(PLANT_KEYS, field, field.tunable || field.faultable));
+    let signals = context.stimuli?.iter().map(|stimulus| {
+        let field = Field {
             min: f64::MIN,
             max: f64::MAX,
             ..Field::signal(&stimulus.target, &stimulus.unit, "")
-        },
-        is_tunable: true,
+        };
+        Known::new(REFERENCE_KEYS, &field, true)
     });
     Some(of_law.chain(of_plant).chain(signals).collect())
 }
@@ -203,7 +220,7 @@ fn values(
 ) -> Vec<ChangedValue> {
     let mut leaves = Vec::new();
     collect(set.table, "", &[], &mut leaves);
-    let mut found: BTreeMap<String, (usize, ChangedValue)> = BTreeMap::new();
+    let mut found: BTreeMap<String, (Written, ChangedValue)> = BTreeMap::new();
     for (name, entry) in leaves {
         // As it was typed, where it was.
         let path = match section.path.as_str() {
@@ -214,10 +231,10 @@ fn values(
             continue;
         };
         // A full key is never also the short form of another.
-        let meant: Vec<&Known> = match keys.iter().find(|one| one.key == name) {
+        let meant: Vec<&Known> = match keys.iter().find(|one| one.is_called(&name)) {
             Some(exact) => vec![exact],
             None => (keys.iter())
-                .filter(|one| is_short_form(&one.key, &name))
+                .filter(|one| one.keys().any(|key| is_short_form(key, &name)))
                 .collect(),
         };
         let tunable: Vec<&Known> = meant.iter().copied().filter(|one| one.is_tunable).collect();
@@ -225,19 +242,25 @@ fn values(
             unknown(reader, &path, &name, entry, keys, !meant.is_empty());
         }
         for one in tunable {
-            let parts = name.split('.').count();
             let Some(value) = reader.quantity(&path, &entry.node, &Quantity::from(&one.field))
             else {
                 break; // one message for one value
             };
+            let written = Written::new(&name, one.is_called(&name), value);
             let value = ChangedValue {
                 key: one.key.clone(),
                 unit: one.field.unit.clone(),
                 value,
             };
-            let before = found.get(&one.key).map(|(parts, _)| *parts);
-            if before.is_none_or(|before| before < parts) {
-                found.insert(one.key.clone(), (parts, value));
+            match written.beats(found.get(&one.key).map(|(earlier, _)| earlier)) {
+                Ok(true) => {
+                    found.insert(one.key.clone(), (written, value));
+                }
+                Ok(false) => {}
+                Err(message) => {
+                    reader.report(ProblemKind::Duplicate, &path, &entry.node.place, message);
+                    break;
+                }
             }
         }
     }

@@ -110,9 +110,9 @@ fn connection(reader: &mut Reader, section: &Section<'_>, ends: &Ends<'_>) -> Op
     let of_others = || ends.laws.iter().flat_map(|other| of_law(other, kind));
     let Some(wanted) = of_law(ends.law, kind)
         .iter()
-        .find(|field| field.name == law)
+        .find(|field| field.is_called(law))
     else {
-        if !of_others().any(|field| field.name == law) {
+        if !of_others().any(|field| field.is_called(law)) {
             unknown(
                 reader,
                 section,
@@ -124,7 +124,7 @@ fn connection(reader: &mut Reader, section: &Section<'_>, ends: &Ends<'_>) -> Op
         return None;
     };
     let given = ends.of_plant(kind)?;
-    let Some(sent) = given.iter().find(|field| field.name == plant) else {
+    let Some(sent) = given.iter().find(|field| field.is_called(plant)) else {
         unknown(
             reader,
             section,
@@ -171,9 +171,9 @@ fn connection(reader: &mut Reader, section: &Section<'_>, ends: &Ends<'_>) -> Op
     };
     Some(Connection {
         kind,
-        law: law.into(),
+        law: wanted.name.clone(),
         law_unit: wanted.unit.clone(),
-        plant: plant.into(),
+        plant: sent.name.clone(),
         plant_unit: sent.unit.clone(),
         conversion,
         is_given,
@@ -237,7 +237,26 @@ fn by_units(
     );
     let message = match (&from, &to) {
         (Ok(from), Ok(to)) => match from.conversion_to(to) {
-            Some(conversion) => return Some(conversion),
+            Some(conversion) if conversion.offset == 0.0 => return Some(conversion),
+            Some(conversion) => match (sent.is_difference, received.is_difference) {
+                (false, false) => return Some(conversion),
+                (true, true) => {
+                    return Some(Conversion {
+                        offset: 0.0,
+                        ..conversion
+                    });
+                }
+                _ => {
+                    let (one, other) = match sent.is_difference {
+                        true => (sent, received),
+                        false => (received, sent),
+                    };
+                    format!(
+                        "{names}: `{}` is declared as a difference (relativeQuantity) and `{}` is not, so the zeros of the units may count or not",
+                        one.name, other.name
+                    )
+                }
+            },
             None => {
                 let (from, to) = (from.base(), to.base());
                 format!("{names} have different dimensions, {from} and {to}")

@@ -19,6 +19,11 @@ pub(super) fn check(
     };
     reader.refuse_unknown(&section, &[]);
     let window_s = reader.number(&section, "window_s");
+    let own = |name: &str| {
+        columns
+            .map_or(name, |columns| columns.own_name(name))
+            .to_owned()
+    };
     let signals: Option<Vec<String>> =
         columns.map(|columns| columns.names().map(Into::into).collect());
     let keys = changes::tunable(changed);
@@ -28,6 +33,7 @@ pub(super) fn check(
         "readings",
         signals,
         "is no signal of this run",
+        own,
     );
     let tune = names(
         reader,
@@ -35,8 +41,9 @@ pub(super) fn check(
         "tune",
         keys,
         "cannot be changed while this run goes on",
+        str::to_owned,
     );
-    let inject = names(reader, &section, "inject", None, "");
+    let inject = names(reader, &section, "inject", None, "", str::to_owned);
     Panel {
         window_s: window_s.unwrap_or_else(|| Panel::default().window_s),
         readings,
@@ -51,6 +58,7 @@ fn names(
     key: &str,
     known: Option<Vec<String>>,
     what: &str,
+    own: impl Fn(&str) -> String,
 ) -> Vec<String> {
     if section.table.get(key).is_none() {
         return Vec::new();
@@ -60,7 +68,7 @@ fn names(
         let is_pattern = name.contains(['*', '?', '[']);
         let Some(known) = known
             .as_deref()
-            .filter(|known| !is_pattern && !known.iter().any(|one| one == name))
+            .filter(|known| !is_pattern && !known.contains(&own(name)))
         else {
             continue;
         };
@@ -68,8 +76,5 @@ fn names(
         let problem = reader.report(ProblemKind::UnknownName, path, place, message);
         problem.nearest(name, known.iter().map(String::as_str));
     }
-    given
-        .into_iter()
-        .map(|(_, _, name)| name.to_owned())
-        .collect()
+    given.into_iter().map(|(_, _, name)| own(name)).collect()
 }

@@ -6,6 +6,7 @@
 use std::collections::BTreeMap;
 
 use shared_types::describe::Settings;
+use shared_types::number::exact as number;
 use shared_types::table::Field;
 
 use crate::document::{Entry, Table, Value};
@@ -26,19 +27,17 @@ pub(super) fn given(
 ) -> BTreeMap<String, f64> {
     let mut leaves = Vec::new();
     collect(section.table, "", fields, &mut leaves);
-    // By full name: how many parts the key had, and the value.
-    let mut values: BTreeMap<String, (usize, f64)> = BTreeMap::new();
+    let mut values: BTreeMap<String, Written> = BTreeMap::new();
     for (key, entry) in leaves {
         let node = &entry.node;
         let path = section.path_of(&key);
-        let matching = named(fields, |field| &field.name, &key);
+        let matching = named(fields, Field::names, &key);
         if matching.is_empty() {
             unknown(reader, &path, &key, entry, fields, owner);
         }
         for field in matching {
-            let parts = key.split('.').count();
-            let earlier = values.get(&field.name).map(|(parts, _)| *parts);
-            if earlier == Some(parts) {
+            let earlier = values.get(&field.name);
+            if earlier.is_some_and(|earlier| earlier.key == key) {
                 let message = format!("`{path}` is given twice");
                 reader.report(ProblemKind::Duplicate, &path, &node.place, message);
                 break;
@@ -46,15 +45,63 @@ pub(super) fn given(
             let Some(value) = reader.quantity(&path, node, &Quantity::from(field)) else {
                 break; // one message for one value
             };
-            if earlier.is_none_or(|earlier| earlier < parts) {
-                values.insert(field.name.clone(), (parts, value));
+            let written = Written::new(&key, field.is_called(&key), value);
+            match written.beats(earlier) {
+                Ok(true) => {
+                    values.insert(field.name.clone(), written);
+                }
+                Ok(false) => {}
+                Err(message) => {
+                    reader.report(ProblemKind::Duplicate, &path, &node.place, message);
+                    break;
+                }
             }
         }
     }
     values
         .into_iter()
-        .map(|(name, (_, value))| (name, value))
+        .map(|(name, written)| (name, written.value))
         .collect()
+}
+
+/// Value of a variable with the key that it was given under.
+pub(super) struct Written {
+    key: String,
+    /// Number of parts of the key; of a full name more than any.
+    parts: usize,
+    value: f64,
+}
+
+impl Written {
+    pub(super) fn new(key: &str, is_full: bool, value: f64) -> Self {
+        Self {
+            key: key.into(),
+            parts: if is_full {
+                usize::MAX
+            } else {
+                key.split('.').count()
+            },
+            value,
+        }
+    }
+
+    /// Returns `true` if this counts and not the earlier one: the longer key does.
+    ///
+    /// # Errors
+    /// If two names of one variable give it two values.
+    pub(super) fn beats(&self, earlier: Option<&Self>) -> Result<bool, String> {
+        let Some(earlier) = earlier else {
+            return Ok(true);
+        };
+        if earlier.parts == self.parts && earlier.value != self.value {
+            let (this, other) = (number(self.value), number(earlier.value));
+            return Err(format!(
+                "`{}` is {this} and `{}` is {other}, but both are names of one variable",
+                self.key, earlier.key
+            ));
+        }
+        Ok(earlier.parts < self.parts)
+    }
 }
 
 /// All values: given, else `fallback`, else the field's default. A field without any is reported.
@@ -83,11 +130,18 @@ pub(super) fn complete(
 }
 
 /// Returns what a key names: the one with exactly that name, or else all whose last parts it is.
-pub(super) fn named<'a, T>(all: &'a [T], name: impl Fn(&T) -> &str, key: &str) -> Vec<&'a T> {
-    let exact = all.iter().find(|one| name(one) == key);
+pub(super) fn named<'a, T, N: Iterator<Item = &'a str>>(
+    all: &'a [T],
+    names: impl Fn(&'a T) -> N,
+    key: &str,
+) -> Vec<&'a T> {
+    let exact = all.iter().find(|one| names(one).any(|name| name == key));
     match exact {
         Some(one) => vec![one],
-        None => all.iter().filter(|one| is_named(name(one), key)).collect(),
+        None => {
+            let ends_so = |one: &&'a T| names(one).any(|name| is_named(name, key));
+            all.iter().filter(ends_so).collect()
+        }
     }
 }
 
@@ -110,7 +164,8 @@ pub(super) fn collect<'a>(
         let group = format!("{key}.");
         match &entry.node.value {
             Value::Table(inner) => {
-                let known = fields.iter().any(|field| field.name.starts_with(&group));
+                let mut names = fields.iter().flat_map(Field::names);
+                let known = names.any(|name| name.starts_with(&group));
                 if inner.entries().is_empty() && !known {
                     leaves.push((key, entry));
                 }

@@ -1,9 +1,11 @@
 //! `[plant]`: model, substeps, parameters, limits and the safe command.
 
+use std::collections::BTreeMap;
+
 use shared_types::describe::{PlantDescription, Settings};
 use shared_types::table::Field;
 
-use super::parameters;
+use super::parameters::{self, Written};
 use crate::document::Entry;
 use crate::plan::{Limit, PlantPlan};
 use crate::problem::ProblemKind;
@@ -82,10 +84,11 @@ fn safe_command(
     for field in &plant.commands {
         commands.set(&field.name, 0.0);
     }
+    let mut given: BTreeMap<&str, Written> = BTreeMap::new();
     for (key, entry) in leaves(section, &plant.commands) {
         let path = format!("plant.safe_command.{key}");
         let names = || plant.commands.iter().map(|field| field.name.as_str());
-        let Some(field) = (plant.commands.iter()).find(|field| field.name == key) else {
+        let Some(field) = (plant.commands.iter()).find(|field| field.is_called(&key)) else {
             let message = format!("plant `{}` takes no command `{key}`", plant.name);
             reader
                 .report(ProblemKind::UnknownName, path, &entry.key_place, message)
@@ -94,6 +97,11 @@ fn safe_command(
         };
         let finite = Quantity::finite(&field.unit);
         if let Some(value) = reader.quantity(&path, &entry.node, &finite) {
+            let written = Written::new(&key, true, value);
+            if let Err(message) = written.beats(given.get(field.name.as_str())) {
+                reader.report(ProblemKind::Duplicate, path, &entry.node.place, message);
+            }
+            given.insert(&field.name, written);
             commands.set(&field.name, value);
         }
     }
@@ -113,7 +121,7 @@ fn limits(reader: &mut Reader, section: &Section<'_>, plant: &PlantDescription) 
     let mut limits = Vec::new();
     for (key, entry) in leaves(Some(section), &plant.truth) {
         let path = section.path_of(&key);
-        let Some(signal) = plant.truth.iter().find(|field| field.name == key) else {
+        let Some(signal) = plant.truth.iter().find(|field| field.is_called(&key)) else {
             let names = plant.truth.iter().map(|field| field.name.as_str());
             let message = format!("plant `{}` has no true signal `{key}`", plant.name);
             reader
@@ -122,6 +130,13 @@ fn limits(reader: &mut Reader, section: &Section<'_>, plant: &PlantDescription) 
             continue;
         };
         if let Some((min, max)) = reader.pair(&path, &entry.node, &signal.unit) {
+            let is_other =
+                |limit: &Limit| limit.signal == signal.name && (limit.min, limit.max) != (min, max);
+            if limits.iter().any(is_other) {
+                let message = format!("`{path}` is a second limit of `{}`", signal.name);
+                reader.report(ProblemKind::Duplicate, path, &entry.node.place, message);
+                continue;
+            }
             limits.push(Limit {
                 signal: signal.name.clone(),
                 min,

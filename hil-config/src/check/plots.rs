@@ -69,7 +69,8 @@ fn signals(
             problem.help("if only some laws show it, name them in `laws`");
         }
     }
-    let names = names.into_iter().map(|(_, _, name)| name.to_owned());
+    let own = |name| columns.map_or(name, |columns| columns.own_name(name));
+    let names = names.into_iter().map(|(_, _, name)| own(name).to_owned());
     are_known.then(|| names.collect())
 }
 

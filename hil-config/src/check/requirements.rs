@@ -87,5 +87,9 @@ fn formula(
     for error in &errors {
         report(reader, section, "formula", text, error, None);
     }
-    formula.filter(|_| errors.is_empty())
+    let formula = formula.filter(|_| errors.is_empty())?;
+    match columns {
+        Some(columns) => formula.with_own_names(columns).ok(),
+        None => Some(formula),
+    }
 }

@@ -206,13 +206,20 @@ fn expression(
         Use::Metric => expression.refuse_signal(),
     };
     errors.extend(misused.err());
+    let expression = match expression.with_own_names(known) {
+        Ok(expression) => Some(expression),
+        Err(error) => {
+            errors.push(ExpressionError::new(text, 0..text.len(), error.message));
+            None
+        }
+    };
     for error in &errors {
         let name = &text[error.span.clone()];
         let is_later = later.contains(name);
         let help = is_later.then_some("a derived signal may use only those above it");
         report(reader, section, key, text, error, help);
     }
-    errors.is_empty().then_some(expression)
+    expression.filter(|_| errors.is_empty())
 }
 
 /// Reports an error of an expression at its place in the file.

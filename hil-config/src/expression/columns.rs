@@ -74,6 +74,8 @@ pub struct Columns {
     units: Vec<String>,
     /// The first column of each name.
     places: HashMap<String, usize>,
+    /// Columns by further names of their signals.
+    aliases: HashMap<String, usize>,
 }
 
 impl From<&RecordLayout> for Columns {
@@ -83,6 +85,11 @@ impl From<&RecordLayout> for Columns {
         for (group, fields) in Group::ALL.into_iter().zip(layout.groups()) {
             for field in fields {
                 columns.push_with_unit(group, &field.name, &field.unit);
+                let place = columns.len() - 1;
+                for alias in &field.aliases {
+                    let path = format!("{}.{alias}", group.prefix());
+                    columns.aliases.insert(path, place);
+                }
             }
         }
         columns
@@ -135,10 +142,22 @@ impl Columns {
         self.names.iter().map(String::as_str)
     }
 
-    /// The index of a name as expressions write it, for example `truth.surface_angle_rad`.
+    /// The index of a name as expressions write it, for example `truth.surface_angle_rad`; an alias counts as well.
     #[must_use]
     pub fn index_of(&self, path: &str) -> Option<usize> {
-        self.places.get(path).copied()
+        let place = self.places.get(path).or_else(|| self.aliases.get(path));
+        place.copied()
+    }
+
+    /// The column's own name for any name of its signal, which is all that a recording has; a name that is none as
+    /// it is.
+    #[must_use]
+    pub fn own_name<'a>(&'a self, path: &'a str) -> &'a str {
+        let place = self
+            .aliases
+            .get(path)
+            .filter(|_| !self.places.contains_key(path));
+        place.map_or(path, |&place| &self.names[place])
     }
 
     /// The unit of a signal, if it is known.

@@ -17,6 +17,7 @@ use serde::{Deserialize, Serialize};
 use shared_types::describe::LawDescription;
 use shared_types::live::{self, Listening, Refusal};
 use shared_types::session::SessionInfo;
+use shared_types::table::Field;
 use toml_edit::{DocumentMut, Item, TableLike};
 
 use super::jobs;
@@ -246,7 +247,7 @@ fn leave_out(scenario: &mut DocumentMut, laws: &[LawDescription]) -> Vec<String>
             _ => of_law.clone().flat_map(|law| &law.parameters).collect(),
         }
         .into_iter()
-        .map(|field| field.name.as_str())
+        .flat_map(Field::names)
         .collect();
         if name != "model" && of_law.count() == 0 {
             controller.remove(&name);
@@ -268,7 +269,7 @@ fn has_signal(law: &LawDescription, path: &str) -> bool {
     ];
     path.split_once('.').is_some_and(|(kind, name)| {
         let mut of_kind = tables.iter().filter(|(of, _)| *of == kind);
-        of_kind.any(|(_, fields)| fields.iter().any(|field| field.name == name))
+        of_kind.any(|(_, fields)| fields.iter().any(|field| field.is_called(name)))
     })
 }
 

@@ -193,13 +193,13 @@ pub(super) fn of_kind(
     };
     let plant = context.plant?;
     let fields = fields(context, group)?;
-    if let Some(field) = fields.iter().find(|field| field.name == last) {
+    if let Some(field) = fields.iter().find(|field| field.is_called(last)) {
         return Some(Target {
-            name: name.into(),
+            name: format!("{}.{}", group.prefix(), field.name),
             unit: field.unit.clone(),
         });
     }
-    let is_fixed = group == Group::Parameter && plant.parameters.iter().any(|f| f.name == last);
+    let is_fixed = group == Group::Parameter && plant.parameters.iter().any(|f| f.is_called(last));
     let (sort, message) = match group {
         Group::Parameter if is_fixed => (
             ProblemKind::Mismatch,
