@@ -7,6 +7,11 @@
 
 static void advance(double *values, double h);
 
+/* What becomes of a value that is set; with another definition the FMU is one that has its own will. */
+#ifndef KEPT
+#define KEPT(value) (value)
+#endif
+
 static bool read_row(const double *row, const unsigned refs[], size_t count, double values[]) {
     for (size_t i = 0; i < count; i++) {
         if (refs[i] < 1 || refs[i] >= COUNT) return false;
@@ -18,7 +23,7 @@ static bool read_row(const double *row, const unsigned refs[], size_t count, dou
 static bool write_row(double *row, const unsigned refs[], size_t count, const double values[]) {
     for (size_t i = 0; i < count; i++) {
         if (refs[i] < FIRST_SET || refs[i] >= COUNT) return false;
-        row[refs[i]] = values[i];
+        row[refs[i]] = KEPT(values[i]);
     }
     return true;
 }

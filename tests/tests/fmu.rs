@@ -1,7 +1,9 @@
 //! FMUs as plants and controllers: the numbers that FMPy gets, what is told of them, and what misbehaves.
 
+mod aliases;
 mod ends;
 mod names;
+mod order;
 mod shipped;
 mod vendor;
 

@@ -83,7 +83,7 @@ fn write_all(text: &mut String, file: &str, description: &Description) -> Writte
         write_law(text, law)?;
     }
     if let Some(imported) = imported {
-        write_imported(text, imported)?;
+        write_imported(text, imported, plants.is_empty())?;
     } else if !faults.is_empty() {
         let kinds: Vec<&str> = faults.iter().map(|fault| fault.kind.as_str()).collect();
         writeln!(
@@ -140,7 +140,17 @@ fn write_fields(text: &mut String, title: &str, fields: &[Field]) -> Written {
     let unit = longest(|field| field.unit.len());
     let mut table = Table::new(4, [left(name), left(unit), left(34), left(0)]);
     for field in fields {
-        table.row(&[&field.name, &field.unit, &values(field), &field.description]);
+        let Field {
+            name,
+            unit,
+            description,
+            ..
+        } = field;
+        let text = match field.aliases.is_empty() {
+            true => description.clone(),
+            false => format!("{description} Also {}.", field.aliases.join(", ")),
+        };
+        table.row(&[name, unit, &values(field), &text]);
     }
     write!(text, "{table}")
 }
@@ -174,11 +184,15 @@ fn write_format(text: &mut String, imported: &Imported) -> Written {
     Ok(())
 }
 
-fn write_imported(text: &mut String, imported: &Imported) -> Written {
+fn write_imported(text: &mut String, imported: &Imported, is_law: bool) -> Written {
+    let direct = match is_law {
+        true => "the sample of the same step, and the inner states lead by a period",
+        false => "the command of the step before",
+    };
     if !imported.direct.is_empty() {
         writeln!(
             text,
-            "\noutputs that depend directly on inputs; they show the command of the step before:"
+            "\noutputs that depend directly on inputs; they show {direct}:"
         )?;
     }
     for direct in &imported.direct {

@@ -9,6 +9,7 @@ use std::fmt;
 
 mod encoding;
 mod reading;
+mod structure;
 mod tree;
 
 #[cfg(test)]
@@ -252,6 +253,8 @@ pub struct Variable {
     pub unusable: Option<String>,
     /// Unit.
     pub unit: Option<String>,
+    /// True if it is a difference of two values, whose unit converts without an offset.
+    pub is_difference: bool,
     /// Smallest value.
     pub min: Option<f64>,
     /// Largest value.

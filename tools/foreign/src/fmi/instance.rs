@@ -1,7 +1,8 @@
 //! Instance of an FMU, called in the order of the standard.
 //!
-//! 1. [`Instance::start`]: instantiated, parameters set, initialised at time 0; all signals are read.
-//! 2. [`Instance::step`]: inputs and changed parameters are set, the step is done, all signals are read.
+//! 1. [`Instance::start`]: instantiated, parameters set, initialised at time 0; all signals and parameters are read.
+//! 2. [`Instance::step`]: inputs and changed parameters are set, the step is done, all signals and the tunable
+//!    parameters, if one was changed, are read.
 //!
 //! So the signals of a step are always read before its inputs are set, which FMI 2 asks for, and nothing is read
 //! between setting and stepping. After an answer that ends an instance only what the standard allows is called:
@@ -24,8 +25,10 @@ use super::library::{CallbacksTwo, Functions, Handle, Own};
 use super::status::Status;
 use super::values::{Refused, Values};
 use crate::float_modes;
+use confirmation::Unconfirmed;
 use instantiation::instantiate;
 
+mod confirmation;
 mod instantiation;
 mod saved;
 
@@ -60,6 +63,7 @@ pub(super) struct Instance {
     /// Tunable parameters as the instance has them, and as it is to have them.
     tuned: Vec<f64>,
     wanted: Vec<f64>,
+    unconfirmed: Unconfirmed,
     inputs: Values,
     outputs: Values,
     /// Outputs, then inner signals, as they were read last.
@@ -105,6 +109,7 @@ impl Instance {
             wanted: tuned.clone(),
             tuned,
             tunable_places,
+            unconfirmed: Unconfirmed::default(),
             inputs: values(&tables.inputs),
             outputs: values(&signals),
             signals: vec![0.0; signals.len()],
@@ -149,7 +154,8 @@ impl Instance {
         })?;
         drop(call);
         self.life.set(Life::Stepping);
-        self.read()
+        self.read()?;
+        self.confirm_all(parameters)
     }
 
     /// Asks for messages of everything that goes wrong, if the library tells them apart from the others.
@@ -203,7 +209,8 @@ impl Instance {
         if self.life.get() != Life::Stepping {
             return Err(self.failure("cannot go on after it failed"));
         }
-        if self.wanted != self.tuned {
+        let is_changed = self.wanted != self.tuned;
+        if is_changed {
             // SAFETY: the instance is between two steps: tunable parameters may be set.
             let set = unsafe { (self.tunable).set(&self.functions, self.handle, &self.wanted) };
             self.accept(set)?;
@@ -253,7 +260,11 @@ impl Instance {
                 }
             }
         }
-        self.read()
+        self.read()?;
+        match is_changed {
+            true => self.confirm_tuned(),
+            false => Ok(()),
+        }
     }
 
     fn read(&mut self) -> Result<(), Failure> {

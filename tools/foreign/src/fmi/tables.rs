@@ -13,8 +13,10 @@ use shared_types::spelling::{spelled, spelled_all};
 use shared_types::table::Field;
 
 use super::description::{Causality, ModelDescription, Variable, VariableType, Version};
+use aliases::Aliases;
 use units::Units;
 
+mod aliases;
 mod units;
 
 /// Longest description of a column that is taken over.
@@ -60,7 +62,21 @@ impl Tables {
             ..Self::default()
         };
         let mut matched = vec![false; patterns.len()];
+        let aliases = Aliases::of(model);
         for (place, variable) in model.variables.iter().enumerate() {
+            if aliases.is_alias(place) {
+                // A pattern for it asks for the signal, which may be there as an output.
+                asked(&aliases.names_of_inner(place), patterns, &mut matched);
+                continue;
+            }
+            if let Some(other) = aliases.set_by(place) {
+                let name = &model.variables[other].name;
+                tables.leave_out(
+                    variable,
+                    format!("it is {name:?} in another form; set that one"),
+                );
+                continue;
+            }
             let is_parameter = variable.causality == Causality::Parameter;
             let reason = match variable.causality {
                 Causality::Independent => continue,
@@ -89,7 +105,7 @@ impl Tables {
                 _ => {
                     let names = columns.iter().map(|column| &column.field.name);
                     (tables.imported.locals).extend(names.cloned());
-                    let is_asked = asked(variable, &columns, patterns, &mut matched);
+                    let is_asked = asked(&aliases.names_of_inner(place), patterns, &mut matched);
                     if !is_asked {
                         continue;
                     }
@@ -115,6 +131,7 @@ impl Tables {
             )));
         }
         tables.check_names(model)?;
+        aliases.give_to(&mut tables);
         tables.imported.direct = tables.direct(model);
         Ok(tables)
     }
@@ -128,6 +145,10 @@ impl Tables {
             match reference_name(&column.field.name) {
                 Some(name) => reference.push(Field {
                     name: name.into(),
+                    aliases: (column.field.aliases.iter())
+                        .map(|alias| reference_name(alias).unwrap_or(alias).to_owned())
+                        .filter(|alias| alias != name)
+                        .collect(),
                     ..column.field.clone()
                 }),
                 None => measured.push(column.field.clone()),
@@ -222,19 +243,11 @@ fn unsupported(variable: &Variable, is_parameter: bool) -> Option<String> {
     (is_parameter && !is_told).then(|| "it is a parameter without a start value".into())
 }
 
-/// Checks whether an inner signal is asked for, and notes by which patterns.
-fn asked(
-    variable: &Variable,
-    columns: &[Column],
-    patterns: &[Pattern],
-    matched: &mut [bool],
-) -> bool {
+/// Checks whether an inner signal with these names is asked for, and notes by which patterns.
+fn asked(names: &[String], patterns: &[Pattern], matched: &mut [bool]) -> bool {
     let mut is_asked = false;
     for (pattern, matched) in patterns.iter().zip(matched) {
-        let here = columns
-            .iter()
-            .any(|column| pattern.matches(&column.field.name));
-        if here || pattern.matches(&variable.name) {
+        if names.iter().any(|name| pattern.matches(name)) {
             (*matched, is_asked) = (true, true);
         }
     }
@@ -296,6 +309,7 @@ fn column(
         min,
         max,
         faultable: is_parameter && variable.is_tunable,
+        is_difference: variable.is_difference,
         ..Field::signal(&name, &units.text(unit), &text)
     };
     Ok(Column {

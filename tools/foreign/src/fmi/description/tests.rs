@@ -285,3 +285,34 @@ fn bounds_and_units_that_are_no_numbers_are_noted() {
         ]
     );
 }
+
+#[test]
+fn a_difference_is_declared_by_a_variable_or_its_type() {
+    let three = read(
+        "<TypeDefinitions><Float64Type name=\"rise\" unit=\"degC\" relativeQuantity=\"true\"/></TypeDefinitions>\
+         <ModelVariables><Float64 name=\"a\" valueReference=\"1\" unit=\"K\" relativeQuantity=\"true\"/>\
+         <Float64 name=\"b\" valueReference=\"2\" declaredType=\"rise\"/>\
+         <Float64 name=\"c\" valueReference=\"3\" declaredType=\"rise\" relativeQuantity=\"false\"/>\
+         <Float64 name=\"d\" valueReference=\"4\" unit=\"K\"/></ModelVariables>",
+    );
+    let two = ModelDescription::read(
+        "<fmiModelDescription fmiVersion=\"2.0\" modelName=\"m\" guid=\"t\"><CoSimulation modelIdentifier=\"m\"/>\
+         <TypeDefinitions><SimpleType name=\"rise\"><Real unit=\"degC\" relativeQuantity=\"true\"/></SimpleType>\
+         </TypeDefinitions><ModelVariables>\
+         <ScalarVariable name=\"a\" valueReference=\"1\"><Real relativeQuantity=\"true\"/></ScalarVariable>\
+         <ScalarVariable name=\"b\" valueReference=\"2\"><Real declaredType=\"rise\"/></ScalarVariable>\
+         <ScalarVariable name=\"c\" valueReference=\"3\">\
+         <Real declaredType=\"rise\" relativeQuantity=\"false\"/></ScalarVariable>\
+         <ScalarVariable name=\"d\" valueReference=\"4\"><Real unit=\"K\"/></ScalarVariable>\
+         </ModelVariables></fmiModelDescription>",
+    );
+    for model in [two, three] {
+        let model = model.expect("sound");
+        let differences: Vec<bool> = model
+            .variables
+            .iter()
+            .map(|one| one.is_difference)
+            .collect();
+        assert_eq!(differences, [true, true, false, false]);
+    }
+}

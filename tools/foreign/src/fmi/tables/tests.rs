@@ -25,7 +25,8 @@ fn names(columns: &[Column]) -> Vec<&str> {
 fn every_variable_has_its_place_or_a_reason_for_none() {
     let tables = tables(&model("BouncingBall/FMI3"), &[]).expect("sound");
     assert_eq!(names(&tables.parameters), ["g", "e"]);
-    assert_eq!(names(&tables.outputs), ["h", "h_ft", "v"]);
+    assert_eq!(names(&tables.outputs), ["h", "v"]);
+    assert_eq!(tables.outputs[0].field.aliases, ["h_ft"]);
     assert_eq!(tables.imported.locals, ["der__h", "der__v", "v_min"]);
     assert_eq!(tables.locals, []);
     let tunable = &tables.parameters[1].field;
@@ -34,7 +35,7 @@ fn every_variable_has_its_place_or_a_reason_for_none() {
         (Some(0.7), 0.5, 1.0)
     );
     assert!(tunable.faultable && !tables.parameters[0].field.faultable);
-    assert_eq!(tables.outputs[2].field.unit, "m/s");
+    assert_eq!(tables.outputs[1].field.unit, "m/s");
     assert_eq!(tables.imported.units[1].base, "m s-1");
     assert_eq!(tables.imported.left_out, []);
 }
@@ -106,6 +107,7 @@ fn names_that_a_recording_cannot_tell_apart_are_refused() {
     let mut other = model.variables[1].clone();
     "h.x".clone_into(&mut model.variables[1].name);
     "h_x".clone_into(&mut other.name);
+    other.reference = 100;
     model.variables.push(other);
     let told = tables(&model, &[]).expect_err("alike").0;
     assert!(
@@ -150,6 +152,7 @@ fn inputs_of_a_law_are_references_by_the_begin_of_their_names() {
     "reference.angle_rad".clone_into(&mut input.name);
     let mut other = input.clone();
     "reference".clone_into(&mut other.name);
+    other.reference = 100;
     model.variables.push(other);
     let (measured, reference) = tables(&model, &[]).expect("sound").split_inputs();
     let of = |fields: &[Field]| {
@@ -162,11 +165,66 @@ fn inputs_of_a_law_are_references_by_the_begin_of_their_names() {
     assert_eq!(of(&reference), ["angle_rad"]);
 }
 
+/// Adds a variable like one that is there.
+fn add(model: &mut ModelDescription, like: &str, name: &str, causality: Causality) {
+    let mut variables = model.variables.iter();
+    let like = variables.find(|one| one.name == like).expect("there");
+    let added = Variable {
+        name: name.into(),
+        causality,
+        ..like.clone()
+    };
+    model.variables.push(added);
+}
+
+fn aliases(columns: &[Column]) -> Vec<String> {
+    let text = |column: &Column| [&[column.field.name.clone()], &column.field.aliases[..]].concat();
+    columns.iter().map(|one| text(one).join(" = ")).collect()
+}
+
+#[test]
+fn a_value_under_several_names_is_one_column() {
+    let mut model = model("BouncingBall/FMI3");
+    add(&mut model, "g", "world.g", Causality::Parameter);
+    add(&mut model, "g", "ball.g", Causality::Local);
+    add(&mut model, "h", "ball.h", Causality::Local);
+    add(&mut model, "v_min", "floor.v", Causality::Local);
+    add(&mut model, "der(h)", "speed", Causality::Output);
+    let bounce = tables(&model, &["floor.*"]).expect("sound");
+    assert_eq!(aliases(&bounce.parameters), ["g = world.g = ball.g", "e"]);
+    assert_eq!(
+        aliases(&bounce.outputs),
+        ["h = h_ft = ball.h", "v", "speed = der__h"]
+    );
+    assert_eq!(aliases(&bounce.locals), ["v_min = floor.v"]);
+    // The pattern matches another name of an output, which is there anyway.
+    let outputs = tables(&model, &["ball.h"]).expect("sound");
+    assert_eq!(names(&outputs.locals), [""; 0]);
+}
+
+#[test]
+fn a_parameter_in_two_units_is_set_in_one() {
+    let mut model = model("BouncingBall/FMI3");
+    add(&mut model, "g", "g_ft", Causality::Parameter);
+    let added = model.variables.last_mut().expect("added");
+    added.unit = Some("ft/s2".into());
+    let tables = tables(&model, &[]).expect("sound");
+    assert_eq!(names(&tables.parameters), ["g", "e"]);
+    let left = &tables.imported.left_out[0];
+    assert_eq!(left.name, "g_ft");
+    assert!(
+        left.reason.contains("\"g\" in another form"),
+        "{}",
+        left.reason
+    );
+}
+
 /// The model with one more variable, made of its second.
 fn with(change: impl FnOnce(&mut Variable)) -> ModelDescription {
     let mut model = model("BouncingBall/FMI3");
     let mut other = model.variables[1].clone();
     other.causality = Causality::Parameter;
+    other.reference = 100;
     change(&mut other);
     model.variables.push(other);
     model

@@ -1,0 +1,262 @@
+//! Variables under several names, differences, and parameters that are read back.
+
+use super::Place;
+use crate::support::fmus::{Entries, entries, proportional};
+use crate::support::mcap_reader::Recording;
+
+const STEPS: usize = 20;
+
+/// Variable of an FMU of one accumulator: attributes and further names.
+pub(super) struct Row<'a> {
+    name: &'a str,
+    aliases: &'a [&'a str],
+    unit: &'a str,
+}
+
+/// Row of a plain number.
+pub(super) const fn row<'a>(name: &'a str, aliases: &'a [&'a str]) -> Row<'a> {
+    Row {
+        name,
+        aliases,
+        unit: "",
+    }
+}
+
+/// An FMU whose output grows at a step by its input and its gain, as entries of its archive.
+pub(super) fn accumulator(version: u32, rows: &[Row<'_>; 3], options: &[&str]) -> Entries {
+    let causalities = ["output", "input", "parameter"];
+    let mut variables = String::new();
+    let mut later = String::new();
+    for (
+        reference,
+        (
+            Row {
+                name,
+                aliases,
+                unit,
+            },
+            causality,
+        ),
+    ) in (1..).zip(rows.iter().zip(causalities))
+    {
+        let start = match causality {
+            "output" if version == 2 => "",
+            "output" => " initial=\"exact\" start=\"0\"",
+            _ => " start=\"0\"",
+        };
+        let variability = match causality {
+            "parameter" => "tunable",
+            _ => "continuous",
+        };
+        let attributes = |causality: &str| {
+            format!(
+                "valueReference=\"{reference}\" causality=\"{causality}\" variability=\"{variability}\""
+            )
+        };
+        if version == 3 {
+            let aliases = aliases
+                .iter()
+                .map(|alias| format!("<Alias name=\"{alias}\"/>"));
+            let aliases: String = aliases.collect();
+            variables += &format!(
+                "<Float64 name=\"{name}\" {} {unit}{start}>{aliases}</Float64>",
+                attributes(causality)
+            );
+            continue;
+        }
+        variables += &format!(
+            "<ScalarVariable name=\"{name}\" {}><Real {unit}{start}/></ScalarVariable>",
+            attributes(causality)
+        );
+        for alias in *aliases {
+            let (other, start) = match causality {
+                "parameter" => (causality, start),
+                _ => ("local", ""),
+            };
+            later += &format!(
+                "<ScalarVariable name=\"{alias}\" {}><Real {unit}{start}/></ScalarVariable>",
+                attributes(other)
+            );
+        }
+    }
+    let (token, output) = match version {
+        2 => (
+            "guid",
+            "<Outputs><Unknown index=\"1\" dependencies=\"\"/></Outputs>",
+        ),
+        _ => (
+            "instantiationToken",
+            "<Output valueReference=\"1\" dependencies=\"\"/>",
+        ),
+    };
+    let text = format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"{version}.0\" \
+         modelName=\"accumulators\" {token}=\"accumulators\"><CoSimulation modelIdentifier=\"accumulators\"/>\
+         <ModelVariables>{variables}{later}</ModelVariables><ModelStructure>{output}</ModelStructure>\
+         </fmiModelDescription>"
+    );
+    let options = [&["-DCOUNT_OF=1"], options].concat();
+    entries("accumulators", version, text.into_bytes(), &options)
+}
+
+/// A scenario of the plant `plant.fmu` under the law `law.fmu`.
+pub(super) fn scenario(rest: &str) -> String {
+    let duration_s = STEPS as f64 / 100.0;
+    format!(
+        "schema = 1\nname = \"names\"\n[run]\nduration_s = {duration_s:?}\nrate_hz = 100\n[plant]\n\
+         model = \"accumulators\"\nprogram = \"plant.fmu\"\n[controller]\nlaw = \"accumulators\"\n\
+         program = \"law.fmu\"\n{rest}"
+    )
+}
+
+#[test]
+fn every_name_of_a_variable_means_the_one_variable() {
+    for version in [2, 3] {
+        let Some(place) = Place::new() else { return };
+        let plant = [
+            row("x", &["body.x"]),
+            row("u", &["body.force"]),
+            row("k", &["body.gain"]),
+        ];
+        // The law has the plant's other names, of its input as an alias of its own.
+        let law = [
+            row("body.force", &[]),
+            row("sensor", &["body.x"]),
+            row("g", &[]),
+        ];
+        place.fmu("plant.fmu", &accumulator(version, &plant, &[]));
+        place.fmu("law.fmu", &accumulator(version, &law, &[]));
+        let described = place.hil(&["describe", "plant.fmu"]).expect(0).stdout;
+        for alias in ["Also body.x.", "Also body.force.", "Also body.gain."] {
+            assert!(described.contains(alias), "{described}");
+        }
+
+        let text = scenario(
+            "[plant.parameters]\nbody.gain = 2\n[plant.limits]\nbody.x = [-1.0, 1e12]\n\
+             [plant.safe_command]\nbody.force = 0.0\n\
+             [[derived]]\nname = \"twice\"\nexpression = \"truth.body.x + truth.x\"\n\
+             [[requirements]]\nname = \"small\"\nformula = \"always(abs(measured.body.x) < 1e12)\"\n\
+             [[plots]]\ntitle = \"x\"\nsignals = [\"truth.body.x\"]\n\
+             [[faults]]\nkind = \"bias\"\nat_s = 0.15\n[[faults.effects]]\ntarget = \"command.body.force\"\n\
+             bias = 1.0\n[[changes]]\nat_s = 0.1\nset.\"plant.parameters.body.gain\" = 3.0\n",
+        );
+        let run = place.run(&text, "").expect(0);
+        let recording = Recording::open(&run.recording());
+        let (mut x, mut force) = (0.0, 0.0);
+        let mut expected = vec![x];
+        for step in 0..STEPS {
+            force += x;
+            let gain = if step < 10 { 2.0 } else { 3.0 };
+            let bias = if step < 15 { 0.0 } else { 1.0 };
+            x += force + bias + gain;
+            expected.push(x);
+        }
+        assert_eq!(recording.column("truth.x"), expected);
+        let digest = run.summary()["digest"].clone();
+        let folder = run.folder.display().to_string();
+        place.hil(&["judge", &folder]).expect(0);
+        place.hil(&["rerun", &folder, "--out", "again"]).expect(0);
+
+        let own = (text.replace("body.gain", "k"))
+            .replace("body.force", "u")
+            .replace("body.x", "x");
+        assert_eq!(place.run(&own, "").expect(0).summary()["digest"], digest);
+        let both = |value: &str| {
+            let given = format!("[plant.parameters]\nk = {value}\nbody.gain = 2");
+            text.replace("[plant.parameters]\nbody.gain = 2", &given)
+        };
+        place.run(&both("2"), "").expect(0);
+        (place.run(&both("7"), "").expect(2)).says(&["both are names of one variable"]);
+    }
+}
+
+#[test]
+fn a_difference_is_converted_without_the_zeros_of_the_units() {
+    let Some(place) = Place::new() else { return };
+    let sent = |unit: &str, is_difference: bool, version| {
+        let unit = format!("unit=\"{unit}\" relativeQuantity=\"{is_difference}\"");
+        let output = Row {
+            unit: &unit,
+            ..row("rise", &[])
+        };
+        place.fmu(
+            "plant.fmu",
+            &accumulator(version, &[output, row("u", &[]), row("k", &[])], &[]),
+        );
+    };
+    let received = |is_difference: bool, version| {
+        let unit = format!("unit=\"K\" relativeQuantity=\"{is_difference}\"");
+        let input = Row {
+            unit: &unit,
+            ..row("rise_k", &[])
+        };
+        place.fmu(
+            "law.fmu",
+            &accumulator(version, &[row("u", &[]), input, row("g", &[])], &[]),
+        );
+    };
+    let text = scenario(
+        "[plant.parameters]\nk = 9\n[[connect]]\nlaw = \"measured.rise_k\"\nplant = \"measured.rise\"\n",
+    );
+    for version in [2, 3] {
+        for (unit, factor, zero_k) in [
+            ("degC", 1.0, 273.15),
+            ("degF", 5.0 / 9.0, 459.67 * 5.0 / 9.0),
+        ] {
+            for (is_difference, offset_k) in [(true, 0.0), (false, zero_k)] {
+                sent(unit, is_difference, version);
+                received(is_difference, version);
+                let run = place.run(&text, "").expect(0);
+                let command = Recording::open(&run.recording()).column("command.u");
+                // The rise is 0 at step 0 and then 9 and the first command.
+                let first = offset_k;
+                let second = first + (9.0 + first) * factor + offset_k;
+                for (value, expected) in command.iter().zip([first, second]) {
+                    let is_near = (value - expected).abs() <= 1e-12 * expected;
+                    assert!(is_near, "{unit} {is_difference}: {value} for {expected}");
+                }
+            }
+            received(true, version);
+            (place.run(&text, "").expect(2)).says(&["`rise_k` is declared as a difference"]);
+        }
+    }
+}
+
+#[test]
+fn a_parameter_that_the_fmu_does_not_take_ends_the_run() {
+    let text = scenario("")
+        .replace("program = \"law.fmu\"\n", "")
+        .replace("law = \"accumulators\"", "law = \"hold\"");
+    for version in [2, 3] {
+        let Some(place) = Place::new() else { return };
+        let rows = [row("x", &[]), row("u", &[]), row("k", &[])];
+        let stubborn = "-DKEPT(value)=((value) > 5 ? 5 : (value))";
+        place.fmu("plant.fmu", &accumulator(version, &rows, &[stubborn]));
+        let told = ["parameter `k` was set to 7, and the FMU has 5"];
+        let start = format!("{text}[plant.parameters]\nk = 7\n");
+        place.run(&start, "").expect(2).says(&told);
+        let change = format!("{text}[[changes]]\nat_s = 0.1\nset.\"plant.parameters.k\" = 7.0\n");
+        // A trial before the start has the values of later as well.
+        place.run(&change, "").expect(2).says(&told);
+        let fault = format!(
+            "{text}[[faults]]\nkind = \"bias\"\nat_s = 0.1\n[[faults.effects]]\ntarget = \"parameter.k\"\nbias = 7.0\n"
+        );
+        place.run(&fault, "").expect(3).says(&told);
+        place
+            .run(&fault.replace("bias = 7.0", "bias = 5.0"), "")
+            .expect(0);
+    }
+}
+
+#[test]
+fn a_parameter_that_cannot_be_read_is_not_confirmed_and_the_run_goes_on() {
+    let Some(place) = Place::new() else { return };
+    place.fmu("p.fmu", &proportional());
+    let text = super::scenario("proportional", "p.fmu", 10.0, 10.0);
+    let run = place.run(&text, "").expect(0);
+    let log = std::fs::read_to_string(run.folder.join("plant.log")).expect("a log");
+    for name in ["gain_n_per_m", "trouble"] {
+        let line = format!("parameter `{name}` is not confirmed");
+        assert_eq!(log.matches(&line).count(), 1, "{log}");
+    }
+}

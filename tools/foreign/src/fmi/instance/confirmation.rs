@@ -1,0 +1,109 @@
+//! Parameters, read back after they were set: an FMU that has another value did not get what the scenario says.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use shared_types::failure::Failure;
+use shared_types::program;
+
+use super::{Instance, Refused, Status, Values};
+use crate::fmi::description::VariableType;
+use crate::fmi::tables::Column;
+
+/// Parameters that the library does not let be read, each told once.
+#[derive(Debug, Default)]
+pub(super) struct Unconfirmed(BTreeSet<String>);
+
+impl Instance {
+    /// Compares all parameters with what they were set to.
+    pub(super) fn confirm_all(&mut self, row: &[f64]) -> Result<(), Failure> {
+        let model = Arc::clone(&self.model);
+        let columns = &model.tables.parameters;
+        self.confirm(columns.iter().zip(row.iter().copied()).collect())
+    }
+
+    /// Compares the tunable parameters with what they were set to.
+    pub(super) fn confirm_tuned(&mut self) -> Result<(), Failure> {
+        let model = Arc::clone(&self.model);
+        let parameters = (self.tunable_places.iter())
+            .map(|&place| &model.tables.parameters[place])
+            .zip(self.tuned.iter().copied());
+        let parameters = parameters.collect();
+        self.confirm(parameters)
+    }
+
+    /// Reads these parameters, one by one where they cannot be read together.
+    fn confirm(&mut self, mut parameters: Vec<(&Column, f64)>) -> Result<(), Failure> {
+        parameters.retain(|(column, _)| !self.unconfirmed.0.contains(&column.field.name));
+        let (columns, row): (Vec<Column>, Vec<f64>) = (parameters.iter())
+            .map(|(column, value)| ((*column).clone(), *value))
+            .unzip();
+        let (Some(first), Some(last)) = (columns.first(), columns.last()) else {
+            return Ok(());
+        };
+        let mut values = Values::new(&self.model.description, &columns);
+        let mut read = vec![0.0; columns.len()];
+        // SAFETY: the instance is initialised, and nothing was set since its last step: every variable may be read.
+        match unsafe { values.get(&self.functions, self.handle, &mut read) } {
+            Ok(()) => self.compare(&columns, &row, &read),
+            Err(refused @ Refused::Status(_, Status::Fatal)) => self.accept(Err(refused)),
+            Err(_) if first.variable == last.variable => {
+                for column in &columns {
+                    let name = &column.field.name;
+                    program::say(&format!(
+                        "fmu: parameter `{name}` is not confirmed: the FMU does not let it be read"
+                    ));
+                    self.unconfirmed.0.insert(name.clone());
+                }
+                Ok(())
+            }
+            Err(_) => (parameters.chunk_by(|(a, _), (b, _)| a.variable == b.variable))
+                .try_for_each(|variable| self.confirm(variable.to_vec())),
+        }
+    }
+
+    fn compare(&self, columns: &[Column], row: &[f64], read: &[f64]) -> Result<(), Failure> {
+        for ((column, &set), &has) in columns.iter().zip(row).zip(read) {
+            let kind = self.model.description.variables[column.variable].kind;
+            if !is_same(kind, set, has) {
+                let name = &column.field.name;
+                return Err(Failure::lost(format!(
+                    "parameter `{name}` was set to {set}, and the FMU has {has}"
+                )));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Returns `true` if a value is what a variable of this type has after it was set.
+fn is_same(kind: VariableType, set: f64, has: f64) -> bool {
+    match kind {
+        #[expect(clippy::cast_possible_truncation, reason = "it was set as such")]
+        VariableType::Float32 => f64::from(set as f32) == has || (set.is_nan() && has.is_nan()),
+        // True is any number but 0 in C.
+        VariableType::Boolean => (set != 0.0) == (has != 0.0),
+        _ => set == has || (set.is_nan() && has.is_nan()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_is_compared_as_its_type_has_it() {
+        for (kind, set, has, expected) in [
+            (VariableType::Float64, 0.1, 0.1, true),
+            (VariableType::Float64, 0.1, f64::from(0.1_f32), false),
+            (VariableType::Float32, 0.1, f64::from(0.1_f32), true),
+            (VariableType::Float32, 0.1, 0.25, false),
+            (VariableType::Boolean, 1.0, -1.0, true),
+            (VariableType::Boolean, 1.0, 0.0, false),
+            (VariableType::Int32, 7.0, 5.0, false),
+            (VariableType::Float64, f64::NAN, f64::NAN, true),
+        ] {
+            assert_eq!(is_same(kind, set, has), expected, "{kind:?} {set} {has}");
+        }
+    }
+}

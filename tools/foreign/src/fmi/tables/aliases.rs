@@ -1,0 +1,170 @@
+//! Variables under several names: FMI 3's aliases, and variables of FMI 2 with one value reference.
+//!
+//! Those of one class, type, value reference, unit and size are one column, under the most public and first name; the
+//! other names are its aliases.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use shared_types::spelling::spelled;
+
+use super::{Column, Tables, unsupported};
+use crate::fmi::description::{Causality, ModelDescription, Variable, VariableType};
+
+/// Class of variables that can stand for each other in a table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Class {
+    Parameter,
+    Input,
+    Signal,
+}
+
+impl Class {
+    fn of(variable: &Variable) -> Option<Self> {
+        match variable.causality {
+            Causality::Parameter => Some(Self::Parameter),
+            Causality::Input => Some(Self::Input),
+            Causality::Output | Causality::Local | Causality::CalculatedParameter => {
+                Some(Self::Signal)
+            }
+            Causality::StructuralParameter | Causality::Independent => None,
+        }
+    }
+}
+
+/// Value of an instance: two variables that agree in all of it are one.
+type Key<'a> = (VariableType, u32, Option<&'a str>, &'a [usize]);
+
+/// For each variable of a model the one whose column it shares.
+pub(super) struct Aliases<'a> {
+    model: &'a ModelDescription,
+    /// By place: the variable with the column, itself if there is no other.
+    columns: Vec<usize>,
+    /// By place of a variable with a column: all others that have its value.
+    others: BTreeMap<usize, Vec<usize>>,
+    /// Inputs and parameters whose value is set by another one, in another unit or size.
+    set_by: BTreeMap<usize, usize>,
+}
+
+impl<'a> Aliases<'a> {
+    pub(super) fn of(model: &'a ModelDescription) -> Self {
+        let mut best: BTreeMap<(Class, Key<'a>), usize> = BTreeMap::new();
+        let classed = || {
+            let variables = model.variables.iter().enumerate();
+            variables.filter_map(|(place, one)| Some((place, one, Class::of(one)?)))
+        };
+        let rank = |place: usize| {
+            let variable = &model.variables[place];
+            let is_parameter = variable.causality == Causality::Parameter;
+            let is_usable = unsupported(variable, is_parameter).is_none();
+            (is_usable, variable.causality == Causality::Output)
+        };
+        for (place, variable, class) in classed() {
+            let column = best.entry((class, key(variable))).or_insert(place);
+            if rank(place) > rank(*column) {
+                *column = place;
+            }
+        }
+        let mut columns: Vec<usize> = (0..model.variables.len()).collect();
+        let mut others: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (place, variable, class) in classed() {
+            columns[place] = best[&(class, key(variable))];
+            // What an input or a parameter is called inside of the model is its name as well.
+            let set = [Class::Parameter, Class::Input]
+                .into_iter()
+                .filter(|_| is_inner(variable))
+                .filter_map(|class| best.get(&(class, key(variable))));
+            for &column in set.chain([&columns[place]]) {
+                if column != place {
+                    others.entry(column).or_default().push(place);
+                }
+            }
+        }
+        let mut setters = BTreeMap::new();
+        let mut set_by = BTreeMap::new();
+        for (place, variable, class) in classed() {
+            if class != Class::Signal && columns[place] == place && rank(place).0 {
+                let value = (class, variable.kind, variable.reference);
+                let setter = *setters.entry(value).or_insert(place);
+                if setter != place {
+                    set_by.insert(place, setter);
+                }
+            }
+        }
+        Self {
+            model,
+            columns,
+            others,
+            set_by,
+        }
+    }
+
+    /// Returns `true` if another variable has the column.
+    pub(super) fn is_alias(&self, place: usize) -> bool {
+        self.columns[place] != place
+    }
+
+    /// The variable by which the value of this one is set.
+    pub(super) fn set_by(&self, place: usize) -> Option<usize> {
+        self.set_by.get(&place).copied()
+    }
+
+    /// Names, in the model and here, of an inner variable and of those that share its column.
+    pub(super) fn names_of_inner(&self, place: usize) -> Vec<String> {
+        let others = self.others.get(&place).into_iter().flatten();
+        let mut names = Vec::new();
+        for &place in std::iter::once(&place).chain(others) {
+            let variable = &self.model.variables[place];
+            if !is_inner(variable) {
+                continue;
+            }
+            names.push(variable.name.clone());
+            let elements = (0..variable.elements()).map(|element| variable.element_name(element));
+            names.extend(elements.filter_map(|name| spelled(&name).ok()));
+        }
+        names
+    }
+
+    /// Gives each column its other names, as far as they are names of no other column.
+    pub(super) fn give_to(&self, tables: &mut Tables) {
+        let Tables {
+            parameters,
+            inputs,
+            outputs,
+            locals,
+            ..
+        } = tables;
+        self.give(&mut parameters.iter_mut().collect::<Vec<_>>());
+        self.give(&mut inputs.iter_mut().collect::<Vec<_>>());
+        self.give(&mut outputs.iter_mut().chain(locals).collect::<Vec<_>>());
+    }
+
+    fn give(&self, table: &mut [&mut Column]) {
+        let mut names: BTreeSet<String> = (table.iter())
+            .map(|column| column.field.name.clone())
+            .collect();
+        for column in table {
+            for &other in self.others.get(&column.variable).into_iter().flatten() {
+                let name = self.model.variables[other].element_name(column.element);
+                let alias = spelled(&name).ok();
+                let alias = alias.filter(|alias| names.insert(alias.clone()));
+                column.field.aliases.extend(alias);
+            }
+        }
+    }
+}
+
+fn is_inner(variable: &Variable) -> bool {
+    matches!(
+        variable.causality,
+        Causality::Local | Causality::CalculatedParameter
+    )
+}
+
+fn key(variable: &Variable) -> Key<'_> {
+    (
+        variable.kind,
+        variable.reference,
+        variable.unit.as_deref(),
+        &variable.dimensions,
+    )
+}
