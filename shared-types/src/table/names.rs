@@ -115,7 +115,8 @@ fn closeness(wanted: &str, name: &str) -> f64 {
     } else {
         0.0
     };
-    strsim::jaro_winkler(wanted, name).max(few)
+    let alike = strsim::jaro_winkler(wanted, name);
+    if alike > few { alike } else { few }
 }
 
 /// Writes names as text: `` `a`, `b` ``.

@@ -6,10 +6,11 @@ use std::path::Path;
 use crate::support::programs::workspace;
 
 /// What tests start without the rig, as the sources spell it: tools that start none of our programs.
-const TOOLS: [&str; 19] = [
+const TOOLS: [&str; 20] = [
     "\"cat\"",
     "\"cc\"",
     "\"cmake\"",
+    "\"cp\"",
     "\"gdb\"",
     "\"git\"",
     "\"kill\"",

@@ -1,7 +1,5 @@
 //! Folders in which something is not as it was, and disks without room: named, with what to do.
 
-use std::process::Command;
-
 use super::{STUDY, campaign, digest, planned, study, text};
 use crate::support::harness::Rig;
 use crate::support::programs::{program, skip, works};
@@ -87,7 +85,7 @@ fn a_full_disk_is_named_and_nobody_was_interrupted() {
     let script = "set -e\nmount -t tmpfs -o mode=0755 tmpfs \"$2\"\n\"$1\" campaign plan \"$3\" -o \"$2/demo\"\n\
         used=$(df --output=used -k \"$2\" | tail -1)\nmount -o remount,size=$((used + 64))k \"$2\"\n\
         exec \"$1\" campaign run \"$2/demo\" --jobs 2";
-    let mut run = Command::new("unshare");
+    let mut run = rig.command("unshare");
     run.args(["-m", "sh", "-c", script, "sh"]);
     run.args([&program("hil"), &room, &study]);
     let run = rig.program(run).expect(3).says(&[
