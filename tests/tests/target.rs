@@ -258,8 +258,8 @@ fn an_audit_compares_the_target_with_this_machine() {
 fn live_faults_and_another_controller_come_to_a_run_there() {
     let rig = Rig::new();
     let board = Board::new(&rig);
-    let held = "scenarios/spring-mass.toml --set requirements=[] --pause-at 0.5 --wait-limit 60";
-    let running = rig.start_with(board.hil(), &format!("{held} {ON_BOARD}"));
+    let held = format!("{SHORT} --pause-at 0.5 --wait-limit 60 {ON_BOARD}");
+    let running = rig.start_with(board.hil(), &held);
     let session = ["--session", rig.session()];
     let beside = |arguments: &[&str]| {
         let mut hil = board.hil();
