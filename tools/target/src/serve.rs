@@ -25,8 +25,9 @@ use greetings::{Greeting, Places, Refused};
 use refusals::{Refusals, Source};
 use turn::Turn;
 
-/// Contacts that are accepted before those under way are heard.
-const MOST_AT_ONCE: usize = 32;
+/// Contacts that are accepted before those under way are heard: far fewer than have a place, so that one is heard several times
+/// before others can take its place.
+const MOST_AT_ONCE: usize = 16;
 /// Time after which another contact is looked for when none could be accepted, as no file was to be had.
 const RETRY: Duration = Duration::from_millis(100);
 

@@ -15,9 +15,9 @@ use crate::seal::{Key, Seal, answer};
 /// Longest time that a greeting may take.
 pub(super) const LIMIT: Duration = Duration::from_secs(2);
 /// Greetings at a time.
-const MOST: usize = 128;
+const MOST: usize = 256;
 /// Greetings at a time of one source.
-const MOST_OF_SOURCE: usize = 32;
+const MOST_OF_SOURCE: usize = 64;
 
 /// Greeting of one contact.
 pub(super) struct Greeting {
