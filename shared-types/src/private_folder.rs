@@ -172,6 +172,9 @@ pub(crate) fn is_at(file: &File, path: &Path) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::fs::Permissions;
+    use std::os::unix::fs::PermissionsExt;
+
     use tempfile::tempdir;
 
     use super::*;
@@ -236,7 +239,9 @@ mod tests {
     fn a_folder_that_is_open_to_others_is_neither_used_nor_cleared() {
         let place = tempdir().expect("a folder");
         let all = place.path().join("all");
-        DirBuilder::new().mode(0o755).create(&all).expect("made");
+        fs::create_dir(&all).expect("made");
+        // Whatever the umask.
+        fs::set_permissions(&all, Permissions::from_mode(0o755)).expect("its own");
         let refused = PrivateFolder::create_in(&all, "one").expect_err("open");
         assert!(refused.to_string().contains("not a folder of yours alone"));
         fs::write(all.join("one-1-0.lock"), "").expect("written");

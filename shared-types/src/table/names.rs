@@ -105,8 +105,10 @@ fn closeness(wanted: &str, name: &str) -> f64 {
     let is_same = typed == part
         || stem(part).is_some_and(|stem| stem == typed)
         || (stem(part).is_some() && stem(part) == stem(typed) && unit_of_name(part).is_some());
+    let alike = strsim::jaro_winkler(wanted, name);
     if SYNONYMS.iter().any(is_meant) || (is_same && wanted != name && part.len() > 1) {
-        return 0.98;
+        // Of several, the one in the same group is spelled most alike.
+        return 0.98 + 0.01 * alike;
     }
     let longest = wanted.chars().count().max(name.chars().count());
     let edits = strsim::osa_distance(wanted, name);
@@ -115,7 +117,6 @@ fn closeness(wanted: &str, name: &str) -> f64 {
     } else {
         0.0
     };
-    let alike = strsim::jaro_winkler(wanted, name);
     if alike > few { alike } else { few }
 }
 

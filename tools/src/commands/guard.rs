@@ -16,18 +16,24 @@ use std::fs::File;
 use std::io;
 use std::os::fd::AsRawFd;
 use std::os::unix::process::{CommandExt, ExitStatusExt, parent_id};
+use std::path::Path;
 use std::process::{Child, ExitCode, ExitStatus};
+use std::thread;
+use std::time::Duration;
 
 use rustix::fs::{MemfdFlags, memfd_create};
 use rustix::process::{Pid, Signal, getpid, kill_process, set_parent_process_death_signal};
+use rustix::thread::set_name;
 use serde_json::json;
-use shared_types::process::ProcessId;
+use shared_types::process::{Ending, ProcessId};
 use shared_types::session;
 use signal_hook::consts::{
-    SIGABRT, SIGBUS, SIGCHLD, SIGCONT, SIGHUP, SIGINT, SIGKILL, SIGSEGV, SIGTERM, SIGTSTP,
+    SIGABRT, SIGBUS, SIGCHLD, SIGCONT, SIGHUP, SIGINT, SIGKILL, SIGQUIT, SIGSEGV, SIGTERM, SIGTSTP,
 };
 use signal_hook::iterator::Signals;
 use signal_hook::low_level::{emulate_default_handler, signal_name};
+
+use hil_recording::reader::RECORDING;
 
 use crate::arguments::Command;
 use crate::arguments::campaign::CampaignAction;
@@ -70,6 +76,7 @@ pub(super) fn is_there() -> bool {
     let Some(guard) = pid.parse().ok().filter(|pid| *pid == parent_id()) else {
         return false;
     };
+    let _ = set_name(c"hil"); // started as `/proc/self/exe`, it would be `exe` to `ps` and to the kernel's log
     let _ = set_parent_process_death_signal(Some(Signal::KILL)); // every kernel knows it
     if parent_id() != guard {
         std::process::exit(Exit::Infrastructure as i32); // it died before
@@ -109,7 +116,7 @@ struct Guard {
 impl Guard {
     fn start() -> io::Result<Self> {
         // Before the start, so that none is lost.
-        let others = [SIGCHLD, SIGCONT, SIGTSTP];
+        let others = [SIGCHLD, SIGCONT, SIGQUIT, SIGTSTP];
         let signals = Signals::new(ENDS.iter().chain(&others))?;
         let list = File::from(memfd_create("hil-begun", MemfdFlags::CLOEXEC)?);
         let mut words = std::env::args_os();
@@ -168,10 +175,15 @@ impl Guard {
     /// Waits for the end of the child, and is to it what the terminal is to this process.
     fn wait(&mut self) -> io::Result<ExitStatus> {
         let child = Pid::from_child(&self.child);
+        self.wake_at_the_end();
         loop {
-            for signal in self.signals.wait() {
+            // What came meanwhile is in no order; a run that is to go on must not be left stopped.
+            let mut signals: Vec<c_int> = self.signals.wait().collect();
+            signals.sort_by_key(|signal| *signal == SIGCONT);
+            for signal in signals {
                 match signal {
-                    SIGCHLD => {}
+                    // The child dies of SIGQUIT, which is reported.
+                    SIGCHLD | SIGQUIT => {}
                     SIGCONT => self.is_held = false,
                     SIGTSTP => self.is_held = true,
                     other => self.passed_on.push(other),
@@ -190,13 +202,28 @@ impl Guard {
         }
     }
 
+    /// Wakes [`wait`](Self::wait) at the end of the child, even if this process was started with SIGCHLD blocked.
+    fn wake_at_the_end(&self) {
+        const LOOK: Duration = Duration::from_secs(60);
+        let handle = self.signals.handle();
+        // Without it, SIGCHLD tells.
+        let ending = ProcessId::of(self.child.id()).and_then(Ending::of);
+        thread::spawn(move || {
+            if let Some(ending) = ending {
+                while !Ending::wait_for_any([&ending], LOOK) {}
+                handle.close();
+            }
+        });
+    }
+
     /// Gives the runs that were begun with their summaries, and writes those that are missing.
     fn summarise(&self, reason: &str) -> Vec<suite::lost::LostRun> {
         let mut all = Vec::new();
         for run in begun::read(&self.list) {
             match lost::summarise(&run, reason) {
                 Ok(Some(summary)) => {
-                    if lost::reason_of(&summary) == Some(reason) {
+                    let is_recorded = run.folder.join(RECORDING).exists();
+                    if lost::reason_of(&summary) == Some(reason) && is_recorded {
                         let folder = run.folder.display();
                         tell!(
                             "  = help: `hil recover {folder}` makes a whole recording and a summary of what was written"
@@ -222,14 +249,18 @@ impl Guard {
         let lost = self.summarise(&reason);
         match command {
             Command::Run(arguments) => suite::lost::report(arguments, &lost, &reason),
-            Command::Replay(arguments) if arguments.json => {
-                let run = arguments.run.display().to_string();
-                let aborted = json!({"verdict": "aborted", "reason": reason, "run": run});
-                output::write(&format!("{aborted:#}\n"))
-            }
+            Command::Replay(arguments) if arguments.json => aborted(&reason, &arguments.run),
+            Command::Rerun(arguments) if arguments.options.json => aborted(&reason, &arguments.run),
             _ => Ok(()),
         }
     }
+}
+
+/// Writes the result of a command that goes over a recorded run.
+fn aborted(reason: &str, run: &Path) -> Result<(), Failure> {
+    let run = run.display().to_string();
+    let aborted = json!({"verdict": "aborted", "reason": reason, "run": run});
+    output::write(&format!("{aborted:#}\n"))
 }
 
 /// Names the usual cause of a death by a signal.

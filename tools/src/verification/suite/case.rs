@@ -43,8 +43,10 @@ pub(super) struct Row {
     /// Failure to start it or to write its summary.
     pub(super) failure: Option<Failure>,
     pub(super) disagreement: Option<Disagreement>,
-    /// `None` if it was never started.
+    /// `None` if it was never started, or if this process did not see its end.
     pub(super) ran: Option<RunResult>,
+    /// Number of requirements of a run that a killed `hil` had begun, by its folder.
+    pub(super) begun_with: Option<usize>,
 }
 
 /// Another digest than the first run of the same scenario has.
@@ -106,6 +108,7 @@ impl Case {
             failure,
             disagreement: None,
             ran,
+            begun_with: None,
         }
     }
 
@@ -129,14 +132,15 @@ impl Row {
         match (self.exit, &self.ran) {
             (Exit::Pass, _) => "pass",
             (Exit::Failed, _) => "fail",
-            (_, Some(_)) => "aborted",
-            (_, None) => "not run",
+            (_, None) if self.begun_with.is_none() => "not run",
+            _ => "aborted",
         }
     }
 
     /// The verdict in words for a person.
     pub(super) fn verdict_in_words(&self) -> &'static str {
         let requirements = self.ran.as_ref().map(|ran| ran.summary.requirements.len());
+        let requirements = requirements.or(self.begun_with);
         requirements::in_words(self.verdict(), requirements.unwrap_or(1))
     }
 

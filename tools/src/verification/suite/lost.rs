@@ -25,12 +25,11 @@ pub(crate) fn report(
     reason: &str,
 ) -> Result<(), Failure> {
     let wanted = arguments.scenarios.len() * arguments.repeat as usize;
-    let is_single = wanted <= 1 || arguments.audit;
+    // The first run of an audit is its baseline, which says nothing of the others.
+    let is_single = wanted <= 1 && !arguments.audit;
     let mut rows: Vec<Row> = runs.iter().map(row).collect();
-    let missing = if is_single { 1 } else { wanted };
-    if let Some(count @ 1..) = missing.checked_sub(rows.len()) {
-        rows.push(unbegun(count, reason));
-    }
+    let missing = wanted.saturating_sub(rows.len());
+    rows.extend((0..missing).map(|_| unbegun(reason)));
     let result = match (is_single, arguments.options.json) {
         (true, true) => runs.first().map(|(_, summary)| format!("{summary:#}\n")),
         (true, false) => None,
@@ -57,22 +56,20 @@ fn row((run, summary): &LostRun) -> Row {
     Row {
         label: label(run),
         law: run.law.clone(),
-        origin: run.folder.display().to_string(),
+        origin: run.scenario.clone(),
         exit,
         skipped: None,
         failure: reason.filter(|_| exit == Exit::Infrastructure),
         disagreement: None,
         ran: None,
+        begun_with: Some(summary["requirements"].as_array().map_or(0, Vec::len)),
     }
 }
 
-/// Makes the row of runs that were asked for and never begun.
-fn unbegun(count: usize, reason: &str) -> Row {
+/// Makes the row of a run that was asked for and never begun.
+fn unbegun(reason: &str) -> Row {
     Row {
-        label: match count {
-            1 => "a run that was not begun".into(),
-            _ => format!("{count} runs that were not begun"),
-        },
+        label: "a run that was not begun".into(),
         law: String::new(),
         origin: String::new(),
         exit: Exit::Infrastructure,
@@ -80,6 +77,7 @@ fn unbegun(count: usize, reason: &str) -> Row {
         failure: Some(Failure::infrastructure(reason)),
         disagreement: None,
         ran: None,
+        begun_with: None,
     }
 }
 

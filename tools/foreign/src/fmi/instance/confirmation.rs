@@ -10,6 +10,9 @@ use super::{Instance, Refused, Status, Values};
 use crate::fmi::description::VariableType;
 use crate::fmi::tables::Column;
 
+/// Difference, as a part of a value, that is rounding alone.
+const ROUNDING: f64 = 1e-12;
+
 /// Parameters that the library does not let be read, each told once.
 #[derive(Debug, Default)]
 pub(super) struct Unconfirmed(BTreeSet<String>);
@@ -83,7 +86,13 @@ fn is_same(kind: VariableType, set: f64, has: f64) -> bool {
         VariableType::Float32 => f64::from(set as f32) == has || (set.is_nan() && has.is_nan()),
         // True is any number but 0 in C.
         VariableType::Boolean => (set != 0.0) == (has != 0.0),
-        _ => set == has || (set.is_nan() && has.is_nan()),
+        // Models convert units inside, each way with a rounding.
+        VariableType::Float64 => {
+            (set - has).abs() <= ROUNDING * set.abs()
+                || set == has
+                || (set.is_nan() && has.is_nan())
+        }
+        _ => set == has,
     }
 }
 
@@ -96,6 +105,9 @@ mod tests {
         for (kind, set, has, expected) in [
             (VariableType::Float64, 0.1, 0.1, true),
             (VariableType::Float64, 0.1, f64::from(0.1_f32), false),
+            (VariableType::Float64, 2.9, 2.9 + 4.0 * f64::EPSILON, true),
+            (VariableType::Float64, f64::INFINITY, f64::INFINITY, true),
+            (VariableType::Float64, 0.0, 1e-300, false),
             (VariableType::Float32, 0.1, f64::from(0.1_f32), true),
             (VariableType::Float32, 0.1, 0.25, false),
             (VariableType::Boolean, 1.0, -1.0, true),
