@@ -131,6 +131,7 @@ mod tests {
             skipped: None,
             failure: None,
             disagreement: None,
+            begun_with: None,
             ran: None,
         }
     }
