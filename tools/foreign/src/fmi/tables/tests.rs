@@ -178,7 +178,13 @@ fn add(model: &mut ModelDescription, like: &str, name: &str, causality: Causalit
 }
 
 fn aliases(columns: &[Column]) -> Vec<String> {
-    let text = |column: &Column| [&[column.field.name.clone()], &column.field.aliases[..]].concat();
+    let text = |column: &Column| {
+        [
+            std::slice::from_ref(&column.field.name),
+            &column.field.aliases[..],
+        ]
+        .concat()
+    };
     columns.iter().map(|one| text(one).join(" = ")).collect()
 }
 
