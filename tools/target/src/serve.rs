@@ -2,7 +2,7 @@
 //! one session at a time.
 //!
 //! One thread greets all contacts side by side, also during a session. A contact that has proved that it has the key gets a
-//! thread, on which it waits for its [turn](turn).
+//! thread, on which it waits for its turn.
 
 mod greetings;
 mod refusals;
