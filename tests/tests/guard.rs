@@ -137,7 +137,7 @@ fn of_a_suite_that_is_killed_each_run_is_told_as_it_ended() {
         "short-1",
         "pass",
         "spring-mass-1",
-        "2 runs that were not begun",
+        "4 runs: 1 pass, 1 aborted, 2 not run",
     ]);
     assert_eq!(summary_in(&second)["verdict"], "aborted");
     let first = second.with_file_name("short-1");
@@ -145,11 +145,11 @@ fn of_a_suite_that_is_killed_each_run_is_told_as_it_ended() {
     let (junit, markdown) = (fs::read_to_string(junit), fs::read_to_string(markdown));
     let junit = junit.expect("written");
     assert!(
-        junit.contains("errors=\"2\"") && junit.contains("SIGKILL"),
+        junit.contains("errors=\"3\"") && junit.contains("SIGKILL"),
         "{junit}"
     );
     let markdown = markdown.expect("written");
-    assert!(markdown.contains("1 of 3 runs pass"), "{markdown}");
+    assert!(markdown.contains("1 of 4 runs pass"), "{markdown}");
 }
 
 #[test]
