@@ -101,7 +101,7 @@ impl<'a> Cursor<'a> {
         )
     }
 
-    /// What a name at a wrong place may be meant for: an operator of another language, or a unit.
+    /// Finds the likely meaning of a name at a wrong place: an operator of another language, or a unit.
     fn advice(&self, token: &Token) -> Option<String> {
         let TokenKind::Name(name) = &token.kind else {
             return None;

@@ -89,7 +89,7 @@ const SYNONYMS: [(&str, &str); 14] = [
     ("sweep", "chirp"),
 ];
 
-/// How close two names are, from 0 to 1: by their spelling, or because one stands for the other.
+/// Returns the closeness of two names, from 0 to 1: by their spelling, or because one stands for the other.
 fn closeness(wanted: &str, name: &str) -> f64 {
     let last = |name: &str| {
         name.rsplit_once('.')

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::support::programs::workspace;
 
-/// What tests start without the rig, as the sources spell it: tools that start none of our programs.
+/// Tools that tests start without the rig, as the sources spell them; they start none of our programs.
 const TOOLS: [&str; 20] = [
     "\"cat\"",
     "\"cc\"",

@@ -10,7 +10,7 @@ use super::{STUDY, campaign, planned, study, text};
 use crate::support::harness::Rig;
 use crate::support::programs::{program, skip};
 
-/// Somebody else, who need not exist.
+/// Number of another user, who need not exist.
 const ANOTHER: u32 = 12345;
 
 fn set(path: &Path, mode: u32) {

@@ -58,7 +58,7 @@ pub enum FmuError {
         /// Libraries that are there, in a sentence.
         there: String,
     },
-    /// It is refused unless the user permits it.
+    /// Refused unless the user permits it.
     #[error(
         "{reason}; `{key} = true` in the scenario runs it all the same, and --{} describes it",
         flag(key)

@@ -30,7 +30,7 @@ pub(super) struct Greeting {
 enum Stage {
     /// The first message, which only a key holder can make and anybody can repeat, has not come.
     AwaitsFirst,
-    /// It was answered; the proof that it was no repetition has not come.
+    /// First message answered; the proof that it was no repetition has not come.
     AwaitsProof(Seal),
 }
 

@@ -82,7 +82,7 @@ fn provide_python(path: &Path) {
     let _ = names.any(|name| provide(&name)) || provide("libpython3.so"); // what it lacks is told by the loader
 }
 
-/// What a library names, and what of it is not there. Loads it and whatever it names.
+/// Lists the needs of a library and those that are not met. Loads it and whatever it names.
 pub(in crate::fmi) fn needs(path: &Path, needs_tool: bool) -> LibraryNeeds {
     let refusal = load(path, needs_tool).map(std::mem::forget).err();
     let Some(dynamic) = Dynamic::read(path) else {
