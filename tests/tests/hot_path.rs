@@ -33,7 +33,7 @@ fn traced(rig: &Rig, name: &str) -> String {
     let (log, program) = (log.display(), program.display());
     let text = format!(
         "#!/bin/sh\n\
-         case \"$1\" in --session) exec strace -f --seccomp-bpf -ttt -e 'trace=!sched_yield' -o {log} {program} \"$@\" ;; esac\n\
+         case \"$1\" in --session) exec strace -f --seccomp-bpf -ttt -e 'trace=!sched_yield' -o {log} '{program}' \"$@\" ;; esac\n\
          exec '{program}' \"$@\"\n"
     );
     let script = rig.script(&format!("traced-{name}"), &text);

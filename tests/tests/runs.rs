@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use crate::support::harness::{Rig, Run, until, until_gone};
-use crate::support::programs::workspace;
+use crate::support::programs::shipped;
 
 /// Runs `hil` in the folder of the test.
 fn hil(rig: &Rig, line: &str) -> Run {
@@ -15,8 +15,10 @@ fn hil(rig: &Rig, line: &str) -> Run {
     rig.hil_in(&rig.path(""), &words)
 }
 
-fn scenario(name: &str) -> String {
-    workspace().join(name).display().to_string()
+/// Copies a shipped scenario into the folder of the test and returns its name there.
+fn scenario(rig: &Rig, name: &str) -> String {
+    rig.write(name, &shipped(format!("scenarios/{name}")));
+    name.into()
 }
 
 fn listed(rig: &Rig, line: &str) -> Vec<Value> {
@@ -42,8 +44,8 @@ fn bytes(folder: &Path) -> u64 {
 /// Three runs, the oldest first: one that passes, one that fails and one deeper that passes.
 fn three(rig: &Rig) -> [PathBuf; 3] {
     let (spring, breaks) = (
-        scenario("scenarios/spring-mass.toml"),
-        scenario("scenarios/spring-breaks.toml"),
+        scenario(rig, "spring-mass.toml"),
+        scenario(rig, "spring-breaks.toml"),
     );
     hil(rig, &format!("run {spring} --out runs/good")).expect(0);
     hil(
@@ -127,7 +129,7 @@ fn latest_is_the_run_that_was_begun_last() {
     }
     symlink(rig.path("runs/good"), rig.path("runs/zzz")).expect("linked");
     hil(&rig, "judge latest").expect(2).says(&["runs/of/today"]);
-    let spring = scenario("scenarios/spring-mass.toml");
+    let spring = scenario(&rig, "spring-mass.toml");
     hil(
         &rig,
         &format!("run {spring} --checkpoint-at 2 --out runs/a"),

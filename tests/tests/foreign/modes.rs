@@ -99,7 +99,6 @@ fn clang_compiles_the_same_code_under_options_that_it_does_not_tell() {
         "-funsafe-math-optimizations",
         "-fassociative-math -fno-signed-zeros",
         "-freciprocal-math",
-        "-ffp-model=fast -ffp-contract=fast",
     ] {
         assert_eq!(code(options), plain, "{options}");
     }

@@ -62,7 +62,7 @@ pub(super) fn on_another_processor(scenario: &str) {
     let emulated = rig.script(
         "emulated",
         &format!(
-            "#!/bin/sh\nexec qemu-aarch64-static {} \"$@\"\n",
+            "#!/bin/sh\nexec qemu-aarch64-static '{}' \"$@\"\n",
             text(&program)
         ),
     );

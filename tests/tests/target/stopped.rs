@@ -38,7 +38,7 @@ fn an_agent_that_is_slow_but_gives_signs_of_life_is_waited_for() {
     let program = rig.script(
         "slow",
         &format!(
-            "#!/bin/sh\n[ \"$1\" = --session ] || sleep 3\nexec {} \"$@\"\n",
+            "#!/bin/sh\n[ \"$1\" = --session ] || sleep 3\nexec '{}' \"$@\"\n",
             slow.display()
         ),
     );

@@ -37,10 +37,12 @@
 #endif
 #ifdef __clang__
 /* Clang has no macros for most of these options: this switches them off in the rest of the file. */
-#pragma clang fp contract(off)
-#if __clang_major__ >= 18
-#pragma clang fp reassociate(off) reciprocal(off)
+#if defined(__x86_64__) || __clang_major__ >= 19
+#pragma float_control(precise, on)
+#else /* an older Clang has no more for other processors */
+#pragma clang fp reassociate(off)
 #endif
+#pragma clang fp contract(off)
 #endif
 
 #ifdef __cplusplus
