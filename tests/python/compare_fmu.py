@@ -81,7 +81,7 @@ class Calls:
             if self.kinds is TWO:
                 row += get([one.valueReference])
             else:
-                row += get([one.valueReference], nValues=elements(one, self.sizes)) * (1 + len(one.aliases))
+                row += get([one.valueReference], nValues=elements(one, self.sizes))
         return row
 
     def start(self):

@@ -390,9 +390,14 @@ impl<'r> Running<'r> {
     pub(crate) fn worker(&self) -> u32 {
         let own = self.process.id();
         let children = std::fs::read_to_string(format!("/proc/{own}/task/{own}/children"));
-        let child = children
-            .ok()
-            .and_then(|list| list.split(' ').next()?.parse().ok());
+        let children = children.unwrap_or_default();
+        // A program that is asked what it is, is no guard's child.
+        let is_hil = |process: &u32| {
+            let name = std::fs::read_to_string(format!("/proc/{process}/comm"));
+            name.is_ok_and(|name| name == "hil\n")
+        };
+        let mut children = (children.split(' ')).filter_map(|word| word.parse().ok());
+        let child = children.find(is_hil);
         child.unwrap_or(own)
     }
 
