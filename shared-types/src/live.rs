@@ -3,11 +3,10 @@
 //! The plant listens on a socket in the session's private folder, on a thread of its own; `hil`
 //! asks. One line of JSON each way. The loop sees of it one atomic.
 
-use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
-use std::os::unix::net::{UnixListener, UnixStream};
-use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+mod listening;
+
+use std::io::{BufRead, BufReader, ErrorKind, Write};
+use std::os::unix::net::UnixStream;
 use std::time::Duration;
 
 use serde::de::DeserializeOwned;
@@ -20,15 +19,12 @@ use crate::table::{Field, number};
 use crate::time::Rate;
 
 pub use crate::record::ChangedValue;
+pub use listening::{Listening, answer, listen};
 
 /// Name of the socket in the session's folder.
 pub const SOCKET: &str = "control";
 /// Name of the socket in the session's folder at which parameters of plant and law are judged.
 pub const OBJECTIONS: &str = "judge";
-/// Time that a client may take to write its line or to read the answer.
-const CLIENT_LIMIT: Duration = Duration::from_secs(1);
-/// Longest request.
-const LONGEST: u64 = 1 << 20;
 
 /// Request to the plant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -399,63 +395,4 @@ pub fn ask_at<Q: Serialize, A: DeserializeOwned>(
         });
     }
     serde_json::from_str(&answer).map_err(|e| broken(e.into()))
-}
-
-/// A socket of a session that is listened on until this is dropped.
-#[derive(Debug)]
-pub struct Listening {
-    path: PathBuf,
-    over: Arc<AtomicBool>,
-}
-
-/// Listens on a socket of a session, on a thread of its own that serves one client after another.
-///
-/// # Errors
-/// If the socket cannot be made.
-pub fn listen(
-    session: &SessionInfo,
-    socket: &str,
-    mut serve: impl FnMut(&UnixStream) + Send + 'static,
-) -> Result<Listening, String> {
-    let path = session.folder.join(socket);
-    let listener = UnixListener::bind(&path)
-        .map_err(|error| format!("cannot listen on {}: {error}", path.display()))?;
-    let over = Arc::new(AtomicBool::new(false));
-    let is_over = Arc::clone(&over);
-    std::thread::spawn(move || {
-        for client in listener.incoming().flatten() {
-            if is_over.load(Ordering::Acquire) {
-                return;
-            }
-            serve(&client);
-        }
-    });
-    Ok(Listening { path, over })
-}
-
-impl Drop for Listening {
-    fn drop(&mut self) {
-        self.over.store(true, Ordering::Release);
-        // Wakes the thread; nobody there is as good.
-        let _ = UnixStream::connect(&self.path);
-    }
-}
-
-/// Answers one client of a socket: one line of JSON each way. The client's line may be no request.
-///
-/// # Errors
-/// If the client went away or is too slow.
-pub fn answer<Q: DeserializeOwned, A: Serialize>(
-    mut client: &UnixStream,
-    respond: impl FnOnce(Result<Q, Refusal>) -> A,
-) -> std::io::Result<()> {
-    client.set_read_timeout(Some(CLIENT_LIMIT))?;
-    client.set_write_timeout(Some(CLIENT_LIMIT))?;
-    let mut line = String::new();
-    BufReader::new(client.take(LONGEST)).read_line(&mut line)?;
-    let request = serde_json::from_str(&line)
-        .map_err(|error| Refusal::new(format!("not a request: {error}")));
-    let mut answer = serde_json::to_vec(&respond(request))?;
-    answer.push(b'\n');
-    client.write_all(&answer)
 }

@@ -2,16 +2,21 @@
 //! terminals, shells and scripts guard and run are one process.
 
 use std::fs;
-use std::path::Path;
+use std::os::unix::fs::{PermissionsExt, chown};
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
 
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::fs::{XattrFlags, setxattr};
+use rustix::process::{Pid, Signal, geteuid, kill_process};
 use serde_json::Value;
 use shared_types::process::ProcessId;
 use shared_types::session::SessionInfo;
 
 use crate::support::harness::{Rig, Run, Running, send, text, until, until_gone};
-use crate::support::programs::{misbehaving_controller, misbehaving_plant, program, shipped};
+use crate::support::programs::{misbehaving_controller, misbehaving_plant, program, shipped, skip};
 
+/// Number of a user without rights.
+const NOBODY: u32 = 65534;
 /// A run that ends only when it is ended.
 const ENDLESS: &str = "scenarios/severe-leakage.toml --set run.duration_s=1000 --wait-limit 60";
 
@@ -181,6 +186,118 @@ fn a_run_stops_and_goes_on_as_its_shell_wants() {
     }
     rig.in_session("resume").expect(0);
     running.finish().expect(0);
+}
+
+#[test]
+fn a_continuation_while_a_guard_stops_is_not_lost() {
+    let rig = Rig::new();
+    let running = rig.held();
+    let run = owner(&rig);
+    for _ in 0..10 {
+        send(running.pid(), Signal::TSTP);
+        // The guard is about to stop, and may not have done so.
+        until("the run is stopped", || run.is_stopped());
+        send(running.pid(), Signal::CONT);
+        until("the run goes on", || !run.is_stopped());
+    }
+    rig.in_session("resume").expect(0);
+    running.finish().expect(0);
+}
+
+#[test]
+fn signals_that_a_run_is_started_to_ignore_do_not_end_it() {
+    let rig = Rig::new();
+    let mut shell = rig.command("sh");
+    shell.args(["-c", "trap '' HUP INT; exec \"$0\" \"$@\""]);
+    shell.arg(program("hil"));
+    let running = rig.start_with(
+        shell,
+        "scenarios/spring-mass.toml --pause-at 2.5 --wait-limit 60",
+    );
+    rig.until_held_at(2500);
+    for signal in [Signal::HUP, Signal::INT] {
+        send(running.pid(), signal);
+        send(running.worker(), signal);
+    }
+    rig.in_session("resume").expect(0);
+    running.finish().expect(0);
+}
+
+#[test]
+fn a_run_ends_whatever_its_parent_made_of_the_signal_of_ended_children() {
+    let rig = Rig::new();
+    for option in ["--block-signal=CHLD", "--ignore-signal=CHLD"] {
+        let env = |arguments: &[&str]| {
+            let mut env = rig.command("env");
+            env.arg(option).args(arguments);
+            env
+        };
+        if rig.program(env(&["true"])).code != Some(0) {
+            return skip("this `env` sets no signals", "HIL_TEST_ENV_SIGNALS");
+        }
+        let hil = program("hil");
+        let start = |arguments: &str| rig.start_with(env(&[text(&hil)]), arguments);
+        // The child may be gone before it is looked at.
+        start("none.toml").finish().expect(2);
+        start("scenarios/spring-mass.toml").finish().expect(0);
+    }
+}
+
+#[test]
+fn any_signal_that_kills_the_process_that_was_started_leaves_a_summary() {
+    for (signal, name) in [
+        (Signal::USR1, "SIGUSR1 (10)"),
+        (Signal::ALARM, "SIGALRM (14)"),
+    ] {
+        let rig = Rig::new();
+        let running = rig.start(ENDLESS);
+        running.children();
+        send(running.pid(), signal);
+        let run = running.finish().expect(3).says(&[name]);
+        assert_lost(&rig, &run, &format!("hil was killed by {name}"));
+    }
+}
+
+/// Makes a copy of `hil`, with its sides, that has a privilege of its own: its processes are closed to others of the user.
+fn privileged(rig: &Rig) -> PathBuf {
+    let folder = rig.path("programs");
+    fs::create_dir(&folder).expect("a folder");
+    for name in ["hil", "plant-process", "controller-process"] {
+        fs::copy(program(name), folder.join(name)).expect("copied");
+    }
+    let hil = folder.join("hil");
+    // The second form of the attribute, in effect at once: CAP_SYS_NICE, the 23rd.
+    let words = [0x0200_0001_u32, 1 << 23, 0, 0, 0];
+    let capability: Vec<u8> = words.into_iter().flat_map(u32::to_le_bytes).collect();
+    setxattr(
+        &hil,
+        "security.capability",
+        &capability,
+        XattrFlags::empty(),
+    )
+    .expect("as root");
+    hil
+}
+
+#[test]
+fn a_killed_run_of_a_privileged_program_has_a_summary() {
+    if !geteuid().is_root() {
+        return skip("only root gives privileges", "HIL_TEST_ROOT");
+    }
+    let rig = Rig::new();
+    let folder = rig.path("");
+    chown(&folder, Some(NOBODY), Some(NOBODY)).expect("as root");
+    fs::set_permissions(&folder, fs::Permissions::from_mode(0o755)).expect("set");
+    let mut hil = rig.command(privileged(&rig));
+    hil.uid(NOBODY).gid(NOBODY);
+    let running = rig.start_with(hil, ENDLESS);
+    running.wait_for_records();
+    send(running.worker(), Signal::KILL);
+    let run = running.finish().expect(3).says(&["SIGKILL"]);
+    let reason = run.summary()["reason"].to_string();
+    assert!(reason.contains("hil was killed by SIGKILL"), "{reason}");
+    let sessions = format!("/dev/shm/hil-{NOBODY}-{}", rig.session());
+    assert!(!Path::new(&sessions).exists(), "{sessions} is left");
 }
 
 #[test]

@@ -26,10 +26,18 @@ pub(super) fn own() -> Option<ProcessId> {
 }
 
 /// Waits for the end of an owner whose guard is dead, which the kernel ends at about the same time; returns `true`
-/// if the session is dead then.
+/// if the session is dead then. For the guard itself, waits for the end of a process that a dead owner was just starting:
+/// as long as it has not become another program, it holds the owner's lock.
 pub(super) fn dies(folder: &Path) -> bool {
-    let guard = SessionInfo::read(folder).ok().and_then(|info| info.guard);
-    if guard.is_none_or(ProcessId::is_alive) {
+    let Ok(info) = SessionInfo::read(folder) else {
+        return false;
+    };
+    let is_ending = match info.guard {
+        None => false,
+        Some(guard) if guard == ProcessId::own() => !info.owner.is_alive(),
+        Some(guard) => !guard.is_alive(),
+    };
+    if !is_ending {
         return false;
     }
     let since = Instant::now();
@@ -46,14 +54,11 @@ mod tests {
     use super::super::{Session, sweep};
     use super::*;
 
-    #[test]
-    fn a_sweep_waits_for_an_owner_whose_guard_is_dead() {
+    /// Sweeps while the lock of a session with this owner and this guard is still held for a while.
+    fn sweep_removes(owner: ProcessId, guard: ProcessId) -> bool {
         let session = Session::of_one_process(None).expect("a session");
         let mut info = session.info().clone();
-        info.guard = Some(ProcessId {
-            start_ticks: 0, // no process starts with the machine
-            ..ProcessId::own()
-        });
+        (info.owner, info.guard) = (owner, Some(guard));
         info.write_file("session.json", &info).expect("writes");
         let folder = info.folder.clone();
         // Long enough for the sweep to find it alive; a longer or shorter time changes no result.
@@ -63,7 +68,19 @@ mod tests {
             session
         });
         sweep().expect("sweeps");
-        assert!(!folder.exists());
+        let is_removed = !folder.exists();
         drop(dies.join());
+        is_removed
+    }
+
+    #[test]
+    fn a_sweep_waits_for_an_owner_that_is_about_to_be_gone() {
+        let own = ProcessId::own();
+        let dead = ProcessId {
+            start_ticks: 0, // no process starts with the machine
+            ..own
+        };
+        assert!(sweep_removes(own, dead), "killed with its guard");
+        assert!(sweep_removes(dead, own), "killed while it starts a process");
     }
 }

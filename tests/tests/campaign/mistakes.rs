@@ -208,3 +208,28 @@ fn wrong_arguments_are_told() {
         campaign(&rig, &arguments).expect(2).says(&[told]);
     }
 }
+
+#[test]
+fn workers_that_end_in_order_and_compute_nothing_are_an_error_and_not_started_for_ever() {
+    for code in [0, 1] {
+        let rig = Rig::new();
+        let folder = planned(&rig, &study(&rig, STUDY), "demo");
+        campaign(&rig, &["work", text(&folder), "--shards", "0"]).expect(0);
+        let (hil, manifest) = (folder.join("programs/hil"), folder.join("manifest.json"));
+        let real = std::fs::read(&hil).expect("a program");
+        let planned = std::fs::read_to_string(&manifest).expect("a manifest");
+        let idle = format!("#!/bin/sh\nexit {code}\n");
+        std::fs::write(&hil, &idle).expect("written");
+        let mut other: serde_json::Value = serde_json::from_str(&planned).expect("JSON");
+        other["hil"]["blake3"] = blake3::hash(idle.as_bytes()).to_hex().to_string().into();
+        std::fs::write(&manifest, other.to_string()).expect("written");
+        campaign(&rig, &["run", text(&folder)]).expect(3).says(&[
+            "computed nothing",
+            "programs/hil",
+            "what is there stays",
+        ]);
+        std::fs::write(&hil, real).expect("written");
+        std::fs::write(&manifest, planned).expect("written");
+        campaign(&rig, &["run", text(&folder)]).expect(0);
+    }
+}

@@ -24,6 +24,7 @@ use tempfile::TempDir;
 use crate::support::leftovers::{left_before, segments_of_nobody};
 use crate::support::programs::{program, words, workspace};
 pub(crate) use crate::support::run::Run;
+use crate::support::signals::set_default_signals;
 
 /// Time that anything may take before it counts as hanging.
 pub(crate) const WATCHDOG: Duration = Duration::from_secs(120);
@@ -42,6 +43,7 @@ pub(crate) struct Rig {
 impl Rig {
     pub(crate) fn new() -> Self {
         left_before();
+        set_default_signals();
         static COUNT: AtomicU32 = AtomicU32::new(0);
         let number = COUNT.fetch_add(1, Ordering::Relaxed);
         Self {

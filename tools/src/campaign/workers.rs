@@ -107,21 +107,33 @@ fn all(
         if missing.is_empty() {
             return Ok(());
         }
-        let mut is_free = false;
+        let mut free = None;
         for number in &missing {
-            let claim = Shard::of(folder, *number).claim();
-            is_free |= claim.map_err(|error| cannot(folder, &error))?.is_some();
-            if is_free {
+            if is_free(folder, *number)? {
+                free = Some(*number);
                 break;
             }
         }
-        if is_free {
+        if let Some(free) = free {
             let workers = if missing.len() < jobs {
                 missing.len()
             } else {
                 jobs
             };
+            let before = done(folder)?;
             round(folder, workers, interruption, progress)?;
+            // A worker in order computes what is free, or says why it cannot.
+            let is_idle = !interruption.came()
+                && self::missing(folder) == missing
+                && done(folder)? == before
+                && is_free(folder, free)?;
+            if is_idle {
+                let program = program(folder)?;
+                return Err(Failure::infrastructure(format!(
+                    "all workers ended without an error, and computed nothing although nobody else has shard {free}: {} does not work as the hil of this campaign; what is there stays",
+                    program.display()
+                )));
+            }
         } else {
             if !std::mem::replace(&mut has_told, true) {
                 let count = counted(missing.len() as u64, "shard");
@@ -135,6 +147,12 @@ fn all(
             return Err(interrupted(folder));
         }
     }
+}
+
+/// Returns `true` if nobody works on a shard.
+fn is_free(folder: &Folder, number: u64) -> Result<bool, Failure> {
+    let claim = Shard::of(folder, number).claim();
+    Ok(claim.map_err(|error| cannot(folder, &error))?.is_some())
 }
 
 fn interrupted(folder: &Folder) -> Failure {

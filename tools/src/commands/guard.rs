@@ -14,24 +14,19 @@
 use std::ffi::c_int;
 use std::fs::File;
 use std::io;
-use std::os::fd::AsRawFd;
 use std::os::unix::process::{CommandExt, ExitStatusExt, parent_id};
 use std::path::Path;
 use std::process::{Child, ExitCode, ExitStatus};
-use std::thread;
-use std::time::Duration;
 
-use rustix::fs::{MemfdFlags, memfd_create};
-use rustix::process::{Pid, Signal, getpid, kill_process, set_parent_process_death_signal};
+use nix::sys::signal::Signal;
+use rustix::fs::{MemfdFlags, OFlags, fcntl_setfl, memfd_create};
+use rustix::process::{Pid, kill_process, set_parent_process_death_signal};
 use rustix::thread::set_name;
 use serde_json::json;
-use shared_types::process::{Ending, ProcessId};
+use shared_types::process::ProcessId;
 use shared_types::session;
-use signal_hook::consts::{
-    SIGABRT, SIGBUS, SIGCHLD, SIGCONT, SIGHUP, SIGINT, SIGKILL, SIGQUIT, SIGSEGV, SIGTERM, SIGTSTP,
-};
-use signal_hook::iterator::Signals;
-use signal_hook::low_level::{emulate_default_handler, signal_name};
+use signal_hook::consts::{SIGABRT, SIGBUS, SIGKILL, SIGSEGV};
+use signal_hook::low_level::signal_name;
 
 use hil_recording::reader::RECORDING;
 
@@ -39,15 +34,19 @@ use crate::arguments::Command;
 use crate::arguments::campaign::CampaignAction;
 use crate::arguments::run::LinkKind;
 use crate::files::begun;
-use crate::results::lost;
+use crate::results::lost::{self, End};
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
 use crate::verification::suite;
+use signals::Signals;
 
-/// Environment variable of a guarded process: the number of its guard and the guard's descriptor of the list.
+mod handover;
+mod signals;
+
+/// Environment variable of a guarded process: the number of its guard.
 const GUARD: &str = "HIL_GUARD";
 /// Signals that end a run in order.
-const ENDS: [c_int; 3] = [SIGINT, SIGTERM, SIGHUP];
+const INTERRUPTIONS: [Signal; 3] = [Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP];
 
 /// Returns `true` if a command opens shared memory that a program of somebody else can write to.
 ///
@@ -68,25 +67,23 @@ pub(super) fn is_needed(command: &Command) -> bool {
 
 /// Returns `true` if this process has a guard, and ties its life to the guard's.
 pub(super) fn is_there() -> bool {
-    let Ok(told) = std::env::var(GUARD) else {
+    let Ok(guard) = std::env::var(GUARD) else {
         return false;
     };
-    let (pid, list) = told.split_once(':').unwrap_or_default();
-    // Programs that a run starts inherit the variable, and may start another `hil`.
-    let Some(guard) = pid.parse().ok().filter(|pid| *pid == parent_id()) else {
+    // Programs that a run starts inherit the variable, and may start another `hil`; the message is for one alone.
+    let Some(list) = handover::receive(&guard) else {
         return false;
     };
+    begun::write_to(list);
+    signals::release();
     let _ = set_name(c"hil"); // started as `/proc/self/exe`, it would be `exe` to `ps` and to the kernel's log
-    let _ = set_parent_process_death_signal(Some(Signal::KILL)); // every kernel knows it
-    if parent_id() != guard {
+    let _ = set_parent_process_death_signal(Some(rustix::process::Signal::KILL)); // every kernel knows it
+    let parent = parent_id();
+    if guard != parent.to_string() {
         std::process::exit(Exit::Infrastructure as i32); // it died before
     }
-    if let Some(guard) = ProcessId::of(guard) {
+    if let Some(guard) = ProcessId::of(parent) {
         session::guard::is(guard);
-    }
-    let list = format!("/proc/{guard}/fd/{list}");
-    if let Ok(list) = File::options().append(true).open(list) {
-        begun::write_to(list);
     }
     true
 }
@@ -108,30 +105,27 @@ struct Guard {
     list: File,
     child: Child,
     /// Signals that were passed on.
-    passed_on: Vec<c_int>,
-    /// The terminal or a person wants the run to stop until it is continued.
-    is_held: bool,
+    passed_on: Vec<Signal>,
 }
 
 impl Guard {
     fn start() -> io::Result<Self> {
         // Before the start, so that none is lost.
-        let others = [SIGCHLD, SIGCONT, SIGQUIT, SIGTSTP];
-        let signals = Signals::new(ENDS.iter().chain(&others))?;
+        let signals = Signals::hold()?;
         let list = File::from(memfd_create("hil-begun", MemfdFlags::CLOEXEC)?);
+        fcntl_setfl(&list, OFlags::APPEND)?;
         let mut words = std::env::args_os();
         // Not by its path, where another file may be by now.
         let mut hil = std::process::Command::new("/proc/self/exe");
         hil.arg0(words.next().unwrap_or_else(|| "hil".into()));
         hil.args(words);
-        let own = getpid().as_raw_nonzero();
-        hil.env(GUARD, format!("{own}:{}", list.as_raw_fd()));
+        let own = std::process::id().to_string();
+        hil.stdin(handover::send(&own, &list)?).env(GUARD, own);
         Ok(Self {
             signals,
             list,
             child: hil.spawn()?,
             passed_on: Vec::new(),
-            is_held: false,
         })
     }
 
@@ -152,17 +146,19 @@ impl Guard {
                 let reason = format!(
                     "hil ended with exit code {code} before the run had a summary; standard error has the cause"
                 );
-                self.summarise(&reason);
+                self.summarise(&reason, End::Exit);
             }
             return code.into();
         };
         if let Err(error) = session::sweep() {
             tell!("error: {error}");
         }
-        if self.passed_on.contains(&signal) {
+        let cause = Signal::try_from(signal).ok();
+        let interruption = INTERRUPTIONS.into_iter().find(|one| Some(*one) == cause);
+        if let Some(interruption) = interruption.filter(|one| self.passed_on.contains(one)) {
             // It came before the child listened: nothing was begun.
-            if signal != SIGINT {
-                let _ = emulate_default_handler(signal); // the next line is as good
+            if interruption != Signal::SIGINT {
+                self.signals.end_by(interruption); // the next line is as good
             }
             return Exit::Interrupted.into();
         }
@@ -175,52 +171,29 @@ impl Guard {
     /// Waits for the end of the child, and is to it what the terminal is to this process.
     fn wait(&mut self) -> io::Result<ExitStatus> {
         let child = Pid::from_child(&self.child);
-        self.wake_at_the_end();
         loop {
-            // What came meanwhile is in no order; a run that is to go on must not be left stopped.
-            let mut signals: Vec<c_int> = self.signals.wait().collect();
-            signals.sort_by_key(|signal| *signal == SIGCONT);
-            for signal in signals {
-                match signal {
-                    // The child dies of SIGQUIT, which is reported.
-                    SIGCHLD | SIGQUIT => {}
-                    SIGCONT => self.is_held = false,
-                    SIGTSTP => self.is_held = true,
-                    other => self.passed_on.push(other),
-                }
-                if let Some(signal) = Signal::from_named_raw(signal).filter(|_| signal != SIGCHLD) {
-                    let _ = kill_process(child, signal); // its end is seen below
+            let signal = self.signals.next()?;
+            if signal == Signal::SIGCHLD {
+                match self.child.try_wait()? {
+                    Some(status) => return Ok(status),
+                    None => continue, // it was stopped or goes on
                 }
             }
-            if let Some(status) = self.child.try_wait()? {
-                return Ok(status);
+            if let Some(signal) = rustix::process::Signal::from_named_raw(signal as c_int) {
+                let _ = kill_process(child, signal); // it may have ended
             }
-            let is_stopped = || ProcessId::of(self.child.id()).is_some_and(ProcessId::is_stopped);
-            if self.is_held && is_stopped() {
-                let _ = kill_process(getpid(), Signal::STOP); // it is there
+            match signal {
+                Signal::SIGTSTP => self.signals.stop()?,
+                signal => self.passed_on.push(signal),
             }
         }
     }
 
-    /// Wakes [`wait`](Self::wait) at the end of the child, even if this process was started with SIGCHLD blocked.
-    fn wake_at_the_end(&self) {
-        const LOOK: Duration = Duration::from_secs(60);
-        let handle = self.signals.handle();
-        // Without it, SIGCHLD tells.
-        let ending = ProcessId::of(self.child.id()).and_then(Ending::of);
-        thread::spawn(move || {
-            if let Some(ending) = ending {
-                while !Ending::wait_for_any([&ending], LOOK) {}
-                handle.close();
-            }
-        });
-    }
-
     /// Gives the runs that were begun with their summaries, and writes those that are missing.
-    fn summarise(&self, reason: &str) -> Vec<suite::lost::LostRun> {
+    fn summarise(&self, reason: &str, end: End) -> Vec<suite::lost::LostRun> {
         let mut all = Vec::new();
         for run in begun::read(&self.list) {
-            match lost::summarise(&run, reason) {
+            match lost::summarise(&run, reason, end) {
                 Ok(Some(summary)) => {
                     let is_recorded = run.folder.join(RECORDING).exists();
                     if lost::reason_of(&summary) == Some(reason) && is_recorded {
@@ -246,7 +219,7 @@ impl Guard {
             output::tell("\r"); // behind what was drawn
         }
         tell!("error: {reason}: {}", cause(signal));
-        let lost = self.summarise(&reason);
+        let lost = self.summarise(&reason, End::Signal);
         match command {
             Command::Run(arguments) => suite::lost::report(arguments, &lost, &reason),
             Command::Replay(arguments) if arguments.json => aborted(&reason, &arguments.run),

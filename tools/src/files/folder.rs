@@ -8,18 +8,18 @@ use std::time::SystemTime;
 use crate::files::part_file;
 use crate::terminal::exit::Failure;
 
-/// Creates the folder of a run: `--out`, or a new one under `runs`.
+/// Names the folder of a run: `--out`, or a new one under `runs`.
+pub(crate) fn of_run(out: Option<&Path>, scenario: &str, session: &str) -> PathBuf {
+    out.map_or_else(|| default(scenario, session), Path::to_owned)
+}
+
+/// Creates the folder of a run.
 ///
 /// # Errors
 /// If it exists with something in it, or cannot be written.
-pub(crate) fn create(
-    out: Option<&Path>,
-    scenario: &str,
-    session: &str,
-) -> Result<PathBuf, Failure> {
-    let folder = out.map_or_else(|| default(scenario, session), Path::to_owned);
+pub(crate) fn create(folder: &Path) -> Result<(), Failure> {
     // Other processes are told of it.
-    refuse_odd(&std::path::absolute(&folder).map_err(Failure::usage)?)?;
+    refuse_odd(&std::path::absolute(folder).map_err(Failure::usage)?)?;
     let cannot = |error: std::io::Error| {
         let hint = match error.kind() {
             ErrorKind::NotADirectory | ErrorKind::AlreadyExists => "; a file is in the way",
@@ -33,22 +33,22 @@ pub(crate) fn create(
     if let Some(parent) = folder.parent() {
         fs::create_dir_all(parent).map_err(cannot)?;
     }
-    match fs::create_dir(&folder) {
+    match fs::create_dir(folder) {
         // Nobody else put anything into it, and its owner may write to it.
-        Ok(()) => return Ok(folder),
+        Ok(()) => return Ok(()),
         Err(error) if error.kind() == ErrorKind::AlreadyExists && folder.is_dir() => {}
         Err(error) => return Err(cannot(error)),
     }
-    part_file::sweep(&folder);
-    if fs::read_dir(&folder).map_err(cannot)?.next().is_some() {
+    part_file::sweep(folder);
+    if fs::read_dir(folder).map_err(cannot)?.next().is_some() {
         let shown = folder.display();
         return Err(Failure::usage(format!(
             "{shown} is not empty; a run needs a folder of its own"
         )));
     }
     // Whether it can be written shows only when it is.
-    tempfile::tempfile_in(&folder).map_err(cannot)?;
-    Ok(folder)
+    tempfile::tempfile_in(folder).map_err(cannot)?;
+    Ok(())
 }
 
 /// Refuses a path that cannot be written into JSON or TOML.

@@ -2,6 +2,7 @@
 //!
 //! Written by the guard, which has neither plan nor records. `hil recover` replaces it by what the recording says.
 
+use std::fs::read_dir;
 use std::path::Path;
 
 use serde_json::{Value, json};
@@ -15,13 +16,22 @@ use hil_recording::reader::RECORDING;
 /// Key of a summary that the guard wrote.
 const LOST: &str = "lost";
 
+/// End of the `hil` that began a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum End {
+    /// By itself: it removed the folders of runs that came to nothing.
+    Exit,
+    /// By a signal, between any two steps.
+    Signal,
+}
+
 /// Gives the summary of a run that was begun; writes it first if the run ended with `hil`. `None` of a run that
-/// left no folder.
+/// left no folder of its own.
 ///
 /// # Errors
 /// If it cannot be written.
-pub(crate) fn summarise(run: &BegunRun, reason: &str) -> Result<Option<Value>, Failure> {
-    if !run.folder.join(SCENARIO).exists() {
+pub(crate) fn summarise(run: &BegunRun, reason: &str, end: End) -> Result<Option<Value>, Failure> {
+    if !is_left(run, end) {
         return Ok(None);
     }
     let path = run.folder.join(SUMMARY);
@@ -61,6 +71,20 @@ pub(crate) fn summarise(run: &BegunRun, reason: &str) -> Result<Option<Value>, F
     Ok(Some(summary))
 }
 
+/// Returns `true` if a run left a folder of its own.
+fn is_left(run: &BegunRun, end: End) -> bool {
+    match (run.has_folder, end) {
+        (true, End::Exit) => run.folder.join(SCENARIO).exists(),
+        (true, End::Signal) => run.folder.is_dir(),
+        // It was refused, and is another's.
+        (false, End::Exit) => false,
+        // Killed before it could note that it made the folder, it had put nothing into it.
+        (false, End::Signal) => {
+            read_dir(&run.folder).is_ok_and(|mut inside| inside.next().is_none())
+        }
+    }
+}
+
 /// Returns the reason in a summary that the guard wrote: that of a run whose recording says more.
 pub(crate) fn reason_in(path: &Path) -> Option<String> {
     reason_of(&summary(path)?).map(str::to_owned)
@@ -69,4 +93,66 @@ pub(crate) fn reason_in(path: &Path) -> Option<String> {
 /// Returns the reason of a summary that the guard wrote.
 pub(crate) fn reason_of(summary: &Value) -> Option<&str> {
     summary.get(LOST)?.as_str()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use tempfile::TempDir;
+
+    use super::*;
+
+    fn begun(folder: &Path, has_folder: bool) -> BegunRun {
+        BegunRun {
+            folder: folder.to_owned(),
+            scenario: "small".into(),
+            law: "hold".into(),
+            session: "s".into(),
+            started_utc: "2026-01-01T00:00:00.000Z".into(),
+            set: Vec::new(),
+            evidence: "sil".into(),
+            clock: "lockstep".into(),
+            rate_hz: 1000.0,
+            seed: 1,
+            has_folder,
+        }
+    }
+
+    fn is_summarised(folder: &Path, has_folder: bool, end: End) -> bool {
+        let summary = summarise(&begun(folder, has_folder), "killed", end).expect("written");
+        assert_eq!(summary.is_some(), folder.join(SUMMARY).exists());
+        summary.is_some()
+    }
+
+    #[test]
+    fn a_run_that_is_killed_at_any_moment_leaves_no_folder_without_a_summary() {
+        let place = TempDir::new().expect("a folder");
+        let folder = |name: &str| {
+            let folder = place.path().join(name);
+            fs::create_dir(&folder).expect("a folder");
+            folder
+        };
+        assert!(!is_summarised(
+            &place.path().join("none"),
+            false,
+            End::Signal
+        ));
+        assert!(is_summarised(&folder("unknown"), false, End::Signal));
+        assert!(is_summarised(&folder("known"), true, End::Signal));
+        let begun = folder("begun");
+        fs::write(begun.join(SCENARIO), "").expect("written");
+        assert!(is_summarised(&begun, true, End::Exit));
+        // Of a run that was not begun `hil` itself removes the folder, unless it was there before.
+        assert!(!is_summarised(&folder("kept"), true, End::Exit));
+    }
+
+    #[test]
+    fn the_folder_of_another_run_is_left_alone() {
+        let place = TempDir::new().expect("a folder");
+        fs::write(place.path().join(SCENARIO), "").expect("written");
+        for end in [End::Exit, End::Signal] {
+            assert!(!is_summarised(place.path(), false, end), "{end:?}");
+        }
+    }
 }

@@ -175,15 +175,10 @@ pub(super) fn prepare(
     }
     Notice::write(&info, &effective, &binaries, is_in_process)?;
     let started_utc = humantime::format_rfc3339_millis(SystemTime::now()).to_string();
-    let folder = folder::create(settings.out.as_deref(), &plan.name, &info.name)?;
-    let absolute = std::path::absolute(&folder);
-    session
-        .set_run_dir(absolute.as_ref().unwrap_or(&folder))
-        .map_err(Failure::infrastructure)?;
-    let in_place = is_in_process && settings.recording.is_none();
-    write_scenario(&folder, &effective, in_place)?;
+    let folder = folder::of_run(settings.out.as_deref(), &plan.name, &info.name);
+    let absolute = std::path::absolute(&folder).unwrap_or_else(|_| folder.clone());
     begun::note(|| BegunRun {
-        folder: absolute.unwrap_or_else(|_| folder.clone()),
+        folder: absolute.clone(),
         scenario: plan.name.clone(),
         law: plan.controller.law.clone(),
         session: info.name.clone(),
@@ -193,7 +188,15 @@ pub(super) fn prepare(
         clock: plan.run.clock.name().into(),
         rate_hz: plan.run.rate.hz(),
         seed: plan.run.seed,
+        has_folder: false,
     });
+    folder::create(&folder)?;
+    begun::note_folder(&absolute);
+    session
+        .set_run_dir(&absolute)
+        .map_err(Failure::infrastructure)?;
+    let in_place = is_in_process && settings.recording.is_none();
+    write_scenario(&folder, &effective, in_place)?;
     let recording = (settings.recording.as_ref()).map(|recording| {
         let mut provenance =
             provenance::of(&plan, &info, &binaries, &settings, &effective, &started_utc);

@@ -3,7 +3,8 @@
 //!
 //! A command that has begun nothing ends at once. One that starts processes or writes files listens
 //! before that and looks at the flag where it waits; the parts of it that only compute, which may take
-//! long and look at nothing, are done with [`Interruption::at_once`].
+//! long and look at nothing, are done with [`Interruption::at_once`]. SIGINT and SIGHUP stay ignored if the
+//! process was started to ignore them.
 
 use std::io::{self, ErrorKind, PipeWriter, Read, Write};
 use std::os::fd::OwnedFd;
@@ -17,6 +18,7 @@ use signal_hook::consts::{SIGBUS, SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::low_level::pipe;
 
 use crate::terminal::exit::{Exit, Failure};
+use crate::terminal::ignored::is_ignored;
 use crate::terminal::output;
 
 /// A signal ends the process at once.
@@ -28,7 +30,10 @@ static AT_ONCE: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 /// If the signal cannot be listened to.
 pub(crate) fn end_at_once() -> Result<(), Failure> {
     AT_ONCE.store(true, Ordering::SeqCst);
-    end_on(SIGINT)
+    match is_ignored(SIGINT) {
+        true => Ok(()),
+        false => end_on(SIGINT),
+    }
 }
 
 fn end_on(signal: i32) -> Result<(), Failure> {
@@ -62,7 +67,8 @@ impl Interruption {
     /// Registers the handlers of the process, which stay as long as it.
     fn register() -> Result<Self, Failure> {
         let flag = Arc::new(AtomicBool::new(false));
-        for signal in [SIGINT, SIGTERM, SIGHUP] {
+        let ends = [SIGINT, SIGTERM, SIGHUP].into_iter();
+        for signal in ends.filter(|signal| *signal == SIGTERM || !is_ignored(*signal)) {
             end_on(signal)?;
             signal_hook::flag::register(signal, Arc::clone(&flag))
                 .map_err(Failure::infrastructure)?;

@@ -9,6 +9,7 @@ pub(crate) mod output;
 pub(crate) mod advice;
 pub(crate) mod duration;
 pub(crate) mod exit;
+pub(crate) mod ignored;
 pub(crate) mod interruption;
 pub(crate) mod progress;
 pub(crate) mod table;

@@ -33,7 +33,7 @@ const COMPLAINT: usize = 16 << 10;
 
 /// Serves one desk: answers what it asks, and runs what it wants to be run. Returns when the channel is closed.
 ///
-/// `admit` is called first, and may wait.
+/// `admit` is called first, and may wait; `runs` with `true` when a run begins, and with `false` when it is to end.
 ///
 /// # Errors
 /// The reason for which it ended before, which the desk was told if it could be.
@@ -43,6 +43,7 @@ pub fn run(
     programs: &AllowedPrograms,
     address: Option<IpAddr>,
     admit: impl FnOnce() -> Result<(), String>,
+    runs: impl Fn(bool),
 ) -> Result<(), String> {
     let bell = LateBell::default();
     let rung = bell.clone();
@@ -55,6 +56,7 @@ pub fn run(
         bell,
         programs,
         address,
+        runs: &runs,
         program: None,
     };
     let served = admit().map_err(failed).and_then(|()| {
@@ -87,6 +89,8 @@ struct Agent<'a> {
     programs: &'a AllowedPrograms,
     /// Address that the desk reached; without one there are no datagrams.
     address: Option<IpAddr>,
+    /// Hears whether a run goes on.
+    runs: &'a dyn Fn(bool),
     program: Option<(String, PathBuf)>,
 }
 
@@ -212,16 +216,18 @@ impl Agent<'_> {
         });
         let limit = request.limit_s.unwrap_or(f64::INFINITY);
         drop(beats);
-        Run::new(
+        (self.runs)(true);
+        let mut run = Run::new(
             (&self.ear, &self.mouth),
             link,
             started,
             socket.map(|socket| DatagramPath::target(socket, seal)),
             &info,
             request,
-        )
-        .serve(WaitLimit::from_seconds(limit))
-        .map_err(failed)
+        );
+        let served = run.serve(WaitLimit::from_seconds(limit));
+        (self.runs)(false);
+        served.map_err(failed)
     }
 }
 

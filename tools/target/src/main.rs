@@ -108,5 +108,5 @@ fn serve_ssh() -> Result<(), String> {
     let programs = AllowedPrograms::cached()?;
     end_with(io::stdin());
     let ends = (io::stdin(), io::stdout());
-    agent::run(ends, None, &programs, own, || Ok(()))
+    agent::run(ends, None, &programs, own, || Ok(()), |_| ())
 }

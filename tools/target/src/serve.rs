@@ -179,7 +179,8 @@ fn session(
             Ok(())
         };
         let seal = Some(Arc::new(seal));
-        let ended = agent::run((reader, writer), seal, programs, Some(address), admit);
+        let runs = |is_run| turn.runs(is_run);
+        let ended = agent::run((reader, writer), seal, programs, Some(address), admit, runs);
         say(&match ended {
             Ok(()) => format!("{from}: the session has ended"),
             Err(reason) => format!("{from}: the session has ended: {reason}"),

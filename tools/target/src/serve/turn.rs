@@ -8,18 +8,22 @@ use std::time::{Duration, Instant};
 const MOST_WAITING: usize = 4;
 /// Longest wait of a desk.
 const LIMIT: Duration = Duration::from_secs(10);
+/// Longest wait during a run, which may take hours: enough for the end of one that is ending.
+const LIMIT_IN_RUN: Duration = Duration::from_millis(500);
 
 /// The turn of one agent.
 #[derive(Debug, Default)]
 pub(super) struct Turn {
     state: Mutex<State>,
-    is_free: Condvar,
+    changes: Condvar,
 }
 
 #[derive(Debug, Default)]
 struct State {
     /// The desk that has its session.
     served: Option<SocketAddr>,
+    /// A run of that desk goes on.
+    is_run: bool,
     waiting: usize,
 }
 
@@ -29,8 +33,9 @@ pub(super) struct Taken<'a>(&'a Turn);
 
 impl Drop for Taken<'_> {
     fn drop(&mut self) {
-        self.0.lock().served = None;
-        self.0.is_free.notify_one();
+        let mut state = self.0.lock();
+        (state.served, state.is_run) = (None, false);
+        self.0.changes.notify_one();
     }
 }
 
@@ -39,28 +44,39 @@ impl Turn {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Notes that a run of the desk that has its turn begins or has ended.
+    pub(super) fn runs(&self, is_run: bool) {
+        self.lock().is_run = is_run;
+        self.changes.notify_all();
+    }
+
     /// Waits for the turn.
     ///
     /// # Errors
-    /// If another desk has it for too long, or many wait already.
+    /// If another desk has it for too long or for a run, or many wait already.
     pub(super) fn take(&self, by: SocketAddr) -> Result<Taken<'_>, String> {
         self.take_within(by, LIMIT)
     }
 
     fn take_within(&self, by: SocketAddr, limit: Duration) -> Result<Taken<'_>, String> {
-        let end = Instant::now() + limit;
+        let since = Instant::now();
         let mut state = self.lock();
         if state.served.is_some() && state.waiting >= MOST_WAITING {
             return Err(busy(state.served, "and others wait for its end"));
         }
         state.waiting += 1;
         while state.served.is_some() {
-            let left = end.saturating_duration_since(Instant::now());
+            let limit = if state.is_run {
+                limit.min(LIMIT_IN_RUN)
+            } else {
+                limit
+            };
+            let left = limit.saturating_sub(since.elapsed());
             if left.is_zero() {
                 state.waiting -= 1;
                 return Err(busy(state.served, "wait for its end"));
             }
-            let waited = self.is_free.wait_timeout(state, left);
+            let waited = self.changes.wait_timeout(state, left);
             (state, _) = waited.unwrap_or_else(PoisonError::into_inner);
         }
         state.waiting -= 1;
@@ -102,6 +118,36 @@ mod tests {
             for one in next {
                 one.join().expect("ends").expect("its turn");
             }
+        });
+    }
+    #[test]
+    fn during_a_run_nobody_waits_for_its_end() {
+        let address = |port| SocketAddr::from(([192, 0, 2, 7], port));
+        let hour = Duration::from_secs(3600);
+        let turn = Turn::default();
+        let first = turn.take(address(1)).expect("free");
+        std::thread::scope(|scope| {
+            // One that waits already hears of it too.
+            let waits = scope.spawn(|| turn.take_within(address(2), hour).map(drop));
+            while turn.lock().waiting < 1 {
+                std::thread::yield_now();
+            }
+            turn.runs(true);
+            for refused in [
+                waits.join().expect("ends"),
+                turn.take_within(address(3), hour).map(drop),
+            ] {
+                let reason = refused.expect_err("busy");
+                assert!(reason.contains("of 192.0.2.7:1"), "{reason}");
+            }
+            // A run that is ending is waited for.
+            turn.runs(false);
+            let next = scope.spawn(|| turn.take_within(address(4), hour).map(drop));
+            while turn.lock().waiting < 1 {
+                std::thread::yield_now();
+            }
+            drop(first);
+            next.join().expect("ends").expect("its turn");
         });
     }
 }

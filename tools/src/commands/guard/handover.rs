@@ -1,0 +1,57 @@
+//! Handover of the list of runs from a guard to its child: a message on a socket that the child has as its standard input
+//! at first, with the list and the input that it is to have.
+//!
+//! Needs no file system: the files of a process in `/proc` are closed even to its child where the program has privileges of
+//! its own.
+
+use std::fs::File;
+use std::io::{self, IoSlice, IoSliceMut};
+use std::mem::MaybeUninit;
+use std::os::fd::{AsFd, OwnedFd};
+use std::os::unix::net::UnixStream;
+
+use nix::unistd::dup2_stdin;
+use rustix::cmsg_space;
+use rustix::net::{
+    RecvAncillaryBuffer, RecvAncillaryMessage, RecvFlags, SendAncillaryBuffer,
+    SendAncillaryMessage, SendFlags, recvmsg, sendmsg,
+};
+
+/// Sends a list and the own standard input to the child of a guard; returns the socket on which it receives them.
+///
+/// # Errors
+/// If the system has no room for it.
+pub(super) fn send(guard: &str, list: &File) -> io::Result<OwnedFd> {
+    let (own, of_child) = UnixStream::pair()?;
+    let input = io::stdin();
+    let files = [list.as_fd(), input.as_fd()];
+    let mut space = [MaybeUninit::uninit(); cmsg_space!(ScmRights(2))];
+    let mut message = SendAncillaryBuffer::new(&mut space);
+    message.push(SendAncillaryMessage::ScmRights(&files));
+    let content = [IoSlice::new(guard.as_bytes())];
+    sendmsg(&own, &content, &mut message, SendFlags::NOSIGNAL)?;
+    Ok(of_child.into())
+}
+
+/// Receives the list from this guard, and takes the standard input that came with it; `None` if the standard input is no
+/// such socket, of which nothing is taken.
+pub(super) fn receive(guard: &str) -> Option<File> {
+    let mut content = vec![0; guard.len()];
+    let mut space = [MaybeUninit::uninit(); cmsg_space!(ScmRights(2))];
+    let mut message = RecvAncillaryBuffer::new(&mut space);
+    // Looked at, it stays for its reader. The socket goes with the descriptor.
+    let flags = RecvFlags::PEEK | RecvFlags::DONTWAIT | RecvFlags::CMSG_CLOEXEC;
+    let mut parts = [IoSliceMut::new(&mut content)];
+    recvmsg(io::stdin(), &mut parts, &mut message, flags).ok()?;
+    let mut files = message.drain().filter_map(|part| match part {
+        RecvAncillaryMessage::ScmRights(files) => Some(files),
+        _ => None,
+    });
+    let mut files = files.next()?;
+    let (list, input) = (files.next()?, files.next()?);
+    if content != guard.as_bytes() {
+        return None;
+    }
+    dup2_stdin(input).ok()?;
+    Some(list.into())
+}
