@@ -155,7 +155,7 @@ impl<'a> Unit<'a> {
             ) => {
                 let is_whole = is_whole && is_other_whole;
                 let is_scaled = is_scaled || is_other_scaled;
-                let mut known = |symbol, source| Self::Known {
+                let known = |symbol, source| Self::Known {
                     symbol,
                     source,
                     is_whole,

@@ -89,7 +89,13 @@ impl<'a> Shard<'a> {
         self.folder.manifest().cases_of(self.number)
     }
 
-    fn path(&self) -> PathBuf {
+    /// Returns the folder of its campaign.
+    pub(crate) const fn folder(&self) -> &Folder {
+        self.folder
+    }
+
+    /// Returns its own folder.
+    pub(crate) fn path(&self) -> PathBuf {
         let name = format!("{:08}", self.number);
         self.folder.path().join(SHARDS).join(name)
     }
@@ -168,7 +174,7 @@ impl<'a> Shard<'a> {
     /// # Errors
     /// If their file cannot be read.
     pub(crate) fn curves(&self, grid: &Grid) -> io::Result<Option<Curves>> {
-        Curves::read(&self.path(), grid)
+        Curves::read(self, grid)
     }
 
     /// Removes what dead workers left beside its result. Rows among it are compared with the result first, and a
