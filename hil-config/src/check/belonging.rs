@@ -22,6 +22,7 @@ pub(super) struct Owners<'a> {
 }
 
 /// Thing that has a name.
+#[derive(Clone)]
 enum Owned {
     /// Value with this full key.
     Key(String),
@@ -39,41 +40,33 @@ pub(super) fn advise(reader: &mut Reader, root: &Table, owners: &Owners<'_>) {
             continue;
         }
         let typed = leaf(root, &problem.key);
-        let own = problem.nearest.iter().map(|name| {
-            let owned = Owned::Key(name.clone());
-            (name.clone(), owned)
-        });
-        let mut all: Vec<(String, Owned)> = own.collect();
+        let own = problem.nearest.iter();
+        let own = own.map(|name| (name.clone(), Owned::Key(name.clone())));
         let further = names
             .iter()
             .filter(|(name, _)| !problem.nearest.contains(name));
-        all.extend(further.map(|(name, owned)| {
-            let owned = match owned {
-                Owned::Key(key) => Owned::Key(key.clone()),
-                Owned::Other(advice) => Owned::Other(advice.clone()),
-            };
-            (name.clone(), owned)
-        }));
+        let all: Vec<(String, Owned)> = own.chain(further.cloned()).collect();
         let close = nearest(&typed, all.iter().map(|(name, _)| name.as_str()));
-        let owners = close
-            .iter()
-            .flat_map(|close| all.iter().filter(move |(name, _)| name == close));
+        let Some(closest) = close.first() else {
+            continue;
+        };
         let mut keys: Vec<String> = Vec::new();
         let mut advice = None;
-        for (_, owned) in owners {
+        let of_name = |close: &&str| {
+            all.iter()
+                .filter(|(name, _)| name == close)
+                .collect::<Vec<_>>()
+        };
+        for (name, owned) in close.iter().flat_map(of_name) {
             match owned {
                 Owned::Key(key) if !keys.contains(key) => keys.push(key.clone()),
-                Owned::Key(_) => {}
-                Owned::Other(text) => advice = advice.or_else(|| Some(text.clone())),
+                Owned::Other(text) if name == closest => advice = advice.or(Some(text.clone())),
+                Owned::Key(_) | Owned::Other(_) => {}
             }
         }
         keys.truncate(MOST);
-        let is_closest = |name: &String| close.first() == Some(&name.as_str());
-        let has_key = all
-            .iter()
-            .any(|(name, owned)| is_closest(name) && matches!(owned, Owned::Key(_)));
-        if !has_key {
-            keys.clear(); // something else is meant
+        if advice.is_some() {
+            keys.clear(); // no key is meant
         }
         problem.nearest = keys;
         problem.help = problem.help.take().or(advice);

@@ -239,8 +239,7 @@ pub(super) fn near(symbol: &str) -> String {
         None => all().filter(is_same).collect(),
     };
     if close.is_empty() {
-        let symbols: Vec<String> = all().collect();
-        let nearest = nearest(symbol, symbols.iter().map(String::as_str));
+        let nearest = nearest(symbol, Known::ALL.iter().map(|known| known.symbol));
         close = nearest.into_iter().map(Into::into).collect();
     }
     close.truncate(3);
