@@ -6,13 +6,14 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::{self, Write};
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
 use crate::curve::{Curve, Grid};
+use crate::folder::Folder;
 use crate::journal;
 use crate::manifest::Manifest;
-use crate::shard::Shard;
 use crate::table::{CLASS, LOST, Row};
 
 /// Name of the file in the folder of a shard.
@@ -139,13 +140,13 @@ impl Curves {
     }
 
     /// Returns `true` if they are of a shard: by the origin that they name, and by their cases.
-    fn is_of(&self, shard: &Shard<'_>) -> bool {
-        let is_it = |origin: &Origin| {
-            origin.shard == shard.number() && shard.folder().has_results_of(&origin.campaign)
-        };
+    fn is_of(&self, folder: &Folder, number: u64) -> bool {
+        let is_it =
+            |origin: &Origin| origin.shard == number && folder.has_results_of(&origin.campaign);
+        let known = folder.manifest().cases_of(number);
         let worst = self.worst.iter().map(|worst| worst.case);
         let mut cases = self.sampled.keys().copied().chain(worst);
-        self.origin.as_ref().is_none_or(is_it) && cases.all(|case| shard.cases().contains(&case))
+        self.origin.as_ref().is_none_or(is_it) && cases.all(|case| known.contains(&case))
     }
 
     fn fits(&self, grid: &Grid) -> bool {
@@ -155,28 +156,33 @@ impl Curves {
     }
 
     /// Writes them into the folder of a shard, with its name.
-    pub(crate) fn write(&mut self, shard: &Shard<'_>) -> io::Result<()> {
+    pub(crate) fn write(&mut self, shard: &Path, folder: &Folder, number: u64) -> io::Result<()> {
         self.origin = Some(Origin {
-            campaign: shard.folder().id().into(),
-            shard: shard.number(),
+            campaign: folder.id().into(),
+            shard: number,
         });
         let mut text = serde_json::to_string(self)?;
         text += &journal::sealed(&text);
-        let part = journal::unfinished(&shard.path())?;
+        let part = journal::unfinished(shard)?;
         part.as_file().write_all(text.as_bytes())?;
         part.as_file().sync_all()?;
-        let written = part.persist(shard.path().join(CURVES));
+        let written = part.persist(shard.join(CURVES));
         written.map(|_| ()).map_err(|error| error.error)
     }
 
     /// Reads those of a shard; none if they are not there, not whole, or of another shard.
-    pub(crate) fn read(shard: &Shard<'_>, grid: &Grid) -> io::Result<Option<Self>> {
-        let text = match fs::read_to_string(shard.path().join(CURVES)) {
+    pub(crate) fn read(
+        shard: &Path,
+        folder: &Folder,
+        number: u64,
+        grid: &Grid,
+    ) -> io::Result<Option<Self>> {
+        let text = match fs::read_to_string(shard.join(CURVES)) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             Err(error) if error.kind() == io::ErrorKind::InvalidData => return Ok(None),
             text => text?,
         };
         let read = journal::unsealed(&text).and_then(|json| serde_json::from_str(json).ok());
-        Ok(read.filter(|curves: &Self| curves.fits(grid) && curves.is_of(shard)))
+        Ok(read.filter(|curves: &Self| curves.fits(grid) && curves.is_of(folder, number)))
     }
 }

@@ -89,13 +89,7 @@ impl<'a> Shard<'a> {
         self.folder.manifest().cases_of(self.number)
     }
 
-    /// Returns the folder of its campaign.
-    pub(crate) const fn folder(&self) -> &Folder {
-        self.folder
-    }
-
-    /// Returns its own folder.
-    pub(crate) fn path(&self) -> PathBuf {
+    fn path(&self) -> PathBuf {
         let name = format!("{:08}", self.number);
         self.folder.path().join(SHARDS).join(name)
     }
@@ -174,7 +168,7 @@ impl<'a> Shard<'a> {
     /// # Errors
     /// If their file cannot be read.
     pub(crate) fn curves(&self, grid: &Grid) -> io::Result<Option<Curves>> {
-        Curves::read(self, grid)
+        Curves::read(&self.path(), self.folder, self.number, grid)
     }
 
     /// Removes what dead workers left beside its result. Rows among it are compared with the result first, and a
