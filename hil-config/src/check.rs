@@ -7,6 +7,7 @@
 //! [checked](RequestContext) by the same code.
 
 mod analyses;
+mod belonging;
 mod binding;
 mod changes;
 mod connect;
@@ -291,9 +292,16 @@ fn parts(
         faults: (reader.problems.len() == problems).then_some(&faults),
     };
     let analyses = analyses::check(reader, &analysed, &context);
-    let law = law.map(|law| law.name.as_str());
-    let plots = plots::check(reader, root, columns.as_ref(), law, laws);
+    let name_of_law = law.map(|law| law.name.as_str());
+    let plots = plots::check(reader, root, columns.as_ref(), name_of_law, laws);
     let panel = panel::check(reader, root, columns.as_ref(), &changed);
+    let owners = belonging::Owners {
+        plant,
+        law,
+        stimuli: stimuli.as_deref().unwrap_or_default(),
+        kinds,
+    };
+    belonging::advise(reader, root.table, &owners);
     Some(Plan {
         name,
         description: description.into(),

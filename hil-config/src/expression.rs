@@ -26,8 +26,8 @@
 //! signals before any fault. A `parameter` has its full name, as in
 //! `parameter.actuator1.bulk_modulus_pa`.
 //!
-//! Values of two known units are neither added nor compared; a plain number fits every unit, and so does
-//! a product or quotient. A number with a unit counts in coherent SI units: `5 cm` is 0.05 and fits what is in m.
+//! Values of two known units are neither added nor compared; a plain number fits every unit, and so does a product
+//! or quotient of two quantities. A quantity times or by a plain number keeps its dimension. A number with a unit counts in coherent SI units: `5 cm` is 0.05 and fits what is in m.
 //!
 //! A comparison is 1 where it holds and 0 where not; every number but 0 counts as true.
 //!
@@ -286,7 +286,11 @@ impl Expression {
                     format!("unknown kind of signal `{prefix}`")
                 }
                 Some(_) => format!("unknown signal `{}`", name.path),
-                None => format!("unknown derived signal `{}`", name.path),
+                None => {
+                    let unit = shared_types::units::symbol_of_word(&name.path);
+                    let unit = unit.map_or(String::new(), |unit| format!("; the unit is `{unit}`"));
+                    format!("unknown derived signal `{}`{unit}", name.path)
+                }
             };
             let mut error = self.error(name.span.clone(), &message);
             error.nearest = columns.nearest(&name.path);

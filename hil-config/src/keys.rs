@@ -306,6 +306,20 @@ pub(crate) const RUN: &[Key] = &[
     ),
 ];
 
+/// Permission of `[plant]` and `[controller]` for the archive of an FMU.
+const TRUST_ARCHIVE: Key = Key::new(
+    "trust_archive",
+    KeyKind::Boolean { default: false },
+    "Permission for the archive of an FMU to unpack to more than 100 times its size, as one with a large table of zeros does; its other limits stay.",
+);
+
+/// Permission of `[plant]` and `[controller]` for the tool of an FMU.
+const ALLOW_EXECUTION_TOOL: Key = Key::new(
+    "allow_execution_tool",
+    KeyKind::Boolean { default: false },
+    "Permission for an FMU that says it needs the tool it was made with (needsExecutionTool) to run and to start that tool.",
+);
+
 /// `[plant]`.
 pub(crate) const PLANT: &[Key] = &[
     Key::new("model", TEXT, "Name of the plant.").required(),
@@ -319,16 +333,8 @@ pub(crate) const PLANT: &[Key] = &[
         KeyKind::Texts,
         "Inner signals of an FMU that are part of the truth: patterns with * and ? for their names in the FMU or in hil. Default: none.",
     ),
-    Key::new(
-        "trust_archive",
-        KeyKind::Boolean { default: false },
-        "Permission for the archive of an FMU to unpack to more than 100 times its size, as one with a large table of zeros does; its other limits stay.",
-    ),
-    Key::new(
-        "allow_execution_tool",
-        KeyKind::Boolean { default: false },
-        "Permission for an FMU that says it needs the tool it was made with (needsExecutionTool) to run and to start that tool.",
-    ),
+    TRUST_ARCHIVE,
+    ALLOW_EXECUTION_TOOL,
     Key::new(
         "substeps",
         integer_or(1, 1000, 4),
@@ -364,16 +370,8 @@ pub(crate) const CONTROLLER: &[Key] = &[
         KeyKind::Program,
         "Controller program or FMU, relative to the scenario, or a table of programs by machine name, as printed by `uname -m`; a scenario that names a program runs it. Default: controller-process beside hil.",
     ),
-    Key::new(
-        "trust_archive",
-        KeyKind::Boolean { default: false },
-        "Permission for the archive of an FMU to unpack to more than 100 times its size, as one with a large table of zeros does; its other limits stay.",
-    ),
-    Key::new(
-        "allow_execution_tool",
-        KeyKind::Boolean { default: false },
-        "Permission for an FMU that says it needs the tool it was made with (needsExecutionTool) to run and to start that tool.",
-    ),
+    TRUST_ARCHIVE,
+    ALLOW_EXECUTION_TOOL,
     Key::new(
         "rate_hz",
         number("Hz", Rate::MIN_HZ, Rate::MAX_HZ),

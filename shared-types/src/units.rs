@@ -14,8 +14,10 @@ use std::fmt::Write as _;
 
 use serde::{Deserialize, Serialize};
 
-use crate::table::{near, number};
+use crate::table::number;
 use symbols::{Known, known};
+
+pub use symbols::symbol_of_word;
 
 /// Longest text that is read.
 const LONGEST: usize = 64;
@@ -44,13 +46,8 @@ pub struct Unit {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unreadable {
     /// A symbol that is none here.
-    #[error("`{symbol}` is no unit that is known here{near}")]
-    Symbol {
-        /// The symbol.
-        symbol: String,
-        /// Symbols that come close, as text.
-        near: String,
-    },
+    #[error("`{0}` is no unit that is known here{near}", near = symbols::near(.0))]
+    Symbol(String),
     /// Product behind a quotient without parentheses.
     #[error(
         "`{0}` can be read in two ways; write a denominator of two units in parentheses, as in J/(kg K)"
@@ -175,6 +172,12 @@ impl Unit {
             ..Self::ONE
         };
         *self == one
+    }
+
+    /// Returns `true` if the unit is that of a plain number or a part of one, as 1 and %.
+    #[must_use]
+    pub fn is_plain(&self) -> bool {
+        self.halves == [0; 8]
     }
 
     /// Returns `true` if 0 in this unit is not 0 in base units, as in degC.
@@ -327,13 +330,7 @@ impl Parser<'_> {
                 return Err(self.form());
             }
             self.rest = rest;
-            known(symbol).ok_or_else(|| {
-                let symbols = Known::ALL.iter().map(|known| known.symbol);
-                Unreadable::Symbol {
-                    symbol: symbol.into(),
-                    near: near(symbol, symbols),
-                }
-            })?
+            known(symbol).ok_or_else(|| Unreadable::Symbol(symbol.into()))?
         };
         Ok((unit, 2 * self.exponent()?))
     }

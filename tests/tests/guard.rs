@@ -138,7 +138,7 @@ fn of_a_suite_that_is_killed_each_run_is_told_as_it_ended() {
     let info = SessionInfo::read(&sessions.with_file_name(session)).expect("it goes on");
     send(info.owner.pid, Signal::KILL);
     let suite = running.finish().expect(3);
-    suite.says(&["SIGKILL"]).prints(&[
+    let suite = suite.says(&["SIGKILL"]).prints(&[
         "short-1",
         "pass",
         "spring-mass-1",
@@ -146,7 +146,14 @@ fn of_a_suite_that_is_killed_each_run_is_told_as_it_ended() {
     ]);
     assert_eq!(summary_in(&second)["verdict"], "aborted");
     let first = second.with_file_name("short-1");
-    assert_eq!(summary_in(&first)["verdict"], "pass");
+    let summary = summary_in(&first);
+    assert_eq!(summary["verdict"], "pass");
+    let digest = summary["digest"].as_str().expect("a digest");
+    let mut lines = suite.stdout.lines();
+    let line = lines.find(|line| line.contains("short-1")).expect("a row");
+    for cell in ["2 of 2", &digest[..8], &first.display().to_string()] {
+        assert!(line.contains(cell), "{cell} is not in {line}");
+    }
     let (junit, markdown) = (fs::read_to_string(junit), fs::read_to_string(markdown));
     let junit = junit.expect("written");
     assert!(

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use crate::support::harness::{Rig, Run};
+use crate::support::harness::{Rig, Run, text};
 use crate::support::programs::{program, workspace};
 
 /// Checks that a command line is refused as wrong usage, and that the message has these parts.
@@ -69,8 +69,17 @@ fn a_file_of_another_kind_is_answered_with_the_commands_that_take_it() {
     let rig = Rig::new();
     let hil = program("hil");
     let hil = hil.to_str().expect("plain");
+    let run = rig.path("run");
+    rig.hil(&["run", SCENARIO, "--link", "in-process", "--out", text(&run)])
+        .expect(0);
+    let summary = run.join("summary.json");
+    let summary = text(&summary);
+    let campaign = rig.path("campaign");
+    rig.hil(&["campaign", "plan", STUDY, "-o", text(&campaign)])
+        .expect(0);
+    let campaign = text(&campaign);
     #[rustfmt::skip] // a table
-    let cases: [(&[&str], [&str; 2]); 9] = [
+    let cases: [(&[&str], [&str; 2]); 16] = [
         (&["run", "run.mcap"], ["run.mcap is a recording and not a scenario", "`hil report`"]),
         (&["run", STUDY], ["is a study and not a scenario", "`hil campaign plan`"]),
         (&["config", "check", STUDY], ["is a study and not a scenario", "`hil campaign check`"]),
@@ -79,11 +88,50 @@ fn a_file_of_another_kind_is_answered_with_the_commands_that_take_it() {
         (&["describe", SCENARIO], ["is a scenario and not a program or an FMU", "`hil config show`"]),
         (&["judge", SCENARIO], ["is a scenario and not a recording", "`hil run`"]),
         (&["report", STUDY], ["is a study and not a recording or the folder of a campaign", "`hil campaign plan`"]),
+        (&["run", summary], ["is the summary of a run and not a scenario", "its folder is a run"]),
+        (&["report", summary], ["is the summary of a run and not a recording", "`hil report`"]),
+        (&["compare", SCENARIO, SCENARIO], ["is a scenario and not a recording", "`hil run`"]),
+        (&["recover", SCENARIO], ["is a scenario and not a recording", "`hil run`"]),
+        (&["recover", campaign], ["is the folder of a campaign and not a recording", "`hil campaign show`"]),
+        (&["run", "--from", SCENARIO], ["is a scenario and not a recording", "`hil run`"]),
+        (&["run", "--from", STUDY], ["is a study and not a recording", "`hil campaign plan`"]),
         (&["run", hil], ["is a program and not a scenario", "`hil describe`"]),
     ];
     for (words, parts) in cases {
         refused(rig.hil(words), &words.join(" "), &parts);
     }
+}
+
+#[test]
+fn a_folder_that_was_deleted_is_named_as_the_reason() {
+    let rig = Rig::new();
+    let mut command = rig.command("sh");
+    let folder = rig.path("gone");
+    fs::create_dir(&folder).expect("a folder");
+    let script = "cd \"$2\" && rmdir \"$2\" && exec \"$1\" run x.toml";
+    command.args(["-c", script, "sh"]);
+    command.args([program("hil"), folder]);
+    let run = rig.program(command);
+    refused(
+        run,
+        "in a folder that is gone",
+        &["the folder that you are in was deleted"],
+    );
+}
+
+#[test]
+fn too_many_open_files_are_not_answered_with_a_build() {
+    let rig = Rig::new();
+    let mut command = rig.command("sh");
+    let script = "ulimit -n 12 && exec \"$1\" run \"$2\"";
+    command.args(["-c", script, "sh"]);
+    command.args([
+        program("hil"),
+        workspace().join("scenarios/spring-mass.toml"),
+    ]);
+    let run = rig.program(command);
+    assert!(run.stderr.contains("`ulimit -n 4096`"), "{}", run.stderr);
+    assert!(!run.stderr.contains("cargo build"), "{}", run.stderr);
 }
 
 #[test]

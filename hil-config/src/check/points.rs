@@ -50,6 +50,60 @@ pub(super) fn check(
     }
 }
 
+/// Span of time in which a table counts: from 0 to an end, on its own scale.
+pub(super) struct Span {
+    end_s: f64,
+    /// Words for it, behind "the table goes from 3 to 4 s and".
+    words: String,
+}
+
+impl Span {
+    /// The span of a run that ends at a time.
+    pub(super) fn of_run(end_s: f64) -> Self {
+        let words = format!("the run from 0 to {} s", number(end_s));
+        Self { end_s, words }
+    }
+
+    /// The span of an effect that is followed by at most `left_s` of the run.
+    pub(super) fn of_effect(left_s: f64) -> Self {
+        let words = format!(
+            "counts from the begin of the effect, after which the run goes on for at most {} s",
+            number(left_s)
+        );
+        Self {
+            end_s: left_s,
+            words,
+        }
+    }
+}
+
+/// Refuses a table that begins after the end of a span or ends before its beginning: it would be one value.
+pub(super) fn refuse_outside(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    time_s: &[f64],
+    span: &Span,
+) -> Option<()> {
+    let (&first, &last) = (time_s.first()?, time_s.last()?);
+    if first <= span.end_s && last >= 0.0 {
+        return Some(());
+    }
+    let key = match section.table.get("file") {
+        Some(_) => "file",
+        None => "time_s",
+    };
+    let message = format!(
+        "the table goes from {} to {} s and {}, so nothing of it takes effect",
+        number(first),
+        number(last),
+        span.words
+    );
+    reader
+        .report_at(section, key, ProblemKind::OutOfRange, message)
+        .expected("times that overlap the run; before its first point a table has the first value, after its last the last");
+    None
+}
+
 fn lists(
     reader: &mut Reader,
     section: &Section<'_>,

@@ -170,7 +170,8 @@ fn waveform(
         }
         "table" => {
             let (time_s, values) = points::check(reader, section, Some(folder), "a stimulus")?;
-            refuse_outside(reader, section, &time_s, grid)?;
+            let span = points::Span::of_run(grid.map_or(f64::INFINITY, |grid| grid.end_s()));
+            points::refuse_outside(reader, section, &time_s, &span)?;
             Waveform::Table { time_s, values }
         }
         _ => unreachable!("every kind is read"),
@@ -199,34 +200,6 @@ fn sweep_between(
     reader
         .report_at(section, "sweep", ProblemKind::OutOfRange, message)
         .expected("`start_hz` and `end_hz` above 0 that differ, or a linear sweep");
-    None
-}
-
-/// Refuses a table that begins after the end of the run or ends before its beginning: it would be one value.
-fn refuse_outside(
-    reader: &mut Reader,
-    section: &Section<'_>,
-    time_s: &[f64],
-    grid: Option<Grid>,
-) -> Option<()> {
-    let (&first, &last) = (time_s.first()?, time_s.last()?);
-    let end_s = grid.map_or(f64::INFINITY, |grid| grid.end_s());
-    if first <= end_s && last >= 0.0 {
-        return Some(());
-    }
-    let key = match section.table.get("file") {
-        Some(_) => "file",
-        None => "time_s",
-    };
-    let message = format!(
-        "the table goes from {} to {} s and the run from 0 to {} s, so nothing of it takes effect",
-        number(first),
-        number(last),
-        number(end_s)
-    );
-    reader
-        .report_at(section, key, ProblemKind::OutOfRange, message)
-        .expected("times that overlap the run; before its first point a table has the first value, after its last the last");
     None
 }
 

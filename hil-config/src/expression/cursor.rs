@@ -111,11 +111,20 @@ impl<'a> Cursor<'a> {
         }
         let place = self.tokens.iter().position(|other| other == token)?;
         let before = self.tokens.get(place.checked_sub(1)?)?;
-        let unit = match before.kind {
-            TokenKind::Number(_) => quantity::unreadable(name)?,
-            _ => return None,
-        };
-        Some(format!("; {unit}"))
+        if !matches!(before.kind, TokenKind::Number(_)) {
+            return None;
+        }
+        let unit = quantity::unreadable(name)?;
+        let words = self.tokens[place..]
+            .iter()
+            .map_while(|word| match &word.kind {
+                TokenKind::Name(name) => Some(name.as_str()),
+                _ => None,
+            });
+        Some(match quantity::joined(words) {
+            Some(symbol) => format!("; the unit `{symbol}` is written without a space"),
+            None => format!("; {unit}"),
+        })
     }
 
     pub(crate) fn error(&self, span: Range<usize>, message: impl Into<String>) -> ExpressionError {

@@ -24,6 +24,18 @@ pub(crate) enum TokenKind {
     End,
 }
 
+/// Operators of formulas in front of their operand.
+pub(crate) const PREFIXES: [&str; 6] = [
+    "always",
+    "eventually",
+    "historically",
+    "once",
+    "rise",
+    "fall",
+];
+/// Words that end a comparison of a formula.
+pub(crate) const JOINTS: [&str; 5] = ["and", "or", "implies", "until", "since"];
+
 /// Longer ones first, so that `<=` is not read as `<`.
 const SYMBOLS: [&str; 15] = [
     "<=", ">=", "==", "!=", "<", ">", "+", "-", "*", "/", "(", ")", "[", "]", ",",
@@ -40,7 +52,8 @@ pub(crate) fn tokens(text: &str) -> Result<Vec<Token>, ExpressionError> {
             continue;
         } else if first.is_ascii_digit() || first == '.' {
             number(text, at)?
-        } else if let Some((length, message)) = spellings::of_symbol(rest) {
+        } else if let Some((length, message)) = spellings::of_symbol(rest, expects_operand(&tokens))
+        {
             let span = at..at + length;
             return Err(ExpressionError::new(text, span, message));
         } else if starts_name(first) {
@@ -72,6 +85,21 @@ pub(crate) fn tokens(text: &str) -> Result<Vec<Token>, ExpressionError> {
         span: at..at,
     });
     Ok(tokens)
+}
+
+/// Returns `true` if an operand is expected behind these words.
+fn expects_operand(words: &[Token]) -> bool {
+    let Some(last) = words.last() else {
+        return true;
+    };
+    match &last.kind {
+        TokenKind::Number(_) | TokenKind::Quantity(_) | TokenKind::Symbol(")") => false,
+        TokenKind::Name(name) => {
+            let mut operators = PREFIXES.iter().chain(&JOINTS).chain(&["not"]);
+            operators.any(|operator| operator == name)
+        }
+        TokenKind::Symbol(_) | TokenKind::End => true,
+    }
 }
 
 fn starts_name(c: char) -> bool {

@@ -36,6 +36,14 @@ impl Quantity {
     pub(crate) fn time_s(&self) -> Option<f64> {
         (self.unit.coherent() == "s").then(|| self.value())
     }
+
+    /// Advice to write the symbol without its spaces, if that is a unit of time.
+    pub(crate) fn joined_time(&self) -> Option<String> {
+        let symbol: String = self.symbol.split(' ').collect();
+        let unit = Unit::parse(&symbol).ok()?;
+        let is_time = symbol != self.symbol && unit.coherent() == "s";
+        is_time.then(|| format!(" (`{symbol}` without a space)"))
+    }
 }
 
 /// Length of the number at the beginning of a text, without what follows: digits, a point, an exponent.
@@ -85,6 +93,16 @@ pub(super) fn unreadable(text: &str) -> Option<Unreadable> {
         0 => None,
         length => Unit::parse(&text[..length]).err(),
     }
+}
+
+/// The unit that words behind a number are if written together, as `cm` for `c m`.
+pub(super) fn joined<'a>(words: impl Iterator<Item = &'a str>) -> Option<String> {
+    let mut symbol = String::new();
+    let mut together = words.map(|word| {
+        symbol += word;
+        symbol.clone()
+    });
+    together.find(|symbol| Unit::parse(symbol).is_ok())
 }
 
 /// Length of a symbol with its exponent, or of a parenthesis or root of units; 0 if neither stands here.

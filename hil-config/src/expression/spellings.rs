@@ -92,7 +92,8 @@ const FIGURES: [(&str, &str); 16] = [
 ];
 
 /// The message for a symbol of another language at the beginning of a text, and the length that it speaks of.
-pub(super) fn of_symbol(text: &str) -> Option<(usize, String)> {
+/// Bars are those of a magnitude where an operand is expected.
+pub(super) fn of_symbol(text: &str, expects_operand: bool) -> Option<(usize, String)> {
     if text.starts_with("!=") || text.starts_with("==") {
         return None;
     }
@@ -106,21 +107,12 @@ pub(super) fn of_symbol(text: &str) -> Option<(usize, String)> {
         let message = format!("there is no operator `{symbol}`; multiply, as in `x * x`");
         return Some((length, message));
     }
-    let is_or = text.starts_with("||");
-    if let Some(inside) = text.strip_prefix('|').filter(|_| !is_or) {
-        return Some(match inside.split_once('|') {
-            Some((inside, rest)) if !rest.starts_with('|') => {
-                let length = inside.len() + 2;
-                (
-                    length,
-                    format!("write `abs({})` for a magnitude", inside.trim()),
-                )
-            }
-            _ => (
-                1,
-                "unknown operator `|`; write `or`, or `abs(x)` for a magnitude".into(),
-            ),
-        });
+    if expects_operand && let Some((length, call)) = magnitude(text) {
+        return Some((length, format!("write `{call}` for a magnitude")));
+    }
+    if text.starts_with('|') && !text.starts_with("||") {
+        let message = "unknown operator `|`; write `or`, or `abs(x)` for a magnitude";
+        return Some((1, message.into()));
     }
     let (symbol, name) = SYMBOLS
         .iter()
@@ -129,6 +121,48 @@ pub(super) fn of_symbol(text: &str) -> Option<(usize, String)> {
         symbol.len(),
         format!("unknown operator `{symbol}`; write `{name}`"),
     ))
+}
+
+/// The magnitude between bars at the beginning of a text, as a call of `abs`, and its length. Bars may stand inside
+/// bars: behind an operand a bar closes, elsewhere it opens.
+fn magnitude(text: &str) -> Option<(usize, String)> {
+    text.strip_prefix('|')?;
+    let mut call = String::new();
+    let mut open = Vec::new();
+    for (at, c) in text.char_indices() {
+        match c {
+            '|' if !ends_operand(&call) => {
+                open.push('|');
+                call += "abs(";
+            }
+            '|' | ')' => {
+                let opened = if c == '|' { '|' } else { '(' };
+                open.pop().filter(|last| *last == opened)?;
+                call.truncate(call.trim_end().len());
+                call.push(')');
+            }
+            ' ' if call.ends_with('(') => {}
+            _ => {
+                open.extend(Some(c).filter(|c| *c == '('));
+                call.push(c);
+            }
+        }
+        if open.is_empty() {
+            return Some((at + c.len_utf8(), call));
+        }
+    }
+    None
+}
+
+/// Returns `true` if a text ends with a number, a name or a closing parenthesis, and not with a word that joins.
+fn ends_operand(text: &str) -> bool {
+    let text = text.trim_end();
+    let is_of_word = |c: char| c.is_alphanumeric() || matches!(c, '_' | '.' | '%' | '\u{b0}');
+    let word = text.rsplit(|c| !is_of_word(c)).next().unwrap_or_default();
+    match word {
+        "" => text.ends_with(')'),
+        _ => !matches!(word, "and" | "or" | "not"),
+    }
 }
 
 /// The name here of an operator of another language.

@@ -13,17 +13,39 @@ use super::{Columns, Expression, ExpressionError, Name, Reduced, ReductionKind};
 #[derive(Clone, Debug)]
 pub(crate) enum Unit<'a> {
     /// A plain number, which fits every unit.
-    Number,
-    /// Nothing: that of a product, a quotient, a truth, or of a signal that has none.
+    Number {
+        /// True of the number 1 as it stands, which as a factor takes the unit away on purpose.
+        is_one: bool,
+    },
+    /// Nothing: that of a product or quotient of two quantities, of a truth, or of a signal that has none.
     Unknown,
     /// A unit.
     Known {
         symbol: Cow<'a, str>,
         /// The first part of the expression that has it.
         source: Source<'a>,
-        /// True unless a value of unknown unit was added or compared.
+        /// True if the value counts in it: neither scaled by a number nor added to a value of unknown unit.
         is_whole: bool,
+        /// True if a number that may be a conversion scales a signal: the dimension is known, and no more.
+        is_scaled: bool,
     },
+}
+
+/// Number that multiplies or divides a value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Scale {
+    /// The factor `1`, which takes the unit away.
+    One,
+    /// A number that may be a conversion, such as 1000 from m to mm.
+    Number,
+    /// A quantity without dimension, such as 2%, which converts nothing.
+    Part,
+}
+
+impl Scale {
+    const fn by_number(is_one: bool) -> Self {
+        if is_one { Self::One } else { Self::Number }
+    }
 }
 
 /// Part of an expression that a unit comes from.
@@ -76,6 +98,7 @@ impl<'a> Unit<'a> {
             symbol,
             source: Source::Quantity(quantity),
             is_whole: true,
+            is_scaled: false,
         }
     }
 
@@ -97,40 +120,51 @@ impl<'a> Unit<'a> {
     /// If two are known and differ.
     pub(crate) fn with(self, other: Self, joined: &str) -> Result<Self, Mixed> {
         let (a, b) = match (self, other) {
-            (Self::Number, unit) | (unit, Self::Number) => return Ok(unit),
+            (Self::Number { .. }, unit) | (unit, Self::Number { .. }) => return Ok(unit),
             (a, Self::Unknown) => (Self::Unknown, a),
             (a, b) => (a, b),
         };
         match (a, b) {
-            (Self::Unknown, Self::Known { symbol, source, .. }) => Ok(Self::Known {
+            (
+                Self::Unknown,
+                Self::Known {
+                    symbol,
+                    source,
+                    is_scaled,
+                    ..
+                },
+            ) => Ok(Self::Known {
                 symbol,
                 source,
                 is_whole: false,
+                is_scaled,
             }),
             (
                 Self::Known {
                     symbol,
                     source,
                     is_whole,
+                    is_scaled,
                 },
                 Self::Known {
                     symbol: others,
                     source: second,
                     is_whole: is_other_whole,
+                    is_scaled: is_other_scaled,
                 },
             ) => {
                 let is_whole = is_whole && is_other_whole;
-                match agreement((&*symbol, source), (&*others, second), joined)? {
-                    Agreement::First => Ok(Self::Known {
-                        symbol,
-                        source,
-                        is_whole,
-                    }),
-                    Agreement::Second => Ok(Self::Known {
-                        symbol: others,
-                        source: second,
-                        is_whole,
-                    }),
+                let is_scaled = is_scaled || is_other_scaled;
+                let known = |symbol, source| Self::Known {
+                    symbol,
+                    source,
+                    is_whole,
+                    is_scaled,
+                };
+                let (a, b) = ((&*symbol, source), (&*others, second));
+                match agreement(a, b, is_scaled, joined)? {
+                    Agreement::First => Ok(known(symbol, source)),
+                    Agreement::Second => Ok(known(others, second)),
                     Agreement::None => Ok(Self::Unknown),
                 }
             }
@@ -138,15 +172,80 @@ impl<'a> Unit<'a> {
         }
     }
 
+    /// The unit of a product: that of one factor if the other is a plain number.
+    fn times(self, other: Self) -> Self {
+        match (self, other) {
+            (Self::Number { is_one }, unit) | (unit, Self::Number { is_one }) => {
+                unit.scaled(Scale::by_number(is_one))
+            }
+            (a, b) => match (a.scale(), b.scale()) {
+                (_, Some(scale)) => a.scaled(scale),
+                (Some(scale), None) => b.scaled(scale),
+                (None, None) => Self::Unknown,
+            },
+        }
+    }
+
+    /// The unit of a quotient: that of the dividend if the divisor is a plain number.
+    fn per(self, divisor: &Self) -> Self {
+        divisor
+            .scale()
+            .map_or(Self::Unknown, |scale| self.scaled(scale))
+    }
+
+    /// The way in which the value scales another one; `None` if it may have a unit.
+    fn scale(&self) -> Option<Scale> {
+        match self {
+            Self::Number { is_one } => Some(Scale::by_number(*is_one)),
+            Self::Unknown => None,
+            Self::Known { symbol, source, .. } => {
+                let unit = units::Unit::parse(symbol).ok()?;
+                unit.is_plain().then_some(match source {
+                    Source::Quantity(_) => Scale::Part,
+                    _ => Scale::Number,
+                })
+            }
+        }
+    }
+
+    /// The unit of the value times a number.
+    fn scaled(self, by: Scale) -> Self {
+        match (self, by) {
+            (Self::Number { .. }, _) => Self::Number { is_one: false },
+            (Self::Unknown, _) | (_, Scale::One) => Self::Unknown,
+            (
+                Self::Known {
+                    symbol,
+                    source,
+                    is_whole,
+                    is_scaled,
+                },
+                by,
+            ) => {
+                let is_conversion = by == Scale::Number && !matches!(source, Source::Quantity(_));
+                Self::Known {
+                    symbol,
+                    source,
+                    is_whole: is_whole && !is_conversion,
+                    is_scaled: is_scaled || is_conversion,
+                }
+            }
+        }
+    }
+
     /// The unit of the integral over time.
     fn times_s(self) -> Self {
         match self {
             Self::Known {
-                symbol, is_whole, ..
+                symbol,
+                is_whole,
+                is_scaled,
+                ..
             } => Self::Known {
                 symbol: times_s(&symbol).into(),
                 source: Source::Integral,
                 is_whole,
+                is_scaled,
             },
             other => other,
         }
@@ -172,7 +271,9 @@ impl Expression {
         for op in ops {
             let mut pop = || stack.pop().unwrap_or(Unit::Unknown);
             let unit = match op {
-                Op::Constant(_) => Unit::Number,
+                Op::Constant(value) => Unit::Number {
+                    is_one: *value == 1.0,
+                },
                 Op::Load(_) => Unit::Unknown,
                 Op::Name(index) => {
                     let name = &self.names[*index];
@@ -181,6 +282,7 @@ impl Expression {
                         symbol: symbol.into(),
                         source: Source::Signal(name),
                         is_whole: true,
+                        is_scaled: false,
                     })
                 }
                 Op::Quantity(index) => Unit::of_quantity(&self.quantities[*index]),
@@ -193,7 +295,8 @@ impl Expression {
                     }
                 }
                 Op::Unary(operator) => match (operator, pop()) {
-                    (Unary::Negate | Unary::Abs, unit) | (_, unit @ Unit::Number) => unit,
+                    (_, Unit::Number { .. }) => Unit::Number { is_one: false },
+                    (Unary::Negate | Unary::Abs, unit) => unit,
                     _ => Unit::Unknown,
                 },
                 Op::Binary(operator) => {
@@ -213,7 +316,9 @@ impl Expression {
         b: Unit<'a>,
     ) -> Result<Unit<'a>, ExpressionError> {
         let (joined, is_truth) = match operator {
-            _ if matches!((&a, &b), (Unit::Number, Unit::Number)) => return Ok(Unit::Number),
+            _ if matches!((&a, &b), (Unit::Number { .. }, Unit::Number { .. })) => {
+                return Ok(Unit::Number { is_one: false });
+            }
             Binary::Add => ("added", false),
             Binary::Subtract => ("subtracted", false),
             Binary::Min | Binary::Max => ("compared", false),
@@ -223,9 +328,9 @@ impl Expression {
             | Binary::GreaterOrEqual
             | Binary::Equal
             | Binary::NotEqual => ("compared", true),
-            Binary::Multiply | Binary::Divide | Binary::And | Binary::Or => {
-                return Ok(Unit::Unknown);
-            }
+            Binary::Multiply => return Ok(a.times(b)),
+            Binary::Divide => return Ok(a.per(&b)),
+            Binary::And | Binary::Or => return Ok(Unit::Unknown),
         };
         let unit = a
             .with(b, joined)
@@ -245,13 +350,16 @@ enum Agreement {
 }
 
 /// The unit that two known units have together. Signals agree by the text of their units; a number with a unit
-/// agrees with everything of its dimension that counts in the coherent unit.
+/// agrees with everything of its dimension that counts in the coherent unit. Where a number scales a signal, the
+/// dimension alone counts.
 fn agreement(
     (symbol, first): (&str, Source<'_>),
     (others, second): (&str, Source<'_>),
+    is_scaled: bool,
     joined: &str,
 ) -> Result<Agreement, Mixed> {
     let fits = match (first, second) {
+        _ if is_scaled && may_convert(symbol, others) => Ok(()),
         (Source::Quantity(quantity), other) => fitting(quantity, others, &other),
         (other, Source::Quantity(quantity)) => fitting(quantity, symbol, &other),
         _ if symbol == others => Ok(()),
@@ -285,6 +393,14 @@ fn agreement(
                 second: second.span().unwrap_or(place),
             })
         }
+    }
+}
+
+/// Returns `true` unless two units are known to have different dimensions.
+fn may_convert(symbol: &str, others: &str) -> bool {
+    match (units::Unit::parse(symbol), units::Unit::parse(others)) {
+        (Ok(unit), Ok(other)) => unit.conversion_to(&other).is_some(),
+        _ => true,
     }
 }
 

@@ -8,21 +8,9 @@ use shared_types::table::nearest;
 
 use super::{Comparison, Formula, FormulaSide, Node, Relation, Window};
 use crate::expression::cursor::Cursor;
-use crate::expression::lexer::{Token, TokenKind};
+use crate::expression::lexer::{JOINTS, PREFIXES, Token, TokenKind};
 use crate::expression::spellings;
 use crate::expression::{Expression, ExpressionError, functions, is_reserved};
-
-/// Operators in front of their operand.
-const PREFIXES: [&str; 6] = [
-    "always",
-    "eventually",
-    "historically",
-    "once",
-    "rise",
-    "fall",
-];
-/// Words that end a comparison.
-const JOINTS: [&str; 5] = ["and", "or", "implies", "until", "since"];
 
 /// Returns true if a name is an operator of formulas and so cannot be a signal's.
 pub(crate) fn is_operator(name: &str) -> bool {
@@ -326,8 +314,11 @@ impl Parser<'_> {
             _ => None,
         };
         let minutes = match &token.kind {
-            TokenKind::Quantity(quantity) if quantity.symbol == "m" => " (minutes are `min`)",
-            _ => "",
+            TokenKind::Quantity(quantity) if quantity.symbol == "m" => {
+                " (minutes are `min`)".into()
+            }
+            TokenKind::Quantity(quantity) => quantity.joined_time().unwrap_or_default(),
+            _ => String::new(),
         };
         let expected = format!("a time of at least 0, such as 2s or 200ms{minutes}");
         time_s.ok_or_else(|| self.words.unexpected(&token, &expected))

@@ -128,6 +128,10 @@ const EFFECTS: &[EffectCase] = &[
     ("dropout", "target = \"reference.load_n\"\nprofile = { kind = \"sine\", frequency_hz = ^0 }", OutOfRange, &["in Hz"]),
     ("dropout", "target = \"reference.load_n\"\nprofile = { kind = ^\"table\" }", Mismatch, &["a profile of kind `table` needs its points once"]),
     ("dropout", "target = \"reference.load_n\"\nprofile = { kind = \"table\", time_s = ^[1, 1], values = [1, 2] }", Mismatch, &["time 1 follows time 1"]),
+    // The run ends 1.5 s after the event.
+    ("dropout", "target = \"reference.load_n\"\nprofile = { kind = \"table\", time_s = ^[1.6, 2], values = [1, 0] }", OutOfRange, &["the table goes from 1.6 to 2 s and counts from the begin of the effect, after which the run goes on for at most 1.5 s", "so nothing of it takes effect"]),
+    ("dropout", "target = \"reference.load_n\"\nskew_s = 1\nprofile = { kind = \"table\", time_s = ^[0.6, 2], values = [1, 0] }", OutOfRange, &["goes on for at most 0.5 s"]),
+    ("dropout", "target = \"reference.load_n\"\nprofile = { kind = \"table\", time_s = ^[-2, -1], values = [1, 0] }", OutOfRange, &["the table goes from -2 to -1 s"]),
     // Skew
     ("dropout", "target = \"reference.load_n\"\nskew_s = ^1.5", OutOfRange, &["`faults[0].effects[0].skew_s`: at 2 s the run is over", "a skew to at most 1.999 s, step 1999"]),
     ("dropout", "target = \"reference.load_n\"\nskew_steps = ^1500", OutOfRange, &["`faults[0].effects[0].skew_steps`: at 2 s the run is over"]),

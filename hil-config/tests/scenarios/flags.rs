@@ -213,6 +213,45 @@ fn a_wrong_flag_is_named_with_the_column_of_what_is_wrong() {
 }
 
 #[test]
+fn a_name_at_a_wrong_place_is_answered_with_the_key_or_the_table_that_it_belongs_to() {
+    for (flag, nearest, help) in [
+        (
+            "piston_mass_kg=1",
+            "plant.parameters.actuator1.piston_mass_kg",
+            "",
+        ),
+        (
+            "plant.piston_mass=1",
+            "plant.parameters.actuator1.piston_mass_kg",
+            "",
+        ),
+        ("rate_hz=1", "run.rate_hz", ""),
+        ("run=1", "", ""),
+        (
+            "surface_angle_deg=1",
+            "",
+            "`surface_angle_rad` is a reference signal: its values follow from the keys of `stimuli[0]`",
+        ),
+        ("offset=1", "", "`bias` is a kind of fault"),
+        ("sede=9", "run.seed", ""),
+    ] {
+        let problems = with(&[flag]).expect_err(flag);
+        let first = problems[0].nearest.first().map_or("", String::as_str);
+        assert_eq!(first, nearest, "{flag}: {problems:?}");
+        let given = problems[0].help.as_deref().unwrap_or_default();
+        assert!(given.starts_with(help), "{flag}: {problems:?}");
+    }
+    let of_pid = |flag: &str| {
+        let problems = with(&["controller.law=pid", "derived[1].expression=1", flag]);
+        problems.expect_err(flag)[0].nearest.clone()
+    };
+    let gain = "controller.pid.gain_a_per_m";
+    assert_eq!(of_pid("gain_a_per_m=3")[0], gain);
+    assert_eq!(of_pid("controller.gain=3")[0], gain);
+    assert_eq!(of_pid("controller.parameters.gain=3")[0], gain);
+}
+
+#[test]
 fn wrong_flags_and_a_wrong_file_are_reported_together() {
     let text = BASE.replace("seed = 7", "seed = -7");
     let found = parse(&text)

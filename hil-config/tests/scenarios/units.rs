@@ -167,7 +167,10 @@ fn two_known_units_are_neither_added_nor_compared() {
 #[test]
 fn plain_numbers_products_and_factors_fit_everything() {
     for (place, expression) in [
-        ("DERIVED", "100 * truth.position_m - truth.velocity_mps"),
+        (
+            "DERIVED",
+            "truth.position_m * truth.position_m - truth.velocity_mps",
+        ),
         ("DERIVED", "truth.position_m + 1 * truth.velocity_mps"),
         (
             "DERIVED",
@@ -191,8 +194,103 @@ fn plain_numbers_products_and_factors_fit_everything() {
             "FORMULA",
             "always(truth.position_m < 1 * truth.velocity_mps)",
         ),
+        (
+            "FORMULA",
+            "always(1 * truth.position_m * 3.6 < truth.velocity_mps)",
+        ),
+        ("FORMULA", "always(2 / truth.position_m < 5 N)"),
     ] {
         plan(&text(place, expression));
+    }
+}
+
+#[test]
+fn a_plain_factor_keeps_the_dimension_of_a_quantity() {
+    for (place, expression, second) in [
+        ("FORMULA", "always truth.position_m * 2 < 5 N", "`5 N` in N"),
+        ("FORMULA", "always truth.position_m / 2 < 5 N", "`5 N` in N"),
+        (
+            "FORMULA",
+            "always -1 * truth.position_m < 5 N",
+            "`5 N` in N",
+        ),
+        (
+            "FORMULA",
+            "always abs(2 * (truth.position_m + way_m)) < 5 N",
+            "`5 N` in N",
+        ),
+        (
+            "FORMULA",
+            "always applied.force_n < 2 * 3 * 5 cm",
+            "`5 cm` in cm",
+        ),
+        (
+            "FORMULA",
+            "always truth.position_m * 2% < 5 N",
+            "`5 N` in N",
+        ),
+        (
+            "FORMULA",
+            "always truth.velocity_mps < 1 cm * 2%",
+            "`1 cm` in cm",
+        ),
+        (
+            "FORMULA",
+            "always truth.velocity_mps < 2% * (1 cm / 3)",
+            "`1 cm` in cm",
+        ),
+        (
+            "FORMULA",
+            "always min(2 * truth.position_m, 1 cm) < truth.velocity_mps",
+            "`truth.velocity_mps` in m/s",
+        ),
+        (
+            "DERIVED",
+            "100 * truth.position_m - truth.velocity_mps",
+            "`truth.velocity_mps` in m/s",
+        ),
+        (
+            "METRIC",
+            "2 * max(truth.position_m) - mean(command.force_n / 3)",
+            "`command.force_n` in N",
+        ),
+        (
+            "WHEN",
+            "command.force_n * 2 > truth.position_m * 2",
+            "`truth.position_m` in m",
+        ),
+    ] {
+        let problems = check(&text(place, expression)).expect_err(expression);
+        let message = problems.to_string();
+        assert_eq!(problems.0.len(), 1, "{message}");
+        assert!(message.contains(second), "{expression}: {message}");
+        assert!(message.contains("which cannot be"), "{message}");
+    }
+    for expression in [
+        "always truth.position_m * 2 < 5 cm",
+        "always abs(truth.position_m) < 1 cm * 2%",
+        "always abs(2 * truth.position_m) < 2% * (1 cm + 3 mm) / 2",
+        "always truth.position_m * 2 < way_m",
+        "always truth.position_m * 2 < 5",
+    ] {
+        plan(&text("FORMULA", expression));
+    }
+}
+
+/// A factor may be the conversion between two units of one dimension, so such units are not refused.
+#[test]
+fn a_factor_may_convert_between_units_of_one_dimension() {
+    for expression in [
+        "always truth.position_m * 1000 < way_m",
+        "always truth.position_m < way_m / 1000",
+        "always way_m / 1000 < 5 cm",
+        "always 1 + 1000 * truth.position_m < way_m + 1",
+    ] {
+        let text = text("FORMULA", expression)
+            .replace("name = \"way_m\"", "name = \"way_m\"\nunit = \"mm\"")
+            .replace("min(way_m)", "1000 * min(way_m)");
+        // The value counts in no unit that is known.
+        assert_eq!(plan(&text).requirements[0].unit, "", "{expression}");
     }
 }
 

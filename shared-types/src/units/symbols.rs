@@ -4,6 +4,7 @@
 //! what is made of them by NIST SP 811, appendix B.8, exactly.
 
 use super::Unit;
+use crate::table::{listed, nearest};
 
 /// A symbol that is known.
 pub(super) struct Known {
@@ -184,6 +185,68 @@ pub(super) fn known(symbol: &str) -> Option<Unit> {
             let known = Known::ALL.iter().find(is_it)?;
             Some(known.unit(*numerator, *denominator))
         })
+}
+
+/// Words and abbreviations for units, in lower case, and their symbols.
+const WORDS: [(&str, &str); 30] = [
+    ("sec", "s"),
+    ("second", "s"),
+    ("msec", "ms"),
+    ("usec", "us"),
+    ("nsec", "ns"),
+    ("millisecond", "ms"),
+    ("microsecond", "us"),
+    ("minute", "min"),
+    ("hr", "h"),
+    ("hour", "h"),
+    ("day", "d"),
+    ("meter", "m"),
+    ("metre", "m"),
+    ("millimeter", "mm"),
+    ("millimetre", "mm"),
+    ("centimeter", "cm"),
+    ("centimetre", "cm"),
+    ("inch", "in"),
+    ("feet", "ft"),
+    ("newton", "N"),
+    ("pascal", "Pa"),
+    ("volt", "V"),
+    ("amp", "A"),
+    ("ampere", "A"),
+    ("watt", "W"),
+    ("joule", "J"),
+    ("kelvin", "K"),
+    ("celsius", "degC"),
+    ("degree", "deg"),
+    ("radian", "rad"),
+];
+
+/// Returns the symbol of the unit that a word means, in the singular or the plural.
+#[must_use]
+pub fn symbol_of_word(word: &str) -> Option<&'static str> {
+    let word = word.to_ascii_lowercase();
+    let singular = word.strip_suffix('s').unwrap_or(&word);
+    let is_it = |(known, _): &&(&str, &str)| *known == word || *known == singular;
+    WORDS.iter().find(is_it).map(|(_, symbol)| *symbol)
+}
+
+/// Writes the symbols that come close to an unknown one, to be put behind it: that of a word, those that differ in
+/// capitals alone, or those that are spelled alike; empty if there is none.
+pub(super) fn near(symbol: &str) -> String {
+    let is_same = |known: &String| known.to_lowercase() == symbol.to_lowercase();
+    let mut close: Vec<String> = match symbol_of_word(symbol) {
+        Some(meant) => vec![meant.into()],
+        None => all().filter(is_same).collect(),
+    };
+    if close.is_empty() {
+        let nearest = nearest(symbol, Known::ALL.iter().map(|known| known.symbol));
+        close = nearest.into_iter().map(Into::into).collect();
+    }
+    close.truncate(3);
+    match close.is_empty() {
+        true => String::new(),
+        false => format!("; nearest: {}", listed(&close)),
+    }
 }
 
 impl Known {

@@ -73,6 +73,105 @@ fn a_study_that_was_changed_is_refused_wherever_its_goals_count() {
 }
 
 #[test]
+fn a_missing_study_is_named_as_missing() {
+    let rig = Rig::new();
+    let folder = planned(&rig, &study(&rig, STUDY), "demo");
+    campaign(&rig, &["run", text(&folder)]).expect(0);
+    std::fs::remove_file(folder.join("study.toml")).expect("removed");
+    let run = campaign(&rig, &["show", text(&folder)]).expect(2).says(&[
+        "study.toml: No such file",
+        "Put back the study",
+        "BLAKE3",
+    ]);
+    assert!(!run.stderr.contains("campaign plan"), "{}", run.stderr);
+}
+
+#[test]
+fn a_scenario_that_was_changed_or_removed_is_named_and_the_answers_stay() {
+    let rig = Rig::new();
+    let folder = planned(&rig, &study(&rig, STUDY), "demo");
+    campaign(&rig, &["run", text(&folder)]).expect(0);
+    let expected = digest(&rig, &folder);
+    let scenario = folder.join("scenario.toml");
+    let planned = std::fs::read_to_string(&scenario).expect("a scenario");
+    std::fs::write(&scenario, format!("{planned}# edited\n")).expect("written");
+    let show = || campaign(&rig, &["show", text(&folder)]);
+    let run = show()
+        .expect(3)
+        .says(&["scenario.toml has hash", "as it was planned"]);
+    assert!(run.stdout.contains(&expected), "{}", run.stdout);
+    std::fs::remove_file(&scenario).expect("removed");
+    show().expect(3).says(&["scenario.toml: No such file"]);
+    std::fs::write(&scenario, planned).expect("written");
+    show().expect(0);
+}
+
+#[test]
+fn a_table_of_cases_that_is_cut_foreign_or_missing_is_named_and_written_anew() {
+    let rig = Rig::new();
+    let folder = planned(&rig, &study(&rig, STUDY), "demo");
+    let other = STUDY.replace("seed = 3", "seed = 4");
+    let other = planned(&rig, &study(&rig, &other), "other");
+    campaign(&rig, &["run", text(&folder)]).expect(0);
+    let table = folder.join("cases.parquet");
+    let whole = std::fs::read(&table).expect("a table");
+    let foreign = std::fs::read(other.join("cases.parquet")).expect("a table");
+    for (bytes, why) in [
+        (Some(&whole[..whole.len() / 2]), "cases.parquet is damaged"),
+        (
+            Some(&foreign[..]),
+            "cases.parquet is that of another campaign",
+        ),
+        (None, "cases.parquet is missing"),
+    ] {
+        match bytes {
+            Some(bytes) => std::fs::write(&table, bytes).expect("written"),
+            None => std::fs::remove_file(&table).expect("removed"),
+        }
+        let anew = format!("hil campaign collect {} writes it anew", text(&folder));
+        campaign(&rig, &["show", text(&folder)])
+            .expect(3)
+            .says(&[why, &anew]);
+        campaign(&rig, &["case", text(&folder), "3", "--show"])
+            .expect(2)
+            .says(&[why]);
+        campaign(&rig, &["collect", text(&folder)])
+            .expect(0)
+            .says(&[why, "it is written anew"]);
+        assert_eq!(std::fs::read(&table).expect("a table"), whole);
+        campaign(&rig, &["show", text(&folder)]).expect(0);
+    }
+}
+
+#[test]
+fn the_cases_of_a_damaged_shard_are_not_published() {
+    let rig = Rig::new();
+    let folder = planned(&rig, &study(&rig, STUDY), "demo");
+    campaign(&rig, &["run", text(&folder)]).expect(0);
+    let status = || campaign(&rig, &["status", text(&folder), "--json"]);
+    let before = status().expect(0).json();
+    let part = folder.join("shards/00000001/part.parquet");
+    let mut bytes = std::fs::read(&part).expect("a part");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(&part, bytes).expect("written");
+    let after = status().expect(3).json();
+    assert_eq!(before["published"], 60, "{before}");
+    let (published, missing) = (&after["published"], &after["missing"]);
+    assert_eq!(
+        published.as_u64().zip(missing.as_u64()).map(|(a, b)| a + b),
+        Some(60)
+    );
+    assert_ne!(*missing, 0, "{after}");
+    assert_eq!(after["shards_damaged"]["1"], "its check sum is another");
+    campaign(&rig, &["status", text(&folder)])
+        .expect(3)
+        .prints(&["shard 1: its check sum is another", "hil campaign run"]);
+    campaign(&rig, &["run", text(&folder)]).expect(0);
+    assert_eq!(status().expect(0).json()["published"], 60);
+}
+
+#[test]
 fn a_full_disk_is_named_and_nobody_was_interrupted() {
     if !works(&["unshare", "-m", "mount", "-t", "tmpfs", "tmpfs", "/mnt"]) {
         return skip("this user may not mount anything", "HIL_TEST_UNSHARE");

@@ -11,6 +11,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::curve::{Curve, Grid};
+use crate::folder::Folder;
 use crate::journal;
 use crate::manifest::Manifest;
 use crate::table::{CLASS, LOST, Row};
@@ -37,6 +38,15 @@ pub struct Worst {
     pub curve: Curve,
 }
 
+/// Shard that curves are of.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Origin {
+    /// Identity of its campaign.
+    pub campaign: String,
+    /// Number of the shard.
+    pub shard: u64,
+}
+
 /// Curves of a shard, or of several.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Curves {
@@ -46,6 +56,9 @@ pub struct Curves {
     pub sampled: BTreeMap<u64, Curve>,
     /// The worst case of each variant and requirement.
     pub worst: Vec<Worst>,
+    /// Shard that they are of; none of several, and of files of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub origin: Option<Origin>,
 }
 
 impl Curves {
@@ -126,14 +139,28 @@ impl Curves {
         }
     }
 
+    /// Returns `true` if they are of a shard: by the origin that they name, and by their cases.
+    fn is_of(&self, folder: &Folder, number: u64) -> bool {
+        let is_it =
+            |origin: &Origin| origin.shard == number && folder.has_results_of(&origin.campaign);
+        let known = folder.manifest().cases_of(number);
+        let worst = self.worst.iter().map(|worst| worst.case);
+        let mut cases = self.sampled.keys().copied().chain(worst);
+        self.origin.as_ref().is_none_or(is_it) && cases.all(|case| known.contains(&case))
+    }
+
     fn fits(&self, grid: &Grid) -> bool {
         let worst = self.worst.iter().map(|one| &one.curve);
         let all = self.envelopes.values().chain(self.sampled.values());
         all.chain(worst).all(|curve| curve.fits(grid))
     }
 
-    /// Writes them into the folder of a shard.
-    pub(crate) fn write(&self, shard: &Path) -> io::Result<()> {
+    /// Writes them into the folder of a shard, with its name.
+    pub(crate) fn write(&mut self, shard: &Path, folder: &Folder, number: u64) -> io::Result<()> {
+        self.origin = Some(Origin {
+            campaign: folder.id().into(),
+            shard: number,
+        });
         let mut text = serde_json::to_string(self)?;
         text += &journal::sealed(&text);
         let part = journal::unfinished(shard)?;
@@ -143,14 +170,19 @@ impl Curves {
         written.map(|_| ()).map_err(|error| error.error)
     }
 
-    /// Reads those of a shard; none if they are not there, or not whole.
-    pub(crate) fn read(shard: &Path, grid: &Grid) -> io::Result<Option<Self>> {
+    /// Reads those of a shard; none if they are not there, not whole, or of another shard.
+    pub(crate) fn read(
+        shard: &Path,
+        folder: &Folder,
+        number: u64,
+        grid: &Grid,
+    ) -> io::Result<Option<Self>> {
         let text = match fs::read_to_string(shard.join(CURVES)) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             Err(error) if error.kind() == io::ErrorKind::InvalidData => return Ok(None),
             text => text?,
         };
         let read = journal::unsealed(&text).and_then(|json| serde_json::from_str(json).ok());
-        Ok(read.filter(|curves: &Self| curves.fits(grid)))
+        Ok(read.filter(|curves: &Self| curves.fits(grid) && curves.is_of(folder, number)))
     }
 }

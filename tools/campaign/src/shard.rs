@@ -168,7 +168,7 @@ impl<'a> Shard<'a> {
     /// # Errors
     /// If their file cannot be read.
     pub(crate) fn curves(&self, grid: &Grid) -> io::Result<Option<Curves>> {
-        Curves::read(&self.path(), grid)
+        Curves::read(&self.path(), self.folder, self.number, grid)
     }
 
     /// Removes what dead workers left beside its result. Rows among it are compared with the result first, and a

@@ -8,6 +8,8 @@ use hil_config::plan::Plan;
 
 use super::cases::Cases;
 use super::planned::{self, become_planned};
+use super::quoted;
+use super::values;
 use super::work::open;
 use crate::arguments::BinaryArguments;
 use crate::arguments::campaign::CaseArguments;
@@ -36,6 +38,12 @@ pub(super) fn case(arguments: &CaseArguments) -> Result<Exit, Failure> {
         )));
     }
     let cases = Cases::of_folder(&folder, &interruption)?;
+    values::check(&folder, cases.study()).map_err(|why| {
+        let shown = quoted(folder.path());
+        Failure::usage(format!(
+            "{why}; hil campaign run {shown} writes it anew, and so does hil campaign collect {shown} once all cases have a result"
+        ))
+    })?;
     let plan = cases.plan(case)?;
     if arguments.show {
         output::write(&cases.shown(&plan)?)?;

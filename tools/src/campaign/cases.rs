@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use hil_campaign::curve::Grid;
-use hil_campaign::draws::{Drawn, Draws};
+use hil_campaign::draws::Draws;
 use hil_campaign::folder::Folder;
 use hil_campaign::table::{CLASS, Cell, Column, ColumnKind, LOST, Row};
 use hil_config::plan::{Plan, Programs, Realtime};
@@ -18,6 +18,7 @@ use shared_types::lockstep::OnLoss;
 use shared_types::record::RecordLayout;
 
 use super::result::CaseResult;
+use super::values;
 use crate::arguments::BinaryArguments;
 use crate::programs::binaries::named::Named;
 use crate::programs::binaries::{Binaries, Choices};
@@ -387,17 +388,7 @@ impl Cases {
 
     /// Makes the cells of a case that are known before it runs.
     pub(super) fn head(&self, case: u64) -> Row {
-        let (draw, variant) = self.draws.of_case(case);
-        let values = self.draws.values(draw);
-        let seed = self.draws.seed_of(variant, self.draws.seed(draw), &values);
-        let mut row = vec![
-            Cell::Count(case),
-            Cell::Count(draw),
-            Cell::Text(self.study().variants[variant].name.clone()),
-            Cell::Count(seed),
-        ];
-        row.extend(values.iter().map(Drawn::cell));
-        row
+        values::head(&self.draws, case)
     }
 }
 

@@ -7,10 +7,13 @@ use hil_campaign::folder::Folder;
 use hil_campaign::shard::part::Part;
 use hil_campaign::shard::{Shard, missing};
 use hil_campaign::table::sealed;
+use hil_config::study::Study;
 use serde_json::json;
 use shared_types::number::counted;
 
 use super::quoted;
+use super::show;
+use super::values;
 use super::work::{cannot, open};
 use crate::arguments::campaign::CollectArguments;
 use crate::files::part_file::PartFile;
@@ -30,7 +33,8 @@ const MOST_LISTED: usize = 10;
 /// If cases are missing, or a table cannot be written.
 pub(super) fn collect(arguments: &CollectArguments) -> Result<Exit, Failure> {
     let folder = open(&arguments.folder)?;
-    let collected = join(&folder, arguments.partial, |_| {})?;
+    let study = show::study(&folder)?;
+    let collected = join(&folder, &study, arguments.partial, |_| {})?;
     if !arguments.partial {
         refuse_missing(&folder, &collected.missing)?;
     }
@@ -83,6 +87,7 @@ pub(super) const fn exit(collected: &Collected, conflicts: bool) -> Exit {
 /// If cases are missing before, or a table cannot be written.
 pub(super) fn join(
     folder: &Folder,
+    study: &Study,
     partial: bool,
     take: impl FnMut(&Part),
 ) -> Result<Collected, Failure> {
@@ -124,6 +129,7 @@ pub(super) fn join(
         }
     }
     tell_lost(folder, &collected);
+    values::mend(folder, study)?;
     if !partial && !collected.missing.is_empty() {
         return Ok(collected);
     }
@@ -169,8 +175,15 @@ pub(super) fn read(
 /// are those of the shards, whatever is wrong with a table.
 ///
 /// Returns `true` unless a table is damaged; one that was written before some results came is not.
-pub(super) fn tell_damaged_tables(folder: &Folder, collected: &Collected) -> bool {
+pub(super) fn tell_damaged_tables(folder: &Folder, study: &Study, collected: &Collected) -> bool {
     let mut are_whole = true;
+    if let Err(why) = values::check(folder, study) {
+        are_whole = false;
+        tell!(
+            "error: {why}; what is shown here is read from the shards, and hil campaign collect {} writes it anew",
+            quoted(folder.path())
+        );
+    }
     for path in [RESULTS, CIRCUMSTANCES].map(|name| folder.path().join(name)) {
         if !path.is_file() {
             continue; // not collected yet

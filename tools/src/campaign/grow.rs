@@ -16,9 +16,10 @@ use shared_types::number::counted;
 
 use super::cases::Cases;
 use super::envelopes::DRAWS;
-use super::plan::{CASES, cases_table, every_plan, refuse_ineffective, shard_cases};
+use super::plan::{every_plan, refuse_ineffective, shard_cases};
 use super::planned::{self, become_planned};
 use super::quoted;
+use super::values;
 use super::work::{cannot, open};
 use crate::arguments::campaign::GrowArguments;
 use crate::files::part_file::PartFile;
@@ -124,14 +125,6 @@ fn write(folder: &Folder, cases: &Cases) -> Result<Manifest, Failure> {
         blake3: blake3::hash(study.text().as_bytes()).to_hex().to_string(),
     };
     put(&copy.path, study.text().as_bytes()).map_err(cannot)?;
-    let path = folder.path().join(CASES);
-    let part = PartFile::beside(&path).map_err(cannot)?;
-    cases_table(
-        cases,
-        &old.columns,
-        part.file().try_clone().map_err(cannot)?,
-    )?;
-    part.complete(&path, true).map_err(cannot)?;
     let mut manifest = Manifest {
         schema: GROWN,
         cases: study.cases(),
@@ -148,6 +141,7 @@ fn write(folder: &Folder, cases: &Cases) -> Result<Manifest, Failure> {
         // A multiple, so that the draws that keep their curves are among those that kept them before.
         grid.every *= study.draws.div_ceil(DRAWS * grid.every);
     }
+    values::write(folder.path(), &manifest, &cases.draws)?;
     let text = serde_json::to_vec_pretty(&manifest).map_err(Failure::infrastructure)?;
     put(MANIFEST, &text).map_err(cannot)?;
     Ok(manifest)

@@ -3,7 +3,7 @@
 //!
 //! 1. [`cases`] joins a study with its scenario and programs: the plan of each case, and its row.
 //! 2. [`plan`] checks a study and writes the folder that everybody works on; [`grow`] adds cases to it.
-//! 3. [`planned`] refuses a folder whose programs others can have written, before anything in it is run.
+//! 3. [`values`] writes and checks the table of all values, [`planned`] refuses a folder whose programs others can have written, before anything in it is run.
 //! 4. [`work`] is the one worker that every engine starts; [`workers`] and [`slurm`] start it.
 //! 5. [`collect`] joins the results, [`answers`] computes what they mean, [`show`] tells it, and
 //!    [`report`](mod@report) draws it; [`case`] runs one of them again.
@@ -22,6 +22,7 @@ mod result;
 mod show;
 mod slurm;
 mod status;
+mod values;
 mod work;
 mod workers;
 

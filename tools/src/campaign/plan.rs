@@ -25,7 +25,7 @@ use crate::terminal::duration::shown_ns;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::interruption::Interruption;
 use crate::terminal::output;
-pub(super) use folder::{CASES, cases_table, shard_cases};
+pub(super) use folder::shard_cases;
 use folder::{refuse_other, write};
 
 /// A study that can be planned.

@@ -26,7 +26,8 @@ pub(super) fn show(arguments: &ShowArguments) -> Result<Exit, Failure> {
     let mut gathered = Gathered::new(folder.manifest(), &study);
     let collected = collect::read(&folder, false, |part| gathered.take(part))?;
     let exit = print(&folder, &collected, gathered, arguments.json)?;
-    let are_whole = collect::tell_damaged_tables(&folder, &collected);
+    let are_whole =
+        collect::tell_damaged_tables(&folder, &study, &collected) & tell_changed_copies(&folder);
     Ok(match exit {
         Exit::Pass | Exit::Failed if !are_whole => Exit::Infrastructure,
         exit => exit,
@@ -42,11 +43,30 @@ pub(super) fn study(folder: &Folder) -> Result<Study, Failure> {
     let path = folder.path().join(&copy.path);
     folder.check_copies([copy]).map_err(|why| {
         let (shown, study) = (folder.path().display(), quoted(&path));
+        if !path.exists() {
+            return Failure::usage(format!(
+                "{why}; the goals and variants of the results in {shown} stand in it. Put back the study that the campaign was planned with, whose BLAKE3 hash is {}",
+                copy.blake3
+            ));
+        }
         Failure::usage(format!(
             "{why}; the results in {shown} are not those of another study. Put the study back as it was, or plan a campaign of this one: hil campaign plan {study} -o OTHER"
         ))
     })?;
     Ok(Study::read(path)?)
+}
+
+/// Tells of copies beside the study that are not as they were planned: the results are of those that were.
+///
+/// Returns `true` if there is none.
+fn tell_changed_copies(folder: &Folder) -> bool {
+    let changed = (folder.manifest().files()).filter_map(|copy| folder.check_copies([copy]).err());
+    changed.fold(true, |_, why| {
+        tell!(
+            "error: {why}; what is shown here is of the campaign as it was planned, and no case can be run again before it is put back as it was"
+        );
+        false
+    })
 }
 
 /// Prints the answers of a collected campaign.

@@ -1,9 +1,10 @@
 //! Status of a campaign: done, missing and under way, from the folder alone; tasks of a cluster, as it says.
 
-use hil_campaign::shard::Shard;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use hil_campaign::folder::{Conflict, Folder};
+use hil_campaign::shard::{PartError, Shard};
 use serde::Serialize;
 use shared_types::number::counted;
 
@@ -32,6 +33,8 @@ struct Status {
     shards_published: u64,
     /// Shards that a worker is at, on this machine or another whose locks are seen here.
     shards_under_way: u64,
+    /// Shards whose result does not count, with what is wrong; their cases are missing.
+    shards_damaged: BTreeMap<u64, String>,
     conflicts: Vec<Conflict>,
     /// Tasks of a cluster; null if none was submitted, or it cannot be asked.
     tasks: Option<Tasks>,
@@ -44,13 +47,16 @@ struct Status {
 pub(super) fn status(arguments: &StatusArguments) -> Result<Exit, Failure> {
     let interruption = Interruption::listen()?;
     let folder = open(&arguments.folder)?;
+    let mut sound = BTreeSet::new();
     loop {
-        let status = Status::of(&folder)?;
+        let status = Status::of(&folder, &mut sound)?;
         output::result(arguments.json, &status, || status.describe(&folder))?;
-        if !arguments.watch || status.shards_published == status.shards {
-            return Ok(match status.conflicts.is_empty() {
-                true => Exit::Pass,
-                false => Exit::Failed,
+        let damaged = status.shards_damaged.len() as u64;
+        if !arguments.watch || status.shards_published + damaged == status.shards {
+            return Ok(match (status.conflicts.is_empty(), damaged) {
+                (true, 0) => Exit::Pass,
+                (true, _) => Exit::Infrastructure,
+                (false, _) => Exit::Failed,
             });
         }
         std::thread::sleep(LOOK);
@@ -59,7 +65,8 @@ pub(super) fn status(arguments: &StatusArguments) -> Result<Exit, Failure> {
 }
 
 impl Status {
-    fn of(folder: &Folder) -> Result<Self, Failure> {
+    /// Looks at a folder; shards that are `sound` are not read once more.
+    fn of(folder: &Folder, sound: &mut BTreeSet<u64>) -> Result<Self, Failure> {
         let manifest = folder.manifest();
         let mut status = Self {
             name: manifest.name.clone(),
@@ -70,6 +77,7 @@ impl Status {
             shards: manifest.shards(),
             shards_published: 0,
             shards_under_way: 0,
+            shards_damaged: BTreeMap::new(),
             conflicts: folder.conflicts().map_err(|error| cannot(folder, &error))?,
             tasks: slurm::tasks(folder),
         };
@@ -77,6 +85,18 @@ impl Status {
             let shard = Shard::of(folder, number);
             let cases = shard.cases();
             if shard.is_published() {
+                if !sound.contains(&number) {
+                    match shard.part() {
+                        Ok(_) => sound.insert(number),
+                        // Set aside meanwhile, by whoever computes it again.
+                        Err(PartError::Missing) => continue,
+                        Err(PartError::Broken(what)) => {
+                            status.shards_damaged.insert(number, what);
+                            continue;
+                        }
+                        Err(PartError::Io(error)) => return Err(cannot(folder, &error)),
+                    };
+                }
                 status.published += cases.end - cases.start;
                 status.shards_published += 1;
             } else {
@@ -106,6 +126,10 @@ impl Status {
             counted(self.shards, "shard"),
             self.shards_under_way
         );
+        for (number, what) in &self.shards_damaged {
+            text +=
+                &format!("  shard {number}: {what}; hil campaign run {shown} computes it again\n");
+        }
         for conflict in &self.conflicts {
             text += &format!("  {conflict}\n");
         }

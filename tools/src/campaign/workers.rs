@@ -61,7 +61,7 @@ pub(super) fn run(arguments: &RunCampaignArguments) -> Result<Exit, Failure> {
         progress.end();
         ran?;
         let mut gathered = Gathered::new(folder.manifest(), &study);
-        let collected = collect::join(&folder, false, |part| gathered.take(part))?;
+        let collected = collect::join(&folder, &study, false, |part| gathered.take(part))?;
         // A result that does not count is known once it is read.
         if collected.missing.is_empty() {
             break (collected, gathered);

@@ -17,6 +17,10 @@ type Kinds = &'static [FileKind];
 /// If there is one.
 pub(super) fn refuse_other_kinds(command: &Command) -> Result<(), Failure> {
     let (paths, kinds): (Vec<&Path>, Kinds) = match command {
+        Command::Run(arguments) if arguments.from.from.is_some() => {
+            let paths = arguments.from.from.iter().map(PathBuf::as_path);
+            (paths.collect(), &[Recording])
+        }
         Command::Run(arguments) => {
             let paths = arguments.scenarios.iter().map(PathBuf::as_path);
             (paths.collect(), &[Scenario])
@@ -39,6 +43,12 @@ pub(super) fn refuse_other_kinds(command: &Command) -> Result<(), Failure> {
             let paths = arguments.runs.iter().map(PathBuf::as_path);
             (paths.collect(), &[Recording, Campaign])
         }
+        Command::Compare(arguments) => {
+            let both = [Some(&arguments.a), arguments.b.as_ref()];
+            let paths = both.into_iter().flatten().map(PathBuf::as_path);
+            (paths.collect(), &[Recording])
+        }
+        Command::Recover(arguments) => (vec![arguments.run.as_path()], &[Recording]),
         Command::Judge(arguments) => (vec![arguments.run.as_path()], &[Recording]),
         Command::Replay(arguments) => (vec![arguments.run.as_path()], &[Recording]),
         Command::Rerun(arguments) => (vec![arguments.run.as_path()], &[Recording]),
@@ -51,8 +61,12 @@ pub(super) fn refuse_other_kinds(command: &Command) -> Result<(), Failure> {
         };
         let expected: Vec<&str> = kinds.iter().map(|kind| kind.in_words().0).collect();
         let (word, commands) = kind.in_words();
+        let advice = match kind {
+            FileKind::Summary => commands.to_owned(),
+            _ => format!("{commands} take {word}"),
+        };
         return Err(Failure::usage(format!(
-            "{} is {word} and not {}: {commands} take {word}",
+            "{} is {word} and not {}: {advice}",
             path.display(),
             expected.join(" or ")
         )));

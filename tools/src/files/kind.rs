@@ -21,6 +21,8 @@ pub(crate) enum FileKind {
     Study,
     /// The folder of a run, or its recording.
     Recording,
+    /// `summary.json` of a run.
+    Summary,
     Campaign,
     Program,
     Fmu,
@@ -51,8 +53,16 @@ impl FileKind {
             [0x89, b'M', b'C', b'A', b'P', ..] => Some(Self::Recording),
             [0x7f, b'E', b'L', b'F', ..] => Some(Self::Program),
             [b'P', b'K', ..] if extension == Some("fmu") => Some(Self::Fmu),
+            [b'{', ..] => Self::of_json(&bytes),
             bytes => Self::of_text(std::str::from_utf8(bytes).ok()?),
         }
+    }
+
+    /// Finds the kind of a JSON text: a summary has a verdict and names its scenario.
+    fn of_json(bytes: &[u8]) -> Option<Self> {
+        let value: serde_json::Value = serde_json::from_slice(bytes).ok()?;
+        let has = |key: &str| value.get(key).is_some();
+        (has("verdict") && has("scenario") && has("digest")).then_some(Self::Summary)
     }
 
     /// Finds the kind of a TOML text: a study names a scenario, a scenario says what runs.
@@ -77,6 +87,10 @@ impl FileKind {
             Self::Recording => (
                 "a recording",
                 "`hil report`, `hil judge`, `hil export` and `hil rerun`",
+            ),
+            Self::Summary => (
+                "the summary of a run",
+                "read it as JSON; its folder is a run, which `hil report`, `hil compare` and `hil rerun` take",
             ),
             Self::Campaign => (
                 "the folder of a campaign",
@@ -116,8 +130,11 @@ mod tests {
         );
         assert_eq!(kind("d", b"\x7fELF\x02.."), Some(FileKind::Program));
         assert_eq!(kind("e.fmu", b"PK\x03\x04.."), Some(FileKind::Fmu));
+        let summary = br#"{"schema": 1, "scenario": "a", "verdict": "pass", "digest": null}"#;
+        assert_eq!(kind("summary.json", summary), Some(FileKind::Summary));
         for (name, content) in [
-            ("f.toml", &b"schema = 1\n"[..]),
+            ("a.json", &b"{\"schema\": 1}"[..]),
+            ("f.toml", b"schema = 1\n"),
             ("g.toml", b"scenario = \"a\"\nrun.rate_hz = 1\n"),
             ("h.toml", b"no TOML"),
             ("i.mcap", b"no recording"),

@@ -24,6 +24,9 @@ pub(crate) fn on(told: &str) -> Option<String> {
         Errno::PERM | Errno::ACCESS => {
             "this user may not do that: `ls -ld` shows who may; choose a place of your own, or have the rights changed"
         }
+        Errno::NOENT if std::env::current_dir().is_err() => {
+            "the folder that you are in was deleted: `cd` to another one"
+        }
         Errno::NOENT => {
             "check the spelling; a path that does not begin with / begins at the folder that you are in"
         }

@@ -28,9 +28,10 @@ impl Event<'_> {
         reader.refuse_unknown(section, &kind.keys());
         let skew_steps = self.skew_steps(reader, section);
         let folder = self.context.origin.folder();
+        let left_s = self.left_s(skew_steps.as_ref().map_or(0, |steps| *steps));
         match kind {
             FaultKind::Own(fault) => {
-                let profile = profile::check(reader, section, folder, Some(&fault.profile));
+                let profile = profile::check(reader, section, folder, Some(&fault.profile), left_s);
                 let sizes = settings(reader, section, &fault.sizes, None);
                 let plant = self.context.plant?;
                 let (target, moved) = target::of_plant(reader, section, plant, fault)?;
@@ -55,7 +56,7 @@ impl Event<'_> {
                 })
             }
             FaultKind::Shared(kind) => {
-                let profile = profile::check(reader, section, folder, None);
+                let profile = profile::check(reader, section, folder, None, left_s);
                 let named = reader.text(&section.with_keys(TARGET), "target");
                 let target = named
                     .and_then(|named| target::of_kind(reader, section, self.context, kind, named));
@@ -72,6 +73,16 @@ impl Event<'_> {
                     },
                 })
             }
+        }
+    }
+
+    /// Time from the first step at which an effect could take hold to the end of the run.
+    fn left_s(&self, skew_steps: u64) -> f64 {
+        match (self.context.grid, self.earliest) {
+            (Some(grid), Some(earliest)) => {
+                grid.end_s() - grid.rate.seconds(Step(earliest + skew_steps))
+            }
+            _ => f64::INFINITY,
         }
     }
 

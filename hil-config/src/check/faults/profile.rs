@@ -16,12 +16,13 @@ use crate::reader::{Reader, Section};
 pub(super) const MOST_POINTS: usize = 10_000;
 
 /// The profile that an effect asks for, else the one that its kind of fault has: `own`, or all at
-/// once.
+/// once. From its begin the effect has at most `left_s`.
 pub(super) fn check(
     reader: &mut Reader,
     section: &Section<'_>,
     folder: Option<&Path>,
     own: Option<&ProfileDescription>,
+    left_s: f64,
 ) -> Option<Profile> {
     let speed = match own {
         Some(ProfileDescription::Exponential { speed }) => Some(speed),
@@ -38,7 +39,7 @@ pub(super) fn check(
         return speed_per_s.map(|speed_per_s| Profile::Exponential { speed_per_s });
     }
     let asked = reader.section(section, "profile")?;
-    let profile = asked_for(reader, &asked, folder);
+    let profile = asked_for(reader, &asked, folder, left_s);
     if let Some(speed) = speed
         && section.table.get(&speed.name).is_some()
     {
@@ -55,7 +56,12 @@ pub(super) fn check(
     profile
 }
 
-fn asked_for(reader: &mut Reader, section: &Section<'_>, folder: Option<&Path>) -> Option<Profile> {
+fn asked_for(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    folder: Option<&Path>,
+    left_s: f64,
+) -> Option<Profile> {
     let kinds = PROFILES.iter().map(|kind| (kind.name, kind.keys));
     let (name, section) = &reader.of_kind(section, "profile", kinds)?;
     // All numbers are read before any is missed, so that every problem is reported.
@@ -101,6 +107,8 @@ fn asked_for(reader: &mut Reader, section: &Section<'_>, folder: Option<&Path>) 
                     .help("a stimulus of kind `table` takes more");
                 return None;
             }
+            let span = points::Span::of_effect(left_s);
+            points::refuse_outside(reader, section, &time_s, &span)?;
             Profile::Table { time_s, values }
         }
         _ => unreachable!("every kind is read"),

@@ -24,7 +24,12 @@ fn grid() -> Grid {
 
 /// Two variants of twenty draws, in shards of ten cases.
 fn campaign() -> Campaign {
+    campaign_of("curves")
+}
+
+fn campaign_of(name: &str) -> Campaign {
     Campaign::with(CASES, 10, |manifest| {
+        manifest.name = name.into();
         manifest.columns = vec![
             Column::new("case", ColumnKind::Count),
             Column::new("draw", ColumnKind::Count),
@@ -182,4 +187,35 @@ fn a_damaged_file_of_curves_costs_no_result() {
     Shard::of(&campaign.folder, 2).set_aside().expect("renamed");
     run(&campaign, 2, |_| true);
     assert_eq!(collect::curves(&campaign.folder).expect("read").1, 0);
+}
+
+#[test]
+fn curves_of_another_shard_or_campaign_count_as_missing() {
+    let campaigns = [campaign(), campaign_of("another")];
+    for one in &campaigns {
+        for shard in 0..4 {
+            run(one, shard, |_| true);
+        }
+    }
+    let [own, other] = &campaigns;
+    assert_ne!(own.folder.id(), other.folder.id());
+    let path =
+        |of: &Campaign, shard: &str| of.folder.path().join("shards").join(shard).join(CURVES);
+    let target = path(own, "00000002");
+    let whole = fs::read(&target).expect("curves");
+    for foreign in [path(own, "00000001"), path(other, "00000002")] {
+        fs::copy(&foreign, &target).expect("copied");
+        let (curves, without) = collect::curves(&own.folder).expect("read");
+        assert_eq!(without, 1, "{}", foreign.display());
+        assert!(curves.sampled.keys().all(|case| !(20..30).contains(case)));
+    }
+    // Earlier versions named no shard.
+    let text = String::from_utf8(whole).expect("a text");
+    let json = journal::unsealed(&text).expect("whole");
+    let mut value: serde_json::Value = serde_json::from_str(json).expect("JSON");
+    let origin = value.as_object_mut().expect("an object").remove("origin");
+    assert_eq!(origin.expect("an origin")["shard"], 2);
+    let earlier = value.to_string();
+    fs::write(&target, format!("{earlier}{}", journal::sealed(&earlier))).expect("written");
+    assert_eq!(collect::curves(&own.folder).expect("read").1, 0);
 }

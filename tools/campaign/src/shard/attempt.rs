@@ -55,7 +55,8 @@ impl<'a> Attempt<'a> {
         };
         // Those of a result that was opened again, or of a worker that died just before it had one.
         if let Some(grid) = &shard.folder.manifest().curves {
-            attempt.curves = Curves::read(&path, grid)?.unwrap_or_default();
+            attempt.curves =
+                Curves::read(&path, shard.folder, shard.number, grid)?.unwrap_or_default();
         }
         for path in journal::paths(&path)? {
             if path != attempt.journal.path() {
@@ -170,7 +171,8 @@ impl<'a> Attempt<'a> {
         let path = self.shard.path();
         let place = path.join(PART);
         if self.shard.folder.manifest().curves.is_some() {
-            self.curves.write(&path).map_err(io)?;
+            let (folder, number) = (self.shard.folder, self.shard.number);
+            self.curves.write(&path, folder, number).map_err(io)?;
         }
         let (rows, circumstances): (Vec<Row>, Vec<Circumstances>) =
             std::mem::take(&mut self.rows).into_values().unzip();

@@ -8,14 +8,12 @@ use std::path::{Path, PathBuf};
 
 use hil_campaign::folder::{CONFLICTS, SHARDS, try_out};
 use hil_campaign::manifest::{self, Copied, MANIFEST, Manifest, SCHEMA};
-use hil_campaign::table::{Column, Writer};
 use hil_target::machine::hash;
 
 use super::Checked;
-use crate::campaign::cases::Cases;
 use crate::campaign::grow::with_cases;
 use crate::campaign::planned::PROGRAMS;
-use crate::campaign::quoted;
+use crate::campaign::{quoted, values};
 use crate::files::part_file::PartFolder;
 use crate::programs::binaries::beside;
 use crate::programs::binaries::host::HOST;
@@ -23,8 +21,6 @@ use crate::programs::binaries::named::{CONTROLLER, PLANT};
 use crate::programs::binaries::trusted;
 use crate::terminal::exit::Failure;
 
-/// Name of the table of all values.
-pub(in crate::campaign) const CASES: &str = "cases.parquet";
 /// Time that the cases of a shard take together, if there are enough of them, in s.
 const SHARD_S: f64 = 20.0;
 /// Least and greatest number of shards of a large campaign.
@@ -90,8 +86,7 @@ pub(super) fn write(checked: &Checked, out: &Path) -> Result<(), Failure> {
     let manifest = copied(checked, part.path())?;
     let text = serde_json::to_string_pretty(&manifest).map_err(Failure::infrastructure)?;
     fs::write(part.path().join(MANIFEST), text).map_err(cannot)?;
-    let file = fs::File::create(part.path().join(CASES)).map_err(cannot)?;
-    cases_table(&checked.cases, &checked.columns, file)?;
+    values::write(part.path(), &manifest, &checked.cases.draws)?;
     for folder in [SHARDS, CONFLICTS] {
         fs::create_dir(part.path().join(folder)).map_err(cannot)?;
     }
@@ -201,28 +196,6 @@ pub(in crate::campaign) fn shard_cases(cases: u64, case_s: f64) -> u64 {
     let by_cores = cases.div_ceil(least);
     let size = by_time.min(by_cores);
     size.max(cases.div_ceil(most)).max(1)
-}
-
-/// Writes the values of all cases as a table.
-pub(in crate::campaign) fn cases_table(
-    cases: &Cases,
-    columns: &[Column],
-    file: fs::File,
-) -> Result<(), Failure> {
-    let cannot = |error: &dyn std::fmt::Display| {
-        Failure::infrastructure(format!("cannot write the cases: {error}"))
-    };
-    let columns = &columns[..4 + cases.study().varied.len()];
-    let table = Writer::new(io::BufWriter::new(file), columns);
-    let mut table = table.map_err(|error| cannot(&error))?;
-    for case in 0..cases.study().cases() {
-        table
-            .row(&cases.head(case))
-            .map_err(|error| cannot(&error))?;
-    }
-    let file = table.finish(&[]).map_err(|error| cannot(&error))?;
-    file.into_inner().map_err(|error| cannot(&error.error()))?;
-    Ok(())
 }
 
 #[cfg(test)]

@@ -111,6 +111,10 @@ impl Choice {
                 "no {} program is named, and none lies beside hil: {shown} is not there; `cargo build --release` in the clone builds all programs beside each other, or name one with {} PATH or {}",
                 role.side, role.flag, role.variable
             ),
+            // The program is not to blame.
+            NamedBy::Nobody if lacks_room(&error.to_string()) => {
+                format!("cannot run {shown}: {error}")
+            }
             NamedBy::Nobody => format!(
                 "cannot run {shown}: {error}; build it with `cargo build --release`, or name one with {}",
                 role.flag
@@ -414,4 +418,11 @@ fn by_scenario(
     let path = trusted::program(path).map_err(refused)?;
     let by = NamedBy::Scenario(key, file.to_owned());
     Ok(Some(Choice::new(path, by)))
+}
+/// Returns `true` if a text says that the system has no files, processes or memory left to give.
+fn lacks_room(error: &str) -> bool {
+    use rustix::io::Errno;
+    let lacking = [Errno::MFILE, Errno::NFILE, Errno::AGAIN, Errno::NOMEM];
+    let mut numbers = lacking.iter().map(|errno| errno.raw_os_error());
+    numbers.any(|number| error.contains(&format!("(os error {number})")))
 }

@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
 
 use hil_config::plan::{Clock, Plan};
 
@@ -45,8 +46,19 @@ pub(super) struct Row {
     pub(super) disagreement: Option<Disagreement>,
     /// `None` if it was never started, or if this process did not see its end.
     pub(super) ran: Option<RunResult>,
-    /// Number of requirements of a run that a killed `hil` had begun, by its folder.
-    pub(super) begun_with: Option<usize>,
+    /// Summary of a run that a killed `hil` had begun, from its folder.
+    pub(super) begun: Option<Begun>,
+}
+
+/// Run whose end this process did not see, by the summary in its folder.
+pub(super) struct Begun {
+    /// Requirements that passed.
+    pub(super) met: usize,
+    pub(super) requirements: usize,
+    /// Simulated time over wall time, if it ended.
+    pub(super) realtime_factor: Option<f64>,
+    pub(super) digest: Option<String>,
+    pub(super) folder: PathBuf,
 }
 
 /// Another digest than the first run of the same scenario has.
@@ -108,7 +120,7 @@ impl Case {
             failure,
             disagreement: None,
             ran,
-            begun_with: None,
+            begun: None,
         }
     }
 
@@ -132,7 +144,7 @@ impl Row {
         match (self.exit, &self.ran) {
             (Exit::Pass, _) => "pass",
             (Exit::Failed, _) => "fail",
-            (_, None) if self.begun_with.is_none() => "not run",
+            (_, None) if self.begun.is_none() => "not run",
             _ => "aborted",
         }
     }
@@ -140,7 +152,7 @@ impl Row {
     /// The verdict in words for a person.
     pub(super) fn verdict_in_words(&self) -> &'static str {
         let requirements = self.ran.as_ref().map(|ran| ran.summary.requirements.len());
-        let requirements = requirements.or(self.begun_with);
+        let requirements = requirements.or(self.begun.as_ref().map(|begun| begun.requirements));
         requirements::in_words(self.verdict(), requirements.unwrap_or(1))
     }
 

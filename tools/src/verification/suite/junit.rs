@@ -131,7 +131,7 @@ mod tests {
             skipped: None,
             failure: None,
             disagreement: None,
-            begun_with: None,
+            begun: None,
             ran: None,
         }
     }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
-use super::case::Row;
+use super::case::{Begun, Row};
 use super::{table, write_reports};
 use crate::arguments::run::RunArguments;
 use crate::files::begun::BegunRun;
@@ -62,7 +62,21 @@ fn row((run, summary): &LostRun) -> Row {
         failure: reason.filter(|_| exit == Exit::Infrastructure),
         disagreement: None,
         ran: None,
-        begun_with: Some(summary["requirements"].as_array().map_or(0, Vec::len)),
+        begun: Some(begun(run, summary)),
+    }
+}
+
+fn begun(run: &BegunRun, summary: &Value) -> Begun {
+    let requirements = summary["requirements"]
+        .as_array()
+        .map_or(&[][..], Vec::as_slice);
+    let has_passed = |one: &&Value| one["verdict"] == "pass";
+    Begun {
+        met: requirements.iter().filter(has_passed).count(),
+        requirements: requirements.len(),
+        realtime_factor: summary["realtime_factor"].as_f64(),
+        digest: summary["digest"].as_str().map(Into::into),
+        folder: run.folder.clone(),
     }
 }
 
@@ -77,7 +91,7 @@ fn unbegun(reason: &str) -> Row {
         failure: Some(Failure::infrastructure(reason)),
         disagreement: None,
         ran: None,
-        begun_with: None,
+        begun: None,
     }
 }
 

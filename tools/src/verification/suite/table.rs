@@ -35,22 +35,37 @@ fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
     ]);
     for row in rows {
         let (label, law, verdict) = (&row.label, &row.law, row.verdict_in_words());
-        let Some(ran) = &row.ran else {
-            table.row(&[label, law, &verdict]);
-            continue;
+        let (met, all, speed, digest, folder) = match (&row.ran, &row.begun) {
+            (Some(ran), _) => {
+                let summary = &ran.summary;
+                let requirements = &summary.requirements;
+                let passed = requirements.iter().filter(|one| one.verdict == "pass");
+                let speed = Some(summary.realtime_factor);
+                let all = requirements.len();
+                (passed.count(), all, speed, &summary.digest, &ran.folder)
+            }
+            (None, Some(begun)) => (
+                begun.met,
+                begun.requirements,
+                begun.realtime_factor,
+                &begun.digest,
+                &begun.folder,
+            ),
+            (None, None) => {
+                table.row(&[label, law, &verdict]);
+                continue;
+            }
         };
-        let summary = &ran.summary;
-        let passed = summary
-            .requirements
-            .iter()
-            .filter(|one| one.verdict == "pass");
-        let met: String = match summary.requirements.len() {
+        let met: String = match all {
             0 => "-".into(),
-            all => format!("{} of {all}", passed.count()),
+            all => format!("{met} of {all}"),
         };
-        let speed = format!("{:.1}x", summary.realtime_factor);
-        let digest = summary.digest.as_deref().map_or("-", |digest| &digest[..8]);
-        let folder = ran.folder.display();
+        let speed = speed.map_or_else(|| "-".into(), |speed| format!("{speed:.1}x"));
+        let digest = digest
+            .as_deref()
+            .and_then(|digest| digest.get(..8))
+            .unwrap_or("-");
+        let folder = folder.display();
         table.row(&[label, law, &verdict, &met, &speed, &digest, &folder]);
     }
     writeln!(text, "{table}")?;

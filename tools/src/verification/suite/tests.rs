@@ -11,7 +11,7 @@ fn row(label: &str, exit: Exit, failure: &str) -> Row {
         skipped: None,
         failure: (!failure.is_empty()).then(|| Failure::Usage(failure.into())),
         disagreement: None,
-        begun_with: None,
+        begun: None,
         ran: None,
     }
 }
