@@ -5,6 +5,7 @@ use shared_types::session::Session;
 
 use super::execute::RunResult;
 use super::prepare::PreparedRun;
+use super::restoration;
 use crate::arguments::run::LinkKind;
 use crate::checkpoint;
 use crate::files::part_file;
@@ -54,10 +55,13 @@ pub(super) fn conclude(
     };
     let switches = switches(&prepared.session);
     drop(session);
-    let (checkpoints, collected) = match collected {
+    let (mut checkpoints, collected) = match collected {
         Ok(made) => (made, Ok(())),
         Err(failure) => (Vec::new(), Err(failure)),
     };
+    let noted = restoration::check(&prepared, &ended.recorded, &mut checkpoints);
+    let mut checks = checkpoints.iter().filter_map(|made| made.check.as_ref());
+    let is_cut = prepared.interruption.came() && checks.any(|check| !check.is_made());
 
     let folder = prepared.folder;
     // A run may end before there is anything to record.
@@ -86,6 +90,7 @@ pub(super) fn conclude(
     Ok(RunResult {
         exit: match ended.outcome {
             _ if ended.recorded.error.is_some() => Exit::Infrastructure,
+            _ if is_cut => Exit::Interrupted,
             Outcome::Completed | Outcome::Diverged => summary.verdict.exit(),
             Outcome::Stopped if prepared.interruption.came() => Exit::Interrupted,
             Outcome::Stopped | Outcome::Failed => Exit::Infrastructure,
@@ -94,7 +99,9 @@ pub(super) fn conclude(
         curve: ended.recorded.curve,
         recording: recorded_to.map(|name| folder.join(name)),
         table: summary.table(&prepared.plan, &folder),
-        written: part_file::write_text(&folder.join(SUMMARY), &json).and(collected),
+        written: part_file::write_text(&folder.join(SUMMARY), &json)
+            .and(collected)
+            .and(noted),
         summary,
         json,
         folder,
