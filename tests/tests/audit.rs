@@ -40,11 +40,11 @@ fn a_law_that_sees_only_its_samples_has_one_digest_under_all_conditions() {
         .iter()
         .filter(|one| one["agrees"] == true);
     assert!(ran.count() >= 5);
-    let restored = repetitions(&summary)
+    let checks = repetitions(&summary)
         .iter()
-        .filter(|one| !one["restored"].is_null());
-    let restored: Vec<_> = restored.map(|one| &one["restored"]["text"]).collect();
-    assert_eq!(restored, ["exact for 100 steps"]);
+        .filter(|one| !one["check"].is_null());
+    let checks: Vec<_> = checks.map(|one| &one["check"]["text"]).collect();
+    assert_eq!(checks, ["exact for 100 steps"]);
     let mut left = names(&honest.folder);
     left.retain(|name| name.starts_with("audit"));
     assert!(left.is_empty(), "{left:?}");

@@ -223,14 +223,14 @@ fn an_audit_tells_of_state_that_does_not_restore() {
     // The state is saved before step 150, 30 steps before the next jump.
     let text = "differs at step 30: measured.y";
     let repetitions = audited.summary()["audit"]["repetitions"].take();
-    let restored: Vec<&Value> = (repetitions.as_array().expect("a list").iter())
-        .map(|one| &one["restored"])
-        .filter(|restored| !restored.is_null())
+    let checks: Vec<&Value> = (repetitions.as_array().expect("a list").iter())
+        .map(|one| &one["check"])
+        .filter(|check| !check.is_null())
         .collect();
-    let [restored] = restored[..] else {
+    let [check] = checks[..] else {
         panic!("{repetitions}")
     };
-    assert_text(restored, &[text]);
+    assert_text(check, &[text]);
     assert_eq!(audited.summary()["audit"]["verdict"], "pass");
     audited.prints(&["its restored state: ", text]);
 }

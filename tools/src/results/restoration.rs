@@ -118,15 +118,15 @@ impl Stretch {
         let faults = &recorded.faults;
         let later = faults.accepted.get(self.accepted..).unwrap_or_default();
         let is_later = |id: u32| later.iter().any(|live| live.event.id == id);
-        let begun = faults.taken.iter().filter(|taken| is_later(taken.id));
-        let cleared = faults.ended.iter().filter(|ended| ended.cleared);
-        let changed = recorded.values.iter().filter(|change| change.live);
-        let touched = (begun.map(|taken| taken.step))
-            .chain(cleared.map(|ended| ended.step))
-            .chain(changed.map(|change| change.step))
+        let begins = faults.taken.iter().filter(|begin| is_later(begin.id));
+        let ends = faults.ended.iter().filter(|end| end.cleared);
+        let changes = recorded.values.iter().filter(|change| change.live);
+        let steps = (begins.map(|begin| begin.step))
+            .chain(ends.map(|end| end.step))
+            .chain(changes.map(|change| change.step))
             .chain(recorded.changes.iter().map(|change| change.step));
-        let touched = touched.filter(|step| *step >= self.first).min();
-        let most = touched.map_or(u64::MAX, |step| step - self.first);
+        let step = steps.filter(|step| *step >= self.first).min();
+        let most = step.map_or(u64::MAX, |step| step - self.first);
         let count = usize::try_from(most).unwrap_or(usize::MAX);
         &self.records[..count.min(self.records.len())]
     }
@@ -182,11 +182,12 @@ impl<'a> Comparison<'a> {
             _ if self.is_over() => {}
             Item::Event(_) => {}
             Item::Record(words) if words.len() == self.layout.words() => {
-                let (found, expected) = (self.layout.view(words).hashed, &self.expected[self.same]);
-                if found == expected {
+                let (record, expected) =
+                    (self.layout.view(words).hashed, &self.expected[self.same]);
+                if record == expected {
                     self.same += 1;
                 } else {
-                    self.difference = Some(self.describe(expected, found));
+                    self.difference = Some(self.describe(expected, record));
                 }
             }
             Item::Record(words) => {
@@ -199,23 +200,24 @@ impl<'a> Comparison<'a> {
     }
 
     /// Describes the first difference of two records: its step, counted from the checkpoint, and its signal.
-    fn describe(&self, expected: &[u64], found: &[u64]) -> String {
+    fn describe(&self, expected: &[u64], record: &[u64]) -> String {
         let groups = self.layout.groups();
         let differing = |group: &str| {
             let number = GROUPS.iter().position(|name| *name == group)?;
             let before: usize = groups[..number].iter().map(|group| group.len()).sum();
             let begin = self.layout.values_start() + before;
             let mut places = groups[number].iter().zip(begin..);
-            let (field, place) = places.find(|(_, place)| expected[*place] != found[*place])?;
-            let [theirs, ours] = [expected, found].map(|record| f64::from_bits(record[place]));
+            let (field, place) = places.find(|(_, place)| expected[*place] != record[*place])?;
+            let [value_then, value] =
+                [expected, record].map(|record| f64::from_bits(record[place]));
             let name = column_name(group, &field.name);
-            let (ours, theirs) = (exact_in(ours, &field.unit), exact(theirs));
-            Some(format!("{name} is {ours}, not {theirs}"))
+            let (value, value_then) = (exact_in(value, &field.unit), exact(value_then));
+            Some(format!("{name} is {value}, not {value_then}"))
         };
         let signal = (ORDER.iter()).find_map(|(group, side)| Some((differing(group)?, *side)));
         let (text, side) = signal.unwrap_or_else(|| {
             let answer = 1 + self.layout.sample_validity_words();
-            let side = if expected[..answer] == found[..answer] {
+            let side = if expected[..answer] == record[..answer] {
                 Side::Controller
             } else {
                 Side::Plant
@@ -316,7 +318,7 @@ mod tests {
     }
 
     /// The check of records that are the same until the last, which has these values.
-    fn checked(count: u64, last: [f64; 4]) -> String {
+    fn text_of(count: u64, last: [f64; 4]) -> String {
         let (layout, recorded) = (layout(), Recorded::default());
         let stretch = stretch(&layout, count);
         let mut comparison = Comparison::new(&layout, &stretch, &recorded);
@@ -330,23 +332,20 @@ mod tests {
 
     #[test]
     fn a_difference_is_named_by_the_side_that_computes_first_and_its_step() {
-        assert_eq!(checked(101, [1.0; 4]), "exact for 100 steps");
-        assert_eq!(checked(2, [1.0; 4]), "exact for 1 step");
-        let plant = checked(2, [2.0, 2.0, 3.0, 3.0]);
+        assert_eq!(text_of(101, [1.0; 4]), "exact for 100 steps");
+        assert_eq!(text_of(2, [1.0; 4]), "exact for 1 step");
+        let plant = text_of(2, [2.0, 2.0, 3.0, 3.0]);
         assert_eq!(
             plant,
             "differs at step 1: measured.y_m is 2 m, not 1 (plant)"
         );
-        let law = checked(41, [2.0, 1.0, 3.0, 3.0]);
+        let law = text_of(41, [2.0, 1.0, 3.0, 3.0]);
         assert_eq!(
             law,
             "differs at step 41: command.u_m is 3 m, not 1 (controller)"
         );
-        let restored = checked(1, [1.0, f64::NAN, 1.0, 1.0]);
-        assert!(
-            restored.starts_with("differs before step 1: "),
-            "{restored}"
-        );
+        let text = text_of(1, [1.0, f64::NAN, 1.0, 1.0]);
+        assert!(text.starts_with("differs before step 1: "), "{text}");
     }
 
     #[test]

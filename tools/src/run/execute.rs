@@ -85,7 +85,7 @@ pub(crate) struct RunResult {
 
 impl RunResult {
     /// Returns the check of the first checkpoint that the run made.
-    pub(crate) fn restored(&self) -> Option<&Check> {
+    pub(crate) fn first_check(&self) -> Option<&Check> {
         self.summary.checkpoints.first()?.check.as_ref()
     }
 }

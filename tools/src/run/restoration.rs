@@ -31,14 +31,14 @@ use super::prepare::PreparedRun;
 use super::processes::LOOK;
 use super::side::{GRACE, SideProcess};
 use crate::arguments::run::LinkKind;
-use crate::checkpoint::{self, state_file};
+use crate::checkpoint::{note, state_file};
 use crate::results::recorded::Recorded;
 use crate::results::restoration::{Check, Comparison, Stretch, Verdict};
 use crate::results::resumed::MadeCheckpoint;
 use crate::terminal::exit::Failure;
 use crate::terminal::output;
 
-/// Reason for which a check lacks its sides' end.
+/// Fate of sides that ended before their comparison, and its cause in words.
 type Fate = Option<(Verdict, String)>;
 
 /// Checks the checkpoints that a run made, and notes in each how its check came out.
@@ -48,21 +48,24 @@ type Fate = Option<(Verdict, String)>;
 pub(super) fn check(
     prepared: &PreparedRun,
     recorded: &Recorded,
-    made: &mut [MadeCheckpoint],
+    checkpoints: &mut [MadeCheckpoint],
 ) -> Result<(), Failure> {
-    if !made.is_empty() && output::person_watches() && !prepared.settings.is_one_of_many {
+    if !checkpoints.is_empty() && output::person_watches() && !prepared.settings.is_one_of_many {
         tell!("checking that the checkpoints restore exactly; Ctrl-C leaves that out");
     }
-    for made in made {
-        let folder = prepared.folder.join(&made.folder);
+    for checkpoint in checkpoints {
+        let folder = prepared.folder.join(&checkpoint.folder);
         let folder = std::path::absolute(&folder).unwrap_or(folder);
-        let check = check_one(prepared, recorded, Step(made.step), &folder)
+        let check = check_one(prepared, recorded, Step(checkpoint.step), &folder)
             .unwrap_or_else(|failure| Check::missing(&failure.reason()));
         if let Some(warning) = check.warning() {
-            tell!("warning: checkpoint before step {}: {warning}", made.step);
+            tell!(
+                "warning: checkpoint before step {}: {warning}",
+                checkpoint.step
+            );
         }
-        checkpoint::note(&folder, &check)?;
-        made.check = Some(check);
+        note(&folder, &check)?;
+        checkpoint.check = Some(check);
     }
     Ok(())
 }
@@ -265,9 +268,9 @@ fn fate(sides: [&SideProcess; 2], comparison: &Comparison<'_>) -> (Verdict, Stri
     if let Some(side) = sides.iter().find(|side| side.killed.is_some()) {
         // The other side may have noticed.
         let other = sides.iter().filter(|other| other.name != side.name);
-        let seen = other.filter_map(|other| other.last_word()).next();
-        let seen = seen.or(end).unwrap_or_else(|| "no record came".into());
-        return (Verdict::Stuck, format!("{}; {seen}", words(side)));
+        let report = other.filter_map(|other| other.last_word()).next();
+        let report = report.or(end).unwrap_or_else(|| "no record came".into());
+        return (Verdict::Stuck, format!("{}; {report}", words(side)));
     }
     let reason = end.or_else(last).or_else(|| sides[0].death());
     let reason = reason.unwrap_or_else(|| format!("{} ended early", sides[0].name));
@@ -287,9 +290,9 @@ impl Stream<'_> {
     /// Takes what is there; returns `false` if that is nothing.
     fn drain(&mut self, comparison: &mut Comparison<'_>) -> Result<bool, Failure> {
         let Some(source) = &mut self.source else {
-            let attached = attach(self.session, self.layout, &mut self.opened);
-            let attached = attached.map_err(Failure::infrastructure)?;
-            self.source = attached.map(|(source, _)| source);
+            let stream = attach(self.session, self.layout, &mut self.opened);
+            let stream = stream.map_err(Failure::infrastructure)?;
+            self.source = stream.map(|(source, _)| source);
             comparison.has_begun = self.source.is_some();
             return Ok(comparison.has_begun);
         };

@@ -50,7 +50,7 @@ pub struct RecordedScenario {
     /// Steps at which the controller was not in time.
     pub missed: Vec<Missed>,
     /// Check of the checkpoint that it went on from, in words; `None` if it began at step 0.
-    pub(crate) restored: Option<String>,
+    pub(crate) resumed_check: Option<String>,
 }
 
 /// Runs the command.
@@ -158,7 +158,7 @@ impl RecordedScenario {
             digest: reader.digest(),
             outcome,
             missed: missed.map(LateCommands::missed).unwrap_or_default(),
-            restored: fact(CHECK),
+            resumed_check: fact(CHECK),
             recorded,
         })
     }

@@ -114,7 +114,7 @@ pub(crate) fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
             "recorded_digest": expected,
             "digest": found,
             "first_difference": difference,
-            "restored": recorded.restored,
+            "resumed_check": recorded.resumed_check,
             "summary": summary,
         });
         format!("{result:#}\n")
@@ -136,7 +136,7 @@ pub(crate) fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
         if let Some(difference) = &difference {
             text += &format!("{difference}\n");
         }
-        if let (false, Some(check)) = (is_same, &recorded.restored) {
+        if let (false, Some(check)) = (is_same, &recorded.resumed_check) {
             text +=
                 &format!("{shown} went on from a checkpoint, whose restored state is: {check}\n");
         }

@@ -38,7 +38,7 @@ struct Repetition<'a> {
     wall_time_s: Option<f64>,
     first_difference: Option<&'a Difference>,
     /// Check of the state that it saved; null unless it saved one.
-    restored: Option<&'a Check>,
+    check: Option<&'a Check>,
     /// Folder in which it is kept, if it differs.
     run: Option<String>,
 }
@@ -54,7 +54,7 @@ impl<'a> Repetition<'a> {
             digest: row.digest(),
             wall_time_s: row.ran.as_ref().map(|ran| ran.summary.wall_time_s),
             first_difference: disagreement.and_then(|found| found.difference.as_ref()),
-            restored: row.ran.as_ref().and_then(RunResult::restored),
+            check: row.ran.as_ref().and_then(RunResult::first_check),
             run: folder.filter(|_| disagreement.is_some()),
         }
     }
@@ -191,7 +191,7 @@ fn describe(repetitions: &[Repetition<'_>]) -> String {
             (_, _, Some(run)) => format!("  DIFF  {condition}: see {run}\n"),
             _ => format!("  same  {condition}\n"),
         };
-        if let Some(check) = one.restored {
+        if let Some(check) = one.check {
             let mark = match check.verdict {
                 Verdict::Exact => "same",
                 Verdict::Unchecked => "-   ",
