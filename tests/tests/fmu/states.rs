@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::{Place, scenario};
 use crate::support::fmus::entries;
-use crate::support::harness::{EXPIRES_S, Run, until};
+use crate::support::harness::{EXPIRES_S, Run, send, until};
 
 /// Describes `tests/fmus/states.c` with this token and these names of its output and its input.
 fn states(token: &str, [output, input]: [&str; 2]) -> Vec<(String, Vec<u8>)> {
@@ -200,6 +200,22 @@ fn an_interruption_ends_the_check_and_the_checkpoint_says_that_there_was_none() 
     let text = std::fs::read_to_string(&description).expect("it is there");
     let described: Value = serde_json::from_str(&text).expect("JSON");
     assert_eq!(described["check"], check);
+}
+
+#[test]
+fn a_hil_that_is_killed_while_it_checks_leaves_the_result_of_the_run() {
+    let Some(place) = Place::new() else { return };
+    place.fmu("plant.fmu", &states("hang fmi2DoStep", ["y", "u"]));
+    let text = scenario("states", "plant.fmu", 100.0, 300.0);
+    let path = place.rig.write("scenario.toml", &text);
+    let arguments = format!("{} --checkpoint-at 0.5 --wait-limit 600", path.display());
+    let running = place.rig.start_with(place.command(), &arguments);
+    let summary = running.folder().join("summary.json");
+    until("the run is over", || summary.exists());
+    send(running.worker(), Signal::KILL);
+    let run = running.finish_beside_another();
+    assert_eq!(run.summary()["verdict"], "pass");
+    assert!(check(&run, 0).is_null());
 }
 
 #[test]
