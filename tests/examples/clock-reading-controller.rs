@@ -2,7 +2,7 @@
 //! workspace: the tests of `hil run --audit` give it to `--controller-bin`.
 //!
 //! Each makes a mistake that people make: a derivative over the time of the wall clock, a number of
-//! workers after the number of cores, and, to show that neither comes from this program, none.
+//! workers after the number of cores, a state that lacks a field, and, to show that neither comes from this program, none.
 
 #[path = "../shared/position_and_force.rs"]
 mod position_and_force;
@@ -12,6 +12,7 @@ use std::time::Instant;
 
 use controller_process::controller::{Controller, LawKind, Sample, Setup};
 use shared_types::describe::Invalid;
+use shared_types::state::StateOf;
 use shared_types::table::Empty;
 
 use position_and_force::{Force, Position};
@@ -41,10 +42,43 @@ impl Controller for Honest {
         Ok(Self { position_m: 0.0 })
     }
 
+    fn state() -> Option<StateOf<Self>> {
+        let state = StateOf::new(|law: &Self| law.position_m, |law, x_m| law.position_m = x_m);
+        Some(state)
+    }
+
     fn step(&mut self, sample: &Sample<Self>) -> (Force, Empty) {
         let position_m = sample.measured.position_m;
         let velocity_mps = 1000.0 * (position_m - self.position_m);
         self.position_m = position_m;
+        (force(position_m, velocity_mps), Empty {})
+    }
+}
+
+struct Forgets(Honest);
+
+impl Controller for Forgets {
+    const NAME: &'static str = "forgets";
+    const SUMMARY: &'static str = "Leaves the last position out of its state.";
+    type Parameters = Empty;
+    type Model = Empty;
+    type Measured = Position;
+    type Reference = Empty;
+    type Command = Force;
+    type Internals = Empty;
+
+    fn start(_: &Setup<Self>) -> Result<Self, Invalid> {
+        Ok(Self(Honest { position_m: 0.0 }))
+    }
+
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::none())
+    }
+
+    fn step(&mut self, sample: &Sample<Self>) -> (Force, Empty) {
+        let (law, position_m) = (&mut self.0, sample.measured.position_m);
+        let velocity_mps = 1000.0 * (position_m - law.position_m);
+        law.position_m = position_m;
         (force(position_m, velocity_mps), Empty {})
     }
 }
@@ -107,6 +141,7 @@ impl Controller for CountsCores {
 fn main() -> ExitCode {
     let laws = vec![
         LawKind::of::<Honest>(),
+        LawKind::of::<Forgets>(),
         LawKind::of::<ReadsClock>(),
         LawKind::of::<CountsCores>(),
     ];

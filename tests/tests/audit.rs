@@ -40,9 +40,25 @@ fn a_law_that_sees_only_its_samples_has_one_digest_under_all_conditions() {
         .iter()
         .filter(|one| one["agrees"] == true);
     assert!(ran.count() >= 5);
+    let checks = repetitions(&summary)
+        .iter()
+        .filter(|one| !one["check"].is_null());
+    let checks: Vec<_> = checks.map(|one| &one["check"]["text"]).collect();
+    assert_eq!(checks, ["exact for 100 steps"]);
     let mut left = names(&honest.folder);
     left.retain(|name| name.starts_with("audit"));
     assert!(left.is_empty(), "{left:?}");
+}
+
+#[test]
+fn a_law_that_leaves_a_field_out_of_its_state_is_named_by_the_audit() {
+    let rig = Rig::new();
+    let audited = audited(&rig, "forgets", "").expect(0);
+    assert_eq!(audited.summary()["audit"]["verdict"], "pass");
+    audited.prints(&[
+        "NOT   its restored state: differs at step 1: command.force_n is ",
+        "(controller)",
+    ]);
 }
 
 #[test]

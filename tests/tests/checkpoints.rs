@@ -86,6 +86,16 @@ fn made(run: &Run) -> Vec<u64> {
         .collect()
 }
 
+/// Lists the results of the checks of a run's checkpoints.
+fn checks(run: &Run) -> Vec<String> {
+    let summary = run.summary();
+    let made = summary["checkpoints"].as_array().expect("a list");
+    let text = |made: &Value| made["check"]["text"].as_str().map(str::to_owned);
+    made.iter()
+        .map(|made| text(made).expect("a check"))
+        .collect()
+}
+
 /// Runs a scenario in one thread with checkpoints at these times, and resumes it from each.
 #[track_caller]
 fn assert_goes_on(rig: &Rig, scenario: &str, times_s: &[f64], about: &str) {
@@ -96,6 +106,9 @@ fn assert_goes_on(rig: &Rig, scenario: &str, times_s: &[f64], about: &str) {
     let straight = rig.run(&arguments).expect(0);
     let steps = made(&straight);
     assert_eq!(steps.len(), times_s.len(), "{about}");
+    for check in checks(&straight) {
+        assert!(check.starts_with("exact for "), "{about}: {check}");
+    }
     for step in steps {
         let resumed = go_on(rig, &straight, step, "--link in-process").expect(0);
         assert_same(&straight, &resumed, &format!("{about}, from step {step}"));
@@ -111,6 +124,7 @@ fn a_resumed_run_equals_the_uninterrupted_one_over_any_link() {
     for made_over in ["iceoryx2", "in-process"] {
         let arguments = format!("{SCENARIO} --checkpoint-at 1.05 --link {made_over}");
         let straight = rig.run(&arguments).expect(0);
+        assert_eq!(checks(&straight), ["exact for 100 steps"]);
         assert_same(&without, &straight, "a checkpoint changes nothing");
         for link in ["iceoryx2", "in-process"] {
             let about = format!("from {made_over} on over {link}");
@@ -274,6 +288,12 @@ fn live_faults_continue_and_one_accepted_after_the_checkpoint_does_not() {
         rig.in_session(line).expect(0);
     }
     let straight = run.finish().expect(0);
+    // The first fault begins at the step of the first checkpoint.
+    let [first, second] = &checks(&straight)[..] else {
+        panic!("two checkpoints")
+    };
+    assert!(first.starts_with("not checked: "), "{first}");
+    assert_eq!(second, "exact for 100 steps");
     assert_eq!(
         straight.summary()["faults"].as_array().map(Vec::len),
         Some(5)

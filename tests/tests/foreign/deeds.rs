@@ -54,6 +54,35 @@ fn reason(run: Run, code: i32, fragments: &[&str]) {
 }
 
 #[test]
+fn a_plant_in_c_that_restores_a_part_of_its_state_is_named_by_its_checkpoint() {
+    if !has("cc") {
+        return;
+    }
+    let rig = Rig::new();
+    let plant = misbehaving(&rig, "saving-plant", CLEAN);
+    for (deed, text) in [
+        (0, "exact for 100 steps"),
+        (
+            14,
+            "differs before step 1: measured.x_m is 0 m, not 500 (plant)",
+        ),
+    ] {
+        let text_of_deed = format!(
+            "schema = 1\nname = \"deed\"\nplant.model = \"misbehaves\"\ncontroller.law = \"hold\"\n\
+             plant.parameters.deed = {deed}\nrun.duration_s = 1.0\nrun.rate_hz = 1000\n"
+        );
+        let scenario = rig.write("deed.toml", &text_of_deed);
+        let run = rig.run(&format!(
+            "{} --plant-bin {} --checkpoint-at 0.5",
+            scenario.display(),
+            plant.display()
+        ));
+        let summary = run.expect(0).summary();
+        assert_eq!(summary["checkpoints"][0]["check"]["text"], text);
+    }
+}
+
+#[test]
 fn every_deed_of_a_plant_in_c_is_named() {
     if !has("cc") {
         return;

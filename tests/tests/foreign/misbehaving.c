@@ -8,7 +8,7 @@
 #include <string.h>
 
 enum { BEHAVES, CRASHES, ABORTS, LEAVES, LOOPS, IS_NO_NUMBER, FORGETS, DIVERGES, FAILS, IS_SILENT, OVERRUNS, TALKS, ROUNDS_UP,
-       FLUSHES };
+       FLUSHES, LOSES };
 
 static hil_parameter parameters[] = {{"deed", "1", "What it does.", 0.0, 0.0, 20.0, 0}};
 static hil_signal truth[] = {{"x_m", "m", "Position.", 0.0, 0.0}, {"v_mps", "m/s", "Velocity.", 0.0, 0.0}};
@@ -122,6 +122,20 @@ static int step(void *self, const hil_sample *sample, double *command, double *i
     return status;
 }
 
+static int save(const void *self, void *bytes) {
+    memcpy(bytes, self, sizeof(struct side));
+    return HIL_OK;
+}
+/* Calls of a side that loses them begin anew. */
+static int restore(void *self, const void *bytes) {
+    struct side *side = self;
+    memcpy(side, bytes, sizeof *side);
+    if (side->deed == LOSES) {
+        side->calls = 0;
+    }
+    return HIL_OK;
+}
+
 int main(int argc, char **argv) {
     hil_plant plant = {
         .api = HIL_API, .name = "misbehaves", .summary = "Does everything wrong.",
@@ -132,6 +146,9 @@ int main(int argc, char **argv) {
         .api = HIL_API, .name = "misbehaves", .summary = "Does everything wrong.",
         .parameters = HIL_TABLE(parameters), .measured = HIL_TABLE(measured), .commands = HIL_TABLE(commands),
         .internals = HIL_TABLE(internals), .size = sizeof(struct side), .start = start_law, .step = step};
+    if (strstr(argv[0], "saving")) {
+        plant.saved_size = sizeof(struct side), plant.save = save, plant.restore = restore;
+    }
     const char *mistake = getenv("MISTAKE");
     if (strstr(argv[0], "controller")) {
         if (mistake) {

@@ -8,6 +8,7 @@
 //! 1. `steps` finds where, `refuse_unsaveable` looks whether everything can be saved.
 //! 2. Both sides write their state into the session's folder when they reach the step.
 //! 3. `collect` puts both beside the recording, with the digest of the records before the step.
+//! 4. `note` adds the check that the state restores exactly, which the run made of it.
 //!
 //! `hil run --from` reads it with [`Past`](past::Past), which believes nothing that it has not
 //! checked; [`branch`] says what of the scenario may differ from there on.
@@ -28,8 +29,9 @@ use shared_types::session::SessionInfo;
 use shared_types::side::Side;
 use shared_types::time::Step;
 
-use crate::files::part_file::PartFolder;
+use crate::files::part_file::{self, PartFolder};
 use crate::programs::binaries::Binaries;
+use crate::results::restoration::Check;
 use crate::results::resumed::MadeCheckpoint;
 use crate::terminal::exit::Failure;
 
@@ -56,6 +58,9 @@ pub struct Checkpoint {
     plant: SavedSide,
     controller: SavedSide,
     recording: SavedPast,
+    /// Check that the state restores exactly; not there before it was checked.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    check: Option<Check>,
 }
 
 /// The state of a side.
@@ -182,7 +187,7 @@ pub(crate) fn collect(
         let part = PartFolder::beside(&whole).map_err(cannot)?;
         let saved = |side: Side, of: &str, binary: &str, state: &Path| {
             let content = fs::read(state)?;
-            let file = format!("{}.state", side.name());
+            let file = state_file(side);
             fs::write(part.path().join(&file), &content)?;
             Ok(SavedSide {
                 of: of.into(),
@@ -216,6 +221,7 @@ pub(crate) fn collect(
                 records: step.0,
                 digest: digest.clone(),
             },
+            check: None,
         };
         let json = serde_json::to_string_pretty(&checkpoint).map_err(Failure::infrastructure)?;
         fs::write(part.path().join(FILE), json + "\n").map_err(cannot)?;
@@ -224,9 +230,28 @@ pub(crate) fn collect(
             step: step.0,
             time_s: checkpoint.time_s,
             folder,
+            check: None,
         });
     }
     Ok(made)
+}
+
+/// Names the file with the state of a side in the folder of a checkpoint.
+pub(crate) fn state_file(side: Side) -> String {
+    format!("{}.state", side.name())
+}
+
+/// Notes in the folder of a checkpoint how its check came out.
+///
+/// # Errors
+/// If the description of the checkpoint cannot be read or written.
+pub(crate) fn note(folder: &Path, check: &Check) -> Result<(), Failure> {
+    let checkpoint = Checkpoint {
+        check: Some(check.clone()),
+        ..past::read(folder)?
+    };
+    let json = serde_json::to_string_pretty(&checkpoint).map_err(Failure::infrastructure)?;
+    part_file::write_text(&folder.join(FILE), &(json + "\n"))
 }
 
 fn hash(text: &str) -> String {

@@ -24,6 +24,7 @@ use crate::programs::binaries::named::{Recorded, refuse_set};
 use crate::programs::binaries::{Binaries, Binary};
 use crate::programs::scenario;
 use crate::results::faults::FaultLog;
+use crate::results::restoration::Check;
 use crate::results::resumed::Resumed;
 use crate::terminal::exit::Failure;
 
@@ -128,6 +129,14 @@ impl Past {
         Step(self.checkpoint.step)
     }
 
+    /// Warns of a state that does not restore exactly.
+    pub(crate) fn tell(&self) {
+        let check = self.checkpoint.check.as_ref();
+        if let Some(warning) = check.and_then(Check::warning) {
+            tell!("warning: {}: {warning}", self.folder.display());
+        }
+    }
+
     /// The summary's word on a run that goes on from here.
     pub(crate) fn resumed(&self, branch: Branch) -> Resumed {
         let checkpoint = &self.checkpoint;
@@ -137,6 +146,7 @@ impl Past {
             step: checkpoint.step,
             time_s: checkpoint.time_s,
             digest: checkpoint.recording.digest.clone(),
+            check: checkpoint.check.clone(),
             changed_faults: branch.changed_faults,
         }
     }
@@ -189,7 +199,7 @@ pub(crate) fn recorded(folder: &Path) -> Result<Recorded, Failure> {
 }
 
 /// Reads what a checkpoint says of itself.
-fn read(folder: &Path) -> Result<Checkpoint, Failure> {
+pub(super) fn read(folder: &Path) -> Result<Checkpoint, Failure> {
     let shown = folder.display();
     let path = folder.join(FILE);
     let text = fs::read_to_string(&path).map_err(|error| {

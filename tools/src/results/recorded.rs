@@ -10,6 +10,7 @@ use shared_types::record::{ControllerChange, Mark, RunEnd, ValueChange};
 use crate::results::ending::Answers;
 use crate::results::faults::FaultLog;
 use crate::results::latency::legs::LatencySummary;
+use crate::results::restoration::Stretch;
 
 /// Facts that the recorder has at the end.
 #[derive(Clone, Debug, Default)]
@@ -41,6 +42,8 @@ pub struct Recorded {
     /// The digests after the first records, by how many, as far as they were asked for and
     /// exist.
     pub partial_digests: BTreeMap<u64, String>,
+    /// Records after each checkpoint, in the order of the steps.
+    pub(crate) stretches: Vec<Stretch>,
     /// Metrics.
     pub metrics: Vec<MetricValue>,
     /// Requirements.

@@ -5,8 +5,13 @@ use std::path::Path;
 use hil_recording::reader::RunReader;
 use serde::Serialize;
 
+use crate::results::restoration::Check;
+
 /// The fact that names faults which had begun before a checkpoint and went on with other sizes.
 pub(crate) const CHANGED_FAULTS: &str = "changed_faults";
+
+/// The fact that tells if the state of the checkpoint restores exactly.
+pub(crate) const CHECK: &str = "resumed_check";
 
 /// The fact that names the first step of a run that went on from a checkpoint.
 const STEP: &str = "resumed_step";
@@ -24,6 +29,8 @@ pub(crate) struct MadeCheckpoint {
     pub(crate) time_s: f64,
     /// Folder, from that of the run.
     pub(crate) folder: String,
+    /// Check that its state restores exactly; null if there was none.
+    pub(crate) check: Option<Check>,
 }
 
 impl MadeCheckpoint {
@@ -32,8 +39,9 @@ impl MadeCheckpoint {
     pub(crate) fn describe(&self, run_dir: &Path) -> String {
         let (step, time_s) = (self.step, self.time_s);
         let folder = run_dir.join(&self.folder);
+        let check = Check::words(self.check.as_ref());
         format!(
-            "checkpoint before step {step} ({time_s} s) in {}",
+            "checkpoint before step {step} ({time_s} s) in {}: {check}",
             folder.display()
         )
     }
@@ -51,6 +59,8 @@ pub(crate) struct Resumed {
     pub(crate) time_s: f64,
     /// Digest of the records before it.
     pub(crate) digest: String,
+    /// Check that its state restores exactly; null if the checkpoint has none.
+    pub(crate) check: Option<Check>,
     /// Faults that had begun and went on with other sizes.
     pub(crate) changed_faults: Vec<u32>,
 }
@@ -64,6 +74,7 @@ impl Resumed {
             ("resumed_session", self.session.clone()),
             (STEP, self.step.to_string()),
             ("resumed_digest", self.digest.clone()),
+            (CHECK, Check::words(self.check.as_ref()).to_owned()),
             (CHANGED_FAULTS, changed.join(", ")),
         ];
         let told = facts.into_iter().filter(|(_, value)| !value.is_empty());
@@ -76,8 +87,10 @@ impl Resumed {
             checkpoint,
             step,
             time_s,
+            check,
             ..
         } = self;
-        format!("went on from step {step} ({time_s} s), {checkpoint}")
+        let check = Check::words(check.as_ref());
+        format!("went on from step {step} ({time_s} s), {checkpoint}: {check}")
     }
 }

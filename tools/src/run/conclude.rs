@@ -5,6 +5,7 @@ use shared_types::session::Session;
 
 use super::execute::RunResult;
 use super::prepare::PreparedRun;
+use super::restoration;
 use crate::arguments::run::LinkKind;
 use crate::checkpoint;
 use crate::files::part_file;
@@ -59,7 +60,7 @@ pub(super) fn conclude(
         Err(failure) => (Vec::new(), Err(failure)),
     };
 
-    let folder = prepared.folder;
+    let folder = prepared.folder.clone();
     // A run may end before there is anything to record.
     let is_recorded = prepared.recording.is_some() && folder.join(RECORDING).exists();
     let recorded_to = is_recorded.then_some(RECORDING);
@@ -74,18 +75,31 @@ pub(super) fn conclude(
     );
     let by_hand = prepared.settings.by_hand.roles();
     summary.started_by_hand = by_hand.map(|side| side.name().into()).collect();
-    summary.started_utc = Some(prepared.started_utc);
-    summary.set = prepared.settings.set;
+    summary.started_utc = Some(prepared.started_utc.clone());
+    summary.set = prepared.settings.set.clone();
     summary.company = company;
-    (summary.resumed, summary.checkpoints) = (prepared.resumed, checkpoints);
+    (summary.resumed, summary.checkpoints) = (prepared.resumed.clone(), checkpoints);
     if let Some(target) = &mut summary.target {
         target.safe_switches = switches.or(Some(0));
     }
-    let json = serde_json::to_string_pretty(&summary).map_err(Failure::infrastructure)?;
     prepared.reserve.release();
+    let write = |summary: &Summary| {
+        let json = serde_json::to_string_pretty(summary).map_err(Failure::infrastructure)?;
+        let written = part_file::write_text(&folder.join(SUMMARY), &json);
+        Ok::<_, Failure>((json, written))
+    };
+    if !summary.checkpoints.is_empty() {
+        // The run is over: whatever becomes of the check, its result stays. The last writing tells of a failure.
+        let _ = write(&summary)?;
+    }
+    let noted = restoration::check(&prepared, &ended.recorded, &mut summary.checkpoints);
+    let mut checks = (summary.checkpoints.iter()).filter_map(|made| made.check.as_ref());
+    let is_cut = prepared.interruption.came() && checks.any(|check| !check.is_made());
+    let (json, written) = write(&summary)?;
     Ok(RunResult {
         exit: match ended.outcome {
             _ if ended.recorded.error.is_some() => Exit::Infrastructure,
+            _ if is_cut => Exit::Interrupted,
             Outcome::Completed | Outcome::Diverged => summary.verdict.exit(),
             Outcome::Stopped if prepared.interruption.came() => Exit::Interrupted,
             Outcome::Stopped | Outcome::Failed => Exit::Infrastructure,
@@ -94,7 +108,7 @@ pub(super) fn conclude(
         curve: ended.recorded.curve,
         recording: recorded_to.map(|name| folder.join(name)),
         table: summary.table(&prepared.plan, &folder),
-        written: part_file::write_text(&folder.join(SUMMARY), &json).and(collected),
+        written: written.and(collected).and(noted),
         summary,
         json,
         folder,

@@ -20,6 +20,7 @@ use crate::checkpoint::branch::Branch;
 use crate::checkpoint::past::Past;
 use crate::programs::binaries::Binaries;
 use crate::results::company::ProcessorTime;
+use crate::results::restoration::Check;
 use crate::results::summary::Summary;
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::interruption::Interruption;
@@ -80,6 +81,13 @@ pub(crate) struct RunResult {
     /// Failure to write the summary. To be told after the summary: neither a full disk nor a broken
     /// output may hide the other.
     pub(crate) written: Result<(), Failure>,
+}
+
+impl RunResult {
+    /// Returns the check of the first checkpoint that the run made.
+    pub(crate) fn first_check(&self) -> Option<&Check> {
+        self.summary.checkpoints.first()?.check.as_ref()
+    }
 }
 
 /// Checks the options and begins to listen to signals.

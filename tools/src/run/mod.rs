@@ -8,7 +8,8 @@
 //!    `controllers` starts a lost controller again or lets its loss end the run, and `termination` says why it
 //!    ended; to hold or to take the safe command is the plant's, in `plant_process::engine`.
 //!    `by_hand` waits before that for the sides that somebody starts by hand.
-//! 4. `conclude` makes checkpoints, summary and exit code of what came of it.
+//! 4. `conclude` makes checkpoints, summary and exit code of what came of it; `restoration` checks each checkpoint with
+//!    second sides.
 //!
 //! Meanwhile `attach` joins the recorder to the stream, [`swap`] brings another controller, `objections` asks the
 //! programs about changed parameters, `pause` says that a run is held, and `log` bounds what processes write.
@@ -36,6 +37,7 @@ pub(crate) mod processes;
 mod provenance;
 pub(crate) mod realtime;
 pub(crate) mod recorder;
+mod restoration;
 pub(crate) mod settings;
 pub(crate) mod side;
 pub(crate) mod swap;

@@ -250,6 +250,12 @@ impl SideProcess {
         }
     }
 
+    /// Returns `true` if it died by a signal or a panic, and was not killed.
+    pub(super) fn has_crashed(&self) -> bool {
+        let status = self.status.filter(|_| self.killed.is_none());
+        status.is_some_and(|status| status.signal().is_some() || status.code() == Some(PANIC))
+    }
+
     /// Returns the error that a bridge ended with, which says what became of the controller on its target.
     fn said_of_target(&self) -> Option<String> {
         let begin = format!("target {}: ", self.target.as_ref()?);

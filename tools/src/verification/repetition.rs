@@ -25,7 +25,7 @@ use crate::programs::checked::checked;
 use crate::results::faults::{FaultLog, LiveFault};
 use crate::results::late_commands::LateCommands;
 use crate::results::recorded_run::RecordedRun;
-use crate::results::resumed::CHANGED_FAULTS;
+use crate::results::resumed::{CHANGED_FAULTS, CHECK};
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
 
@@ -49,6 +49,8 @@ pub struct RecordedScenario {
     pub outcome: Option<String>,
     /// Steps at which the controller was not in time.
     pub missed: Vec<Missed>,
+    /// Check of the checkpoint that it went on from, in words; `None` if it began at step 0.
+    pub(crate) resumed_check: Option<String>,
 }
 
 /// Runs the command.
@@ -156,6 +158,7 @@ impl RecordedScenario {
             digest: reader.digest(),
             outcome,
             missed: missed.map(LateCommands::missed).unwrap_or_default(),
+            resumed_check: fact(CHECK),
             recorded,
         })
     }

@@ -114,6 +114,7 @@ pub(crate) fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
             "recorded_digest": expected,
             "digest": found,
             "first_difference": difference,
+            "resumed_check": recorded.resumed_check,
             "summary": summary,
         });
         format!("{result:#}\n")
@@ -134,6 +135,10 @@ pub(crate) fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
         };
         if let Some(difference) = &difference {
             text += &format!("{difference}\n");
+        }
+        if let (false, Some(check)) = (is_same, &recorded.resumed_check) {
+            text +=
+                &format!("{shown} went on from a checkpoint, whose restored state is: {check}\n");
         }
         text
     };

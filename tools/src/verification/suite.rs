@@ -156,6 +156,7 @@ fn resumed(
         let planned = past.plan(&options.changes, &environment.binaries, options.json)?;
         Ok::<_, Failure>((past, planned))
     })??;
+    past.tell();
     let case = Case::new(plan, environment, from.display().to_string());
     Ok((case, Origin::Checkpoint(Box::new(past), branch)))
 }

@@ -23,6 +23,7 @@ use crate::results::ending;
 use crate::results::evaluation::RecordEvaluation;
 use crate::results::latency::legs::Latency;
 use crate::results::recorded::Recorded;
+use crate::results::restoration::Stretch;
 use crate::run::realtime;
 use crate::run::recorder::{NAP, RecordingPlan, Shared};
 use crate::session::happening::Happening;
@@ -204,9 +205,14 @@ impl RecorderWork {
                 self.digest.record(view.hashed);
                 self.collector.record(words, &view.timing);
                 let recorded = &mut self.collector.recorded;
+                // Each stretch is as long as the others: those that are complete come first.
+                let mut stretches = recorded.stretches.iter_mut().rev();
+                while stretches.next().is_some_and(|open| open.take(view.hashed)) {}
                 if self.marks.contains(&recorded.records) && recorded.lost == 0 {
                     let digest = self.digest.clone().finish();
                     recorded.partial_digests.insert(recorded.records, digest);
+                    let accepted = recorded.faults.accepted.len();
+                    (recorded.stretches).push(Stretch::new(recorded.records, accepted));
                 }
                 (self.shared.next_step).store(self.heard.next_step(), Ordering::Relaxed);
                 self.write(|recording| recording.record(words, &view));

@@ -17,6 +17,7 @@ use super::running::{self, Early};
 use crate::arguments::run::{LinkKind, RunArguments};
 use crate::files::part_file;
 use crate::files::runs::SUMMARY;
+use crate::results::restoration::{Check, Verdict};
 use crate::run::{Origin, RunResult};
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::output;
@@ -36,6 +37,8 @@ struct Repetition<'a> {
     digest: Option<&'a str>,
     wall_time_s: Option<f64>,
     first_difference: Option<&'a Difference>,
+    /// Check of the state that it saved; null unless it saved one.
+    check: Option<&'a Check>,
     /// Folder in which it is kept, if it differs.
     run: Option<String>,
 }
@@ -51,6 +54,7 @@ impl<'a> Repetition<'a> {
             digest: row.digest(),
             wall_time_s: row.ran.as_ref().map(|ran| ran.summary.wall_time_s),
             first_difference: disagreement.and_then(|found| found.difference.as_ref()),
+            check: row.ran.as_ref().and_then(RunResult::first_check),
             run: folder.filter(|_| disagreement.is_some()),
         }
     }
@@ -187,6 +191,14 @@ fn describe(repetitions: &[Repetition<'_>]) -> String {
             (_, _, Some(run)) => format!("  DIFF  {condition}: see {run}\n"),
             _ => format!("  same  {condition}\n"),
         };
+        if let Some(check) = one.check {
+            let mark = match check.verdict {
+                Verdict::Exact => "same",
+                Verdict::Unchecked => "-   ",
+                _ => "NOT ",
+            };
+            text += &format!("  {mark}  its restored state: {}\n", check.text);
+        }
     }
     let ran = repetitions
         .iter()

@@ -7,8 +7,10 @@ use hil_config::live_requests::RequestContext;
 use hil_config::plan::{Clock, Plan};
 use hil_target::machine::built_for;
 use rustix::thread::{CpuSet, sched_getaffinity};
+use shared_types::lockstep::OnLoss;
 use shared_types::time::Step;
 
+use crate::checkpoint;
 use crate::verification::suite::case::{Case, Row};
 
 /// The delays of a repetition add up to about N times what the run took, at least to
@@ -81,6 +83,7 @@ fn under_conditions(reference: &Case, wall_time_s: f64) -> Vec<Case> {
             ..condition("busy cores", &|_| {})
         },
         delayed(reference, wall_time_s),
+        saved(reference),
     ];
     conditions.extend(here(reference));
     conditions
@@ -148,6 +151,30 @@ fn delayed(reference: &Case, wall_time_s: f64) -> Case {
         Err(_) => condition.skipped = Some("the plant's binary has no fault `late`".into()),
     }
     condition
+}
+
+/// Both sides save their state halfway, which must change nothing; second sides check that the state restores exactly.
+fn saved(reference: &Case) -> Case {
+    let (plan, environment) = (&reference.plan, &reference.environment);
+    let mut case = Case {
+        label: "both sides save their state halfway".into(),
+        ..reference.clone()
+    };
+    let unsaveable = checkpoint::refuse_unsaveable(plan, &environment.binaries);
+    case.skipped = if let Err(failure) = unsaveable {
+        Some(failure.reason())
+    } else if environment.binaries.controller.at.is_some() {
+        Some("no state of a controller is kept on a target".into())
+    } else if plan.run.on_controller_loss != OnLoss::Abort {
+        Some("the state of a controller that may be lost cannot be saved".into())
+    } else if plan.run.steps < 2 {
+        Some("there is one step only".into())
+    } else {
+        None
+    };
+    let halfway_s = plan.run.rate.seconds(Step(plan.run.steps / 2));
+    case.environment.settings.checkpoints_at_s = vec![halfway_s];
+    case
 }
 
 /// The cores that this process may use; at least one.
