@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use glob::Pattern;
-use hil_foreign::fmi::{Fmu, Permissions, leave, sides};
+use hil_foreign::fmi::{Fmu, Permissions, begin_trial, leave, sides};
 use shared_types::describe::{Description, Imported};
 use shared_types::program::{self, Program, UNUSABLE};
 use shared_types::session::SessionInfo;
@@ -112,6 +112,7 @@ impl<P: Program> Program for Described<'_, P> {
     }
 
     fn check(&self, job: &Path) -> Result<(), String> {
+        begin_trial();
         self.inner.check(job)
     }
 

@@ -17,7 +17,7 @@ use shared_types::describe::Invalid;
 use shared_types::failure::Failure;
 use shared_types::time::Interval;
 
-use crate::crash::calling;
+use crate::crash::{self, calling};
 
 use super::Model;
 use super::journal::Journal;
@@ -69,7 +69,7 @@ pub(super) struct Instance {
     /// Outputs, then inner signals, as they were read last.
     signals: Vec<f64>,
     // Both are known to the library by their addresses, until the instance is freed.
-    journal: Box<Journal>,
+    journal: Arc<Journal>,
     _callbacks: Option<Box<CallbacksTwo>>,
 }
 
@@ -97,7 +97,7 @@ impl Instance {
             .map(|&place| parameters[place])
             .collect();
         let signals = [&tables.outputs[..], &tables.locals].concat();
-        let journal = Box::<Journal>::default();
+        let journal = Journal::open();
         let (handle, callbacks) = instantiate(model, functions, resources, &journal)?;
         let mut instance = Self {
             model: Arc::clone(model),
@@ -338,6 +338,7 @@ impl Drop for Instance {
         // not used again. The answer of an instance that goes away is nobody's concern.
         unsafe {
             if self.life.get() == Life::Stepping {
+                crash::excuse_end();
                 let _call = calling(&"Terminate");
                 let _ = (self.functions.terminate)(self.handle);
             }

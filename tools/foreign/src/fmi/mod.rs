@@ -258,6 +258,11 @@ impl Fmu {
     }
 }
 
+/// Marks this process as one that only tries an FMU: a crash in freeing an instance that did no step is then no failure.
+pub fn begin_trial() {
+    crate::crash::begin_trial();
+}
+
 /// Ends this process without what the libraries in it do at an exit: an interpreter that an FMU brought along takes
 /// itself apart there while its extensions still use it, which ends a complete run as a crash.
 pub fn leave(code: u8) -> ! {

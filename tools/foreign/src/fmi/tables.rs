@@ -239,6 +239,9 @@ fn unsupported(variable: &Variable, is_parameter: bool) -> Option<String> {
     if variable.is_clocked {
         return Some("it has a clock".into());
     }
+    if is_parameter && variable.is_constant {
+        return Some("it is constant and keeps its start value".into());
+    }
     let is_told = variable.start.len() == variable.elements();
     (is_parameter && !is_told).then(|| "it is a parameter without a start value".into())
 }

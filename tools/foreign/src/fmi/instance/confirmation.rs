@@ -1,4 +1,7 @@
 //! Parameters, read back after they were set: an FMU that has another value did not get what the scenario says.
+//!
+//! A start value that the FMU itself does not keep is a slip of its tool, which nobody asked for: it is told, and the run
+//! goes on.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -22,7 +25,7 @@ impl Instance {
     pub(super) fn confirm_all(&mut self, row: &[f64]) -> Result<(), Failure> {
         let model = Arc::clone(&self.model);
         let columns = &model.tables.parameters;
-        self.confirm(columns.iter().zip(row.iter().copied()).collect())
+        self.confirm(columns.iter().zip(row.iter().copied()).collect(), true)
     }
 
     /// Compares the tunable parameters with what they were set to.
@@ -32,11 +35,15 @@ impl Instance {
             .map(|&place| &model.tables.parameters[place])
             .zip(self.tuned.iter().copied());
         let parameters = parameters.collect();
-        self.confirm(parameters)
+        self.confirm(parameters, false)
     }
 
     /// Reads these parameters, one by one where they cannot be read together.
-    fn confirm(&mut self, mut parameters: Vec<(&Column, f64)>) -> Result<(), Failure> {
+    fn confirm(
+        &mut self,
+        mut parameters: Vec<(&Column, f64)>,
+        is_start: bool,
+    ) -> Result<(), Failure> {
         parameters.retain(|(column, _)| !self.unconfirmed.0.contains(&column.field.name));
         let (columns, row): (Vec<Column>, Vec<f64>) = (parameters.iter())
             .map(|(column, value)| ((*column).clone(), *value))
@@ -48,7 +55,7 @@ impl Instance {
         let mut read = vec![0.0; columns.len()];
         // SAFETY: the instance is initialised, and nothing was set since its last step: every variable may be read.
         match unsafe { values.get(&self.functions, self.handle, &mut read) } {
-            Ok(()) => self.compare(&columns, &row, &read),
+            Ok(()) => self.compare(&columns, &row, &read, is_start),
             Err(refused @ Refused::Status(_, Status::Fatal)) => self.accept(Err(refused)),
             Err(_) if first.variable == last.variable => {
                 for column in &columns {
@@ -61,15 +68,27 @@ impl Instance {
                 Ok(())
             }
             Err(_) => (parameters.chunk_by(|(a, _), (b, _)| a.variable == b.variable))
-                .try_for_each(|variable| self.confirm(variable.to_vec())),
+                .try_for_each(|variable| self.confirm(variable.to_vec(), is_start)),
         }
     }
 
-    fn compare(&self, columns: &[Column], row: &[f64], read: &[f64]) -> Result<(), Failure> {
+    fn compare(
+        &self,
+        columns: &[Column],
+        row: &[f64],
+        read: &[f64],
+        is_start: bool,
+    ) -> Result<(), Failure> {
         for ((column, &set), &has) in columns.iter().zip(row).zip(read) {
             let kind = self.model.description.variables[column.variable].kind;
             if !is_same(kind, set, has) {
                 let name = &column.field.name;
+                if is_start && column.field.default == Some(set) {
+                    program::say(&format!(
+                        "warning: parameter `{name}` starts at {set} by the FMU's own description, and the FMU has {has}"
+                    ));
+                    continue;
+                }
                 return Err(Failure::lost(format!(
                     "parameter `{name}` was set to {set}, and the FMU has {has}"
                 )));
