@@ -10,7 +10,7 @@ use shared_types::failure::Failure;
 use shared_types::program;
 
 use super::{Instance, Refused, Status, Values};
-use crate::fmi::description::VariableType;
+use crate::fmi::description::{Initial, VariableType};
 use crate::fmi::tables::Column;
 
 /// Difference, as a part of a value, that is rounding alone.
@@ -36,6 +36,35 @@ impl Instance {
             .zip(self.tuned.iter().copied());
         let parameters = parameters.collect();
         self.confirm(parameters, false)
+    }
+
+    /// Compares exact initial values with what they were set to. Another one is told: the model's equations may change it
+    /// at the start.
+    pub(super) fn confirm_initial(&self) -> Result<(), Failure> {
+        let model = Arc::clone(&self.model);
+        let variable = |column: &Column| &model.description.variables[column.variable];
+        let preset = &model.start.initial;
+        let (columns, row): (Vec<Column>, Vec<f64>) = (preset.columns.iter().zip(&preset.row))
+            .filter(|(column, _)| variable(column).initial == Initial::Exact)
+            .map(|(column, value)| (column.clone(), *value))
+            .unzip();
+        let mut values = Values::new(&model.description, &columns);
+        let mut read = vec![0.0; columns.len()];
+        // SAFETY: the instance is initialised: every variable may be read.
+        match unsafe { values.get(&self.functions, self.handle, &mut read) } {
+            Err(refused @ Refused::Status(_, Status::Fatal)) => return self.accept(Err(refused)),
+            Err(_) => return Ok(()),
+            Ok(()) => {}
+        }
+        for ((column, &set), &has) in columns.iter().zip(&row).zip(&read) {
+            if !is_same(variable(column).kind, set, has) {
+                let name = &column.field.name;
+                program::say(&format!(
+                    "warning: the initial value of `{name}` was set to {set}, and the FMU begins with {has}"
+                ));
+            }
+        }
+        Ok(())
     }
 
     /// Reads these parameters, one by one where they cannot be read together.
