@@ -7,6 +7,7 @@
 mod changes;
 mod faults;
 mod metrics;
+mod model;
 mod plots;
 mod realtime;
 mod requirements;
@@ -306,20 +307,6 @@ pub(crate) const RUN: &[Key] = &[
     ),
 ];
 
-/// Permission of `[plant]` and `[controller]` for the archive of an FMU.
-const TRUST_ARCHIVE: Key = Key::new(
-    "trust_archive",
-    KeyKind::Boolean { default: false },
-    "Permission for the archive of an FMU to unpack to more than 100 times its size, as one with a large table of zeros does; its other limits stay.",
-);
-
-/// Permission of `[plant]` and `[controller]` for the tool of an FMU.
-const ALLOW_EXECUTION_TOOL: Key = Key::new(
-    "allow_execution_tool",
-    KeyKind::Boolean { default: false },
-    "Permission for an FMU that says it needs the tool it was made with (needsExecutionTool) to run and to start that tool.",
-);
-
 /// `[plant]`.
 pub(crate) const PLANT: &[Key] = &[
     Key::new("model", TEXT, "Name of the plant.").required(),
@@ -333,8 +320,15 @@ pub(crate) const PLANT: &[Key] = &[
         KeyKind::Texts,
         "Inner signals of an FMU that are part of the truth: patterns with * and ? for their names in the FMU or in hil. Default: none.",
     ),
-    TRUST_ARCHIVE,
-    ALLOW_EXECUTION_TOOL,
+    model::TRUST_ARCHIVE,
+    model::ALLOW_EXECUTION_TOOL,
+    model::TOLERANCE,
+    model::START_TIME_S,
+    model::STOP_TIME_S,
+    model::INITIAL,
+    model::TEXTS,
+    model::FILES,
+    model::STRUCTURAL,
     Key::new(
         "substeps",
         integer_or(1, 1000, 4),
@@ -370,8 +364,15 @@ pub(crate) const CONTROLLER: &[Key] = &[
         KeyKind::Program,
         "Controller program or FMU, relative to the scenario, or a table of programs by machine name, as printed by `uname -m`; a scenario that names a program runs it. Default: controller-process beside hil.",
     ),
-    TRUST_ARCHIVE,
-    ALLOW_EXECUTION_TOOL,
+    model::TRUST_ARCHIVE,
+    model::ALLOW_EXECUTION_TOOL,
+    model::TOLERANCE,
+    model::START_TIME_S,
+    model::STOP_TIME_S,
+    model::INITIAL,
+    model::TEXTS,
+    model::FILES,
+    model::STRUCTURAL,
     Key::new(
         "rate_hz",
         number("Hz", Rate::MIN_HZ, Rate::MAX_HZ),

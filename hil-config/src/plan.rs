@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use shared_types::connection::Connection;
-use shared_types::describe::Settings;
+use shared_types::describe::{ModelSettings, Settings};
 use shared_types::lockstep::OnLoss;
 use shared_types::pacer::OverrunPolicy;
 use shared_types::realtime;
@@ -84,7 +84,7 @@ impl Plan {
 
 /// The programs that a scenario names, as absolute paths; a side without one has the program beside
 /// `hil`.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Programs {
     /// Program of the plant.
     pub plant: Option<PathBuf>,
@@ -96,6 +96,10 @@ pub struct Programs {
     pub plant_permissions: Permissions,
     /// Permissions of the controller, if it is an FMU.
     pub controller_permissions: Permissions,
+    /// Settings of the plant, if it is an FMU.
+    pub plant_settings: ModelSettings,
+    /// Settings of the controller, if it is an FMU.
+    pub controller_settings: ModelSettings,
 }
 
 /// Permissions that a scenario gives to an FMU.

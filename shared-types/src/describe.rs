@@ -466,8 +466,10 @@ pub struct Invalid(pub String);
 
 mod imported;
 mod rows;
+mod settings;
 
 pub use imported::{DefinedUnit, DirectDependency, Imported, LeftOut, LibraryNeeds};
+pub use settings::ModelSettings;
 
 #[cfg(test)]
 mod tests;

@@ -1,6 +1,7 @@
 /* An FMU of FMI 2.0 for tests that does what vendors' FMUs do and the standard does not foresee. `-DVALUE=..` is the
  * output after `n` steps, and the token in the model description chooses the rest: `crash NAME` crashes in that
- * function, `slow MS` takes so long to be instantiated, `say TEXT` says a text by "%s" and fails at the third step. */
+ * function, `slow MS` takes so long to be instantiated, `say TEXT` says a text by "%s" and fails at the third step,
+ * `lost TEXT` does so with an environment that is none, `unstepped` crashes if it is freed before its first step. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -54,8 +55,10 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String token, 
     return one;
 }
 
-void fmi2FreeInstance(fmi2Component one) {
+void fmi2FreeInstance(fmi2Component instance) {
+    Instance *one = instance;
     reach(one, "fmi2FreeInstance");
+    if (strcmp(one->token, "unstepped") == 0 && one->n == 0) abort();
     free(one);
 }
 
@@ -135,6 +138,10 @@ fmi2Status fmi2DoStep(fmi2Component instance, fmi2Real at, fmi2Real h, fmi2Boole
         reach(one, "fmi2DoStep");
         if (strncmp(one->token, "say ", 4) == 0) {
             one->log(one->environment, "odd", fmi2Error, "error", "%s", one->token + 4);
+            return fmi2Error;
+        }
+        if (strncmp(one->token, "lost ", 5) == 0) {
+            one->log((void *)1, "odd", fmi2Error, "error", "%s", one->token + 5);
             return fmi2Error;
         }
     }

@@ -12,6 +12,12 @@ static void advance(double *values, double h);
 #define KEPT(value) (value)
 #endif
 
+/* What is done with what the start is told, where -1 stands for nothing, and with the time of a step. */
+#ifndef BEGUN
+#define BEGUN(values, tolerance, start, stop) ((void)(values), (void)(tolerance), (void)(start), (void)(stop))
+#define REACHED(values, at) ((void)(values), (void)(at))
+#endif
+
 static bool read_row(const double *row, const unsigned refs[], size_t count, double values[]) {
     for (size_t i = 0; i < count; i++) {
         if (refs[i] < 1 || refs[i] >= COUNT) return false;
@@ -51,7 +57,7 @@ void fmi2FreeInstance(fmi2Component one) { free(one); }
 
 fmi2Status fmi2SetupExperiment(fmi2Component one, fmi2Boolean tolerance_defined, fmi2Real tolerance, fmi2Real start,
                                fmi2Boolean stop_defined, fmi2Real stop) {
-    (void)one, (void)tolerance_defined, (void)tolerance, (void)start, (void)stop_defined, (void)stop;
+    BEGUN((double *)one, tolerance_defined ? tolerance : -1.0, start, stop_defined ? stop : -1.0);
     return fmi2OK;
 }
 
@@ -68,7 +74,8 @@ fmi2Status fmi2SetReal(fmi2Component one, const fmi2ValueReference refs[], size_
 }
 
 fmi2Status fmi2DoStep(fmi2Component one, fmi2Real at, fmi2Real h, fmi2Boolean never_back) {
-    (void)at, (void)never_back;
+    (void)never_back;
+    REACHED((double *)one, at);
     advance(one, h);
     return fmi2OK;
 }
@@ -94,7 +101,7 @@ void fmi3FreeInstance(fmi3Instance one) { free(one); }
 
 fmi3Status fmi3EnterInitializationMode(fmi3Instance one, fmi3Boolean tolerance_defined, fmi3Float64 tolerance,
                                        fmi3Float64 start, fmi3Boolean stop_defined, fmi3Float64 stop) {
-    (void)one, (void)tolerance_defined, (void)tolerance, (void)start, (void)stop_defined, (void)stop;
+    BEGUN((double *)one, tolerance_defined ? tolerance : -1.0, start, stop_defined ? stop : -1.0);
     return fmi3OK;
 }
 
@@ -113,6 +120,7 @@ fmi3Status fmi3SetFloat64(fmi3Instance one, const fmi3ValueReference refs[], siz
 fmi3Status fmi3DoStep(fmi3Instance one, fmi3Float64 at, fmi3Float64 h, fmi3Boolean never_back, fmi3Boolean *event,
                       fmi3Boolean *over, fmi3Boolean *early, fmi3Float64 *reached) {
     (void)never_back;
+    REACHED((double *)one, at);
     advance(one, h);
     *event = *over = *early = false;
     *reached = at + h;

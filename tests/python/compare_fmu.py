@@ -11,6 +11,7 @@ all is the same.
 import pathlib
 import shutil
 import sys
+import tomllib
 
 import fmpy
 import numpy as np
@@ -46,7 +47,9 @@ def canonical(values):
 class Calls:
     """An FMU and its variables by role."""
 
-    def __init__(self, path):
+    def __init__(self, path, plant):
+        self.structural = plant.get("structural", {})
+        self.given = plant.get("parameters", {})
         self.model = model = fmpy.read_model_description(path, validate=False)
         self.folder = fmpy.extract(path)
         self.kinds = TWO if model.fmiVersion.startswith("2") else THREE
@@ -59,7 +62,7 @@ class Calls:
         )
         known = [one for one in model.modelVariables if one.type in self.kinds and one.alias is None]
         sizes = [one for one in known if one.causality == "structuralParameter" and "Int" in one.type]
-        self.sizes = {one.name: int(one.start) for one in sizes}
+        self.sizes = {one.name: self.structural.get(one.name, int(one.start)) for one in sizes}
         self.inputs, self.outputs, self.parameters = (
             [one for one in known if one.causality == role] for role in ("input", "output", "parameter")
         )
@@ -86,7 +89,14 @@ class Calls:
 
     def start(self):
         self.fmu.instantiate()
-        for one in self.parameters:
+        if self.structural:
+            self.fmu.enterConfigurationMode()
+            known = {one.name: one for one in self.model.modelVariables}
+            for name, value in self.structural.items():
+                self.set([known[name]], [value])
+            self.fmu.exitConfigurationMode()
+            self.set(self.parameters, self.given.values())
+        for one in [] if self.structural else self.parameters:
             words = str(one.start).split()
             words = [{"true": 1, "false": 0}.get(word, word) for word in words]
             self.set([one], map(float, words))
@@ -106,7 +116,8 @@ def compare(path, run_path, rate_hz):
     data = hil_run.load(run_path).to_numpy()
     columns = lambda kind: [values for name, values in data.items() if name.startswith(kind + ".")]
     applied, measured = columns("applied"), columns("measured")
-    calls = Calls(path)
+    scenario = tomllib.loads((pathlib.Path(run_path) / "scenario.toml").read_text())
+    calls = Calls(path, scenario["plant"])
     calls.start()
     rows = [calls.get()]
     for step in range(len(data["step"]) - 1 if "step" in data else len(measured[0]) - 1):

@@ -128,9 +128,25 @@ fn own(name: &str) -> Entries {
 
 /// An FMU of a source of `tests/fmus`, as entries of its archive.
 pub(crate) fn entries(name: &str, version: u32, description: Vec<u8>, options: &[&str]) -> Entries {
-    let source = tests().join(format!("fmus/{name}.c"));
+    built(&[name], version, description, options)
+}
+
+/// The same for FMPy, which looks up every function of the standard.
+pub(crate) fn entries_for_fmpy(
+    name: &str,
+    version: u32,
+    description: Vec<u8>,
+    options: &[&str],
+) -> Entries {
+    built(&[name, "every_function"], version, description, options)
+}
+
+fn built(names: &[&str], version: u32, description: Vec<u8>, options: &[&str]) -> Entries {
+    let name = names[0];
+    let source = |name: &&str| tests().join(format!("fmus/{name}.c"));
+    let sources: Vec<PathBuf> = names.iter().map(source).collect();
     let version_of = format!("-DFMI_VERSION={version}");
-    let library = compiled(name, &[source], &[&[version_of.as_str()], options].concat());
+    let library = compiled(name, &sources, &[&[version_of.as_str()], options].concat());
     vec![
         ("modelDescription.xml".into(), description),
         (format!("binaries/{}/{name}.so", platform(version)), library),

@@ -5,6 +5,7 @@ mod ends;
 mod names;
 mod order;
 mod shipped;
+mod start;
 mod states;
 mod vendor;
 

@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use super::model_settings;
 use crate::document::{Node, Value};
+use crate::keys::{self, Key};
 use crate::plan::{ControllerProgram, Permissions, Programs};
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section, describe};
@@ -33,13 +35,43 @@ pub(super) fn check(reader: &mut Reader, root: &Section<'_>, folder: &Path) -> P
             node.is_some_and(|node| flag(reader, &format!("{table}.{key}"), node))
         })
     };
+    let plant_permissions = permissions("plant");
+    let controller_permissions = permissions("controller");
+    let mut settings = |table: &'static str, keys| {
+        let section = section_of(root, table, keys);
+        section.map_or_else(Default::default, |section| {
+            model_settings::check(reader, &section, folder)
+        })
+    };
+    let plant_settings = settings("plant", keys::PLANT);
+    let controller_settings = settings("controller", keys::CONTROLLER);
     Programs {
         plant,
         controller,
         locals,
-        plant_permissions: permissions("plant"),
-        controller_permissions: permissions("controller"),
+        plant_permissions,
+        controller_permissions,
+        plant_settings,
+        controller_settings,
     }
+}
+
+/// A section that may be there, without a word if it is none.
+fn section_of<'a>(
+    root: &Section<'a>,
+    table: &'static str,
+    keys: &'static [Key],
+) -> Option<Section<'a>> {
+    let node = &root.table.get(table)?.node;
+    let Value::Table(entries) = &node.value else {
+        return None;
+    };
+    Some(Section {
+        table: entries,
+        keys,
+        path: table.into(),
+        place: &node.place,
+    })
 }
 
 /// The value of a key that is true or false; false if it is neither, which is reported.
@@ -76,7 +108,7 @@ fn texts(reader: &mut Reader, path: &str, node: &Node) -> Vec<String> {
 }
 
 /// The file of a key.
-fn file(reader: &mut Reader, folder: &Path, path: &str, node: &Node) -> Option<PathBuf> {
+pub(super) fn file(reader: &mut Reader, folder: &Path, path: &str, node: &Node) -> Option<PathBuf> {
     let expected = describe(match path {
         "controller.program" => &crate::keys::KeyKind::Program,
         _ => &crate::keys::TEXT,

@@ -23,6 +23,9 @@ pub struct Imported {
     /// Inner signals that are recorded on request alone.
     #[serde(default)]
     pub locals: Vec<String>,
+    /// Variables whose initial values can be set, besides the inputs.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub initial: Vec<String>,
     /// Units as the model defines them.
     #[serde(default)]
     pub units: Vec<DefinedUnit>,

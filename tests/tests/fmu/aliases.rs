@@ -249,6 +249,25 @@ fn a_parameter_that_the_fmu_does_not_take_ends_the_run() {
 }
 
 #[test]
+fn a_start_value_that_the_fmu_does_not_keep_is_told_and_the_run_goes_on() {
+    let text = scenario("")
+        .replace("program = \"law.fmu\"\n", "")
+        .replace("law = \"accumulators\"", "law = \"hold\"");
+    for version in [2, 3] {
+        let Some(place) = Place::new() else { return };
+        let rows = [row("x", &[]), row("u", &[]), row("k", &[])];
+        let other = "-DKEPT(value)=((value) + 5)";
+        place.fmu("plant.fmu", &accumulator(version, &rows, &[other]));
+        let run = place.run(&text, "").expect(0);
+        let told = "parameter `k` starts at 0 by the FMU's own description, and the FMU has 5";
+        assert!(run.stderr.contains(told), "{}", run.stderr);
+        // A value that somebody chose is another matter.
+        let chosen = format!("{text}[plant.parameters]\nk = 1\n");
+        place.run(&chosen, "").expect(2);
+    }
+}
+
+#[test]
 fn a_parameter_that_cannot_be_read_is_not_confirmed_and_the_run_goes_on() {
     let Some(place) = Place::new() else { return };
     place.fmu("p.fmu", &proportional());

@@ -8,7 +8,7 @@ use std::ffi::c_int;
 use std::mem::MaybeUninit;
 use std::ptr::{null, null_mut};
 use std::sync::Once;
-use std::sync::atomic::{AtomicPtr, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicPtr, Ordering};
 
 /// Signals by which a program ends itself.
 const SIGNALS: [(c_int, &str); 6] = [
@@ -27,6 +27,10 @@ static CALL: AtomicPtr<&'static str> = AtomicPtr::new(null_mut());
 /// Name of the version in front of all names, `fmi2` or `fmi3`; null for none.
 static FAMILY: AtomicPtr<&'static str> = AtomicPtr::new(null_mut());
 static INSTALLED: Once = Once::new();
+/// True while this process only tries a model, without running it.
+static IS_TRIAL: AtomicBool = AtomicBool::new(false);
+/// True once the work of a trial is done and the model is only taken down.
+static IS_EXCUSED: AtomicBool = AtomicBool::new(false);
 
 /// Mark of a call, taken back when dropped.
 #[must_use]
@@ -68,6 +72,17 @@ pub(crate) fn install(family: &'static &'static str) {
     });
 }
 
+/// Marks this process as one that only tries a model. A crash in taking down what it made is then no failure: there are
+/// models that can be freed only after a step.
+pub(crate) fn begin_trial() {
+    IS_TRIAL.store(true, Ordering::Relaxed);
+}
+
+/// Marks the work of a trial as done.
+pub(crate) fn excuse_end() {
+    IS_EXCUSED.store(IS_TRIAL.load(Ordering::Relaxed), Ordering::Relaxed);
+}
+
 /// Gives the handler a stack of its own on this thread, unless there is one, as on every thread of Rust.
 fn provide_stack() {
     // SAFETY: as in `install`.
@@ -93,17 +108,16 @@ extern "C" fn died(signal: c_int) {
     let call = unsafe { CALL.load(Ordering::Relaxed).as_ref() };
     // SAFETY: as above.
     let family = unsafe { FAMILY.load(Ordering::Relaxed).as_ref() };
+    if IS_EXCUSED.load(Ordering::Relaxed) {
+        write("note: the model crashed when it was taken down after the trial\n");
+        // SAFETY: `_exit` may be called in a handler.
+        unsafe { libc::_exit(0) };
+    }
     if let Some(call) = call {
         let name = SIGNALS.iter().find(|(number, _)| *number == signal);
         let name = name.map_or("a signal", |(_, name)| name);
-        for part in [
-            "error: ",
-            name,
-            " came in ",
-            family.unwrap_or(&""),
-            call,
-            "\n",
-        ] {
+        let family = family.unwrap_or(&"");
+        for part in ["error: ", name, " came in ", family, call, "\n"] {
             write(part);
         }
     }

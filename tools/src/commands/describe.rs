@@ -205,6 +205,13 @@ fn write_imported(text: &mut String, imported: &Imported, is_law: bool) -> Writt
             "\ninner signals, part of the truth on request (`plant.locals`):\n  {names}"
         )?;
     }
+    if !imported.initial.is_empty() {
+        let names = imported.initial.join(", ");
+        writeln!(
+            text,
+            "\ninitial values that can be set, besides those of inputs (`plant.initial`):\n  {names}"
+        )?;
+    }
     if !imported.units.is_empty() {
         writeln!(text, "\nunits as the model defines them:")?;
     }

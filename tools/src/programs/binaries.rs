@@ -69,7 +69,7 @@ pub(crate) struct Binaries {
 }
 
 /// Binaries of a run, before they are asked anything.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Choices {
     plant: Choice,
     controller: Choice,
@@ -159,6 +159,10 @@ impl Binaries {
     /// The programs that were named, for the scenario of the run.
     #[must_use]
     pub(crate) fn programs(&self) -> Programs {
+        let settings = |binary: &Binary| {
+            let host = binary.host.as_ref();
+            host.map_or_else(Default::default, |host| host.settings.clone())
+        };
         Programs {
             plant: self.plant.named().map(Path::to_owned),
             controller: (self.controller.named()).map(|path| ControllerProgram::One(path.into())),
@@ -169,6 +173,8 @@ impl Binaries {
                 .map_or(Vec::new(), |host| host.locals.clone()),
             plant_permissions: self.plant.permissions(),
             controller_permissions: self.controller.permissions(),
+            plant_settings: settings(&self.plant),
+            controller_settings: settings(&self.controller),
         }
     }
 

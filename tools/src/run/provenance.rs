@@ -10,7 +10,7 @@ use shared_types::side::Side;
 
 use super::settings::Settings;
 use crate::doctor;
-use crate::programs::binaries::named::{LOCALS, PERMISSIONS};
+use crate::programs::binaries::named::{LOCALS, MODEL_SETTINGS, PERMISSIONS};
 use crate::programs::binaries::{Binaries, seal};
 use crate::results::summary::BY_HAND;
 use crate::results::target::Target;
@@ -64,7 +64,12 @@ pub(super) fn of(
             is_one_named = true;
         }
     }
-    let locals = binaries.programs().locals;
+    let programs = binaries.programs();
+    let of_models = [programs.plant_settings, programs.controller_settings];
+    if of_models.iter().any(|one| one.given().next().is_some()) {
+        fact(MODEL_SETTINGS, serde_json::json!(of_models).to_string());
+    }
+    let locals = programs.locals;
     if !locals.is_empty() {
         fact(LOCALS, serde_json::json!(locals).to_string());
     }

@@ -9,10 +9,9 @@ use std::path::{Component, Path};
 use controller_process::controller::LawKind;
 use hil_foreign::fmi::archive::{Archive, LIMITS, MARK};
 use hil_foreign::fmi::description::ModelDescription;
-use hil_foreign::fmi::tables::Tables;
 use hil_foreign::fmi::{Model, sides};
 use plant_process::plant::PlantKind;
-use shared_types::describe::{Description, Invalid};
+use shared_types::describe::{Description, Invalid, ModelSettings};
 
 use super::assert_told;
 
@@ -51,13 +50,9 @@ fn model(bytes: &[u8]) {
         Ok(description) => description,
         Err(error) => return assert_told(&error.to_string()),
     };
-    let tables = match Tables::of(&description, &[]) {
-        Ok(tables) => tables,
+    let model = match Model::of(description, &[], &ModelSettings::default()) {
+        Ok(model) => model,
         Err(error) => return assert_told(&error.to_string()),
-    };
-    let model = Model {
-        description,
-        tables,
     };
     let nothing = || Invalid("it is not run here".into());
     let plant = PlantKind::from_tables(sides::plant_description(&model), move |_| Err(nothing()));

@@ -8,8 +8,8 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use glob::Pattern;
-use hil_foreign::fmi::{Fmu, Permissions, leave, sides};
-use shared_types::describe::{Description, Imported};
+use hil_foreign::fmi::{Fmu, Permissions, begin_trial, leave, sides};
+use shared_types::describe::{Description, Imported, ModelSettings};
 use shared_types::program::{self, Program, UNUSABLE};
 use shared_types::session::SessionInfo;
 use shared_types::side::Side;
@@ -17,7 +17,7 @@ use shared_types::supervision::Supervision;
 
 const NAME: &str = "hil-fmu";
 const VERSION: &str = env!("CARGO_PKG_VERSION");
-const USAGE: &str = "usage: hil-fmu plant|controller MODEL.fmu [--truth PATTERN].. [--trust-archive] [--allow-execution-tool] [--load] --describe | --check JOB.json | --session FOLDER; hil starts it for a scenario that names an FMU";
+const USAGE: &str = "usage: hil-fmu plant|controller MODEL.fmu [--truth PATTERN].. [--settings JSON] [--trust-archive] [--allow-execution-tool] [--load] --describe | --check JOB.json | --session FOLDER; hil starts it for a scenario that names an FMU";
 
 fn main() -> ExitCode {
     let (code, needs_tool) = program::with_stack(|| {
@@ -45,6 +45,12 @@ fn run() -> Result<(u8, bool), String> {
     while arguments.next_if(|one| one == "--truth").is_some() {
         patterns.push(pattern(arguments.next())?);
     }
+    let mut settings = ModelSettings::default();
+    if arguments.next_if(|one| one == "--settings").is_some() {
+        let text = arguments.next().ok_or(USAGE)?;
+        settings = ModelSettings::parse(&text.to_string_lossy())
+            .map_err(|error| format!("--settings: {error}"))?;
+    }
     let mut flag = |name: &str| arguments.next_if(|one| one == name).is_some();
     let permissions = Permissions {
         trust_archive: flag("--trust-archive"),
@@ -54,7 +60,9 @@ fn run() -> Result<(u8, bool), String> {
     let is_loaded = flag("--load");
     let rest = std::iter::once(own).chain(arguments);
     let told = |error: &dyn std::fmt::Display| describe(&path, error);
-    let fmu = Arc::new(Fmu::open(&path, &patterns, permissions).map_err(|error| told(&error))?);
+    let fmu = Arc::new(
+        Fmu::open(&path, &patterns, permissions, &settings).map_err(|error| told(&error))?,
+    );
     let mut imported = fmu.model().tables.imported.clone();
     if is_loaded {
         imported.library = Some(fmu.needs().map_err(|error| told(&error))?);
@@ -112,6 +120,7 @@ impl<P: Program> Program for Described<'_, P> {
     }
 
     fn check(&self, job: &Path) -> Result<(), String> {
+        begin_trial();
         self.inner.check(job)
     }
 

@@ -348,6 +348,10 @@ fn check_names(entries: &[Entry]) -> Result<(), ArchiveError> {
     for entry in entries {
         let name = &entry.name;
         let path = name.strip_suffix('/').unwrap_or(name);
+        // The folder of the archive itself, as some tools list it.
+        if path == "." && entry.is_folder() && entry.size == 0 {
+            continue;
+        }
         let parts: Vec<&str> = path.split('/').collect();
         let is_part = |part: &&str| !["", ".", ".."].contains(part);
         let is_plain = |c: char| !c.is_control() && !matches!(c, '\\' | ':');

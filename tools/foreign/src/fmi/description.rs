@@ -9,6 +9,7 @@ use std::fmt;
 
 mod encoding;
 mod reading;
+mod sizes;
 mod structure;
 mod tree;
 
@@ -77,6 +78,8 @@ pub struct ModelDescription {
     pub saves: bool,
     /// Step of the FMU's own solver in s, above 0, if that is fixed and told.
     pub internal_step_s: Option<f64>,
+    /// Experiment that the model is made for.
+    pub experiment: Experiment,
     /// Categories of messages.
     pub categories: Vec<String>,
     /// Units by name.
@@ -87,6 +90,15 @@ pub struct ModelDescription {
     pub dependencies: Vec<Dependency>,
     /// Attributes that the standard does not allow and that count as left out.
     pub notes: Vec<String>,
+}
+
+/// Default experiment, as far as it is given.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Experiment {
+    /// Time of the begin in s.
+    pub start_s: Option<f64>,
+    /// Relative tolerance, above 0.
+    pub tolerance: Option<f64>,
 }
 
 /// A unit, in terms of base units.
@@ -226,6 +238,17 @@ pub enum Causality {
     Independent,
 }
 
+/// Initial value of a variable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Initial {
+    /// The start value.
+    Exact,
+    /// Value that an iteration finds, which begins at the start value.
+    Approx,
+    /// Value that follows from others.
+    Calculated,
+}
+
 /// Variable.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variable {
@@ -245,6 +268,10 @@ pub struct Variable {
     pub is_constant: bool,
     /// Clocks by which it is active; such a variable has no value at other times.
     pub is_clocked: bool,
+    /// True if its start values are of another size than the scenario chose.
+    pub is_resized: bool,
+    /// Initial value.
+    pub initial: Initial,
     /// Start values; one for each element.
     pub start: Vec<f64>,
     /// Values of the items, if it is of an enumeration that has some.

@@ -1,6 +1,7 @@
 //! Instance of an FMU, called in the order of the standard.
 //!
-//! 1. [`Instance::start`]: instantiated, parameters set, initialised at time 0; all signals and parameters are read.
+//! 1. [`Instance::start`]: instantiated, configured, parameters and initial values set, initialised; all signals and
+//!    parameters are read.
 //! 2. [`Instance::step`]: inputs and changed parameters are set, the step is done, all signals and the tunable
 //!    parameters, if one was changed, are read.
 //!
@@ -17,7 +18,7 @@ use shared_types::describe::Invalid;
 use shared_types::failure::Failure;
 use shared_types::time::Interval;
 
-use crate::crash::calling;
+use crate::crash::{self, calling};
 
 use super::Model;
 use super::journal::Journal;
@@ -30,6 +31,7 @@ use instantiation::instantiate;
 
 mod confirmation;
 mod instantiation;
+mod preset;
 mod saved;
 
 /// Number of the question whether the model ended, in FMI 2.
@@ -69,12 +71,12 @@ pub(super) struct Instance {
     /// Outputs, then inner signals, as they were read last.
     signals: Vec<f64>,
     // Both are known to the library by their addresses, until the instance is freed.
-    journal: Box<Journal>,
+    journal: Arc<Journal>,
     _callbacks: Option<Box<CallbacksTwo>>,
 }
 
 impl Instance {
-    /// An instance at time 0 with these parameters.
+    /// An instance at its start with these parameters.
     ///
     /// # Errors
     /// If the library refuses; the error has its message.
@@ -97,7 +99,7 @@ impl Instance {
             .map(|&place| parameters[place])
             .collect();
         let signals = [&tables.outputs[..], &tables.locals].concat();
-        let journal = Box::<Journal>::default();
+        let journal = Journal::open();
         let (handle, callbacks) = instantiate(model, functions, resources, &journal)?;
         let mut instance = Self {
             model: Arc::clone(model),
@@ -123,16 +125,28 @@ impl Instance {
 
     fn initialise(&mut self, parameters: &[f64]) -> Result<(), Failure> {
         self.ask_for_messages()?;
+        let model = Arc::clone(&self.model);
+        let start = &model.start;
+        self.configure(&start.structural)?;
         // SAFETY: the instance is made and not initialised: parameters may be set.
         let set = unsafe { (self.parameters).set(&self.functions, self.handle, parameters) };
         self.accept(set)?;
+        self.preset(start)?;
+        let (tolerance, stop_s) = (start.tolerance, start.stop_s);
         let functions = Arc::clone(&self.functions);
         match functions.own {
             Own::Two { setup, enter, .. } => {
                 let call = calling(&"SetupExperiment");
-                // SAFETY: the instance is made; no tolerance, start at 0, no end.
+                // SAFETY: the instance is made.
                 self.judge("SetupExperiment", unsafe {
-                    setup(self.handle, 0, 0.0, 0.0, 0, 0.0)
+                    setup(
+                        self.handle,
+                        c_int::from(tolerance.is_some()),
+                        tolerance.unwrap_or(0.0),
+                        start.time_s,
+                        c_int::from(stop_s.is_some()),
+                        stop_s.unwrap_or(0.0),
+                    )
                 })?;
                 drop(call);
                 let _call = calling(&"EnterInitializationMode");
@@ -141,9 +155,16 @@ impl Instance {
             }
             Own::Three { enter, .. } => {
                 let _call = calling(&"EnterInitializationMode");
-                // SAFETY: the instance is made; no tolerance, start at 0, no end.
+                // SAFETY: the instance is made.
                 self.judge("EnterInitializationMode", unsafe {
-                    enter(self.handle, false, 0.0, 0.0, false, 0.0)
+                    enter(
+                        self.handle,
+                        tolerance.is_some(),
+                        tolerance.unwrap_or(0.0),
+                        start.time_s,
+                        stop_s.is_some(),
+                        stop_s.unwrap_or(0.0),
+                    )
                 })?;
             }
         }
@@ -155,6 +176,7 @@ impl Instance {
         drop(call);
         self.life.set(Life::Stepping);
         self.read()?;
+        self.confirm_initial()?;
         self.confirm_all(parameters)
     }
 
@@ -220,7 +242,8 @@ impl Instance {
         let set = unsafe { (self.inputs).set(&self.functions, self.handle, inputs) };
         self.accept(set)?;
         let functions = Arc::clone(&self.functions);
-        let (at_s, length_s) = (interval.start_s, interval.length_s);
+        let at_s = self.model.start.time_s + interval.start_s;
+        let length_s = interval.length_s;
         match functions.own {
             Own::Two { step, .. } => {
                 let _call = calling(&"DoStep");
@@ -338,6 +361,7 @@ impl Drop for Instance {
         // not used again. The answer of an instance that goes away is nobody's concern.
         unsafe {
             if self.life.get() == Life::Stepping {
+                crash::excuse_end();
                 let _call = calling(&"Terminate");
                 let _ = (self.functions.terminate)(self.handle);
             }

@@ -1,10 +1,11 @@
 //! Messages of an FMU: written to the log as they come, and the last one kept for the reason of an end.
 //!
 //! The library calls back here, from any thread. A callback never panics, never calls the library and never
-//! believes that a pointer is one.
+//! believes that a pointer is one: a library that lost its environment, and some pass a constant, writes to the journal
+//! of the instance that was made last.
 
 use std::ffi::{CStr, c_char, c_int, c_void};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use shared_types::{program, text};
 
@@ -13,13 +14,33 @@ use super::status::Status;
 /// Most bytes of a message that is written or kept.
 const LONGEST: usize = 1024;
 
-/// Place that the messages of one instance come to. It stays where it is as long as the instance lives.
+/// Journals of the instances of this process, the newest last.
+static JOURNALS: Mutex<Vec<Weak<Journal>>> = Mutex::new(Vec::new());
+
+/// Place that the messages of one instance come to.
 #[derive(Debug, Default)]
 pub(super) struct Journal {
     last: Mutex<Option<String>>,
 }
 
 impl Journal {
+    /// Makes a journal that the callbacks find by its address.
+    pub(super) fn open() -> Arc<Self> {
+        let journal = Arc::default();
+        let mut journals = journals();
+        journals.retain(|journal| journal.strong_count() > 0);
+        journals.push(Arc::downgrade(&journal));
+        journal
+    }
+
+    /// The journal at an address, else the newest one.
+    fn at(address: *const c_void) -> Option<Arc<Self>> {
+        let journals = journals();
+        let is_here = |journal: &&Weak<Self>| journal.as_ptr().cast() == address;
+        let here = journals.iter().find(is_here).and_then(Weak::upgrade);
+        here.or_else(|| journals.iter().rev().find_map(Weak::upgrade))
+    }
+
     /// The last message that told of something wrong.
     pub(super) fn last(&self) -> Option<String> {
         let last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
@@ -36,6 +57,10 @@ impl Journal {
             *last = Some(message);
         }
     }
+}
+
+fn journals() -> MutexGuard<'static, Vec<Weak<Journal>>> {
+    JOURNALS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Text at a pointer of the library, cut to a bounded length.
@@ -55,14 +80,14 @@ unsafe fn read(pointer: *const c_char) -> String {
 /// Logger of FMI 3.
 ///
 /// # Safety
-/// `environment` is the [`Journal`] that the instance was made with; the others are texts or null.
+/// `category` and `message` are texts or null.
 pub(super) unsafe extern "C" fn log_three(
     environment: *mut c_void,
     status: c_int,
     category: *const c_char,
     message: *const c_char,
 ) {
-    // SAFETY: the instance was made with a journal that lives longer; texts are the library's to keep sound.
+    // SAFETY: texts are the library's to keep sound.
     unsafe { log(environment, status, category, message, None) }
 }
 
@@ -100,9 +125,8 @@ unsafe fn log(
     message: *const c_char,
     first: Option<usize>,
 ) {
-    // SAFETY: the caller says that it is null or a journal.
-    let Some(journal) = (unsafe { environment.cast::<Journal>().as_ref() }) else {
-        return; // a library that lost it has nobody to tell
+    let Some(journal) = Journal::at(environment) else {
+        return;
     };
     // SAFETY: the caller says that they are texts.
     let (category, mut message) = unsafe { (read(category), read(message)) };
@@ -172,12 +196,12 @@ mod tests {
 
     /// The message that a journal keeps of these arguments.
     fn kept(format: &str, first: usize) -> String {
-        let journal = Journal::default();
-        let (format, environment) = (CString::new(format).expect("text"), &raw const journal);
-        // SAFETY: a journal and texts, and a number that need not be an address.
+        let journal = Journal::open();
+        let format = CString::new(format).expect("text");
+        // SAFETY: texts, and a number that need not be an address.
         unsafe {
             log_two(
-                environment.cast_mut().cast(),
+                Arc::as_ptr(&journal).cast_mut().cast(),
                 c"model".as_ptr(),
                 3,
                 c"error".as_ptr(),

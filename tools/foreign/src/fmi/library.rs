@@ -152,6 +152,17 @@ pub(super) struct StateFunctions {
     pub(super) deserialize: Deserialize,
 }
 
+/// Uses of a library that not every run has.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Uses {
+    /// States are saved.
+    pub(super) state: bool,
+    /// The library needs the tool that it was made with.
+    pub(super) tool: bool,
+    /// Structural parameters are set.
+    pub(super) configuration: bool,
+}
+
 /// Every function of a library that is called.
 #[derive(Debug)]
 pub(super) struct Functions {
@@ -160,12 +171,14 @@ pub(super) struct Functions {
     pub(super) terminate: OnInstance,
     pub(super) free: FreeInstance,
     pub(super) state: Option<StateFunctions>,
+    /// Begin and end of the configuration, in which structural parameters are set.
+    pub(super) configuration: Option<[OnInstance; 2]>,
     pub(super) access: BTreeMap<VariableType, Access>,
 }
 
 impl Functions {
     /// Loads a library, for variables of these types. It is never closed: a thread that it left running
-    /// would go on in memory that is gone. The symbols of one that `needs_tool` are for all that it loads.
+    /// would go on in memory that is gone. The symbols of one that needs its tool are for all that it loads.
     ///
     /// # Errors
     /// If it cannot be loaded, is of another version or lacks a function.
@@ -173,10 +186,9 @@ impl Functions {
         path: &Path,
         version: Version,
         kinds: &[VariableType],
-        saves: bool,
-        needs_tool: bool,
+        uses: &Uses,
     ) -> Result<Self, LibraryError> {
-        let library = host::load(path, needs_tool);
+        let library = host::load(path, uses.tool);
         // A library that was linked with -ffast-math sets flush-to-zero as it is loaded.
         float_modes::settle("dlopen");
         let library = library?;
@@ -197,7 +209,18 @@ impl Functions {
                 exit: find.function("ExitInitializationMode")?,
                 terminate: find.function("Terminate")?,
                 free: find.function("FreeInstance")?,
-                state: if saves { Some(find.state()?) } else { None },
+                state: if uses.state {
+                    Some(find.state()?)
+                } else {
+                    None
+                },
+                configuration: match uses.configuration {
+                    true => Some([
+                        find.function("EnterConfigurationMode")?,
+                        find.function("ExitConfigurationMode")?,
+                    ]),
+                    false => None,
+                },
                 access: (kinds.iter())
                     .map(|kind| Ok((*kind, find.access(*kind)?)))
                     .collect::<Result<_, LibraryError>>()?,
@@ -341,6 +364,7 @@ pub(super) fn access_names(
             [&"GetInt64", &"SetInt64"]
         }
         (Version::Three, VariableType::UInt64) => [&"GetUInt64", &"SetUInt64"],
+        (_, VariableType::String) => [&"GetString", &"SetString"],
         (_, VariableType::Boolean) => [&"GetBoolean", &"SetBoolean"],
         _ => return None,
     })

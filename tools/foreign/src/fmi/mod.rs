@@ -16,12 +16,13 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use glob::Pattern;
-use shared_types::describe::{Invalid, LibraryNeeds};
+use shared_types::describe::{Invalid, LibraryNeeds, ModelSettings};
 use shared_types::private_folder::PrivateFolder;
 
 use archive::{Archive, ArchiveError, LIMITS, Limits, TRUSTED};
-use description::{DescriptionError, ModelDescription};
-use library::{Functions, LibraryError};
+use description::{DescriptionError, ModelDescription, VariableType};
+use library::{Functions, LibraryError, Uses};
+use start::Start;
 use tables::Tables;
 
 pub mod archive;
@@ -30,6 +31,7 @@ mod instance;
 mod journal;
 mod library;
 pub mod sides;
+mod start;
 mod status;
 pub mod tables;
 mod values;
@@ -126,6 +128,27 @@ pub struct Model {
     pub description: ModelDescription,
     /// Signals and parameters made of it.
     pub tables: Tables,
+    /// Start of its instances.
+    start: Start,
+}
+
+impl Model {
+    /// The model of a description, with the inner signals whose names match a pattern, whose instances start with
+    /// these settings.
+    ///
+    /// # Errors
+    /// If two names cannot be told apart, a pattern matches none or a setting does not fit.
+    pub fn of(
+        description: ModelDescription,
+        patterns: &[Pattern],
+        settings: &ModelSettings,
+    ) -> Result<Self, Invalid> {
+        Ok(Self {
+            tables: Tables::of(&description, patterns)?,
+            start: Start::of(&description, settings)?,
+            description,
+        })
+    }
 }
 
 /// An FMU, described; unpacked and loaded when the first instance is made.
@@ -148,7 +171,7 @@ struct Loaded {
 
 impl Fmu {
     /// Reads the archive and the model description at a path; runs nothing of it. Inner signals whose names match
-    /// a pattern are part of the truth.
+    /// a pattern are part of the truth, and instances start with these settings.
     ///
     /// # Errors
     /// If it is no FMU that can be run here.
@@ -156,6 +179,7 @@ impl Fmu {
         path: &Path,
         patterns: &[Pattern],
         permissions: Permissions,
+        settings: &ModelSettings,
     ) -> Result<Self, FmuError> {
         let archive = Archive::open(path, permissions.limits());
         let mut archive = archive.map_err(|error| match error {
@@ -166,7 +190,7 @@ impl Fmu {
             other => other.into(),
         })?;
         let bytes = archive.content(DESCRIPTION, LONGEST_DESCRIPTION)?;
-        let description = ModelDescription::decode(&bytes)?;
+        let description = ModelDescription::resized(&bytes, &settings.structural)?;
         if description.needs_tool && !permissions.allow_execution_tool {
             let keys = [
                 "plant.allow_execution_tool",
@@ -179,14 +203,10 @@ impl Fmu {
             });
         }
         check_platform(&archive, &description)?;
-        let tables = Tables::of(&description, patterns)?;
         Ok(Self {
             path: path.to_owned(),
             permissions,
-            model: Arc::new(Model {
-                description,
-                tables,
-            }),
+            model: Arc::new(Model::of(description, patterns, settings)?),
             loaded: OnceLock::new(),
         })
     }
@@ -231,24 +251,34 @@ impl Fmu {
         let Model {
             description,
             tables,
+            start,
         } = &*self.model;
         let unpacked = self.unpack()?;
         let library = library_name(description);
         let resources = unpacked.folder().join("resources");
         // Asked for by the standard also where the archive has none.
         std::fs::create_dir_all(&resources).map_err(FmuError::Place)?;
-        let columns: [&[_]; 4] = [
+        let columns: [&[_]; 6] = [
             &tables.parameters,
             &tables.inputs,
             &tables.outputs,
             &tables.locals,
+            &start.structural.columns,
+            &start.initial.columns,
         ];
+        let mut kinds = tables::kinds(description, &columns);
+        if !start.texts.is_empty() {
+            kinds.push(VariableType::String);
+        }
         let functions = Functions::load(
             &unpacked.folder().join(library),
             description.version,
-            &tables::kinds(description, &columns),
-            description.saves,
-            description.needs_tool,
+            &kinds,
+            &Uses {
+                state: description.saves,
+                tool: description.needs_tool,
+                configuration: !start.structural.row.is_empty(),
+            },
         )?;
         Ok(Loaded {
             functions: Arc::new(functions),
@@ -256,6 +286,11 @@ impl Fmu {
             _unpacked: unpacked,
         })
     }
+}
+
+/// Marks this process as one that only tries an FMU: a crash in freeing an instance that did no step is then no failure.
+pub fn begin_trial() {
+    crate::crash::begin_trial();
 }
 
 /// Ends this process without what the libraries in it do at an exit: an interpreter that an FMU brought along takes

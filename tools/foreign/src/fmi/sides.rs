@@ -37,6 +37,7 @@ pub fn plant_description(model: &Model) -> PlantDescription {
     let Model {
         description,
         tables,
+        ..
     } = model;
     let outputs = fields(&tables.outputs);
     PlantDescription {
@@ -80,6 +81,7 @@ pub fn law_description(model: &Model) -> LawDescription {
     let Model {
         description,
         tables,
+        ..
     } = model;
     let (measured, reference) = tables.split_inputs();
     let mut parameters = tables.parameters.iter();
@@ -116,6 +118,7 @@ fn summary(model: &Model) -> String {
     let Model {
         description,
         tables,
+        ..
     } = model;
     let format = &tables.imported.format;
     let text = match description.description.as_str() {

@@ -13,6 +13,7 @@ use shared_types::spelling::{spelled, spelled_all};
 use shared_types::table::Field;
 
 use super::description::{Causality, ModelDescription, Variable, VariableType, Version};
+use super::start;
 use aliases::Aliases;
 use units::Units;
 
@@ -81,7 +82,7 @@ impl Tables {
             let reason = match variable.causality {
                 Causality::Independent => continue,
                 Causality::StructuralParameter => {
-                    Some("it sets sizes of arrays and keeps its start value".into())
+                    Some("it sets sizes of arrays; `structural` sets it".into())
                 }
                 _ => unsupported(variable, is_parameter),
             };
@@ -230,6 +231,9 @@ fn unsupported(variable: &Variable, is_parameter: bool) -> Option<String> {
     }
     if variable.kind.range().is_none() {
         return Some(match variable.causality {
+            _ if variable.kind == VariableType::String && start::is_settable_text(variable) => {
+                format!("it is a {kind}; `texts` or `files` sets it")
+            }
             Causality::Input | Causality::Parameter => {
                 format!("it is a {kind} and keeps its start value")
             }
@@ -239,7 +243,10 @@ fn unsupported(variable: &Variable, is_parameter: bool) -> Option<String> {
     if variable.is_clocked {
         return Some("it has a clock".into());
     }
-    let is_told = variable.start.len() == variable.elements();
+    if is_parameter && variable.is_constant {
+        return Some("it is constant and keeps its start value".into());
+    }
+    let is_told = variable.is_resized || variable.start.len() == variable.elements();
     (is_parameter && !is_told).then(|| "it is a parameter without a start value".into())
 }
 
@@ -353,6 +360,9 @@ fn imported(model: &ModelDescription, units: &Units<'_>) -> Imported {
         internal_step_s: model.internal_step_s,
         notes: model.notes.clone(),
         units: units.defined(model),
+        initial: (start::with_initial_value(model))
+            .map(|variable| line(&variable.name, LONGEST_TEXT))
+            .collect(),
         ..Imported::default()
     }
 }

@@ -11,6 +11,7 @@ use std::process::Command;
 
 use hil_config::plan::Permissions;
 use hil_target::contact::Answer;
+use shared_types::describe::ModelSettings;
 
 use super::named::Choice;
 use super::{FileIdentity, asked, beside, hashed};
@@ -35,6 +36,10 @@ pub(crate) struct Host {
     pub(crate) locals: Vec<String>,
     /// Permissions of the model.
     pub(crate) permissions: Permissions,
+    /// Settings of the model.
+    pub(crate) settings: ModelSettings,
+    /// The same as an argument.
+    settings_argument: Option<String>,
     /// True if the model's library is loaded to say what it needs.
     loads: bool,
     pub(super) file: FileIdentity,
@@ -58,6 +63,8 @@ impl Host {
             blake3,
             locals: choice.locals.clone(),
             permissions: choice.permissions,
+            settings: choice.settings.clone(),
+            settings_argument: choice.settings.argument(),
             loads: choice.loads,
             file,
             side,
@@ -89,6 +96,9 @@ impl Host {
         let mut arguments = vec![self.side.as_ref(), model.as_os_str()];
         for pattern in &self.locals {
             arguments.extend([OsStr::new("--truth"), pattern.as_ref()]);
+        }
+        if let Some(settings) = &self.settings_argument {
+            arguments.extend([OsStr::new("--settings"), settings.as_ref()]);
         }
         let Permissions {
             trust_archive,

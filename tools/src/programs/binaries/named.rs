@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use hil_config::plan::{ControllerProgram, Permissions, Programs};
 use hil_config::scenario::{Scenario, read_regular};
 use hil_recording::reader::RunReader;
+use shared_types::describe::ModelSettings;
 
 use super::reached::Reached;
 use super::{beside, seal, trusted};
@@ -51,6 +52,9 @@ pub(crate) const LOCALS: &str = "plant_locals";
 /// Fact of a recording with the keys of the scenario that give an FMU a permission.
 pub(crate) const PERMISSIONS: &str = "fmu_permissions";
 
+/// Fact of a recording with the settings of FMUs, of the plant and the controller.
+pub(crate) const MODEL_SETTINGS: &str = "fmu_settings";
+
 /// Source that named a program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum NamedBy {
@@ -76,7 +80,7 @@ impl fmt::Display for NamedBy {
 }
 
 /// The program of a side.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Choice {
     pub(crate) path: PathBuf,
     pub(crate) by: NamedBy,
@@ -86,6 +90,8 @@ pub(crate) struct Choice {
     pub(crate) locals: Vec<String>,
     /// Permissions, if it is an FMU.
     pub(crate) permissions: Permissions,
+    /// Settings, if it is an FMU.
+    pub(crate) settings: ModelSettings,
     /// True if the library of an FMU is loaded to say what it needs.
     pub(crate) loads: bool,
 }
@@ -99,6 +105,7 @@ impl Choice {
             blake3: None,
             locals: Vec::new(),
             permissions: Permissions::default(),
+            settings: ModelSettings::default(),
             loads: false,
         }
     }
@@ -132,7 +139,7 @@ impl Choice {
         if !self.locals.is_empty() {
             return Some("`plant.locals` has no effect; its truth is all that it describes".into());
         }
-        let keys = self.permissions.given();
+        let keys = self.permissions.given().chain(self.settings.given());
         let flag = self.loads.then(|| "--load".to_owned());
         let wish = { keys }
             .map(|key| format!("`{}.{key}`", role.side))
@@ -163,6 +170,8 @@ pub(crate) struct Recorded {
     locals: Vec<String>,
     /// Permissions of the plant and of the controller.
     permissions: [Permissions; 2],
+    /// Settings of the plant and of the controller.
+    settings: [ModelSettings; 2],
     /// Hashes of the plant's and the controller's program.
     pub(crate) blake3: [Option<String>; 2],
     /// True if this user recorded the run; an error gives the reason for which that cannot be told.
@@ -186,6 +195,9 @@ impl Recorded {
             permissions: [&PLANT, &CONTROLLER].map(|role| {
                 Permissions::of(|key| permitted.contains(&format!("{}.{key}", role.side)))
             }),
+            settings: (reader.fact(MODEL_SETTINGS))
+                .and_then(|text| serde_json::from_str(text).ok())
+                .unwrap_or_default(),
             blake3: [fact("plant_blake3"), fact("controller_blake3")],
             is_own: seal::is_own(|name| reader.fact(name)),
             host: fact("host").unwrap_or_default(),
@@ -202,12 +214,15 @@ impl Recorded {
         if !self.is_own() {
             return Programs::default();
         }
+        let [plant_settings, controller_settings] = self.settings.clone();
         Programs {
             plant: self.plant.clone(),
             controller: self.controller.clone().map(ControllerProgram::One),
             locals: self.locals.clone(),
             plant_permissions: self.permissions[0],
             controller_permissions: self.permissions[1],
+            plant_settings,
+            controller_settings,
         }
     }
 
@@ -301,6 +316,19 @@ impl<'a> Named<'a> {
         if role == &PLANT { plant } else { controller }
     }
 
+    /// The settings of a side.
+    fn settings(&self, role: &Role) -> ModelSettings {
+        let [plant, controller] = match self {
+            Self::Scenario { programs, .. } => {
+                [&programs.plant_settings, &programs.controller_settings]
+            }
+            Self::Recorded(recorded) => recorded.settings.each_ref(),
+            Self::Nothing => return ModelSettings::default(),
+        };
+        let of_side = if role == &PLANT { plant } else { controller };
+        of_side.clone()
+    }
+
     /// The program of a side; `given` is that of the command line, `at` the machine that it runs on.
     ///
     /// # Errors
@@ -339,6 +367,7 @@ impl<'a> Named<'a> {
         Ok(Choice {
             locals: self.locals(role),
             permissions: self.permissions(role),
+            settings: self.settings(role),
             ..choice
         })
     }

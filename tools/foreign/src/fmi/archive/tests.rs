@@ -170,6 +170,24 @@ fn names_that_lead_elsewhere_are_refused() {
 }
 
 #[test]
+fn the_folder_of_the_archive_itself_is_no_file_and_no_harm() {
+    let folder = Written {
+        mode: FOLDER | 0o755,
+        method: STORED,
+        ..Written::new("./", b"")
+    };
+    let archive = Writer::new().add(&folder).add(&Written::new("a", b"1"));
+    let archive = Archive::read(Cursor::new(archive.finish()), &LIMITS).expect("sound");
+    assert_eq!(archive.names().collect::<Vec<_>>(), ["a"]);
+    let content = Written {
+        method: STORED,
+        mode: FOLDER | 0o755,
+        ..Written::new("./", b"1")
+    };
+    refused(&one(&content), "does not name a file");
+}
+
+#[test]
 fn links_devices_and_twins_are_refused() {
     for mode in [0o120_777, 0o020_644, 0o060_644, 0o010_644, 0o140_644] {
         let entry = Written {

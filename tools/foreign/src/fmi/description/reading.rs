@@ -3,11 +3,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::encoding::decoded;
+use super::sizes::resize;
 use super::structure::dependencies;
 use super::tree::{Element, shortened};
 use super::{
-    BASE_UNITS, BaseUnit, Causality, DescriptionError, ModelDescription, Unit, Variable,
-    VariableType, Version,
+    BASE_UNITS, BaseUnit, Causality, DescriptionError, Experiment, Initial, ModelDescription, Unit,
+    Variable, VariableType, Version,
 };
 
 /// Most elements of an array.
@@ -42,7 +43,15 @@ impl ModelDescription {
     /// # Errors
     /// If its encoding is not known, or as of [`read`](Self::read).
     pub fn decode(bytes: &[u8]) -> Result<Self, DescriptionError> {
-        Self::read(&decoded(bytes)?)
+        Self::resized(bytes, &BTreeMap::new())
+    }
+
+    /// Reads the bytes of a `modelDescription.xml` with these values of structural parameters.
+    ///
+    /// # Errors
+    /// As of [`decode`](Self::decode), or if there are no such parameters.
+    pub fn resized(bytes: &[u8], sizes: &BTreeMap<String, u64>) -> Result<Self, DescriptionError> {
+        Self::with_sizes(&decoded(bytes)?, sizes)
     }
 
     /// Reads the text of a `modelDescription.xml`.
@@ -50,6 +59,10 @@ impl ModelDescription {
     /// # Errors
     /// If the text is no model description, or one of an FMU that cannot be run.
     pub fn read(text: &str) -> Result<Self, DescriptionError> {
+        Self::with_sizes(text, &BTreeMap::new())
+    }
+
+    fn with_sizes(text: &str, sizes: &BTreeMap<String, u64>) -> Result<Self, DescriptionError> {
         let root = Element::read(text)?;
         if root.name != "fmiModelDescription" {
             let name: String = root.name.chars().take(80).collect();
@@ -63,7 +76,7 @@ impl ModelDescription {
             Version::Two => ["canGetAndSetFMUstate", "canSerializeFMUstate"],
             Version::Three => ["canGetAndSetFMUState", "canSerializeFMUState"],
         };
-        let mut variables = variables(&root, version)?;
+        let mut variables = variables(&root, version, sizes)?;
         let units = units(&root)?;
         let mut notes = Vec::new();
         let internal_step_s = positive(simulation, "fixedInternalStepSize", &mut notes);
@@ -90,6 +103,7 @@ impl ModelDescription {
             needs_tool: simulation.flag("needsExecutionTool")?,
             saves: simulation.flag(state[0])? && simulation.flag(state[1])?,
             internal_step_s,
+            experiment: experiment(&root),
             categories: (root.list("LogCategories").iter())
                 .filter_map(|category| category.text("name").map(str::to_owned))
                 .collect(),
@@ -98,6 +112,19 @@ impl ModelDescription {
             variables,
             notes,
         })
+    }
+}
+
+/// Reads the default experiment, of which a number that is none counts as left out.
+fn experiment(root: &Element) -> Experiment {
+    let experiment = root.child("DefaultExperiment");
+    let number = |name: &str| {
+        let number: f64 = experiment?.text(name)?.trim().parse().ok()?;
+        Some(number).filter(|number| number.is_finite())
+    };
+    Experiment {
+        start_s: number("startTime"),
+        tolerance: number("tolerance").filter(|tolerance| *tolerance > 0.0),
     }
 }
 
@@ -206,7 +233,11 @@ fn types(root: &Element, version: Version) -> Types<'_> {
     types.collect()
 }
 
-fn variables(root: &Element, version: Version) -> Result<Vec<Variable>, DescriptionError> {
+fn variables(
+    root: &Element,
+    version: Version,
+    sizes: &BTreeMap<String, u64>,
+) -> Result<Vec<Variable>, DescriptionError> {
     let types = types(root, version);
     let mut variables = Vec::new();
     let mut structure = Vec::new();
@@ -253,6 +284,7 @@ fn variables(root: &Element, version: Version) -> Result<Vec<Variable>, Descript
         variables.push(variable);
         variables.extend(aliases);
     }
+    resize(&mut variables, sizes)?;
     let starts: BTreeMap<u32, f64> = (variables.iter())
         .filter_map(|variable| Some((variable.reference, *variable.start.first()?)))
         .collect();
@@ -271,6 +303,11 @@ fn variables(root: &Element, version: Version) -> Result<Vec<Variable>, Descript
         }
         if !variable.start.is_empty() && variable.start.len() != count {
             let (name, given) = (&variable.name, variable.start.len());
+            if !sizes.is_empty() {
+                variable.start.clear();
+                variable.is_resized = true;
+                continue;
+            }
             if variable.is_inner() {
                 let reason = format!("its start has {given} values for {count} elements");
                 variable.unusable.get_or_insert(reason);
@@ -312,6 +349,8 @@ fn unusable(
         is_tunable: false,
         is_constant: false,
         is_clocked: false,
+        is_resized: false,
+        initial: Initial::Calculated,
         start: Vec::new(),
         items: Vec::new(),
         unusable: Some(error.clone().reason()),
@@ -386,6 +425,12 @@ fn variable(
         is_clocked: element
             .text("clocks")
             .is_some_and(|clocks| !clocks.trim().is_empty()),
+        is_resized: false,
+        initial: match element.text("initial") {
+            Some("exact") => Initial::Exact,
+            Some("approx") => Initial::Approx,
+            _ => Initial::Calculated,
+        },
         start: start(of, kind)?,
         items,
         unusable: None,

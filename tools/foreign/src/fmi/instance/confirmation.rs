@@ -1,4 +1,7 @@
 //! Parameters, read back after they were set: an FMU that has another value did not get what the scenario says.
+//!
+//! A start value that the FMU itself does not keep is a slip of its tool, which nobody asked for: it is told, and the run
+//! goes on.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -7,7 +10,7 @@ use shared_types::failure::Failure;
 use shared_types::program;
 
 use super::{Instance, Refused, Status, Values};
-use crate::fmi::description::VariableType;
+use crate::fmi::description::{Initial, VariableType};
 use crate::fmi::tables::Column;
 
 /// Difference, as a part of a value, that is rounding alone.
@@ -22,7 +25,7 @@ impl Instance {
     pub(super) fn confirm_all(&mut self, row: &[f64]) -> Result<(), Failure> {
         let model = Arc::clone(&self.model);
         let columns = &model.tables.parameters;
-        self.confirm(columns.iter().zip(row.iter().copied()).collect())
+        self.confirm(columns.iter().zip(row.iter().copied()).collect(), true)
     }
 
     /// Compares the tunable parameters with what they were set to.
@@ -32,11 +35,44 @@ impl Instance {
             .map(|&place| &model.tables.parameters[place])
             .zip(self.tuned.iter().copied());
         let parameters = parameters.collect();
-        self.confirm(parameters)
+        self.confirm(parameters, false)
+    }
+
+    /// Compares exact initial values with what they were set to. Another one is told: the model's equations may change it
+    /// at the start.
+    pub(super) fn confirm_initial(&self) -> Result<(), Failure> {
+        let model = Arc::clone(&self.model);
+        let variable = |column: &Column| &model.description.variables[column.variable];
+        let preset = &model.start.initial;
+        let (columns, row): (Vec<Column>, Vec<f64>) = (preset.columns.iter().zip(&preset.row))
+            .filter(|(column, _)| variable(column).initial == Initial::Exact)
+            .map(|(column, value)| (column.clone(), *value))
+            .unzip();
+        let mut values = Values::new(&model.description, &columns);
+        let mut read = vec![0.0; columns.len()];
+        // SAFETY: the instance is initialised: every variable may be read.
+        match unsafe { values.get(&self.functions, self.handle, &mut read) } {
+            Err(refused @ Refused::Status(_, Status::Fatal)) => return self.accept(Err(refused)),
+            Err(_) => return Ok(()),
+            Ok(()) => {}
+        }
+        for ((column, &set), &has) in columns.iter().zip(&row).zip(&read) {
+            if !is_same(variable(column).kind, set, has) {
+                let name = &column.field.name;
+                program::say(&format!(
+                    "warning: the initial value of `{name}` was set to {set}, and the FMU begins with {has}"
+                ));
+            }
+        }
+        Ok(())
     }
 
     /// Reads these parameters, one by one where they cannot be read together.
-    fn confirm(&mut self, mut parameters: Vec<(&Column, f64)>) -> Result<(), Failure> {
+    fn confirm(
+        &mut self,
+        mut parameters: Vec<(&Column, f64)>,
+        is_start: bool,
+    ) -> Result<(), Failure> {
         parameters.retain(|(column, _)| !self.unconfirmed.0.contains(&column.field.name));
         let (columns, row): (Vec<Column>, Vec<f64>) = (parameters.iter())
             .map(|(column, value)| ((*column).clone(), *value))
@@ -48,7 +84,7 @@ impl Instance {
         let mut read = vec![0.0; columns.len()];
         // SAFETY: the instance is initialised, and nothing was set since its last step: every variable may be read.
         match unsafe { values.get(&self.functions, self.handle, &mut read) } {
-            Ok(()) => self.compare(&columns, &row, &read),
+            Ok(()) => self.compare(&columns, &row, &read, is_start),
             Err(refused @ Refused::Status(_, Status::Fatal)) => self.accept(Err(refused)),
             Err(_) if first.variable == last.variable => {
                 for column in &columns {
@@ -61,15 +97,27 @@ impl Instance {
                 Ok(())
             }
             Err(_) => (parameters.chunk_by(|(a, _), (b, _)| a.variable == b.variable))
-                .try_for_each(|variable| self.confirm(variable.to_vec())),
+                .try_for_each(|variable| self.confirm(variable.to_vec(), is_start)),
         }
     }
 
-    fn compare(&self, columns: &[Column], row: &[f64], read: &[f64]) -> Result<(), Failure> {
+    fn compare(
+        &self,
+        columns: &[Column],
+        row: &[f64],
+        read: &[f64],
+        is_start: bool,
+    ) -> Result<(), Failure> {
         for ((column, &set), &has) in columns.iter().zip(row).zip(read) {
             let kind = self.model.description.variables[column.variable].kind;
             if !is_same(kind, set, has) {
                 let name = &column.field.name;
+                if is_start && column.field.default == Some(set) {
+                    program::say(&format!(
+                        "warning: parameter `{name}` starts at {set} by the FMU's own description, and the FMU has {has}"
+                    ));
+                    continue;
+                }
                 return Err(Failure::lost(format!(
                     "parameter `{name}` was set to {set}, and the FMU has {has}"
                 )));

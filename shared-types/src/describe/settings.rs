@@ -1,0 +1,67 @@
+//! Settings of a model that another tool made, as an FMU, which act when an instance of it is made.
+//!
+//! Read from a scenario without knowing the model; the program that runs the model checks names and values.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::Invalid;
+
+/// Settings of a model of another tool, by side.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ModelSettings {
+    /// Relative tolerance of its solver.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tolerance: Option<f64>,
+    /// Its time at step 0, in s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub start_time_s: Option<f64>,
+    /// The last time that it will be asked for, in s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stop_time_s: Option<f64>,
+    /// Initial values by name.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub initial: BTreeMap<String, f64>,
+    /// Texts by name.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub texts: BTreeMap<String, String>,
+    /// Texts that are absolute paths of files, by name.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub files: BTreeMap<String, String>,
+    /// Structural parameters by name.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub structural: BTreeMap<String, u64>,
+}
+
+impl ModelSettings {
+    /// Reads the argument that [`argument`](Self::argument) makes.
+    ///
+    /// # Errors
+    /// If it is another text.
+    pub fn parse(text: &str) -> Result<Self, Invalid> {
+        serde_json::from_str(text).map_err(|error| Invalid(error.to_string()))
+    }
+
+    /// Writes the settings as an argument of a program; `None` if there are none.
+    #[must_use]
+    pub fn argument(&self) -> Option<String> {
+        self.given().next()?;
+        serde_json::to_string(self).ok()
+    }
+
+    /// Names of the keys that are given.
+    pub fn given(&self) -> impl Iterator<Item = &'static str> {
+        let keys = [
+            ("tolerance", self.tolerance.is_some()),
+            ("start_time_s", self.start_time_s.is_some()),
+            ("stop_time_s", self.stop_time_s.is_some()),
+            ("initial", !self.initial.is_empty()),
+            ("texts", !self.texts.is_empty()),
+            ("files", !self.files.is_empty()),
+            ("structural", !self.structural.is_empty()),
+        ];
+        (keys.into_iter()).filter_map(|(key, is_given)| is_given.then_some(key))
+    }
+}

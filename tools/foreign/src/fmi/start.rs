@@ -1,0 +1,257 @@
+//! Start of an instance: what the scenario sets before or at its initialisation besides the parameters.
+//!
+//! Names are those of the FMU or those they have here. A variable may be set where the standard allows it: an input, or
+//! one whose `initial` is `exact` or `approx`.
+
+use std::collections::BTreeMap;
+use std::ffi::CString;
+use std::path::Path;
+
+use shared_types::describe::{Invalid, ModelSettings};
+use shared_types::spelling::spelled;
+use shared_types::table::{Field, listed, nearest};
+
+use super::description::{Causality, Initial, ModelDescription, Variable, VariableType};
+use super::tables::Column;
+
+/// Most names that a message lists.
+const MOST_LISTED: usize = 12;
+
+/// Start of an instance, checked against the model.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Start {
+    pub(super) tolerance: Option<f64>,
+    /// Time at step 0 in s.
+    pub(super) time_s: f64,
+    pub(super) stop_s: Option<f64>,
+    /// Structural parameters.
+    pub(super) structural: Preset,
+    /// Initial values.
+    pub(super) initial: Preset,
+    /// Texts by value reference.
+    pub(super) texts: Vec<(u32, CString)>,
+}
+
+/// Columns with the values that they are set to.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Preset {
+    pub(super) columns: Vec<Column>,
+    pub(super) row: Vec<f64>,
+}
+
+impl Preset {
+    fn push(&mut self, variable: usize, element: usize, name: &str, value: f64) {
+        self.columns.push(Column {
+            field: Field::signal(name, "1", ""),
+            variable,
+            element,
+        });
+        self.row.push(value);
+    }
+}
+
+impl Start {
+    /// The start that these settings ask for; times and tolerance are else those of the model's default experiment.
+    ///
+    /// # Errors
+    /// If a name is unknown, a variable may not be set or a value is not one of it.
+    pub(super) fn of(model: &ModelDescription, settings: &ModelSettings) -> Result<Self, Invalid> {
+        let time_s = settings.start_time_s.or(model.experiment.start_s);
+        let time_s = time_s.unwrap_or(0.0);
+        if let Some(stop_s) = settings.stop_time_s.filter(|stop_s| *stop_s <= time_s) {
+            return Err(Invalid(format!(
+                "`stop_time_s` is {stop_s}, which is not after the start at {time_s}"
+            )));
+        }
+        Ok(Self {
+            tolerance: settings.tolerance.or(model.experiment.tolerance),
+            time_s,
+            stop_s: settings.stop_time_s,
+            structural: structural(model, &settings.structural),
+            initial: initial(model, &settings.initial)?,
+            texts: texts(model, settings)?,
+        })
+    }
+}
+
+/// Names of the variables whose initial values can be set, besides the inputs.
+pub(super) fn with_initial_value(model: &ModelDescription) -> impl Iterator<Item = &Variable> {
+    let all = model.variables.iter();
+    all.filter(|one| one.kind.range().is_some() && may_be_set(one).is_ok() && !is_input(one))
+}
+
+fn is_input(variable: &Variable) -> bool {
+    variable.causality == Causality::Input
+}
+
+/// # Errors
+/// If the variable has no initial value of its own; the text is the reason.
+fn may_be_set(variable: &Variable) -> Result<(), &'static str> {
+    if variable.unusable.is_some() {
+        return Err("cannot be read from the model description");
+    }
+    if variable.is_clocked {
+        return Err("has a clock");
+    }
+    match (variable.causality, variable.initial) {
+        (Causality::Parameter, _) => Err("is a parameter, which `parameters` sets"),
+        (Causality::StructuralParameter, _) => {
+            Err("is a structural parameter, which `structural` sets")
+        }
+        (Causality::Independent, _) => Err("is the time, which `start_time_s` sets"),
+        _ if variable.is_constant => Err("is constant"),
+        (Causality::Input, _) | (_, Initial::Exact | Initial::Approx) => Ok(()),
+        (_, Initial::Calculated) => {
+            Err("is calculated by the FMU (its `initial` is neither exact nor approx)")
+        }
+    }
+}
+
+/// Structural parameters, whose names and values were checked when the model was read.
+fn structural(model: &ModelDescription, given: &BTreeMap<String, u64>) -> Preset {
+    let mut preset = Preset::default();
+    for (place, variable) in model.variables.iter().enumerate() {
+        if let (true, [value]) = (given.contains_key(&variable.name), &variable.start[..]) {
+            preset.push(place, 0, &variable.name, *value);
+        }
+    }
+    preset
+}
+
+fn initial(model: &ModelDescription, given: &BTreeMap<String, f64>) -> Result<Preset, Invalid> {
+    let mut preset = Preset::default();
+    let mut rest = given.clone();
+    let mut values: BTreeMap<(VariableType, u32, usize), (String, f64)> = BTreeMap::new();
+    for (place, variable) in model.variables.iter().enumerate() {
+        if rest.is_empty() {
+            break;
+        }
+        let mut row: Vec<Option<f64>> = vec![None; variable.elements()];
+        for (element, value) in row.iter_mut().enumerate() {
+            let foreign = variable.element_name(element);
+            let own = spelled(&foreign).ok();
+            for name in [Some(&foreign), own.as_ref()].into_iter().flatten() {
+                let Some(number) = rest.remove(name) else {
+                    continue;
+                };
+                may_be_set(variable)
+                    .map_err(|why| Invalid(format!("`initial.{name}`: it {why}")))?;
+                check_value(variable, name, number)?;
+                let key = (variable.kind, variable.reference, element);
+                let before = values.insert(key, (name.clone(), number));
+                if let Some((other, before)) = before.filter(|(_, before)| *before != number) {
+                    return Err(Invalid(format!(
+                        "`initial.{other}` is {before} and `initial.{name}` is {number}, but both are names of one variable"
+                    )));
+                }
+                *value = Some(number);
+            }
+        }
+        if row.iter().all(Option::is_none) {
+            continue;
+        }
+        // An array is set as a whole.
+        for (element, value) in row.into_iter().enumerate() {
+            let name = variable.element_name(element);
+            let value = value.or_else(|| variable.start.get(element).copied());
+            let value = value.ok_or_else(|| {
+                Invalid(format!(
+                    "`initial.{name}` is missing: an array is set as a whole, and the FMU has no start value for it"
+                ))
+            })?;
+            preset.push(place, element, &name, value);
+        }
+    }
+    match rest.into_keys().next() {
+        None => Ok(preset),
+        Some(name) => {
+            let known: Vec<&str> = with_initial_value(model)
+                .map(|one| one.name.as_str())
+                .collect();
+            Err(unknown("initial", &name, &known))
+        }
+    }
+}
+
+fn check_value(variable: &Variable, name: &str, value: f64) -> Result<(), Invalid> {
+    let (low, high) = (variable.kind.range()).unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
+    let is_range = (variable.min.zip(variable.max)).is_none_or(|(min, max)| min <= max);
+    let bound = |bound: Option<f64>| bound.filter(|_| is_range);
+    let min = bound(variable.min).map_or(low, |min| min.max(low));
+    let max = bound(variable.max).map_or(high, |max| max.min(high));
+    if !(min..=max).contains(&value) {
+        return Err(Invalid(format!(
+            "`initial.{name}` is {value}; expected {min} to {max}"
+        )));
+    }
+    let is_item = variable.items.is_empty() || variable.items.contains(&value);
+    if !is_item || (!variable.kind.is_float() && value.fract() != 0.0) {
+        let kind = variable.kind.name();
+        return Err(Invalid(format!(
+            "`initial.{name}` is {value}, which is no value of its type, {kind}"
+        )));
+    }
+    Ok(())
+}
+
+fn texts(
+    model: &ModelDescription,
+    settings: &ModelSettings,
+) -> Result<Vec<(u32, CString)>, Invalid> {
+    let mut texts = Vec::new();
+    if let Some(name) = (settings.texts.keys()).find(|name| settings.files.contains_key(*name)) {
+        return Err(Invalid(format!(
+            "`{name}` is given as a text and as a file"
+        )));
+    }
+    let files = settings.files.iter().map(|entry| ("files", entry));
+    let all = settings.texts.iter().map(|entry| ("texts", entry));
+    for (key, (name, text)) in all.chain(files) {
+        let is_text = |one: &&Variable| one.kind == VariableType::String;
+        let is_named = |one: &&Variable| {
+            one.name == *name || spelled(&one.name).is_ok_and(|spelled| spelled == *name)
+        };
+        let Some(variable) = model.variables.iter().filter(is_text).find(is_named) else {
+            let known = model.variables.iter().filter(is_text);
+            let known = known.filter(|one| is_settable_text(one));
+            let known: Vec<&str> = known.map(|one| one.name.as_str()).collect();
+            return Err(unknown(key, name, &known));
+        };
+        if !is_settable_text(variable) {
+            return Err(Invalid(format!(
+                "`{key}.{name}`: it is no parameter or input, and its `initial` is neither exact nor approx"
+            )));
+        }
+        if !variable.dimensions.is_empty() {
+            return Err(Invalid(format!("`{key}.{name}`: it is an array of texts")));
+        }
+        if key == "files" && !Path::new(text).exists() {
+            return Err(Invalid(format!(
+                "`files.{name}` is {text}, which is not there (a path in a scenario begins at its folder)"
+            )));
+        }
+        let bytes = CString::new(text.as_str());
+        let bytes = bytes.map_err(|_| Invalid(format!("`{key}.{name}` has a zero in it")))?;
+        texts.push((variable.reference, bytes));
+    }
+    Ok(texts)
+}
+
+/// Returns `true` if a text can be set.
+pub(super) fn is_settable_text(variable: &Variable) -> bool {
+    variable.causality == Causality::Parameter && !variable.is_constant
+        || may_be_set(variable).is_ok()
+}
+
+fn unknown(key: &str, name: &str, known: &[&str]) -> Invalid {
+    let near = nearest(name, known.iter().copied());
+    let advice = match known.len() {
+        0 => "; there is none that can be set".to_owned(),
+        _ if !near.is_empty() => format!("; nearest: {}", listed(&near)),
+        count if count <= MOST_LISTED => format!("; there are {}", listed(known)),
+        _ => "; `hil describe` lists them".to_owned(),
+    };
+    Invalid(format!(
+        "`{key}.{name}` names no variable of the FMU{advice}"
+    ))
+}
