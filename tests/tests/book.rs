@@ -1,4 +1,4 @@
-//! The book: README, ARCHITECTURE, `docs` and the READMEs of `examples`.
+//! The book: pages at the top of the workspace, `docs` and the READMEs of `examples`.
 //!
 //! Every command block of a page is run as a reader would, the output shown behind it is compared, code is
 //! that of the examples or is built, links lead somewhere, and what is generated is fresh.

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Component, Path, PathBuf};
 
 use super::page::{Page, pages};
-use crate::support::programs::workspace;
+use crate::support::programs::{shipped, workspace};
 
 /// Lists the links of a page with their lines; none from inside code.
 fn links(page: &Page) -> Vec<(usize, String)> {
@@ -123,6 +123,32 @@ fn every_page_stands_in_the_summary_once() {
         .filter(|path| path.starts_with("docs") && !path.ends_with("SUMMARY.md"))
         .collect();
     assert_eq!(listed, written);
+}
+
+#[test]
+fn editors_link_every_workspace() {
+    let settings = shipped(".vscode/settings.json");
+    let settings: serde_json::Value = serde_json::from_str(&settings).expect("JSON");
+    let linked = settings["rust-analyzer.linkedProjects"].as_array();
+    let linked: BTreeSet<&str> = (linked.expect("a list").iter())
+        .filter_map(serde_json::Value::as_str)
+        .collect();
+    let manifest: toml::Table = shipped("Cargo.toml").parse().expect("TOML");
+    let excluded = manifest["workspace"]["exclude"].as_array();
+    let mut manifests = BTreeSet::from(["Cargo.toml".to_owned()]);
+    for folder in excluded.expect("a list") {
+        let folder = folder.as_str().expect("a path");
+        let inside = std::fs::read_dir(workspace().join(folder)).expect("a folder");
+        let inside = inside.map(|entry| entry.expect("an entry").file_name());
+        let inside = inside.map(|name| format!("{folder}/{}/Cargo.toml", name.display()));
+        manifests.extend(
+            inside
+                .chain([format!("{folder}/Cargo.toml")])
+                .filter(|path| workspace().join(path).exists()),
+        );
+    }
+    let manifests: BTreeSet<&str> = manifests.iter().map(String::as_str).collect();
+    assert_eq!(linked, manifests);
 }
 
 #[test]

@@ -29,10 +29,19 @@ pub(super) struct Block<'p> {
     pub(super) follows: bool,
 }
 
-/// Reads all pages: the README, the architecture, the book and the examples.
+/// Pages at the top of the workspace.
+const TOP: [&str; 5] = [
+    "README.md",
+    "ARCHITECTURE.md",
+    "CHANGELOG.md",
+    "CONTRIBUTING.md",
+    "SECURITY.md",
+];
+
+/// Reads all pages: those at the top, the book and the examples.
 pub(super) fn pages() -> Vec<Page> {
-    let mut paths: Vec<PathBuf> = ["README.md", "ARCHITECTURE.md"].map(PathBuf::from).into();
-    let mut found: Vec<PathBuf> = ["docs", "docs/reference"]
+    let mut paths: Vec<PathBuf> = TOP.map(PathBuf::from).into();
+    let mut found: Vec<PathBuf> = ["docs", "docs/design", "docs/reference"]
         .into_iter()
         .flat_map(|folder| markdown(Path::new(folder)))
         .collect();
