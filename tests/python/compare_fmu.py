@@ -51,6 +51,11 @@ class Calls:
         self.structural = plant.get("structural", {})
         self.given = plant.get("parameters", {})
         self.model = model = fmpy.read_model_description(path, validate=False)
+        # As FMPy's `simulate_fmu` takes them, where the scenario has none.
+        experiment = lambda name: getattr(model.defaultExperiment, name, None)
+        number = lambda text: None if text is None else float(text)
+        self.tolerance = number(plant.get("tolerance", experiment("tolerance")))
+        self.start_s = number(plant.get("start_time_s", experiment("startTime"))) or 0.0
         self.folder = fmpy.extract(path)
         self.kinds = TWO if model.fmiVersion.startswith("2") else THREE
         slave = FMU2Slave if self.kinds is TWO else FMU3Slave
@@ -101,8 +106,10 @@ class Calls:
             words = [{"true": 1, "false": 0}.get(word, word) for word in words]
             self.set([one], map(float, words))
         if self.kinds is TWO:
-            self.fmu.setupExperiment(startTime=0.0)
-        self.fmu.enterInitializationMode()
+            self.fmu.setupExperiment(tolerance=self.tolerance, startTime=self.start_s)
+            self.fmu.enterInitializationMode()
+        else:
+            self.fmu.enterInitializationMode(tolerance=self.tolerance, startTime=self.start_s)
         self.fmu.exitInitializationMode()
 
     def end(self):
@@ -122,7 +129,7 @@ def compare(path, run_path, rate_hz):
     rows = [calls.get()]
     for step in range(len(data["step"]) - 1 if "step" in data else len(measured[0]) - 1):
         calls.set(calls.inputs, [command[step] for command in applied])
-        calls.fmu.doStep(step / rate_hz, 1 / rate_hz)
+        calls.fmu.doStep(calls.start_s + step / rate_hz, 1 / rate_hz)
         rows.append(calls.get())
     calls.end()
     rows = np.asarray(rows, dtype=np.float64).T

@@ -26,10 +26,11 @@ pub(super) fn check(reader: &mut Reader, section: &Section<'_>, folder: &Path) -
     let structural = values(reader, section, "structural", |reader, path, node| {
         let size = match &node.value {
             Value::Integer(value) => u64::try_from(*value).ok(),
+            Value::Boolean(value) => Some(u64::from(*value)),
             _ => None,
         };
         if size.is_none() {
-            reader.wrong_type(path, node, "a whole number from 0 on");
+            reader.wrong_type(path, node, "a whole number from 0 on, or true or false");
         }
         size
     });
