@@ -298,6 +298,16 @@ impl Variable {
         items.join(", ")
     }
 
+    /// Smallest and largest value that both its type and its own bounds allow. Bounds in the wrong order count as none.
+    #[must_use]
+    pub fn bounds(&self) -> (f64, f64) {
+        let (low, high) = (self.kind.range()).unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
+        let is_range = (self.min.zip(self.max)).is_none_or(|(min, max)| min <= max);
+        let min = self.min.filter(|min| is_range && *min > low);
+        let max = self.max.filter(|max| is_range && *max < high);
+        (min.unwrap_or(low), max.unwrap_or(high))
+    }
+
     /// Returns true if nobody outside needs it.
     #[must_use]
     pub const fn is_inner(&self) -> bool {
