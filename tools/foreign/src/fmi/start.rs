@@ -176,9 +176,10 @@ fn initial(model: &ModelDescription, given: &BTreeMap<String, f64>) -> Result<Pr
 fn check_value(variable: &Variable, name: &str, value: f64) -> Result<(), Invalid> {
     let (low, high) = (variable.kind.range()).unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
     let is_range = (variable.min.zip(variable.max)).is_none_or(|(min, max)| min <= max);
-    let bound = |bound: Option<f64>| bound.filter(|_| is_range);
-    let min = bound(variable.min).map_or(low, |min| min.max(low));
-    let max = bound(variable.max).map_or(high, |max| max.min(high));
+    let is_above = |min: &f64| is_range && *min > low;
+    let is_below = |max: &f64| is_range && *max < high;
+    let min = variable.min.filter(is_above).unwrap_or(low);
+    let max = variable.max.filter(is_below).unwrap_or(high);
     if !(min..=max).contains(&value) {
         return Err(Invalid(format!(
             "`initial.{name}` is {value}; expected {min} to {max}"

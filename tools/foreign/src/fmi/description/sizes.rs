@@ -32,9 +32,9 @@ pub(super) fn resize(
             )));
         };
         let variable = &mut variables[place];
-        let (low, high) = variable.kind.range().unwrap_or((0.0, 0.0));
-        let min = variable.min.map_or(low, |min| min.max(low)).max(0.0);
-        let max = variable.max.map_or(high, |max| max.min(high));
+        let (_, high) = variable.kind.range().unwrap_or((0.0, 0.0));
+        let min = variable.min.filter(|min| *min > 0.0).unwrap_or(0.0);
+        let max = variable.max.filter(|max| *max < high).unwrap_or(high);
         #[expect(clippy::cast_precision_loss, reason = "larger ones are out of range")]
         let value = size as f64;
         if !(min..=max).contains(&value) {
