@@ -105,11 +105,11 @@ impl Cases {
                     file: scenario.path(),
                     text: scenario.text(),
                     // The programs are the copies; what belongs to them is not.
-                    programs: Programs {
+                    programs: Box::new(Programs {
                         plant: None,
                         controller: None,
                         ..scenario.programs()
-                    },
+                    }),
                 };
                 let choices = Choices::of(&arguments, &named, None)?;
                 Rig::Own(choices.find(interruption)?)

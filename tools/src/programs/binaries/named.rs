@@ -155,7 +155,7 @@ pub(crate) enum Named<'a> {
     Scenario {
         file: &'a Path,
         text: &'a str,
-        programs: Programs,
+        programs: Box<Programs>,
     },
     Recorded(&'a Recorded),
 }
@@ -291,7 +291,7 @@ impl<'a> Named<'a> {
         Self::Scenario {
             file: scenario.path(),
             text: scenario.text(),
-            programs: scenario.programs(),
+            programs: Box::new(scenario.programs()),
         }
     }
 

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::encoding::decoded;
-use super::sizes::resize;
+use super::sizes::{dimensions, resize};
 use super::structure::dependencies;
 use super::tree::{Element, shortened};
 use super::{
@@ -11,8 +11,6 @@ use super::{
     Variable, VariableType, Version,
 };
 
-/// Most elements of an array.
-const MOST_ELEMENTS: usize = 65_536;
 /// Most elements of all variables together: a short text may ask for more than there is memory.
 const MOST_TOGETHER: usize = 1 << 22;
 
@@ -480,39 +478,4 @@ fn whole(word: &str) -> Option<f64> {
     let number = value as f64;
     #[expect(clippy::cast_possible_truncation, reason = "compared here")]
     (number as i128 == value).then_some(number)
-}
-
-/// Sizes of an array, of which some are start values of structural parameters.
-fn dimensions(
-    sizes: &[&Element],
-    starts: &BTreeMap<u32, f64>,
-) -> Result<Vec<usize>, DescriptionError> {
-    let mut dimensions = Vec::new();
-    let mut elements = 1_usize;
-    for size in sizes {
-        let fixed: Option<usize> = size.value("start")?;
-        let reference: Option<u32> = size.value("valueReference")?;
-        let named = reference.and_then(|reference| starts.get(&reference));
-        let size = match (fixed, named) {
-            (Some(fixed), _) => fixed,
-            (None, Some(&value)) if (0.0..=1e9).contains(&value) => {
-                #[expect(
-                    clippy::cast_possible_truncation,
-                    clippy::cast_sign_loss,
-                    reason = "in range"
-                )]
-                let size = value as usize;
-                size
-            }
-            _ => return Err(size.wrong("size", "is not known")),
-        };
-        elements = elements.saturating_mul(size);
-        if elements > MOST_ELEMENTS {
-            return Err(DescriptionError::Unsupported(format!(
-                "one of its arrays has more than {MOST_ELEMENTS} elements"
-            )));
-        }
-        dimensions.push(size);
-    }
-    Ok(dimensions)
 }

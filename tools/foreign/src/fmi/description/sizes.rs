@@ -1,10 +1,14 @@
-//! Sizes of arrays that a scenario chooses: structural parameters in place of their start values.
+//! Sizes of arrays, of which some are structural parameters, and those that a scenario chooses.
 
 use std::collections::BTreeMap;
 
 use shared_types::table::listed;
 
+use super::tree::Element;
 use super::{Causality, DescriptionError, Variable};
+
+/// Most elements of an array.
+const MOST_ELEMENTS: usize = 65_536;
 
 /// Gives structural parameters these values.
 ///
@@ -44,4 +48,39 @@ pub(super) fn resize(
         variable.start = vec![value];
     }
     Ok(())
+}
+
+/// Sizes of an array, of which some are start values of structural parameters.
+pub(super) fn dimensions(
+    sizes: &[&Element],
+    starts: &BTreeMap<u32, f64>,
+) -> Result<Vec<usize>, DescriptionError> {
+    let mut dimensions = Vec::new();
+    let mut elements = 1_usize;
+    for size in sizes {
+        let fixed: Option<usize> = size.value("start")?;
+        let reference: Option<u32> = size.value("valueReference")?;
+        let named = reference.and_then(|reference| starts.get(&reference));
+        let size = match (fixed, named) {
+            (Some(fixed), _) => fixed,
+            (None, Some(&value)) if (0.0..=1e9).contains(&value) => {
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "in range"
+                )]
+                let size = value as usize;
+                size
+            }
+            _ => return Err(size.wrong("size", "is not known")),
+        };
+        elements = elements.saturating_mul(size);
+        if elements > MOST_ELEMENTS {
+            return Err(DescriptionError::Unsupported(format!(
+                "one of its arrays has more than {MOST_ELEMENTS} elements"
+            )));
+        }
+        dimensions.push(size);
+    }
+    Ok(dimensions)
 }
