@@ -39,7 +39,7 @@
 //!
 //! Packages beside the rooms: recordings, [`hil_recording`] (`tools/recording`); draws, folders, tables and statistics
 //! of campaigns, [`hil_campaign`] (`tools/campaign`); the controller on another machine, its agent and the programs
-//! that it may run, [`hil_target`] (`tools/target`); both sides of a run in one thread, [`hil_in_process`]
+//! that it may run, [`hil_target`] (`tools/remote`); both sides of a run in one thread, [`hil_in_process`]
 //! (`tools/in-process`); C programs and FMUs, `hil-foreign` (`tools/foreign`), which is never linked into `hil`.
 //!
 //! Packages below: [`hil_config`] checks scenarios and live requests, [`plant_process`] and [`controller_process`]

@@ -142,7 +142,7 @@ fn modules_of_lower_packages_form_no_circle() {
         "shared-types",
         "hil-config",
         "tools/recording",
-        "tools/target",
+        "tools/remote",
         "tools/campaign",
     ] {
         let (named, modules) = (named_below(&sources(package)), modules(package));
