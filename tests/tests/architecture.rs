@@ -13,7 +13,7 @@ use crate::support::programs::{shipped, workspace};
 
 /// Package and what it may depend on, when it is built and when it is tested. What moves to a target,
 /// the controller, knows neither simulator nor scenario.
-const ARROWS: [(&str, &[&str], &[&str]); 12] = [
+const ARROWS: [(&str, &[&str], &[&str]); 13] = [
     ("hil-origin", &[], &[]),
     ("shared-types", &[], &[]),
     ("hil-config", &["shared-types"], &[]),
@@ -25,7 +25,11 @@ const ARROWS: [(&str, &[&str], &[&str]); 12] = [
     ("controller-process", &["shared-types", "hil-origin"], &[]),
     ("hil-recording", &["shared-types"], &[]),
     ("hil-target", &["shared-types"], &[]),
-    ("hil-campaign", &["shared-types", "hil-config"], &[]),
+    (
+        "hil-campaign",
+        &["shared-types", "hil-config", "hil-console"],
+        &[],
+    ),
     (
         "hil-foreign",
         &["shared-types", "plant-process", "controller-process"],
@@ -37,10 +41,16 @@ const ARROWS: [(&str, &[&str], &[&str]); 12] = [
         &[],
     ),
     (
+        "hil-console",
+        &["shared-types", "hil-config", "hil-recording"],
+        &[],
+    ),
+    (
         "tools",
         &[
             "shared-types",
             "hil-origin",
+            "hil-console",
             "hil-in-process",
             "hil-recording",
             "hil-target",

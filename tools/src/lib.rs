@@ -17,8 +17,6 @@
 //! | [`results`] | the end of a run, its verdicts, its latency and the grade of that, its summary |
 //! | [`programs`] | plant and controller programs, and the scenario checked against them |
 //! | [`arguments`] | the command line as it is typed |
-//! | [`files`] | whole files, the folder of a run |
-//! | [`terminal`] | exit codes and failures, advice on them, output, tables, progress, interruption, lengths of time |
 //!
 //! A run, from the command line to the summary:
 //!
@@ -29,7 +27,7 @@
 //! 4. Its [recorder](run::recorder) drains the record stream on a thread of its own: digest, metrics,
 //!    requirements, latency, [recording](hil_recording).
 //! 5. `run::conclude` makes the exit code: [`results::requirements`] turns the verdict into one,
-//!    `verification::suite` takes the worst of several, and [`terminal::exit`] lists them all.
+//!    `verification::suite` takes the worst of several, and [`hil_console::terminal::exit`] lists them all.
 //!    [`results::summary`] says how it went, to a person and to a machine.
 //!
 //! A subcommand is added in these places: its arguments in a file of [`arguments`], its variant of `Command` and
@@ -37,7 +35,7 @@
 //! in `commands::execute`. Then `HIL_WRITE_BOOK=1 cargo test --release -p tests book::references` writes the reference
 //! of the book.
 //!
-//! Packages beside the rooms: recordings, [`hil_recording`] (`tools/recording`); draws, folders, tables and statistics
+//! Packages beside the rooms: terminal and files, [`hil_console`] (`tools/console`); recordings, [`hil_recording`] (`tools/recording`); draws, folders, tables and statistics
 //! of campaigns, [`hil_campaign`] (`tools/campaign`); the controller on another machine, its agent and the programs
 //! that it may run, [`hil_target`] (`tools/remote`); both sides of a run in one thread, [`hil_in_process`]
 //! (`tools/in-process`); C programs and FMUs, `hil-foreign` (`tools/foreign`), which is never linked into `hil`.
@@ -52,9 +50,8 @@
     reason = "the map leads into rooms that are closed to other packages"
 )]
 
-// First, because its macro `tell!` is used everywhere.
 #[macro_use]
-mod terminal;
+extern crate hil_console; // its macro `tell!` is used everywhere
 
 mod arguments;
 mod benchmark;
@@ -62,7 +59,6 @@ mod campaign;
 mod checkpoint;
 mod commands;
 mod doctor;
-mod files;
 mod programs;
 mod results;
 mod run;
@@ -90,7 +86,6 @@ pub mod testing {
     pub use crate::results::latency::legs::Latency;
     pub use crate::run::recorder::{Recorder, RecordingPlan};
     pub use crate::session::inject;
-    pub use crate::terminal::interruption::Interruption;
     pub use crate::verification::compare::{Verdict, compare};
     pub use crate::verification::judge::judged;
     pub use crate::verification::repetition::RecordedScenario;
@@ -98,4 +93,5 @@ pub mod testing {
     pub use crate::views::monitor::terminal::Screen;
     pub use crate::views::panel::message as panel_message;
     pub use crate::views::panel::request as panel_request;
+    pub use hil_console::terminal::interruption::Interruption;
 }

@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
 
+pub use hil_console::files::kind::MANIFEST;
 use serde::de::Error as _;
 use serde::{Deserialize, Serialize};
 
@@ -17,8 +18,6 @@ use crate::table::Column;
 pub const SCHEMA: u32 = 1;
 /// Version of the form of a folder whose campaign grew.
 pub const GROWN: u32 = 2;
-/// Name of the file in the folder.
-pub const MANIFEST: &str = "manifest.json";
 
 /// A file of the folder.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

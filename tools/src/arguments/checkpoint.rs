@@ -3,9 +3,8 @@
 use std::path::PathBuf;
 
 use clap::Args;
-
-use super::runs::run_path;
-use crate::terminal::duration::seconds;
+use hil_console::files::runs::run_path;
+use hil_console::terminal::duration::seconds;
 
 /// Choice of the checkpoints that a run makes.
 #[derive(Clone, Debug, Default, Args)]

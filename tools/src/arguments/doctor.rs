@@ -1,8 +1,7 @@
 //! The command line of `hil doctor`.
 
 use clap::Args;
-
-use crate::terminal::duration::seconds;
+use hil_console::terminal::duration::seconds;
 
 pub(super) const EXAMPLES: &str = "\
 Exit codes: 0 fit for timing claims; 1 unfit: a grade is poor; 2 wrong usage.

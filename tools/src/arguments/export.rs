@@ -3,9 +3,8 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-
-use super::runs::run_path;
-use crate::terminal::duration::seconds;
+use hil_console::files::runs::run_path;
+use hil_console::terminal::duration::seconds;
 
 pub(super) const EXAMPLES: &str = "\
 Values are those of the picked steps: --every skips steps and filters nothing. A recording that

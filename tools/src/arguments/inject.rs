@@ -8,11 +8,11 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use clap::{ArgGroup, Args};
+use hil_console::terminal::duration::seconds;
 
 use shared_types::table::nearest;
 
 use super::SessionChoice;
-use crate::terminal::duration::seconds;
 
 pub(super) const USAGE: &str = "\
 hil inject KIND [TARGET[,TARGET]...] [VALUE]... [--KEY VALUE[,VALUE]...]... [OPTIONS]

@@ -5,12 +5,12 @@ use std::str::FromStr;
 
 use clap::{Args, Subcommand};
 use hil_config::plan::Realtime;
+use hil_console::files::runs::run_path;
+use hil_console::terminal::duration::seconds;
 use shared_types::frame::MAX_SIGNALS;
 use shared_types::time::Rate;
 
 use super::realtime::WaitKind;
-use super::runs::run_path;
-use crate::terminal::duration::seconds;
 
 pub(super) const EXAMPLES: &str = "\
 Examples:

@@ -3,8 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-
-use super::runs::run_path;
+use hil_console::files::runs::run_path;
 
 pub(super) const EXAMPLES: &str = "\
 The plots follow from the recorded signals, so a layout works for any plant. A layout for

@@ -1,10 +1,10 @@
 //! The command line of `hil panel`, and that of a run with one.
 
 use clap::Args;
+use hil_console::terminal::duration::seconds;
 
 use super::SessionChoice;
 use super::monitor::window;
-use crate::terminal::duration::seconds;
 
 pub(super) const EXAMPLES: &str = "\
 A page in a browser: live plots, readings, margins, faults; sliders for values that can be tuned;

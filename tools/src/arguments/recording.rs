@@ -2,13 +2,13 @@
 
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use hil_console::terminal::duration::seconds;
+use hil_console::terminal::exit::Failure;
 use hil_recording::compression::Compression;
 use hil_recording::excerpt::Choice;
 use shared_types::number::exact_in;
 
 use super::run::RunOptions;
-use crate::terminal::duration::seconds;
-use crate::terminal::exit::Failure;
 
 /// Reads the compression of a recording.
 pub(super) fn compression() -> impl TypedValueParser<Value = Compression> {

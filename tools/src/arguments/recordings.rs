@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
+use hil_console::files::runs::run_path;
 
-use super::runs::run_path;
 use crate::arguments::tolerance::Tolerance;
 
 /// Arguments of `hil compare`.

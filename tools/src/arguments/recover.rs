@@ -3,8 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-
-use super::runs::run_path;
+use hil_console::files::runs::run_path;
 
 /// Examples.
 pub(crate) const EXAMPLES: &str = "\

@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use hil_console::files::runs::run_path;
 
 use super::run::LinkKind;
-use super::runs::run_path;
 use super::target::TargetArguments;
 use crate::arguments::tolerance::Tolerance;
 

@@ -3,8 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-
-use super::runs::run_path;
+use hil_console::files::runs::run_path;
 
 pub(super) const EXAMPLES: &str = "\
 One HTML file that needs no network: plots that zoom and share a cursor, shaded faults, requirements

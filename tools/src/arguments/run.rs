@@ -3,6 +3,9 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use hil_console::files::runs::run_path;
+use hil_console::terminal::duration::seconds;
+use hil_console::terminal::exit::Failure;
 use hil_recording::compression::Compression;
 use shared_types::number::exact;
 
@@ -11,10 +14,7 @@ use super::checkpoint::{CheckpointArguments, FromArguments};
 use super::panel::RunPanelArguments;
 use super::realtime::RealtimeArguments;
 use super::recording::{ChoiceArguments, compression};
-use super::runs::run_path;
 use super::target::TargetArguments;
-use crate::terminal::duration::seconds;
-use crate::terminal::exit::Failure;
 
 pub(super) const EXAMPLES: &str = "\
 Examples:

@@ -1,14 +1,12 @@
-//! The command lines of `hil runs`, and how each command reads which run is meant.
+//! The command lines of `hil runs`.
 
 use std::path::PathBuf;
 use std::time::{Duration, SystemTime};
 
-use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Subcommand, ValueEnum};
 use glob::Pattern;
+use hil_console::files::runs::RUNS;
 use serde::Serialize;
-
-use crate::files::runs::{self, RUNS};
 
 pub(super) const EXAMPLES: &str = "\
 A run is a folder with a scenario.toml that hil run wrote. `latest` is the newest run below runs, in
@@ -33,11 +31,6 @@ Examples:
   hil runs rm --keep-last 10 --keep-failed --yes
   hil runs rm --scenario 'spring*' --older-than 7d --yes
   hil runs rm --keep-last 0 --yes                # all";
-
-/// Returns the reader of an argument that names a run.
-pub(super) fn run_path() -> impl TypedValueParser<Value = PathBuf> {
-    OsStringValueParser::new().try_map(runs::path)
-}
 
 /// Arguments of `hil runs`.
 #[derive(Debug, Args)]

@@ -1,9 +1,9 @@
 //! The command line of `hil set`.
 
 use clap::Args;
+use hil_console::terminal::duration::seconds;
 
 use super::SessionChoice;
-use crate::terminal::duration::seconds;
 
 /// Explanation and examples of `hil set`.
 pub(super) const HELP: &str = "\

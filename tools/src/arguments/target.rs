@@ -3,10 +3,9 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
+use hil_console::terminal::exit::Failure;
 use hil_target::name::Target;
 use hil_target::way::Way;
-
-use crate::terminal::exit::Failure;
 
 pub(super) const EXAMPLES: &str = "\
 Examples:

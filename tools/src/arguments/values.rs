@@ -1,9 +1,9 @@
 //! The command lines of `hil get` and `hil watch`.
 
 use clap::Args;
+use hil_console::terminal::duration::seconds;
 
 use super::SessionChoice;
-use crate::terminal::duration::seconds;
 
 pub(super) const GET_EXAMPLES: &str = "\
 Exit codes: 0 printed; 2 no such session or signal, or no step executed yet; 3 the plant gave no

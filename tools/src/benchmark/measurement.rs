@@ -5,6 +5,8 @@
 
 use controller_process::job::JOB_FILE;
 use hil_config::plan::Realtime;
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::interruption::Interruption;
 use plant_process::engine::Engine;
 use serde::Serialize;
 use shared_types::link::LinkError;
@@ -28,8 +30,6 @@ use crate::benchmark::{null, raw};
 use crate::results::latency::legs::Latency;
 use crate::results::latency::times::Times;
 use crate::run::realtime;
-use crate::terminal::exit::Failure;
-use crate::terminal::interruption::Interruption;
 
 /// Steps that are left out at the beginning if nothing else is said.
 const WARM_UP: u64 = 20_000;

@@ -23,10 +23,10 @@ pub(crate) mod report;
 use std::path::Path;
 
 use crate::arguments::latency::LatencyArguments;
-use crate::files::part_file;
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::output;
 
+use hil_console::files::part_file;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
 use report::Report;
 
 /// Runs the command.

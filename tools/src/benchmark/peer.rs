@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use controller_process::job::{JOB_FILE, Job};
 use controller_process::runner::{End, Runner};
+use hil_console::terminal::exit::{Exit, Failure};
 use shared_types::link::bare::Blackboard;
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::process::{end_group, reap};
@@ -24,7 +25,6 @@ use super::exchange::{Trips, follow};
 use super::null;
 use crate::arguments::latency::{LatencyPeerArguments, PeerWork};
 use crate::run::open_files;
-use crate::terminal::exit::{Exit, Failure};
 
 /// Limit of one side's wait for a peer that lives.
 pub(super) const WAIT_LIMIT_S: f64 = 5.0;

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use hil_config::plan::Clock;
+use hil_console::terminal::exit::Failure;
 use hil_recording::reader::RunReader;
 
 use super::measurement::{Case, Looped, Sides};
@@ -10,7 +11,6 @@ use crate::results::latency::legs::Latency;
 use crate::results::latency::places::TimingPlaces;
 use crate::results::recorded_run::RecordedRun;
 use crate::results::resumed::first_step;
-use crate::terminal::exit::Failure;
 
 /// Reads a run; its first steps are left out.
 ///

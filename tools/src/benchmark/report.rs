@@ -5,6 +5,9 @@ use std::collections::BTreeMap;
 use std::fmt::{self, Write as _};
 use std::path::Path;
 
+use hil_console::terminal::duration::shown_ns;
+use hil_console::terminal::output;
+use hil_console::terminal::table::{Table, left, right};
 use rustix::thread::{CpuSet, sched_getaffinity};
 use serde::Serialize;
 use shared_types::realtime;
@@ -20,9 +23,6 @@ use crate::results::latency::legs::{LatencySummary, without_command};
 use crate::results::latency::percentiles::Percentiles;
 use crate::results::latency::spikes::Spike;
 use crate::results::latency::times::Times;
-use crate::terminal::duration::shown_ns;
-use crate::terminal::output;
-use crate::terminal::table::{Table, left, right};
 
 /// Version of the report.
 const SCHEMA: u32 = 1;

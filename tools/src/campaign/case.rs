@@ -5,6 +5,9 @@ use std::sync::Arc;
 use hil_campaign::folder::Folder;
 use hil_campaign::shard::Shard;
 use hil_config::plan::Plan;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::interruption::Interruption;
+use hil_console::terminal::output;
 
 use super::cases::Cases;
 use super::planned::{self, become_planned};
@@ -18,9 +21,6 @@ use crate::programs::binaries::Choices;
 use crate::programs::binaries::named::Named;
 use crate::run::settings::Settings;
 use crate::run::{self, Environment, Origin};
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::interruption::Interruption;
-use crate::terminal::output;
 
 /// Runs a case.
 ///

@@ -13,6 +13,8 @@ use hil_config::plan::{Plan, Programs, Realtime};
 use hil_config::problem::Problems;
 use hil_config::scenario::Scenario;
 use hil_config::study::{Item, Spread, Study};
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::interruption::Interruption;
 use shared_types::describe::{Description, FaultKindDescription, LawDescription, PlantDescription};
 use shared_types::lockstep::OnLoss;
 use shared_types::record::RecordLayout;
@@ -24,8 +26,6 @@ use crate::programs::binaries::named::Named;
 use crate::programs::binaries::{Binaries, Choices};
 use crate::run::alone;
 use crate::run::kept::Kept;
-use crate::terminal::exit::Failure;
-use crate::terminal::interruption::Interruption;
 
 /// Cases that can be planned and run.
 pub(super) struct Cases {

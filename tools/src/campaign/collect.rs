@@ -8,6 +8,9 @@ use hil_campaign::shard::part::Part;
 use hil_campaign::shard::{Shard, missing};
 use hil_campaign::table::sealed;
 use hil_config::study::Study;
+use hil_console::files::part_file::PartFile;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
 use serde_json::json;
 use shared_types::number::counted;
 
@@ -16,9 +19,6 @@ use super::show;
 use super::values;
 use super::work::{cannot, open};
 use crate::arguments::campaign::CollectArguments;
-use crate::files::part_file::PartFile;
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::output;
 
 /// Name of the table of results.
 pub(super) const RESULTS: &str = "results.parquet";

@@ -4,14 +4,14 @@ use hil_campaign::folder::Folder;
 use hil_campaign::manifest::Manifest;
 use hil_campaign::mcnemar;
 use hil_campaign::table::{CLASS, LOST};
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
 use serde::Serialize;
 use shared_types::number::{counted, short};
 
 use super::collect::{listed, read, tell_conflicts};
 use super::work::open;
 use crate::arguments::campaign::CompareCampaignArguments;
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::output;
 
 /// Difference of two campaigns in a variant.
 #[derive(Debug, Serialize)]

@@ -10,6 +10,11 @@ use std::os::unix::fs::PermissionsExt;
 use hil_campaign::folder::Folder;
 use hil_campaign::manifest::{Copied, GROWN, MANIFEST, Manifest, Stage};
 use hil_config::study::{Sampling, Study};
+use hil_console::files::part_file::PartFile;
+use hil_console::terminal::duration::shown_ns;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::interruption::Interruption;
+use hil_console::terminal::output;
 use rustix::fs::{FlockOperation, flock};
 use serde_json::json;
 use shared_types::number::counted;
@@ -22,11 +27,6 @@ use super::quoted;
 use super::values;
 use super::work::{cannot, open};
 use crate::arguments::campaign::GrowArguments;
-use crate::files::part_file::PartFile;
-use crate::terminal::duration::shown_ns;
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::interruption::Interruption;
-use crate::terminal::output;
 
 /// File whose lock keeps two from adding draws at once.
 const LOCK: &str = ".growth";

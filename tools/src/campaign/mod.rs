@@ -28,11 +28,12 @@ mod workers;
 
 use std::path::Path;
 
+use hil_console::terminal::exit::{Exit, Failure};
+
 use hil_campaign::manifest::MANIFEST;
 
 use crate::arguments::campaign::CampaignAction;
 use crate::arguments::report::ReportArguments;
-use crate::terminal::exit::{Exit, Failure};
 
 /// Runs the command.
 ///

@@ -10,12 +10,12 @@ use std::process::Command;
 
 use hil_campaign::folder::Folder;
 use hil_campaign::manifest::{MANIFEST, Manifest};
+use hil_console::terminal::exit::Failure;
 use hil_target::machine::hash;
 
 use super::quoted;
 use super::work::cannot;
 use crate::programs::binaries::trusted;
-use crate::terminal::exit::Failure;
 
 /// Folder of the programs; `hil` finds the others beside itself there.
 pub(super) const PROGRAMS: &str = "programs";

@@ -15,6 +15,9 @@ mod tables;
 use std::path::Path;
 
 use hil_campaign::folder::Folder;
+use hil_console::files::destination::Destination;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
 use serde::Serialize;
 use shared_types::number::counted;
 
@@ -23,9 +26,6 @@ use super::collect::read;
 use super::show::study;
 use super::work::{cannot, open};
 use crate::arguments::report::ReportArguments;
-use crate::files::destination::Destination;
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::output;
 use crate::views::export::deliver;
 
 /// Summary of the written page.

@@ -6,6 +6,8 @@ use std::time::Instant;
 use hil_campaign::curve::{Curve, Grid};
 use hil_campaign::table::{CLASS, Cell, Column, ColumnKind, Row};
 use hil_config::plan::Plan;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::interruption::Interruption;
 use shared_types::record::Outcome;
 
 use crate::arguments::run::LinkKind;
@@ -15,8 +17,6 @@ use crate::results::requirements::{Requirement, RunVerdict};
 use crate::results::summary::Metric;
 use crate::run::settings::Settings;
 use crate::run::{self, Environment, Origin};
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::interruption::Interruption;
 
 /// Result of a case.
 pub(super) struct CaseResult {

@@ -5,6 +5,9 @@ use std::fmt::Write as _;
 use hil_campaign::collect::Collected;
 use hil_campaign::folder::Folder;
 use hil_config::study::Study;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
+use hil_console::terminal::table::{Table, left, right};
 use shared_types::number::{counted, short, unit_shown};
 
 use super::answers::{self, Answers, BoundsAnswer, Gathered, QuantileAnswer, Share, VariantAnswer};
@@ -12,9 +15,6 @@ use super::collect::{self, set_aside};
 use super::quoted;
 use super::work::open;
 use crate::arguments::campaign::ShowArguments;
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::output;
-use crate::terminal::table::{Table, left, right};
 
 /// Tells what a campaign shows.
 ///

@@ -10,6 +10,9 @@ use std::process::Command;
 
 use hil_campaign::folder::Folder;
 use hil_campaign::shard::missing;
+use hil_console::terminal::duration::shown_ns;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
 use shared_types::number::counted;
 
 pub(super) use tasks::Tasks;
@@ -17,9 +20,6 @@ pub(super) use tasks::Tasks;
 use super::planned::{self, program};
 use super::work::{cannot, open};
 use crate::arguments::campaign::SubmitArguments;
-use crate::terminal::duration::shown_ns;
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::output;
 
 /// Folder with a file for each job that was submitted.
 const JOBS: &str = "jobs";

@@ -5,6 +5,9 @@ use std::time::Duration;
 
 use hil_campaign::folder::{Conflict, Folder};
 use hil_campaign::shard::{PartError, Shard};
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::interruption::Interruption;
+use hil_console::terminal::output;
 use serde::Serialize;
 use shared_types::number::counted;
 
@@ -12,9 +15,6 @@ use super::quoted;
 use super::slurm::{self, Tasks};
 use super::work::{cannot, open};
 use crate::arguments::campaign::StatusArguments;
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::interruption::Interruption;
-use crate::terminal::output;
 
 /// Time between two looks.
 const LOOK: Duration = Duration::from_secs(1);

@@ -10,9 +10,8 @@ use hil_campaign::folder::Folder;
 use hil_campaign::manifest::Manifest;
 use hil_campaign::table::{self, Cell, Column, Row, Writer, sealed};
 use hil_config::study::Study;
-
-use crate::files::part_file::PartFile;
-use crate::terminal::exit::Failure;
+use hil_console::files::part_file::PartFile;
+use hil_console::terminal::exit::Failure;
 
 /// Name of the table.
 const CASES: &str = "cases.parquet";

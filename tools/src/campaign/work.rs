@@ -15,6 +15,9 @@ use hil_campaign::folder::{Conflict, Folder};
 use hil_campaign::shard::attempt::{Attempt, Published, difference};
 use hil_campaign::shard::{MOST_TRIES, PartError, Shard, missing};
 use hil_campaign::table::Row;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::interruption::Interruption;
+use hil_console::terminal::output;
 use rustix::process::{Signal, getpid, kill_process};
 use shared_types::session;
 
@@ -24,9 +27,6 @@ use super::planned::{self, become_planned};
 use super::result::CaseResult;
 use crate::arguments::campaign::WorkArguments;
 use crate::run::kept::Kept;
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::interruption::Interruption;
-use crate::terminal::output;
 
 /// Word of a worker when a case came out otherwise in new processes.
 pub(super) const DIFFERS: &str = "differs";

@@ -11,6 +11,9 @@ use std::time::{Duration, Instant};
 use hil_campaign::folder::Folder;
 use hil_campaign::shard::{Shard, missing};
 use hil_campaign::table::{LOST, Row};
+use hil_console::terminal::duration::shown_ns;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::interruption::Interruption;
 use indicatif::ProgressBar;
 use shared_types::number::{counted, short};
 
@@ -20,9 +23,6 @@ use super::planned::{self, program};
 use super::work::{DIFFERS, FAILED, cannot, open};
 use super::{collect, quoted, show};
 use crate::arguments::campaign::RunCampaignArguments;
-use crate::terminal::duration::shown_ns;
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::interruption::Interruption;
 
 /// Time between two looks at what nobody tells.
 const LOOK: Duration = Duration::from_millis(100);

@@ -21,6 +21,8 @@ use std::fs;
 use std::path::Path;
 
 use hil_config::plan::{Clock, Plan};
+use hil_console::files::part_file::{self, PartFolder};
+use hil_console::terminal::exit::Failure;
 use hil_recording::reader::RECORDING;
 use serde::{Deserialize, Serialize};
 use shared_types::describe::PROTOCOL;
@@ -29,11 +31,9 @@ use shared_types::session::SessionInfo;
 use shared_types::side::Side;
 use shared_types::time::Step;
 
-use crate::files::part_file::{self, PartFolder};
 use crate::programs::binaries::Binaries;
 use crate::results::restoration::Check;
 use crate::results::resumed::MadeCheckpoint;
-use crate::terminal::exit::Failure;
 
 /// Version of the folder.
 const SCHEMA: u32 = 1;

@@ -9,6 +9,8 @@ use std::path::{Path, PathBuf};
 
 use hil_config::plan::{FaultEvent, Plan};
 use hil_config::scenario::Scenario;
+use hil_console::files::folder::refuse_odd;
+use hil_console::terminal::exit::Failure;
 use hil_recording::reader::{ReadError, RunReader};
 use shared_types::checkpoint::{Checkpoints, Resume};
 use shared_types::describe::PROTOCOL;
@@ -19,14 +21,12 @@ use shared_types::time::Step;
 use super::branch::{self, Branch};
 use super::{Checkpoint, FILE, SCHEMA, SavedSide, hash};
 use crate::arguments::run::Changes;
-use crate::files::folder::refuse_odd;
 use crate::programs::binaries::named::{Recorded, refuse_set};
 use crate::programs::binaries::{Binaries, Binary};
 use crate::programs::scenario;
 use crate::results::faults::FaultLog;
 use crate::results::restoration::Check;
 use crate::results::resumed::Resumed;
-use crate::terminal::exit::Failure;
 
 /// Past that a run goes on from.
 #[derive(Clone, Debug)]

@@ -3,6 +3,9 @@
 use std::sync::Arc;
 
 use hil_config::plan::Plan;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::interruption::Interruption;
+use hil_console::terminal::output;
 use hil_recording::excerpt::Choice;
 use hil_recording::size;
 
@@ -10,9 +13,6 @@ use crate::arguments::config::{ConfigAction, ConfigArguments, ScenarioArguments}
 use crate::programs::binaries::named::Named;
 use crate::programs::binaries::{Binaries, Choices};
 use crate::programs::scenario::{Finder, show};
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::interruption::Interruption;
-use crate::terminal::output;
 
 /// Runs the command.
 ///

@@ -3,6 +3,10 @@
 use std::fmt::Write;
 
 use hil_config::plan::Permissions;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::interruption::Interruption;
+use hil_console::terminal::output;
+use hil_console::terminal::table::{Table, left};
 use serde_json::json;
 use shared_types::describe::{
     Description, Imported, LawDescription, LibraryNeeds, PlantDescription,
@@ -13,10 +17,6 @@ use shared_types::table::Field;
 use crate::arguments::describe::{DescribeArguments, DescribedSide};
 use crate::programs::binaries::Binary;
 use crate::programs::binaries::named::{CONTROLLER, PLANT};
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::interruption::Interruption;
-use crate::terminal::output;
-use crate::terminal::table::{Table, left};
 
 /// Runs the command.
 ///

@@ -2,11 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
+use hil_console::files::kind::FileKind::{
+    self, Campaign, Fmu, Program, Recording, Scenario, Study,
+};
+use hil_console::terminal::exit::Failure;
+
 use crate::arguments::Command;
 use crate::arguments::campaign::CampaignAction;
 use crate::arguments::config::ConfigAction;
-use crate::files::kind::FileKind::{self, Campaign, Fmu, Program, Recording, Scenario, Study};
-use crate::terminal::exit::Failure;
 
 /// Kinds of files that a command takes.
 type Kinds = &'static [FileKind];

@@ -18,6 +18,9 @@ use std::os::unix::process::{CommandExt, ExitStatusExt, parent_id};
 use std::path::Path;
 use std::process::{Child, ExitCode, ExitStatus};
 
+use hil_console::files::begun;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
 use nix::sys::signal::Signal;
 use rustix::fs::{MemfdFlags, OFlags, fcntl_setfl, memfd_create};
 use rustix::process::{Pid, kill_process, set_parent_process_death_signal};
@@ -33,10 +36,7 @@ use hil_recording::reader::RECORDING;
 use crate::arguments::Command;
 use crate::arguments::campaign::CampaignAction;
 use crate::arguments::run::LinkKind;
-use crate::files::begun;
 use crate::results::lost::{self, End};
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::output;
 use crate::verification::suite;
 use signals::Signals;
 

@@ -17,6 +17,8 @@ pub(crate) mod target;
 
 use std::process::ExitCode;
 
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::{advice, interruption, output};
 use shared_types::live::Request;
 use shared_types::session;
 
@@ -24,8 +26,6 @@ use crate::arguments::recordings::ScenarioAction;
 use crate::arguments::swap::ControllerAction;
 use crate::arguments::{Command, CommandLine};
 use crate::session::{clock, inject, mark, set};
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::{advice, interruption, output};
 use crate::verification::{compare, judge, repetition, replay, rerun, suite};
 use crate::views::{export, layout, monitor, panel, report, values};
 use crate::{benchmark, campaign, doctor};

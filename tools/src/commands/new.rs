@@ -6,13 +6,13 @@ use std::fs;
 use std::io;
 use std::path::{Component, Path, PathBuf};
 
+use hil_console::files::folder::refuse_odd;
+use hil_console::files::part_file::PartFolder;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
 use serde::Serialize;
 
 use crate::arguments::new::{Language, NewArguments, What};
-use crate::files::folder::refuse_odd;
-use crate::files::part_file::PartFolder;
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::output;
 
 /// Packages that the folder of the framework has.
 const PACKAGES: [&str; 3] = ["plant-process", "controller-process", "shared-types"];

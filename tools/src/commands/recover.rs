@@ -14,6 +14,11 @@ use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use hil_console::files::part_file::{self, PartFile};
+use hil_console::files::runs::SUMMARY;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::interruption::Interruption;
+use hil_console::terminal::output;
 use hil_recording::copy::Rescue;
 use hil_recording::reader::{FileEnd, Unvouched};
 use rustix::fs::{FlockOperation, flock};
@@ -22,13 +27,8 @@ use serde::Serialize;
 use shared_types::session;
 
 use crate::arguments::recover::RecoverArguments;
-use crate::files::part_file::{self, PartFile};
-use crate::files::runs::SUMMARY;
 use crate::results::lost;
 use crate::results::outcome::RecordedOutcome;
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::interruption::Interruption;
-use crate::terminal::output;
 
 /// Result of looking at a recording and recovering it.
 #[derive(Debug, Serialize)]

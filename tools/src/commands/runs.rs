@@ -9,6 +9,10 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use glob::Pattern;
+use hil_console::files::runs::{self, RUNS, RunFolder, SCENARIO};
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
+use hil_console::terminal::table::{Table, left, right};
 use serde::{Deserialize, Serialize};
 use shared_types::number::short_in;
 use shared_types::session;
@@ -16,11 +20,7 @@ use shared_types::text::line;
 use toml_edit::DocumentMut;
 
 use crate::arguments::runs::{Ending, Order, RunChoice, RunsAction, RunsArguments};
-use crate::files::runs::{self, RUNS, RunFolder, SCENARIO};
 use crate::results::requirements;
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::output;
-use crate::terminal::table::{Table, left, right};
 use hil_recording::size;
 
 /// Runs the command.

@@ -3,13 +3,13 @@
 
 use std::time::Duration;
 
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
+use hil_console::terminal::table::{Table, left, right};
 use shared_types::session;
 
 use crate::arguments::config::SessionsArguments;
 use crate::session::observer::Notice;
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::output;
-use crate::terminal::table::{Table, left, right};
 
 /// Runs the command.
 ///

@@ -1,5 +1,10 @@
 //! `hil target`: look at the machines that controllers run on, clean them, and listen on one.
 
+use hil_console::terminal::duration::shown_ns;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::interruption::Interruption;
+use hil_console::terminal::output;
+use hil_console::terminal::table::{Table, left};
 use hil_target::machine::Findings;
 use hil_target::programs::no_room;
 use hil_target::{key, serve};
@@ -8,11 +13,6 @@ use shared_types::program;
 
 use crate::arguments::target::{ServeArguments, TargetAction, TargetContact};
 use crate::programs::binaries::reached::{Reached, failed};
-use crate::terminal::duration::shown_ns;
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::interruption::Interruption;
-use crate::terminal::output;
-use crate::terminal::table::{Table, left};
 
 /// Round trips that a check measures.
 const TRIPS: u32 = 200;

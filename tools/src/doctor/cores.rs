@@ -3,9 +3,10 @@
 use std::collections::BTreeSet;
 use std::fmt::{self, Display};
 
+use hil_console::terminal::exit::Failure;
+
 use super::finding::{Check, Finding, known};
 use super::tree::{Tree, Unread};
-use crate::terminal::exit::Failure;
 
 const COUNT: Check = Check::new(
     "cores",

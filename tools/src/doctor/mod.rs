@@ -30,12 +30,12 @@ pub(crate) mod tree;
 
 use std::io::IsTerminal;
 
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
 use shared_types::session;
 use shared_types::shared_memory::SharedMemory;
 
 use crate::arguments::doctor::DoctorArguments;
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::output;
 use cores::Cores;
 use finding::{Finding, Grade};
 use interrupts::{Interval, Snapshot};

@@ -2,12 +2,12 @@
 
 use std::fmt::Write;
 
+use hil_console::terminal::duration::shown_ns;
+use hil_console::terminal::table::{Table, left, right};
 use serde::Serialize;
 use serde_json::Value;
 
 use super::finding::{Finding, Grade};
-use crate::terminal::duration::shown_ns;
-use crate::terminal::table::{Table, left, right};
 
 /// All findings and what follows from them.
 #[derive(Clone, Debug, Serialize)]

@@ -1,9 +1,10 @@
 //! Throttling: the share of a core that the kernel keeps from real-time work.
 
+use hil_console::terminal::duration::shown_ns;
+
 use super::cores::Cores;
 use super::finding::{Check, Finding};
 use super::tree::Tree;
-use crate::terminal::duration::shown_ns;
 
 const THROTTLING: Check = Check::new(
     "throttling",

@@ -11,6 +11,8 @@ use std::sync::Arc;
 
 use hil_config::plan::{ControllerProgram, Permissions, Plan, Programs};
 use hil_config::scenario::Advice;
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::interruption::Interruption;
 use hil_target::bridge::ready_file;
 use shared_types::describe::{
     Description, FaultKindDescription, LawDescription, PROTOCOL, PlantDescription,
@@ -27,8 +29,6 @@ use named::{CONTROLLER, Choice, Named, NamedBy, PLANT, Role};
 use reached::{BesideDesk, Reached};
 
 use crate::arguments::BinaryArguments;
-use crate::terminal::exit::Failure;
-use crate::terminal::interruption::Interruption;
 
 mod answer;
 mod file;

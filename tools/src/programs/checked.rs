@@ -5,9 +5,8 @@ use std::path::Path;
 
 use hil_config::plan::Plan;
 use hil_config::scenario::{Advice, Scenario};
+use hil_console::terminal::exit::Failure;
 use shared_types::describe::Description;
-
-use crate::terminal::exit::Failure;
 
 /// A scenario's plan, by what plant and controller said of themselves.
 ///

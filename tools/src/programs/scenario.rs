@@ -5,17 +5,17 @@ use std::sync::Arc;
 use hil_config::plan::Plan;
 use hil_config::problem::Problems;
 use hil_config::scenario::Scenario;
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::interruption::Interruption;
+use hil_console::terminal::output;
 
 use crate::programs::binaries::{Binaries, Choices};
-use crate::terminal::output;
 use toml_edit::DocumentMut;
 
 use crate::arguments::BinaryArguments;
 use crate::arguments::run::Changes;
 use crate::programs::binaries::named::Named;
 use crate::programs::binaries::reached::Reached;
-use crate::terminal::exit::Failure;
-use crate::terminal::interruption::Interruption;
 
 /// The parts of a scenario that say what runs. The others disturb it, which is in the samples already,
 /// or judge it, in terms that another controller may not know.

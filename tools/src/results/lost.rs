@@ -5,12 +5,12 @@
 use std::fs::read_dir;
 use std::path::Path;
 
+use hil_console::files::begun::BegunRun;
+use hil_console::files::part_file;
+use hil_console::files::runs::{SCENARIO, SUMMARY, summary};
+use hil_console::terminal::exit::Failure;
 use serde_json::{Value, json};
 
-use crate::files::begun::BegunRun;
-use crate::files::part_file;
-use crate::files::runs::{SCENARIO, SUMMARY, summary};
-use crate::terminal::exit::Failure;
 use hil_recording::reader::RECORDING;
 
 /// Key of a summary that the guard wrote.

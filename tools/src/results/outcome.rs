@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use hil_config::plan::Clock;
+use hil_console::terminal::exit::Failure;
 use hil_recording::reader::{ReadError, RunReader};
 use shared_types::record::Outcome;
 
@@ -21,7 +22,6 @@ use crate::results::recorded::Recorded;
 use crate::results::recorded_run::RecordedRun;
 use crate::results::resumed::first_step;
 use crate::results::summary::Summary;
-use crate::terminal::exit::Failure;
 
 /// A recording, read as far as it goes.
 pub(crate) struct RecordedOutcome {

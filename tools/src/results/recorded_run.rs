@@ -11,6 +11,7 @@ use std::path::Path;
 use hil_config::expression::{Columns, Group};
 use hil_config::plan::Plan;
 use hil_config::scenario::read_regular;
+use hil_console::terminal::exit::Failure;
 use hil_recording::reader::RunReader;
 use hil_recording::schema::column_name;
 use shared_types::describe::{Description, LawDescription, PlantDescription};
@@ -20,7 +21,6 @@ use shared_types::table::Field;
 
 use crate::programs::checked::checked;
 use crate::results::evaluation::RecordEvaluation;
-use crate::terminal::exit::Failure;
 
 /// A recorded run.
 pub(crate) struct RecordedRun {

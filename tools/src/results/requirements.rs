@@ -6,12 +6,11 @@
 use std::fmt::Write as _;
 
 use hil_config::requirements::RequirementValue;
+use hil_console::terminal::exit::Exit;
+use hil_console::terminal::table::{Table, left, right};
 use serde::Serialize;
 use shared_types::number::{short, unit_shown};
 use shared_types::record::Outcome;
-
-use crate::terminal::exit::Exit;
-use crate::terminal::table::{Table, left, right};
 
 /// Result of a requirement.
 #[derive(Clone, Debug, Serialize)]

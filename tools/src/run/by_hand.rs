@@ -8,6 +8,7 @@ use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 
+use hil_console::terminal::exit::Failure;
 use hil_target::machine::hash;
 use rustix::net::sockopt::socket_peercred;
 use shared_types::by_hand::{Admission, Entry, Token, door, token_file};
@@ -21,7 +22,6 @@ use super::prepare::PreparedRun;
 use super::processes::LOOK;
 use super::side::SideProcess;
 use crate::programs::binaries::Binary;
-use crate::terminal::exit::Failure;
 
 /// Sides of a run that were admitted.
 #[derive(Default)]

@@ -1,5 +1,9 @@
 //! Conclusion of a run: its outcome, its checkpoints, its summary and its exit code.
 
+use hil_console::files::part_file;
+use hil_console::files::runs::SUMMARY;
+use hil_console::terminal::advice;
+use hil_console::terminal::exit::{Exit, Failure};
 use shared_types::record::Outcome;
 use shared_types::session::Session;
 
@@ -8,14 +12,10 @@ use super::prepare::PreparedRun;
 use super::restoration;
 use crate::arguments::run::LinkKind;
 use crate::checkpoint;
-use crate::files::part_file;
-use crate::files::runs::SUMMARY;
 use crate::results::company::ProcessorTime;
 use crate::results::ended::EndedRun;
 use crate::results::settings::Realtime;
 use crate::results::summary::Summary;
-use crate::terminal::advice;
-use crate::terminal::exit::{Exit, Failure};
 use hil_recording::reader::RECORDING;
 use hil_target::bridge::switches;
 

@@ -9,6 +9,8 @@ use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
 use controller_process::job::{JOB_FILE, Job};
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::interruption::Interruption;
 use shared_types::lockstep::OnLoss;
 use shared_types::process::Ending;
 use shared_types::record::{ControllerChange, ControllerFate};
@@ -22,8 +24,6 @@ use super::side::SideProcess;
 use crate::programs::binaries::Binary;
 use crate::results::ended::Started;
 use crate::run::swap::{Swapped, Wanted};
-use crate::terminal::exit::Failure;
-use crate::terminal::interruption::Interruption;
 
 /// Most restarts of a lost controller in one run.
 const RESTARTS: u32 = 3;

@@ -8,6 +8,8 @@ use std::sync::Arc;
 
 use hil_campaign::curve::Curve;
 use hil_config::plan::Plan;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::interruption::Interruption;
 use plant_process::repeat::Missed;
 use shared_types::time::Step;
 
@@ -22,8 +24,6 @@ use crate::programs::binaries::Binaries;
 use crate::results::company::ProcessorTime;
 use crate::results::restoration::Check;
 use crate::results::summary::Summary;
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::interruption::Interruption;
 
 /// Environment of a run, whatever its scenario.
 #[derive(Clone)]

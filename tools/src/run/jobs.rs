@@ -2,6 +2,8 @@
 //! both programs before anything is started.
 
 use hil_config::plan::{Clock, ControllerPlan, Plan, law_keys, settings_after};
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::interruption::Interruption;
 use hil_target::asking;
 use serde::Serialize;
 use shared_types::checkpoint::Checkpoints;
@@ -12,8 +14,6 @@ use shared_types::time::Step;
 
 use super::settings::Settings;
 use crate::programs::binaries::{Binaries, Binary};
-use crate::terminal::exit::Failure;
-use crate::terminal::interruption::Interruption;
 
 /// Makes the job of each side, which saves its state before these steps.
 pub(super) fn of(

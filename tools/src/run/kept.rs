@@ -7,6 +7,8 @@ use std::sync::Arc;
 
 use hil_campaign::curve::Grid;
 use hil_config::plan::Plan;
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::interruption::Interruption;
 use shared_types::record::{Outcome, RecordLayout};
 use shared_types::session::{Session, SessionInfo};
 use shared_types::stream::iceoryx::IceoryxSource;
@@ -21,8 +23,6 @@ use super::side::SideProcess;
 use crate::arguments::run::LinkKind;
 use crate::programs::binaries::Binaries;
 use crate::results::ended::EndedRun;
-use crate::terminal::exit::Failure;
-use crate::terminal::interruption::Interruption;
 
 /// Most pairs that are kept at once; each sleeps while another one runs.
 const MOST_PAIRS: usize = 16;

@@ -1,10 +1,9 @@
 //! Limit of open files of a process: without enough of them, what is made of shared memory fails
 //! in ways that do not tell why.
 
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::output;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
-
-use crate::terminal::exit::Failure;
-use crate::terminal::output;
 
 /// Files that a process of a run opens at most: 48 in all were too few without handover, 52 were enough.
 const LEAST: u64 = 64;

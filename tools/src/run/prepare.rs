@@ -7,6 +7,13 @@ use std::sync::Arc;
 use std::time::SystemTime;
 
 use hil_config::plan::{Clock, Plan};
+use hil_console::files::begun::BegunRun;
+use hil_console::files::runs::SCENARIO;
+use hil_console::files::{begun, folder, part_file};
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::interruption::Interruption;
+use hil_console::terminal::output;
+use hil_console::terminal::progress::Progress;
 use hil_recording::excerpt::Choice;
 use hil_recording::reader::RECORDING;
 use hil_recording::reserve::Reserve;
@@ -26,18 +33,11 @@ use super::{in_process, jobs, provenance, realtime};
 use crate::arguments::run::LinkKind;
 use crate::checkpoint;
 use crate::checkpoint::past::PastRecords;
-use crate::files::begun::BegunRun;
-use crate::files::runs::SCENARIO;
-use crate::files::{begun, folder, part_file};
 use crate::programs::binaries::Binaries;
 use crate::programs::scenario;
 use crate::results::resumed::Resumed;
 use crate::run::recorder::{Recorder, RecordingPlan};
 use crate::session::observer::Notice;
-use crate::terminal::exit::Failure;
-use crate::terminal::interruption::Interruption;
-use crate::terminal::output;
-use crate::terminal::progress::Progress;
 
 /// Room that is kept on the disk for the summary.
 const SUMMARY_BYTES: u64 = 256 << 10;

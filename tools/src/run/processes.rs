@@ -5,6 +5,9 @@ use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use hil_config::plan::Clock;
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::output;
+use hil_console::terminal::progress::Progress;
 use shared_types::process::Ending;
 use shared_types::record::Outcome;
 use shared_types::session::Session;
@@ -26,9 +29,6 @@ use crate::run::open_files;
 use crate::run::recorder::Recorder;
 use crate::run::swap::{self, SwapContext, Wanted};
 use crate::session::standing;
-use crate::terminal::exit::Failure;
-use crate::terminal::output;
-use crate::terminal::progress::Progress;
 
 /// Time between two looks at a process that is about to say or do something.
 pub(crate) const LOOK: Duration = Duration::from_millis(2);

@@ -11,6 +11,8 @@ use std::io::{Read, Write};
 use std::sync::{Arc, OnceLock};
 
 use hil_config::plan;
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::output;
 use shared_types::realtime::{CONTROLLER_FILE, Granted, PLANT_FILE, Report, only_core, pin};
 use shared_types::session::SessionInfo;
 use shared_types::text;
@@ -20,8 +22,6 @@ use crate::doctor::cores::{CoreList, Cores};
 use crate::doctor::tree::Root;
 use crate::programs::binaries::reached::Reached;
 use crate::results::settings::{Realtime, Recorder};
-use crate::terminal::exit::Failure;
-use crate::terminal::output;
 use refusals::Refusals;
 
 const DMA_LATENCY: &str = "/dev/cpu_dma_latency";

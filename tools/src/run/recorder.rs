@@ -13,6 +13,8 @@ use std::time::{Duration, Instant};
 
 use hil_campaign::curve::Grid;
 use hil_config::plan::Plan;
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::interruption::Interruption;
 use hil_recording::compression::Compression;
 use hil_recording::excerpt::Choice;
 use hil_recording::writer::Provenance;
@@ -23,8 +25,6 @@ use shared_types::stream::RecordSource;
 use crate::checkpoint::past::PastRecords;
 use crate::results::recorded::Recorded;
 use crate::session::standing::Board;
-use crate::terminal::exit::Failure;
-use crate::terminal::interruption::Interruption;
 use work::RecorderWork;
 
 pub(crate) mod direct;

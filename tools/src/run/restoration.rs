@@ -13,6 +13,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use hil_config::plan::Clock;
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::output;
 use hil_in_process::Turns;
 use shared_types::checkpoint::{Checkpoints, Resume};
 use shared_types::link::LinkError;
@@ -35,8 +37,6 @@ use crate::checkpoint::{note, state_file};
 use crate::results::recorded::Recorded;
 use crate::results::restoration::{Check, Comparison, Stretch, Verdict};
 use crate::results::resumed::MadeCheckpoint;
-use crate::terminal::exit::Failure;
-use crate::terminal::output;
 
 /// Fate of sides that ended before their comparison, and its cause in words.
 type Fate = Option<(Verdict, String)>;

@@ -8,6 +8,7 @@ use std::path::Path;
 use std::process::{Child, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
+use hil_console::terminal::exit::Failure;
 use shared_types::by_hand;
 use shared_types::process::{Ending, MARK, ProcessId, end_group, reap};
 use shared_types::session::SessionInfo;
@@ -15,7 +16,6 @@ use shared_types::session::SessionInfo;
 use super::log::Log;
 use super::open_files;
 use crate::programs::binaries::Binary;
-use crate::terminal::exit::Failure;
 
 /// Time that a process may take to end once it was told to.
 pub(crate) const GRACE: Duration = Duration::from_secs(2);

@@ -12,6 +12,8 @@ use std::time::Duration;
 use controller_process::job::Job;
 use hil_config::plan::{ControllerPlan, Plan};
 use hil_config::scenario::{Advice, Scenario};
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::interruption::Interruption;
 use hil_target::name::Target;
 use serde::{Deserialize, Serialize};
 use shared_types::describe::LawDescription;
@@ -24,8 +26,6 @@ use super::jobs;
 use crate::programs::binaries::reached::Reached;
 use crate::programs::binaries::{Binaries, Binary};
 use crate::programs::scenario::{self, kept};
-use crate::terminal::exit::Failure;
-use crate::terminal::interruption::Interruption;
 
 /// Name of the socket in the session's folder.
 pub(crate) const SOCKET: &str = "hil";

@@ -1,10 +1,10 @@
 //! `hil pause`, `hil resume` and `hil step`: the clock of a running session.
 
+use hil_console::terminal::exit::{Exit, Failure};
 use shared_types::live::{Request, Response, Status};
 
 use crate::arguments::SessionChoice;
 use crate::session::live;
-use crate::terminal::exit::{Exit, Failure};
 
 /// Sends a request that is answered with where the run is, and tells that.
 ///

@@ -7,6 +7,8 @@ mod listing;
 mod request;
 mod typed;
 
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
 pub(crate) use listing::{ListedKind, kinds_of};
 pub use request::toml;
 
@@ -19,8 +21,6 @@ use shared_types::session::SessionInfo;
 use crate::arguments::inject::{Clear, InjectArguments};
 use crate::session::clock;
 use crate::session::live::{self, RequestError};
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::output;
 
 /// The state of a fault that acts no more.
 const ENDED: &str = "ended";

@@ -6,14 +6,14 @@
 use std::fmt::Write as _;
 use std::time::{Duration, Instant};
 
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
 use shared_types::live::{self, LiveError, Refusal, Request, Response};
 use shared_types::session::{self, SessionInfo};
 use shared_types::table::{listed, nearest};
 
 use crate::arguments::SessionChoice;
 use crate::session::observer::Notice;
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::output;
 
 /// Limit for the plant's answer: longer than it waits for its own loop.
 const ANSWER_LIMIT: Duration = Duration::from_secs(20);

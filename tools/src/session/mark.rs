@@ -1,10 +1,10 @@
 //! `hil mark`: a note at a step of a running session.
 
+use hil_console::terminal::exit::{Exit, Failure};
 use shared_types::live::{Request, Response};
 
 use crate::arguments::mark::MarkArguments;
 use crate::session::live;
-use crate::terminal::exit::{Exit, Failure};
 
 /// Puts a note before the session's next step, and tells which that was.
 ///

@@ -7,6 +7,7 @@
 use std::time::Duration;
 
 use hil_config::plan::Plan;
+use hil_console::terminal::exit::Failure;
 use hil_recording::clean::clean;
 use serde::{Deserialize, Serialize};
 use shared_types::describe::Description;
@@ -18,7 +19,6 @@ use shared_types::stream::{Item, RecordSource};
 
 use crate::programs::binaries::{Binaries, Binary};
 use crate::programs::checked::checked;
-use crate::terminal::exit::Failure;
 
 /// File of the session's folder that tells what is run.
 const FILE: &str = "run.json";

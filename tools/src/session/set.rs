@@ -2,12 +2,12 @@
 
 use std::fmt::Write as _;
 
+use hil_console::terminal::exit::{Exit, Failure};
 use shared_types::live::{ChangeRequest, Changed, NewValue, Request, Response};
 use shared_types::number::exact_in;
 
 use crate::arguments::set::SetArguments;
 use crate::session::live;
-use crate::terminal::exit::{Exit, Failure};
 
 /// Changes values, and tells at which step.
 ///

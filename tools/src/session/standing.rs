@@ -11,12 +11,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use hil_config::evaluation::Evaluation;
+use hil_console::terminal::exit::Failure;
 use serde::{Deserialize, Serialize};
 use shared_types::live::{self, Listening, LiveError, Refusal};
 use shared_types::session::SessionInfo;
 
 use super::happening::Happening;
-use crate::terminal::exit::Failure;
 
 /// Name of the socket in the session's folder.
 const SOCKET: &str = "standing";

@@ -15,12 +15,12 @@ mod file;
 use std::fmt::Write as _;
 use std::path::Path;
 
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
 use serde::Serialize;
 
 use crate::arguments::recordings::CompareArguments;
 use crate::arguments::tolerance::Tolerances;
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::output;
 use crate::verification::compare::{Comparison, Verdict, compare};
 use changes::{
     Change, TextChange, identity_changes, metric_changes, signal_changes, write_changes,

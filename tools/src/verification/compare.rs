@@ -10,14 +10,14 @@ mod work;
 use std::fmt::Write as _;
 use std::path::Path;
 
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
 use serde::Serialize;
 use serde_json::Value;
 use shared_types::number::{exact, exact_in};
 
 use crate::arguments::recordings::CompareArguments;
 use crate::arguments::tolerance::Tolerances;
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::output;
 use crate::verification::baseline;
 pub(crate) use deviation::SignalDifference;
 pub(crate) use deviation::{Deviation, is_near, share, write_table};

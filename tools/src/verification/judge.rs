@@ -7,6 +7,8 @@
 use std::path::Path;
 
 use hil_config::plan::Plan;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
 use hil_recording::reader::ReadError;
 use serde::Serialize;
 
@@ -15,8 +17,6 @@ use crate::results::handover::Laws;
 use crate::results::outcome::RecordedOutcome;
 use crate::results::requirements::{self, Requirement, RunVerdict};
 use crate::results::summary::{Metric, write_metrics};
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::output;
 
 /// Judgement of a recorded run.
 #[derive(Clone, Debug, Serialize)]

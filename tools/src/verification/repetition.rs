@@ -11,6 +11,9 @@ use std::path::Path;
 
 use hil_config::plan::{Change, Clock, Condition, FaultEnd, FaultEvent, Realtime, Trigger};
 use hil_config::show;
+use hil_console::files::part_file;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
 use hil_recording::reader::{ReadError, RunReader};
 use plant_process::repeat::Missed;
 use shared_types::record::{
@@ -19,15 +22,12 @@ use shared_types::record::{
 use shared_types::time::{Rate, Step};
 
 use crate::arguments::recordings::ScenarioFromArguments;
-use crate::files::part_file;
 use crate::programs::binaries::named::Recorded;
 use crate::programs::checked::checked;
 use crate::results::faults::{FaultLog, LiveFault};
 use crate::results::late_commands::LateCommands;
 use crate::results::recorded_run::RecordedRun;
 use crate::results::resumed::{CHANGED_FAULTS, CHECK};
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::output;
 
 /// A recorded run as a scenario that repeats it, read to its end.
 pub struct RecordedScenario {

@@ -3,6 +3,8 @@
 
 use hil_config::plan::Clock;
 use hil_config::scenario::Scenario;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
 use hil_recording::reader;
 use serde_json::json;
 
@@ -13,8 +15,6 @@ use crate::programs::binaries::named::{Named, refuse_set};
 use crate::programs::binaries::reached::Reached;
 use crate::programs::scenario;
 use crate::run::{self, Environment, Origin, Repeated};
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::output;
 use crate::verification::compare::{self, Difference};
 use crate::verification::repetition::RecordedScenario;
 

@@ -17,20 +17,20 @@ mod table;
 use std::path::Path;
 
 use hil_config::plan::Clock;
+use hil_console::files::part_file;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::interruption::Interruption;
+use hil_console::terminal::output;
 use serde_json::json;
 
 use crate::arguments::run::{LinkKind, RunArguments};
 use crate::checkpoint::past::{self, Past};
-use crate::files::part_file;
 use crate::programs::binaries::Choices;
 use crate::programs::binaries::named::Named;
 use crate::programs::binaries::reached::Reached;
 use crate::programs::scenario::Finder;
 use crate::run::settings::Settings;
 use crate::run::{self, Environment, Origin};
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::interruption::Interruption;
-use crate::terminal::output;
 use case::{Case, Row};
 
 /// Runs the command.

@@ -13,6 +13,11 @@ mod table;
 use std::io::{ErrorKind, IsTerminal, Write as _};
 use std::path::Path;
 
+use hil_console::files::destination::Destination;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::interruption::Interruption;
+use hil_console::terminal::output;
+use hil_console::terminal::progress::Progress;
 use hil_recording::reader::RunReader;
 use serde::Serialize;
 use shared_types::number::{exact, unit_shown};
@@ -20,12 +25,7 @@ use shared_types::record::Event;
 use shared_types::time::{Rate, Step};
 
 use crate::arguments::export::{ExportArguments, ExportFormat};
-use crate::files::destination::Destination;
 use crate::results::summary::{self, MarkAt};
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::interruption::Interruption;
-use crate::terminal::output;
-use crate::terminal::progress::Progress;
 use selection::{Offer, Selection};
 use table::{Column, Table};
 
@@ -142,7 +142,7 @@ fn listing(signals: &[Column], as_json: bool) -> Result<String, Failure> {
         }
         return output::pretty(&Listing { signals });
     }
-    use crate::terminal::table::{Table, left};
+    use hil_console::terminal::table::{Table, left};
     let mut table = Table::new(0, [left(0); 2]);
     for Column { name, unit, .. } in signals {
         table.row(&[&name, &unit_shown(unit)]);

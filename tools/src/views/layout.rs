@@ -11,12 +11,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use hil_config::plan::Plan;
+use hil_console::files::destination::Destination;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
 
 use crate::arguments::layout::{LayoutArguments, Viewer};
-use crate::files::destination::Destination;
 use crate::results::recorded_run::RecordedRun;
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::output;
 use crate::views::export::deliver;
 use hil_recording::reader::{ReadError, RunReader};
 

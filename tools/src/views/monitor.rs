@@ -34,6 +34,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use hil_config::plan::Plan;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::interruption::Interruption;
+use hil_console::terminal::output;
 use shared_types::clock::monotonic_ns;
 use shared_types::session::{self, SessionInfo};
 
@@ -41,9 +44,6 @@ use crate::arguments::SessionChoice;
 use crate::arguments::monitor::MonitorArguments;
 use crate::session::live::{self, RequestError};
 use crate::session::observer::Notice;
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::interruption::Interruption;
-use crate::terminal::output;
 use asking::Asking;
 use display::{Abilities, Display};
 use model::Model;

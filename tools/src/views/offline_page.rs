@@ -2,10 +2,9 @@
 //!
 //! Texts, scripts and data stand in the one file. Filled by reports; knows nothing of runs or campaigns.
 
+use hil_console::terminal::exit::Failure;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use serde::Serialize;
-
-use crate::terminal::exit::Failure;
 
 /// Nothing is loaded, nothing is sent.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'";

@@ -22,6 +22,9 @@ use std::process::{Child, Command, Stdio};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::interruption::Interruption;
+use hil_console::terminal::output;
 use serde_json::json;
 use shared_types::live::{Request, Response};
 use shared_types::process::ProcessId;
@@ -36,9 +39,6 @@ use crate::arguments::panel::PanelArguments;
 use crate::arguments::run::{LinkKind, RunArguments};
 use crate::session::live;
 use crate::session::observer::Seen;
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::interruption::Interruption;
-use crate::terminal::output;
 use board::{Board, Button};
 use server::Server;
 

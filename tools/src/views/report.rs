@@ -23,14 +23,14 @@ use std::thread;
 use std::time::Duration;
 
 use glob::Pattern;
+use hil_console::files::destination::Destination;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::interruption::Interruption;
+use hil_console::terminal::output;
 use serde::Serialize;
 use shared_types::table::near;
 
 use crate::arguments::report::ReportArguments;
-use crate::files::destination::Destination;
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::interruption::Interruption;
-use crate::terminal::output;
 use crate::views::export::deliver;
 use crate::views::plots::bounds::bounds;
 use grid::Grid;

@@ -9,6 +9,10 @@ use glob::Pattern;
 use hil_config::evaluation::Evaluation;
 use hil_config::expression::Columns;
 use hil_config::plan::Plan;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::interruption::Interruption;
+use hil_console::terminal::output;
+use hil_console::terminal::table::{Table, left, right};
 use hil_recording::reader::Column;
 use serde_json::{Value, json};
 use shared_types::live::{Request, Response};
@@ -25,10 +29,6 @@ use crate::arguments::SessionChoice;
 use crate::arguments::values::{GetArguments, WatchArguments};
 use crate::session::live::{self, RequestError};
 use crate::session::observer::{Observer, Seen};
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::interruption::Interruption;
-use crate::terminal::output;
-use crate::terminal::table::{Table, left, right};
 
 /// Tells the newest values of signals.
 ///

@@ -2,6 +2,7 @@
 
 use hil_campaign::folder::{Conflict, Folder};
 use hil_config::study::Study;
+use hil_console::terminal::exit::Failure;
 use maud::{Markup, html};
 use shared_types::number::counted;
 
@@ -10,7 +11,6 @@ use super::tables;
 use crate::campaign::answers::Answers;
 use crate::campaign::collect::set_aside;
 use crate::campaign::quoted;
-use crate::terminal::exit::Failure;
 use crate::views::offline_page::OfflinePage;
 
 const SCRIPT: &str = include_str!("assets/campaign.js");

@@ -7,6 +7,7 @@ use clap::builder::StyledStr;
 use clap::{Arg, Command};
 use clap_complete::engine::{CompletionCandidate, PathCompleter, ValueCompleter};
 use hil_config::show::show;
+use hil_console::files::runs;
 use shared_types::describe::{FaultKindDescription, PlantDescription};
 use shared_types::number::unit_shown;
 use shared_types::session;
@@ -14,7 +15,6 @@ use shared_types::table::Field;
 use toml_edit::{DocumentMut, Item, Value};
 
 use super::line::{Line, Subject};
-use crate::files::runs;
 use crate::run::alone::built_in;
 use crate::session::inject::{ListedKind, kinds_of};
 use crate::views::plots::columns_of;

@@ -5,17 +5,17 @@ use std::path::{Path, PathBuf};
 
 use hil_config::plan::Plan;
 use hil_config::scenario::{Advice, Scenario};
+use hil_console::files::runs;
+use hil_console::terminal::interruption::Interruption;
 use shared_types::describe::Description;
 use shared_types::session::{self, SessionInfo};
 
 use super::shells;
 use crate::arguments::BinaryArguments;
-use crate::files::runs;
 use crate::programs::binaries::Choices;
 use crate::programs::binaries::named::Named;
 use crate::run::alone::built_in;
 use crate::session::observer::Notice;
-use crate::terminal::interruption::Interruption;
 
 /// Commands that ask or change a running session.
 const OF_A_SESSION: [&str; 7] = ["inject", "get", "set", "watch", "monitor", "panel", "swap"];

@@ -8,11 +8,10 @@ use std::io;
 use std::os::fd::AsFd;
 use std::sync::Arc;
 
+use hil_console::terminal::ignored::is_ignored;
 use nix::sys::signal::{SigSet, Signal, raise};
 use nix::sys::signalfd::{SfdFlags, SignalFd};
 use rustix::event::{PollFd, PollFlags, poll};
-
-use crate::terminal::ignored::is_ignored;
 
 /// Signals of job control and of the child.
 const OTHERS: [Signal; 2] = [Signal::SIGCHLD, Signal::SIGCONT];

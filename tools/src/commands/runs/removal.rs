@@ -5,6 +5,11 @@ use std::io;
 use std::path::Path;
 use std::time::SystemTime;
 
+use hil_console::files::part_file;
+use hil_console::files::runs::{SCENARIO, SUMMARY};
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
+use hil_console::terminal::table::{Table, left, right};
 use hil_recording::size;
 use serde::Serialize;
 use shared_types::number::counted;
@@ -12,11 +17,6 @@ use shared_types::text::line;
 
 use super::{Run, chosen, is_of_a_run};
 use crate::arguments::runs::{Ending, RemovalArguments};
-use crate::files::part_file;
-use crate::files::runs::{SCENARIO, SUMMARY};
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::output;
-use crate::terminal::table::{Table, left, right};
 
 /// Decision on a run.
 #[derive(Serialize)]

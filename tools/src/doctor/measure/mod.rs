@@ -13,13 +13,13 @@ use std::fmt::{self, Display};
 use std::io;
 use std::num::NonZeroU64;
 
+use hil_console::terminal::duration::shown_ns;
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
 use super::finding::Grade;
 use super::tree::{Tree, Unread};
 use crate::results::latency::grade::{EXCELLENT_BELOW_NS, GOOD_BELOW_NS, UNFIT_NS};
 use crate::results::latency::percentiles::Percentiles;
-use crate::terminal::duration::shown_ns;
 
 /// The grade of a longest delay, after the limits that LinuxCNC's users live by.
 #[must_use]

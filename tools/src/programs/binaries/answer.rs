@@ -4,14 +4,13 @@ use std::ffi::OsStr;
 use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
 
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::interruption::Interruption;
 use hil_target::asking::{NoAnswer, ask};
 use hil_target::contact::Answer;
 use serde_json::Value;
 use shared_types::text;
 use signal_hook::low_level::signal_name;
-
-use crate::terminal::exit::Failure;
-use crate::terminal::interruption::Interruption;
 
 /// Begin of the line by which a program of the framework gives its reason.
 const REASON: &str = "error: ";

@@ -10,13 +10,13 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use hil_config::plan::Permissions;
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::interruption::Interruption;
 use hil_target::contact::Answer;
 use shared_types::describe::ModelSettings;
 
 use super::named::Choice;
 use super::{FileIdentity, asked, beside, hashed};
-use crate::terminal::exit::Failure;
-use crate::terminal::interruption::Interruption;
 
 /// Program beside `hil` that runs FMUs.
 pub(crate) const HOST: &str = "hil-fmu";

@@ -12,12 +12,12 @@ use std::path::{Path, PathBuf};
 
 use hil_config::plan::{ControllerProgram, Permissions, Programs};
 use hil_config::scenario::{Scenario, read_regular};
+use hil_console::terminal::exit::Failure;
 use hil_recording::reader::RunReader;
 use shared_types::describe::ModelSettings;
 
 use super::reached::Reached;
 use super::{beside, seal, trusted};
-use crate::terminal::exit::Failure;
 
 /// A side, and how its program is named.
 #[derive(Debug, PartialEq, Eq)]

@@ -4,6 +4,8 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::interruption::Interruption;
 use hil_target::contact::{Answer, Contact};
 use hil_target::machine::{Findings, built_for};
 use hil_target::name::Target;
@@ -13,8 +15,6 @@ use shared_types::origin::Build;
 use super::named::Choice;
 use super::{Binary, beside};
 use crate::arguments::target::TargetArguments;
-use crate::terminal::exit::Failure;
-use crate::terminal::interruption::Interruption;
 
 /// A target that answered, and what its agent found there.
 #[derive(Clone, Debug, PartialEq, Eq)]

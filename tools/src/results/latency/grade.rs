@@ -2,10 +2,10 @@
 
 use std::fmt;
 
+use hil_console::terminal::duration::shown_ns;
 use serde::Serialize;
 
 use super::times::Times;
-use crate::terminal::duration::shown_ns;
 
 /// Under it, a loop is excellent, and the longest delay of a machine good.
 pub(crate) const EXCELLENT_BELOW_NS: u64 = 20_000;

@@ -1,9 +1,9 @@
 //! Percentiles of measured times.
 
+use hil_console::terminal::duration::shown_ns;
 use serde::{Deserialize, Serialize};
 
 use super::times::Times;
-use crate::terminal::duration::shown_ns;
 
 /// Percentiles of some times, in ns, within the three digits of their histogram; the largest is exact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

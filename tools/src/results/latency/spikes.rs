@@ -5,12 +5,11 @@
 //! show what happened in between, which may be more than the spike. A spike that both threads did not
 //! notice had its cause outside of them: an interrupt, firmware, a hypervisor.
 
+use hil_console::terminal::duration::shown_ns;
 use serde::Serialize;
 use shared_types::number::counted;
 use shared_types::record::Timing;
 use shared_types::thread::ThreadStatistics;
-
-use crate::terminal::duration::shown_ns;
 
 /// Number of spikes that are kept.
 pub(crate) const KEPT: usize = 10;

@@ -4,6 +4,9 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use hil_config::plan::{Plan, Published};
+use hil_console::terminal::duration::shown_ns;
+use hil_console::terminal::output;
+use hil_console::terminal::table::{Table, left, right};
 use shared_types::number::{short, unit_shown};
 use shared_types::record::RunEnd;
 
@@ -13,9 +16,6 @@ use crate::results::handover::Laws;
 use crate::results::latency::legs::without_command;
 use crate::results::latency::percentiles::Percentiles;
 use crate::results::requirements;
-use crate::terminal::duration::shown_ns;
-use crate::terminal::output;
-use crate::terminal::table::{Table, left, right};
 
 /// Most changes that a person is shown.
 const MOST_SHOWN: usize = 20;

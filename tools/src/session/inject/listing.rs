@@ -5,6 +5,8 @@
 
 mod text;
 
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::interruption::Interruption;
 use serde::Serialize;
 use shared_types::describe::{
     ActsOn, Description, FaultDescription, FaultKindDescription, ListDescription, PlantDescription,
@@ -18,8 +20,6 @@ use crate::arguments::inject::InjectArguments;
 use crate::programs::binaries::Binary;
 use crate::programs::binaries::named::Named;
 use crate::session::live::{self, RequestError, closest, refusal};
-use crate::terminal::exit::Failure;
-use crate::terminal::interruption::Interruption;
 use text::{in_full, in_short};
 
 /// Faults that one plant offers.

@@ -5,12 +5,12 @@
 
 use std::fmt::Write as _;
 
+use hil_console::terminal::table::{Table, left, right};
 use serde::Serialize;
 use shared_types::number::{exact, unit_shown};
 
 use super::figures::{Figures, STATISTICS};
 use super::file::Baseline;
-use crate::terminal::table::{Table, left, right};
 use crate::verification::compare::{is_near, share};
 
 /// A text of a baseline that is another in the run.

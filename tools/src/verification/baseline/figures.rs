@@ -5,11 +5,11 @@
 
 use std::path::Path;
 
+use hil_console::terminal::exit::Failure;
 use hil_recording::reader::{Column, RunReader};
 use toml_edit::{DocumentMut, Item};
 
 use crate::results::recorded_run::RecordedRun;
-use crate::terminal::exit::Failure;
 
 /// Facts and figures of a run.
 #[derive(Clone, Debug, PartialEq)]

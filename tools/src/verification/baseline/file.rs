@@ -21,15 +21,15 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
+use hil_console::files::folder;
+use hil_console::files::part_file::{self, PartFile};
+use hil_console::terminal::exit::Failure;
 use serde::Deserialize;
 use shared_types::number::exact;
 use shared_types::table::near;
 use toml_edit::{DocumentMut, InlineTable, Item, Table, TableLike, Value};
 
 use super::figures::{Figures, STATISTICS};
-use crate::files::folder;
-use crate::files::part_file::{self, PartFile};
-use crate::terminal::exit::Failure;
 
 /// Version of the file.
 const SCHEMA: i64 = 1;

@@ -3,10 +3,9 @@
 //! Used by `hil compare` and `hil replay`, which hand it both values of each step. Two values are the
 //! same if their bits are. It keeps sums and no step, so the length of a run does not matter.
 
+use hil_console::terminal::table::{Table, left, right};
 use serde::Serialize;
 use shared_types::number::{short, unit_shown};
-
-use crate::terminal::table::{Table, left, right};
 
 /// A deviation in the making.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use hil_config::plan::Plan;
 use hil_config::scenario::Advice;
+use hil_console::terminal::exit::Failure;
 use hil_recording::reader::RunReader;
 use hil_recording::schema::column_name;
 use shared_types::describe::{Description, LawDescription, PlantDescription};
@@ -16,7 +17,6 @@ use crate::programs::binaries::Binary;
 use crate::programs::checked::{checked, checked_with};
 use crate::programs::scenario::kept;
 use crate::results::recorded_run::RecordedRun;
-use crate::terminal::exit::Failure;
 
 /// A recorded run, opened.
 pub(super) struct Original {

@@ -3,6 +3,9 @@
 use std::collections::BTreeMap;
 use std::fmt::{self, Display, Formatter, Write as _};
 
+use hil_console::terminal::exit::Exit;
+use hil_console::terminal::output;
+use hil_console::terminal::table::{Table, left, right};
 use serde::Serialize;
 use serde_json::Value;
 use shared_types::number::{counted, exact_in, short};
@@ -12,9 +15,6 @@ use super::comparison::{Comparison, First, Near};
 use super::original::Original;
 use super::tape::Length;
 use crate::programs::binaries::Binary;
-use crate::terminal::exit::Exit;
-use crate::terminal::output;
-use crate::terminal::table::{Table, left, right};
 use crate::verification::compare::{SignalDifference, Verdict, number, write_table};
 
 /// A replay, judged.

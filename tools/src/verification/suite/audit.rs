@@ -10,17 +10,17 @@ mod conditions;
 use std::slice;
 
 use hil_config::plan::Clock;
+use hil_console::files::part_file;
+use hil_console::files::runs::SUMMARY;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
 use serde::Serialize;
 
 use super::case::{Case, Row};
 use super::running::{self, Early};
 use crate::arguments::run::{LinkKind, RunArguments};
-use crate::files::part_file;
-use crate::files::runs::SUMMARY;
 use crate::results::restoration::{Check, Verdict};
 use crate::run::{Origin, RunResult};
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::output;
 use crate::verification::compare::Difference;
 
 /// Usual causes of a run that differs.

@@ -5,12 +5,12 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 
 use hil_config::plan::{Clock, Plan};
+use hil_console::terminal::exit::{Exit, Failure};
 
 use super::noise::Noise;
 use crate::arguments::tolerance::Tolerances;
 use crate::results::requirements;
 use crate::run::{self, Environment, Origin, RunResult};
-use crate::terminal::exit::{Exit, Failure};
 use crate::verification::compare::{self, Comparison, Difference};
 
 /// Run that is wanted.

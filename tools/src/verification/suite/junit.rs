@@ -3,12 +3,12 @@
 
 use std::time::Duration;
 
+use hil_console::terminal::exit::{Exit, Failure};
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 use shared_types::number::short_in;
 
 use super::case::Row;
 use crate::results::requirements::Requirement;
-use crate::terminal::exit::{Exit, Failure};
 
 /// # Errors
 /// If a text cannot stand in XML.

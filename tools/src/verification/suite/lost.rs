@@ -3,14 +3,14 @@
 
 use std::path::PathBuf;
 
+use hil_console::files::begun::BegunRun;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
 use serde_json::{Value, json};
 
 use super::case::{Begun, Row};
 use super::{table, write_reports};
 use crate::arguments::run::RunArguments;
-use crate::files::begun::BegunRun;
-use crate::terminal::exit::{Exit, Failure};
-use crate::terminal::output;
 
 /// A run that was begun, and the summary in its folder.
 pub(crate) type LostRun = (BegunRun, Value);

@@ -2,11 +2,11 @@
 
 use std::fmt::Write;
 
+use hil_console::terminal::output;
 use shared_types::number::short_in;
 
 use super::case::Row;
 use crate::results::requirements::WITHOUT_REQUIREMENTS;
-use crate::terminal::output;
 
 pub(super) fn of(rows: &[Row]) -> String {
     output::text(|text| write(text, rows))

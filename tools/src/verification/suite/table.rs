@@ -2,12 +2,12 @@
 
 use std::fmt::Write;
 
+use hil_console::terminal::output;
+use hil_console::terminal::table::{Table, left, right};
 use shared_types::number::short_in;
 
 use super::case::Row;
 use crate::results::requirements::WITHOUT_REQUIREMENTS;
-use crate::terminal::output;
-use crate::terminal::table::{Table, left, right};
 
 pub(super) fn of(rows: &[Row]) -> String {
     output::text(|text| write(text, rows))

@@ -3,13 +3,13 @@
 use std::collections::BTreeSet;
 
 use glob::Pattern;
+use hil_console::terminal::exit::Failure;
 use hil_recording::reader::RunReader;
 use shared_types::table::near;
 use shared_types::time::Step;
 
 use super::origin::{self, Derived};
 use super::table::{Cell, CellKind, Column};
-use crate::terminal::exit::Failure;
 
 /// The columns of a table.
 pub(super) struct Selection {

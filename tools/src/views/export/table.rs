@@ -2,11 +2,11 @@
 
 use std::io;
 
+use hil_console::files::destination::Destination;
 use serde::Serialize;
 
 use super::csv::Csv;
 use super::parquet::Parquet;
-use crate::files::destination::Destination;
 
 /// A column.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]

@@ -1,13 +1,13 @@
 //! Pages as a layout of Foxglove, which Lichtblick takes as well: a tab for each page, and above them
 //! what happened last, as a band of states.
 
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::output;
 use serde_json::{Map, Value, json};
 use shared_types::number::unit_shown;
 
 use super::Ranges;
 use super::pages::Page;
-use crate::terminal::exit::Failure;
-use crate::terminal::output;
 use crate::views::plots::Plot;
 use crate::views::plots::signal::labels;
 

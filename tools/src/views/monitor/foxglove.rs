@@ -18,13 +18,13 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::{Duration, Instant};
 
 use hil_config::plan::Plan;
+use hil_console::terminal::exit::Failure;
 use shared_types::session::SessionInfo;
 use tungstenite::handshake::server::{ErrorResponse, Request, Response};
 use tungstenite::http::{HeaderValue, StatusCode, header};
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Error, HandshakeError, Message, WebSocket, accept_hdr_with_config};
 
-use crate::terminal::exit::Failure;
 use message::{Asked, asked};
 use outlet::{Data, Hub, Outlet};
 

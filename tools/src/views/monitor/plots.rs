@@ -3,9 +3,9 @@
 
 use glob::Pattern;
 use hil_config::plan::Plan;
+use hil_console::terminal::exit::Failure;
 use serde::Serialize;
 
-use crate::terminal::exit::Failure;
 use crate::views::plots::bounds::Bound;
 use crate::views::plots::signal::{labels, recorded_name};
 use crate::views::plots::{self, Choice, Limit, Subject, by_unit, choose};

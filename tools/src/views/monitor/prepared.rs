@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use clap::Parser;
 use hil_config::live_requests::RequestContext;
 use hil_config::plan::Plan;
+use hil_console::terminal::exit::Failure;
 use shared_types::live::{Possible, Refusal};
 use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
@@ -18,7 +19,6 @@ use crate::arguments::inject::arrange;
 use crate::arguments::{Command, CommandLine};
 use crate::session::inject;
 use crate::session::live::RequestError;
-use crate::terminal::exit::Failure;
 
 /// Most that there are keys for.
 const MOST: usize = 9;

@@ -2,6 +2,8 @@
 
 use std::time::{Duration, Instant};
 
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::interruption::Interruption;
 use ratatui::crossterm::event::{Event, KeyEventKind};
 use shared_types::clock::monotonic_ns;
 
@@ -11,8 +13,6 @@ use super::keys::{Keys, input_is_gone};
 use super::terminal::Screen;
 use super::watch::Watch;
 use super::{SharedModel, view};
-use crate::terminal::exit::Failure;
-use crate::terminal::interruption::Interruption;
 
 /// Interval between two pictures, if no key asks for one.
 const PICTURE: Duration = Duration::from_millis(100);

@@ -7,6 +7,7 @@
 mod lists;
 mod plot;
 
+use hil_console::terminal::duration::shown_ns;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
@@ -15,7 +16,6 @@ use ratatui::widgets::{Clear, Paragraph};
 
 use super::display::{Abilities, Display};
 use super::model::Model;
-use crate::terminal::duration::shown_ns;
 
 /// From this width on, lists stand beside the plots.
 const WIDE: u16 = 110;

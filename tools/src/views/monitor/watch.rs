@@ -10,6 +10,8 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use hil_console::files::runs::SUMMARY;
+use hil_console::terminal::exit::Failure;
 use hil_recording::reader::{RECORDING, ReadError, RunReader};
 use serde_json::Value;
 use shared_types::record::RecordLayout;
@@ -17,10 +19,8 @@ use shared_types::session::SessionInfo;
 use shared_types::time::Rate;
 
 use super::{SharedModel, line};
-use crate::files::runs::SUMMARY;
 use crate::session::happening::Happening;
 use crate::session::observer::{Observer, Seen};
-use crate::terminal::exit::Failure;
 
 /// Interval between two looks for the beginning of the session.
 const BEGIN: Duration = Duration::from_millis(20);

@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
+use hil_console::terminal::exit::Failure;
 use rustix::rand::{GetRandomFlags, getrandom};
 use tungstenite::handshake::derive_accept_key;
 use tungstenite::protocol::{Role, WebSocketConfig};
@@ -22,7 +23,6 @@ use super::client::Client;
 use super::message::{self, Greeting};
 use super::page;
 use super::request::{self, Asked, Judged};
-use crate::terminal::exit::Failure;
 
 /// Most clients at a time.
 pub(super) const CLIENTS: usize = 8;

@@ -1,5 +1,6 @@
 //! The page of a report: everything that reads without a script, and the data for the script that draws.
 
+use hil_console::terminal::exit::Failure;
 use maud::{Markup, html};
 use shared_types::number::unit_shown;
 
@@ -7,7 +8,6 @@ use super::data::Data;
 use super::plots::Plot;
 use super::run::{Run, Span, distinct};
 use super::tables;
-use crate::terminal::exit::Failure;
 use crate::views::offline_page::OfflinePage;
 
 pub(crate) const UPLOT: &str = include_str!("assets/uplot/uPlot.iife.min.js");

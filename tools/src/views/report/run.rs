@@ -8,13 +8,14 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use hil_config::plan::{self, Plan};
+use hil_console::files::runs::SUMMARY;
+use hil_console::terminal::exit::Failure;
 use hil_recording::reader::{ReadError, RunReader};
 use serde_json::Value;
 use shared_types::time::{Rate, Step};
 
 use super::envelope::Envelope;
 use super::grid::Grid;
-use crate::files::runs::SUMMARY;
 use crate::results::evaluation::RecordEvaluation;
 use crate::results::handover::Laws;
 use crate::results::latency::spikes::KEPT;
@@ -22,7 +23,6 @@ use crate::results::outcome::RecordedOutcome;
 use crate::results::recorded_run::RecordedRun;
 use crate::results::requirements::{Requirement, RunVerdict};
 use crate::results::summary::{Metric, Missed};
-use crate::terminal::exit::Failure;
 
 /// Words of measured time and age that are worth a plot.
 const TIMES: [&str; 7] = [

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use hil_config::plan::Published;
+use hil_console::terminal::duration::shown_ns;
 use maud::{Markup, html};
 use shared_types::number::{short, short_in};
 use shared_types::time::Step;
@@ -13,7 +14,6 @@ use crate::results::latency::percentiles::Percentiles;
 use crate::results::latency::spikes::Spike;
 use crate::results::requirements::{self, Requirement};
 use crate::results::summary::{Metric, of_law};
-use crate::terminal::duration::shown_ns;
 
 /// Meanings of the levels of evidence.
 const EVIDENCE: [(&str, &str); 5] = [

@@ -2,11 +2,11 @@
 
 use std::fmt::Write as _;
 
+use hil_console::terminal::table::{Table, left};
 use shared_types::number::{exact, unit_shown};
 use shared_types::table::Field;
 
 use super::{Entry, Listing};
-use crate::terminal::table::{Table, left};
 
 /// A line for each kind.
 pub(super) fn in_short(listings: &[Listing]) -> String {

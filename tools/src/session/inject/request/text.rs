@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use hil_config::scenario::read_regular;
+use hil_console::terminal::duration::in_unit;
 use shared_types::describe::ListDescription;
 use shared_types::live::Refusal;
 use shared_types::number::unit_shown;
@@ -10,7 +11,6 @@ use shared_types::table::Field;
 
 use crate::arguments::inject::InjectArguments;
 use crate::session::live::refusal;
-use crate::terminal::duration::in_unit;
 
 /// The event's own keys.
 pub(super) fn head(kind: &str, arguments: &InjectArguments) -> String {

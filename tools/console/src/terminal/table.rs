@@ -6,7 +6,7 @@ use std::fmt::{self, Display};
 
 /// A column.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Column {
+pub struct Column {
     is_right: bool,
     least: usize,
     gap: usize,
@@ -14,7 +14,7 @@ pub(crate) struct Column {
 
 /// A column of words, at least this wide.
 #[must_use]
-pub(crate) const fn left(least: usize) -> Column {
+pub const fn left(least: usize) -> Column {
     Column {
         is_right: false,
         least,
@@ -24,7 +24,7 @@ pub(crate) const fn left(least: usize) -> Column {
 
 /// A column of numbers, at least this wide.
 #[must_use]
-pub(crate) const fn right(least: usize) -> Column {
+pub const fn right(least: usize) -> Column {
     Column {
         is_right: true,
         ..left(least)
@@ -34,14 +34,14 @@ pub(crate) const fn right(least: usize) -> Column {
 impl Column {
     /// The same column, one blank after the one before: a unit after its number.
     #[must_use]
-    pub(crate) const fn close(self) -> Self {
+    pub const fn close(self) -> Self {
         Self { gap: 1, ..self }
     }
 }
 
 /// Rows under each other.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Table {
+pub struct Table {
     indent: usize,
     columns: Vec<Column>,
     rows: Vec<Row>,
@@ -56,7 +56,7 @@ enum Row {
 impl Table {
     /// A table without rows, N blanks from the left.
     #[must_use]
-    pub(crate) fn new(indent: usize, columns: impl Into<Vec<Column>>) -> Self {
+    pub fn new(indent: usize, columns: impl Into<Vec<Column>>) -> Self {
         Self {
             indent,
             columns: columns.into(),
@@ -65,18 +65,18 @@ impl Table {
     }
 
     /// Adds a row; columns at its end may be missing.
-    pub(crate) fn row(&mut self, cells: &[&dyn Display]) {
+    pub fn row(&mut self, cells: &[&dyn Display]) {
         self.cells(cells.iter().map(ToString::to_string));
     }
 
     /// Adds a row of texts, as a heading.
-    pub(crate) fn cells(&mut self, cells: impl IntoIterator<Item = impl Into<String>>) {
+    pub fn cells(&mut self, cells: impl IntoIterator<Item = impl Into<String>>) {
         let cells = cells.into_iter().map(Into::into);
         self.rows.push(Row::Cells(cells.collect()));
     }
 
     /// Adds a line that belongs to the row above and to no column.
-    pub(crate) fn line(&mut self, text: impl Into<String>) {
+    pub fn line(&mut self, text: impl Into<String>) {
         self.rows.push(Row::Text(text.into()));
     }
 

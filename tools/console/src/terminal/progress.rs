@@ -9,7 +9,7 @@ use shared_types::time::{Rate, Step};
 use crate::terminal::output;
 
 /// A progress bar, drawn where a person watches.
-pub(crate) struct Progress {
+pub struct Progress {
     bar: ProgressBar,
     rate: Rate,
     pause: Option<Pause>,
@@ -27,7 +27,7 @@ struct Pause {
 impl Progress {
     /// A bar for N steps; not shown if several share the terminal.
     #[must_use]
-    pub(crate) fn new(steps: u64, rate: Rate, shown: bool) -> Self {
+    pub fn new(steps: u64, rate: Rate, shown: bool) -> Self {
         let is_drawn = shown && output::person_watches();
         let bar = if is_drawn {
             ProgressBar::new(steps)
@@ -67,7 +67,7 @@ impl Progress {
     }
 
     /// Lets a person know when the run gets to where it is to hold.
-    pub(crate) fn announce_pause(&mut self, pause_at_s: f64, session: &str) {
+    pub fn announce_pause(&mut self, pause_at_s: f64, session: &str) {
         let step = self.rate.step_at_or_after(pause_at_s);
         let time_s = self.rate.seconds(step);
         self.pause = Some(Pause {
@@ -77,7 +77,7 @@ impl Progress {
     }
 
     /// Says that the run is held before a step, unless that was announced.
-    pub(crate) fn tell_pause(&mut self, step: u64, since: SystemTime, session: &str) {
+    pub fn tell_pause(&mut self, step: u64, since: SystemTime, session: &str) {
         let step = Step(step);
         self.bar.set_message("paused");
         if self.told_pause.replace(step) != Some(step) {
@@ -90,12 +90,12 @@ impl Progress {
     }
 
     /// Writes something beside the bar.
-    pub(crate) fn tell(&self, text: &str) {
+    pub fn tell(&self, text: &str) {
         self.bar.suspend(|| output::tell(text));
     }
 
     /// All steps before this one are done.
-    pub(crate) fn set(&mut self, next_step: u64) {
+    pub fn set(&mut self, next_step: u64) {
         if self.bar.position() != next_step {
             self.bar.set_message("");
             self.told_pause = None;

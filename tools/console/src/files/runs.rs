@@ -6,19 +6,20 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
+use clap::builder::{OsStringValueParser, TypedValueParser};
 use hil_recording::reader::RECORDING;
 use serde_json::Value;
 
 /// Folder below which runs lie, unless another one is named.
-pub(crate) const RUNS: &str = "runs";
+pub const RUNS: &str = "runs";
 /// Name that stands for the newest run.
-pub(crate) const LATEST: &str = "latest";
+pub const LATEST: &str = "latest";
 /// File that each folder of a run has from its start.
-pub(crate) const SCENARIO: &str = "scenario.toml";
+pub const SCENARIO: &str = "scenario.toml";
 /// File that the folder of an ended run has.
-pub(crate) const SUMMARY: &str = "summary.json";
+pub const SUMMARY: &str = "summary.json";
 /// Files of the folder of a run: the scenario, and at least one more.
-pub(crate) const FILES: [&str; 4] = [SCENARIO, SUMMARY, RECORDING, "plant.log"];
+pub const FILES: [&str; 4] = [SCENARIO, SUMMARY, RECORDING, "plant.log"];
 /// Most folders between the one that is searched and that of a run.
 const DEEPEST: usize = 8;
 /// Most bytes of a summary.
@@ -26,19 +27,19 @@ const LARGEST: u64 = 16 << 20;
 
 /// Folder of a run.
 #[derive(Clone, Debug)]
-pub(crate) struct RunFolder {
-    pub(crate) path: PathBuf,
+pub struct RunFolder {
+    pub path: PathBuf,
     /// Time at which the run was begun.
-    pub(crate) started: SystemTime,
+    pub started: SystemTime,
     /// `summary.json`, if there is one that can be read.
-    pub(crate) summary: Option<Value>,
+    pub summary: Option<Value>,
 }
 
 /// Returns the runs below a folder, the newest first. Links are not followed.
 ///
 /// # Errors
 /// If the folder cannot be read. What cannot be read below it is left out.
-pub(crate) fn below(folder: &Path) -> io::Result<Vec<RunFolder>> {
+pub fn below(folder: &Path) -> io::Result<Vec<RunFolder>> {
     let mut runs = Vec::new();
     search(folder, DEEPEST, &mut runs)?;
     runs.sort_by(|a, b| (b.started, &b.path).cmp(&(a.started, &a.path)));
@@ -46,7 +47,7 @@ pub(crate) fn below(folder: &Path) -> io::Result<Vec<RunFolder>> {
 }
 
 /// Returns the newest runs below a folder, N at most, by the times of their folders alone.
-pub(crate) fn newest(folder: &Path, most: usize) -> Vec<PathBuf> {
+pub fn newest(folder: &Path, most: usize) -> Vec<PathBuf> {
     let mut runs = Vec::new();
     look(folder, DEEPEST, &mut runs);
     runs.sort_by(|a, b| b.cmp(a));
@@ -105,7 +106,7 @@ impl RunFolder {
 }
 
 /// Reads a summary, if there is one that can be read.
-pub(crate) fn summary(path: &Path) -> Option<Value> {
+pub fn summary(path: &Path) -> Option<Value> {
     let file = File::open(path).ok().filter(|file| {
         file.metadata()
             .is_ok_and(|file| file.is_file() && file.len() <= LARGEST)
@@ -119,7 +120,7 @@ pub(crate) fn summary(path: &Path) -> Option<Value> {
 ///
 /// # Errors
 /// If there is none.
-pub(crate) fn path(typed: OsString) -> Result<PathBuf, String> {
+pub fn path(typed: OsString) -> Result<PathBuf, String> {
     named(typed.into(), Path::new(RUNS))
 }
 
@@ -141,4 +142,9 @@ fn named(typed: PathBuf, folder: &Path) -> Result<PathBuf, String> {
             "there is no run below {shown} here, and `{LATEST}` is the newest of them; a file or folder of that name is ./{LATEST}"
         )),
     }
+}
+
+/// Returns the reader of an argument that names a run.
+pub fn run_path() -> impl TypedValueParser<Value = PathBuf> {
+    OsStringValueParser::new().try_map(path)
 }

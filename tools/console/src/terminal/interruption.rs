@@ -28,7 +28,7 @@ static AT_ONCE: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 ///
 /// # Errors
 /// If the signal cannot be listened to.
-pub(crate) fn end_at_once() -> Result<(), Failure> {
+pub fn end_at_once() -> Result<(), Failure> {
     AT_ONCE.store(true, Ordering::SeqCst);
     match is_ignored(SIGINT) {
         true => Ok(()),

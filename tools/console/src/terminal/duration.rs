@@ -10,7 +10,7 @@ const UNITS: [(&str, i32); 4] = [("ms", -3), ("us", -6), ("ns", -9), ("s", 0)];
 ///
 /// # Errors
 /// If the text is no length of time; the error says what would be right.
-pub(crate) fn seconds(text: &str) -> Result<f64, String> {
+pub fn seconds(text: &str) -> Result<f64, String> {
     let expected = || format!("`{text}` is no length of time: 2s, 500ms, 100us or seconds");
     in_unit(text, "s")
         .filter(|value| *value >= 0.0)
@@ -19,7 +19,7 @@ pub(crate) fn seconds(text: &str) -> Result<f64, String> {
 
 /// A number, which may carry a unit of time if `unit` is one, in `unit`.
 #[must_use]
-pub(crate) fn in_unit(text: &str, unit: &str) -> Option<f64> {
+pub fn in_unit(text: &str, unit: &str) -> Option<f64> {
     let text = text.trim();
     let exponent_of = |unit| {
         UNITS
@@ -48,7 +48,7 @@ pub(crate) fn in_unit(text: &str, unit: &str) -> Option<f64> {
 
 /// A time as a person reads it: three digits and a unit.
 #[must_use]
-pub(crate) fn shown_ns(ns: u64) -> String {
+pub fn shown_ns(ns: u64) -> String {
     let (value, unit) = match ns {
         0..1_000 => return format!("{ns} ns"),
         1_000..1_000_000 => (ns as f64 / 1e3, "us"),

@@ -8,7 +8,7 @@ use rustix::io::Errno;
 use shared_types::shared_memory::{self, FOLDER};
 
 /// Advises on the first refusal of the system in a text, unless the text has advice already.
-pub(crate) fn on(told: &str) -> Option<String> {
+pub fn on(told: &str) -> Option<String> {
     let (before, number) = told.split_once("(os error ")?;
     let number: i32 = number.split_once(')')?.0.parse().ok()?;
     // Any text may say so; the kernel has no other numbers.
@@ -62,7 +62,7 @@ pub(crate) fn on(told: &str) -> Option<String> {
 
 /// A reason with what to do behind it: about what it says, or about what may be behind it.
 #[must_use]
-pub(crate) fn behind(reason: &str) -> String {
+pub fn behind(reason: &str) -> String {
     // The numbers in it may have changed since.
     let remedy = |hindrance: &str| {
         hindrance

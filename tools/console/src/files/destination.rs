@@ -9,7 +9,7 @@ use crate::files::part_file::PartFile;
 use crate::terminal::exit::Failure;
 
 /// File that is written to.
-pub(crate) struct Destination {
+pub struct Destination {
     file: BufWriter<File>,
     /// `None`: every byte is out at once, as on a pipe.
     whole: Option<Whole>,
@@ -24,7 +24,7 @@ struct Whole {
 
 impl Destination {
     /// Begins a file, under another name until it is complete; standard output without a path.
-    pub(crate) fn open(path: Option<&Path>, may_replace: bool) -> Result<Self, Failure> {
+    pub fn open(path: Option<&Path>, may_replace: bool) -> Result<Self, Failure> {
         let at_once = |file| Self {
             file: BufWriter::new(file),
             whole: None,
@@ -69,7 +69,7 @@ impl Destination {
     }
 
     /// All is written: the file gets its name.
-    pub(crate) fn complete(mut self) -> io::Result<()> {
+    pub fn complete(mut self) -> io::Result<()> {
         self.file.flush()?;
         let Some(whole) = self.whole else {
             return Ok(());

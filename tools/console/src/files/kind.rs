@@ -7,16 +7,17 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use hil_campaign::manifest::MANIFEST;
 use hil_recording::reader::RECORDING;
 use toml_edit::DocumentMut;
 
+/// Name of the file that the folder of a campaign has.
+pub const MANIFEST: &str = "manifest.json";
 /// Most bytes of a file that is read for its kind.
 const MOST: u64 = 1 << 20;
 
 /// Kind of a file or folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum FileKind {
+pub enum FileKind {
     Scenario,
     Study,
     /// The folder of a run, or its recording.
@@ -30,7 +31,7 @@ pub(crate) enum FileKind {
 
 impl FileKind {
     /// Finds the kind of a path.
-    pub(crate) fn of(path: &Path) -> Option<Self> {
+    pub fn of(path: &Path) -> Option<Self> {
         if path.is_dir() {
             return match path {
                 path if path.join(RECORDING).is_file() => Some(Self::Recording),
@@ -77,7 +78,7 @@ impl FileKind {
     }
 
     /// The kind in words, and the commands that take it.
-    pub(crate) const fn in_words(self) -> (&'static str, &'static str) {
+    pub const fn in_words(self) -> (&'static str, &'static str) {
         match self {
             Self::Scenario => (
                 "a scenario",

@@ -2,9 +2,9 @@
 //! files, and the list of runs that a process has begun. Of contents it reads `summary.json`, and the beginning of a
 //! file for its kind; it never judges them.
 
-pub(crate) mod begun;
-pub(crate) mod destination;
-pub(crate) mod folder;
-pub(crate) mod kind;
-pub(crate) mod part_file;
-pub(crate) mod runs;
+pub mod begun;
+pub mod destination;
+pub mod folder;
+pub mod kind;
+pub mod part_file;
+pub mod runs;

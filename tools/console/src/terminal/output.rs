@@ -10,12 +10,13 @@ use crate::terminal::exit::Failure;
 
 /// Writes a formatted line to standard error. Unlike the standard library's, it is no panic if nobody
 /// takes it: a note that is not read changes nothing.
+#[macro_export]
 macro_rules! tell {
     ($($text:tt)*) => { $crate::terminal::output::tell(&::std::format!($($text)*)) };
 }
 
 /// Writes a line to standard error, which may be gone, as a terminal that was closed.
-pub(crate) fn tell(line: &str) {
+pub fn tell(line: &str) {
     let _ = writeln!(std::io::stderr(), "{}", printable(line));
 }
 
@@ -24,7 +25,7 @@ pub(crate) fn tell(line: &str) {
 ///
 /// # Errors
 /// If the text cannot be written for any other reason.
-pub(crate) fn write(text: &str) -> Result<(), Failure> {
+pub fn write(text: &str) -> Result<(), Failure> {
     write_coloured(&printable(text))
 }
 
@@ -32,7 +33,7 @@ pub(crate) fn write(text: &str) -> Result<(), Failure> {
 ///
 /// # Errors
 /// As of [`write()`].
-pub(crate) fn write_coloured(text: &str) -> Result<(), Failure> {
+pub fn write_coloured(text: &str) -> Result<(), Failure> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Failure::infrastructure(
@@ -46,7 +47,7 @@ pub(crate) fn write_coloured(text: &str) -> Result<(), Failure> {
 ///
 /// # Errors
 /// As of [`write()`].
-pub(crate) fn result(
+pub fn result(
     json: bool,
     result: &impl Serialize,
     told: impl FnOnce() -> String,
@@ -58,19 +59,19 @@ pub(crate) fn result(
 ///
 /// # Errors
 /// If it has no form in JSON.
-pub(crate) fn pretty(result: &impl Serialize) -> Result<String, Failure> {
+pub fn pretty(result: &impl Serialize) -> Result<String, Failure> {
     let json = serde_json::to_string_pretty(result).map_err(Failure::infrastructure)?;
     Ok(json + "\n")
 }
 
 /// Collects what is written into a string, which cannot fail.
-pub(crate) fn text(write: impl FnOnce(&mut String) -> fmt::Result) -> String {
+pub fn text(write: impl FnOnce(&mut String) -> fmt::Result) -> String {
     let mut text = String::new();
     let _ = write(&mut text);
     text
 }
 
 /// Tells whether a person reads standard error as it comes.
-pub(crate) fn person_watches() -> bool {
+pub fn person_watches() -> bool {
     std::io::stderr().is_terminal()
 }

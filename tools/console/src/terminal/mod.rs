@@ -4,12 +4,12 @@
 
 // First, because its macro `tell!` is used everywhere.
 #[macro_use]
-pub(crate) mod output;
+pub mod output;
 
-pub(crate) mod advice;
-pub(crate) mod duration;
-pub(crate) mod exit;
-pub(crate) mod ignored;
-pub(crate) mod interruption;
-pub(crate) mod progress;
-pub(crate) mod table;
+pub mod advice;
+pub mod duration;
+pub mod exit;
+pub mod ignored;
+pub mod interruption;
+pub mod progress;
+pub mod table;

@@ -13,20 +13,20 @@ static LIST: OnceLock<File> = OnceLock::new();
 
 /// A run that was begun: what its folder does not say by itself.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(crate) struct BegunRun {
-    pub(crate) folder: PathBuf,
-    pub(crate) scenario: String,
-    pub(crate) law: String,
-    pub(crate) session: String,
-    pub(crate) started_utc: String,
-    pub(crate) set: Vec<String>,
-    pub(crate) evidence: String,
-    pub(crate) clock: String,
-    pub(crate) rate_hz: f64,
-    pub(crate) seed: u64,
+pub struct BegunRun {
+    pub folder: PathBuf,
+    pub scenario: String,
+    pub law: String,
+    pub session: String,
+    pub started_utc: String,
+    pub set: Vec<String>,
+    pub evidence: String,
+    pub clock: String,
+    pub rate_hz: f64,
+    pub seed: u64,
     /// The folder is known to be that of the run, and not one that was there before.
     #[serde(skip)]
-    pub(crate) has_folder: bool,
+    pub has_folder: bool,
 }
 
 /// Line of the list.
@@ -39,17 +39,17 @@ enum Line {
 }
 
 /// Writes runs that are begun from now on into a list, which is opened to append.
-pub(crate) fn write_to(list: File) {
+pub fn write_to(list: File) {
     let _ = LIST.set(list); // a process has one guard
 }
 
 /// Notes a run that begins, before its folder is made: so there is no moment at which a folder is left that nobody knows.
-pub(crate) fn note(run: impl FnOnce() -> BegunRun) {
+pub fn note(run: impl FnOnce() -> BegunRun) {
     write(|| Line::Run(run()));
 }
 
 /// Notes that the folder of a run was made.
-pub(crate) fn note_folder(folder: &Path) {
+pub fn note_folder(folder: &Path) {
     write(|| Line::Folder(folder.to_owned()));
 }
 
@@ -63,7 +63,7 @@ fn write(line: impl FnOnce() -> Line) {
 }
 
 /// Reads the runs of a list, in the order in which they were begun.
-pub(crate) fn read(mut list: &File) -> Vec<BegunRun> {
+pub fn read(mut list: &File) -> Vec<BegunRun> {
     let mut text = String::new();
     let _ = list.rewind().and_then(|()| list.read_to_string(&mut text)); // as far as it can be read
     let mut runs: Vec<BegunRun> = Vec::new();

@@ -9,7 +9,7 @@ use crate::files::part_file;
 use crate::terminal::exit::Failure;
 
 /// Names the folder of a run: `--out`, or a new one under `runs`.
-pub(crate) fn of_run(out: Option<&Path>, scenario: &str, session: &str) -> PathBuf {
+pub fn of_run(out: Option<&Path>, scenario: &str, session: &str) -> PathBuf {
     out.map_or_else(|| default(scenario, session), Path::to_owned)
 }
 
@@ -17,7 +17,7 @@ pub(crate) fn of_run(out: Option<&Path>, scenario: &str, session: &str) -> PathB
 ///
 /// # Errors
 /// If it exists with something in it, or cannot be written.
-pub(crate) fn create(folder: &Path) -> Result<(), Failure> {
+pub fn create(folder: &Path) -> Result<(), Failure> {
     // Other processes are told of it.
     refuse_odd(&std::path::absolute(folder).map_err(Failure::usage)?)?;
     let cannot = |error: std::io::Error| {
@@ -52,7 +52,7 @@ pub(crate) fn create(folder: &Path) -> Result<(), Failure> {
 }
 
 /// Refuses a path that cannot be written into JSON or TOML.
-pub(crate) fn refuse_odd(path: &Path) -> Result<(), Failure> {
+pub fn refuse_odd(path: &Path) -> Result<(), Failure> {
     match path.to_str() {
         Some(_) => Ok(()),
         None => Err(Failure::usage(format!(

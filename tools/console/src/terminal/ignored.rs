@@ -10,7 +10,7 @@ static IGNORED: LazyLock<u64> = LazyLock::new(|| {
 });
 
 /// Returns `true` if this process was started to ignore a signal. To be asked before any handler of a signal is registered.
-pub(crate) fn is_ignored(signal: i32) -> bool {
+pub fn is_ignored(signal: i32) -> bool {
     let bit = u32::try_from(signal - 1).ok();
     bit.and_then(|bit| IGNORED.checked_shr(bit)).unwrap_or(0) & 1 == 1
 }
