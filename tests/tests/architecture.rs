@@ -13,7 +13,7 @@ use crate::support::programs::{shipped, workspace};
 
 /// Package and what it may depend on, when it is built and when it is tested. What moves to a target,
 /// the controller, knows neither simulator nor scenario.
-const ARROWS: [(&str, &[&str], &[&str]); 13] = [
+const ARROWS: [(&str, &[&str], &[&str]); 14] = [
     ("hil-origin", &[], &[]),
     ("shared-types", &[], &[]),
     ("hil-config", &["shared-types"], &[]),
@@ -46,11 +46,25 @@ const ARROWS: [(&str, &[&str], &[&str]); 13] = [
         &[],
     ),
     (
+        "hil-facts",
+        &[
+            "shared-types",
+            "hil-config",
+            "plant-process",
+            "hil-recording",
+            "hil-target",
+            "hil-console",
+            "hil-campaign",
+        ],
+        &[],
+    ),
+    (
         "tools",
         &[
             "shared-types",
             "hil-origin",
             "hil-console",
+            "hil-facts",
             "hil-in-process",
             "hil-recording",
             "hil-target",

@@ -12,30 +12,27 @@
 //! | [`benchmark`] | what `hil latency` measures |
 //! | [`run`] | one run: processes, recorder, real-time settings, controllers that come and go |
 //! | [`doctor`] | the machine that it all runs on |
-//! | [`session`] | a running session from another terminal: requests, faults, records |
-//! | [`checkpoint`] | the state of both sides before a step, for another run to go on from |
-//! | [`results`] | the end of a run, its verdicts, its latency and the grade of that, its summary |
-//! | [`programs`] | plant and controller programs, and the scenario checked against them |
 //! | [`arguments`] | the command line as it is typed |
 //!
 //! A run, from the command line to the summary:
 //!
 //! 1. [`arguments`] is what was typed, and `commands::execute` finds the verb's room; for `hil run` it is
 //!    `verification::suite`, where one scenario is a suite of one. `views::panel` starts it, with a page if asked.
-//! 2. [`programs`] finds plant and controller and asks them what they are; the scenario is checked against that.
+//! 2. [`hil_facts::programs`] finds plant and controller and asks them what they are; the scenario is checked against that.
 //! 3. [`run`] prepares session and folder, starts both sides and watches over them.
 //! 4. Its [recorder](run::recorder) drains the record stream on a thread of its own: digest, metrics,
 //!    requirements, latency, [recording](hil_recording).
-//! 5. `run::conclude` makes the exit code: [`results::requirements`] turns the verdict into one,
+//! 5. `run::conclude` makes the exit code: [`hil_facts::results::requirements`] turns the verdict into one,
 //!    `verification::suite` takes the worst of several, and [`hil_console::terminal::exit`] lists them all.
-//!    [`results::summary`] says how it went, to a person and to a machine.
+//!    [`hil_facts::results::summary`] says how it went, to a person and to a machine.
 //!
 //! A subcommand is added in these places: its arguments in a file of [`arguments`], its variant of `Command` and
 //! its name in `GROUPS` in `arguments/mod.rs`; its work in the room that owns it or else in [`commands`]; its line
 //! in `commands::execute`. Then `HIL_WRITE_BOOK=1 cargo test --release -p tests book::references` writes the reference
 //! of the book.
 //!
-//! Packages beside the rooms: terminal and files, [`hil_console`] (`tools/console`); recordings, [`hil_recording`] (`tools/recording`); draws, folders, tables and statistics
+//! Packages beside the rooms: terminal and files, [`hil_console`] (`tools/console`); programs, results
+//! and sessions, [`hil_facts`] (`tools/facts`); recordings, [`hil_recording`] (`tools/recording`); draws, folders, tables and statistics
 //! of campaigns, [`hil_campaign`] (`tools/campaign`); the controller on another machine, its agent and the programs
 //! that it may run, [`hil_target`] (`tools/remote`); both sides of a run in one thread, [`hil_in_process`]
 //! (`tools/in-process`); C programs and FMUs, `hil-foreign` (`tools/foreign`), which is never linked into `hil`.
@@ -56,15 +53,18 @@ extern crate hil_console; // its macro `tell!` is used everywhere
 mod arguments;
 mod benchmark;
 mod campaign;
-mod checkpoint;
 mod commands;
 mod doctor;
-mod programs;
-mod results;
 mod run;
-mod session;
 mod verification;
 mod views;
+
+#[cfg(test)]
+#[path = "../recording/tests/shared/fixture.rs"]
+mod fixture;
+#[cfg(test)]
+#[path = "../facts/tests/shared/rig.rs"]
+mod rig;
 
 pub use commands::main;
 
@@ -72,20 +72,13 @@ pub use commands::main;
 /// that the compiler sees what nobody uses.
 pub mod testing {
     pub use crate::arguments::export::{ExportArguments, ExportFormat};
-    pub use crate::arguments::inject::arrange;
     pub use crate::arguments::tolerance::Tolerances;
     pub use crate::arguments::{Command, CommandLine};
     pub use crate::benchmark::exchange::{End, Trips, follow, lead};
     pub use crate::benchmark::null::NullPlant;
     pub use crate::benchmark::{raw, recorded};
-    pub use crate::checkpoint::Checkpoint;
     pub use crate::doctor::measure::gaps;
-    pub use crate::results::company::ProcessorTime;
-    pub use crate::results::faults::LiveFault;
-    pub use crate::results::latency::grade::UNFIT_NS;
-    pub use crate::results::latency::legs::Latency;
     pub use crate::run::recorder::{Recorder, RecordingPlan};
-    pub use crate::session::inject;
     pub use crate::verification::compare::{Verdict, compare};
     pub use crate::verification::judge::judged;
     pub use crate::verification::repetition::RecordedScenario;
@@ -94,4 +87,11 @@ pub mod testing {
     pub use crate::views::panel::message as panel_message;
     pub use crate::views::panel::request as panel_request;
     pub use hil_console::terminal::interruption::Interruption;
+    pub use hil_facts::arguments::inject::arrange;
+    pub use hil_facts::checkpoint::Checkpoint;
+    pub use hil_facts::results::company::ProcessorTime;
+    pub use hil_facts::results::faults::LiveFault;
+    pub use hil_facts::results::latency::grade::UNFIT_NS;
+    pub use hil_facts::results::latency::legs::Latency;
+    pub use hil_facts::session::inject;
 }

@@ -3,8 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-
-use super::BinaryArguments;
+use hil_facts::arguments::BinaryArguments;
 
 pub(super) const EXAMPLES: &str = "\
 Examples:

@@ -3,9 +3,8 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-
-use super::BinaryArguments;
-use super::run::Changes;
+use hil_facts::arguments::BinaryArguments;
+use hil_facts::arguments::run::Changes;
 
 /// Arguments of `hil config`.
 #[derive(Debug, Args)]

@@ -7,10 +7,9 @@ use clap::{Args, Subcommand};
 use hil_config::plan::Realtime;
 use hil_console::files::runs::run_path;
 use hil_console::terminal::duration::seconds;
+use hil_facts::arguments::realtime::WaitKind;
 use shared_types::frame::MAX_SIGNALS;
 use shared_types::time::Rate;
-
-use super::realtime::WaitKind;
 
 pub(super) const EXAMPLES: &str = "\
 Examples:

@@ -1,55 +1,48 @@
 //! The command line as it is typed: clap's types, their values, help and errors. Carries out no command and completes
 //! none (`commands::completion` does).
 //!
-//! One file for each group of commands, and here the parts that they share.
+//! One file for each group of commands; the parts that several packages share are in `hil_facts::arguments`.
 
 pub(crate) mod campaign;
-pub(crate) mod checkpoint;
-pub(crate) mod clock;
 pub(crate) mod config;
 pub(crate) mod describe;
 pub(crate) mod doctor;
 pub(crate) mod export;
-pub(crate) mod inject;
 pub(crate) mod latency;
 pub(crate) mod layout;
-pub(crate) mod mark;
 pub(crate) mod monitor;
 pub(crate) mod new;
 pub(crate) mod panel;
-pub(crate) mod realtime;
-pub(crate) mod recording;
 pub(crate) mod recordings;
 pub(crate) mod recover;
 pub(crate) mod replay;
 pub(crate) mod report;
 pub(crate) mod run;
 pub(crate) mod runs;
-pub(crate) mod set;
 pub(crate) mod swap;
 pub(crate) mod target;
 pub(crate) mod tolerance;
 pub(crate) mod values;
 
 use std::ffi::OsString;
-use std::path::PathBuf;
 
 use clap::builder::styling::Style;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
-use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
+use hil_facts::arguments::clock::{ClockArguments, StepArguments};
+use hil_facts::arguments::inject::{self, InjectArguments};
+use hil_facts::arguments::mark::{self, MarkArguments};
+use hil_facts::arguments::set::{self, SetArguments};
 use shared_types::table::nearest;
 
 use campaign::CampaignCommand;
-use clock::{ClockArguments, StepArguments};
 use config::{ConfigArguments, SessionsArguments};
 use describe::DescribeArguments;
 use doctor::DoctorArguments;
 use export::ExportArguments;
-use inject::InjectArguments;
 use latency::{LatencyArguments, LatencyPeerArguments};
 use layout::LayoutArguments;
-use mark::MarkArguments;
 use monitor::MonitorArguments;
 use new::NewArguments;
 use panel::PanelArguments;
@@ -59,7 +52,6 @@ use replay::ReplayArguments;
 use report::ReportArguments;
 use run::{RerunArguments, RunArguments};
 use runs::RunsArguments;
-use set::SetArguments;
 use swap::ControllerArguments;
 use target::TargetCommand;
 use values::{GetArguments, WatchArguments};
@@ -331,30 +323,6 @@ fn in_words(mut error: clap::Error, typed: &[OsString]) -> clap::Error {
     };
     let told = format!("invalid value '{value}' for '{argument}': it takes {expected}");
     meant(typed).error(ErrorKind::ValueValidation, told)
-}
-
-/// The binaries of a run.
-#[derive(Clone, Debug, Default, Args)]
-pub struct BinaryArguments {
-    /// The plant program [default: HIL_PLANT_BIN, else that of the scenario or the recording, else
-    /// the one beside hil]
-    #[arg(long, value_name = "PATH")]
-    pub plant_bin: Option<PathBuf>,
-    /// The controller program [default: HIL_CONTROLLER_BIN, else that of the scenario or the recording,
-    /// else the one beside hil]
-    #[arg(long, value_name = "PATH")]
-    pub controller_bin: Option<PathBuf>,
-}
-
-/// Choice of a running session, and the form of the answer.
-#[derive(Debug, Default, Args)]
-pub struct SessionChoice {
-    /// The session, if several are running
-    #[arg(long, value_name = "NAME")]
-    pub session: Option<String>,
-    /// Print the answer as JSON
-    #[arg(long)]
-    pub json: bool,
 }
 
 #[cfg(test)]

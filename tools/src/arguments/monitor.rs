@@ -4,8 +4,7 @@ use std::net::{Ipv4Addr, SocketAddr};
 
 use clap::Args;
 use hil_console::terminal::duration::seconds;
-
-use super::SessionChoice;
+use hil_facts::arguments::SessionChoice;
 
 pub(super) const EXAMPLES: &str = "\
 Watches only: the run has the same digest with and without the monitor, unless a key pauses, steps

@@ -2,9 +2,9 @@
 
 use clap::Args;
 use hil_console::terminal::duration::seconds;
+use hil_facts::arguments::SessionChoice;
 
-use super::SessionChoice;
-use super::monitor::window;
+use crate::arguments::monitor::window;
 
 pub(super) const EXAMPLES: &str = "\
 A page in a browser: live plots, readings, margins, faults; sliders for values that can be tuned;

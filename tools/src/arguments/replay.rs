@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 use hil_console::files::runs::run_path;
+use hil_facts::arguments::run::LinkKind;
+use hil_facts::arguments::target::TargetArguments;
 
-use super::run::LinkKind;
-use super::target::TargetArguments;
 use crate::arguments::tolerance::Tolerance;
 
 pub(super) const HELP: &str = "\

@@ -3,8 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-
-use super::SessionChoice;
+use hil_facts::arguments::SessionChoice;
 
 /// Examples of `hil controller swap`.
 pub(crate) const EXAMPLES: &str = "\

@@ -2,8 +2,7 @@
 
 use clap::Args;
 use hil_console::terminal::duration::seconds;
-
-use super::SessionChoice;
+use hil_facts::arguments::SessionChoice;
 
 pub(super) const GET_EXAMPLES: &str = "\
 Exit codes: 0 printed; 2 no such session or signal, or no step executed yet; 3 the plant gave no

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use hil_console::terminal::duration::shown_ns;
 
-use crate::results::latency::times::Times;
+use hil_facts::results::latency::times::Times;
 
 /// Beginnings of a decade's classes, in hundredths: the preferred numbers R10 of ISO 3.
 const CLASSES: [u64; 10] = [100, 125, 160, 200, 250, 315, 400, 500, 630, 800];

@@ -4,12 +4,11 @@
 //! of one and copy all of the other out, and both wait as the loop does. The ends are
 //! [`raw`](super::raw) and the [`Blackboard`].
 
+use hil_facts::results::latency::times::Times;
 use shared_types::clock::monotonic_ns;
 use shared_types::frame;
 use shared_types::link::bare::Blackboard;
 use shared_types::wait::Waiter;
-
-use crate::results::latency::times::Times;
 
 /// Room for values in the smallest frame.
 const SMALLEST: usize = 16;

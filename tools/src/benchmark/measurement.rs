@@ -7,6 +7,9 @@ use controller_process::job::JOB_FILE;
 use hil_config::plan::Realtime;
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
+use hil_facts::arguments::run::LinkKind;
+use hil_facts::results::latency::legs::Latency;
+use hil_facts::results::latency::times::Times;
 use plant_process::engine::Engine;
 use serde::Serialize;
 use shared_types::link::LinkError;
@@ -25,10 +28,7 @@ use shared_types::zerocopy::{FromBytes, IntoBytes};
 use super::exchange::{NoAnswer, Trips, follow, frame_words, lead};
 use super::peer::{Peer, WAIT_LIMIT_S};
 use crate::arguments::latency::{LatencyArguments, PeerWork};
-use crate::arguments::run::LinkKind;
 use crate::benchmark::{null, raw};
-use crate::results::latency::legs::Latency;
-use crate::results::latency::times::Times;
 use crate::run::realtime;
 
 /// Steps that are left out at the beginning if nothing else is said.
@@ -374,7 +374,7 @@ impl RecordSink for Meter<'_> {
 mod tests {
     use super::*;
     use crate::arguments::latency::{Pace, SideArguments};
-    use crate::arguments::realtime::WaitKind;
+    use hil_facts::arguments::realtime::WaitKind;
 
     fn arguments(warm_up: Option<u64>, duration: f64) -> LatencyArguments {
         LatencyArguments {

@@ -1,5 +1,5 @@
 //! Measurements of the loop and of this machine's limits, with a plant and a law that do nothing. Runs no scenario and
-//! defines no figure: that is [`results`](crate::results::latency). Of a recorded run it reads figures alone.
+//! defines no figure: that is [`results`](hil_facts::results::latency). Of a recorded run it reads figures alone.
 //!
 //! `hil latency` measures the machine:
 //!

@@ -4,13 +4,13 @@ use std::path::Path;
 
 use hil_config::plan::Clock;
 use hil_console::terminal::exit::Failure;
+use hil_facts::results::latency::legs::Latency;
+use hil_facts::results::latency::places::TimingPlaces;
+use hil_facts::results::recorded_run::RecordedRun;
+use hil_facts::results::resumed::first_step;
 use hil_recording::reader::RunReader;
 
 use super::measurement::{Case, Looped, Sides};
-use crate::results::latency::legs::Latency;
-use crate::results::latency::places::TimingPlaces;
-use crate::results::recorded_run::RecordedRun;
-use crate::results::resumed::first_step;
 
 /// Reads a run; its first steps are left out.
 ///

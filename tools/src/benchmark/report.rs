@@ -8,6 +8,11 @@ use std::path::Path;
 use hil_console::terminal::duration::shown_ns;
 use hil_console::terminal::output;
 use hil_console::terminal::table::{Table, left, right};
+use hil_facts::results::latency::grade::Graded;
+use hil_facts::results::latency::legs::{LatencySummary, without_command};
+use hil_facts::results::latency::percentiles::Percentiles;
+use hil_facts::results::latency::spikes::Spike;
+use hil_facts::results::latency::times::Times;
 use rustix::thread::{CpuSet, sched_getaffinity};
 use serde::Serialize;
 use shared_types::realtime;
@@ -18,11 +23,6 @@ use super::exchange::frame_words;
 use super::measurement::{Case, Sides};
 use super::null::answered_with;
 use crate::doctor;
-use crate::results::latency::grade::Graded;
-use crate::results::latency::legs::{LatencySummary, without_command};
-use crate::results::latency::percentiles::Percentiles;
-use crate::results::latency::spikes::Spike;
-use crate::results::latency::times::Times;
 
 /// Version of the report.
 const SCHEMA: u32 = 1;

@@ -14,10 +14,10 @@ use hil_campaign::rank::Order;
 use hil_campaign::table::{CLASS, Column, LOST, Row};
 use hil_campaign::{order, rank};
 use hil_config::study::{Goal, Sampling, Study};
+use hil_facts::results::requirements;
 use serde::Serialize;
 use shared_types::table::number;
 
-use crate::results::requirements;
 use gathered::Cases;
 pub(super) use gathered::Gathered;
 

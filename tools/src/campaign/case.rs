@@ -8,17 +8,17 @@ use hil_config::plan::Plan;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
+use hil_facts::arguments::BinaryArguments;
+use hil_facts::arguments::run::LinkKind;
+use hil_facts::programs::binaries::Choices;
+use hil_facts::programs::binaries::named::Named;
 
 use super::cases::Cases;
 use super::planned::{self, become_planned};
 use super::quoted;
 use super::values;
 use super::work::open;
-use crate::arguments::BinaryArguments;
 use crate::arguments::campaign::CaseArguments;
-use crate::arguments::run::LinkKind;
-use crate::programs::binaries::Choices;
-use crate::programs::binaries::named::Named;
 use crate::run::settings::Settings;
 use crate::run::{self, Environment, Origin};
 

@@ -15,15 +15,15 @@ use hil_config::scenario::Scenario;
 use hil_config::study::{Item, Spread, Study};
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
+use hil_facts::arguments::BinaryArguments;
+use hil_facts::programs::binaries::named::Named;
+use hil_facts::programs::binaries::{Binaries, Choices};
 use shared_types::describe::{Description, FaultKindDescription, LawDescription, PlantDescription};
 use shared_types::lockstep::OnLoss;
 use shared_types::record::RecordLayout;
 
 use super::result::CaseResult;
 use super::values;
-use crate::arguments::BinaryArguments;
-use crate::programs::binaries::named::Named;
-use crate::programs::binaries::{Binaries, Choices};
 use crate::run::alone;
 use crate::run::kept::Kept;
 

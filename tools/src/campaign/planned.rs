@@ -11,11 +11,11 @@ use std::process::Command;
 use hil_campaign::folder::Folder;
 use hil_campaign::manifest::{MANIFEST, Manifest};
 use hil_console::terminal::exit::Failure;
+use hil_facts::programs::binaries::trusted;
 use hil_target::machine::hash;
 
 use super::quoted;
 use super::work::cannot;
-use crate::programs::binaries::trusted;
 
 /// Folder of the programs; `hil` finds the others beside itself there.
 pub(super) const PROGRAMS: &str = "programs";

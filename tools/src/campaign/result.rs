@@ -8,13 +8,13 @@ use hil_campaign::table::{CLASS, Cell, Column, ColumnKind, Row};
 use hil_config::plan::Plan;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
+use hil_facts::arguments::run::LinkKind;
+use hil_facts::programs::binaries::Binaries;
+use hil_facts::results::ended::EndedRun;
+use hil_facts::results::requirements::{Requirement, RunVerdict};
+use hil_facts::results::summary::Metric;
 use shared_types::record::Outcome;
 
-use crate::arguments::run::LinkKind;
-use crate::programs::binaries::Binaries;
-use crate::results::ended::EndedRun;
-use crate::results::requirements::{Requirement, RunVerdict};
-use crate::results::summary::Metric;
 use crate::run::settings::Settings;
 use crate::run::{self, Environment, Origin};
 

@@ -6,13 +6,13 @@ use hil_config::plan::Plan;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
+use hil_facts::programs::binaries::named::Named;
+use hil_facts::programs::binaries::{Binaries, Choices};
+use hil_facts::programs::scenario::{Finder, show};
 use hil_recording::excerpt::Choice;
 use hil_recording::size;
 
 use crate::arguments::config::{ConfigAction, ConfigArguments, ScenarioArguments};
-use crate::programs::binaries::named::Named;
-use crate::programs::binaries::{Binaries, Choices};
-use crate::programs::scenario::{Finder, show};
 
 /// Runs the command.
 ///

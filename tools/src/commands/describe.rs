@@ -7,6 +7,8 @@ use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
 use hil_console::terminal::table::{Table, left};
+use hil_facts::programs::binaries::Binary;
+use hil_facts::programs::binaries::named::{CONTROLLER, PLANT};
 use serde_json::json;
 use shared_types::describe::{
     Description, Imported, LawDescription, LibraryNeeds, PlantDescription,
@@ -15,8 +17,6 @@ use shared_types::number::exact;
 use shared_types::table::Field;
 
 use crate::arguments::describe::{DescribeArguments, DescribedSide};
-use crate::programs::binaries::Binary;
-use crate::programs::binaries::named::{CONTROLLER, PLANT};
 
 /// Runs the command.
 ///

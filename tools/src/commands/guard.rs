@@ -21,6 +21,8 @@ use std::process::{Child, ExitCode, ExitStatus};
 use hil_console::files::begun;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
+use hil_facts::arguments::run::LinkKind;
+use hil_facts::results::lost::{self, End};
 use nix::sys::signal::Signal;
 use rustix::fs::{MemfdFlags, OFlags, fcntl_setfl, memfd_create};
 use rustix::process::{Pid, kill_process, set_parent_process_death_signal};
@@ -35,8 +37,6 @@ use hil_recording::reader::RECORDING;
 
 use crate::arguments::Command;
 use crate::arguments::campaign::CampaignAction;
-use crate::arguments::run::LinkKind;
-use crate::results::lost::{self, End};
 use crate::verification::suite;
 use signals::Signals;
 

@@ -19,13 +19,13 @@ use std::process::ExitCode;
 
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::{advice, interruption, output};
+use hil_facts::session::{clock, inject, mark, set};
 use shared_types::live::Request;
 use shared_types::session;
 
 use crate::arguments::recordings::ScenarioAction;
 use crate::arguments::swap::ControllerAction;
 use crate::arguments::{Command, CommandLine};
-use crate::session::{clock, inject, mark, set};
 use crate::verification::{compare, judge, repetition, replay, rerun, suite};
 use crate::views::{export, layout, monitor, panel, report, values};
 use crate::{benchmark, campaign, doctor};
@@ -33,6 +33,7 @@ use crate::{benchmark, campaign, doctor};
 /// Does what the command line of this process says, and tells why if that cannot be done.
 #[must_use]
 pub fn main() -> ExitCode {
+    hil_facts::programs::own::note_commit(env!("HIL_COMMIT"));
     if completion::answered() {
         return ExitCode::SUCCESS;
     }

@@ -19,6 +19,8 @@ use hil_console::files::runs::SUMMARY;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
+use hil_facts::results::lost;
+use hil_facts::results::outcome::RecordedOutcome;
 use hil_recording::copy::Rescue;
 use hil_recording::reader::{FileEnd, Unvouched};
 use rustix::fs::{FlockOperation, flock};
@@ -27,8 +29,6 @@ use serde::Serialize;
 use shared_types::session;
 
 use crate::arguments::recover::RecoverArguments;
-use crate::results::lost;
-use crate::results::outcome::RecordedOutcome;
 
 /// Result of looking at a recording and recovering it.
 #[derive(Debug, Serialize)]

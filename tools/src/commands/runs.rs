@@ -13,6 +13,7 @@ use hil_console::files::runs::{self, RUNS, RunFolder, SCENARIO};
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
 use hil_console::terminal::table::{Table, left, right};
+use hil_facts::results::requirements;
 use serde::{Deserialize, Serialize};
 use shared_types::number::short_in;
 use shared_types::session;
@@ -20,7 +21,6 @@ use shared_types::text::line;
 use toml_edit::DocumentMut;
 
 use crate::arguments::runs::{Ending, Order, RunChoice, RunsAction, RunsArguments};
-use crate::results::requirements;
 use hil_recording::size;
 
 /// Runs the command.

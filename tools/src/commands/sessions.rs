@@ -6,10 +6,10 @@ use std::time::Duration;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
 use hil_console::terminal::table::{Table, left, right};
+use hil_facts::session::observer::Notice;
 use shared_types::session;
 
 use crate::arguments::config::SessionsArguments;
-use crate::session::observer::Notice;
 
 /// Runs the command.
 ///

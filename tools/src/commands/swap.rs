@@ -6,12 +6,12 @@ use std::time::Duration;
 use hil_console::files::folder;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
+use hil_facts::programs::binaries::named::refuse_set;
+use hil_facts::session::live::{RequestError, find, to_json};
 use shared_types::live::{LiveError, Refusal, ask_at};
 
 use crate::arguments::swap::SwapArguments;
-use crate::programs::binaries::named::refuse_set;
 use crate::run::swap::{Request, Response, SOCKET, Swapped};
-use crate::session::live::{RequestError, find, to_json};
 
 /// Longest time that `hil` may take to answer: a stopped process never does.
 const ANSWER_LIMIT: Duration = Duration::from_secs(120);

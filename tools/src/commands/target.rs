@@ -5,6 +5,7 @@ use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
 use hil_console::terminal::table::{Table, left};
+use hil_facts::programs::binaries::reached::{Reached, failed};
 use hil_target::machine::Findings;
 use hil_target::programs::no_room;
 use hil_target::{key, serve};
@@ -12,7 +13,6 @@ use serde::Serialize;
 use shared_types::program;
 
 use crate::arguments::target::{ServeArguments, TargetAction, TargetContact};
-use crate::programs::binaries::reached::{Reached, failed};
 
 /// Round trips that a check measures.
 const TRIPS: u32 = 200;

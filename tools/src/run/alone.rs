@@ -11,6 +11,7 @@ use hil_campaign::curve::Grid;
 use hil_config::plan::{Clock, Plan};
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
+use hil_facts::results::ended::EndedRun;
 use hil_in_process::{FAULTS, LAWS, PLANTS, Turns, check_controller, check_plant};
 use plant_process::job::Job as PlantJob;
 use shared_types::describe::Description;
@@ -19,7 +20,6 @@ use shared_types::wait::{WaitLimit, WaitStrategy, Waiter};
 
 use super::jobs;
 use super::recorder::direct::DirectRecorder;
-use crate::results::ended::EndedRun;
 
 /// Number of every session that is none: no frame of such a run leaves its thread.
 const NO_SESSION: u64 = 0;

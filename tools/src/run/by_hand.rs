@@ -9,6 +9,7 @@ use std::path::Path;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 
 use hil_console::terminal::exit::Failure;
+use hil_facts::programs::binaries::Binary;
 use hil_target::machine::hash;
 use rustix::net::sockopt::socket_peercred;
 use shared_types::by_hand::{Admission, Entry, Token, door, token_file};
@@ -21,7 +22,6 @@ use shared_types::side::Side;
 use super::prepare::PreparedRun;
 use super::processes::LOOK;
 use super::side::SideProcess;
-use crate::programs::binaries::Binary;
 
 /// Sides of a run that were admitted.
 #[derive(Default)]

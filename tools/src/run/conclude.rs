@@ -4,18 +4,18 @@ use hil_console::files::part_file;
 use hil_console::files::runs::SUMMARY;
 use hil_console::terminal::advice;
 use hil_console::terminal::exit::{Exit, Failure};
+use hil_facts::arguments::run::LinkKind;
+use hil_facts::checkpoint;
+use hil_facts::results::company::ProcessorTime;
+use hil_facts::results::ended::EndedRun;
+use hil_facts::results::settings::Realtime;
+use hil_facts::results::summary::Summary;
 use shared_types::record::Outcome;
 use shared_types::session::Session;
 
 use super::execute::RunResult;
 use super::prepare::PreparedRun;
 use super::restoration;
-use crate::arguments::run::LinkKind;
-use crate::checkpoint;
-use crate::results::company::ProcessorTime;
-use crate::results::ended::EndedRun;
-use crate::results::settings::Realtime;
-use crate::results::summary::Summary;
 use hil_recording::reader::RECORDING;
 use hil_target::bridge::switches;
 

@@ -11,6 +11,8 @@ use std::time::{Duration, Instant};
 use controller_process::job::{JOB_FILE, Job};
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
+use hil_facts::programs::binaries::Binary;
+use hil_facts::results::ended::Started;
 use shared_types::lockstep::OnLoss;
 use shared_types::process::Ending;
 use shared_types::record::{ControllerChange, ControllerFate};
@@ -21,8 +23,6 @@ use super::jobs;
 use super::objections::Crew;
 use super::processes::LOOK;
 use super::side::SideProcess;
-use crate::programs::binaries::Binary;
-use crate::results::ended::Started;
 use crate::run::swap::{Swapped, Wanted};
 
 /// Most restarts of a lost controller in one run.

@@ -10,6 +10,13 @@ use hil_campaign::curve::Curve;
 use hil_config::plan::Plan;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
+use hil_facts::arguments::run::{LinkKind, RunOptions};
+use hil_facts::checkpoint::branch::Branch;
+use hil_facts::checkpoint::past::Past;
+use hil_facts::programs::binaries::Binaries;
+use hil_facts::results::company::ProcessorTime;
+use hil_facts::results::restoration::Check;
+use hil_facts::results::summary::Summary;
 use plant_process::repeat::Missed;
 use shared_types::time::Step;
 
@@ -17,13 +24,6 @@ use super::conclude::conclude;
 use super::prepare::prepare;
 use super::settings::{Settings, refuse_in_process};
 use super::{by_hand, in_process, processes, realtime};
-use crate::arguments::run::{LinkKind, RunOptions};
-use crate::checkpoint::branch::Branch;
-use crate::checkpoint::past::Past;
-use crate::programs::binaries::Binaries;
-use crate::results::company::ProcessorTime;
-use crate::results::restoration::Check;
-use crate::results::summary::Summary;
 
 /// Environment of a run, whatever its scenario.
 #[derive(Clone)]

@@ -4,6 +4,8 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
 use hil_console::terminal::exit::Failure;
+use hil_facts::programs::binaries::Binaries;
+use hil_facts::results::ended::EndedRun;
 use hil_in_process::{FAULTS, Turns, check_controller, check_plant, plant_of};
 use plant_process::live::{self, LiveContext};
 use shared_types::link::LinkError;
@@ -19,8 +21,6 @@ use super::jobs::{tuned, tuned_plant};
 use super::pause::PauseLookout;
 use super::prepare::PreparedRun;
 use super::realtime::Watched;
-use crate::programs::binaries::Binaries;
-use crate::results::ended::EndedRun;
 
 /// Time between two looks at what may end a run before its time.
 const LOOK: Duration = Duration::from_millis(10);

@@ -4,6 +4,7 @@
 use hil_config::plan::{Clock, ControllerPlan, Plan, law_keys, settings_after};
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
+use hil_facts::programs::binaries::{Binaries, Binary};
 use hil_target::asking;
 use serde::Serialize;
 use shared_types::checkpoint::Checkpoints;
@@ -13,7 +14,6 @@ use shared_types::session::SessionInfo;
 use shared_types::time::Step;
 
 use super::settings::Settings;
-use crate::programs::binaries::{Binaries, Binary};
 
 /// Makes the job of each side, which saves its state before these steps.
 pub(super) fn of(

@@ -9,6 +9,9 @@ use hil_campaign::curve::Grid;
 use hil_config::plan::Plan;
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
+use hil_facts::arguments::run::LinkKind;
+use hil_facts::programs::binaries::Binaries;
+use hil_facts::results::ended::EndedRun;
 use shared_types::record::{Outcome, RecordLayout};
 use shared_types::session::{Session, SessionInfo};
 use shared_types::stream::iceoryx::IceoryxSource;
@@ -20,9 +23,6 @@ use super::processes::LOOK;
 use super::recorder::direct::take_run;
 use super::settings::Settings;
 use super::side::SideProcess;
-use crate::arguments::run::LinkKind;
-use crate::programs::binaries::Binaries;
-use crate::results::ended::EndedRun;
 
 /// Most pairs that are kept at once; each sleeps while another one runs.
 const MOST_PAIRS: usize = 16;

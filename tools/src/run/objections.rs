@@ -6,6 +6,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use controller_process::job::Job;
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
+use hil_facts::programs::binaries::Binary;
+use hil_facts::programs::binaries::reached::Reached;
 use hil_target::name::Target;
 use shared_types::live::{
     self, Listening, OBJECTIONS, ParameterAnswer, ParameterQuestion, Refusal,
@@ -13,8 +15,6 @@ use shared_types::live::{
 use shared_types::session::SessionInfo;
 
 use super::jobs;
-use crate::programs::binaries::Binary;
-use crate::programs::binaries::reached::Reached;
 
 /// Job that is checked, in the session's folder.
 const FILE: &str = "judge.json";

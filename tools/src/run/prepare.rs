@@ -14,6 +14,13 @@ use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
 use hil_console::terminal::progress::Progress;
+use hil_facts::arguments::run::LinkKind;
+use hil_facts::checkpoint;
+use hil_facts::checkpoint::past::PastRecords;
+use hil_facts::programs::binaries::Binaries;
+use hil_facts::programs::scenario;
+use hil_facts::results::resumed::Resumed;
+use hil_facts::session::observer::Notice;
 use hil_recording::excerpt::Choice;
 use hil_recording::reader::RECORDING;
 use hil_recording::reserve::Reserve;
@@ -30,14 +37,7 @@ use super::execute::{Environment, Origin};
 use super::realtime::RecorderCore;
 use super::settings::Settings;
 use super::{in_process, jobs, provenance, realtime};
-use crate::arguments::run::LinkKind;
-use crate::checkpoint;
-use crate::checkpoint::past::PastRecords;
-use crate::programs::binaries::Binaries;
-use crate::programs::scenario;
-use crate::results::resumed::Resumed;
 use crate::run::recorder::{Recorder, RecordingPlan};
-use crate::session::observer::Notice;
 
 /// Room that is kept on the disk for the summary.
 const SUMMARY_BYTES: u64 = 256 << 10;

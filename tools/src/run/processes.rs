@@ -8,6 +8,9 @@ use hil_config::plan::Clock;
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::output;
 use hil_console::terminal::progress::Progress;
+use hil_facts::results::ended::EndedRun;
+use hil_facts::results::handover::describe;
+use hil_facts::session::standing;
 use shared_types::process::Ending;
 use shared_types::record::Outcome;
 use shared_types::session::Session;
@@ -23,12 +26,9 @@ use super::prepare::PreparedRun;
 use super::realtime::Watched;
 use super::side::{GRACE, SideProcess};
 use super::termination::termination;
-use crate::results::ended::EndedRun;
-use crate::results::handover::describe;
 use crate::run::open_files;
 use crate::run::recorder::Recorder;
 use crate::run::swap::{self, SwapContext, Wanted};
-use crate::session::standing;
 
 /// Time between two looks at a process that is about to say or do something.
 pub(crate) const LOOK: Duration = Duration::from_millis(2);

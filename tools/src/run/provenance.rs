@@ -4,16 +4,16 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use hil_config::plan::Plan;
+use hil_facts::programs::binaries::named::{LOCALS, MODEL_SETTINGS, PERMISSIONS};
+use hil_facts::programs::binaries::{Binaries, seal};
+use hil_facts::results::summary::BY_HAND;
+use hil_facts::results::target::Target;
 use shared_types::describe::{Description, PROTOCOL};
 use shared_types::session::SessionInfo;
 use shared_types::side::Side;
 
 use super::settings::Settings;
 use crate::doctor;
-use crate::programs::binaries::named::{LOCALS, MODEL_SETTINGS, PERMISSIONS};
-use crate::programs::binaries::{Binaries, seal};
-use crate::results::summary::BY_HAND;
-use crate::results::target::Target;
 use hil_recording::reader::EXCERPT;
 use hil_recording::writer::{Attachment, Provenance};
 
@@ -48,7 +48,7 @@ pub(super) fn of(
     fact("steps", plan.run.steps.to_string());
     fact("protocol", PROTOCOL.to_string());
     fact("hil_version", env!("CARGO_PKG_VERSION").into());
-    fact("hil_commit", env!("HIL_COMMIT").into());
+    fact("hil_commit", hil_facts::programs::own::commit().into());
     let (plant, controller) = (&binaries.plant, &binaries.controller);
     let mut is_one_named = false;
     for (side, program) in [("plant", plant), ("controller", controller)] {

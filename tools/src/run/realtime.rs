@@ -13,15 +13,15 @@ use std::sync::{Arc, OnceLock};
 use hil_config::plan;
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::output;
+use hil_facts::arguments::run::LinkKind;
+use hil_facts::programs::binaries::reached::Reached;
+use hil_facts::results::settings::{Realtime, Recorder};
 use shared_types::realtime::{CONTROLLER_FILE, Granted, PLANT_FILE, Report, only_core, pin};
 use shared_types::session::SessionInfo;
 use shared_types::text;
 
-use crate::arguments::run::LinkKind;
 use crate::doctor::cores::{CoreList, Cores};
 use crate::doctor::tree::Root;
-use crate::programs::binaries::reached::Reached;
-use crate::results::settings::{Realtime, Recorder};
 use refusals::Refusals;
 
 const DMA_LATENCY: &str = "/dev/cpu_dma_latency";

@@ -15,6 +15,9 @@ use hil_campaign::curve::Grid;
 use hil_config::plan::Plan;
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
+use hil_facts::checkpoint::past::PastRecords;
+use hil_facts::results::recorded::Recorded;
+use hil_facts::session::standing::Board;
 use hil_recording::compression::Compression;
 use hil_recording::excerpt::Choice;
 use hil_recording::writer::Provenance;
@@ -22,9 +25,6 @@ use shared_types::record::{ControllerChange, RecordLayout};
 use shared_types::session::SessionInfo;
 use shared_types::stream::RecordSource;
 
-use crate::checkpoint::past::PastRecords;
-use crate::results::recorded::Recorded;
-use crate::session::standing::Board;
 use work::RecorderWork;
 
 pub(crate) mod direct;

@@ -15,6 +15,11 @@ use std::time::{Duration, Instant};
 use hil_config::plan::Clock;
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::output;
+use hil_facts::arguments::run::LinkKind;
+use hil_facts::checkpoint::{note, state_file};
+use hil_facts::results::recorded::Recorded;
+use hil_facts::results::restoration::{Check, Comparison, Stretch, Verdict};
+use hil_facts::results::resumed::MadeCheckpoint;
 use hil_in_process::Turns;
 use shared_types::checkpoint::{Checkpoints, Resume};
 use shared_types::link::LinkError;
@@ -32,11 +37,6 @@ use super::attach::attach;
 use super::prepare::PreparedRun;
 use super::processes::LOOK;
 use super::side::{GRACE, SideProcess};
-use crate::arguments::run::LinkKind;
-use crate::checkpoint::{note, state_file};
-use crate::results::recorded::Recorded;
-use crate::results::restoration::{Check, Comparison, Stretch, Verdict};
-use crate::results::resumed::MadeCheckpoint;
 
 /// Fate of sides that ended before their comparison, and its cause in words.
 type Fate = Option<(Verdict, String)>;

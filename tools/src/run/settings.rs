@@ -9,11 +9,11 @@ use std::sync::Arc;
 use hil_campaign::curve::Grid;
 use hil_config::plan::{Clock, Plan};
 use hil_console::terminal::exit::Failure;
+use hil_facts::arguments::run::{LinkKind, RunOptions, StartKind};
+use hil_facts::programs::binaries::{Binaries, Binary};
 use hil_target::asking;
 use shared_types::side::Side;
 
-use crate::arguments::run::{LinkKind, RunOptions, StartKind};
-use crate::programs::binaries::{Binaries, Binary};
 use hil_recording::compression::Compression;
 use hil_recording::excerpt::Choice;
 

@@ -9,13 +9,13 @@ use std::process::{Child, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use hil_console::terminal::exit::Failure;
+use hil_facts::programs::binaries::Binary;
 use shared_types::by_hand;
 use shared_types::process::{Ending, MARK, ProcessId, end_group, reap};
 use shared_types::session::SessionInfo;
 
 use super::log::Log;
 use super::open_files;
-use crate::programs::binaries::Binary;
 
 /// Time that a process may take to end once it was told to.
 pub(crate) const GRACE: Duration = Duration::from_secs(2);

@@ -14,6 +14,9 @@ use hil_config::plan::{ControllerPlan, Plan};
 use hil_config::scenario::{Advice, Scenario};
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
+use hil_facts::programs::binaries::reached::Reached;
+use hil_facts::programs::binaries::{Binaries, Binary};
+use hil_facts::programs::scenario::{self, kept};
 use hil_target::name::Target;
 use serde::{Deserialize, Serialize};
 use shared_types::describe::LawDescription;
@@ -23,9 +26,6 @@ use shared_types::table::Field;
 use toml_edit::{DocumentMut, Item, TableLike};
 
 use super::jobs;
-use crate::programs::binaries::reached::Reached;
-use crate::programs::binaries::{Binaries, Binary};
-use crate::programs::scenario::{self, kept};
 
 /// Name of the socket in the session's folder.
 pub(crate) const SOCKET: &str = "hil";

@@ -1,13 +1,13 @@
 //! Termination of a run in two processes: its outcome and its cause, from what the plant saw and what became
 //! of the processes.
 
+use hil_facts::results::ended::EndedRun;
+use hil_facts::results::recorded::Recorded;
 use shared_types::record::Outcome;
 
 use super::controllers::Controllers;
 use super::prepare::PreparedRun;
 use super::side::SideProcess;
-use crate::results::ended::EndedRun;
-use crate::results::recorded::Recorded;
 
 /// Returns the end of the run, from what the plant saw and what became of the processes.
 pub(super) fn termination(

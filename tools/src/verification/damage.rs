@@ -10,7 +10,7 @@ use hil_recording::writer::{Attachment, Provenance, Recording};
 
 use crate::arguments::tolerance::Tolerances;
 use crate::benchmark::recorded;
-use crate::results::fixture::{Content, layout, record, recorded, taken};
+use crate::fixture::{Content, layout, record, recorded, taken};
 use crate::verification::compare::compare;
 use crate::verification::repetition::RecordedScenario;
 

@@ -9,14 +9,14 @@ use std::path::Path;
 use hil_config::plan::Plan;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
+use hil_facts::results::handover::Laws;
+use hil_facts::results::outcome::RecordedOutcome;
+use hil_facts::results::requirements::{self, Requirement, RunVerdict};
+use hil_facts::results::summary::{Metric, write_metrics};
 use hil_recording::reader::ReadError;
 use serde::Serialize;
 
 use crate::arguments::recordings::JudgeArguments;
-use crate::results::handover::Laws;
-use crate::results::outcome::RecordedOutcome;
-use crate::results::requirements::{self, Requirement, RunVerdict};
-use crate::results::summary::{Metric, write_metrics};
 
 /// Judgement of a recorded run.
 #[derive(Clone, Debug, Serialize)]

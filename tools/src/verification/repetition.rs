@@ -14,6 +14,12 @@ use hil_config::show;
 use hil_console::files::part_file;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
+use hil_facts::programs::binaries::named::Recorded;
+use hil_facts::programs::checked::checked;
+use hil_facts::results::faults::{FaultLog, LiveFault};
+use hil_facts::results::late_commands::LateCommands;
+use hil_facts::results::recorded_run::RecordedRun;
+use hil_facts::results::resumed::{CHANGED_FAULTS, CHECK};
 use hil_recording::reader::{ReadError, RunReader};
 use plant_process::repeat::Missed;
 use shared_types::record::{
@@ -22,12 +28,6 @@ use shared_types::record::{
 use shared_types::time::{Rate, Step};
 
 use crate::arguments::recordings::ScenarioFromArguments;
-use crate::programs::binaries::named::Recorded;
-use crate::programs::checked::checked;
-use crate::results::faults::{FaultLog, LiveFault};
-use crate::results::late_commands::LateCommands;
-use crate::results::recorded_run::RecordedRun;
-use crate::results::resumed::{CHANGED_FAULTS, CHECK};
 
 /// A recorded run as a scenario that repeats it, read to its end.
 pub struct RecordedScenario {

@@ -18,6 +18,7 @@ use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
 use hil_console::terminal::progress::Progress;
+use hil_facts::results::summary::{self, MarkAt};
 use hil_recording::reader::RunReader;
 use serde::Serialize;
 use shared_types::number::{exact, unit_shown};
@@ -25,7 +26,6 @@ use shared_types::record::Event;
 use shared_types::time::{Rate, Step};
 
 use crate::arguments::export::{ExportArguments, ExportFormat};
-use crate::results::summary::{self, MarkAt};
 use selection::{Offer, Selection};
 use table::{Column, Table};
 

@@ -14,9 +14,9 @@ use hil_config::plan::Plan;
 use hil_console::files::destination::Destination;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
+use hil_facts::results::recorded_run::RecordedRun;
 
 use crate::arguments::layout::{LayoutArguments, Viewer};
-use crate::results::recorded_run::RecordedRun;
 use crate::views::export::deliver;
 use hil_recording::reader::{ReadError, RunReader};
 

@@ -1,6 +1,6 @@
 //! Runs to look at, live or recorded: monitor, panel, `hil get` and `hil watch` ([`values`]), report, export, layout;
 //! [`plots`] chooses what report, monitor and layout draw. Judges no run and changes no recording; requests to a
-//! running session go through [`session`](crate::session).
+//! running session go through [`session`](hil_facts::session).
 
 pub mod export;
 pub(crate) mod layout;

@@ -1,6 +1,6 @@
 //! `hil monitor`: a running session, watched from another terminal.
 //!
-//! 1. [`watch`] attaches an [`observer`](crate::session::observer) to the session's record stream, on a thread;
+//! 1. [`watch`] attaches an [`observer`](hil_facts::session::observer) to the session's record stream, on a thread;
 //!    [`asking`] asks its plant and its `hil`, on another.
 //! 2. Both feed the [`model`]: the [`pace`] of the run, the [`history`] of the signals that the
 //!    [`plots`] show, the [`log`] of events, faults, requirements.
@@ -37,13 +37,13 @@ use hil_config::plan::Plan;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
+use hil_facts::arguments::SessionChoice;
+use hil_facts::session::live::{self, RequestError};
+use hil_facts::session::observer::Notice;
 use shared_types::clock::monotonic_ns;
 use shared_types::session::{self, SessionInfo};
 
-use crate::arguments::SessionChoice;
 use crate::arguments::monitor::MonitorArguments;
-use crate::session::live::{self, RequestError};
-use crate::session::observer::Notice;
 use asking::Asking;
 use display::{Abilities, Display};
 use model::Model;

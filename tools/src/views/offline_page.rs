@@ -48,7 +48,7 @@ impl<D: Serialize> OfflinePage<'_, D> {
                     a.skip href="#plots" { "Skip to the plots" }
                     (self.body)
                     footer { p {
-                        "Made by hil " (env!("CARGO_PKG_VERSION")) ", commit " (env!("HIL_COMMIT")) "."
+                        "Made by hil " (env!("CARGO_PKG_VERSION")) ", commit " (hil_facts::programs::own::commit()) "."
                         @if let Some(credit) = self.credit { " " (credit) }
                     } }
                     p #status .visually-hidden role="status" aria-live="polite" {}

@@ -1,7 +1,7 @@
 //! `hil get` and `hil watch`: values of a running session's signals, as text or JSON.
 //!
 //! `get` asks the plant for its newest record, so it also answers while the run is held. `watch` then
-//! goes on as an [`observer`](crate::session::observer), which the loop does not notice.
+//! goes on as an [`observer`](hil_facts::session::observer), which the loop does not notice.
 
 use std::time::{Duration, Instant};
 
@@ -13,6 +13,9 @@ use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
 use hil_console::terminal::table::{Table, left, right};
+use hil_facts::arguments::SessionChoice;
+use hil_facts::session::live::{self, RequestError};
+use hil_facts::session::observer::{Observer, Seen};
 use hil_recording::reader::Column;
 use serde_json::{Value, json};
 use shared_types::live::{Request, Response};
@@ -25,10 +28,7 @@ use shared_types::time::Step;
 use super::monitor::{LOOK, notice};
 use super::plots::columns_of;
 use super::plots::signal::recorded_name;
-use crate::arguments::SessionChoice;
 use crate::arguments::values::{GetArguments, WatchArguments};
-use crate::session::live::{self, RequestError};
-use crate::session::observer::{Observer, Seen};
 
 /// Tells the newest values of signals.
 ///

@@ -10,16 +10,16 @@ use hil_campaign::folder::{CONFLICTS, SHARDS, try_out};
 use hil_campaign::manifest::{self, Copied, MANIFEST, Manifest, SCHEMA};
 use hil_console::files::part_file::PartFolder;
 use hil_console::terminal::exit::Failure;
+use hil_facts::programs::binaries::beside;
+use hil_facts::programs::binaries::host::HOST;
+use hil_facts::programs::binaries::named::{CONTROLLER, PLANT};
+use hil_facts::programs::binaries::trusted;
 use hil_target::machine::hash;
 
 use super::Checked;
 use crate::campaign::grow::with_cases;
 use crate::campaign::planned::PROGRAMS;
 use crate::campaign::{quoted, values};
-use crate::programs::binaries::beside;
-use crate::programs::binaries::host::HOST;
-use crate::programs::binaries::named::{CONTROLLER, PLANT};
-use crate::programs::binaries::trusted;
 
 /// Time that the cases of a shard take together, if there are enough of them, in s.
 const SHARD_S: f64 = 20.0;

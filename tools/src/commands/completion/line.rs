@@ -7,15 +7,15 @@ use hil_config::plan::Plan;
 use hil_config::scenario::{Advice, Scenario};
 use hil_console::files::runs;
 use hil_console::terminal::interruption::Interruption;
+use hil_facts::arguments::BinaryArguments;
+use hil_facts::programs::binaries::Choices;
+use hil_facts::programs::binaries::named::Named;
+use hil_facts::session::observer::Notice;
 use shared_types::describe::Description;
 use shared_types::session::{self, SessionInfo};
 
 use super::shells;
-use crate::arguments::BinaryArguments;
-use crate::programs::binaries::Choices;
-use crate::programs::binaries::named::Named;
 use crate::run::alone::built_in;
-use crate::session::observer::Notice;
 
 /// Commands that ask or change a running session.
 const OF_A_SESSION: [&str; 7] = ["inject", "get", "set", "watch", "monitor", "panel", "swap"];

@@ -11,7 +11,7 @@ use tempfile::TempDir;
 use hil_recording::compression::Compression;
 
 use super::*;
-use crate::results::fixture::{layout, record, taken};
+use crate::fixture::{layout, record, taken};
 
 const RECORDS: u64 = 60;
 pub(super) const COMPRESSIONS: [Compression; 3] =

@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
+use hil_facts::results::company::core_times;
 use serde_json::json;
 
 use crate::doctor::cores::CoreList;
 use crate::doctor::finding::{Check, Finding};
 use crate::doctor::tree::{Tree, Unread};
-use crate::results::company::core_times;
 
 const CHECK: Check = Check::new(
     "company",

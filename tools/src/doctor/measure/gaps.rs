@@ -6,6 +6,7 @@
 use std::io;
 
 use hil_console::terminal::duration::shown_ns;
+use hil_facts::results::latency::grade::{EXCELLENT_BELOW_NS, GOOD_BELOW_NS, UNFIT_NS};
 use serde::Serialize;
 use serde_json::json;
 use shared_types::clock::monotonic_ns;
@@ -13,7 +14,6 @@ use shared_types::clock::monotonic_ns;
 use crate::doctor::finding::{Check, Finding};
 use crate::doctor::measure::{Class, Pinned, jitter_grade, remark};
 use crate::doctor::tree::{Root, Tree};
-use crate::results::latency::grade::{EXCELLENT_BELOW_NS, GOOD_BELOW_NS, UNFIT_NS};
 
 const CHECK: Check = Check::new(
     "gaps",

@@ -14,12 +14,12 @@ use std::io;
 use std::num::NonZeroU64;
 
 use hil_console::terminal::duration::shown_ns;
+use hil_facts::results::latency::grade::{EXCELLENT_BELOW_NS, GOOD_BELOW_NS, UNFIT_NS};
+use hil_facts::results::latency::percentiles::Percentiles;
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
 use super::finding::Grade;
 use super::tree::{Tree, Unread};
-use crate::results::latency::grade::{EXCELLENT_BELOW_NS, GOOD_BELOW_NS, UNFIT_NS};
-use crate::results::latency::percentiles::Percentiles;
 
 /// The grade of a longest delay, after the limits that LinuxCNC's users live by.
 #[must_use]

@@ -8,13 +8,13 @@ use std::io;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc;
 
+use hil_facts::results::latency::percentiles::Percentiles;
+use hil_facts::results::latency::times::Times;
 use serde_json::json;
 use shared_types::clock::monotonic_ns;
 
 use super::{Class, Pinned, shown};
 use crate::doctor::finding::{Check, Finding, Grade};
-use crate::results::latency::percentiles::Percentiles;
-use crate::results::latency::times::Times;
 
 const CHECK: Check = Check::new(
     "ping_pong",

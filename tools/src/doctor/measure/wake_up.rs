@@ -5,6 +5,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
+use hil_facts::results::latency::percentiles::Percentiles;
+use hil_facts::results::latency::times::Times;
 use rustix::io::Errno;
 use rustix::thread::clock_nanosleep_absolute;
 use rustix::time::{ClockId, Timespec};
@@ -15,8 +17,6 @@ use super::{Class, ExactTimers, Pinned, jitter_grade, remark, shown};
 use crate::doctor::cores::CoreList;
 use crate::doctor::finding::{Check, Finding};
 use crate::doctor::tree::Root;
-use crate::results::latency::percentiles::Percentiles;
-use crate::results::latency::times::Times;
 
 /// Between two wake-ups.
 const PERIOD_NS: u64 = 1_000_000;

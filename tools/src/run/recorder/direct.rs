@@ -7,13 +7,13 @@ use std::time::Duration;
 
 use hil_campaign::curve::Grid;
 use hil_config::plan::Plan;
+use hil_facts::results::recorded::Recorded;
 use shared_types::link::LinkError;
 use shared_types::record::{Event, RecordLayout};
 use shared_types::stream::{Item, RecordSink, RecordSource};
 
 use super::work::RecorderWork;
 use super::{NAP, Shared};
-use crate::results::recorded::Recorded;
 use crate::run::attach::refuse_other_layout;
 
 /// First sleep of one who waits for records; each further one is twice as long.

@@ -1,14 +1,13 @@
 //! Words of a plant in the record stream, checked before anything is made of them.
 
 use hil_config::plan::{Clock, Plan};
+use hil_facts::results::recorded::Recorded;
 use shared_types::lockstep::OnLoss;
 use shared_types::record::{
     ControllerChange, ControllerFate, Event, LONGEST_MARK, MOST_CHANGES, MOST_MARKS, RecordView,
 };
 use shared_types::supervision::MOST_EPOCHS;
 use shared_types::time::Step;
-
-use crate::results::recorded::Recorded;
 
 /// Most events of a run. A live fault brings three for each effect, and costs the plant memory for ever.
 const MOST_EVENTS: u64 = 1 << 20;

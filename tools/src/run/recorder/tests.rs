@@ -1,6 +1,7 @@
 //! Items that the recorder takes of a stream, whatever became of the publisher.
 
 use hil_config::plan::Clock;
+use hil_facts::results::recorded::Recorded;
 use shared_types::link::LinkError;
 use shared_types::lockstep::OnLoss;
 use shared_types::record::{
@@ -10,9 +11,8 @@ use shared_types::stream::Item;
 use shared_types::time::Step;
 
 use super::*;
-use crate::programs::rig::plan;
-use crate::results::fixture::{layout, record};
-use crate::results::recorded::Recorded;
+use crate::fixture::{layout, record};
+use crate::rig::plan;
 
 /// A stream of N records whose plant is dead: a few come with each look.
 struct Left {

@@ -6,6 +6,16 @@ use std::sync::{Arc, PoisonError};
 
 use hil_campaign::curve::Grid;
 use hil_config::plan::{Clock, Plan};
+use hil_facts::checkpoint::past::PastRecords;
+use hil_facts::results::collector::Collector;
+use hil_facts::results::curves::CurveTaker;
+use hil_facts::results::ending;
+use hil_facts::results::evaluation::RecordEvaluation;
+use hil_facts::results::latency::legs::Latency;
+use hil_facts::results::recorded::Recorded;
+use hil_facts::results::restoration::Stretch;
+use hil_facts::session::happening::Happening;
+use hil_facts::session::standing;
 use hil_recording::clean::clean;
 use hil_recording::reader::{ReadError, RunReader};
 use hil_recording::writer::{Part, Recording};
@@ -16,18 +26,8 @@ use shared_types::stream::{Item, RecordSource};
 use shared_types::time::Step;
 
 use super::heard::Heard;
-use crate::checkpoint::past::PastRecords;
-use crate::results::collector::Collector;
-use crate::results::curves::CurveTaker;
-use crate::results::ending;
-use crate::results::evaluation::RecordEvaluation;
-use crate::results::latency::legs::Latency;
-use crate::results::recorded::Recorded;
-use crate::results::restoration::Stretch;
 use crate::run::realtime;
 use crate::run::recorder::{NAP, RecordingPlan, Shared};
-use crate::session::happening::Happening;
-use crate::session::standing;
 
 /// The thread's own state.
 pub(super) struct RecorderWork {

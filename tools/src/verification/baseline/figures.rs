@@ -6,10 +6,9 @@
 use std::path::Path;
 
 use hil_console::terminal::exit::Failure;
+use hil_facts::results::recorded_run::RecordedRun;
 use hil_recording::reader::{Column, RunReader};
 use toml_edit::{DocumentMut, Item};
-
-use crate::results::recorded_run::RecordedRun;
 
 /// Facts and figures of a run.
 #[derive(Clone, Debug, PartialEq)]

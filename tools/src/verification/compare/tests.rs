@@ -1,7 +1,7 @@
 use shared_types::table::Field;
 
 use super::*;
-use crate::results::fixture::{Content, Folder, layout, record, recorded, taken};
+use crate::fixture::{Content, Folder, layout, record, recorded, taken};
 
 /// A run of four records; `change` may spoil one.
 fn run(change: impl Fn(u64, &mut Vec<u64>)) -> Folder {

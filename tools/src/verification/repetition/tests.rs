@@ -1,11 +1,11 @@
 use hil_config::plan::{FaultAction, FaultEffect, FaultSource, Plan, Profile};
+use hil_facts::programs::checked::checked;
 use shared_types::describe::Settings;
 use shared_types::record::{FaultAccepted, Outcome, RunEnd};
 
 use super::*;
-use crate::programs::checked::checked;
-use crate::programs::rig::{SCENARIO, attachments};
-use crate::results::fixture::{Content, layout, record, recorded};
+use crate::fixture::{Content, layout, record, recorded};
+use crate::rig::{SCENARIO, attachments};
 
 const FAULTS: &str = r#"
 [[faults]] # 1: cleared before it takes hold

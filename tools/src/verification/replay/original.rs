@@ -8,15 +8,14 @@ use std::path::{Path, PathBuf};
 use hil_config::plan::Plan;
 use hil_config::scenario::Advice;
 use hil_console::terminal::exit::Failure;
+use hil_facts::programs::binaries::Binary;
+use hil_facts::programs::checked::{checked, checked_with};
+use hil_facts::programs::scenario::kept;
+use hil_facts::results::recorded_run::RecordedRun;
 use hil_recording::reader::RunReader;
 use hil_recording::schema::column_name;
 use shared_types::describe::{Description, LawDescription, PlantDescription};
 use shared_types::table::Field;
-
-use crate::programs::binaries::Binary;
-use crate::programs::checked::{checked, checked_with};
-use crate::programs::scenario::kept;
-use crate::results::recorded_run::RecordedRun;
 
 /// A recorded run, opened.
 pub(super) struct Original {

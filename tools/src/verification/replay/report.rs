@@ -6,6 +6,7 @@ use std::fmt::{self, Display, Formatter, Write as _};
 use hil_console::terminal::exit::Exit;
 use hil_console::terminal::output;
 use hil_console::terminal::table::{Table, left, right};
+use hil_facts::programs::binaries::Binary;
 use serde::Serialize;
 use serde_json::Value;
 use shared_types::number::{counted, exact_in, short};
@@ -14,7 +15,6 @@ use shared_types::time::Step;
 use super::comparison::{Comparison, First, Near};
 use super::original::Original;
 use super::tape::Length;
-use crate::programs::binaries::Binary;
 use crate::verification::compare::{SignalDifference, Verdict, number, write_table};
 
 /// A replay, judged.

@@ -14,12 +14,13 @@ use hil_console::files::part_file;
 use hil_console::files::runs::SUMMARY;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
+use hil_facts::arguments::run::LinkKind;
+use hil_facts::results::restoration::{Check, Verdict};
 use serde::Serialize;
 
 use super::case::{Case, Row};
 use super::running::{self, Early};
-use crate::arguments::run::{LinkKind, RunArguments};
-use crate::results::restoration::{Check, Verdict};
+use crate::arguments::run::RunArguments;
 use crate::run::{Origin, RunResult};
 use crate::verification::compare::Difference;
 

@@ -6,10 +6,10 @@ use std::path::PathBuf;
 
 use hil_config::plan::{Clock, Plan};
 use hil_console::terminal::exit::{Exit, Failure};
+use hil_facts::results::requirements;
 
 use super::noise::Noise;
 use crate::arguments::tolerance::Tolerances;
-use crate::results::requirements;
 use crate::run::{self, Environment, Origin, RunResult};
 use crate::verification::compare::{self, Comparison, Difference};
 

@@ -4,11 +4,11 @@
 use std::time::Duration;
 
 use hil_console::terminal::exit::{Exit, Failure};
+use hil_facts::results::requirements::Requirement;
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 use shared_types::number::short_in;
 
 use super::case::Row;
-use crate::results::requirements::Requirement;
 
 /// # Errors
 /// If a text cannot stand in XML.

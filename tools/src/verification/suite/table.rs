@@ -4,10 +4,10 @@ use std::fmt::Write;
 
 use hil_console::terminal::output;
 use hil_console::terminal::table::{Table, left, right};
+use hil_facts::results::requirements::WITHOUT_REQUIREMENTS;
 use shared_types::number::short_in;
 
 use super::case::Row;
-use crate::results::requirements::WITHOUT_REQUIREMENTS;
 
 pub(super) fn of(rows: &[Row]) -> String {
     output::text(|text| write(text, rows))

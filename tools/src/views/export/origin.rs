@@ -4,12 +4,12 @@
 use std::collections::BTreeMap;
 
 use hil_config::plan;
+use hil_facts::results::evaluation::RecordEvaluation;
+use hil_facts::results::recorded_run::RecordedRun;
+use hil_facts::results::summary::MarkAt;
 use hil_recording::reader::RunReader;
 
 use super::table::Column;
-use crate::results::evaluation::RecordEvaluation;
-use crate::results::recorded_run::RecordedRun;
-use crate::results::summary::MarkAt;
 
 /// The run of a recording; the error says why it is not known.
 pub(super) fn recorded_run(reader: &RunReader) -> Result<RecordedRun, String> {

@@ -6,7 +6,7 @@ use tempfile::TempDir;
 
 use super::*;
 use crate::arguments::{Command, CommandLine};
-use crate::results::fixture::{Content, Folder, layout, record, recorded};
+use crate::fixture::{Content, Folder, layout, record, recorded};
 
 const STEPS: u64 = 50;
 

@@ -7,12 +7,12 @@
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
+use hil_facts::session::live::{RequestError, refused_text};
+use hil_facts::session::{clock, inject, set, standing};
 use shared_types::live::{self, Request, Response};
 use shared_types::session::SessionInfo;
 
 use super::SharedModel;
-use crate::session::live::{RequestError, refused_text};
-use crate::session::{clock, inject, set, standing};
 
 /// Interval between two requests for the run's status, which cost the loop nothing.
 const STATUS: Duration = Duration::from_millis(250);

@@ -1,10 +1,10 @@
 //! The session in one line, or as JSON: for scripts, and for the terminal after the view is gone.
 
 use hil_console::terminal::duration::shown_ns;
+use hil_facts::results::requirements;
 use serde_json::{Map, Value, json};
 
 use super::model::{Ending, Judged, Model};
-use crate::results::requirements;
 
 /// Describes the end of the session, with the folder of its run.
 #[must_use]

@@ -1,10 +1,10 @@
 //! Log of the watched session: every event of its run, once and in its order.
 //!
 //! The stream tells an event at once, but only from when the observer joined on, and loses some to an observer
-//! that is too slow. The [account](crate::session::happening) of the recorder has all of them, some time later or
+//! that is too slow. The [account](hil_facts::session::happening) of the recorder has all of them, some time later or
 //! sooner than the stream. Where the two differ the account is right.
 
-use crate::session::happening::Happening;
+use hil_facts::session::happening::Happening;
 
 /// Events of a run, from the stream and from the account.
 #[derive(Debug, Default)]

@@ -5,10 +5,9 @@
 
 use std::collections::VecDeque;
 
+use hil_facts::results::latency::percentiles::Percentiles;
+use hil_facts::results::latency::times::Times;
 use shared_types::record::Timing;
-
-use crate::results::latency::percentiles::Percentiles;
-use crate::results::latency::times::Times;
 
 /// Time over which the speed is computed, in ns.
 const SPEED_NS: u64 = 2_000_000_000;

@@ -10,15 +10,14 @@ use clap::Parser;
 use hil_config::live_requests::RequestContext;
 use hil_config::plan::Plan;
 use hil_console::terminal::exit::Failure;
+use hil_facts::arguments::inject::arrange;
+use hil_facts::arguments::inject::{InjectCommand, InjectLine};
+use hil_facts::session::inject;
+use hil_facts::session::live::RequestError;
 use shared_types::live::{Possible, Refusal};
 use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
 use shared_types::stream::iceoryx::LAYOUT_FILE;
-
-use crate::arguments::inject::arrange;
-use crate::arguments::{Command, CommandLine};
-use crate::session::inject;
-use crate::session::live::RequestError;
 
 /// Most that there are keys for.
 const MOST: usize = 9;
@@ -110,15 +109,13 @@ pub(crate) fn one(
         .map(str::to_owned)
         .into_iter()
         .chain(words);
-    let command_line = CommandLine::try_parse_from(arrange(typed.map(OsString::from)));
+    let command_line = InjectLine::try_parse_from(arrange(typed.map(OsString::from)));
     let command_line = command_line.map_err(|error| {
         let told = error.to_string();
         let first = told.lines().next().unwrap_or_default();
         refused(first.trim_start_matches("error: ").to_owned())
     })?;
-    let Command::Inject(arguments) = command_line.command else {
-        return Err(refused("no fault".into()));
-    };
+    let InjectCommand::Inject(arguments) = command_line.command;
     if arguments.kind.is_none() || arguments.session.session.is_some() || arguments.session.json {
         return Err(refused(
             "a kind of fault and what it acts on, without --list, --active, --clear, --session and --json"

@@ -12,6 +12,8 @@ use std::time::{Duration, Instant};
 
 use hil_console::files::runs::SUMMARY;
 use hil_console::terminal::exit::Failure;
+use hil_facts::session::happening::Happening;
+use hil_facts::session::observer::{Observer, Seen};
 use hil_recording::reader::{RECORDING, ReadError, RunReader};
 use serde_json::Value;
 use shared_types::record::RecordLayout;
@@ -19,8 +21,6 @@ use shared_types::session::SessionInfo;
 use shared_types::time::Rate;
 
 use super::{SharedModel, line};
-use crate::session::happening::Happening;
-use crate::session::observer::{Observer, Seen};
 
 /// Interval between two looks for the beginning of the session.
 const BEGIN: Duration = Duration::from_millis(20);

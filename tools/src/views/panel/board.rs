@@ -5,14 +5,14 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 
 use glob::Pattern;
 use hil_config::plan::Clock;
+use hil_facts::session::inject;
+use hil_facts::session::live::{RequestError, refused_text};
 use serde_json::{Value, json};
 use shared_types::live::{self, Possible, Request, Response};
 use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
 
 use super::message::Deed;
-use crate::session::inject;
-use crate::session::live::{RequestError, refused_text};
 use crate::views::monitor::SharedModel;
 use crate::views::monitor::asking::{LIMIT, ask_faults, in_one_line, met};
 use crate::views::monitor::prepared::{self, PreparedFault};

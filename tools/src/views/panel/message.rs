@@ -221,7 +221,7 @@ impl View {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::session::happening::Happening;
+    use hil_facts::session::happening::Happening;
 
     #[test]
     fn what_a_page_may_say_is_a_short_list() {

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
+use hil_facts::results::latency::times::Times;
 use serde::Serialize;
 use shared_types::record::ControllerFate;
 use shared_types::time::Step;
@@ -13,7 +14,6 @@ use super::grid::Grid;
 use super::plots::Plot;
 use super::run::{Run, Signals};
 use crate::benchmark::bars::classes;
-use crate::results::latency::times::Times;
 
 /// All of it.
 #[derive(Debug, Serialize)]

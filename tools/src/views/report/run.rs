@@ -10,19 +10,19 @@ use std::path::{Path, PathBuf};
 use hil_config::plan::{self, Plan};
 use hil_console::files::runs::SUMMARY;
 use hil_console::terminal::exit::Failure;
+use hil_facts::results::evaluation::RecordEvaluation;
+use hil_facts::results::handover::Laws;
+use hil_facts::results::latency::spikes::KEPT;
+use hil_facts::results::outcome::RecordedOutcome;
+use hil_facts::results::recorded_run::RecordedRun;
+use hil_facts::results::requirements::{Requirement, RunVerdict};
+use hil_facts::results::summary::{Metric, Missed};
 use hil_recording::reader::{ReadError, RunReader};
 use serde_json::Value;
 use shared_types::time::{Rate, Step};
 
 use super::envelope::Envelope;
 use super::grid::Grid;
-use crate::results::evaluation::RecordEvaluation;
-use crate::results::handover::Laws;
-use crate::results::latency::spikes::KEPT;
-use crate::results::outcome::RecordedOutcome;
-use crate::results::recorded_run::RecordedRun;
-use crate::results::requirements::{Requirement, RunVerdict};
-use crate::results::summary::{Metric, Missed};
 
 /// Words of measured time and age that are worth a plot.
 const TIMES: [&str; 7] = [

@@ -4,16 +4,16 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use hil_config::plan::Published;
 use hil_console::terminal::duration::shown_ns;
+use hil_facts::results::latency::legs::{LatencySummary, without_command};
+use hil_facts::results::latency::percentiles::Percentiles;
+use hil_facts::results::latency::spikes::Spike;
+use hil_facts::results::requirements::{self, Requirement};
+use hil_facts::results::summary::{Metric, of_law};
 use maud::{Markup, html};
 use shared_types::number::{short, short_in};
 use shared_types::time::Step;
 
 use super::run::{Run, distinct};
-use crate::results::latency::legs::{LatencySummary, without_command};
-use crate::results::latency::percentiles::Percentiles;
-use crate::results::latency::spikes::Spike;
-use crate::results::requirements::{self, Requirement};
-use crate::results::summary::{Metric, of_law};
 
 /// Meanings of the levels of evidence.
 const EVIDENCE: [(&str, &str); 5] = [

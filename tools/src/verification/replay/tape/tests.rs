@@ -3,7 +3,7 @@ use std::path::Path;
 use shared_types::record::{Outcome, RunEnd};
 
 use super::*;
-use crate::results::fixture::{Content, Folder, layout, record, recorded};
+use crate::fixture::{Content, Folder, layout, record, recorded};
 use crate::verification::replay::original::AnswerPlace;
 
 /// Words of a small run's record, by the order of its layout.

@@ -5,12 +5,12 @@ use std::sync::Arc;
 
 use hil_config::live_requests::RequestContext;
 use hil_config::plan::{Clock, Plan};
+use hil_facts::checkpoint;
 use hil_target::machine::built_for;
 use rustix::thread::{CpuSet, sched_getaffinity};
 use shared_types::lockstep::OnLoss;
 use shared_types::time::Step;
 
-use crate::checkpoint;
 use crate::verification::suite::case::{Case, Row};
 
 /// The delays of a repetition add up to about N times what the run took, at least to

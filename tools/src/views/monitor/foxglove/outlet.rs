@@ -9,6 +9,7 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use hil_facts::session::observer::Seen;
 use hil_recording::event;
 use hil_recording::schema::ENCAPSULATION;
 use shared_types::record::{Event, RecordLayout};
@@ -16,7 +17,6 @@ use shared_types::time::{Rate, Step};
 use shared_types::zerocopy::IntoBytes;
 
 use super::message::{self, EVENTS, RECORDS};
-use crate::session::observer::Seen;
 use crate::views::monitor::watch::Audience;
 
 /// Interval between two looks for clients that have taken everything.

@@ -1,5 +1,6 @@
 //! Requirements and faults, one in a line, the ones that matter most first where not all fit.
 
+use hil_facts::session::standing::Standing;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::text::{Line, Span};
@@ -8,7 +9,6 @@ use shared_types::live::FaultState;
 use shared_types::number::{short, short_in};
 
 use super::{bold, emphasis, fitting, time};
-use crate::session::standing::Standing;
 use crate::views::monitor::display::{Abilities, Display};
 use crate::views::monitor::model::{Judged, Model};
 

@@ -1,3 +1,4 @@
+use hil_facts::session::standing::Standing;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use ratatui::crossterm::event::KeyCode;
@@ -6,7 +7,6 @@ use shared_types::live::{FaultState, Status};
 use shared_types::record::FaultEffectSize;
 
 use super::*;
-use crate::session::standing::Standing;
 use crate::views::monitor::model::tests::{attached, feed, layout, plan};
 use crate::views::monitor::prepared::PreparedFault;
 
