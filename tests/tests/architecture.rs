@@ -13,7 +13,7 @@ use crate::support::programs::{shipped, workspace};
 
 /// Package and what it may depend on, when it is built and when it is tested. What moves to a target,
 /// the controller, knows neither simulator nor scenario.
-const ARROWS: [(&str, &[&str], &[&str]); 14] = [
+const ARROWS: [(&str, &[&str], &[&str]); 15] = [
     ("hil-origin", &[], &[]),
     ("shared-types", &[], &[]),
     ("hil-config", &["shared-types"], &[]),
@@ -59,12 +59,18 @@ const ARROWS: [(&str, &[&str], &[&str]); 14] = [
         &[],
     ),
     (
+        "hil-doctor",
+        &["shared-types", "hil-console", "hil-facts"],
+        &[],
+    ),
+    (
         "tools",
         &[
             "shared-types",
             "hil-origin",
             "hil-console",
             "hil-facts",
+            "hil-doctor",
             "hil-in-process",
             "hil-recording",
             "hil-target",

@@ -11,7 +11,7 @@
 //! | [`verification`] | compare, baselines, judge, replay, rerun, audit, suite: is it the same, is it right? |
 //! | [`benchmark`] | what `hil latency` measures |
 //! | [`run`] | one run: processes, recorder, real-time settings, controllers that come and go |
-//! | [`doctor`] | the machine that it all runs on |
+//! | [`hil_doctor`] | the machine that it all runs on |
 //! | [`arguments`] | the command line as it is typed |
 //!
 //! A run, from the command line to the summary:
@@ -54,7 +54,6 @@ mod arguments;
 mod benchmark;
 mod campaign;
 mod commands;
-mod doctor;
 mod run;
 mod verification;
 mod views;
@@ -77,7 +76,6 @@ pub mod testing {
     pub use crate::benchmark::exchange::{End, Trips, follow, lead};
     pub use crate::benchmark::null::NullPlant;
     pub use crate::benchmark::{raw, recorded};
-    pub use crate::doctor::measure::gaps;
     pub use crate::run::recorder::{Recorder, RecordingPlan};
     pub use crate::verification::compare::{Verdict, compare};
     pub use crate::verification::judge::judged;
@@ -87,6 +85,7 @@ pub mod testing {
     pub use crate::views::panel::message as panel_message;
     pub use crate::views::panel::request as panel_request;
     pub use hil_console::terminal::interruption::Interruption;
+    pub use hil_doctor::measure::gaps;
     pub use hil_facts::arguments::inject::arrange;
     pub use hil_facts::checkpoint::Checkpoint;
     pub use hil_facts::results::company::ProcessorTime;

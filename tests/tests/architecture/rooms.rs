@@ -18,7 +18,6 @@ const ROOMS: [(&str, &[&str]); 3] = [
             "verification",
             "benchmark",
             "run",
-            "doctor",
             "arguments",
         ],
     ),

@@ -6,7 +6,6 @@
 pub(crate) mod campaign;
 pub(crate) mod config;
 pub(crate) mod describe;
-pub(crate) mod doctor;
 pub(crate) mod export;
 pub(crate) mod latency;
 pub(crate) mod layout;
@@ -30,6 +29,7 @@ use clap::builder::styling::Style;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
+use hil_doctor::arguments::DoctorArguments;
 use hil_facts::arguments::clock::{ClockArguments, StepArguments};
 use hil_facts::arguments::inject::{self, InjectArguments};
 use hil_facts::arguments::mark::{self, MarkArguments};
@@ -39,7 +39,6 @@ use shared_types::table::nearest;
 use campaign::CampaignCommand;
 use config::{ConfigArguments, SessionsArguments};
 use describe::DescribeArguments;
-use doctor::DoctorArguments;
 use export::ExportArguments;
 use latency::{LatencyArguments, LatencyPeerArguments};
 use layout::LayoutArguments;
@@ -164,7 +163,7 @@ Examples:
     #[command(after_help = target::EXAMPLES)]
     Target(TargetCommand),
     /// Check whether this machine is fit for timing claims
-    #[command(after_help = doctor::EXAMPLES)]
+    #[command(after_help = hil_doctor::arguments::EXAMPLES)]
     Doctor(DoctorArguments),
     /// Measure the latency of the loop, or show that of a run
     #[command(after_help = latency::EXAMPLES)]

@@ -22,7 +22,6 @@ use super::bars::bars;
 use super::exchange::frame_words;
 use super::measurement::{Case, Sides};
 use super::null::answered_with;
-use crate::doctor;
 
 /// Version of the report.
 const SCHEMA: u32 = 1;
@@ -211,7 +210,7 @@ impl Report {
             |figures: &Figures| figures.signals == HEADLINE_SIGNALS && figures.rate_hz.is_none();
         let headline_case = figures.iter().position(stands_for_all).unwrap_or(0);
         let sides = cases[headline_case].looped.sides.clone();
-        let machine = run.is_none().then(doctor::facts);
+        let machine = run.is_none().then(hil_doctor::facts);
         Self {
             schema: SCHEMA,
             run: run.map(|run| run.display().to_string()),

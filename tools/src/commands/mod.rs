@@ -28,7 +28,7 @@ use crate::arguments::swap::ControllerAction;
 use crate::arguments::{Command, CommandLine};
 use crate::verification::{compare, judge, repetition, replay, rerun, suite};
 use crate::views::{export, layout, monitor, panel, report, values};
-use crate::{benchmark, campaign, doctor};
+use crate::{benchmark, campaign};
 
 /// Does what the command line of this process says, and tells why if that cannot be done.
 #[must_use]
@@ -113,7 +113,7 @@ fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         Command::Config(arguments) => config::config(arguments),
         Command::Sessions(arguments) => sessions::sessions(arguments),
         Command::Target(arguments) => target::target(&arguments.action),
-        Command::Doctor(arguments) => doctor::doctor(arguments),
+        Command::Doctor(arguments) => hil_doctor::doctor(arguments),
         Command::Latency(arguments) => benchmark::latency(arguments),
         Command::LatencyPeer(arguments) => benchmark::peer::peer(arguments),
         Command::Completions { shell } => {

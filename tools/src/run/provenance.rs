@@ -13,7 +13,6 @@ use shared_types::session::SessionInfo;
 use shared_types::side::Side;
 
 use super::settings::Settings;
-use crate::doctor;
 use hil_recording::reader::EXCERPT;
 use hil_recording::writer::{Attachment, Provenance};
 
@@ -94,7 +93,7 @@ pub(super) fn of(
     fact("machine", host.machine().to_string_lossy().into_owned());
     let cores = std::thread::available_parallelism().map_or(0, std::num::NonZero::get);
     fact("cores", cores.to_string());
-    for (name, finding) in doctor::facts() {
+    for (name, finding) in hil_doctor::facts() {
         fact(&name, finding);
     }
     fact("started_utc", started_utc.into());

@@ -13,6 +13,8 @@ use std::sync::{Arc, OnceLock};
 use hil_config::plan;
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::output;
+use hil_doctor::cores::{CoreList, Cores};
+use hil_doctor::tree::Root;
 use hil_facts::arguments::run::LinkKind;
 use hil_facts::programs::binaries::reached::Reached;
 use hil_facts::results::settings::{Realtime, Recorder};
@@ -20,8 +22,6 @@ use shared_types::realtime::{CONTROLLER_FILE, Granted, PLANT_FILE, Report, only_
 use shared_types::session::SessionInfo;
 use shared_types::text;
 
-use crate::doctor::cores::{CoreList, Cores};
-use crate::doctor::tree::Root;
 use refusals::Refusals;
 
 const DMA_LATENCY: &str = "/dev/cpu_dma_latency";

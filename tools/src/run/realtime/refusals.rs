@@ -2,9 +2,8 @@
 
 use std::fmt::{self, Display};
 
+use hil_doctor::rights::LIMITS;
 use shared_types::realtime::Report;
-
-use crate::doctor::rights::LIMITS;
 
 /// Refusals, one after another.
 #[derive(Debug, Default)]

@@ -32,18 +32,18 @@ pub struct Unread {
 
 /// The files of this machine, or a copy of another's below a folder.
 #[derive(Clone, Debug)]
-pub(crate) struct Root(PathBuf);
+pub struct Root(PathBuf);
 
 impl Root {
     /// The files below a folder.
     #[must_use]
-    pub(crate) fn new(folder: &Path) -> Self {
+    pub fn new(folder: &Path) -> Self {
         Self(folder.to_owned())
     }
 
     /// The files of this machine.
     #[must_use]
-    pub(crate) fn machine() -> Self {
+    pub fn machine() -> Self {
         Self::new(Path::new("/"))
     }
 }

@@ -14,7 +14,7 @@ use serde_json::json;
 use shared_types::clock::monotonic_ns;
 
 use super::{Class, Pinned, shown};
-use crate::doctor::finding::{Check, Finding, Grade};
+use crate::finding::{Check, Finding, Grade};
 
 const CHECK: Check = Check::new(
     "ping_pong",
@@ -153,7 +153,7 @@ pub(crate) fn impossible() -> Finding {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::tree::Root;
+    use crate::tree::Root;
 
     #[test]
     fn the_median_trip_decides() {

@@ -134,8 +134,8 @@ fn legacy_quota(tree: &dyn Tree, folder: &str) -> Option<Quota> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::finding::Grade;
-    use crate::doctor::tree::{Fake, Files};
+    use crate::finding::Grade;
+    use crate::tree::{Fake, Files};
 
     #[test]
     fn isolation_is_good_when_neither_work_nor_tick_comes() {

@@ -54,8 +54,8 @@ pub(crate) fn sessions(live: Result<Vec<String>, SessionError>, dead: &[String])
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::finding::Grade;
-    use crate::doctor::tree::Fake;
+    use crate::finding::Grade;
+    use crate::tree::Fake;
 
     #[test]
     fn load_is_graded_per_core() {

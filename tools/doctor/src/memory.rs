@@ -129,8 +129,8 @@ fn room(shared: SharedMemory) -> Finding {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::finding::Grade;
-    use crate::doctor::tree::Fake;
+    use crate::finding::Grade;
+    use crate::tree::Fake;
 
     #[test]
     fn huge_pages_are_fair_when_nobody_asked_for_them() {

@@ -18,7 +18,7 @@ const SYS_NICE: u32 = 23;
 const IPC_LOCK: u32 = 14;
 
 /// Both limits at once: whoever needs one needs the other.
-pub(crate) const LIMITS: &str = "printf '%s - rtprio 98\\n%s - memlock unlimited\\n' \"$USER\" \"$USER\" | \
+pub const LIMITS: &str = "printf '%s - rtprio 98\\n%s - memlock unlimited\\n' \"$USER\" \"$USER\" | \
     sudo tee /etc/security/limits.d/95-hil.conf # then log in again";
 
 /// Judges the right to real-time priority.
@@ -75,8 +75,8 @@ fn has_capability(tree: &dyn Tree, number: u32) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::finding::Grade;
-    use crate::doctor::tree::Fake;
+    use crate::finding::Grade;
+    use crate::tree::Fake;
 
     /// A process with these capabilities and limits, as the kernel tells them.
     fn process(capabilities: &str, memory: &str, priority: &str) -> Fake {

@@ -11,9 +11,9 @@ use serde::Serialize;
 use serde_json::json;
 use shared_types::clock::monotonic_ns;
 
-use crate::doctor::finding::{Check, Finding};
-use crate::doctor::measure::{Class, Pinned, jitter_grade, remark};
-use crate::doctor::tree::{Root, Tree};
+use crate::finding::{Check, Finding};
+use crate::measure::{Class, Pinned, jitter_grade, remark};
+use crate::tree::{Root, Tree};
 
 const CHECK: Check = Check::new(
     "gaps",
@@ -127,7 +127,7 @@ pub fn finding(gaps: &[Gaps], seconds: f64, class: Class) -> Finding {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::finding::Grade;
+    use crate::finding::Grade;
 
     /// A clock that steps 40 ns, and once so much more at each of these readings.
     fn clock(holes: &[(u64, u64)]) -> impl FnMut() -> u64 {

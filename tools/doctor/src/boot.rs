@@ -39,7 +39,7 @@ pub(crate) fn argument<'a>(command_line: &'a str, name: &str) -> Option<&'a str>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::tree::Fake;
+    use crate::tree::Fake;
 
     #[test]
     fn each_boot_loader_is_told_in_its_own_way() {

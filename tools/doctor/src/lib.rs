@@ -12,21 +12,30 @@
 //!
 //! `hil run` stores [`facts`] in its recordings.
 
+#![expect(
+    missing_docs,
+    reason = "fields and variants whose names say what they are"
+)]
+
+#[macro_use]
+extern crate hil_console; // its macro `tell!` is used everywhere
+
 pub(crate) mod activity;
+pub mod arguments;
 pub(crate) mod boot;
-pub(crate) mod cores;
+pub mod cores;
 pub(crate) mod finding;
 pub(crate) mod host;
 pub(crate) mod interrupts;
 pub(crate) mod isolation;
 pub(crate) mod kernel;
-pub(crate) mod measure;
+pub mod measure;
 pub(crate) mod memory;
 pub(crate) mod power;
 pub(crate) mod report;
-pub(crate) mod rights;
+pub mod rights;
 pub(crate) mod throttling;
-pub(crate) mod tree;
+pub mod tree;
 
 use std::io::IsTerminal;
 
@@ -35,7 +44,7 @@ use hil_console::terminal::output;
 use shared_types::session;
 use shared_types::shared_memory::SharedMemory;
 
-use crate::arguments::doctor::DoctorArguments;
+use crate::arguments::DoctorArguments;
 use cores::Cores;
 use finding::{Finding, Grade};
 use interrupts::{Interval, Snapshot};
@@ -47,7 +56,7 @@ use tree::{Root, Tree};
 ///
 /// # Errors
 /// If the chosen cores are not there or may not be used.
-pub(crate) fn doctor(arguments: &DoctorArguments) -> Result<Exit, Failure> {
+pub fn doctor(arguments: &DoctorArguments) -> Result<Exit, Failure> {
     let machine = Root::machine();
     let cores = Cores::choose(&machine, arguments.cores)?;
     let before = Snapshot::take(&machine);
@@ -96,7 +105,7 @@ pub(crate) fn doctor(arguments: &DoctorArguments) -> Result<Exit, Failure> {
 /// Returns the facts that a recording keeps of the machine it was made on: each check that reads files, by
 /// its name, with grade and finding. Takes a few milliseconds and measures nothing.
 #[must_use]
-pub(crate) fn facts() -> Vec<(String, String)> {
+pub fn facts() -> Vec<(String, String)> {
     facts_of(&Root::machine())
 }
 
@@ -262,7 +271,7 @@ impl Measurement<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::tree::Fake;
+    use crate::tree::Fake;
 
     #[test]
     fn a_machine_that_tells_nothing_is_unknown_everywhere() {

@@ -14,9 +14,9 @@ use serde_json::json;
 use shared_types::clock::monotonic_ns;
 
 use super::{Class, ExactTimers, Pinned, jitter_grade, remark, shown};
-use crate::doctor::cores::CoreList;
-use crate::doctor::finding::{Check, Finding};
-use crate::doctor::tree::Root;
+use crate::cores::CoreList;
+use crate::finding::{Check, Finding};
+use crate::tree::Root;
 
 /// Between two wake-ups.
 const PERIOD_NS: u64 = 1_000_000;
@@ -170,7 +170,7 @@ fn work(stop: &AtomicBool) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::finding::Grade;
+    use crate::finding::Grade;
     use rustix::thread::sched_getaffinity;
 
     fn class() -> Class {

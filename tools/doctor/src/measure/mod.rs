@@ -156,7 +156,7 @@ impl Display for Class {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::tree::Root;
+    use crate::tree::Root;
 
     #[test]
     fn delays_are_graded_as_linuxcnc_does() {

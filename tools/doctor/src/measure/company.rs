@@ -5,9 +5,9 @@ use std::time::Duration;
 use hil_facts::results::company::core_times;
 use serde_json::json;
 
-use crate::doctor::cores::CoreList;
-use crate::doctor::finding::{Check, Finding};
-use crate::doctor::tree::{Tree, Unread};
+use crate::cores::CoreList;
+use crate::finding::{Check, Finding};
+use crate::tree::{Tree, Unread};
 
 const CHECK: Check = Check::new(
     "company",
@@ -140,8 +140,8 @@ fn finding(before: &Times, after: &Times) -> Finding {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::finding::Grade;
-    use crate::doctor::tree::Fake;
+    use crate::finding::Grade;
+    use crate::tree::Fake;
 
     /// A machine of which the second core was busy for N ticks of 1000, all of them with one program.
     fn machine(busy: u64) -> Fake {

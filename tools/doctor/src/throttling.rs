@@ -102,8 +102,8 @@ pub(crate) fn throttling(tree: &dyn Tree, cores: &Cores) -> Finding {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::finding::Grade;
-    use crate::doctor::tree::Fake;
+    use crate::finding::Grade;
+    use crate::tree::Fake;
 
     #[test]
     fn real_time_work_must_be_limited_neither_by_the_old_way_nor_by_the_new() {

@@ -91,9 +91,9 @@ fn maker(tree: &dyn Tree) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::finding::Grade;
-    use crate::doctor::interrupts::Snapshot;
-    use crate::doctor::tree::{Fake, Files};
+    use crate::finding::Grade;
+    use crate::interrupts::Snapshot;
+    use crate::tree::{Fake, Files};
 
     const METAL: &str = "processor\t: 0\nmodel name\t: 13th Gen Intel(R) Core(TM) i7\nflags\t\t: fpu vme tsc_deadline_timer constant_tsc\n";
     const GUEST: &str =

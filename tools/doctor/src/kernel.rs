@@ -154,8 +154,8 @@ fn is_counter(name: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::finding::Grade;
-    use crate::doctor::tree::{Fake, Files};
+    use crate::finding::Grade;
+    use crate::tree::{Fake, Files};
 
     #[rustfmt::skip] // one version a line, as kernels tell them
     const VERSIONS: [(&str, Build); 7] = [

@@ -231,7 +231,7 @@ fn aim(tree: &dyn Tree, number: &str) -> CoreList {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::tree::Fake;
+    use crate::tree::Fake;
 
     /// Core 1 is offline, as the header tells; one row has a name of several words.
     const INTERRUPTS_TEXT: &str = "\

@@ -172,7 +172,7 @@ fn coloured(grade: Grade, word: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::finding::Check;
+    use crate::finding::Check;
     use serde_json::json;
 
     const SWAP: Check = Check::new("swap", "it is slow");

@@ -119,7 +119,7 @@ fn enabled_states(tree: &dyn Tree, core: u32) -> Vec<IdleState> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::tree::Fake;
+    use crate::tree::Fake;
 
     #[test]
     fn only_a_fixed_clock_rate_at_its_highest_is_good() {

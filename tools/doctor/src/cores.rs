@@ -19,12 +19,12 @@ const ONLINE: &str = "sys/devices/system/cpu/online";
 
 /// A set of cores, written as the kernel does: `0-3,8`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct CoreList(BTreeSet<u32>);
+pub struct CoreList(BTreeSet<u32>);
 
 impl CoreList {
     /// Reads a list; what is no list, such as `(null)`, holds no cores.
     #[must_use]
-    pub(crate) fn parse(text: &str) -> Self {
+    pub fn parse(text: &str) -> Self {
         let range = |part: &str| {
             let (first, last) = part.split_once('-').unwrap_or((part, part));
             Some(first.trim().parse().ok()?..=last.trim().parse().ok()?)
@@ -33,25 +33,25 @@ impl CoreList {
     }
 
     /// Iterates over the cores, in order.
-    pub(crate) fn iter(&self) -> impl DoubleEndedIterator<Item = u32> + Clone {
+    pub fn iter(&self) -> impl DoubleEndedIterator<Item = u32> + Clone {
         self.0.iter().copied()
     }
 
     /// Returns the number of cores.
     #[must_use]
-    pub(crate) fn len(&self) -> usize {
+    pub fn len(&self) -> usize {
         self.0.len()
     }
 
     /// Reports an empty list.
     #[must_use]
-    pub(crate) fn is_empty(&self) -> bool {
+    pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
     /// Reports a core of the list.
     #[must_use]
-    pub(crate) fn contains(&self, core: u32) -> bool {
+    pub fn contains(&self, core: u32) -> bool {
         self.0.contains(&core)
     }
 
@@ -69,13 +69,13 @@ impl CoreList {
 
     /// Returns the cores that are not in another list.
     #[must_use]
-    pub(crate) fn without(&self, other: &Self) -> Self {
+    pub fn without(&self, other: &Self) -> Self {
         self.0.difference(&other.0).copied().collect()
     }
 
     /// Returns the cores of this list and of another.
     #[must_use]
-    pub(crate) fn with(&self, other: &Self) -> Self {
+    pub fn with(&self, other: &Self) -> Self {
         self.0.union(&other.0).copied().collect()
     }
 }
@@ -107,7 +107,7 @@ impl Display for CoreList {
 
 /// The cores of a machine, and those that are to be judged.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Cores {
+pub struct Cores {
     /// All that are online.
     pub online: CoreList,
     /// Cores that this process may use.
@@ -122,7 +122,7 @@ impl Cores {
     ///
     /// # Errors
     /// If the cores of this machine are not told, or one that was asked for is not there.
-    pub(crate) fn choose(tree: &dyn Tree, asked: Option<[u32; 2]>) -> Result<Self, Failure> {
+    pub fn choose(tree: &dyn Tree, asked: Option<[u32; 2]>) -> Result<Self, Failure> {
         let online = tree.read(ONLINE).map_err(Failure::infrastructure)?;
         let online = CoreList::parse(&online);
         let allowed = allowed(tree).unwrap_or_else(|_| online.clone());
@@ -146,7 +146,7 @@ impl Cores {
 
     /// Cores of a test, in which this process may use all.
     #[cfg(test)]
-    pub(crate) fn of(online: &str, chosen: &str) -> Self {
+    pub fn of(online: &str, chosen: &str) -> Self {
         Self {
             online: CoreList::parse(online),
             allowed: CoreList::parse(online),
@@ -243,8 +243,8 @@ pub(crate) fn smt(tree: &dyn Tree, cores: &Cores) -> Finding {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::doctor::finding::Grade;
-    use crate::doctor::tree::Fake;
+    use crate::finding::Grade;
+    use crate::tree::Fake;
 
     /// A machine of this many cores whose threads pair up as core n with n + half.
     fn hyperthreaded(threads: u32) -> Fake {
