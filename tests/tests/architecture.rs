@@ -13,7 +13,7 @@ use crate::support::programs::{shipped, workspace};
 
 /// Package and what it may depend on, when it is built and when it is tested. What moves to a target,
 /// the controller, knows neither simulator nor scenario.
-const ARROWS: [(&str, &[&str], &[&str]); 15] = [
+const ARROWS: [(&str, &[&str], &[&str]); 16] = [
     ("hil-origin", &[], &[]),
     ("shared-types", &[], &[]),
     ("hil-config", &["shared-types"], &[]),
@@ -64,6 +64,23 @@ const ARROWS: [(&str, &[&str], &[&str]); 15] = [
         &[],
     ),
     (
+        "hil-run",
+        &[
+            "shared-types",
+            "hil-config",
+            "plant-process",
+            "controller-process",
+            "hil-recording",
+            "hil-target",
+            "hil-in-process",
+            "hil-console",
+            "hil-facts",
+            "hil-doctor",
+            "hil-campaign",
+        ],
+        &[],
+    ),
+    (
         "tools",
         &[
             "shared-types",
@@ -71,6 +88,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 15] = [
             "hil-console",
             "hil-facts",
             "hil-doctor",
+            "hil-run",
             "hil-in-process",
             "hil-recording",
             "hil-target",

@@ -10,7 +10,7 @@
 //! | [`views`] | monitor, panel, get and watch, report, export, layout, and the chooser of their plots |
 //! | [`verification`] | compare, baselines, judge, replay, rerun, audit, suite: is it the same, is it right? |
 //! | [`benchmark`] | what `hil latency` measures |
-//! | [`run`] | one run: processes, recorder, real-time settings, controllers that come and go |
+//! | [`hil_run`] | one run: processes, recorder, real-time settings, controllers that come and go |
 //! | [`hil_doctor`] | the machine that it all runs on |
 //! | [`arguments`] | the command line as it is typed |
 //!
@@ -19,8 +19,8 @@
 //! 1. [`arguments`] is what was typed, and `commands::execute` finds the verb's room; for `hil run` it is
 //!    `verification::suite`, where one scenario is a suite of one. `views::panel` starts it, with a page if asked.
 //! 2. [`hil_facts::programs`] finds plant and controller and asks them what they are; the scenario is checked against that.
-//! 3. [`run`] prepares session and folder, starts both sides and watches over them.
-//! 4. Its [recorder](run::recorder) drains the record stream on a thread of its own: digest, metrics,
+//! 3. [`hil_run`] prepares session and folder, starts both sides and watches over them.
+//! 4. Its [recorder](hil_run::recorder) drains the record stream on a thread of its own: digest, metrics,
 //!    requirements, latency, [recording](hil_recording).
 //! 5. `run::conclude` makes the exit code: [`hil_facts::results::requirements`] turns the verdict into one,
 //!    `verification::suite` takes the worst of several, and [`hil_console::terminal::exit`] lists them all.
@@ -54,7 +54,6 @@ mod arguments;
 mod benchmark;
 mod campaign;
 mod commands;
-mod run;
 mod verification;
 mod views;
 
@@ -63,6 +62,7 @@ mod views;
 mod fixture;
 #[cfg(test)]
 #[path = "../facts/tests/shared/rig.rs"]
+#[expect(dead_code, reason = "these tests need a part of it")]
 mod rig;
 
 pub use commands::main;
@@ -76,7 +76,6 @@ pub mod testing {
     pub use crate::benchmark::exchange::{End, Trips, follow, lead};
     pub use crate::benchmark::null::NullPlant;
     pub use crate::benchmark::{raw, recorded};
-    pub use crate::run::recorder::{Recorder, RecordingPlan};
     pub use crate::verification::compare::{Verdict, compare};
     pub use crate::verification::judge::judged;
     pub use crate::verification::repetition::RecordedScenario;
@@ -93,4 +92,5 @@ pub mod testing {
     pub use hil_facts::results::latency::grade::UNFIT_NS;
     pub use hil_facts::results::latency::legs::Latency;
     pub use hil_facts::session::inject;
+    pub use hil_run::recorder::{Recorder, RecordingPlan};
 }

@@ -17,7 +17,6 @@ const ROOMS: [(&str, &[&str]); 3] = [
             "views",
             "verification",
             "benchmark",
-            "run",
             "arguments",
         ],
     ),

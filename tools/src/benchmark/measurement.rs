@@ -10,6 +10,7 @@ use hil_console::terminal::interruption::Interruption;
 use hil_facts::arguments::run::LinkKind;
 use hil_facts::results::latency::legs::Latency;
 use hil_facts::results::latency::times::Times;
+use hil_run::realtime;
 use plant_process::engine::Engine;
 use serde::Serialize;
 use shared_types::link::LinkError;
@@ -29,7 +30,6 @@ use super::exchange::{NoAnswer, Trips, follow, frame_words, lead};
 use super::peer::{Peer, WAIT_LIMIT_S};
 use crate::arguments::latency::{LatencyArguments, PeerWork};
 use crate::benchmark::{null, raw};
-use crate::run::realtime;
 
 /// Steps that are left out at the beginning if nothing else is said.
 const WARM_UP: u64 = 20_000;

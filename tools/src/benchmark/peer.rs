@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 use controller_process::job::{JOB_FILE, Job};
 use controller_process::runner::{End, Runner};
 use hil_console::terminal::exit::{Exit, Failure};
+use hil_run::open_files;
 use shared_types::link::bare::Blackboard;
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::process::{end_group, reap};
@@ -24,7 +25,6 @@ use shared_types::wait::WaitLimit;
 use super::exchange::{Trips, follow};
 use super::null;
 use crate::arguments::latency::{LatencyPeerArguments, PeerWork};
-use crate::run::open_files;
 
 /// Limit of one side's wait for a peer that lives.
 pub(super) const WAIT_LIMIT_S: f64 = 5.0;

@@ -12,6 +12,8 @@ use hil_facts::arguments::BinaryArguments;
 use hil_facts::arguments::run::LinkKind;
 use hil_facts::programs::binaries::Choices;
 use hil_facts::programs::binaries::named::Named;
+use hil_run::settings::Settings;
+use hil_run::{Environment, Origin};
 
 use super::cases::Cases;
 use super::planned::{self, become_planned};
@@ -19,8 +21,6 @@ use super::quoted;
 use super::values;
 use super::work::open;
 use crate::arguments::campaign::CaseArguments;
-use crate::run::settings::Settings;
-use crate::run::{self, Environment, Origin};
 
 /// Runs a case.
 ///
@@ -60,7 +60,7 @@ pub(super) fn case(arguments: &CaseArguments) -> Result<Exit, Failure> {
         ..plan
     };
     let environment = Environment::new(&settings, Arc::clone(&binaries), &interruption)?;
-    let ran = run::execute(plan, environment, Origin::Scenario)?;
+    let ran = hil_run::execute(plan, environment, Origin::Scenario)?;
     output::write(&match arguments.json {
         true => format!("{}\n", ran.json),
         false => ran.table.clone(),

@@ -18,14 +18,14 @@ use hil_console::terminal::interruption::Interruption;
 use hil_facts::arguments::BinaryArguments;
 use hil_facts::programs::binaries::named::Named;
 use hil_facts::programs::binaries::{Binaries, Choices};
+use hil_run::alone;
+use hil_run::kept::Kept;
 use shared_types::describe::{Description, FaultKindDescription, LawDescription, PlantDescription};
 use shared_types::lockstep::OnLoss;
 use shared_types::record::RecordLayout;
 
 use super::result::CaseResult;
 use super::values;
-use crate::run::alone;
-use crate::run::kept::Kept;
 
 /// Cases that can be planned and run.
 pub(super) struct Cases {

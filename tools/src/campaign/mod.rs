@@ -1,5 +1,5 @@
 //! `hil campaign`: very many cases of one scenario, on the cores of this machine and of others. Draws, counts and
-//! tables are [`hil_campaign`]'s, runs are [`run`](crate::run)'s; neither is made here.
+//! tables are [`hil_campaign`]'s, runs are [`run`](hil_run)'s; neither is made here.
 //!
 //! 1. [`cases`] joins a study with its scenario and programs: the plan of each case, and its row.
 //! 2. [`plan`] checks a study and writes the folder that everybody works on; [`grow`] adds cases to it.

@@ -14,6 +14,8 @@ use hil_console::terminal::duration::shown_ns;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
+use hil_run::alone;
+use hil_run::kept::Kept;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use shared_types::number::counted;
@@ -23,8 +25,6 @@ use super::cases::Cases;
 use super::result::CaseResult;
 use super::{envelopes, quoted};
 use crate::arguments::campaign::{CheckArguments, PlanArguments};
-use crate::run::alone;
-use crate::run::kept::Kept;
 pub(super) use folder::shard_cases;
 use folder::{refuse_other, write};
 

@@ -13,10 +13,9 @@ use hil_facts::programs::binaries::Binaries;
 use hil_facts::results::ended::EndedRun;
 use hil_facts::results::requirements::{Requirement, RunVerdict};
 use hil_facts::results::summary::Metric;
+use hil_run::settings::Settings;
+use hil_run::{Environment, Origin};
 use shared_types::record::Outcome;
-
-use crate::run::settings::Settings;
-use crate::run::{self, Environment, Origin};
 
 /// Result of a case.
 pub(super) struct CaseResult {
@@ -74,7 +73,7 @@ impl CaseResult {
             ..Settings::without_recording(LinkKind::Iceoryx2, Some(folder.path().join("run")))
         };
         let environment = Environment::new(&settings, Arc::clone(binaries), interruption)?;
-        let ran = run::execute(plan.clone(), environment, Origin::Scenario)?;
+        let ran = hil_run::execute(plan.clone(), environment, Origin::Scenario)?;
         ran.written?;
         let summary = ran.summary;
         let outcome = match (ran.exit, summary.verdict) {

@@ -18,6 +18,7 @@ use hil_campaign::table::Row;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
+use hil_run::kept::Kept;
 use rustix::process::{Signal, getpid, kill_process};
 use shared_types::session;
 
@@ -26,7 +27,6 @@ use super::cases::Cases;
 use super::planned::{self, become_planned};
 use super::result::CaseResult;
 use crate::arguments::campaign::WorkArguments;
-use crate::run::kept::Kept;
 
 /// Word of a worker when a case came out otherwise in new processes.
 pub(super) const DIFFERS: &str = "differs";

@@ -8,10 +8,10 @@ use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
 use hil_facts::programs::binaries::named::refuse_set;
 use hil_facts::session::live::{RequestError, find, to_json};
+use hil_run::swap::{Request, Response, SOCKET, Swapped};
 use shared_types::live::{LiveError, Refusal, ask_at};
 
 use crate::arguments::swap::SwapArguments;
-use crate::run::swap::{Request, Response, SOCKET, Swapped};
 
 /// Longest time that `hil` may take to answer: a stopped process never does.
 const ANSWER_LIMIT: Duration = Duration::from_secs(120);

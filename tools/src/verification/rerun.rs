@@ -11,11 +11,11 @@ use hil_facts::programs::binaries::named::{Named, refuse_set};
 use hil_facts::programs::binaries::reached::Reached;
 use hil_facts::programs::scenario;
 use hil_recording::reader;
+use hil_run::{Environment, Origin, Repeated};
 use serde_json::json;
 
 use crate::arguments::run::RerunArguments;
 use crate::arguments::tolerance::Tolerances;
-use crate::run::{self, Environment, Origin, Repeated};
 use crate::verification::compare::{self, Difference};
 use crate::verification::repetition::RecordedScenario;
 
@@ -57,7 +57,7 @@ pub(crate) fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
         ));
     }
     refuse_set(&options.changes.set, |role| role.flag)?;
-    let (settings, interruption) = run::begin(options)?;
+    let (settings, interruption) = hil_run::begin(options)?;
     let at = Reached::by(&options.target, settings.wait_limit_s, &interruption)?;
     let named = Named::Recorded(&recorded.programs);
     let choices = Choices::of(&options.binaries, &named, at.as_ref())?;
@@ -89,7 +89,7 @@ pub(crate) fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
         records,
         missed: recorded.missed,
     };
-    let ran = run::execute(plan, environment, Origin::Repeated(repeated))?;
+    let ran = hil_run::execute(plan, environment, Origin::Repeated(repeated))?;
     let found = if is_whole {
         &ran.summary.digest
     } else {

@@ -27,11 +27,11 @@ use hil_facts::programs::binaries::Choices;
 use hil_facts::programs::binaries::named::Named;
 use hil_facts::programs::binaries::reached::Reached;
 use hil_facts::programs::scenario::Finder;
+use hil_run::settings::Settings;
+use hil_run::{Environment, Origin};
 use serde_json::json;
 
 use crate::arguments::run::RunArguments;
-use crate::run::settings::Settings;
-use crate::run::{self, Environment, Origin};
 use case::{Case, Row};
 
 /// Runs the command.
@@ -46,7 +46,7 @@ pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
     for path in reports.into_iter().flatten() {
         refuse_unwritable(path)?;
     }
-    let (settings, interruption) = run::begin(&arguments.options)?;
+    let (settings, interruption) = hil_run::begin(&arguments.options)?;
     if let (Some(flag), Some(_)) = (settings.by_hand.flag(), arguments.jobs) {
         return Err(Failure::usage(format!(
             "{flag} is for a single run; leave out --jobs"

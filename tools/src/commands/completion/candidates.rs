@@ -9,6 +9,7 @@ use clap_complete::engine::{CompletionCandidate, PathCompleter, ValueCompleter};
 use hil_config::show::show;
 use hil_console::files::runs;
 use hil_facts::session::inject::{ListedKind, kinds_of};
+use hil_run::alone::built_in;
 use shared_types::describe::{FaultKindDescription, PlantDescription};
 use shared_types::number::unit_shown;
 use shared_types::session;
@@ -16,7 +17,6 @@ use shared_types::table::Field;
 use toml_edit::{DocumentMut, Item, Value};
 
 use super::line::{Line, Subject};
-use crate::run::alone::built_in;
 use crate::views::plots::columns_of;
 
 /// Most runs that are offered, the newest.

@@ -11,11 +11,11 @@ use hil_facts::arguments::BinaryArguments;
 use hil_facts::programs::binaries::Choices;
 use hil_facts::programs::binaries::named::Named;
 use hil_facts::session::observer::Notice;
+use hil_run::alone::built_in;
 use shared_types::describe::Description;
 use shared_types::session::{self, SessionInfo};
 
 use super::shells;
-use crate::run::alone::built_in;
 
 /// Commands that ask or change a running session.
 const OF_A_SESSION: [&str; 7] = ["inject", "get", "set", "watch", "monitor", "panel", "swap"];

@@ -16,12 +16,12 @@ use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
 use hil_facts::arguments::run::LinkKind;
 use hil_facts::results::restoration::{Check, Verdict};
+use hil_run::{Origin, RunResult};
 use serde::Serialize;
 
 use super::case::{Case, Row};
 use super::running::{self, Early};
 use crate::arguments::run::RunArguments;
-use crate::run::{Origin, RunResult};
 use crate::verification::compare::Difference;
 
 /// Usual causes of a run that differs.

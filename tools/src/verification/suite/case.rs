@@ -7,10 +7,10 @@ use std::path::PathBuf;
 use hil_config::plan::{Clock, Plan};
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_facts::results::requirements;
+use hil_run::{Environment, Origin, RunResult};
 
 use super::noise::Noise;
 use crate::arguments::tolerance::Tolerances;
-use crate::run::{self, Environment, Origin, RunResult};
 use crate::verification::compare::{self, Comparison, Difference};
 
 /// Run that is wanted.
@@ -98,7 +98,7 @@ impl Case {
     pub(super) fn run(&self, origin: Origin) -> Result<RunResult, Failure> {
         self.environment.interruption.check()?;
         let _noise = self.noise.then(Noise::begin);
-        isolated(|| run::execute(self.plan.clone(), self.environment.clone(), origin))
+        isolated(|| hil_run::execute(self.plan.clone(), self.environment.clone(), origin))
     }
 
     /// Makes the row of it; `None` of a case that was skipped.

@@ -3,10 +3,11 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
+use hil_run::Origin;
+
 use hil_console::terminal::exit::{Exit, Failure};
 
 use super::case::{Case, Row};
-use crate::run::Origin;
 
 /// End of a command before all its cases ran.
 pub(super) type Early = Result<Exit, Failure>;

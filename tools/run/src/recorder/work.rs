@@ -26,8 +26,8 @@ use shared_types::stream::{Item, RecordSource};
 use shared_types::time::Step;
 
 use super::heard::Heard;
-use crate::run::realtime;
-use crate::run::recorder::{NAP, RecordingPlan, Shared};
+use crate::realtime;
+use crate::recorder::{NAP, RecordingPlan, Shared};
 
 /// The thread's own state.
 pub(super) struct RecorderWork {

@@ -27,14 +27,14 @@ use super::{by_hand, in_process, processes, realtime};
 
 /// Environment of a run, whatever its scenario.
 #[derive(Clone)]
-pub(crate) struct Environment {
-    pub(crate) binaries: Arc<Binaries>,
-    pub(crate) settings: Settings,
-    pub(crate) interruption: Interruption,
+pub struct Environment {
+    pub binaries: Arc<Binaries>,
+    pub settings: Settings,
+    pub interruption: Interruption,
 }
 
 /// Origin of a run, besides its scenario.
-pub(crate) enum Origin {
+pub enum Origin {
     /// Nothing else.
     Scenario,
     /// A recorded run that it repeats.
@@ -45,7 +45,7 @@ pub(crate) enum Origin {
 
 impl Origin {
     /// Gives the first step that the run exchanges.
-    pub(super) const fn first(&self) -> Step {
+    pub const fn first(&self) -> Step {
         match self {
             Self::Checkpoint(past, _) => past.first(),
             Self::Scenario | Self::Repeated(_) => Step(0),
@@ -54,38 +54,38 @@ impl Origin {
 }
 
 /// Facts of a recorded run that a rerun repeats.
-pub(crate) struct Repeated {
+pub struct Repeated {
     /// Number of its records that are compared.
-    pub(crate) records: u64,
+    pub records: u64,
     /// Steps at which its controller was not in time.
-    pub(crate) missed: Vec<Missed>,
+    pub missed: Vec<Missed>,
 }
 
 /// Result of a run.
-pub(crate) struct RunResult {
-    pub(crate) exit: Exit,
+pub struct RunResult {
+    pub exit: Exit,
     /// Digests after the first records, by their number, as far as they were asked for and
     /// exist.
-    pub(crate) partial_digests: BTreeMap<u64, String>,
+    pub partial_digests: BTreeMap<u64, String>,
     /// Curve of a campaign's case, if one is kept.
-    pub(crate) curve: Option<Curve>,
+    pub curve: Option<Curve>,
     /// Recording, if there is one.
-    pub(crate) recording: Option<PathBuf>,
+    pub recording: Option<PathBuf>,
     /// Folder of the run.
-    pub(crate) folder: PathBuf,
-    pub(crate) summary: Summary,
+    pub folder: PathBuf,
+    pub summary: Summary,
     /// The summary as a machine reads it.
-    pub(crate) json: String,
+    pub json: String,
     /// The summary as a person reads it.
-    pub(crate) table: String,
+    pub table: String,
     /// Failure to write the summary. To be told after the summary: neither a full disk nor a broken
     /// output may hide the other.
-    pub(crate) written: Result<(), Failure>,
+    pub written: Result<(), Failure>,
 }
 
 impl RunResult {
     /// Returns the check of the first checkpoint that the run made.
-    pub(crate) fn first_check(&self) -> Option<&Check> {
+    pub fn first_check(&self) -> Option<&Check> {
         self.summary.checkpoints.first()?.check.as_ref()
     }
 }
@@ -94,7 +94,7 @@ impl RunResult {
 ///
 /// # Errors
 /// If options do not go together.
-pub(crate) fn begin(options: &RunOptions) -> Result<(Settings, Interruption), Failure> {
+pub fn begin(options: &RunOptions) -> Result<(Settings, Interruption), Failure> {
     Ok((Settings::of(options)?, Interruption::listen()?))
 }
 
@@ -103,7 +103,7 @@ impl Environment {
     ///
     /// # Errors
     /// If the programs do not go with the settings.
-    pub(crate) fn new(
+    pub fn new(
         settings: &Settings,
         binaries: Arc<Binaries>,
         interruption: &Interruption,
@@ -121,11 +121,7 @@ impl Environment {
 ///
 /// # Errors
 /// If the run could not be started.
-pub(crate) fn execute(
-    plan: Plan,
-    environment: Environment,
-    origin: Origin,
-) -> Result<RunResult, Failure> {
+pub fn execute(plan: Plan, environment: Environment, origin: Origin) -> Result<RunResult, Failure> {
     let (prepared, mut session) = prepare(plan, environment, origin)?;
     let by_hand = match by_hand::admit(&prepared, &mut session) {
         Ok(by_hand) => by_hand,

@@ -22,41 +22,41 @@ pub(crate) const WAIT_LIMIT_S: f64 = 5.0;
 
 /// Checked settings of a run, whatever its scenario.
 #[derive(Clone, Debug)]
-pub(crate) struct Settings {
+pub struct Settings {
     /// Connection of plant and controller.
-    pub(crate) link: LinkKind,
+    pub link: LinkKind,
     /// Folder of the run; `None` for a new one below `runs`.
-    pub(crate) out: Option<PathBuf>,
+    pub out: Option<PathBuf>,
     /// Name of the session; `None` for a random one.
-    pub(crate) session: Option<String>,
+    pub session: Option<String>,
     /// Form of the recording; `None` if none is written.
-    pub(crate) recording: Option<RecordingSettings>,
+    pub recording: Option<RecordingSettings>,
     /// Longest silence of a living process in s.
-    pub(crate) wait_limit_s: f64,
+    pub wait_limit_s: f64,
     /// Time at which the run is held.
-    pub(crate) pause_at_s: Option<f64>,
+    pub pause_at_s: Option<f64>,
     /// Times before which the state of both sides is saved.
-    pub(crate) checkpoints_at_s: Vec<f64>,
+    pub checkpoints_at_s: Vec<f64>,
     /// Values of the scenario that were changed, as `KEY=VALUE`.
-    pub(crate) set: Vec<String>,
+    pub set: Vec<String>,
     /// Several runs share the terminal.
-    pub(crate) is_one_of_many: bool,
+    pub is_one_of_many: bool,
     /// Grid of the curve that is kept of a campaign's case.
-    pub(crate) curve: Option<Arc<Grid>>,
+    pub curve: Option<Arc<Grid>>,
     /// Sides that somebody starts by hand.
-    pub(crate) by_hand: ByHand,
+    pub by_hand: ByHand,
 }
 
 /// Sides of a run that somebody starts by hand.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct ByHand {
+pub struct ByHand {
     pub(crate) plant: bool,
     pub(crate) controller: bool,
 }
 
 /// Form of a recording.
 #[derive(Clone, Debug)]
-pub(crate) struct RecordingSettings {
+pub struct RecordingSettings {
     pub(crate) compression: Compression,
     /// Part of the run that is kept.
     pub(crate) choice: Choice,
@@ -94,7 +94,7 @@ impl ByHand {
     }
 
     /// Names the flag that asked for one of them.
-    pub(crate) fn flag(self) -> Option<String> {
+    pub fn flag(self) -> Option<String> {
         let side = self.roles().next()?;
         Some(format!("--{} external", side.name()))
     }
@@ -103,7 +103,7 @@ impl ByHand {
     ///
     /// # Errors
     /// If one of them is a script or a model.
-    pub(crate) fn check(self, binaries: &Binaries) -> Result<(), Failure> {
+    pub fn check(self, binaries: &Binaries) -> Result<(), Failure> {
         for side in self.roles() {
             let (name, binary) = (side.name(), binaries.of_side(side));
             if binary.host.is_some() {
@@ -128,7 +128,7 @@ impl Settings {
     ///
     /// # Errors
     /// If a value is out of its range, or options do not go together.
-    pub(crate) fn of(options: &RunOptions) -> Result<Self, Failure> {
+    pub fn of(options: &RunOptions) -> Result<Self, Failure> {
         if options.wait_limit.is_nan() || options.wait_limit <= 0.0 {
             return Err(Failure::usage(
                 "--wait-limit takes a number above 0, or inf",
@@ -168,7 +168,7 @@ impl Settings {
     }
 
     /// Makes the settings of a run whose recording nobody needs.
-    pub(crate) fn without_recording(link: LinkKind, out: Option<PathBuf>) -> Self {
+    pub fn without_recording(link: LinkKind, out: Option<PathBuf>) -> Self {
         Self {
             link,
             out,
@@ -185,7 +185,7 @@ impl Settings {
     }
 
     /// Makes the settings of a run with a whole recording.
-    pub(crate) fn with_recording(link: LinkKind, out: Option<PathBuf>) -> Self {
+    pub fn with_recording(link: LinkKind, out: Option<PathBuf>) -> Self {
         Self {
             recording: Some(RecordingSettings {
                 compression: Compression::Lz4,
@@ -196,7 +196,7 @@ impl Settings {
     }
 
     /// Names the kind of evidence that a run gives, as its recording and its summary have it.
-    pub(crate) fn evidence(&self, plan: &Plan, controller: &Binary) -> &'static str {
+    pub fn evidence(&self, plan: &Plan, controller: &Binary) -> &'static str {
         match (self.link, &controller.at) {
             (LinkKind::InProcess, _) => "in-process",
             (LinkKind::Iceoryx2, None) => "sil",
@@ -211,7 +211,7 @@ impl Settings {
 ///
 /// # Errors
 /// If there is one.
-pub(crate) fn refuse_in_process(link: LinkKind, binaries: &[&Binary]) -> Result<(), Failure> {
+pub fn refuse_in_process(link: LinkKind, binaries: &[&Binary]) -> Result<(), Failure> {
     if link != LinkKind::InProcess {
         return Ok(());
     }

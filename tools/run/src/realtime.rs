@@ -43,14 +43,14 @@ pub(super) struct Watched {
 
 /// The core of the recorder's thread, which moves there by itself.
 #[derive(Clone)]
-pub(super) struct RecorderCore {
+pub struct RecorderCore {
     asked: Option<u32>,
     granted: Arc<OnceLock<Granted<Option<u32>>>>,
 }
 
 impl RecorderCore {
     /// Moves the calling thread there.
-    pub(super) fn apply(&self) {
+    pub fn apply(&self) {
         let pinned = self.asked.map_or(Ok(()), pin);
         let refused = pinned.err().map(|error| error.to_string());
         let core = only_core();
@@ -64,7 +64,7 @@ impl RecorderCore {
 ///
 /// # Errors
 /// If a core cannot be used; the error names the setting and the cores that there are.
-pub(crate) fn check(
+pub fn check(
     asked: &plan::Realtime,
     link: LinkKind,
     target: Option<&Reached>,
@@ -127,7 +127,7 @@ fn may_take_all(loops: &[Option<u32>], allowed: &CoreList) -> bool {
 
 impl Watched {
     /// Begins to hold what `hil` itself holds.
-    pub(super) fn begin(asked: plan::Realtime, link: LinkKind, session: &SessionInfo) -> Self {
+    pub(crate) fn begin(asked: plan::Realtime, link: LinkKind, session: &SessionInfo) -> Self {
         let mut refusals = Refusals::default();
         let (granted, reason, held) = match asked.dma_latency_us.map(hold_latency) {
             None => (None, None, None),
@@ -158,12 +158,12 @@ impl Watched {
     }
 
     /// For the recorder's thread.
-    pub(super) fn recorder_core(&self) -> RecorderCore {
+    pub(crate) fn recorder_core(&self) -> RecorderCore {
         self.recorder.clone()
     }
 
     /// Looks whether the sides have told what they run with; once all have, what was refused.
-    pub(super) fn look(&mut self) -> Option<String> {
+    pub(crate) fn look(&mut self) -> Option<String> {
         for (file, report, is_awaited) in [
             (PLANT_FILE, &mut self.plant, true),
             (
@@ -196,7 +196,7 @@ impl Watched {
     }
 
     /// Tells the refusals that are left; returns the settings as they were asked for and granted.
-    pub(super) fn end(mut self) -> Realtime {
+    pub(crate) fn end(mut self) -> Realtime {
         let asked = self.asked.recorder_core;
         let core = self.recorder.granted.get().cloned();
         let core = core.unwrap_or_else(|| Granted::new(asked, None, None));

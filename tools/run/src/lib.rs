@@ -19,28 +19,45 @@
 //! For very many runs, [`alone`] is a run in one thread with neither session nor folder, and [`kept`] keeps the
 //! processes of one for the next.
 
-pub(crate) mod alone;
+#![expect(
+    missing_docs,
+    reason = "fields and variants whose names say what they are"
+)]
+
+#[macro_use]
+extern crate hil_console; // its macro `tell!` is used everywhere
+
+pub mod alone;
 mod attach;
 mod by_hand;
 mod conclude;
 mod controllers;
-mod execute;
+pub mod execute;
 mod in_process;
-pub(crate) mod jobs;
-pub(crate) mod kept;
+pub mod jobs;
+pub mod kept;
 mod log;
 mod objections;
-pub(crate) mod open_files;
+pub mod open_files;
 mod pause;
 mod prepare;
-pub(crate) mod processes;
+pub mod processes;
 mod provenance;
-pub(crate) mod realtime;
-pub(crate) mod recorder;
+pub mod realtime;
+pub mod recorder;
 mod restoration;
-pub(crate) mod settings;
-pub(crate) mod side;
-pub(crate) mod swap;
+pub mod settings;
+pub mod side;
+pub mod swap;
 mod termination;
 
-pub(crate) use execute::{Environment, Origin, Repeated, RunResult, begin, execute};
+#[cfg(test)]
+#[path = "../../recording/tests/shared/fixture.rs"]
+#[expect(dead_code, reason = "these tests need a part of it")]
+mod fixture;
+#[cfg(test)]
+#[path = "../../facts/tests/shared/rig.rs"]
+#[expect(dead_code, reason = "these tests need a part of it")]
+mod rig;
+
+pub use execute::{Environment, Origin, Repeated, RunResult, begin, execute};

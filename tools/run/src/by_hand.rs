@@ -25,7 +25,7 @@ use super::side::SideProcess;
 
 /// Sides of a run that were admitted.
 #[derive(Default)]
-pub(super) struct ByHand {
+pub(crate) struct ByHand {
     pub(super) plant: Option<SideProcess>,
     pub(super) controller: Option<SideProcess>,
     _doors: Vec<Listening>,

@@ -25,7 +25,7 @@ use super::recorder::direct::DirectRecorder;
 const NO_SESSION: u64 = 0;
 
 /// Plants, laws and kinds of faults that are built into `hil`.
-pub(crate) fn built_in() -> [Description; 2] {
+pub fn built_in() -> [Description; 2] {
     let version = env!("CARGO_PKG_VERSION");
     let mut plant = Description::new("plant-process", version);
     plant.plants = PLANTS.iter().map(|kind| kind.description.clone()).collect();
@@ -39,7 +39,7 @@ pub(crate) fn built_in() -> [Description; 2] {
 ///
 /// # Errors
 /// If it is one.
-pub(crate) fn refuse_clock(plan: &Plan) -> Result<(), Failure> {
+pub fn refuse_clock(plan: &Plan) -> Result<(), Failure> {
     match plan.run.clock {
         Clock::Lockstep => Ok(()),
         Clock::Paced { .. } | Clock::Realtime => Err(Failure::usage(format!(
@@ -69,7 +69,7 @@ fn jobs_of(
 ///
 /// # Errors
 /// Objection of a side to its job.
-pub(crate) fn check(plan: &Plan, described: &[Description; 2]) -> Result<(), Failure> {
+pub fn check(plan: &Plan, described: &[Description; 2]) -> Result<(), Failure> {
     let (plant, controller, _) = jobs_of(plan, described)?;
     check_plant(plant).map_err(Failure::usage)?;
     check_controller(controller).map_err(Failure::usage)
@@ -79,7 +79,7 @@ pub(crate) fn check(plan: &Plan, described: &[Description; 2]) -> Result<(), Fai
 ///
 /// # Errors
 /// If a side refuses its job, or it was interrupted.
-pub(crate) fn run(
+pub fn run(
     plan: &Plan,
     described: &[Description; 2],
     grid: Option<Arc<Grid>>,

@@ -28,24 +28,24 @@ use toml_edit::{DocumentMut, Item, TableLike};
 use super::jobs;
 
 /// Name of the socket in the session's folder.
-pub(crate) const SOCKET: &str = "hil";
+pub const SOCKET: &str = "hil";
 /// Time that an answer may take beyond the wait limit: the binary describes itself, checks its job and
 /// starts.
 const BESIDES: Duration = Duration::from_secs(25);
 
 /// Request for another controller.
 #[derive(Debug, Serialize, Deserialize)]
-pub(crate) struct Request {
+pub struct Request {
     /// The binary; the active one if `None`.
-    pub(crate) binary: Option<PathBuf>,
+    pub binary: Option<PathBuf>,
     /// Values of the scenario's `[controller]` to change.
-    pub(crate) set: Vec<String>,
+    pub set: Vec<String>,
 }
 
 /// Answer to a request.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(tag = "response", rename_all = "kebab-case")]
-pub(crate) enum Response {
+pub enum Response {
     /// The controller took over.
     Swapped(Swapped),
     /// No; the run goes on with the one that it had.
@@ -57,19 +57,19 @@ pub(crate) enum Response {
 
 /// A controller that took over.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(crate) struct Swapped {
+pub struct Swapped {
     /// Number of the controller in the session.
-    pub(crate) epoch: u32,
+    pub epoch: u32,
     /// The first step that it answers.
-    pub(crate) step: u64,
-    pub(crate) law: String,
-    pub(crate) binary: PathBuf,
+    pub step: u64,
+    pub law: String,
+    pub binary: PathBuf,
     /// Keys of the running scenario that do not hold for it, as none of its laws has them.
-    pub(crate) left_out: Vec<String>,
+    pub left_out: Vec<String>,
 }
 
 /// A controller that is checked and waits to be started.
-pub(crate) struct Wanted {
+pub struct Wanted {
     pub(crate) binary: Binary,
     /// Part of the scenario.
     pub(crate) law: ControllerPlan,

@@ -68,11 +68,7 @@ pub(super) fn of(
 }
 
 /// Makes the job of a controller that saves nothing and asks nothing of its machine.
-pub(crate) fn controller(
-    plan: &Plan,
-    session: u64,
-    wait_limit_s: f64,
-) -> controller_process::job::Job {
+pub fn controller(plan: &Plan, session: u64, wait_limit_s: f64) -> controller_process::job::Job {
     let (made_for, law) = (&plan.controller.made_for, &plan.controller.law);
     let rate = plan.run.rate;
     let job = controller_process::job::Job::new(session, made_for, law, rate, wait_limit_s);

@@ -26,12 +26,12 @@ use super::prepare::PreparedRun;
 use super::realtime::Watched;
 use super::side::{GRACE, SideProcess};
 use super::termination::termination;
-use crate::run::open_files;
-use crate::run::recorder::Recorder;
-use crate::run::swap::{self, SwapContext, Wanted};
+use crate::open_files;
+use crate::recorder::Recorder;
+use crate::swap::{self, SwapContext, Wanted};
 
 /// Time between two looks at a process that is about to say or do something.
-pub(crate) const LOOK: Duration = Duration::from_millis(2);
+pub const LOOK: Duration = Duration::from_millis(2);
 /// Time between two looks at a run. Each takes a core from the loop; the end of a process is seen at once.
 const WATCH: Duration = Duration::from_millis(10);
 

@@ -14,7 +14,7 @@ use shared_types::stream::{Item, RecordSink, RecordSource};
 
 use super::work::RecorderWork;
 use super::{NAP, Shared};
-use crate::run::attach::refuse_other_layout;
+use crate::attach::refuse_other_layout;
 
 /// First sleep of one who waits for records; each further one is twice as long.
 const FIRST_NAP: Duration = Duration::from_micros(50);

@@ -24,7 +24,7 @@ const READ_BYTES: u64 = 64 << 10;
 const EXCERPT: usize = 6;
 
 /// The log of one process.
-pub(super) struct Log {
+pub(crate) struct Log {
     path: PathBuf,
     file: File,
     left_out_bytes: u64,
@@ -37,7 +37,7 @@ impl Log {
     ///
     /// # Errors
     /// If it cannot be written, or is there already.
-    pub(super) fn create(path: PathBuf) -> io::Result<Self> {
+    pub(crate) fn create(path: PathBuf) -> io::Result<Self> {
         let mut options = File::options();
         let file = (options.read(true).append(true).create_new(true)).open(&path)?;
         Ok(Self {
@@ -48,7 +48,7 @@ impl Log {
         })
     }
 
-    pub(super) fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 
@@ -56,12 +56,12 @@ impl Log {
     ///
     /// # Errors
     /// If there are too many open files.
-    pub(super) fn output(&self) -> io::Result<File> {
+    pub(crate) fn output(&self) -> io::Result<File> {
         self.file.try_clone()
     }
 
     /// Empties it.
-    pub(super) fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         // What cannot be emptied is read once more.
         if self.file.set_len(0).is_ok() {
             (self.left_out_bytes, self.marker_bytes) = (0, 0);
@@ -105,7 +105,7 @@ impl Log {
     }
 
     /// The last line that says something, printable, without the word `error`.
-    pub(super) fn last_word(&self) -> Option<String> {
+    pub(crate) fn last_word(&self) -> Option<String> {
         let line = self.last_line()?;
         Some(text::line(line.trim_start_matches("error: ")))
     }
@@ -134,7 +134,7 @@ impl Log {
     }
 
     /// The first and last lines, printable: a panic's message comes before its backtrace.
-    pub(super) fn excerpt(&self) -> String {
+    pub(crate) fn excerpt(&self) -> String {
         let is_short = self.length() <= 2 * READ_BYTES;
         let read = if is_short { 2 * READ_BYTES } else { READ_BYTES };
         let (begin, end) = (self.read(0, read), self.end(READ_BYTES));

@@ -23,7 +23,7 @@ use super::jobs;
 use super::objections::Crew;
 use super::processes::LOOK;
 use super::side::SideProcess;
-use crate::run::swap::{Swapped, Wanted};
+use crate::swap::{Swapped, Wanted};
 
 /// Most restarts of a lost controller in one run.
 const RESTARTS: u32 = 3;
@@ -127,7 +127,7 @@ impl Controllers {
     ///
     /// # Errors
     /// If it cannot be started.
-    pub(super) fn start(
+    pub(crate) fn start(
         session: &mut Session,
         run_dir: PathBuf,
         policy: OnLoss,
@@ -224,7 +224,7 @@ impl Controllers {
     }
 
     /// Counts those that have not ended.
-    pub(super) fn running(&mut self) -> usize {
+    pub(crate) fn running(&mut self) -> usize {
         let runs = |member: &mut Member| usize::from(!member.side.has_ended());
         self.members.iter_mut().map(runs).sum()
     }
@@ -274,7 +274,7 @@ impl Controllers {
     }
 
     /// Describes what the plant told of a controller that was never started, if it did.
-    pub(super) fn unknown(&self) -> Option<String> {
+    pub(crate) fn unknown(&self) -> Option<String> {
         let told = |epoch| format!("the plant tells of controller {epoch}, which was not started");
         self.unknown.map(told)
     }
@@ -296,7 +296,7 @@ impl Controllers {
     }
 
     /// Returns the controllers that were started, in order.
-    pub(super) fn started(&self) -> Vec<Started> {
+    pub(crate) fn started(&self) -> Vec<Started> {
         let started = |member: &Member| Started {
             epoch: member.epoch,
             binary: member.binary.clone(),
@@ -322,7 +322,7 @@ impl Controllers {
     }
 
     /// Somebody wants another one.
-    pub(super) fn swap(&mut self, session: &mut Session, wanted: Wanted) {
+    pub(crate) fn swap(&mut self, session: &mut Session, wanted: Wanted) {
         let Wanted {
             binary,
             law,
@@ -350,7 +350,7 @@ impl Controllers {
     }
 
     /// Takes in what the plant told: the controller that is active, and the one that is to be started anew.
-    pub(super) fn hear(
+    pub(crate) fn hear(
         &mut self,
         session: &mut Session,
         plant: &mut SideProcess,
@@ -367,7 +367,7 @@ impl Controllers {
     }
 
     /// Takes down which one is active, and answers who asked for it.
-    pub(super) fn note(&mut self, change: &ControllerChange) {
+    pub(crate) fn note(&mut self, change: &ControllerChange) {
         self.known += 1;
         let ControllerChange {
             epoch,
@@ -451,7 +451,7 @@ impl Controllers {
     }
 
     /// Tells the plant of those that ended, and ends those that are of no more use.
-    pub(super) fn look(&mut self, plant: &mut SideProcess) {
+    pub(crate) fn look(&mut self, plant: &mut SideProcess) {
         for member in &mut self.members {
             let has_ended = member.side.has_ended();
             if !member.is_announced

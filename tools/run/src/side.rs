@@ -18,7 +18,7 @@ use super::log::Log;
 use super::open_files;
 
 /// Time that a process may take to end once it was told to.
-pub(crate) const GRACE: Duration = Duration::from_secs(2);
+pub const GRACE: Duration = Duration::from_secs(2);
 /// Time that it may take if it is stopped, which it cannot end from.
 const STOPPED_GRACE: Duration = Duration::from_millis(200);
 /// Exit code of a Rust program that panicked.
@@ -27,8 +27,8 @@ const PANIC: i32 = by_hand::PANIC as i32;
 const DEATH_LIMIT: Duration = Duration::from_secs(1);
 
 /// Side of the run.
-pub(crate) struct SideProcess {
-    pub(super) name: &'static str,
+pub struct SideProcess {
+    pub name: &'static str,
     process: Process,
     id: Option<ProcessId>,
     /// Its end, where the kernel tells of it.
@@ -41,8 +41,8 @@ pub(crate) struct SideProcess {
     /// A process that is no child ended and did not say how.
     is_silent: bool,
     /// State in which the process was found, if it had to be killed.
-    pub(super) killed: Option<&'static str>,
-    pub(super) told_to_stop: bool,
+    pub killed: Option<&'static str>,
+    pub told_to_stop: bool,
 }
 
 enum Process {
@@ -53,7 +53,7 @@ enum Process {
 
 impl SideProcess {
     /// Takes a process that somebody started by hand and that was admitted.
-    pub(super) fn by_hand(name: &'static str, id: ProcessId, leash: UnixStream) -> Self {
+    pub fn by_hand(name: &'static str, id: ProcessId, leash: UnixStream) -> Self {
         Self {
             name,
             process: Process::ByHand(leash),
@@ -72,7 +72,7 @@ impl SideProcess {
     ///
     /// # Errors
     /// If it cannot be started, or is not the file any more that was checked.
-    pub(crate) fn start(
+    pub fn start(
         name: &'static str,
         binary: &Binary,
         session: &SessionInfo,
@@ -111,7 +111,7 @@ impl SideProcess {
         Ok(side)
     }
 
-    pub(crate) fn process_id(&self) -> u32 {
+    pub fn process_id(&self) -> u32 {
         match (&self.process, self.id) {
             (Process::Launched(process), _) => process.id(),
             (Process::ByHand(_), id) => id.map_or(0, |id| id.pid),
@@ -119,7 +119,7 @@ impl SideProcess {
     }
 
     /// Returns true if the side has ended, and all that it started in its group with it; bounds its log.
-    pub(crate) fn has_ended(&mut self) -> bool {
+    pub fn has_ended(&mut self) -> bool {
         if self.status.is_none() {
             // Without such a process there is no status to be had.
             const UNKNOWN: i32 = 0xff00;
@@ -141,7 +141,7 @@ impl SideProcess {
     }
 
     /// Returns its end to wait for, if it is still to come.
-    pub(super) const fn ending(&self) -> Option<&Ending> {
+    pub const fn ending(&self) -> Option<&Ending> {
         match self.status {
             None => self.ending.as_ref(),
             Some(_) => None,
@@ -162,7 +162,7 @@ impl SideProcess {
     }
 
     /// Writes a line to its input or its leash. It may have ended, which shows elsewhere.
-    pub(super) fn tell(&mut self, line: &str) {
+    pub fn tell(&mut self, line: &str) {
         let _ = match &mut self.process {
             Process::Launched(process) => match &mut process.stdin {
                 Some(input) => writeln!(input, "{line}").and_then(|()| input.flush()),
@@ -181,11 +181,11 @@ impl SideProcess {
         }
     }
 
-    pub(super) fn is_stopped(&self) -> bool {
+    pub fn is_stopped(&self) -> bool {
         self.id.is_some_and(ProcessId::is_stopped)
     }
 
-    pub(crate) fn kill(&mut self) {
+    pub fn kill(&mut self) {
         self.killed = Some(if self.is_stopped() {
             "stopped"
         } else {
@@ -224,7 +224,7 @@ impl SideProcess {
     }
 
     /// Describes its end, if that was not in order.
-    pub(crate) fn death(&self) -> Option<String> {
+    pub fn death(&self) -> Option<String> {
         if let Some(state) = self.killed {
             return Some(format!("{} was {state} and had to be killed", self.name));
         }
@@ -263,7 +263,7 @@ impl SideProcess {
     }
 
     /// The last line of its output, without the word `error`.
-    pub(super) fn last_word(&self) -> Option<String> {
+    pub fn last_word(&self) -> Option<String> {
         self.log.as_ref().and_then(Log::last_word)
     }
 
@@ -281,7 +281,7 @@ impl SideProcess {
     }
 
     /// The first and last lines of its output.
-    pub(crate) fn excerpt(&self) -> String {
+    pub fn excerpt(&self) -> String {
         self.log.as_ref().map(Log::excerpt).unwrap_or_default()
     }
 }

@@ -31,7 +31,7 @@ pub(crate) fn warn_of_few_addresses() {
 ///
 /// # Errors
 /// If they may not, and what to do.
-pub(crate) fn ensure() -> Result<(), Failure> {
+pub fn ensure() -> Result<(), Failure> {
     // Those that were handed down are handed further.
     let open = std::fs::read_dir("/proc/self/fd").map_or(0, |all| all.count() as u64);
     let limit = getrlimit(Resource::Nofile);

@@ -37,7 +37,7 @@ use super::execute::{Environment, Origin};
 use super::realtime::RecorderCore;
 use super::settings::Settings;
 use super::{in_process, jobs, provenance, realtime};
-use crate::run::recorder::{Recorder, RecordingPlan};
+use crate::recorder::{Recorder, RecordingPlan};
 
 /// Room that is kept on the disk for the summary.
 const SUMMARY_BYTES: u64 = 256 << 10;
@@ -74,7 +74,7 @@ pub(super) struct PreparedRun {
 
 impl PreparedRun {
     /// Starts the recorder; the result of `attach` looks for the stream again and again.
-    pub(super) fn recorder<S, A>(
+    pub(crate) fn recorder<S, A>(
         &self,
         core: RecorderCore,
         attach: impl FnOnce() -> A + Send + 'static,
@@ -99,7 +99,7 @@ impl PreparedRun {
     }
 
     /// Begins the progress of the run, with the hold that was asked for.
-    pub(super) fn progress(&self) -> Progress {
+    pub(crate) fn progress(&self) -> Progress {
         let shown = !self.settings.is_one_of_many;
         let mut progress = Progress::new(self.plan.run.steps, self.plan.run.rate, shown);
         if let Some(pause_at_s) = self.settings.pause_at_s {

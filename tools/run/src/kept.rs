@@ -31,7 +31,7 @@ const UNCHECKED: u64 = 251;
 
 /// Kept processes: a pair for each layout of records.
 #[derive(Default)]
-pub(crate) struct Kept {
+pub struct Kept {
     /// The pair that ran last stands last.
     pairs: Vec<Pair>,
 }
@@ -58,7 +58,7 @@ impl Kept {
     ///
     /// # Errors
     /// If the run did not end by itself: a side died, refused its job or was too late, or it was interrupted.
-    pub(crate) fn run(
+    pub fn run(
         &mut self,
         plan: &Plan,
         binaries: &Binaries,

@@ -22,7 +22,7 @@ pub(super) struct PauseLookout {
 }
 
 impl PauseLookout {
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             next_step: 0,
             since: SystemTime::now(),
@@ -32,7 +32,7 @@ impl PauseLookout {
     }
 
     /// Shows the steps that are done, and a pause that has lasted for a while.
-    pub(super) fn look(&mut self, next_step: u64, session: &SessionInfo, progress: &mut Progress) {
+    pub(crate) fn look(&mut self, next_step: u64, session: &SessionInfo, progress: &mut Progress) {
         progress.set(next_step);
         if next_step != self.next_step {
             *self = Self {
