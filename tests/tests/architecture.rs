@@ -13,7 +13,7 @@ use crate::support::programs::{shipped, workspace};
 
 /// Package and what it may depend on, when it is built and when it is tested. What moves to a target,
 /// the controller, knows neither simulator nor scenario.
-const ARROWS: [(&str, &[&str], &[&str]); 16] = [
+const ARROWS: [(&str, &[&str], &[&str]); 17] = [
     ("hil-origin", &[], &[]),
     ("shared-types", &[], &[]),
     ("hil-config", &["shared-types"], &[]),
@@ -81,6 +81,21 @@ const ARROWS: [(&str, &[&str], &[&str]); 16] = [
         &[],
     ),
     (
+        "hil-benchmark",
+        &[
+            "shared-types",
+            "hil-config",
+            "plant-process",
+            "controller-process",
+            "hil-recording",
+            "hil-console",
+            "hil-facts",
+            "hil-doctor",
+            "hil-run",
+        ],
+        &[],
+    ),
+    (
         "tools",
         &[
             "shared-types",
@@ -89,6 +104,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 16] = [
             "hil-facts",
             "hil-doctor",
             "hil-run",
+            "hil-benchmark",
             "hil-in-process",
             "hil-recording",
             "hil-target",

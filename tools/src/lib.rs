@@ -9,7 +9,7 @@
 //! | [`campaign`] | very many cases of one scenario, on cores and clusters |
 //! | [`views`] | monitor, panel, get and watch, report, export, layout, and the chooser of their plots |
 //! | [`verification`] | compare, baselines, judge, replay, rerun, audit, suite: is it the same, is it right? |
-//! | [`benchmark`] | what `hil latency` measures |
+//! | [`hil_benchmark`] | what `hil latency` measures |
 //! | [`hil_run`] | one run: processes, recorder, real-time settings, controllers that come and go |
 //! | [`hil_doctor`] | the machine that it all runs on |
 //! | [`arguments`] | the command line as it is typed |
@@ -39,7 +39,7 @@
 //!
 //! Packages below: [`hil_config`] checks scenarios and live requests, [`plant_process`] and [`controller_process`]
 //! are the loop, [`shared_types`] has links, records, their digest and the conformance suites. Three parts of `hil`
-//! run on the loop: the idle plant and law of [`benchmark`], the [replay](verification::replay) in the plant's
+//! run on the loop: the idle plant and law of [`hil_benchmark`], the [replay](verification::replay) in the plant's
 //! place, and [`hil_in_process`].
 
 #![expect(
@@ -51,7 +51,6 @@
 extern crate hil_console; // its macro `tell!` is used everywhere
 
 mod arguments;
-mod benchmark;
 mod campaign;
 mod commands;
 mod verification;
@@ -73,9 +72,6 @@ pub mod testing {
     pub use crate::arguments::export::{ExportArguments, ExportFormat};
     pub use crate::arguments::tolerance::Tolerances;
     pub use crate::arguments::{Command, CommandLine};
-    pub use crate::benchmark::exchange::{End, Trips, follow, lead};
-    pub use crate::benchmark::null::NullPlant;
-    pub use crate::benchmark::{raw, recorded};
     pub use crate::verification::compare::{Verdict, compare};
     pub use crate::verification::judge::judged;
     pub use crate::verification::repetition::RecordedScenario;
@@ -83,6 +79,9 @@ pub mod testing {
     pub use crate::views::monitor::terminal::Screen;
     pub use crate::views::panel::message as panel_message;
     pub use crate::views::panel::request as panel_request;
+    pub use hil_benchmark::exchange::{End, Trips, follow, lead};
+    pub use hil_benchmark::null::NullPlant;
+    pub use hil_benchmark::{raw, recorded};
     pub use hil_console::terminal::interruption::Interruption;
     pub use hil_doctor::measure::gaps;
     pub use hil_facts::arguments::inject::arrange;

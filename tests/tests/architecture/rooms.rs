@@ -11,14 +11,7 @@ use crate::support::programs::workspace;
 const ROOMS: [(&str, &[&str]); 3] = [
     (
         "tools",
-        &[
-            "commands",
-            "campaign",
-            "views",
-            "verification",
-            "benchmark",
-            "arguments",
-        ],
+        &["commands", "campaign", "views", "verification", "arguments"],
     ),
     (
         "tools/facts",

@@ -7,7 +7,6 @@ pub(crate) mod campaign;
 pub(crate) mod config;
 pub(crate) mod describe;
 pub(crate) mod export;
-pub(crate) mod latency;
 pub(crate) mod layout;
 pub(crate) mod monitor;
 pub(crate) mod new;
@@ -29,6 +28,7 @@ use clap::builder::styling::Style;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
+use hil_benchmark::arguments::{LatencyArguments, LatencyPeerArguments};
 use hil_doctor::arguments::DoctorArguments;
 use hil_facts::arguments::clock::{ClockArguments, StepArguments};
 use hil_facts::arguments::inject::{self, InjectArguments};
@@ -40,7 +40,6 @@ use campaign::CampaignCommand;
 use config::{ConfigArguments, SessionsArguments};
 use describe::DescribeArguments;
 use export::ExportArguments;
-use latency::{LatencyArguments, LatencyPeerArguments};
 use layout::LayoutArguments;
 use monitor::MonitorArguments;
 use new::NewArguments;
@@ -166,7 +165,7 @@ Examples:
     #[command(after_help = hil_doctor::arguments::EXAMPLES)]
     Doctor(DoctorArguments),
     /// Measure the latency of the loop, or show that of a run
-    #[command(after_help = latency::EXAMPLES)]
+    #[command(after_help = hil_benchmark::arguments::EXAMPLES)]
     Latency(LatencyArguments),
     /// The other process of `hil latency`
     #[command(hide = true)]

@@ -26,9 +26,9 @@ use shared_types::session;
 use crate::arguments::recordings::ScenarioAction;
 use crate::arguments::swap::ControllerAction;
 use crate::arguments::{Command, CommandLine};
+use crate::campaign;
 use crate::verification::{compare, judge, repetition, replay, rerun, suite};
 use crate::views::{export, layout, monitor, panel, report, values};
-use crate::{benchmark, campaign};
 
 /// Does what the command line of this process says, and tells why if that cannot be done.
 #[must_use]
@@ -114,8 +114,8 @@ fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         Command::Sessions(arguments) => sessions::sessions(arguments),
         Command::Target(arguments) => target::target(&arguments.action),
         Command::Doctor(arguments) => hil_doctor::doctor(arguments),
-        Command::Latency(arguments) => benchmark::latency(arguments),
-        Command::LatencyPeer(arguments) => benchmark::peer::peer(arguments),
+        Command::Latency(arguments) => hil_benchmark::latency(arguments),
+        Command::LatencyPeer(arguments) => hil_benchmark::peer::peer(arguments),
         Command::Completions { shell } => {
             output::write(&completion::script(*shell))?;
             Ok(Exit::Pass)

@@ -4,12 +4,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use hil_benchmark::recorded;
 use hil_recording::compression::Compression;
 use hil_recording::reader::{RECORDING, RunReader, digest_of_first};
 use hil_recording::writer::{Attachment, Provenance, Recording};
 
 use crate::arguments::tolerance::Tolerances;
-use crate::benchmark::recorded;
 use crate::fixture::{Content, layout, record, recorded, taken};
 use crate::verification::compare::compare;
 use crate::verification::repetition::RecordedScenario;

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
+use hil_benchmark::bars::classes;
 use hil_facts::results::latency::times::Times;
 use serde::Serialize;
 use shared_types::record::ControllerFate;
@@ -13,7 +14,6 @@ use super::envelope::{Envelope, Written};
 use super::grid::Grid;
 use super::plots::Plot;
 use super::run::{Run, Signals};
-use crate::benchmark::bars::classes;
 
 /// All of it.
 #[derive(Debug, Serialize)]

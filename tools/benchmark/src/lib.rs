@@ -11,18 +11,27 @@
 //!
 //! `hil latency RUN` makes the same report of a [`recorded`] run.
 
-pub(crate) mod bars;
-pub(crate) mod exchange;
+#![expect(
+    missing_docs,
+    reason = "fields and variants whose names say what they are"
+)]
+
+#[macro_use]
+extern crate hil_console; // its macro `tell!` is used everywhere
+
+pub mod arguments;
+pub mod bars;
+pub mod exchange;
 pub(crate) mod measurement;
-pub(crate) mod null;
-pub(crate) mod peer;
+pub mod null;
+pub mod peer;
 pub mod raw;
 pub mod recorded;
 pub(crate) mod report;
 
 use std::path::Path;
 
-use crate::arguments::latency::LatencyArguments;
+use crate::arguments::LatencyArguments;
 
 use hil_console::files::part_file;
 use hil_console::terminal::exit::{Exit, Failure};
@@ -33,7 +42,7 @@ use report::Report;
 ///
 /// # Errors
 /// If nothing could be measured, the run not be read or the results not be written.
-pub(crate) fn latency(arguments: &LatencyArguments) -> Result<Exit, Failure> {
+pub fn latency(arguments: &LatencyArguments) -> Result<Exit, Failure> {
     if let Some(csv) = &arguments.csv {
         check_folder_of(csv)?;
     }

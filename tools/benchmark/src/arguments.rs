@@ -11,7 +11,7 @@ use hil_facts::arguments::realtime::WaitKind;
 use shared_types::frame::MAX_SIGNALS;
 use shared_types::time::Rate;
 
-pub(super) const EXAMPLES: &str = "\
+pub const EXAMPLES: &str = "\
 Examples:
   hil latency
   hil latency --signals 32 --rates max --steps 1000000

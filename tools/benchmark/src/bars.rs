@@ -27,7 +27,7 @@ fn class_of(ns: u64) -> (u64, u64) {
 }
 
 /// Classes with their counts, in order; empty ones are left out.
-pub(crate) fn classes(times_ns: &Times) -> Vec<((u64, u64), u64)> {
+pub fn classes(times_ns: &Times) -> Vec<((u64, u64), u64)> {
     let mut classes: Vec<((u64, u64), u64)> = Vec::new();
     for (_, to_ns, count) in times_ns.buckets() {
         let class = class_of(to_ns - 1);

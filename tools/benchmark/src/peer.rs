@@ -24,10 +24,10 @@ use shared_types::wait::WaitLimit;
 
 use super::exchange::{Trips, follow};
 use super::null;
-use crate::arguments::latency::{LatencyPeerArguments, PeerWork};
+use crate::arguments::{LatencyPeerArguments, PeerWork};
 
 /// Limit of one side's wait for a peer that lives.
-pub(super) const WAIT_LIMIT_S: f64 = 5.0;
+pub const WAIT_LIMIT_S: f64 = 5.0;
 /// Limit for the end of a peer once its work is over.
 const GRACE: Duration = Duration::from_secs(2);
 
@@ -41,7 +41,7 @@ pub(super) struct Peer {
 
 impl Peer {
     /// Starts it. When it ends, the supervision knows.
-    pub(super) fn start(
+    pub(crate) fn start(
         session: &mut Session,
         work: PeerWork,
         supervision: &Supervision,
@@ -79,13 +79,13 @@ impl Peer {
     }
 
     /// Tells it to end before its work is over; what it said of that.
-    pub(super) fn stop(mut self) -> Result<(), String> {
+    pub(crate) fn stop(mut self) -> Result<(), String> {
         drop(self.input.take());
         self.end()
     }
 
     /// Waits for its end; what it said if it did not end well.
-    pub(super) fn end(mut self) -> Result<(), String> {
+    pub(crate) fn end(mut self) -> Result<(), String> {
         let since = Instant::now();
         let status = loop {
             match reap(&mut self.process) {
@@ -119,7 +119,7 @@ impl Drop for Peer {
 ///
 /// # Errors
 /// If the measurement ended early.
-pub(crate) fn peer(arguments: &LatencyPeerArguments) -> Result<Exit, Failure> {
+pub fn peer(arguments: &LatencyPeerArguments) -> Result<Exit, Failure> {
     let supervision = Supervision::from_stdin();
     let session = SessionInfo::read(&arguments.session).map_err(Failure::usage)?;
     let done = match arguments.work {

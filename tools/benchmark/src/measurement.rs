@@ -28,8 +28,8 @@ use shared_types::zerocopy::{FromBytes, IntoBytes};
 
 use super::exchange::{NoAnswer, Trips, follow, frame_words, lead};
 use super::peer::{Peer, WAIT_LIMIT_S};
-use crate::arguments::latency::{LatencyArguments, PeerWork};
-use crate::benchmark::{null, raw};
+use crate::arguments::{LatencyArguments, PeerWork};
+use crate::{null, raw};
 
 /// Steps that are left out at the beginning if nothing else is said.
 const WARM_UP: u64 = 20_000;
@@ -101,7 +101,7 @@ impl Looped {
     }
 
     /// Takes in a step.
-    pub(super) fn take(&mut self, step: u64, timing: &Timing, called_ns: u64) {
+    pub fn take(&mut self, step: u64, timing: &Timing, called_ns: u64) {
         self.latency.take(step, timing);
         if timing.is_final() {
             return;
@@ -373,7 +373,7 @@ impl RecordSink for Meter<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::arguments::latency::{Pace, SideArguments};
+    use crate::arguments::{Pace, SideArguments};
     use hil_facts::arguments::realtime::WaitKind;
 
     fn arguments(warm_up: Option<u64>, duration: f64) -> LatencyArguments {
