@@ -13,7 +13,7 @@ use crate::support::programs::{shipped, workspace};
 
 /// Package and what it may depend on, when it is built and when it is tested. What moves to a target,
 /// the controller, knows neither simulator nor scenario.
-const ARROWS: [(&str, &[&str], &[&str]); 17] = [
+const ARROWS: [(&str, &[&str], &[&str]); 18] = [
     ("hil-origin", &[], &[]),
     ("shared-types", &[], &[]),
     ("hil-config", &["shared-types"], &[]),
@@ -96,6 +96,21 @@ const ARROWS: [(&str, &[&str], &[&str]); 17] = [
         &[],
     ),
     (
+        "hil-verification",
+        &[
+            "shared-types",
+            "hil-config",
+            "plant-process",
+            "controller-process",
+            "hil-recording",
+            "hil-target",
+            "hil-console",
+            "hil-facts",
+            "hil-run",
+        ],
+        &["hil-benchmark"],
+    ),
+    (
         "tools",
         &[
             "shared-types",
@@ -105,6 +120,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 17] = [
             "hil-doctor",
             "hil-run",
             "hil-benchmark",
+            "hil-verification",
             "hil-in-process",
             "hil-recording",
             "hil-target",

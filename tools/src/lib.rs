@@ -8,7 +8,7 @@
 //! | [`commands`] | verbs without a room of their own, and which verb goes where |
 //! | [`campaign`] | very many cases of one scenario, on cores and clusters |
 //! | [`views`] | monitor, panel, get and watch, report, export, layout, and the chooser of their plots |
-//! | [`verification`] | compare, baselines, judge, replay, rerun, audit, suite: is it the same, is it right? |
+//! | [`hil_verification`] | compare, baselines, judge, replay, rerun, audit, suite: is it the same, is it right? |
 //! | [`hil_benchmark`] | what `hil latency` measures |
 //! | [`hil_run`] | one run: processes, recorder, real-time settings, controllers that come and go |
 //! | [`hil_doctor`] | the machine that it all runs on |
@@ -39,7 +39,7 @@
 //!
 //! Packages below: [`hil_config`] checks scenarios and live requests, [`plant_process`] and [`controller_process`]
 //! are the loop, [`shared_types`] has links, records, their digest and the conformance suites. Three parts of `hil`
-//! run on the loop: the idle plant and law of [`hil_benchmark`], the [replay](verification::replay) in the plant's
+//! run on the loop: the idle plant and law of [`hil_benchmark`], the [replay](hil_verification::replay) in the plant's
 //! place, and [`hil_in_process`].
 
 #![expect(
@@ -53,16 +53,12 @@ extern crate hil_console; // its macro `tell!` is used everywhere
 mod arguments;
 mod campaign;
 mod commands;
-mod verification;
 mod views;
 
 #[cfg(test)]
 #[path = "../recording/tests/shared/fixture.rs"]
-mod fixture;
-#[cfg(test)]
-#[path = "../facts/tests/shared/rig.rs"]
 #[expect(dead_code, reason = "these tests need a part of it")]
-mod rig;
+mod fixture;
 
 pub use commands::main;
 
@@ -70,11 +66,7 @@ pub use commands::main;
 /// that the compiler sees what nobody uses.
 pub mod testing {
     pub use crate::arguments::export::{ExportArguments, ExportFormat};
-    pub use crate::arguments::tolerance::Tolerances;
     pub use crate::arguments::{Command, CommandLine};
-    pub use crate::verification::compare::{Verdict, compare};
-    pub use crate::verification::judge::judged;
-    pub use crate::verification::repetition::RecordedScenario;
     pub use crate::views::export;
     pub use crate::views::monitor::terminal::Screen;
     pub use crate::views::panel::message as panel_message;
@@ -92,4 +84,8 @@ pub mod testing {
     pub use hil_facts::results::latency::legs::Latency;
     pub use hil_facts::session::inject;
     pub use hil_run::recorder::{Recorder, RecordingPlan};
+    pub use hil_verification::arguments::tolerance::Tolerances;
+    pub use hil_verification::compare::{Verdict, compare};
+    pub use hil_verification::judge::judged;
+    pub use hil_verification::repetition::RecordedScenario;
 }

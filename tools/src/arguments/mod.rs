@@ -11,15 +11,11 @@ pub(crate) mod layout;
 pub(crate) mod monitor;
 pub(crate) mod new;
 pub(crate) mod panel;
-pub(crate) mod recordings;
 pub(crate) mod recover;
-pub(crate) mod replay;
 pub(crate) mod report;
-pub(crate) mod run;
 pub(crate) mod runs;
 pub(crate) mod swap;
 pub(crate) mod target;
-pub(crate) mod tolerance;
 pub(crate) mod values;
 
 use std::ffi::OsString;
@@ -34,6 +30,9 @@ use hil_facts::arguments::clock::{ClockArguments, StepArguments};
 use hil_facts::arguments::inject::{self, InjectArguments};
 use hil_facts::arguments::mark::{self, MarkArguments};
 use hil_facts::arguments::set::{self, SetArguments};
+use hil_verification::arguments::recordings::{CompareArguments, JudgeArguments, ScenarioCommand};
+use hil_verification::arguments::replay::ReplayArguments;
+use hil_verification::arguments::run::{RerunArguments, RunArguments};
 use shared_types::table::nearest;
 
 use campaign::CampaignCommand;
@@ -44,11 +43,8 @@ use layout::LayoutArguments;
 use monitor::MonitorArguments;
 use new::NewArguments;
 use panel::PanelArguments;
-use recordings::{CompareArguments, JudgeArguments, ScenarioCommand};
 use recover::RecoverArguments;
-use replay::ReplayArguments;
 use report::ReportArguments;
-use run::{RerunArguments, RunArguments};
 use runs::RunsArguments;
 use swap::ControllerArguments;
 use target::TargetCommand;
@@ -71,7 +67,7 @@ pub struct CommandLine {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Run a scenario: start both processes, record, judge, summarise
-    #[command(after_help = run::EXAMPLES)]
+    #[command(after_help = hil_verification::arguments::run::EXAMPLES)]
     Run(RunArguments),
     /// Inject a fault into a running session, or list and clear faults
     #[command(override_usage = inject::USAGE, after_help = inject::EXAMPLES)]
@@ -114,7 +110,7 @@ pub enum Command {
     )]
     Rerun(RerunArguments),
     /// Feed recorded samples to a controller and compare its answers
-    #[command(after_help = replay::HELP)]
+    #[command(after_help = hil_verification::arguments::replay::HELP)]
     Replay(ReplayArguments),
     /// Compare two recorded runs, or one with a baseline
     #[command(after_help = "\
@@ -128,7 +124,7 @@ Examples:
   hil compare runs/demo --baseline severe-leakage-ftsc --update --dry-run")]
     Compare(CompareArguments),
     /// Judge a recorded run by its own requirements or by others
-    #[command(after_help = recordings::JUDGE_EXAMPLES)]
+    #[command(after_help = hil_verification::arguments::recordings::JUDGE_EXAMPLES)]
     Judge(JudgeArguments),
     /// Write an HTML report of recorded runs
     #[command(after_help = report::EXAMPLES)]

@@ -1,4 +1,4 @@
-//! The command line of `hil panel`, and that of a run with one.
+//! The command line of `hil panel`.
 
 use clap::Args;
 use hil_console::terminal::duration::seconds;
@@ -49,15 +49,4 @@ pub struct PanelArguments {
     /// The process whose session is shown, until it ends
     #[arg(long, value_name = "PID", hide = true, conflicts_with_all = ["session", "wait"])]
     pub run_of: Option<u32>,
-}
-
-/// The panel of a run.
-#[derive(Clone, Debug, Default, Args)]
-pub struct RunPanelArguments {
-    /// Show the run in a browser while it is running; see hil panel
-    #[arg(long)]
-    pub panel: bool,
-    /// With --panel: print the address only; open no browser
-    #[arg(long, requires = "panel")]
-    pub no_open: bool,
 }

@@ -23,6 +23,7 @@ use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
 use hil_facts::arguments::run::LinkKind;
 use hil_facts::results::lost::{self, End};
+use hil_verification::suite;
 use nix::sys::signal::Signal;
 use rustix::fs::{MemfdFlags, OFlags, fcntl_setfl, memfd_create};
 use rustix::process::{Pid, kill_process, set_parent_process_death_signal};
@@ -37,7 +38,6 @@ use hil_recording::reader::RECORDING;
 
 use crate::arguments::Command;
 use crate::arguments::campaign::CampaignAction;
-use crate::verification::suite;
 use signals::Signals;
 
 mod handover;

@@ -28,6 +28,7 @@ use hil_console::terminal::output;
 use hil_facts::arguments::run::LinkKind;
 use hil_facts::session::live;
 use hil_facts::session::observer::Seen;
+use hil_verification::arguments::run::RunArguments;
 use serde_json::json;
 use shared_types::live::{Request, Response};
 use shared_types::process::ProcessId;
@@ -39,7 +40,6 @@ use super::monitor::model::Model;
 use super::monitor::watch::Watch;
 use super::monitor::{self, SharedModel, line, prepared};
 use crate::arguments::panel::PanelArguments;
-use crate::arguments::run::RunArguments;
 use board::{Board, Button};
 use server::Server;
 

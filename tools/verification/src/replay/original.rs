@@ -18,7 +18,7 @@ use shared_types::describe::{Description, LawDescription, PlantDescription};
 use shared_types::table::Field;
 
 /// A recorded run, opened.
-pub(super) struct Original {
+pub(crate) struct Original {
     pub(super) run: PathBuf,
     pub(super) plan: Plan,
     pub(super) plant: PlantDescription,
@@ -33,7 +33,7 @@ pub(super) struct Original {
 
 /// Places of values in a record, as numbers of words.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Places {
+pub(crate) struct Places {
     /// Invalid bits of the sample and of what answers it.
     pub(super) sample_invalid: Vec<usize>,
     pub(super) answer_invalid: Vec<usize>,
@@ -50,7 +50,7 @@ pub(super) struct Places {
 
 /// A recorded command or internal.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct AnswerPlace {
+pub(crate) struct AnswerPlace {
     /// Name with its group, `command.x` or `internal.x`.
     pub(super) name: String,
     pub(super) unit: String,
@@ -65,7 +65,7 @@ impl Original {
     ///
     /// # Errors
     /// If it lacks something that a replay needs.
-    pub(super) fn of(reader: &RunReader, run: &Path) -> Result<Self, Failure> {
+    pub(crate) fn of(reader: &RunReader, run: &Path) -> Result<Self, Failure> {
         let mut scenario = String::new();
         let origin = format!("the scenario of {}", run.display());
         let recorded = RecordedRun::planned(reader, |text, plant, controller| {

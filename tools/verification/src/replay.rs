@@ -70,7 +70,7 @@ struct PreparedReplay {
 ///
 /// # Errors
 /// If the run cannot be replayed with that controller, or the controller did not live to its end.
-pub(crate) fn replay(arguments: &ReplayArguments) -> Result<Exit, Failure> {
+pub fn replay(arguments: &ReplayArguments) -> Result<Exit, Failure> {
     if arguments.wait_limit.is_nan() || arguments.wait_limit <= 0.0 {
         return Err(Failure::usage(
             "--wait-limit takes a number above 0, or inf",

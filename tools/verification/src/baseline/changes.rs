@@ -11,7 +11,7 @@ use shared_types::number::{exact, unit_shown};
 
 use super::figures::{Figures, STATISTICS};
 use super::file::Baseline;
-use crate::verification::compare::{is_near, share};
+use crate::compare::{is_near, share};
 
 /// A text of a baseline that is another in the run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]

@@ -21,7 +21,7 @@ use serde::Serialize;
 
 use crate::arguments::recordings::CompareArguments;
 use crate::arguments::tolerance::Tolerances;
-use crate::verification::compare::{Comparison, Verdict, compare};
+use crate::compare::{Comparison, Verdict, compare};
 use changes::{
     Change, TextChange, identity_changes, metric_changes, signal_changes, write_changes,
     write_identity,

@@ -2,7 +2,7 @@ use shared_types::layout::SignalKind;
 use shared_types::table::Field;
 
 use super::*;
-use crate::verification::replay::tape::Head;
+use crate::replay::tape::Head;
 
 const VALID: [u64; VALIDITY_WORDS] = [0; VALIDITY_WORDS];
 

@@ -18,7 +18,7 @@ use shared_types::number::{exact, exact_in};
 
 use crate::arguments::recordings::CompareArguments;
 use crate::arguments::tolerance::Tolerances;
-use crate::verification::baseline;
+use crate::baseline;
 pub(crate) use deviation::SignalDifference;
 pub(crate) use deviation::{Deviation, is_near, share, write_table};
 use hil_recording::reader::{ReadError, RunReader};
@@ -55,7 +55,7 @@ pub enum Verdict {
 
 impl Verdict {
     /// Gives its exit code.
-    pub(crate) const fn exit(self) -> Exit {
+    pub const fn exit(self) -> Exit {
         match self {
             Self::Same | Self::WithinTolerance => Exit::Pass,
             Self::Different => Exit::Failed,
@@ -134,7 +134,7 @@ impl From<CompareError> for Failure {
 ///
 /// # Errors
 /// If the runs cannot be read or compared.
-pub(crate) fn command(arguments: &CompareArguments) -> Result<Exit, Failure> {
+pub fn command(arguments: &CompareArguments) -> Result<Exit, Failure> {
     if let Some(name) = &arguments.baseline {
         return baseline::command(arguments, name);
     }

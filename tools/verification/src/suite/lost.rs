@@ -13,17 +13,13 @@ use super::{table, write_reports};
 use crate::arguments::run::RunArguments;
 
 /// A run that was begun, and the summary in its folder.
-pub(crate) type LostRun = (BegunRun, Value);
+pub type LostRun = (BegunRun, Value);
 
 /// Writes the files that were asked for, and the result of the command.
 ///
 /// # Errors
 /// If one cannot be written.
-pub(crate) fn report(
-    arguments: &RunArguments,
-    runs: &[LostRun],
-    reason: &str,
-) -> Result<(), Failure> {
+pub fn report(arguments: &RunArguments, runs: &[LostRun], reason: &str) -> Result<(), Failure> {
     let wanted = arguments.scenarios.len() * arguments.repeat as usize;
     // The first run of an audit is its baseline, which says nothing of the others.
     let is_single = wanted <= 1 && !arguments.audit;

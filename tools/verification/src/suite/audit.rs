@@ -22,7 +22,7 @@ use serde::Serialize;
 use super::case::{Case, Row};
 use super::running::{self, Early};
 use crate::arguments::run::RunArguments;
-use crate::verification::compare::Difference;
+use crate::compare::Difference;
 
 /// Usual causes of a run that differs.
 const HINT: &str = "what can do this: a law or plant that reads a clock, its process number, its environment or its cores; \

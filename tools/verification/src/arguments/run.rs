@@ -7,9 +7,7 @@ use hil_console::files::runs::run_path;
 use hil_facts::arguments::checkpoint::FromArguments;
 use hil_facts::arguments::run::RunOptions;
 
-use crate::arguments::panel::RunPanelArguments;
-
-pub(super) const EXAMPLES: &str = "\
+pub const EXAMPLES: &str = "\
 Examples:
   hil run scenarios/severe-leakage.toml
   hil run scenarios/severe-leakage.toml --set controller.law=pid --out runs/pid
@@ -73,4 +71,15 @@ pub struct RerunArguments {
     /// Options of the run
     #[command(flatten)]
     pub options: RunOptions,
+}
+
+/// The panel of a run.
+#[derive(Clone, Debug, Default, Args)]
+pub struct RunPanelArguments {
+    /// Show the run in a browser while it is running; see hil panel
+    #[arg(long)]
+    pub panel: bool,
+    /// With --panel: print the address only; open no browser
+    #[arg(long, requires = "panel")]
+    pub no_open: bool,
 }

@@ -11,7 +11,7 @@ use rustix::thread::{CpuSet, sched_getaffinity};
 use shared_types::lockstep::OnLoss;
 use shared_types::time::Step;
 
-use crate::verification::suite::case::{Case, Row};
+use crate::suite::case::{Case, Row};
 
 /// The delays of a repetition add up to about N times what the run took, at least to
 /// [`DELAYS_S`].

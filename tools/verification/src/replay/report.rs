@@ -15,7 +15,7 @@ use shared_types::time::Step;
 use super::comparison::{Comparison, First, Near};
 use super::original::Original;
 use super::tape::Length;
-use crate::verification::compare::{SignalDifference, Verdict, number, write_table};
+use crate::compare::{SignalDifference, Verdict, number, write_table};
 
 /// A replay, judged.
 #[derive(Debug, Serialize)]

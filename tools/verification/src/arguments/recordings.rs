@@ -41,7 +41,7 @@ pub struct CompareArguments {
 }
 
 /// The examples of `hil judge`.
-pub(crate) const JUDGE_EXAMPLES: &str = "\
+pub const JUDGE_EXAMPLES: &str = "\
 Exit codes: 0 every requirement holds; 1 one fails, or the run did not end by itself; 2 the run or
 the scenario cannot be used.
 

@@ -11,7 +11,7 @@ use hil_run::{Environment, Origin, RunResult};
 
 use super::noise::Noise;
 use crate::arguments::tolerance::Tolerances;
-use crate::verification::compare::{self, Comparison, Difference};
+use crate::compare::{self, Comparison, Difference};
 
 /// Run that is wanted.
 #[derive(Clone)]

@@ -10,9 +10,9 @@ use hil_recording::reader::{RECORDING, RunReader, digest_of_first};
 use hil_recording::writer::{Attachment, Provenance, Recording};
 
 use crate::arguments::tolerance::Tolerances;
+use crate::compare::compare;
 use crate::fixture::{Content, layout, record, recorded, taken};
-use crate::verification::compare::compare;
-use crate::verification::repetition::RecordedScenario;
+use crate::repetition::RecordedScenario;
 
 /// A file of each compression, of some chunks.
 fn files() -> Vec<(Compression, Vec<u8>)> {

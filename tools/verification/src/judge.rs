@@ -40,7 +40,7 @@ pub struct Judgement {
 ///
 /// # Errors
 /// If the run cannot be read, or the scenario does not fit it.
-pub(crate) fn judge(arguments: &JudgeArguments) -> Result<Exit, Failure> {
+pub fn judge(arguments: &JudgeArguments) -> Result<Exit, Failure> {
     let (judgement, plan) = judged(&arguments.run, arguments.requirements.as_deref())?;
     output::result(arguments.json, &judgement, || {
         output::text(|text| judgement.write(text, &plan))

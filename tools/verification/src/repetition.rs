@@ -38,7 +38,7 @@ pub struct RecordedScenario {
     session: String,
     started: String,
     /// Programs.
-    pub(crate) programs: Recorded,
+    pub programs: Recorded,
     /// Records in it.
     pub records: u64,
     /// Records lost while it was written.
@@ -50,14 +50,14 @@ pub struct RecordedScenario {
     /// Steps at which the controller was not in time.
     pub missed: Vec<Missed>,
     /// Check of the checkpoint that it went on from, in words; `None` if it began at step 0.
-    pub(crate) resumed_check: Option<String>,
+    pub resumed_check: Option<String>,
 }
 
 /// Runs the command.
 ///
 /// # Errors
 /// If the run cannot be read, or the scenario not be written.
-pub(crate) fn scenario_from(arguments: &ScenarioFromArguments) -> Result<Exit, Failure> {
+pub fn scenario_from(arguments: &ScenarioFromArguments) -> Result<Exit, Failure> {
     let recorded = RecordedScenario::read(&arguments.run)?;
     let text = recorded.scenario()?;
     if !recorded.missed.is_empty() {

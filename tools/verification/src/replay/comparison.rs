@@ -14,7 +14,7 @@ use shared_types::time::{Rate, Step};
 use super::original::AnswerPlace;
 use super::tape::Row;
 use crate::arguments::tolerance::Tolerances;
-use crate::verification::compare::{Deviation, SignalDifference};
+use crate::compare::{Deviation, SignalDifference};
 
 /// Samples that are shown before and after the first difference.
 const BEFORE: u64 = 5;
@@ -27,11 +27,11 @@ const KEPT: usize = (BEFORE + 1 + AFTER) as usize;
 pub(super) struct Comparison {
     rate: Rate,
     signals: Vec<Compared>,
-    pub(super) only_recorded: Vec<String>,
-    pub(super) only_replayed: Vec<String>,
-    pub(super) answers: u64,
+    pub only_recorded: Vec<String>,
+    pub only_replayed: Vec<String>,
+    pub answers: u64,
     /// Samples without a recorded answer: unseen, or overtaken by the next.
-    pub(super) unanswered: u64,
+    pub unanswered: u64,
     first: Option<First>,
     kept: [Kept; KEPT],
 }

@@ -8,7 +8,7 @@
 mod audit;
 mod case;
 mod junit;
-pub(crate) mod lost;
+pub mod lost;
 mod markdown;
 mod noise;
 mod running;
@@ -38,7 +38,7 @@ use case::{Case, Row};
 ///
 /// # Errors
 /// If nothing could be started, or results not be written.
-pub(crate) fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
+pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
     if arguments.audit {
         audit::refuse_arguments(arguments)?;
     }

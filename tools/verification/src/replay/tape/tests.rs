@@ -4,7 +4,7 @@ use shared_types::record::{Outcome, RunEnd};
 
 use super::*;
 use crate::fixture::{Content, Folder, layout, record, recorded};
-use crate::verification::replay::original::AnswerPlace;
+use crate::replay::original::AnswerPlace;
 
 /// Words of a small run's record, by the order of its layout.
 const SAMPLE_INVALID: usize = 1;

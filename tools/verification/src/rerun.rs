@@ -16,14 +16,14 @@ use serde_json::json;
 
 use crate::arguments::run::RerunArguments;
 use crate::arguments::tolerance::Tolerances;
-use crate::verification::compare::{self, Difference};
-use crate::verification::repetition::RecordedScenario;
+use crate::compare::{self, Difference};
+use crate::repetition::RecordedScenario;
 
 /// Runs the command.
 ///
 /// # Errors
 /// If the run cannot be read or repeated.
-pub(crate) fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
+pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
     let options = &arguments.options;
     let recorded = RecordedScenario::read(&arguments.run)?.for_any_machine();
     let shown = arguments.run.display();
