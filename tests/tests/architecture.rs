@@ -13,7 +13,7 @@ use crate::support::programs::{shipped, workspace};
 
 /// Package and what it may depend on, when it is built and when it is tested. What moves to a target,
 /// the controller, knows neither simulator nor scenario.
-const ARROWS: [(&str, &[&str], &[&str]); 18] = [
+const ARROWS: [(&str, &[&str], &[&str]); 19] = [
     ("hil-origin", &[], &[]),
     ("shared-types", &[], &[]),
     ("hil-config", &["shared-types"], &[]),
@@ -111,6 +111,19 @@ const ARROWS: [(&str, &[&str], &[&str]); 18] = [
         &["hil-benchmark"],
     ),
     (
+        "hil-views",
+        &[
+            "shared-types",
+            "hil-config",
+            "hil-recording",
+            "hil-console",
+            "hil-facts",
+            "hil-benchmark",
+            "hil-verification",
+        ],
+        &["plant-process", "controller-process"],
+    ),
+    (
         "tools",
         &[
             "shared-types",
@@ -121,6 +134,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 18] = [
             "hil-run",
             "hil-benchmark",
             "hil-verification",
+            "hil-views",
             "hil-in-process",
             "hil-recording",
             "hil-target",

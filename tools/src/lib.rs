@@ -7,7 +7,7 @@
 //! |---|---|
 //! | [`commands`] | verbs without a room of their own, and which verb goes where |
 //! | [`campaign`] | very many cases of one scenario, on cores and clusters |
-//! | [`views`] | monitor, panel, get and watch, report, export, layout, and the chooser of their plots |
+//! | [`hil_views`] | monitor, panel, get and watch, report, export, layout, and the chooser of their plots |
 //! | [`hil_verification`] | compare, baselines, judge, replay, rerun, audit, suite: is it the same, is it right? |
 //! | [`hil_benchmark`] | what `hil latency` measures |
 //! | [`hil_run`] | one run: processes, recorder, real-time settings, controllers that come and go |
@@ -53,7 +53,6 @@ extern crate hil_console; // its macro `tell!` is used everywhere
 mod arguments;
 mod campaign;
 mod commands;
-mod views;
 
 #[cfg(test)]
 #[path = "../recording/tests/shared/fixture.rs"]
@@ -65,12 +64,7 @@ pub use commands::main;
 /// Parts that tests, benchmarks and fuzz targets of this workspace use. Nothing else of `tools` is public, so
 /// that the compiler sees what nobody uses.
 pub mod testing {
-    pub use crate::arguments::export::{ExportArguments, ExportFormat};
     pub use crate::arguments::{Command, CommandLine};
-    pub use crate::views::export;
-    pub use crate::views::monitor::terminal::Screen;
-    pub use crate::views::panel::message as panel_message;
-    pub use crate::views::panel::request as panel_request;
     pub use hil_benchmark::exchange::{End, Trips, follow, lead};
     pub use hil_benchmark::null::NullPlant;
     pub use hil_benchmark::{raw, recorded};
@@ -88,4 +82,9 @@ pub mod testing {
     pub use hil_verification::compare::{Verdict, compare};
     pub use hil_verification::judge::judged;
     pub use hil_verification::repetition::RecordedScenario;
+    pub use hil_views::arguments::export::{ExportArguments, ExportFormat};
+    pub use hil_views::export;
+    pub use hil_views::monitor::terminal::Screen;
+    pub use hil_views::panel::message as panel_message;
+    pub use hil_views::panel::request as panel_request;
 }

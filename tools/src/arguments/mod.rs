@@ -6,17 +6,11 @@
 pub(crate) mod campaign;
 pub(crate) mod config;
 pub(crate) mod describe;
-pub(crate) mod export;
-pub(crate) mod layout;
-pub(crate) mod monitor;
 pub(crate) mod new;
-pub(crate) mod panel;
 pub(crate) mod recover;
-pub(crate) mod report;
 pub(crate) mod runs;
 pub(crate) mod swap;
 pub(crate) mod target;
-pub(crate) mod values;
 
 use std::ffi::OsString;
 
@@ -33,22 +27,22 @@ use hil_facts::arguments::set::{self, SetArguments};
 use hil_verification::arguments::recordings::{CompareArguments, JudgeArguments, ScenarioCommand};
 use hil_verification::arguments::replay::ReplayArguments;
 use hil_verification::arguments::run::{RerunArguments, RunArguments};
+use hil_views::arguments::export::ExportArguments;
+use hil_views::arguments::layout::LayoutArguments;
+use hil_views::arguments::monitor::MonitorArguments;
+use hil_views::arguments::panel::PanelArguments;
+use hil_views::arguments::report::ReportArguments;
+use hil_views::arguments::values::{GetArguments, WatchArguments};
 use shared_types::table::nearest;
 
 use campaign::CampaignCommand;
 use config::{ConfigArguments, SessionsArguments};
 use describe::DescribeArguments;
-use export::ExportArguments;
-use layout::LayoutArguments;
-use monitor::MonitorArguments;
 use new::NewArguments;
-use panel::PanelArguments;
 use recover::RecoverArguments;
-use report::ReportArguments;
 use runs::RunsArguments;
 use swap::ControllerArguments;
 use target::TargetCommand;
-use values::{GetArguments, WatchArguments};
 
 /// Hardware-in-the-loop runs of a plant and a controller in deterministic lockstep
 ///
@@ -82,10 +76,10 @@ pub enum Command {
     #[command(after_help = "Examples:\n  hil step\n  hil step 1000")]
     Step(StepArguments),
     /// Print the newest values of a session's signals
-    #[command(after_help = values::GET_EXAMPLES)]
+    #[command(after_help = hil_views::arguments::values::GET_EXAMPLES)]
     Get(GetArguments),
     /// Print values of a session's signals repeatedly
-    #[command(after_help = values::WATCH_EXAMPLES)]
+    #[command(after_help = hil_views::arguments::values::WATCH_EXAMPLES)]
     Watch(WatchArguments),
     /// Change values of a running session, all at one step
     #[command(after_help = set::HELP)]
@@ -94,10 +88,10 @@ pub enum Command {
     #[command(after_help = mark::HELP)]
     Mark(MarkArguments),
     /// Watch a running session: plots, faults, latency, requirements
-    #[command(after_help = monitor::EXAMPLES)]
+    #[command(after_help = hil_views::arguments::monitor::EXAMPLES)]
     Monitor(MonitorArguments),
     /// Show a running session in a browser, with its faults and controls
-    #[command(after_help = panel::EXAMPLES)]
+    #[command(after_help = hil_views::arguments::panel::EXAMPLES)]
     Panel(PanelArguments),
     /// Change the controller of a running session
     Controller(ControllerArguments),
@@ -127,13 +121,13 @@ Examples:
     #[command(after_help = hil_verification::arguments::recordings::JUDGE_EXAMPLES)]
     Judge(JudgeArguments),
     /// Write an HTML report of recorded runs
-    #[command(after_help = report::EXAMPLES)]
+    #[command(after_help = hil_views::arguments::report::EXAMPLES)]
     Report(ReportArguments),
     /// Write signals of a recorded run to a CSV or Parquet file
-    #[command(after_help = export::EXAMPLES)]
+    #[command(after_help = hil_views::arguments::export::EXAMPLES)]
     Export(ExportArguments),
     /// Write a layout for Foxglove or PlotJuggler
-    #[command(after_help = layout::EXAMPLES)]
+    #[command(after_help = hil_views::arguments::layout::EXAMPLES)]
     Layout(LayoutArguments),
     /// Recover a recording that was cut off
     #[command(after_help = recover::EXAMPLES)]

@@ -3,12 +3,11 @@
 use hil_campaign::curve::Grid;
 use hil_config::plan::{Derived, Plan};
 use hil_recording::reader::Column;
+use hil_views::plots::bounds::bounds;
+use hil_views::plots::signal::recorded_name;
+use hil_views::plots::{Choice, Subject, choose, columns_of};
 use shared_types::record::RecordLayout;
 use shared_types::time::Step;
-
-use crate::views::plots::bounds::bounds;
-use crate::views::plots::signal::recorded_name;
-use crate::views::plots::{Choice, Subject, choose, columns_of};
 
 /// Most signals and most bins.
 const MOST_SIGNALS: usize = 8;

@@ -28,12 +28,13 @@ mod workers;
 
 use std::path::Path;
 
+use hil_views::arguments::report::ReportArguments;
+
 use hil_console::terminal::exit::{Exit, Failure};
 
 use hil_campaign::manifest::MANIFEST;
 
 use crate::arguments::campaign::CampaignAction;
-use crate::arguments::report::ReportArguments;
 
 /// Runs the command.
 ///

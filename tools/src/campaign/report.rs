@@ -18,6 +18,8 @@ use hil_campaign::folder::Folder;
 use hil_console::files::destination::Destination;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
+use hil_views::arguments::report::ReportArguments;
+use hil_views::export::deliver;
 use serde::Serialize;
 use shared_types::number::counted;
 
@@ -25,8 +27,6 @@ use super::answers::{self, Gathered};
 use super::collect::read;
 use super::show::study;
 use super::work::{cannot, open};
-use crate::arguments::report::ReportArguments;
-use crate::views::export::deliver;
 
 /// Summary of the written page.
 #[derive(Debug, Serialize)]

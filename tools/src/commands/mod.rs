@@ -22,13 +22,13 @@ use hil_console::terminal::{advice, interruption, output};
 use hil_facts::session::{clock, inject, mark, set};
 use hil_verification::arguments::recordings::ScenarioAction;
 use hil_verification::{compare, judge, repetition, replay, rerun, suite};
+use hil_views::{export, layout, monitor, panel, report, values};
 use shared_types::live::Request;
 use shared_types::session;
 
 use crate::arguments::swap::ControllerAction;
 use crate::arguments::{Command, CommandLine};
 use crate::campaign;
-use crate::views::{export, layout, monitor, panel, report, values};
 
 /// Does what the command line of this process says, and tells why if that cannot be done.
 #[must_use]

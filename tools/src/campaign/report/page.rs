@@ -3,6 +3,7 @@
 use hil_campaign::folder::{Conflict, Folder};
 use hil_config::study::Study;
 use hil_console::terminal::exit::Failure;
+use hil_views::offline_page::OfflinePage;
 use maud::{Markup, html};
 use shared_types::number::counted;
 
@@ -11,7 +12,6 @@ use super::tables;
 use crate::campaign::answers::Answers;
 use crate::campaign::collect::set_aside;
 use crate::campaign::quoted;
-use crate::views::offline_page::OfflinePage;
 
 const SCRIPT: &str = include_str!("assets/campaign.js");
 const STYLE: &str = include_str!("assets/campaign.css");

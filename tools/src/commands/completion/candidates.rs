@@ -10,6 +10,7 @@ use hil_config::show::show;
 use hil_console::files::runs;
 use hil_facts::session::inject::{ListedKind, kinds_of};
 use hil_run::alone::built_in;
+use hil_views::plots::columns_of;
 use shared_types::describe::{FaultKindDescription, PlantDescription};
 use shared_types::number::unit_shown;
 use shared_types::session;
@@ -17,7 +18,6 @@ use shared_types::table::Field;
 use toml_edit::{DocumentMut, Item, Value};
 
 use super::line::{Line, Subject};
-use crate::views::plots::columns_of;
 
 /// Most runs that are offered, the newest.
 const MOST_RUNS: usize = 50;
