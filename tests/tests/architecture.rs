@@ -27,7 +27,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 19] = [
     ("hil-target", &["shared-types"], &[]),
     (
         "hil-campaign",
-        &["shared-types", "hil-config", "hil-console"],
+        &["shared-types", "hil-config", "hil-console", "hil-facts"],
         &[],
     ),
     (
@@ -46,38 +46,8 @@ const ARROWS: [(&str, &[&str], &[&str]); 19] = [
         &[],
     ),
     (
-        "hil-facts",
-        &[
-            "shared-types",
-            "hil-config",
-            "plant-process",
-            "hil-recording",
-            "hil-target",
-            "hil-console",
-            "hil-campaign",
-        ],
-        &[],
-    ),
-    (
         "hil-doctor",
         &["shared-types", "hil-console", "hil-facts"],
-        &[],
-    ),
-    (
-        "hil-run",
-        &[
-            "shared-types",
-            "hil-config",
-            "plant-process",
-            "controller-process",
-            "hil-recording",
-            "hil-target",
-            "hil-in-process",
-            "hil-console",
-            "hil-facts",
-            "hil-doctor",
-            "hil-campaign",
-        ],
         &[],
     ),
     (
@@ -122,6 +92,34 @@ const ARROWS: [(&str, &[&str], &[&str]); 19] = [
             "hil-verification",
         ],
         &["plant-process", "controller-process"],
+    ),
+    (
+        "hil-facts",
+        &[
+            "shared-types",
+            "hil-config",
+            "plant-process",
+            "hil-recording",
+            "hil-target",
+            "hil-console",
+        ],
+        &[],
+    ),
+    (
+        "hil-run",
+        &[
+            "shared-types",
+            "hil-config",
+            "plant-process",
+            "controller-process",
+            "hil-recording",
+            "hil-target",
+            "hil-in-process",
+            "hil-console",
+            "hil-facts",
+            "hil-doctor",
+        ],
+        &[],
     ),
     (
         "tools",

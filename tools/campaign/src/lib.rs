@@ -17,7 +17,6 @@
 
 pub mod binomial;
 pub mod collect;
-pub mod curve;
 pub mod curves;
 pub mod draws;
 pub mod folder;

@@ -8,10 +8,10 @@ use std::ops::Range;
 use std::path::Path;
 
 pub use hil_console::files::kind::MANIFEST;
+use hil_facts::results::curve::Grid;
 use serde::de::Error as _;
 use serde::{Deserialize, Serialize};
 
-use crate::curve::Grid;
 use crate::table::Column;
 
 /// Version of the folder's form.

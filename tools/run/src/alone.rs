@@ -7,10 +7,10 @@
 use std::sync::Arc;
 
 use controller_process::job::Job as ControllerJob;
-use hil_campaign::curve::Grid;
 use hil_config::plan::{Clock, Plan};
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
+use hil_facts::results::curve::Grid;
 use hil_facts::results::ended::EndedRun;
 use hil_in_process::{FAULTS, LAWS, PLANTS, Turns, check_controller, check_plant};
 use plant_process::job::Job as PlantJob;

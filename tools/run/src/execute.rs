@@ -6,7 +6,6 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use hil_campaign::curve::Curve;
 use hil_config::plan::Plan;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
@@ -15,6 +14,7 @@ use hil_facts::checkpoint::branch::Branch;
 use hil_facts::checkpoint::past::Past;
 use hil_facts::programs::binaries::Binaries;
 use hil_facts::results::company::ProcessorTime;
+use hil_facts::results::curve::Curve;
 use hil_facts::results::restoration::Check;
 use hil_facts::results::summary::Summary;
 use plant_process::repeat::Missed;

@@ -5,12 +5,12 @@
 
 use std::sync::Arc;
 
-use hil_campaign::curve::Grid;
 use hil_config::plan::Plan;
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
 use hil_facts::arguments::run::LinkKind;
 use hil_facts::programs::binaries::Binaries;
+use hil_facts::results::curve::Grid;
 use hil_facts::results::ended::EndedRun;
 use shared_types::record::{Outcome, RecordLayout};
 use shared_types::session::{Session, SessionInfo};

@@ -11,11 +11,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use hil_campaign::curve::Grid;
 use hil_config::plan::Plan;
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
 use hil_facts::checkpoint::past::PastRecords;
+use hil_facts::results::curve::Grid;
 use hil_facts::results::recorded::Recorded;
 use hil_facts::session::standing::Board;
 use hil_recording::compression::Compression;

@@ -6,11 +6,11 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use hil_campaign::curve::Grid;
 use hil_config::plan::{Clock, Plan};
 use hil_console::terminal::exit::Failure;
 use hil_facts::arguments::run::{LinkKind, RunOptions, StartKind};
 use hil_facts::programs::binaries::{Binaries, Binary};
+use hil_facts::results::curve::Grid;
 use hil_target::asking;
 use shared_types::side::Side;
 

@@ -5,7 +5,6 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use hil_campaign::curve::Grid;
 use hil_campaign::draws::Draws;
 use hil_campaign::folder::Folder;
 use hil_campaign::table::{CLASS, Cell, Column, ColumnKind, LOST, Row};
@@ -18,6 +17,7 @@ use hil_console::terminal::interruption::Interruption;
 use hil_facts::arguments::BinaryArguments;
 use hil_facts::programs::binaries::named::Named;
 use hil_facts::programs::binaries::{Binaries, Choices};
+use hil_facts::results::curve::Grid;
 use hil_run::alone;
 use hil_run::kept::Kept;
 use shared_types::describe::{Description, FaultKindDescription, LawDescription, PlantDescription};

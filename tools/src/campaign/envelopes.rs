@@ -1,7 +1,7 @@
 //! Signals and bins of a campaign's curves: those that a report of a run would plot first.
 
-use hil_campaign::curve::Grid;
 use hil_config::plan::{Derived, Plan};
+use hil_facts::results::curve::Grid;
 use hil_recording::reader::Column;
 use hil_views::plots::bounds::bounds;
 use hil_views::plots::signal::recorded_name;

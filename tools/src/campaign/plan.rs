@@ -6,7 +6,6 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use hil_campaign::curve::Grid;
 use hil_campaign::table::{Column, ColumnKind};
 use hil_config::problem::Problems;
 use hil_config::study::{Spread, Study, Varied};
@@ -14,6 +13,7 @@ use hil_console::terminal::duration::shown_ns;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
+use hil_facts::results::curve::Grid;
 use hil_run::alone;
 use hil_run::kept::Kept;
 use indicatif::{ProgressBar, ProgressStyle};

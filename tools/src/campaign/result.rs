@@ -3,13 +3,13 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use hil_campaign::curve::{Curve, Grid};
 use hil_campaign::table::{CLASS, Cell, Column, ColumnKind, Row};
 use hil_config::plan::Plan;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_facts::arguments::run::LinkKind;
 use hil_facts::programs::binaries::Binaries;
+use hil_facts::results::curve::{Curve, Grid};
 use hil_facts::results::ended::EndedRun;
 use hil_facts::results::requirements::{Requirement, RunVerdict};
 use hil_facts::results::summary::Metric;

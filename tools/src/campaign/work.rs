@@ -10,7 +10,6 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use hil_campaign::curve::Curve;
 use hil_campaign::folder::{Conflict, Folder};
 use hil_campaign::shard::attempt::{Attempt, Published, difference};
 use hil_campaign::shard::{MOST_TRIES, PartError, Shard, missing};
@@ -18,6 +17,7 @@ use hil_campaign::table::Row;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
+use hil_facts::results::curve::Curve;
 use hil_run::kept::Kept;
 use rustix::process::{Signal, getpid, kill_process};
 use shared_types::session;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use hil_campaign::curve::{Curve, Grid};
+use crate::results::curve::{Curve, Grid};
 use hil_config::expression::Columns;
 use hil_config::plan::Plan;
 use shared_types::record::RecordLayout;

@@ -7,6 +7,7 @@
 
 pub mod collector;
 pub mod company;
+pub mod curve;
 pub mod curves;
 pub mod ended;
 pub mod ending;

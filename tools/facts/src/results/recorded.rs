@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use hil_campaign::curve::Curve;
+use crate::results::curve::Curve;
 use hil_config::evaluation::MetricValue;
 use hil_config::requirements::RequirementValue;
 use shared_types::record::{ControllerChange, Mark, RunEnd, ValueChange};

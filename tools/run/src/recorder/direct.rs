@@ -5,8 +5,8 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use hil_campaign::curve::Grid;
 use hil_config::plan::Plan;
+use hil_facts::results::curve::Grid;
 use hil_facts::results::recorded::Recorded;
 use shared_types::link::LinkError;
 use shared_types::record::{Event, RecordLayout};

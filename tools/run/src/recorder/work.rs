@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, PoisonError};
 
-use hil_campaign::curve::Grid;
 use hil_config::plan::{Clock, Plan};
 use hil_facts::checkpoint::past::PastRecords;
 use hil_facts::results::collector::Collector;
+use hil_facts::results::curve::Grid;
 use hil_facts::results::curves::CurveTaker;
 use hil_facts::results::ending;
 use hil_facts::results::evaluation::RecordEvaluation;

@@ -2,11 +2,11 @@
 //! draws that stand for all, and the worst cases.
 
 use hil_campaign::collect;
-use hil_campaign::curve::{Curve, Grid};
 use hil_campaign::curves::Curves;
 use hil_campaign::folder::Folder;
 use hil_campaign::order::quantile;
 use hil_config::study::Study;
+use hil_facts::results::curve::{Curve, Grid};
 use serde::Serialize;
 
 use super::data::Singles;

@@ -40,7 +40,7 @@ impl Curve {
     }
 
     /// Takes another curve in; tells whether that changed anything.
-    pub(crate) fn widen(&mut self, other: &Self) -> bool {
+    pub fn widen(&mut self, other: &Self) -> bool {
         let mut is_wider = false;
         for (bin, other) in self.0.iter_mut().zip(&other.0) {
             is_wider |= widen(bin, *other);
@@ -54,7 +54,7 @@ impl Curve {
         &self.0[signal * grid.bins..(signal + 1) * grid.bins]
     }
 
-    pub(crate) fn fits(&self, grid: &Grid) -> bool {
+    pub fn fits(&self, grid: &Grid) -> bool {
         self.0.len() == grid.signals.len() * grid.bins
     }
 }
