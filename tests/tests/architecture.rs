@@ -26,11 +26,6 @@ const ARROWS: [(&str, &[&str], &[&str]); 19] = [
     ("hil-recording", &["shared-types"], &[]),
     ("hil-target", &["shared-types"], &[]),
     (
-        "hil-campaign",
-        &["shared-types", "hil-config", "hil-console", "hil-facts"],
-        &[],
-    ),
-    (
         "hil-foreign",
         &["shared-types", "plant-process", "controller-process"],
         &[],
@@ -118,6 +113,20 @@ const ARROWS: [(&str, &[&str], &[&str]); 19] = [
             "hil-console",
             "hil-facts",
             "hil-doctor",
+        ],
+        &[],
+    ),
+    (
+        "hil-campaign",
+        &[
+            "shared-types",
+            "hil-config",
+            "hil-recording",
+            "hil-target",
+            "hil-console",
+            "hil-facts",
+            "hil-run",
+            "hil-views",
         ],
         &[],
     ),

@@ -6,7 +6,7 @@
 //! | Room | What lives there |
 //! |---|---|
 //! | [`commands`] | verbs without a room of their own, and which verb goes where |
-//! | [`campaign`] | very many cases of one scenario, on cores and clusters |
+//! | [`hil_campaign`] | very many cases of one scenario, on cores and clusters |
 //! | [`hil_views`] | monitor, panel, get and watch, report, export, layout, and the chooser of their plots |
 //! | [`hil_verification`] | compare, baselines, judge, replay, rerun, audit, suite: is it the same, is it right? |
 //! | [`hil_benchmark`] | what `hil latency` measures |
@@ -51,7 +51,6 @@
 extern crate hil_console; // its macro `tell!` is used everywhere
 
 mod arguments;
-mod campaign;
 mod commands;
 
 #[cfg(test)]

@@ -3,7 +3,6 @@
 //!
 //! One file for each group of commands; the parts that several packages share are in `hil_facts::arguments`.
 
-pub(crate) mod campaign;
 pub(crate) mod config;
 pub(crate) mod describe;
 pub(crate) mod new;
@@ -19,6 +18,7 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 use hil_benchmark::arguments::{LatencyArguments, LatencyPeerArguments};
+use hil_campaign::arguments::CampaignCommand;
 use hil_doctor::arguments::DoctorArguments;
 use hil_facts::arguments::clock::{ClockArguments, StepArguments};
 use hil_facts::arguments::inject::{self, InjectArguments};
@@ -35,7 +35,6 @@ use hil_views::arguments::report::ReportArguments;
 use hil_views::arguments::values::{GetArguments, WatchArguments};
 use shared_types::table::nearest;
 
-use campaign::CampaignCommand;
 use config::{ConfigArguments, SessionsArguments};
 use describe::DescribeArguments;
 use new::NewArguments;
@@ -96,7 +95,7 @@ pub enum Command {
     /// Change the controller of a running session
     Controller(ControllerArguments),
     /// Run many cases of a scenario: check, plan, run, submit, show
-    #[command(after_help = campaign::EXAMPLES)]
+    #[command(after_help = hil_campaign::arguments::EXAMPLES)]
     Campaign(CampaignCommand),
     /// Repeat a recorded run with its late commands; compare digests
     #[command(

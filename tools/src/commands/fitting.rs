@@ -2,13 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
+use hil_campaign::arguments::CampaignAction;
+
 use hil_console::files::kind::FileKind::{
     self, Campaign, Fmu, Program, Recording, Scenario, Study,
 };
 use hil_console::terminal::exit::Failure;
 
 use crate::arguments::Command;
-use crate::arguments::campaign::CampaignAction;
 use crate::arguments::config::ConfigAction;
 
 /// Kinds of files that a command takes.

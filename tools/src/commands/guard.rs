@@ -18,6 +18,7 @@ use std::os::unix::process::{CommandExt, ExitStatusExt, parent_id};
 use std::path::Path;
 use std::process::{Child, ExitCode, ExitStatus};
 
+use hil_campaign::arguments::CampaignAction;
 use hil_console::files::begun;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
@@ -37,7 +38,6 @@ use signal_hook::low_level::signal_name;
 use hil_recording::reader::RECORDING;
 
 use crate::arguments::Command;
-use crate::arguments::campaign::CampaignAction;
 use signals::Signals;
 
 mod handover;

@@ -17,6 +17,7 @@ pub(crate) mod target;
 
 use std::process::ExitCode;
 
+use hil_campaign::command as campaign;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::{advice, interruption, output};
 use hil_facts::session::{clock, inject, mark, set};
@@ -28,7 +29,6 @@ use shared_types::session;
 
 use crate::arguments::swap::ControllerAction;
 use crate::arguments::{Command, CommandLine};
-use crate::campaign;
 
 /// Does what the command line of this process says, and tells why if that cannot be done.
 #[must_use]

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use hil_campaign::table::{CLASS, Cell, Column, ColumnKind, Row};
+use crate::table::{CLASS, Cell, Column, ColumnKind, Row};
 use hil_config::plan::Plan;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;

@@ -1,17 +1,18 @@
 //! Two campaigns on the same draws: which cases pass in one and not in the other, and whether chance explains it.
 
-use hil_campaign::folder::Folder;
-use hil_campaign::manifest::Manifest;
-use hil_campaign::mcnemar;
-use hil_campaign::table::{CLASS, LOST};
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
+
+use crate::folder::Folder;
+use crate::manifest::Manifest;
+use crate::mcnemar;
+use crate::table::{CLASS, LOST};
 use serde::Serialize;
 use shared_types::number::{counted, short};
 
 use super::collect::{listed, read, tell_conflicts};
 use super::work::open;
-use crate::arguments::campaign::CompareCampaignArguments;
+use crate::arguments::CompareCampaignArguments;
 
 /// Difference of two campaigns in a variant.
 #[derive(Debug, Serialize)]

@@ -4,10 +4,8 @@ use maud::{Markup, html};
 use shared_types::number::{counted, short, unit_shown};
 
 use super::page::Campaign;
-use crate::campaign::answers::{
-    Answers, RequirementAnswer, Share, VariantAnswer, classes_in_words,
-};
-use crate::campaign::show::bounds;
+use crate::command::answers::{Answers, RequirementAnswer, Share, VariantAnswer, classes_in_words};
+use crate::command::show::bounds;
 
 /// Most varied values that a margin is said to follow.
 const MOST_FOLLOWED: usize = 3;

@@ -1,10 +1,10 @@
 //! Envelopes over time for the script of a campaign's page: least and greatest values of all cases, bands of the
 //! draws that stand for all, and the worst cases.
 
-use hil_campaign::collect;
-use hil_campaign::curves::Curves;
-use hil_campaign::folder::Folder;
-use hil_campaign::order::quantile;
+use crate::collect;
+use crate::curves::Curves;
+use crate::folder::Folder;
+use crate::order::quantile;
 use hil_config::study::Study;
 use hil_facts::results::curve::{Curve, Grid};
 use serde::Serialize;

@@ -1,17 +1,18 @@
 //! The page of a campaign: everything that reads without a script, and the data for the script that draws.
 
-use hil_campaign::folder::{Conflict, Folder};
-use hil_config::study::Study;
 use hil_console::terminal::exit::Failure;
 use hil_views::offline_page::OfflinePage;
+
+use crate::folder::{Conflict, Folder};
+use hil_config::study::Study;
 use maud::{Markup, html};
 use shared_types::number::counted;
 
 use super::data::Data;
 use super::tables;
-use crate::campaign::answers::Answers;
-use crate::campaign::collect::set_aside;
-use crate::campaign::quoted;
+use crate::command::answers::Answers;
+use crate::command::collect::set_aside;
+use crate::command::quoted;
 
 const SCRIPT: &str = include_str!("assets/campaign.js");
 const STYLE: &str = include_str!("assets/campaign.css");

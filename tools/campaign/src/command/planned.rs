@@ -8,8 +8,8 @@ use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use hil_campaign::folder::Folder;
-use hil_campaign::manifest::{MANIFEST, Manifest};
+use crate::folder::Folder;
+use crate::manifest::{MANIFEST, Manifest};
 use hil_console::terminal::exit::Failure;
 use hil_facts::programs::binaries::trusted;
 use hil_target::machine::hash;

@@ -3,18 +3,19 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use hil_campaign::folder::{Conflict, Folder};
-use hil_campaign::shard::{PartError, Shard};
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
+
+use crate::folder::{Conflict, Folder};
+use crate::shard::{PartError, Shard};
 use serde::Serialize;
 use shared_types::number::counted;
 
 use super::quoted;
 use super::slurm::{self, Tasks};
 use super::work::{cannot, open};
-use crate::arguments::campaign::StatusArguments;
+use crate::arguments::StatusArguments;
 
 /// Time between two looks.
 const LOOK: Duration = Duration::from_secs(1);

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 use hil_facts::arguments::BinaryArguments;
 
-pub(super) const EXAMPLES: &str = "\
+/// Examples of the help of `hil campaign`.
+pub const EXAMPLES: &str = "\
 Examples:
   hil campaign check studies/common-mode.toml
   hil campaign plan studies/common-mode.toml -o runs/common-mode

@@ -14,7 +14,7 @@ mod tables;
 
 use std::path::Path;
 
-use hil_campaign::folder::Folder;
+use crate::folder::Folder;
 use hil_console::files::destination::Destination;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;

@@ -5,9 +5,9 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use hil_campaign::draws::Draws;
-use hil_campaign::folder::Folder;
-use hil_campaign::table::{CLASS, Cell, Column, ColumnKind, LOST, Row};
+use crate::draws::Draws;
+use crate::folder::Folder;
+use crate::table::{CLASS, Cell, Column, ColumnKind, LOST, Row};
 use hil_config::plan::{Plan, Programs, Realtime};
 use hil_config::problem::Problems;
 use hil_config::scenario::Scenario;

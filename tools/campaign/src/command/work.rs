@@ -10,15 +10,16 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use hil_campaign::folder::{Conflict, Folder};
-use hil_campaign::shard::attempt::{Attempt, Published, difference};
-use hil_campaign::shard::{MOST_TRIES, PartError, Shard, missing};
-use hil_campaign::table::Row;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
 use hil_facts::results::curve::Curve;
 use hil_run::kept::Kept;
+
+use crate::folder::{Conflict, Folder};
+use crate::shard::attempt::{Attempt, Published, difference};
+use crate::shard::{MOST_TRIES, PartError, Shard, missing};
+use crate::table::Row;
 use rustix::process::{Signal, getpid, kill_process};
 use shared_types::session;
 
@@ -26,7 +27,7 @@ use super::answers::class_of;
 use super::cases::Cases;
 use super::planned::{self, become_planned};
 use super::result::CaseResult;
-use crate::arguments::campaign::WorkArguments;
+use crate::arguments::WorkArguments;
 
 /// Word of a worker when a case came out otherwise in new processes.
 pub(super) const DIFFERS: &str = "differs";
@@ -226,7 +227,7 @@ impl Worker<'_> {
             self.tell(&format!("start {case}"))?;
             tries += 1;
             match self.try_once(case) {
-                Ok((row, result)) if hil_campaign::table::fits(&row, columns) => {
+                Ok((row, result)) if crate::table::fits(&row, columns) => {
                     if result.is_to_check {
                         // Before it counts: what ends this worker meanwhile leaves no row of the case.
                         self.check(case, &row)?;

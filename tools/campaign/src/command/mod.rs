@@ -1,5 +1,5 @@
 //! `hil campaign`: very many cases of one scenario, on the cores of this machine and of others. Draws, counts and
-//! tables are [`hil_campaign`]'s, runs are [`run`](hil_run)'s; neither is made here.
+//! tables are [this package](crate::draws)'s, runs are [`run`](hil_run)'s; neither is made here.
 //!
 //! 1. [`cases`] joins a study with its scenario and programs: the plan of each case, and its row.
 //! 2. [`plan`] checks a study and writes the folder that everybody works on; [`grow`] adds cases to it.
@@ -32,15 +32,15 @@ use hil_views::arguments::report::ReportArguments;
 
 use hil_console::terminal::exit::{Exit, Failure};
 
-use hil_campaign::manifest::MANIFEST;
+use crate::manifest::MANIFEST;
 
-use crate::arguments::campaign::CampaignAction;
+use crate::arguments::CampaignAction;
 
 /// Runs the command.
 ///
 /// # Errors
 /// Everything that keeps it from its result.
-pub(crate) fn campaign(action: &CampaignAction) -> Result<Exit, Failure> {
+pub fn campaign(action: &CampaignAction) -> Result<Exit, Failure> {
     match action {
         CampaignAction::Check(arguments) => plan::check(arguments),
         CampaignAction::Plan(arguments) => plan::plan(arguments),
@@ -57,7 +57,7 @@ pub(crate) fn campaign(action: &CampaignAction) -> Result<Exit, Failure> {
 }
 
 /// Tells whether a path is the folder of a campaign.
-pub(crate) fn is_campaign(path: &Path) -> bool {
+pub fn is_campaign(path: &Path) -> bool {
     path.join(MANIFEST).is_file()
 }
 
@@ -65,7 +65,7 @@ pub(crate) fn is_campaign(path: &Path) -> bool {
 ///
 /// # Errors
 /// Everything that keeps it from its result.
-pub(crate) fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
+pub fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
     report::report(arguments)
 }
 

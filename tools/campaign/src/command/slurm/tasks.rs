@@ -19,8 +19,8 @@ const MOST_NAMED: usize = 5;
 
 /// Tasks of a campaign, as Slurm knows them.
 #[derive(Debug, Default, PartialEq, Serialize)]
-pub(in crate::campaign) struct Tasks {
-    pub(in crate::campaign) running: u64,
+pub(in crate::command) struct Tasks {
+    pub(in crate::command) running: u64,
     waiting: u64,
     /// Reasons for which tasks wait, unless it is for other tasks to end, with the number of each.
     reasons: BTreeMap<String, u64>,
@@ -36,7 +36,7 @@ pub(in crate::campaign) struct Tasks {
 
 impl Tasks {
     /// Takes the tasks of a job from lines of number, state and reason.
-    pub(super) fn take(&mut self, job: &str, listed: &str) {
+    pub(crate) fn take(&mut self, job: &str, listed: &str) {
         for line in listed.lines().filter(|line| !line.trim().is_empty()) {
             let mut words = line.splitn(3, ' ');
             let (task, state) = (
@@ -65,7 +65,7 @@ impl Tasks {
     }
 
     /// Describes them, with what to do; `is_done` if no case is missing, `is_worked_on` if a worker is seen at one.
-    pub(in crate::campaign) fn describe(&self, is_done: bool, is_worked_on: bool) -> String {
+    pub(in crate::command) fn describe(&self, is_done: bool, is_worked_on: bool) -> String {
         let mut text = format!(
             "  slurm: {} running, {} waiting\n",
             counted(self.running, "task"),
@@ -78,7 +78,7 @@ impl Tasks {
     }
 
     /// Lists the tasks that Slurm may show for ever, with the commands that end that.
-    pub(in crate::campaign) fn stuck(&self, is_done: bool, is_worked_on: bool) -> Vec<String> {
+    pub(in crate::command) fn stuck(&self, is_done: bool, is_worked_on: bool) -> Vec<String> {
         let jobs = self.jobs.join(" ");
         let mut lines = Vec::new();
         if is_done && !self.jobs.is_empty() {

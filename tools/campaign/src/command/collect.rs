@@ -2,15 +2,16 @@
 
 use std::io::BufWriter;
 
-use hil_campaign::collect::Collected;
-use hil_campaign::folder::Folder;
-use hil_campaign::shard::part::Part;
-use hil_campaign::shard::{Shard, missing};
-use hil_campaign::table::sealed;
-use hil_config::study::Study;
 use hil_console::files::part_file::PartFile;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
+
+use crate::collect::Collected;
+use crate::folder::Folder;
+use crate::shard::part::Part;
+use crate::shard::{Shard, missing};
+use crate::table::sealed;
+use hil_config::study::Study;
 use serde_json::json;
 use shared_types::number::counted;
 
@@ -18,7 +19,7 @@ use super::quoted;
 use super::show;
 use super::values;
 use super::work::{cannot, open};
-use crate::arguments::campaign::CollectArguments;
+use crate::arguments::CollectArguments;
 
 /// Name of the table of results.
 pub(super) const RESULTS: &str = "results.parquet";
@@ -112,7 +113,7 @@ pub(super) fn join(
     };
     let (results, to, path) = part(RESULTS)?;
     let (circumstances, also_to, other) = part(CIRCUMSTANCES)?;
-    let written = hil_campaign::collect::collect(folder, to, also_to, take);
+    let written = crate::collect::collect(folder, to, also_to, take);
     let (collected, to, also_to) = written.map_err(|error| cannot_join(&error))?;
     for (number, what) in &collected.broken {
         let aside = Shard::of(folder, *number).set_aside();
@@ -156,7 +157,7 @@ pub(super) fn read(
     if !partial {
         refuse_missing(folder, &missing(folder))?;
     }
-    let passed = hil_campaign::collect::pass(folder, |part| {
+    let passed = crate::collect::pass(folder, |part| {
         take(part);
         Ok(())
     });

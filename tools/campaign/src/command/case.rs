@@ -2,9 +2,6 @@
 
 use std::sync::Arc;
 
-use hil_campaign::folder::Folder;
-use hil_campaign::shard::Shard;
-use hil_config::plan::Plan;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
@@ -15,12 +12,16 @@ use hil_facts::programs::binaries::named::Named;
 use hil_run::settings::Settings;
 use hil_run::{Environment, Origin};
 
+use crate::folder::Folder;
+use crate::shard::Shard;
+use hil_config::plan::Plan;
+
 use super::cases::Cases;
 use super::planned::{self, become_planned};
 use super::quoted;
 use super::values;
 use super::work::open;
-use crate::arguments::campaign::CaseArguments;
+use crate::arguments::CaseArguments;
 
 /// Runs a case.
 ///

@@ -1,18 +1,18 @@
 //! Data for the script of a campaign's page: classes, varied values, margins and metrics by columns, as JSON with
 //! numbers in base64.
 
+use crate::folder::Folder;
+use crate::shard::missing;
+use crate::shard::part::Part;
+use crate::table::{ColumnKind, Values};
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use hil_campaign::folder::Folder;
-use hil_campaign::shard::missing;
-use hil_campaign::shard::part::Part;
-use hil_campaign::table::{ColumnKind, Values};
 use hil_config::study::Study;
 use serde::{Serialize, Serializer};
 
 use super::envelopes::Envelopes;
-use crate::campaign::answers::{Answers, CLASSES, classes_in_words, margin, place_of};
-use crate::campaign::quoted;
+use crate::command::answers::{Answers, CLASSES, classes_in_words, margin, place_of};
+use crate::command::quoted;
 
 /// Most numbers of a page; with four bytes each in base64 it stays below 20 MB.
 const MOST_NUMBERS: u64 = 3_500_000;

@@ -5,10 +5,10 @@ use std::fs;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
-use hil_campaign::draws::{Drawn, Draws};
-use hil_campaign::folder::Folder;
-use hil_campaign::manifest::Manifest;
-use hil_campaign::table::{self, Cell, Column, Row, Writer, sealed};
+use crate::draws::{Drawn, Draws};
+use crate::folder::Folder;
+use crate::manifest::Manifest;
+use crate::table::{self, Cell, Column, Row, Writer, sealed};
 use hil_config::study::Study;
 use hil_console::files::part_file::PartFile;
 use hil_console::terminal::exit::Failure;

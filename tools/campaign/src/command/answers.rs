@@ -7,12 +7,12 @@
 
 mod gathered;
 
-use hil_campaign::binomial;
-use hil_campaign::collect::Collected;
-use hil_campaign::manifest::Manifest;
-use hil_campaign::rank::Order;
-use hil_campaign::table::{CLASS, Column, LOST, Row};
-use hil_campaign::{order, rank};
+use crate::binomial;
+use crate::collect::Collected;
+use crate::manifest::Manifest;
+use crate::rank::Order;
+use crate::table::{CLASS, Column, LOST, Row};
+use crate::{order, rank};
 use hil_config::study::{Goal, Sampling, Study};
 use hil_facts::results::requirements;
 use serde::Serialize;

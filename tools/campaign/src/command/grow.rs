@@ -7,14 +7,15 @@ use std::fs::{File, Permissions};
 use std::io::Write as _;
 use std::os::unix::fs::PermissionsExt;
 
-use hil_campaign::folder::Folder;
-use hil_campaign::manifest::{Copied, GROWN, MANIFEST, Manifest, Stage};
-use hil_config::study::{Sampling, Study};
 use hil_console::files::part_file::PartFile;
 use hil_console::terminal::duration::shown_ns;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
+
+use crate::folder::Folder;
+use crate::manifest::{Copied, GROWN, MANIFEST, Manifest, Stage};
+use hil_config::study::{Sampling, Study};
 use rustix::fs::{FlockOperation, flock};
 use serde_json::json;
 use shared_types::number::counted;
@@ -26,7 +27,7 @@ use super::planned::{self, become_planned};
 use super::quoted;
 use super::values;
 use super::work::{cannot, open};
-use crate::arguments::campaign::GrowArguments;
+use crate::arguments::GrowArguments;
 
 /// File whose lock keeps two from adding draws at once.
 const LOCK: &str = ".growth";

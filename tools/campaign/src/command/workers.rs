@@ -8,12 +8,13 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Sender, channel};
 use std::time::{Duration, Instant};
 
-use hil_campaign::folder::Folder;
-use hil_campaign::shard::{Shard, missing};
-use hil_campaign::table::{LOST, Row};
 use hil_console::terminal::duration::shown_ns;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
+
+use crate::folder::Folder;
+use crate::shard::{Shard, missing};
+use crate::table::{LOST, Row};
 use indicatif::ProgressBar;
 use shared_types::number::{counted, short};
 
@@ -22,7 +23,7 @@ use super::plan::bar;
 use super::planned::{self, program};
 use super::work::{DIFFERS, FAILED, cannot, open};
 use super::{collect, quoted, show};
-use crate::arguments::campaign::RunCampaignArguments;
+use crate::arguments::RunCampaignArguments;
 
 /// Time between two looks at what nobody tells.
 const LOOK: Duration = Duration::from_millis(100);

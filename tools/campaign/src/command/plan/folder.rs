@@ -6,20 +6,21 @@ use std::io;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
-use hil_campaign::folder::{CONFLICTS, SHARDS, try_out};
-use hil_campaign::manifest::{self, Copied, MANIFEST, Manifest, SCHEMA};
 use hil_console::files::part_file::PartFolder;
 use hil_console::terminal::exit::Failure;
 use hil_facts::programs::binaries::beside;
 use hil_facts::programs::binaries::host::HOST;
 use hil_facts::programs::binaries::named::{CONTROLLER, PLANT};
 use hil_facts::programs::binaries::trusted;
+
+use crate::folder::{CONFLICTS, SHARDS, try_out};
+use crate::manifest::{self, Copied, MANIFEST, Manifest, SCHEMA};
 use hil_target::machine::hash;
 
 use super::Checked;
-use crate::campaign::grow::with_cases;
-use crate::campaign::planned::PROGRAMS;
-use crate::campaign::{quoted, values};
+use crate::command::grow::with_cases;
+use crate::command::planned::PROGRAMS;
+use crate::command::{quoted, values};
 
 /// Time that the cases of a shard take together, if there are enough of them, in s.
 const SHARD_S: f64 = 20.0;
@@ -190,7 +191,7 @@ fn beside_hil() -> Result<Option<[PathBuf; 2]>, Failure> {
 }
 
 /// Chooses the size of shards: some seconds of work, enough of them for many cores, and not too many files.
-pub(in crate::campaign) fn shard_cases(cases: u64, case_s: f64) -> u64 {
+pub(in crate::command) fn shard_cases(cases: u64, case_s: f64) -> u64 {
     let [least, most] = SHARDS_WANTED;
     let by_time = (SHARD_S / case_s) as u64;
     let by_cores = cases.div_ceil(least);

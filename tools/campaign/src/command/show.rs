@@ -2,19 +2,20 @@
 
 use std::fmt::Write as _;
 
-use hil_campaign::collect::Collected;
-use hil_campaign::folder::Folder;
-use hil_config::study::Study;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
 use hil_console::terminal::table::{Table, left, right};
+
+use crate::collect::Collected;
+use crate::folder::Folder;
+use hil_config::study::Study;
 use shared_types::number::{counted, short, unit_shown};
 
 use super::answers::{self, Answers, BoundsAnswer, Gathered, QuantileAnswer, Share, VariantAnswer};
 use super::collect::{self, set_aside};
 use super::quoted;
 use super::work::open;
-use crate::arguments::campaign::ShowArguments;
+use crate::arguments::ShowArguments;
 
 /// Tells what a campaign shows.
 ///

@@ -8,18 +8,18 @@ mod tasks;
 use std::fs;
 use std::process::Command;
 
-use hil_campaign::folder::Folder;
-use hil_campaign::shard::missing;
+use crate::folder::Folder;
+use crate::shard::missing;
+use shared_types::number::counted;
+
 use hil_console::terminal::duration::shown_ns;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
-use shared_types::number::counted;
-
 pub(super) use tasks::Tasks;
 
 use super::planned::{self, program};
 use super::work::{cannot, open};
-use crate::arguments::campaign::SubmitArguments;
+use crate::arguments::SubmitArguments;
 
 /// Folder with a file for each job that was submitted.
 const JOBS: &str = "jobs";

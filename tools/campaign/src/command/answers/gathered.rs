@@ -1,8 +1,8 @@
 //! Columns that answers need of each case, gathered while the parts of a campaign pass.
 
-use hil_campaign::manifest::Manifest;
-use hil_campaign::shard::part::Part;
-use hil_campaign::table::{CLASS, Column, ColumnKind};
+use crate::manifest::Manifest;
+use crate::shard::part::Part;
+use crate::table::{CLASS, Column, ColumnKind};
 use hil_config::study::Study;
 
 use super::{margin, place_of};
@@ -21,7 +21,7 @@ pub(super) struct Cases {
 }
 
 /// Cases of a campaign.
-pub(in crate::campaign) struct Gathered<'a> {
+pub(in crate::command) struct Gathered<'a> {
     pub(super) manifest: &'a Manifest,
     pub(super) study: &'a Study,
     /// Columns of varied numbers.
@@ -42,7 +42,7 @@ struct Places {
 
 impl<'a> Gathered<'a> {
     /// Makes it without any case.
-    pub(in crate::campaign) fn new(manifest: &'a Manifest, study: &'a Study) -> Self {
+    pub(in crate::command) fn new(manifest: &'a Manifest, study: &'a Study) -> Self {
         let columns = &manifest.columns;
         let is_varied = |column: &Column| {
             column.kind == ColumnKind::Number
@@ -86,7 +86,7 @@ impl<'a> Gathered<'a> {
     }
 
     /// Takes the cases of a part.
-    pub(in crate::campaign) fn take(&mut self, part: &Part) {
+    pub(in crate::command) fn take(&mut self, part: &Part) {
         let columns = part.results();
         let Places {
             class,

@@ -6,9 +6,6 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use hil_campaign::table::{Column, ColumnKind};
-use hil_config::problem::Problems;
-use hil_config::study::{Spread, Study, Varied};
 use hil_console::terminal::duration::shown_ns;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
@@ -16,6 +13,10 @@ use hil_console::terminal::output;
 use hil_facts::results::curve::Grid;
 use hil_run::alone;
 use hil_run::kept::Kept;
+
+use crate::table::{Column, ColumnKind};
+use hil_config::problem::Problems;
+use hil_config::study::{Spread, Study, Varied};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use shared_types::number::counted;
@@ -24,7 +25,7 @@ use shared_types::time::Step;
 use super::cases::Cases;
 use super::result::CaseResult;
 use super::{envelopes, quoted};
-use crate::arguments::campaign::{CheckArguments, PlanArguments};
+use crate::arguments::{CheckArguments, PlanArguments};
 pub(super) use folder::shard_cases;
 use folder::{refuse_other, write};
 
