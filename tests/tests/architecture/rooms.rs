@@ -10,7 +10,7 @@ use crate::support::programs::workspace;
 /// Packages with rooms from top to bottom: each room names only itself and what is below it.
 const ROOMS: [(&str, &[&str]); 3] = [
     (
-        "tools",
+        "tools/hil",
         &["commands", "campaign", "views", "verification", "arguments"],
     ),
     (

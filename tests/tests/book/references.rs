@@ -5,11 +5,11 @@
 use std::fmt::Write as _;
 
 use clap::CommandFactory;
+use hil::CommandLine;
 use serde_json::Value;
 use shared_types::describe::{ActsOn, FaultDescription, ProfileDescription};
 use shared_types::number::exact as number;
 use shared_types::table::Field;
-use tools::testing::CommandLine;
 
 use crate::support::programs::{demanded, workspace};
 

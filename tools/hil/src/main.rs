@@ -5,5 +5,5 @@ use std::process::ExitCode;
 use shared_types::program::with_stack;
 
 fn main() -> ExitCode {
-    with_stack(tools::main)
+    with_stack(hil::main)
 }
