@@ -5,6 +5,7 @@ mod sources;
 mod starts;
 
 use std::collections::BTreeSet;
+use std::path::Path;
 use std::process::Command;
 
 use serde_json::Value;
@@ -272,5 +273,24 @@ fn every_package_but_one_forbids_unsafe_code() {
             manifest.contains("[lints]\nworkspace = true\n"),
             "{path} does not take the lints of the workspace"
         );
+    }
+}
+
+#[test]
+fn each_package_of_tools_says_who_calls_it_and_what_it_never_does() {
+    for package in packages() {
+        let manifest = Path::new(text(&package["manifest_path"]));
+        let folder = manifest.parent().expect("a folder");
+        if !folder.starts_with(workspace().join("tools")) {
+            continue;
+        }
+        let readme = std::fs::read_to_string(folder.join("README.md"));
+        let readme = readme.unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+        let title = format!("# {}\n", text(&package["name"]));
+        for part in [&*title, "\n## Callers\n", "\n## Never\n"] {
+            assert!(readme.contains(part), "{}: {part:?}", folder.display());
+        }
+        assert!(readme.lines().count() <= 40, "{}", folder.display());
+        assert!(!package["description"].is_null(), "{}", folder.display());
     }
 }

@@ -12,6 +12,10 @@
 //! `hil latency RUN` makes the same report of a [`recorded`] run.
 
 #![expect(
+    rustdoc::private_intra_doc_links,
+    reason = "the map leads into modules that are closed to other packages"
+)]
+#![expect(
     missing_docs,
     reason = "fields and variants whose names say what they are"
 )]

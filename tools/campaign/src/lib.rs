@@ -16,6 +16,11 @@
 //! No run is made here: that is [`hil_run`]. Below [`command`], of `hil-config` only studies and their expressions are
 //! used; no scenario is checked and no plant is known.
 
+#![expect(
+    rustdoc::private_intra_doc_links,
+    reason = "the map leads into modules that are closed to other packages"
+)]
+
 #[macro_use]
 extern crate hil_console; // its macro `tell!` is used everywhere
 

@@ -13,6 +13,10 @@
 //! `hil run` stores [`facts`] in its recordings.
 
 #![expect(
+    rustdoc::private_intra_doc_links,
+    reason = "the map leads into modules that are closed to other packages"
+)]
+#![expect(
     missing_docs,
     reason = "fields and variants whose names say what they are"
 )]

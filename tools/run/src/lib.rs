@@ -20,6 +20,10 @@
 //! processes of one for the next.
 
 #![expect(
+    rustdoc::private_intra_doc_links,
+    reason = "the map leads into modules that are closed to other packages"
+)]
+#![expect(
     missing_docs,
     reason = "fields and variants whose names say what they are"
 )]

@@ -3,6 +3,10 @@
 //! running session go through [`session`](hil_facts::session).
 
 #![expect(
+    rustdoc::private_intra_doc_links,
+    reason = "the map leads into modules that are closed to other packages"
+)]
+#![expect(
     missing_docs,
     reason = "fields and variants whose names say what they are"
 )]

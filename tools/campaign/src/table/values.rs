@@ -37,7 +37,7 @@ impl Values {
     }
 
     /// Counts its cells.
-    pub(super) const fn rows(&self) -> usize {
+    pub const fn rows(&self) -> usize {
         match self {
             Self::Counts(values) => values.len(),
             Self::Numbers(values) => values.len(),

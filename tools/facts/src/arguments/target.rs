@@ -13,6 +13,10 @@ pub struct TargetArguments {
     /// Machine that runs the controller: [user@]host or a name of your ssh configuration, or
     /// serve://HOST:PORT of an agent that listens there
     #[arg(long, value_name = "TARGET")]
+    #[expect(
+        rustdoc::broken_intra_doc_links,
+        reason = "the text of the help, not a link"
+    )]
     pub target: Option<Target>,
     /// The hil-target program for that machine [default: a static build of this workspace, else the
     /// one beside hil]

@@ -199,7 +199,7 @@ pub fn recorded(folder: &Path) -> Result<Recorded, Failure> {
 }
 
 /// Reads what a checkpoint says of itself.
-fn read(folder: &Path) -> Result<Checkpoint, Failure> {
+pub(super) fn read(folder: &Path) -> Result<Checkpoint, Failure> {
     let shown = folder.display();
     let path = folder.join(FILE);
     let text = fs::read_to_string(&path).map_err(|error| {

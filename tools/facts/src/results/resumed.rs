@@ -25,10 +25,10 @@ pub fn first_step(reader: &RunReader) -> u64 {
 /// A checkpoint as the summary of its run tells it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MadeCheckpoint {
-    pub(crate) step: u64,
+    pub step: u64,
     pub(crate) time_s: f64,
     /// Folder, from that of the run.
-    pub(crate) folder: String,
+    pub folder: String,
     /// Check that its state restores exactly; null if there was none.
     pub check: Option<Check>,
 }
