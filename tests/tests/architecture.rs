@@ -5,6 +5,7 @@ mod sources;
 mod starts;
 
 use std::collections::BTreeSet;
+use std::path::Path;
 use std::process::Command;
 
 use serde_json::Value;
@@ -13,7 +14,7 @@ use crate::support::programs::{shipped, workspace};
 
 /// Package and what it may depend on, when it is built and when it is tested. What moves to a target,
 /// the controller, knows neither simulator nor scenario.
-const ARROWS: [(&str, &[&str], &[&str]); 12] = [
+const ARROWS: [(&str, &[&str], &[&str]); 19] = [
     ("hil-origin", &[], &[]),
     ("shared-types", &[], &[]),
     ("hil-config", &["shared-types"], &[]),
@@ -25,7 +26,6 @@ const ARROWS: [(&str, &[&str], &[&str]); 12] = [
     ("controller-process", &["shared-types", "hil-origin"], &[]),
     ("hil-recording", &["shared-types"], &[]),
     ("hil-target", &["shared-types"], &[]),
-    ("hil-campaign", &["shared-types", "hil-config"], &[]),
     (
         "hil-foreign",
         &["shared-types", "plant-process", "controller-process"],
@@ -37,17 +37,116 @@ const ARROWS: [(&str, &[&str], &[&str]); 12] = [
         &[],
     ),
     (
-        "tools",
+        "hil-console",
+        &["shared-types", "hil-config", "hil-recording"],
+        &[],
+    ),
+    (
+        "hil-doctor",
+        &["shared-types", "hil-console", "hil-facts"],
+        &[],
+    ),
+    (
+        "hil-benchmark",
         &[
             "shared-types",
-            "hil-origin",
-            "hil-in-process",
-            "hil-recording",
-            "hil-target",
-            "hil-campaign",
             "hil-config",
             "plant-process",
             "controller-process",
+            "hil-recording",
+            "hil-console",
+            "hil-facts",
+            "hil-doctor",
+            "hil-run",
+        ],
+        &[],
+    ),
+    (
+        "hil-verification",
+        &[
+            "shared-types",
+            "hil-config",
+            "plant-process",
+            "controller-process",
+            "hil-recording",
+            "hil-target",
+            "hil-console",
+            "hil-facts",
+            "hil-run",
+        ],
+        &["hil-benchmark"],
+    ),
+    (
+        "hil-views",
+        &[
+            "shared-types",
+            "hil-config",
+            "hil-recording",
+            "hil-console",
+            "hil-facts",
+            "hil-benchmark",
+            "hil-verification",
+        ],
+        &["plant-process", "controller-process"],
+    ),
+    (
+        "hil-facts",
+        &[
+            "shared-types",
+            "hil-config",
+            "plant-process",
+            "hil-recording",
+            "hil-target",
+            "hil-console",
+        ],
+        &[],
+    ),
+    (
+        "hil-run",
+        &[
+            "shared-types",
+            "hil-config",
+            "plant-process",
+            "controller-process",
+            "hil-recording",
+            "hil-target",
+            "hil-in-process",
+            "hil-console",
+            "hil-facts",
+            "hil-doctor",
+        ],
+        &[],
+    ),
+    (
+        "hil-campaign",
+        &[
+            "shared-types",
+            "hil-config",
+            "hil-recording",
+            "hil-target",
+            "hil-console",
+            "hil-facts",
+            "hil-run",
+            "hil-views",
+        ],
+        &[],
+    ),
+    (
+        "hil",
+        &[
+            "hil-origin",
+            "shared-types",
+            "hil-config",
+            "hil-recording",
+            "hil-target",
+            "hil-console",
+            "hil-facts",
+            "hil-doctor",
+            "hil-run",
+            "hil-benchmark",
+            "hil-verification",
+            "hil-views",
+            "hil-campaign",
         ],
         &[],
     ),
@@ -59,7 +158,14 @@ const ARROWS: [(&str, &[&str], &[&str]); 12] = [
             "hil-config",
             "plant-process",
             "controller-process",
-            "tools",
+            "hil-console",
+            "hil-facts",
+            "hil-doctor",
+            "hil-run",
+            "hil-benchmark",
+            "hil-verification",
+            "hil-views",
+            "hil",
             "hil-recording",
             "hil-target",
             "hil-campaign",
@@ -167,5 +273,24 @@ fn every_package_but_one_forbids_unsafe_code() {
             manifest.contains("[lints]\nworkspace = true\n"),
             "{path} does not take the lints of the workspace"
         );
+    }
+}
+
+#[test]
+fn each_package_of_tools_says_who_calls_it_and_what_it_never_does() {
+    for package in packages() {
+        let manifest = Path::new(text(&package["manifest_path"]));
+        let folder = manifest.parent().expect("a folder");
+        if !folder.starts_with(workspace().join("tools")) {
+            continue;
+        }
+        let readme = std::fs::read_to_string(folder.join("README.md"));
+        let readme = readme.unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
+        let title = format!("# {}\n", text(&package["name"]));
+        for part in [&*title, "\n## Callers\n", "\n## Never\n"] {
+            assert!(readme.contains(part), "{}: {part:?}", folder.display());
+        }
+        assert!(readme.lines().count() <= 40, "{}", folder.display());
+        assert!(!package["description"].is_null(), "{}", folder.display());
     }
 }

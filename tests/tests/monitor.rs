@@ -4,9 +4,9 @@ use std::fs::File;
 use std::io::Read;
 use std::process::Command;
 
+use hil_views::monitor::terminal::Screen;
 use rustix::process::Signal;
 use serde_json::Value;
-use tools::testing::Screen;
 
 use crate::pseudo_terminal::open_terminal;
 use crate::support::harness::{Rig, ended, send, until};

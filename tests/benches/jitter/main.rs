@@ -43,8 +43,9 @@ mod measure;
 mod programs;
 mod releases;
 
+use hil_doctor::measure::gaps;
+use hil_facts::results::latency::grade::UNFIT_NS;
 use serde_json::{Value, json};
-use tools::testing::{UNFIT_NS, gaps};
 
 use self::busy::BusyLoop;
 use self::cyclictest::Cyclictest;

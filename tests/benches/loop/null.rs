@@ -12,6 +12,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use controller_process::controller::{Law, LawKind, Row};
+use hil_benchmark::null::NullPlant;
 use hil_config::plan::{Clock, PlantPlan, Run};
 use plant_process::engine::Engine;
 use plant_process::plant::PlantKind;
@@ -31,7 +32,6 @@ use shared_types::table::Field;
 use shared_types::time::Rate;
 use shared_types::wait::{WaitLimit, Waiter};
 use tempfile::TempDir;
-use tools::testing::NullPlant;
 
 use crate::effort::shortened;
 use crate::programs::Programs;

@@ -19,9 +19,11 @@ use std::sync::mpsc;
 
 use hil_config::evaluation::Evaluation;
 use hil_config::expression::Columns;
+use hil_facts::results::latency::legs::Latency;
 use hil_recording::compression::Compression;
 use hil_recording::excerpt::Choice;
 use hil_recording::writer::{Provenance, Recording};
+use hil_run::recorder::{Recorder, RecordingPlan};
 use rustix::time::{ClockId, clock_gettime};
 use serde_json::json;
 use shared_types::digest::Digest;
@@ -31,7 +33,6 @@ use shared_types::stream::{Backpressure, RecordSink, RecordSource, in_process};
 use shared_types::time::Step;
 use shared_types::zerocopy::IntoBytes;
 use tempfile::TempDir;
-use tools::testing::{Latency, Recorder, RecordingPlan};
 
 use tape::{Replay, Tape};
 

@@ -2,9 +2,9 @@
 
 use std::fs;
 
+use hil_facts::results::company::ProcessorTime;
 use rustix::thread::{CpuSet, sched_getaffinity};
 use serde_json::{Value, json};
-use tools::testing::ProcessorTime;
 
 /// The middle of some values.
 ///

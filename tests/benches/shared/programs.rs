@@ -24,7 +24,7 @@ impl Programs {
         let status = Command::new(env!("CARGO"))
             .args(["build", "--profile", profile, "--target-dir"])
             .arg(target)
-            .args(["-p", "tools", "-p", "plant-process"])
+            .args(["-p", "hil", "-p", "plant-process"])
             .args(["-p", "controller-process", "-p", "hil-target"])
             .args(["-p", "hil-foreign"])
             .status()

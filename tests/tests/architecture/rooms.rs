@@ -1,4 +1,4 @@
-//! The rooms of `tools` and the modules of the packages below: each looks only down, and in no circle.
+//! The rooms of packages and the modules of those without: each looks only down, and in no circle.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -7,23 +7,21 @@ use std::path::PathBuf;
 use super::sources::{Named, named_below};
 use crate::support::programs::workspace;
 
-/// The rooms of `tools` from top to bottom: each names only itself and what is below it.
-const ROOMS: [&str; 14] = [
-    "commands",
-    "campaign",
-    "views",
-    "verification",
-    "benchmark",
-    "run",
-    "doctor",
-    "session",
-    "checkpoint",
-    "results",
-    "programs",
-    "arguments",
-    "files",
-    "terminal",
+/// Packages with rooms from top to bottom: each room names only itself and what is below it.
+const ROOMS: [(&str, &[&str]); 3] = [
+    (
+        "tools/hil",
+        &["commands", "campaign", "views", "verification", "arguments"],
+    ),
+    (
+        "tools/facts",
+        &["session", "checkpoint", "results", "programs", "arguments"],
+    ),
+    ("tools/console", &["files", "terminal"]),
 ];
+
+/// Pieces that tests of several packages share, at the root of each.
+const SHARED: [&str; 2] = ["fixture", "rig"];
 
 fn sources(package: &str) -> PathBuf {
     workspace().join(package).join("src")
@@ -37,29 +35,28 @@ fn modules(package: &str) -> BTreeSet<String> {
         let name = line.trim_start_matches("pub ").strip_prefix("mod ")?;
         name.strip_suffix(';')
     });
+    let declared = declared.filter(|name| !SHARED.contains(name));
     declared.map(Into::into).collect()
 }
 
-fn floor(room: &str) -> Option<usize> {
-    ROOMS.iter().position(|known| *known == room)
-}
-
 #[test]
-fn tools_has_these_rooms_and_nothing_beside_them() {
-    let known: BTreeSet<String> = ROOMS.map(Into::into).into();
-    assert_eq!(modules("tools"), known);
-    for entry in fs::read_dir(sources("tools")).expect("sources") {
-        let path = entry.expect("an entry").path();
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let is_room = path.is_dir() && known.contains(&*name);
-        let is_root = ["lib.rs", "main.rs"].contains(&&*name);
-        assert!(is_room || is_root, "{name} is no room of tools");
-        if is_room {
-            let text = fs::read_to_string(path.join("mod.rs")).expect("a room has a mod.rs");
-            assert!(
-                says_what_never(&text),
-                "{name} does not say what it is and what never"
-            );
+fn packages_have_these_rooms_and_nothing_beside_them() {
+    for (package, rooms) in ROOMS {
+        let known: BTreeSet<String> = rooms.iter().map(|room| (*room).to_owned()).collect();
+        assert_eq!(modules(package), known, "{package}");
+        for entry in fs::read_dir(sources(package)).expect("sources") {
+            let path = entry.expect("an entry").path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            let is_room = path.is_dir() && known.contains(&*name);
+            let is_root = ["lib.rs", "main.rs"].contains(&&*name);
+            assert!(is_room || is_root, "{name} is no room of {package}");
+            if is_room {
+                let text = fs::read_to_string(path.join("mod.rs")).expect("a room has a mod.rs");
+                assert!(
+                    says_what_never(&text),
+                    "{package}/src/{name} does not say what it is and what never"
+                );
+            }
         }
     }
 }
@@ -72,26 +69,30 @@ fn says_what_never(text: &str) -> bool {
 }
 
 #[test]
-fn rooms_of_tools_name_only_rooms_below_them() {
-    let wrong: Vec<String> = named_below(&sources("tools"))
-        .iter()
-        .filter_map(|named| {
-            let from = &named.from[0];
-            let what = match named.to.first() {
-                None => "the root of the package",
-                Some(to) => match (floor(from), floor(to)) {
-                    (Some(from), Some(to)) if from <= to => return None,
-                    (Some(_), Some(_)) => "a room above it",
-                    _ => "no room",
-                },
-            };
-            let (place, path) = (named.place(), named.to.join("::"));
-            Some(format!(
-                "tools/src/{place}: `{from}` names `crate::{path}`, {what}"
-            ))
-        })
-        .collect();
-    assert!(wrong.is_empty(), "\n{}\n", wrong.join("\n"));
+fn rooms_name_only_rooms_below_them() {
+    for (package, rooms) in ROOMS {
+        let floor = |room: &str| rooms.iter().position(|known| *known == room);
+        let wrong: Vec<String> = named_below(&sources(package))
+            .iter()
+            .filter_map(|named| {
+                let from = &named.from[0];
+                let what = match named.to.first() {
+                    None => "the root of the package",
+                    Some(to) if SHARED.contains(&&**to) => return None,
+                    Some(to) => match (floor(from), floor(to)) {
+                        (Some(from), Some(to)) if from <= to => return None,
+                        (Some(_), Some(_)) => "a room above it",
+                        _ => "no room",
+                    },
+                };
+                let (place, path) = (named.place(), named.to.join("::"));
+                Some(format!(
+                    "{package}/src/{place}: `{from}` names `crate::{path}`, {what}"
+                ))
+            })
+            .collect();
+        assert!(wrong.is_empty(), "\n{}\n", wrong.join("\n"));
+    }
 }
 
 /// The first circle among modules of a root, as its paths.
@@ -142,7 +143,7 @@ fn modules_of_lower_packages_form_no_circle() {
         "shared-types",
         "hil-config",
         "tools/recording",
-        "tools/target",
+        "tools/remote",
         "tools/campaign",
     ] {
         let (named, modules) = (named_below(&sources(package)), modules(package));

@@ -5,16 +5,16 @@
 use std::fmt::Write as _;
 
 use clap::CommandFactory;
+use hil::CommandLine;
 use serde_json::Value;
 use shared_types::describe::{ActsOn, FaultDescription, ProfileDescription};
 use shared_types::number::exact as number;
 use shared_types::table::Field;
-use tools::testing::CommandLine;
 
 use crate::support::programs::{demanded, workspace};
 
 const MADE: &str = "<!-- Made from the code: `HIL_WRITE_BOOK=1 cargo test --release -p tests book::references` writes it anew. -->\n";
-const EXITS: &str = include_str!("../../../tools/src/terminal/exit.rs");
+const EXITS: &str = include_str!("../../../tools/console/src/terminal/exit.rs");
 
 #[test]
 fn the_references_say_what_the_code_says() {

@@ -8,9 +8,9 @@ use std::fs;
 use std::io::{self, Write};
 use std::path::Path;
 
+use hil_facts::results::curve::{Curve, Grid};
 use serde::{Deserialize, Serialize};
 
-use crate::curve::{Curve, Grid};
 use crate::folder::Folder;
 use crate::journal;
 use crate::manifest::Manifest;

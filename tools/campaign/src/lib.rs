@@ -11,13 +11,23 @@
 //! 5. [`curves`] over time are pictures beside it, for the report alone.
 //! 6. Statistics say what follows: [`binomial`] bounds of probabilities, bounds of quantiles ([`order`]), [`rank`]
 //!    correlation, [`mcnemar`]'s test.
+//! 7. [`command`] is the verb, `hil campaign`, above all of these: it alone knows scenarios, programs and runs.
 //!
-//! No run is made here. Of `hil-config` only studies and their expressions are used; no scenario is checked and no
-//! plant is known.
+//! No run is made here: that is [`hil_run`]. Below [`command`], of `hil-config` only studies and their expressions are
+//! used; no scenario is checked and no plant is known.
 
+#![expect(
+    rustdoc::private_intra_doc_links,
+    reason = "the map leads into modules that are closed to other packages"
+)]
+
+#[macro_use]
+extern crate hil_console; // its macro `tell!` is used everywhere
+
+pub mod arguments;
 pub mod binomial;
 pub mod collect;
-pub mod curve;
+pub mod command;
 pub mod curves;
 pub mod draws;
 pub mod folder;

@@ -7,18 +7,17 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
 
+pub use hil_console::files::kind::MANIFEST;
+use hil_facts::results::curve::Grid;
 use serde::de::Error as _;
 use serde::{Deserialize, Serialize};
 
-use crate::curve::Grid;
 use crate::table::Column;
 
 /// Version of the folder's form.
 pub const SCHEMA: u32 = 1;
 /// Version of the form of a folder whose campaign grew.
 pub const GROWN: u32 = 2;
-/// Name of the file in the folder.
-pub const MANIFEST: &str = "manifest.json";
 
 /// A file of the folder.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

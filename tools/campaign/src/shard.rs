@@ -13,9 +13,9 @@ use std::io::{self, ErrorKind};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use hil_facts::results::curve::Grid;
 use rustix::fs::{FlockOperation, flock};
 
-use crate::curve::Grid;
 use crate::curves::{CURVES, Curves};
 use crate::folder::{Folder, SHARDS};
 use crate::journal::{self, Journal};

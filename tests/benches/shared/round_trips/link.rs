@@ -1,12 +1,12 @@
 //! The project's link: frames that are filled, sealed, summed and checked.
 
+use hil_benchmark::exchange::End;
 use shared_types::frame::{FrameIdentity, FrameKind, Header};
 use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{FrameSpec, Link};
 use shared_types::session::SessionInfo;
 use shared_types::side::Side;
 use shared_types::time::Step;
-use tools::testing::End;
 
 use super::{COMMANDS, SIGNALS};
 

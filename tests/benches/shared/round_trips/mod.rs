@@ -14,11 +14,11 @@ mod peer;
 mod place;
 mod sockets;
 
+use hil_benchmark::exchange::End;
 use shared_types::frame;
 use shared_types::link::bare::Blackboard;
 use shared_types::session::SessionInfo;
 use shared_types::side::Side;
-use tools::testing::End;
 
 pub(crate) use peer::{answered, measure};
 pub(crate) use place::Place;

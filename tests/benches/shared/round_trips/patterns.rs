@@ -2,6 +2,7 @@
 //!
 //! The plant creates every service, the controller opens them.
 
+use hil_benchmark::exchange::End;
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::pending_response::PendingResponse;
 use iceoryx2::port::client::Client;
@@ -13,7 +14,6 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use shared_types::link::iceoryx::Ipc;
 use shared_types::session::SessionInfo;
 use shared_types::side::Side;
-use tools::testing::End;
 
 use super::{COMMAND_BYTES, SAMPLE_BYTES};
 

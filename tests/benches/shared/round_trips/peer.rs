@@ -4,11 +4,12 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
+use hil_benchmark::exchange::{End, Trips, follow, lead};
+use hil_benchmark::raw;
 use shared_types::realtime::pin;
 use shared_types::session::{Session, SessionInfo};
 use shared_types::side::Side;
 use shared_types::wait::{WaitLimit, WaitStrategy, Waiter};
-use tools::testing::{End, Trips, follow, lead, raw};
 
 use super::{COMMAND_BYTES, Exchange, Place, Round, SAMPLE_BYTES, Wait, open};
 

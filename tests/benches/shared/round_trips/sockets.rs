@@ -9,9 +9,9 @@ use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::os::unix::net::{UnixDatagram, UnixListener, UnixStream};
 use std::time::Duration;
 
+use hil_benchmark::exchange::End;
 use shared_types::session::SessionInfo;
 use shared_types::side::Side;
-use tools::testing::End;
 
 use super::peer::WAIT_LIMIT_S;
 use super::{COMMAND_BYTES, Opened, SAMPLE_BYTES, Wait};

@@ -7,18 +7,21 @@
 use std::ffi::OsString;
 
 use clap::Parser;
+use hil::{Command, CommandLine};
 use hil_config::expression::Columns;
 use hil_config::live_requests::RequestContext;
 use hil_config::plan::{FaultEvent, Trigger};
 use hil_config::problem::ProblemKind;
 use hil_config::show::fault_toml;
+use hil_facts::arguments::inject::arrange;
+use hil_facts::results::faults::LiveFault;
+use hil_facts::session::inject;
 use plant_process::faults::{FaultBuilder, kinds};
 use shared_types::describe::PlantDescription;
 use shared_types::live::Possible;
 use shared_types::record::FaultAccepted;
 use shared_types::table::Field;
 use shared_types::time::Step;
-use tools::testing::{Command, CommandLine, LiveFault, arrange, inject};
 
 use super::rig::{rig, small_plan};
 

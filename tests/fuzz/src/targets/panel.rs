@@ -4,8 +4,8 @@
 //! machine, and to the WebSocket an origin that is the page's own; whatever way it comes in pieces, it is judged the
 //! same. What a taken message asks for is on a short list, and its numbers are bounded.
 
-use tools::testing::panel_message::{Deed, Wish, wish};
-use tools::testing::panel_request::{Asked, Judged, LONGEST, judge};
+use hil_views::panel::message::{Deed, Wish, wish};
+use hil_views::panel::request::{Asked, Judged, LONGEST, judge};
 
 /// Runs the target.
 pub fn run(bytes: &[u8]) {

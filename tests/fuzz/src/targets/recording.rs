@@ -6,12 +6,16 @@ use std::cell::RefCell;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use hil_benchmark::recorded;
+use hil_console::terminal::interruption::Interruption;
 use hil_recording::reader::{RECORDING, RunReader};
+use hil_verification::arguments::tolerance::Tolerances;
+use hil_verification::compare::{Verdict, compare};
+use hil_verification::judge::judged;
+use hil_verification::repetition::RecordedScenario;
+use hil_views::arguments::export::{ExportArguments, ExportFormat};
+use hil_views::export;
 use tempfile::TempDir;
-use tools::testing::{
-    ExportArguments, ExportFormat, Interruption, RecordedScenario, Tolerances, Verdict, compare,
-    export, judged, recorded,
-};
 
 use super::assert_told;
 

@@ -8,6 +8,7 @@ use std::cell::RefCell;
 use std::fs;
 use std::path::Path;
 
+use hil_facts::checkpoint::Checkpoint;
 use plant_process::engine::Engine;
 use plant_process::faults::kinds;
 use serde::Serialize;
@@ -20,7 +21,6 @@ use shared_types::session::SessionInfo;
 use shared_types::time::Step;
 use shared_types::{link, stream};
 use tempfile::TempDir;
-use tools::testing::Checkpoint;
 
 use super::rig::small_plan;
 

@@ -2,8 +2,9 @@
 
 use std::fs;
 
+use hil_facts::results::curve::{Curve, Grid};
+
 use crate::collect;
-use crate::curve::{Curve, Grid};
 use crate::curves::{CURVES, Curves};
 use crate::journal;
 use crate::shard::Shard;

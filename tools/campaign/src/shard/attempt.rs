@@ -6,9 +6,10 @@ use std::io::{self, Write};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
+use hil_facts::results::curve::Curve;
+
 use super::part::Part;
 use super::{PART, PartError, Shard};
-use crate::curve::Curve;
 use crate::curves::Curves;
 use crate::folder::Conflict;
 use crate::journal::{self, Circumstances, Journal};

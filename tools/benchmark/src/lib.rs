@@ -1,0 +1,75 @@
+//! Measurements of the loop and of this machine's limits, with a plant and a law that do nothing. Runs no scenario and
+//! defines no figure: that is [`results`](hil_facts::results::latency). Of a recorded run it reads figures alone.
+//!
+//! `hil latency` measures the machine:
+//!
+//! 1. [`measurement`] runs a plant and a law that do [nothing](null) through the real engine, link and
+//!    runner. The plant is a thread of this process, the controller a [`peer`]: `hil` once more.
+//! 2. Between the same two sides it measures the [`raw`] limit of shared memory and the bare
+//!    [blackboard](shared_types::link::bare), an [`exchange`] of payloads as large as the loop's frames.
+//! 3. The [`report`] puts all cases side by side, with the [`bars`] of one of them.
+//!
+//! `hil latency RUN` makes the same report of a [`recorded`] run.
+
+#![expect(
+    rustdoc::private_intra_doc_links,
+    reason = "the map leads into modules that are closed to other packages"
+)]
+#![expect(
+    missing_docs,
+    reason = "fields and variants whose names say what they are"
+)]
+
+#[macro_use]
+extern crate hil_console; // its macro `tell!` is used everywhere
+
+pub mod arguments;
+pub mod bars;
+pub mod exchange;
+pub(crate) mod measurement;
+pub mod null;
+pub mod peer;
+pub mod raw;
+pub mod recorded;
+pub(crate) mod report;
+
+use std::path::Path;
+
+use crate::arguments::LatencyArguments;
+
+use hil_console::files::part_file;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
+use report::Report;
+
+/// Runs the command.
+///
+/// # Errors
+/// If nothing could be measured, the run not be read or the results not be written.
+pub fn latency(arguments: &LatencyArguments) -> Result<Exit, Failure> {
+    if let Some(csv) = &arguments.csv {
+        check_folder_of(csv)?;
+    }
+    let cases = match &arguments.run {
+        Some(run) => vec![recorded::case(run, arguments.warm_up.unwrap_or(0))?],
+        None => measurement::matrix(arguments)?,
+    };
+    let report = Report::new(&cases, arguments.run.as_deref());
+    if let Some(csv) = &arguments.csv {
+        part_file::write_text(csv, &report::csv(&cases))?;
+    }
+    output::result(arguments.json, &report, || report.text(&cases))?;
+    Ok(Exit::Pass)
+}
+
+/// Refuses a file in a folder that is not there, before a minute of measuring.
+fn check_folder_of(file: &Path) -> Result<(), Failure> {
+    let absolute = std::path::absolute(file).map_err(Failure::usage)?;
+    match absolute.parent() {
+        Some(folder) if folder.is_dir() && !file.is_dir() => Ok(()),
+        _ => Err(Failure::usage(format!(
+            "{} cannot be written: its folder is not there, or it is one",
+            file.display()
+        ))),
+    }
+}

@@ -1,0 +1,166 @@
+//! The other process: `hil` once more, as the controller of a measurement.
+//!
+//! Started through a hidden command with a group of its own, so that Ctrl-C reaches the measuring
+//! `hil` alone; it ends with its standard input, and with it.
+
+use std::io::Read;
+use std::os::unix::process::CommandExt;
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use controller_process::job::{JOB_FILE, Job};
+use controller_process::runner::{End, Runner};
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_run::open_files;
+use shared_types::link::bare::Blackboard;
+use shared_types::link::iceoryx::IceoryxLink;
+use shared_types::process::{end_group, reap};
+use shared_types::realtime::CONTROLLER_FILE;
+use shared_types::session::{Session, SessionInfo};
+use shared_types::side::Side;
+use shared_types::supervision::Supervision;
+use shared_types::wait::WaitLimit;
+
+use super::exchange::{Trips, follow};
+use super::null;
+use crate::arguments::{LatencyPeerArguments, PeerWork};
+
+/// Limit of one side's wait for a peer that lives.
+pub const WAIT_LIMIT_S: f64 = 5.0;
+/// Limit for the end of a peer once its work is over.
+const GRACE: Duration = Duration::from_secs(2);
+
+/// The other process, as the one that measures sees it.
+pub(super) struct Peer {
+    process: Child,
+    /// Held open: it ends with this.
+    input: Option<ChildStdin>,
+    said: Option<JoinHandle<String>>,
+}
+
+impl Peer {
+    /// Starts it. When it ends, the supervision knows.
+    pub(crate) fn start(
+        session: &mut Session,
+        work: PeerWork,
+        supervision: &Supervision,
+    ) -> Result<Self, Failure> {
+        open_files::ensure()?;
+        let own = std::env::current_exe().map_err(Failure::infrastructure)?;
+        let mut process = Command::new(own)
+            .arg("latency-peer")
+            .arg(&session.info().folder)
+            .args(work.arguments())
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .process_group(0)
+            .spawn()
+            .map_err(|error| Failure::infrastructure(format!("cannot start a process: {error}")))?;
+        let (input, output) = (process.stdin.take(), process.stderr.take());
+        let supervision = supervision.clone();
+        // Sleeps until the process is gone: nothing wakes up while steps are measured.
+        let said = std::thread::spawn(move || {
+            let mut bytes = Vec::new();
+            if let Some(mut output) = output {
+                let _ = output.read_to_end(&mut bytes); // what was read before an error is all there is
+            }
+            supervision.peer_gone(1);
+            String::from_utf8_lossy(&bytes).trim().to_owned()
+        });
+        let peer = Self {
+            process,
+            input,
+            said: Some(said),
+        };
+        (session.add_controller(1, peer.process.id())).map_err(Failure::infrastructure)?;
+        Ok(peer)
+    }
+
+    /// Tells it to end before its work is over; what it said of that.
+    pub(crate) fn stop(mut self) -> Result<(), String> {
+        drop(self.input.take());
+        self.end()
+    }
+
+    /// Waits for its end; what it said if it did not end well.
+    pub(crate) fn end(mut self) -> Result<(), String> {
+        let since = Instant::now();
+        let status = loop {
+            match reap(&mut self.process) {
+                Ok(Some(status)) => break status,
+                Ok(None) if since.elapsed() < GRACE => {
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+                _ => return Err("the controller's process did not end".into()),
+            }
+        };
+        let said = self.said.take().and_then(|thread| thread.join().ok());
+        match said.unwrap_or_default() {
+            _ if status.success() => Ok(()),
+            said if said.is_empty() => Err(format!("the controller's process: {status}")),
+            said => Err(format!("the controller's process: {said}")),
+        }
+    }
+}
+
+impl Drop for Peer {
+    fn drop(&mut self) {
+        drop(self.input.take());
+        if let Ok(None) = reap(&mut self.process) {
+            end_group(&self.process);
+            let _ = self.process.wait(); // it was killed
+        }
+    }
+}
+
+/// Runs the hidden command: is the controller of a measurement.
+///
+/// # Errors
+/// If the measurement ended early.
+pub fn peer(arguments: &LatencyPeerArguments) -> Result<Exit, Failure> {
+    let supervision = Supervision::from_stdin();
+    let session = SessionInfo::read(&arguments.session).map_err(Failure::usage)?;
+    let done = match arguments.work {
+        PeerWork::Controller { signals } => control(&session, signals, &supervision),
+        PeerWork::Answer { signals, trips } => answer(&session, signals, trips, &supervision),
+    };
+    done.map(|()| Exit::Pass).map_err(Failure::Infrastructure)
+}
+
+fn control(session: &SessionInfo, signals: usize, supervision: &Supervision) -> Result<(), String> {
+    let job: Job = session.read_file(JOB_FILE).map_err(|e| e.to_string())?;
+    let (limit, settings) = (WaitLimit::from_seconds(job.wait_limit_s), job.realtime);
+    let link = IceoryxLink::open(session, 1).map_err(|e| e.to_string())?;
+    let law = null::law(signals);
+    let mut runner = Runner::new(&law, job, link).map_err(|e| e.to_string())?;
+    let report = settings.apply();
+    (session.write_file(CONTROLLER_FILE, &report)).map_err(|e| e.to_string())?;
+    controller_process::program::drive(&mut runner, report.waiter(limit), supervision)
+        .map_err(|e| e.to_string())?;
+    match runner.end() {
+        Some(End::Completed { .. }) => Ok(()),
+        Some(End::Aborted(abort)) => Err(abort.to_string()),
+        None => Err("the run ended without saying how".into()),
+    }
+}
+
+fn answer(
+    session: &SessionInfo,
+    signals: usize,
+    trips: u64,
+    supervision: &Supervision,
+) -> Result<(), String> {
+    let back = null::answered_with(signals);
+    let mut end = Blackboard::open(session, Side::Controller, signals, back)
+        .map_err(|error| error.to_string())?;
+    let job: Job = session.read_file(JOB_FILE).map_err(|e| e.to_string())?;
+    let limit = WaitLimit::from_seconds(job.wait_limit_s);
+    let waiter = job.realtime.apply().waiter(limit);
+    let trips = Trips {
+        warm_up: 0,
+        measured: trips,
+    };
+    follow(&mut end, trips, waiter, || supervision.wants_stop()).map_err(|e| e.to_string())
+}

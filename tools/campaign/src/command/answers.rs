@@ -1,0 +1,388 @@
+//! Answers of a complete campaign: classes, probabilities with bounds, margins with quantiles, worst cases, rank
+//! correlations, and whether the study's goals are met.
+//!
+//! Bounds only where draws are independent. A diverged case has not passed and is worse than any other; an undecided
+//! one has not passed either and is a class of its own; a case that was set aside makes every probability a matter
+//! of belief, so there is none.
+
+mod gathered;
+
+use crate::binomial;
+use crate::collect::Collected;
+use crate::manifest::Manifest;
+use crate::rank::Order;
+use crate::table::{CLASS, Column, LOST, Row};
+use crate::{order, rank};
+use hil_config::study::{Goal, Sampling, Study};
+use hil_facts::results::requirements;
+use serde::Serialize;
+use shared_types::table::number;
+
+use gathered::Cases;
+pub(super) use gathered::Gathered;
+
+/// Classes of cases.
+pub(super) const CLASSES: [&str; 5] = ["pass", "fail", "diverged", "undecided", LOST];
+/// The classes in words for a person: cases without a requirement are not called a pass.
+pub(super) fn classes_in_words(requirements: usize) -> [&'static str; CLASSES.len()] {
+    CLASSES.map(|class| requirements::in_words(class, requirements))
+}
+
+/// Quantiles of margins that are told.
+const QUANTILES: [f64; 3] = [0.01, 0.05, 0.5];
+/// Number of worst cases and of correlations that are told.
+const MOST: usize = 5;
+
+/// Answers of a campaign.
+#[derive(Debug, Serialize)]
+pub(super) struct Answers {
+    pub(super) name: String,
+    pub(super) cases: u64,
+    pub(super) draws: u64,
+    pub(super) sampling: &'static str,
+    pub(super) confidence: f64,
+    pub(super) digest: Option<String>,
+    /// Cases that were set aside.
+    pub(super) lost: Vec<u64>,
+    pub(super) variants: Vec<VariantAnswer>,
+    pub(super) goals: Vec<GoalAnswer>,
+}
+
+impl Answers {
+    /// Number of the requirements that cases are judged by.
+    pub(super) fn requirements(&self) -> usize {
+        self.variants
+            .first()
+            .map_or(0, |one| one.requirements.len())
+    }
+}
+
+/// A share of cases, with bounds of the probability behind it.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct Share {
+    pub(super) count: u64,
+    pub(super) of: u64,
+    pub(super) bounds: Option<BoundsAnswer>,
+}
+
+/// Clopper-Pearson bounds.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct BoundsAnswer {
+    pub(super) lower: f64,
+    pub(super) upper: f64,
+    /// Always `both`: each bound takes half of the risk.
+    pub(super) sided: &'static str,
+}
+
+/// Answers for a variant.
+#[derive(Debug, Serialize)]
+pub(super) struct VariantAnswer {
+    pub(super) name: String,
+    /// Cases of each class, in the order of [`CLASSES`].
+    pub(super) classes: [u64; 5],
+    pub(super) passes: Share,
+    pub(super) requirements: Vec<RequirementAnswer>,
+    /// Cases that diverged, the first few.
+    pub(super) diverged: Vec<u64>,
+}
+
+/// Answers for a requirement of a variant.
+#[derive(Debug, Serialize)]
+pub(super) struct RequirementAnswer {
+    pub(super) name: String,
+    pub(super) unit: String,
+    pub(super) holds: Share,
+    pub(super) quantiles: Vec<QuantileAnswer>,
+    /// Cases without a margin, neither good nor bad.
+    pub(super) without: u64,
+    pub(super) worst: Vec<WorstAnswer>,
+    /// Rank correlations of the margin with varied values, the strongest first.
+    pub(super) correlations: Vec<(String, f64)>,
+    /// Differences between the margins are rounding, which follows nothing.
+    pub(super) is_rounding: bool,
+}
+
+/// A quantile of a margin.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct QuantileAnswer {
+    pub(super) p: f64,
+    /// NaN without any margin, and between minus infinity and infinity.
+    pub(super) value: Margin,
+    /// Bounds, if there are enough independent draws.
+    pub(super) bounds: Option<[Margin; 2]>,
+}
+
+/// A case and its margin.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct WorstAnswer {
+    pub(super) case: u64,
+    pub(super) margin: Margin,
+}
+
+/// A margin that may be infinite; in JSON infinities travel as text, and NaN is null.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Margin(pub(super) f64);
+
+impl Serialize for Margin {
+    fn serialize<S: serde::Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        match self.0 {
+            value if value.is_nan() => to.serialize_none(),
+            value => number::serialize(&value, to),
+        }
+    }
+}
+
+/// Answer to a goal.
+#[derive(Debug, Serialize)]
+pub(super) struct GoalAnswer {
+    pub(super) variant: String,
+    /// None if it is about cases that pass.
+    pub(super) requirement: Option<String>,
+    pub(super) probability: f64,
+    pub(super) confidence: f64,
+    pub(super) share: Share,
+    /// One-sided lower bound of the probability.
+    pub(super) lower: f64,
+    pub(super) is_met: bool,
+}
+
+/// Returns the class of a row.
+pub(super) fn class_of<'a>(manifest: &Manifest, row: &'a Row) -> &'a str {
+    manifest
+        .place(CLASS)
+        .map_or("", |place| row[place].as_text())
+}
+
+/// Returns the place of a class among [`CLASSES`]; an unknown one counts as lost.
+pub(super) fn place_of(class: &str) -> usize {
+    let known = CLASSES.iter().position(|known| *known == class);
+    known.unwrap_or(CLASSES.len() - 1)
+}
+
+/// Computes the answers of the cases of a campaign.
+pub(super) fn of(gathered: Gathered, collected: &Collected) -> Answers {
+    let Gathered {
+        manifest,
+        study,
+        varied,
+        requirements,
+        variants: cases,
+        ..
+    } = gathered;
+    let (digest, lost) = (collected.digest.clone(), collected.lost.clone());
+    let is_sure = study.sampling == Sampling::Independent && lost.is_empty() && digest.is_some();
+    let variants: Vec<VariantAnswer> = (study.variants.iter().zip(cases))
+        .map(|(variant, cases)| {
+            answer(&variant.name, cases, study, &varied, &requirements, is_sure)
+        })
+        .collect();
+    let goals = study.goals.iter().flat_map(|goal| {
+        let of = variants
+            .iter()
+            .filter(|one| goal.variant.as_ref().is_none_or(|name| *name == one.name));
+        of.map(|variant| goal_answer(goal, variant, is_sure))
+            .collect::<Vec<_>>()
+    });
+    Answers {
+        name: manifest.name.clone(),
+        cases: manifest.cases,
+        draws: study.draws,
+        sampling: study.sampling.name(),
+        confidence: study.confidence,
+        digest,
+        lost,
+        goals: goals.collect(),
+        variants,
+    }
+}
+
+/// Returns the margin by which cases are ordered: a diverged one is worse than any, and a verdict without a margin
+/// is beyond every margin.
+pub(super) fn margin(verdict: &str, class: &str, robustness: f64) -> f64 {
+    match verdict {
+        _ if class == "diverged" => f64::NEG_INFINITY,
+        "fail" if robustness.is_nan() => f64::NEG_INFINITY,
+        "pass" if robustness.is_nan() => f64::INFINITY,
+        _ => robustness,
+    }
+}
+
+fn answer(
+    name: &str,
+    cases: Cases,
+    study: &Study,
+    varied: &[&Column],
+    requirements: &[(String, String)],
+    is_sure: bool,
+) -> VariantAnswer {
+    let of = cases.case.len() as u64;
+    let can_fail = !requirements.is_empty();
+    let confidence = is_sure.then_some(study.confidence);
+    let ranks: Vec<Vec<f64>> = cases
+        .varied
+        .iter()
+        .map(|values| rank::ranks(values))
+        .collect();
+    let answers = requirements.iter().zip(&cases.holds).zip(&cases.margins);
+    let requirements = answers.map(|(((name, unit), holds), margins)| {
+        let order = Order::of(margins);
+        // Those without a margin come last.
+        let is_there = |place: &usize| !margins[*place].is_nan();
+        let places: Vec<usize> = order.places().take_while(is_there).collect();
+        let sorted: Vec<f64> = places.iter().map(|place| margins[*place]).collect();
+        // Those with a margin are no sample of all.
+        let bounded = confidence.filter(|_| sorted.len() == margins.len());
+        let worst = places.iter().take(MOST).map(|place| WorstAnswer {
+            case: cases.case[*place],
+            margin: Margin(margins[*place]),
+        });
+        // Of cases with a margin; nearly always these are all.
+        let is_rounding = rank::is_rounding(&sorted);
+        let margin_ranks = match is_rounding {
+            true => rank::ranks(&existing(margins, without_rounding(margins))),
+            false => existing(margins, order.ranks()),
+        };
+        let pairs = varied.iter().zip(&ranks).zip(&cases.varied);
+        let correlations = pairs.filter_map(|((column, ranks), values)| {
+            let rho = match sorted.len() == margins.len() {
+                true => rank::of_ranks(ranks, &margin_ranks)?,
+                false => {
+                    let values = existing(margins, values.clone());
+                    rank::of_ranks(&rank::ranks(&values), &margin_ranks)?
+                }
+            };
+            Some((column.name.clone(), rho))
+        });
+        let mut correlations: Vec<(String, f64)> = correlations.collect();
+        correlations.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+        correlations.truncate(MOST);
+        RequirementAnswer {
+            name: name.clone(),
+            unit: unit.clone(),
+            holds: share(*holds, of, confidence),
+            quantiles: QUANTILES.map(|p| quantile(&sorted, p, bounded)).into(),
+            without: (margins.len() - sorted.len()) as u64,
+            worst: worst.collect(),
+            correlations,
+            is_rounding,
+        }
+    });
+    let mut diverged = cases.diverged;
+    diverged.truncate(MOST);
+    VariantAnswer {
+        name: name.into(),
+        classes: cases.classes,
+        // Where nothing can fail, passing says nothing.
+        passes: share(cases.classes[0], of, confidence.filter(|_| can_fail)),
+        requirements: requirements.collect(),
+        diverged,
+    }
+}
+
+/// Makes all finite margins equal, so that only infinite ones differ.
+fn without_rounding(margins: &[f64]) -> Vec<f64> {
+    let equal = |margin: &f64| if margin.is_finite() { 0.0 } else { *margin };
+    margins.iter().map(equal).collect()
+}
+
+/// Leaves out the values of cases without a margin.
+fn existing(margins: &[f64], mut values: Vec<f64>) -> Vec<f64> {
+    let mut margins = margins.iter();
+    values.retain(|_| margins.next().is_some_and(|margin| !margin.is_nan()));
+    values
+}
+
+fn share(count: u64, of: u64, confidence: Option<f64>) -> Share {
+    let bounds = confidence.and_then(|confidence| binomial::bounds(count, of, confidence));
+    let bounds = bounds.map(|bounds| BoundsAnswer {
+        lower: bounds.lower,
+        upper: bounds.upper,
+        sided: "both",
+    });
+    Share { count, of, bounds }
+}
+
+fn quantile(sorted: &[f64], p: f64, confidence: Option<f64>) -> QuantileAnswer {
+    let bounds = confidence.and_then(|confidence| {
+        let (low, high) = order::quantile_bounds(sorted.len() as u64, p, confidence)?;
+        let at = |place: u64| sorted.get(usize::try_from(place).ok()?).copied();
+        Some([Margin(at(low)?), Margin(at(high)?)])
+    });
+    QuantileAnswer {
+        p,
+        value: Margin(order::quantile(sorted, p)),
+        bounds,
+    }
+}
+
+/// Judges a goal for a variant; without independent draws of every case none is met.
+fn goal_answer(goal: &Goal, variant: &VariantAnswer, is_sure: bool) -> GoalAnswer {
+    let none = Share {
+        count: 0,
+        of: variant.passes.of,
+        bounds: None,
+    };
+    let share = match &goal.requirement {
+        None => variant.passes,
+        Some(name) => {
+            let found = variant.requirements.iter().find(|one| one.name == *name);
+            found.map_or(none, |one| one.holds)
+        }
+    };
+    let lower = match is_sure {
+        true => binomial::lower(share.count, share.of, goal.confidence),
+        false => 0.0,
+    };
+    GoalAnswer {
+        variant: variant.name.clone(),
+        requirement: goal.requirement.clone(),
+        probability: goal.probability,
+        confidence: goal.confidence,
+        share,
+        lower,
+        is_met: is_sure && lower >= goal.probability,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    const INF: f64 = f64::INFINITY;
+
+    fn written(sorted: &[f64], p: f64) -> serde_json::Value {
+        serde_json::to_value(quantile(sorted, p, Some(0.9))).expect("JSON")
+    }
+
+    #[test]
+    fn an_infinite_margin_at_a_quantile_is_not_written_as_too_few_cases() {
+        // Two of twenty diverged, two hold without a margin.
+        let mut sorted = vec![-INF, -INF];
+        sorted.extend((1..17).map(f64::from));
+        sorted.extend([INF, INF]);
+        let low = written(&sorted, 0.05);
+        assert_eq!(low["value"], "-inf");
+        // Too few for a bound below the quantile at 5 %.
+        assert_eq!(low["bounds"], json!(null));
+        let high = written(&sorted, 0.9);
+        assert_eq!(high["value"], json!("inf"));
+        let median = written(&sorted, 0.5);
+        assert_eq!(median["value"], json!(8.5));
+        assert!(median["bounds"][0].is_number(), "{median}");
+        // The bounds of the quantile at 20 % begin with a case that diverged.
+        let bounded = written(&sorted, 0.2);
+        assert_eq!(bounded["bounds"][0], json!("-inf"), "{bounded}");
+        assert!(bounded["bounds"][1].is_number(), "{bounded}");
+        assert_eq!(written(&[], 0.5)["value"], json!(null));
+        assert_eq!(written(&[-INF, INF], 0.5)["value"], json!(null));
+    }
+
+    #[test]
+    fn cases_that_diverged_still_differ_from_margins_that_vary_by_rounding() {
+        let margins = [1.0, 1.0 + 1e-12, -INF, 1.0 - 1e-12, f64::NAN];
+        assert_eq!(without_rounding(&margins)[..4], [0.0, 0.0, -INF, 0.0]);
+        assert!(without_rounding(&margins)[4].is_nan());
+    }
+}

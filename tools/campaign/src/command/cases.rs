@@ -1,0 +1,439 @@
+//! The cases of a study: the plan of each, and the row that comes of running it.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use crate::draws::Draws;
+use crate::folder::Folder;
+use crate::table::{CLASS, Cell, Column, ColumnKind, LOST, Row};
+use hil_config::plan::{Plan, Programs, Realtime};
+use hil_config::problem::Problems;
+use hil_config::scenario::Scenario;
+use hil_config::study::{Item, Spread, Study};
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::interruption::Interruption;
+use hil_facts::arguments::BinaryArguments;
+use hil_facts::programs::binaries::named::Named;
+use hil_facts::programs::binaries::{Binaries, Choices};
+use hil_facts::results::curve::Grid;
+use hil_run::alone;
+use hil_run::kept::Kept;
+use shared_types::describe::{Description, FaultKindDescription, LawDescription, PlantDescription};
+use shared_types::lockstep::OnLoss;
+use shared_types::record::RecordLayout;
+
+use super::result::CaseResult;
+use super::values;
+
+/// Cases that can be planned and run.
+pub(super) struct Cases {
+    pub(super) draws: Draws,
+    scenario: Scenario,
+    rig: Rig,
+    /// Copies of tables of points, by the names that scenario and study have for them.
+    tables: BTreeMap<String, String>,
+    /// Keys of the scenario that name such tables.
+    files: Vec<(String, String)>,
+    /// Grid of their curves, if they are kept.
+    grid: Option<Arc<Grid>>,
+}
+
+/// Programs of the cases.
+enum Rig {
+    /// Plants and laws that are built into `hil`.
+    BuiltIn(Box<[Description; 2]>),
+    /// Programs of their own.
+    Own(Arc<Binaries>),
+}
+
+/// Descriptions that scenarios are checked against.
+type Described<'a> = (
+    &'a [PlantDescription],
+    &'a [LawDescription],
+    &'a [FaultKindDescription],
+);
+
+impl Cases {
+    /// Joins a study with the scenario and the programs that it names.
+    ///
+    /// # Errors
+    /// If something is wrong with one of them.
+    pub(super) fn of_study(
+        study: Study,
+        binaries: &BinaryArguments,
+        interruption: &Interruption,
+    ) -> Result<Self, Failure> {
+        refuse_programs(&study)?;
+        let scenario = study.read_scenario()?;
+        let choices = Choices::of(binaries, &Named::by(&scenario), None)?;
+        let rig = match choices.names_one() {
+            true => Rig::Own(choices.find(interruption)?),
+            false => Rig::BuiltIn(Box::new(alone::built_in())),
+        };
+        Self::new(study, scenario, rig, BTreeMap::new())
+    }
+
+    /// Takes the cases of a campaign from its folder, with the copies there.
+    ///
+    /// # Errors
+    /// If something there is not as it was.
+    pub(super) fn of_folder(folder: &Folder, interruption: &Interruption) -> Result<Self, Failure> {
+        let study = folder.path().join(&folder.manifest().study.path);
+        Self::by_folder(Study::read(study)?, folder, interruption)
+    }
+
+    /// Takes the cases of a study whose scenario, programs and tables are the copies in the folder of a campaign.
+    ///
+    /// # Errors
+    /// If something there is not as it was.
+    pub(super) fn by_folder(
+        study: Study,
+        folder: &Folder,
+        interruption: &Interruption,
+    ) -> Result<Self, Failure> {
+        let (manifest, path) = (folder.manifest(), folder.path());
+        let scenario = Scenario::read(path.join(&manifest.scenario.path))?;
+        let rig = match (&manifest.plant, &manifest.controller) {
+            (Some(plant), Some(controller)) => {
+                let arguments = BinaryArguments {
+                    plant_bin: Some(path.join(&plant.path)),
+                    controller_bin: Some(path.join(&controller.path)),
+                };
+                let named = Named::Scenario {
+                    file: scenario.path(),
+                    text: scenario.text(),
+                    // The programs are the copies; what belongs to them is not.
+                    programs: Box::new(Programs {
+                        plant: None,
+                        controller: None,
+                        ..scenario.programs()
+                    }),
+                };
+                let choices = Choices::of(&arguments, &named, None)?;
+                Rig::Own(choices.find(interruption)?)
+            }
+            _ => Rig::BuiltIn(Box::new(alone::built_in())),
+        };
+        let copies = manifest.tables.iter();
+        let tables = copies.map(|(name, copy)| (name.clone(), copy.path.clone()));
+        let grid = manifest.curves.clone().map(Arc::new);
+        Ok(Self {
+            grid,
+            ..Self::new(study, scenario, rig, tables.collect())?
+        })
+    }
+
+    fn new(
+        study: Study,
+        scenario: Scenario,
+        rig: Rig,
+        tables: BTreeMap<String, String>,
+    ) -> Result<Self, Failure> {
+        let draws = Draws::new(study)?;
+        let files = scenario.files();
+        Ok(Self {
+            draws,
+            scenario,
+            rig,
+            tables,
+            files,
+            grid: None,
+        })
+    }
+
+    /// Returns the study.
+    pub(super) const fn study(&self) -> &Study {
+        self.draws.study()
+    }
+
+    /// Returns the text of the scenario.
+    pub(super) const fn scenario(&self) -> &Scenario {
+        &self.scenario
+    }
+
+    /// Returns the programs of their own, if the cases have some.
+    pub(super) fn binaries(&self) -> Option<&Binaries> {
+        match &self.rig {
+            Rig::BuiltIn(_) => None,
+            Rig::Own(binaries) => Some(binaries),
+        }
+    }
+
+    fn described(&self) -> Described<'_> {
+        match &self.rig {
+            Rig::BuiltIn(both) => {
+                let [plant, controller] = &**both;
+                (&plant.plants, &controller.laws, &plant.faults)
+            }
+            Rig::Own(binaries) => binaries.described(),
+        }
+    }
+
+    /// Lists the tables of points that scenario and study name.
+    pub(super) fn named_tables(&self) -> Vec<String> {
+        let study = self.study();
+        let variants = study.variants.iter().flat_map(|variant| &variant.set);
+        let set = study.set.iter().chain(variants).filter_map(|flag| {
+            let (key, value) = flag.split_once('=')?;
+            names_file(key).then(|| unquoted(value))
+        });
+        let varied = study
+            .varied
+            .iter()
+            .filter(|one| one.key.as_deref().is_some_and(names_file));
+        let items = varied.flat_map(|one| match &one.spread {
+            Spread::Choice(items) => items.iter().collect(),
+            _ => Vec::new(),
+        });
+        let items = items.filter_map(|item| match item {
+            Item::Text(name) => Some(name.clone()),
+            _ => None,
+        });
+        let mut all: Vec<String> = self.files.iter().map(|(_, name)| name.clone()).collect();
+        all.extend(set.chain(items));
+        all.sort();
+        all.dedup();
+        all
+    }
+
+    /// Returns the flags of a case, with the copies of tables in place of the tables.
+    fn flags(&self, flags: Vec<String>) -> Vec<String> {
+        let copy = |name: &str| self.tables.get(name).map(|path| toml_string(path));
+        let mut all: Vec<String> = flags
+            .into_iter()
+            .map(|flag| match flag.split_once('=') {
+                Some((key, value)) if names_file(key) => {
+                    let copied = copy(&unquoted(value));
+                    copied.map_or(flag.clone(), |path| format!("{key}={path}"))
+                }
+                _ => flag,
+            })
+            .collect();
+        for (key, name) in &self.files {
+            if let Some(path) = copy(name)
+                && !all
+                    .iter()
+                    .any(|flag| flag.split_once('=').is_some_and(|(set, _)| set == key))
+            {
+                all.push(format!("{key}={path}"));
+            }
+        }
+        all
+    }
+
+    /// Makes the plan of a case.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it, at the places of the study that brought it about.
+    pub(super) fn plan(&self, case: u64) -> Result<Plan, Problems> {
+        self.planned(self.draws.flags(case))
+    }
+
+    /// Makes the plan of a case with these flags.
+    ///
+    /// # Errors
+    /// As of [`plan`](Self::plan).
+    pub(super) fn planned(&self, flags: Vec<String>) -> Result<Plan, Problems> {
+        let (plants, laws, kinds) = self.described();
+        let scenario = self.scenario.clone().set(&self.flags(flags));
+        let plan = scenario.check(plants, laws, kinds);
+        let plan = plan.map_err(|problems| {
+            let at_home = |problem| self.study().at_home(problem);
+            Problems(problems.0.into_iter().map(at_home).collect())
+        })?;
+        Ok(match self.binaries() {
+            Some(binaries) => Plan {
+                programs: binaries.programs(),
+                ..plan
+            },
+            None => plan,
+        })
+    }
+
+    /// Makes the plan of a case and has its sides look at it, where that starts no process.
+    ///
+    /// # Errors
+    /// As of [`plan`](Self::plan), or the objection of a side.
+    pub(super) fn check(&self, case: u64) -> Result<Plan, Failure> {
+        let plan = self.plan(case)?;
+        alone::refuse_clock(&plan)?;
+        if let Rig::BuiltIn(described) = &self.rig {
+            alone::check(&plan, described)?;
+        }
+        Ok(plan)
+    }
+
+    /// Returns the layout of a plan's records.
+    ///
+    /// # Errors
+    /// If the plan is not of these cases.
+    pub(super) fn record_layout(&self, plan: &Plan) -> Result<RecordLayout, Failure> {
+        let (plants, laws, _) = self.described();
+        let both = plan.plant_among(plants).zip(plan.law_among(laws));
+        both.map(|(plant, law)| plan.record_layout(plant, &law))
+            .ok_or_else(|| Failure::infrastructure("a case lost its plant or law"))
+    }
+
+    /// Writes a plan as a complete scenario.
+    ///
+    /// # Errors
+    /// If it is not of these cases.
+    pub(super) fn shown(&self, plan: &Plan) -> Result<String, Failure> {
+        let (plants, laws, kinds) = self.described();
+        hil_config::show::show(plan, plants, laws, kinds).map_err(Failure::usage)
+    }
+
+    /// Runs a plan; programs of their own in processes that are kept, unless the study wants new ones or the
+    /// scenario replaces a lost controller, which starts some anyway.
+    ///
+    /// # Errors
+    /// If it did not end by itself: that is no result.
+    pub(super) fn run(
+        &self,
+        plan: &Plan,
+        kept: &mut Kept,
+        interruption: &Interruption,
+    ) -> Result<CaseResult, Failure> {
+        match &self.rig {
+            Rig::Own(binaries) if self.keeps_processes(plan) => {
+                let began = Instant::now();
+                let (ended, is_to_check) =
+                    kept.run(plan, binaries, self.grid.clone(), interruption)?;
+                let mut result = CaseResult::of_ended(ended, began)?;
+                result.is_to_check = is_to_check;
+                Ok(result)
+            }
+            _ => self.run_fresh(plan, interruption),
+        }
+    }
+
+    /// Tells whether a case runs in processes that are kept: not where settings of its own would stay with them.
+    pub(super) fn keeps_processes(&self, plan: &Plan) -> bool {
+        let is_own = matches!(self.rig, Rig::Own(_));
+        let of_processes = Realtime {
+            wait: plan.realtime.wait,
+            ..Realtime::default()
+        };
+        is_own
+            && !self.study().fresh_processes
+            && plan.run.on_controller_loss == OnLoss::Abort
+            && plan.realtime == of_processes
+    }
+
+    /// Runs a plan in processes of its own, or in this one.
+    ///
+    /// # Errors
+    /// As of [`run`](Self::run).
+    pub(super) fn run_fresh(
+        &self,
+        plan: &Plan,
+        interruption: &Interruption,
+    ) -> Result<CaseResult, Failure> {
+        let began = Instant::now();
+        match &self.rig {
+            Rig::BuiltIn(described) => CaseResult::of_ended(
+                alone::run(plan, described, self.grid.clone(), interruption)?,
+                began,
+            ),
+            Rig::Own(binaries) => {
+                CaseResult::in_processes(plan, binaries, self.grid.clone(), interruption, began)
+            }
+        }
+    }
+
+    /// Lists the columns of the table of results, as the result of a case has them.
+    pub(super) fn columns(&self, result: &CaseResult) -> Vec<Column> {
+        let mut columns = vec![
+            Column::new("case", ColumnKind::Count),
+            Column::new("draw", ColumnKind::Count),
+            Column::new("variant", ColumnKind::Text),
+            Column::new("seed", ColumnKind::Count),
+        ];
+        for (one, value) in self.study().varied.iter().zip(self.draws.values(0)) {
+            let kind = match value.cell() {
+                Cell::Number(_) => ColumnKind::Number,
+                _ => ColumnKind::Text,
+            };
+            columns.push(Column::new(&one.name, kind));
+        }
+        columns.extend(result.columns());
+        columns
+    }
+
+    /// Makes the row of a case.
+    pub(super) fn row(&self, case: u64, result: &CaseResult) -> Row {
+        let mut row = self.head(case);
+        row.extend(result.cells());
+        row
+    }
+
+    /// Makes the row of a case that was set aside.
+    pub(super) fn lost(&self, case: u64, columns: &[Column], reason: &str) -> Row {
+        let mut row = self.head(case);
+        let rest = columns.get(row.len()..).unwrap_or_default();
+        row.extend(
+            rest.iter()
+                .map(|column| match (&*column.name, column.kind) {
+                    (CLASS, _) => Cell::Text(LOST.into()),
+                    ("reason", _) => Cell::Text(reason.into()),
+                    (_, ColumnKind::Count) => Cell::Count(0),
+                    (_, ColumnKind::Number) => Cell::number(f64::NAN),
+                    (_, ColumnKind::Text) => Cell::Text(String::new()),
+                }),
+        );
+        row
+    }
+
+    /// Makes the cells of a case that are known before it runs.
+    pub(super) fn head(&self, case: u64) -> Row {
+        values::head(&self.draws, case)
+    }
+}
+
+/// Refuses programs in the study: all cases of a campaign have the same.
+fn refuse_programs(study: &Study) -> Result<(), Failure> {
+    let variants = study.variants.iter().flat_map(|variant| &variant.set);
+    let set = study.set.iter().chain(variants);
+    let set = set
+        .filter_map(|flag| flag.split_once('='))
+        .map(|(key, _)| key);
+    let varied = study.varied.iter().filter_map(|one| one.key.as_deref());
+    let names =
+        |key: &&str| key.starts_with("plant.program") || key.starts_with("controller.program");
+    match set.chain(varied).find(names) {
+        None => Ok(()),
+        Some(key) => Err(Failure::usage(format!(
+            "{key} in a study: all cases have the same programs; name them in the scenario, or by --plant-bin and --controller-bin, and compare two campaigns with hil campaign compare"
+        ))),
+    }
+}
+
+/// Tells whether a key names a table of points.
+fn names_file(key: &str) -> bool {
+    key.rsplit('.').next() == Some("file")
+}
+
+/// Takes the quotes from a text of TOML; what has none is a text as it is.
+fn unquoted(value: &str) -> String {
+    let parsed: Result<toml_edit::Value, _> = value.trim().parse();
+    let text = parsed
+        .ok()
+        .and_then(|value| value.as_str().map(str::to_owned));
+    text.unwrap_or_else(|| value.trim().into())
+}
+
+fn toml_string(text: &str) -> String {
+    toml_edit::Value::from(text).to_string()
+}
+
+/// Refuses a path that cannot be written down.
+pub(super) fn text_of(path: &Path) -> Result<&str, Failure> {
+    let shown = path.display();
+    path.to_str().ok_or_else(|| {
+        Failure::usage(format!(
+            "{shown}: its name is to be written down, so all of it must be UTF-8"
+        ))
+    })
+}

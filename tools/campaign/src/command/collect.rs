@@ -1,0 +1,284 @@
+//! The results of a campaign as one table in its folder, and the circumstances of its cases as another.
+
+use std::io::BufWriter;
+
+use hil_console::files::part_file::PartFile;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
+
+use crate::collect::Collected;
+use crate::folder::Folder;
+use crate::shard::part::Part;
+use crate::shard::{Shard, missing};
+use crate::table::sealed;
+use hil_config::study::Study;
+use serde_json::json;
+use shared_types::number::counted;
+
+use super::quoted;
+use super::show;
+use super::values;
+use super::work::{cannot, open};
+use crate::arguments::CollectArguments;
+
+/// Name of the table of results.
+pub(super) const RESULTS: &str = "results.parquet";
+/// Name of the table of circumstances.
+const CIRCUMSTANCES: &str = "circumstances.parquet";
+/// Most cases or shards that are listed.
+const MOST_LISTED: usize = 10;
+
+/// Joins the results.
+///
+/// # Errors
+/// If cases are missing, or a table cannot be written.
+pub(super) fn collect(arguments: &CollectArguments) -> Result<Exit, Failure> {
+    let folder = open(&arguments.folder)?;
+    let study = show::study(&folder)?;
+    let collected = join(&folder, &study, arguments.partial, |_| {})?;
+    if !arguments.partial {
+        refuse_missing(&folder, &collected.missing)?;
+    }
+    let conflicts = folder
+        .conflicts()
+        .map_err(|error| cannot(&folder, &error))?;
+    let shown = folder.path().join(RESULTS);
+    let result = json!({
+        "file": shown.display().to_string(),
+        "rows": collected.rows,
+        "digest": collected.digest,
+        "missing_shards": collected.missing.len(),
+        "lost": collected.lost,
+        "conflicts": conflicts,
+    });
+    output::result(arguments.json, &result, || {
+        let digest = collected.digest.as_ref();
+        let digest = digest.map_or_else(
+            || "no digest: cases are missing".into(),
+            |digest| format!("digest {digest}"),
+        );
+        format!(
+            "{} in {}\n{digest}\n",
+            counted(collected.rows, "row"),
+            shown.display()
+        )
+    })?;
+    for conflict in &conflicts {
+        tell!("error: {conflict}");
+    }
+    Ok(exit(&collected, !conflicts.is_empty()))
+}
+
+/// Returns the exit code of what was collected.
+pub(super) const fn exit(collected: &Collected, conflicts: bool) -> Exit {
+    if conflicts {
+        Exit::Failed
+    } else if collected.missing.is_empty() && collected.lost.is_empty() {
+        Exit::Pass
+    } else {
+        Exit::Infrastructure
+    }
+}
+
+/// Joins the results of a campaign and hands each part on, sets those aside that do not count, and removes what dead
+/// workers left. Without the former the campaign may not be complete any more: tables are written then only if
+/// `partial`.
+///
+/// # Errors
+/// If cases are missing before, or a table cannot be written.
+pub(super) fn join(
+    folder: &Folder,
+    study: &Study,
+    partial: bool,
+    take: impl FnMut(&Part),
+) -> Result<Collected, Failure> {
+    let missing = missing(folder);
+    if !partial {
+        refuse_missing(folder, &missing)?;
+    }
+    let cannot_join = |error: &dyn std::fmt::Display| match missing.is_empty() {
+        true => Failure::infrastructure(format!(
+            "cannot join the results in {}: {error}; every case has its own, and hil campaign show {} reads them and writes nothing",
+            folder.path().display(),
+            quoted(folder.path())
+        )),
+        false => cannot(folder, error),
+    };
+    let part = |name: &str| {
+        let path = folder.path().join(name);
+        let part = PartFile::beside(&path).map_err(|error| cannot_join(&error))?;
+        let file = part.file().try_clone();
+        let to = BufWriter::new(file.map_err(|error| cannot_join(&error))?);
+        Ok::<_, Failure>((part, to, path))
+    };
+    let (results, to, path) = part(RESULTS)?;
+    let (circumstances, also_to, other) = part(CIRCUMSTANCES)?;
+    let written = crate::collect::collect(folder, to, also_to, take);
+    let (collected, to, also_to) = written.map_err(|error| cannot_join(&error))?;
+    for (number, what) in &collected.broken {
+        let aside = Shard::of(folder, *number).set_aside();
+        let aside = aside.map_err(|error| cannot(folder, &error))?;
+        tell!(
+            "shard {number}: {what}; it is set aside as {}",
+            aside.display()
+        );
+    }
+    for number in 0..folder.manifest().shards() {
+        let shard = Shard::of(folder, number);
+        if shard.is_published() {
+            shard.sweep().map_err(|error| cannot(folder, &error))?;
+        }
+    }
+    tell_lost(folder, &collected);
+    values::mend(folder, study)?;
+    if !partial && !collected.missing.is_empty() {
+        return Ok(collected);
+    }
+    for (part, to, path) in [(results, to, path), (circumstances, also_to, other)] {
+        let flushed = to.into_inner();
+        let file = flushed.map_err(|error| cannot_join(&error.error()))?;
+        sealed::seal(&file).map_err(|error| cannot_join(&error))?;
+        part.complete(&path, true)
+            .map_err(|error| cannot_join(&error))?;
+    }
+    Ok(collected)
+}
+
+/// Reads the results of a campaign, complete or not if `partial`, and hands each part on. Writes nothing, as an archive
+/// may be read-only.
+///
+/// # Errors
+/// If cases are missing, or a part cannot be read.
+pub(super) fn read(
+    folder: &Folder,
+    partial: bool,
+    mut take: impl FnMut(&Part),
+) -> Result<Collected, Failure> {
+    if !partial {
+        refuse_missing(folder, &missing(folder))?;
+    }
+    let passed = crate::collect::pass(folder, |part| {
+        take(part);
+        Ok(())
+    });
+    let collected = passed.map_err(|error| cannot(folder, &error))?;
+    for (number, what) in &collected.broken {
+        tell!("shard {number}: {what}");
+    }
+    if !partial {
+        refuse_missing(folder, &collected.missing)?;
+    }
+    tell_lost(folder, &collected);
+    Ok(collected)
+}
+
+/// Tells of tables in the folder that do not have these results, with the command that writes them anew. The results
+/// are those of the shards, whatever is wrong with a table.
+///
+/// Returns `true` unless a table is damaged; one that was written before some results came is not.
+pub(super) fn tell_damaged_tables(folder: &Folder, study: &Study, collected: &Collected) -> bool {
+    let mut are_whole = true;
+    if let Err(why) = values::check(folder, study) {
+        are_whole = false;
+        tell!(
+            "error: {why}; what is shown here is read from the shards, and hil campaign collect {} writes it anew",
+            quoted(folder.path())
+        );
+    }
+    for path in [RESULTS, CIRCUMSTANCES].map(|name| folder.path().join(name)) {
+        if !path.is_file() {
+            continue; // not collected yet
+        }
+        let shown = path.display();
+        let mend = format!(
+            "hil campaign collect {} writes it anew",
+            quoted(folder.path())
+        );
+        match sealed::checked_fact(&path, "digest") {
+            Ok(digest) if digest == collected.digest => {}
+            Ok(None) => tell!(
+                "note: {shown} has no check sum, as earlier versions wrote it, so nobody can tell that it is whole; {mend}"
+            ),
+            Ok(Some(_)) => tell!("note: {shown} is older than the last results; {mend}"),
+            Err(error) => {
+                are_whole = false;
+                tell!(
+                    "error: {shown} is damaged: {error}; what is shown here is read from the shards and is not, and {mend}"
+                );
+            }
+        }
+    }
+    are_whole
+}
+
+/// Tells of cases that were set aside.
+fn tell_lost(folder: &Folder, collected: &Collected) {
+    if !collected.lost.is_empty() {
+        tell!(
+            "{}; hil campaign run {} --again tries once more",
+            set_aside(&collected.lost),
+            quoted(folder.path())
+        );
+    }
+}
+
+/// Names cases that were set aside.
+pub(super) fn set_aside(lost: &[u64]) -> String {
+    let cases = counted(lost.len() as u64, "case");
+    format!("{cases} set aside: {}", listed(lost))
+}
+
+/// Tells of results that contradict each other; counts them.
+///
+/// # Errors
+/// If the folder cannot be read.
+pub(super) fn tell_conflicts(folder: &Folder) -> Result<usize, Failure> {
+    let conflicts = folder.conflicts().map_err(|error| cannot(folder, &error))?;
+    for conflict in &conflicts {
+        tell!("error: {conflict}");
+    }
+    Ok(conflicts.len())
+}
+
+fn refuse_missing(folder: &Folder, missing: &[u64]) -> Result<(), Failure> {
+    if missing.is_empty() {
+        return Ok(());
+    }
+    let manifest = folder.manifest();
+    let cases = manifest.count(missing);
+    let (all, shown) = (manifest.cases, quoted(folder.path()));
+    Err(Failure::infrastructure(format!(
+        "{cases} of {all} cases have no result; hil campaign run {shown} computes them, and a campaign that is not complete gives no probability: slow cases come last"
+    )))
+}
+
+/// Lists numbers, of many the first.
+pub(super) fn listed(numbers: &[u64]) -> String {
+    let first: Vec<String> = numbers
+        .iter()
+        .take(MOST_LISTED)
+        .map(ToString::to_string)
+        .collect();
+    let first = first.join(", ");
+    match numbers.len().saturating_sub(MOST_LISTED) {
+        0 => first,
+        more => format!("{first} and {more} more"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::set_aside;
+
+    #[test]
+    fn cases_that_were_set_aside_are_named_of_many_the_first() {
+        assert_eq!(set_aside(&[3]), "1 case set aside: 3");
+        assert_eq!(set_aside(&[3, 9]), "2 cases set aside: 3, 9");
+        let many: Vec<u64> = (0..12).collect();
+        let told = set_aside(&many);
+        assert!(
+            told.ends_with(": 0, 1, 2, 3, 4, 5, 6, 7, 8, 9 and 2 more"),
+            "{told}"
+        );
+    }
+}

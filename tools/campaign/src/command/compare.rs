@@ -1,0 +1,190 @@
+//! Two campaigns on the same draws: which cases pass in one and not in the other, and whether chance explains it.
+
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
+
+use crate::folder::Folder;
+use crate::manifest::Manifest;
+use crate::mcnemar;
+use crate::table::{CLASS, LOST};
+use serde::Serialize;
+use shared_types::number::{counted, short};
+
+use super::collect::{listed, read, tell_conflicts};
+use super::work::open;
+use crate::arguments::CompareCampaignArguments;
+
+/// Difference of two campaigns in a variant.
+#[derive(Debug, Serialize)]
+struct Flips {
+    variant: String,
+    cases: u64,
+    /// Cases that are left out, as one campaign has no result of them.
+    lost: u64,
+    /// Cases that pass in the first campaign alone.
+    first_only: Vec<u64>,
+    /// Cases that pass in the second campaign alone.
+    second_only: Vec<u64>,
+    /// Exact two-sided p value of McNemar's test.
+    p: f64,
+}
+
+/// Compares two campaigns.
+///
+/// # Errors
+/// If they cannot be compared.
+pub(super) fn compare(arguments: &CompareCampaignArguments) -> Result<Exit, Failure> {
+    let (first, second) = (open(&arguments.first)?, open(&arguments.second)?);
+    let flips = flips(&first, &second)?;
+    output::result(arguments.json, &flips, || describe(&flips))?;
+    // What came out twice and not the same cannot be told from what flipped.
+    let conflicts = tell_conflicts(&first)? + tell_conflicts(&second)?;
+    let has_flipped = |one: &Flips| !(one.first_only.is_empty() && one.second_only.is_empty());
+    Ok(match conflicts > 0 || flips.iter().any(has_flipped) {
+        true => Exit::Failed,
+        false => Exit::Pass,
+    })
+}
+
+fn describe(flips: &[Flips]) -> String {
+    let mut text = String::new();
+    for one in flips {
+        let Flips {
+            variant,
+            cases,
+            lost,
+            first_only,
+            second_only,
+            p,
+        } = one;
+        text += &format!(
+            "{variant}: {}, {} pass in the first alone, {} in the second alone; McNemar p = {}\n",
+            counted(*cases, "case"),
+            first_only.len(),
+            second_only.len(),
+            short(*p)
+        );
+        if *lost > 0 {
+            text += &format!(
+                "  {} left out: a campaign has no result of them\n",
+                counted(*lost, "case")
+            );
+        }
+        for (which, cases) in [("first", first_only), ("second", second_only)] {
+            if !cases.is_empty() {
+                text += &format!("  in the {which} alone: {}\n", listed(cases));
+            }
+        }
+    }
+    text
+}
+
+/// A case as far as it is compared.
+struct Case {
+    /// Hash of its number, variant, seed and varied values.
+    values: blake3::Hash,
+    /// Place of its variant.
+    variant: usize,
+    /// None if it was set aside.
+    passes: Option<bool>,
+}
+
+/// Counts the columns before the classes, which make a case what it is.
+fn head(manifest: &Manifest) -> usize {
+    manifest.place(CLASS).unwrap_or(0)
+}
+
+/// Reads the cases of a campaign, with the names of its variants.
+fn cases(folder: &Folder) -> Result<(Vec<Case>, Vec<String>), Failure> {
+    let head = head(folder.manifest());
+    let variants = folder.manifest().place("variant").unwrap_or(0);
+    let (mut all, mut names): (_, Vec<String>) = (Vec::new(), Vec::new());
+    let mut fed = Vec::new();
+    read(folder, false, |part| {
+        let columns = part.results();
+        for row in 0..part.cases().len() {
+            fed.clear();
+            columns[..head]
+                .iter()
+                .for_each(|column| column.feed(row, &mut fed));
+            let name = columns[variants].text(row);
+            let variant = names.iter().position(|known| known == name);
+            let variant = variant.unwrap_or_else(|| {
+                names.push(name.to_owned());
+                names.len() - 1
+            });
+            let class = columns[head].text(row);
+            all.push(Case {
+                values: blake3::hash(&fed),
+                variant,
+                passes: (class != LOST).then_some(class == "pass"),
+            });
+        }
+    })?;
+    Ok((all, names))
+}
+
+/// Finds the cases that flipped, by variants of one name.
+fn flips(first: &Folder, second: &Folder) -> Result<Vec<Flips>, Failure> {
+    let (one, other) = (first.manifest(), second.manifest());
+    let column = |place: usize| [&one.columns, &other.columns].map(|columns| columns.get(place));
+    let differs = (0..one.columns.len().max(other.columns.len()))
+        .take_while(|place| {
+            column(*place)
+                .iter()
+                .flatten()
+                .all(|column| column.name != CLASS)
+        })
+        .find(|place| column(*place)[0] != column(*place)[1]);
+    let is_other = one.cases != other.cases || differs.is_some();
+    let not_comparable = |what: String| {
+        Failure::usage(format!(
+            "{what}: only campaigns on the same draws can be compared case by case"
+        ))
+    };
+    if is_other {
+        return Err(not_comparable(format!(
+            "{} has {} cases and {} has {}, or other values vary",
+            first.path().display(),
+            one.cases,
+            second.path().display(),
+            other.cases
+        )));
+    }
+    let (first, names) = cases(first)?;
+    let (second, _) = cases(second)?;
+    let flips = names.into_iter().map(|variant| Flips {
+        variant,
+        cases: 0,
+        lost: 0,
+        first_only: Vec::new(),
+        second_only: Vec::new(),
+        p: 1.0,
+    });
+    let mut all: Vec<Flips> = flips.collect();
+    for (case, (a, b)) in (0..).zip(first.iter().zip(&second)) {
+        if a.values != b.values {
+            return Err(not_comparable(format!(
+                "case {case} has other values in one than in the other"
+            )));
+        }
+        let flips = &mut all[a.variant];
+        let Some(passes) = a.passes.zip(b.passes) else {
+            flips.lost += 1;
+            continue;
+        };
+        flips.cases += 1;
+        match passes {
+            (true, false) => flips.first_only.push(case),
+            (false, true) => flips.second_only.push(case),
+            _ => {}
+        }
+    }
+    for flips in &mut all {
+        flips.p = mcnemar::exact(
+            flips.first_only.len() as u64,
+            flips.second_only.len() as u64,
+        );
+    }
+    Ok(all)
+}

@@ -1,0 +1,172 @@
+//! A campaign that grows: more draws of the same study, beside the results that are there.
+//!
+//! The planned `hil` does it, and every new case is checked before anything is written. Earlier shards stay as they
+//! are; the manifest comes last and at once, so whoever works on the folder meanwhile loses nothing.
+
+use std::fs::{File, Permissions};
+use std::io::Write as _;
+use std::os::unix::fs::PermissionsExt;
+
+use hil_console::files::part_file::PartFile;
+use hil_console::terminal::duration::shown_ns;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::interruption::Interruption;
+use hil_console::terminal::output;
+
+use crate::folder::Folder;
+use crate::manifest::{Copied, GROWN, MANIFEST, Manifest, Stage};
+use hil_config::study::{Sampling, Study};
+use rustix::fs::{FlockOperation, flock};
+use serde_json::json;
+use shared_types::number::counted;
+
+use super::cases::Cases;
+use super::envelopes::DRAWS;
+use super::plan::{every_plan, refuse_ineffective, shard_cases};
+use super::planned::{self, become_planned};
+use super::quoted;
+use super::values;
+use super::work::{cannot, open};
+use crate::arguments::GrowArguments;
+
+/// File whose lock keeps two from adding draws at once.
+const LOCK: &str = ".growth";
+
+/// Adds draws to a campaign.
+///
+/// # Errors
+/// If its cases would be others, a new one is refused, or the folder cannot be written.
+pub(super) fn grow(arguments: &GrowArguments) -> Result<Exit, Failure> {
+    let interruption = Interruption::listen()?;
+    let folder = open(&arguments.folder)?;
+    become_planned(&folder)?;
+    let cannot = |error: std::io::Error| cannot(&folder, &error);
+    let lock = File::create(folder.path().join(LOCK)).map_err(cannot)?;
+    if flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err() {
+        return Err(Failure::usage("another hil campaign grow is at it"));
+    }
+    // As it is now that nobody else adds to it.
+    let folder = open(&arguments.folder)?;
+    planned::check(&folder)?;
+    let cases = Cases::of_folder(&folder, &interruption)?;
+    refuse(cases.study(), arguments.cases)?;
+    let origin = folder.path().join(&folder.manifest().study.path);
+    let text = with_cases(cases.study().text(), arguments.cases)
+        .ok_or_else(|| Failure::usage("the study does not say `cases`"))?;
+    let study = Study::parse(&text, origin)?;
+    let before = folder.manifest().cases;
+    let cases = Cases::by_folder(study, &folder, &interruption)?;
+    refuse_ineffective(&cases)?;
+    every_plan(&cases, before, &interruption)?;
+    let manifest = write(&folder, &cases)?;
+    let more = manifest.cases - before;
+    let core_s = manifest.case_s * more as f64;
+    let result = json!({
+        "study": manifest.name,
+        "draws": cases.study().draws,
+        "cases": manifest.cases,
+        "new_cases": more,
+        "core_s": core_s,
+    });
+    output::result(arguments.json, &result, || {
+        let is_judged = !cases.study().goals.is_empty();
+        let note = match is_judged {
+            true => {
+                "  who adds draws until a goal is met has not the confidence that it asks for\n"
+            }
+            false => "",
+        };
+        format!(
+            "{}: {} now, {more} of them new, about {} on one core; earlier results stay\n{note}hil campaign run {}\n",
+            manifest.name,
+            counted(manifest.cases, "case"),
+            shown_ns((core_s * 1e9) as u64),
+            quoted(folder.path())
+        )
+    })?;
+    Ok(Exit::Pass)
+}
+
+/// Refuses what would change the cases that are there.
+fn refuse(study: &Study, draws: u64) -> Result<(), Failure> {
+    let why = match study.sampling {
+        Sampling::LatinHypercube => {
+            "a Latin hypercube divides the range of each value by the number of draws, so with more of them every case would be another one: plan another campaign, or use sampling = \"independent\" or \"sobol\""
+        }
+        Sampling::Grid => {
+            "a grid has as many draws as points, so with more of them its cases would be others: plan another campaign"
+        }
+        Sampling::Independent | Sampling::Sobol if draws <= study.draws => {
+            return Err(Failure::usage(format!(
+                "--cases {draws}: the campaign has {} already, and none is taken away",
+                counted(study.draws, "draw")
+            )));
+        }
+        Sampling::Independent | Sampling::Sobol => return Ok(()),
+    };
+    Err(Failure::usage(why))
+}
+
+/// Writes what is new into the folder; the manifest last.
+fn write(folder: &Folder, cases: &Cases) -> Result<Manifest, Failure> {
+    let cannot = |error: std::io::Error| cannot(folder, &error);
+    let (old, study) = (folder.manifest(), cases.study());
+    let put = |name: &str, text: &[u8]| {
+        let path = folder.path().join(name);
+        let part = PartFile::beside(&path)?;
+        part.file().write_all(text)?;
+        // Whatever the process's mask allows: a file that others can write is not believed.
+        let mode = part.file().metadata()?.permissions().mode();
+        let own = Permissions::from_mode(mode & !0o022);
+        part.file().set_permissions(own)?;
+        part.complete(&path, true)
+    };
+    let copy = Copied {
+        path: format!("study-{}.toml", study.draws),
+        blake3: blake3::hash(study.text().as_bytes()).to_hex().to_string(),
+    };
+    put(&copy.path, study.text().as_bytes()).map_err(cannot)?;
+    let mut manifest = Manifest {
+        schema: GROWN,
+        cases: study.cases(),
+        shard_cases: shard_cases(study.cases() - old.cases, old.case_s),
+        study: copy,
+        ..old.clone()
+    };
+    manifest.grown.push(Stage {
+        id: folder.id().into(),
+        cases: old.cases,
+        shard_cases: old.shard_cases,
+    });
+    if let Some(grid) = &mut manifest.curves {
+        // A multiple, so that the draws that keep their curves are among those that kept them before.
+        grid.every *= study.draws.div_ceil(DRAWS * grid.every);
+    }
+    values::write(folder.path(), &manifest, &cases.draws)?;
+    let text = serde_json::to_vec_pretty(&manifest).map_err(Failure::infrastructure)?;
+    put(MANIFEST, &text).map_err(cannot)?;
+    Ok(manifest)
+}
+
+/// Returns a study with another number of draws, and everything else as it is; none if it does not say `cases`.
+pub(super) fn with_cases(text: &str, draws: u64) -> Option<String> {
+    let mut document: toml_edit::DocumentMut = text.parse().ok()?;
+    let value = document.get_mut("cases")?.as_value_mut()?;
+    let decor = value.decor().clone();
+    *value = toml_edit::Value::from(i64::try_from(draws).ok()?);
+    *value.decor_mut() = decor;
+    Some(document.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::with_cases;
+
+    #[test]
+    fn a_study_with_more_cases_is_otherwise_the_same_text() {
+        let text = "schema = 1\ncases  =  200 # draws\n\n[[vary]] # one\nkey = \"a\"\n";
+        let more = with_cases(text, 3000);
+        assert_eq!(more, Some(text.replace("200", "3000")));
+        assert_eq!(with_cases("schema = 1\n", 3000), None);
+    }
+}

@@ -1,0 +1,231 @@
+//! The folder of a campaign: copies of all that its cases need, with their hashes, and the values of every case.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+
+use hil_console::files::part_file::PartFolder;
+use hil_console::terminal::exit::Failure;
+use hil_facts::programs::binaries::beside;
+use hil_facts::programs::binaries::host::HOST;
+use hil_facts::programs::binaries::named::{CONTROLLER, PLANT};
+use hil_facts::programs::binaries::trusted;
+
+use crate::folder::{CONFLICTS, SHARDS, try_out};
+use crate::manifest::{self, Copied, MANIFEST, Manifest, SCHEMA};
+use hil_target::machine::hash;
+
+use super::Checked;
+use crate::command::grow::with_cases;
+use crate::command::planned::PROGRAMS;
+use crate::command::{quoted, values};
+
+/// Time that the cases of a shard take together, if there are enough of them, in s.
+const SHARD_S: f64 = 20.0;
+/// Least and greatest number of shards of a large campaign.
+const SHARDS_WANTED: [u64; 2] = [64, 20_000];
+
+/// Refuses a folder with another campaign, or with anything else.
+pub(super) fn refuse_other(out: &Path, checked: &Checked) -> Result<(), Failure> {
+    let shown = out.display();
+    let is_empty = fs::read_dir(out).map_or(true, |mut entries| entries.next().is_none());
+    if is_empty {
+        return Ok(());
+    }
+    let Ok(there) = Manifest::read(out) else {
+        return Err(Failure::usage(format!(
+            "{shown} is not empty; a campaign needs a folder of its own"
+        )));
+    };
+    let folder = tempfile::tempdir().map_err(Failure::infrastructure)?;
+    let new = copied(checked, folder.path())?;
+    let differences = manifest::differences(&there, &new);
+    let study = fs::read_to_string(out.join(&there.study.path));
+    let study = study
+        .ok()
+        .and_then(|text| with_cases(&text, checked.cases.study().draws));
+    if differences.len() == 1 && study.as_deref() == Some(checked.cases.study().text()) {
+        return Err(Failure::usage(format!(
+            "{shown} has this campaign with another number of cases; hil campaign grow {} --cases {} adds some to it",
+            quoted(out),
+            checked.cases.study().draws
+        )));
+    }
+    Err(Failure::usage(if differences.is_empty() {
+        format!(
+            "{shown} has this campaign already; hil campaign run {}",
+            quoted(out)
+        )
+    } else {
+        format!(
+            "{shown} has another campaign, which differs in {}; choose another folder with -o",
+            differences.join("; ")
+        )
+    }))
+}
+
+/// Writes the folder, which appears whole or not at all.
+pub(super) fn write(checked: &Checked, out: &Path) -> Result<(), Failure> {
+    let shown = out.display();
+    let cannot = |error: io::Error| Failure::usage(format!("cannot write {shown}: {error}"));
+    let parent = out.parent().filter(|parent| *parent != Path::new(""));
+    if let Some(parent) = parent {
+        fs::create_dir_all(parent).map_err(cannot)?;
+    }
+    let absolute = std::path::absolute(out).map_err(cannot)?;
+    let beside = absolute.parent().unwrap_or(Path::new("/"));
+    // Else the campaign would be refused when it is run.
+    trusted::folder(beside).map_err(|why| {
+        Failure::usage(format!(
+            "a campaign in {shown} could not be run: {why}; choose a place that only you can write to with -o"
+        ))
+    })?;
+    let part = PartFolder::beside(&absolute).map_err(cannot)?;
+    try_out(part.path()).map_err(Failure::usage)?;
+    let manifest = copied(checked, part.path())?;
+    let text = serde_json::to_string_pretty(&manifest).map_err(Failure::infrastructure)?;
+    fs::write(part.path().join(MANIFEST), text).map_err(cannot)?;
+    values::write(part.path(), &manifest, &checked.cases.draws)?;
+    for folder in [SHARDS, CONFLICTS] {
+        fs::create_dir(part.path().join(folder)).map_err(cannot)?;
+    }
+    keep_others_out(part.path()).map_err(cannot)?;
+    part.complete(&absolute).map_err(cannot)
+}
+
+/// Takes the right to write from everybody else, which a process's mask may have given them: a folder that others
+/// can write to is not run.
+fn keep_others_out(path: &Path) -> io::Result<()> {
+    let there = fs::symlink_metadata(path)?;
+    let mode = there.permissions().mode();
+    fs::set_permissions(path, fs::Permissions::from_mode(mode & !0o022))?;
+    if there.is_dir() {
+        for entry in fs::read_dir(path)? {
+            keep_others_out(&entry?.path())?;
+        }
+    }
+    Ok(())
+}
+
+/// Copies all that the cases need into a folder.
+fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
+    let cases = &checked.cases;
+    let study = cases.study();
+    let cannot = |path: &Path, error: io::Error| {
+        Failure::infrastructure(format!("cannot copy {}: {error}", path.display()))
+    };
+    let text = |name: &str, text: &str| {
+        fs::write(folder.join(name), text).map_err(|error| cannot(Path::new(name), error))?;
+        Ok::<_, Failure>(Copied {
+            path: name.into(),
+            blake3: blake3::hash(text.as_bytes()).to_hex().to_string(),
+        })
+    };
+    let copy = |from: &Path, path: String| {
+        let to = folder.join(&path);
+        let made = to.parent().map_or(Ok(()), fs::create_dir_all);
+        let copied = made.and_then(|()| fs::copy(from, &to));
+        copied.map_err(|error| cannot(from, error))?;
+        let blake3 = hash(&to).map_err(|error| cannot(from, error))?;
+        Ok::<_, Failure>(Copied { path, blake3 })
+    };
+    let mut tables = BTreeMap::new();
+    let beside = cases.scenario().path().parent().unwrap_or(Path::new(""));
+    for (number, name) in cases.named_tables().into_iter().enumerate() {
+        let from: PathBuf = beside.join(&name);
+        tables.insert(name, copy(&from, format!("tables/{number}.csv"))?);
+    }
+    let own = std::env::current_exe().map_err(Failure::infrastructure)?;
+    let program = |side: &str, path: &Path| copy(path, format!("{PROGRAMS}/{side}")).map(Some);
+    let (plant, controller) = match cases.binaries() {
+        None => (None, None),
+        Some(binaries) => (
+            program("plant", &binaries.plant.path)?,
+            program("controller", &binaries.controller.path)?,
+        ),
+    };
+    let pair = match cases.binaries() {
+        Some(_) => None,
+        None => beside_hil()?,
+    };
+    let pair = pair.map(|[plant, controller]| {
+        Ok::<_, Failure>([
+            copy(&plant, format!("{PROGRAMS}/plant-process"))?,
+            copy(&controller, format!("{PROGRAMS}/controller-process"))?,
+        ])
+    });
+    // Beside the copy of `hil`, which looks for it there.
+    let sides = cases.binaries().map(|both| [&both.plant, &both.controller]);
+    let mut hosts = sides
+        .into_iter()
+        .flatten()
+        .filter_map(|one| one.host.as_ref());
+    if let Some(host) = hosts.next() {
+        copy(&host.path, format!("{PROGRAMS}/{HOST}"))?;
+    }
+    Ok(Manifest {
+        schema: SCHEMA,
+        name: study.name.clone(),
+        cases: study.cases(),
+        shard_cases: shard_cases(study.cases(), checked.facts.case_s),
+        grown: Vec::new(),
+        study: text("study.toml", study.text())?,
+        scenario: text("scenario.toml", cases.scenario().text())?,
+        tables,
+        hil: copy(&own, format!("{PROGRAMS}/hil"))?,
+        plant,
+        controller,
+        pair: pair.transpose()?,
+        columns: checked.columns.clone(),
+        curves: checked.curves.clone(),
+        case_s: checked.facts.case_s,
+    })
+}
+
+/// Finds plant and controller program beside `hil`, if both are there.
+fn beside_hil() -> Result<Option<[PathBuf; 2]>, Failure> {
+    let both = [beside(PLANT.beside)?, beside(CONTROLLER.beside)?];
+    Ok(both.iter().all(|path| path.is_file()).then_some(both))
+}
+
+/// Chooses the size of shards: some seconds of work, enough of them for many cores, and not too many files.
+pub(in crate::command) fn shard_cases(cases: u64, case_s: f64) -> u64 {
+    let [least, most] = SHARDS_WANTED;
+    let by_time = (SHARD_S / case_s) as u64;
+    let by_cores = cases.div_ceil(least);
+    let size = by_time.min(by_cores);
+    size.max(cases.div_ceil(most)).max(1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nobody_else_may_write_to_what_was_planned() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let inner = folder.path().join("programs");
+        let file = inner.join("hil");
+        fs::create_dir(&inner).expect("a folder");
+        fs::write(&file, "").expect("a file");
+        let set = |path: &Path, mode| {
+            fs::set_permissions(path, fs::Permissions::from_mode(mode)).expect("it is ours");
+        };
+        set(&file, 0o775);
+        set(&inner, 0o777);
+        keep_others_out(folder.path()).expect("it is ours");
+        let mode = |path: &Path| fs::metadata(path).expect("there").permissions().mode() & 0o777;
+        assert_eq!((mode(&inner), mode(&file)), (0o755, 0o755));
+    }
+
+    #[test]
+    fn shards_take_some_seconds_and_are_neither_few_nor_too_many() {
+        assert_eq!(shard_cases(30_000, 1.0), 20);
+        assert_eq!(shard_cases(1_000_000, 1e-3), 15_625);
+        assert_eq!(shard_cases(1_000_000, 10.0), 50);
+        assert_eq!(shard_cases(10, 1e-3), 1);
+        assert_eq!(shard_cases(1, 100.0), 1);
+    }
+}

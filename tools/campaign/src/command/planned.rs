@@ -1,0 +1,105 @@
+//! Copies in the folder of a campaign, before they are run or believed: nobody but this user and root can have
+//! written them, as of a program that a scenario names, and each has the hash that it was planned with.
+//!
+//! Results are not among them: a folder that is only read may be anybody's.
+
+use std::fs;
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::folder::Folder;
+use crate::manifest::{MANIFEST, Manifest};
+use hil_console::terminal::exit::Failure;
+use hil_facts::programs::binaries::trusted;
+use hil_target::machine::hash;
+
+use super::quoted;
+use super::work::cannot;
+
+/// Folder of the programs; `hil` finds the others beside itself there.
+pub(super) const PROGRAMS: &str = "programs";
+
+/// Checks all copies: their owners and modes, then their hashes.
+///
+/// # Errors
+/// If another user can have written one, or one is not as it was.
+pub(super) fn check(folder: &Folder) -> Result<(), Failure> {
+    refuse_foreign(folder)?;
+    folder.check().map_err(Failure::usage)
+}
+
+/// Goes on as the `hil` that the campaign was planned with, if this is another one.
+pub(super) fn become_planned(folder: &Folder) -> Result<(), Failure> {
+    let own = std::env::current_exe().map_err(Failure::infrastructure)?;
+    let planned = &folder.manifest().hil;
+    if hash(&own).is_ok_and(|own| own == planned.blake3) {
+        return Ok(());
+    }
+    refuse_foreign(folder)?;
+    let copy = program(folder)?;
+    let of_copy = hash(&copy).map_err(|error| cannot(folder, &error))?;
+    if of_copy != planned.blake3 {
+        return Err(Failure::usage(format!(
+            "{} has hash {of_copy}, and the campaign was planned with {}",
+            copy.display(),
+            planned.blake3
+        )));
+    }
+    let error = Command::new(&copy).args(std::env::args_os().skip(1)).exec();
+    Err(Failure::infrastructure(format!(
+        "cannot run {}: {error}",
+        copy.display()
+    )))
+}
+
+/// Returns the `hil` of a campaign, by a path without links.
+///
+/// # Errors
+/// If another user can have written it.
+pub(super) fn program(folder: &Folder) -> Result<PathBuf, Failure> {
+    let copy = folder.path().join(&folder.manifest().hil.path);
+    trusted::program(&copy).map_err(|why| foreign(folder, &why))
+}
+
+/// Refuses a folder in which another user can have written a program, the manifest, or a copy that it names.
+fn refuse_foreign(folder: &Folder) -> Result<(), Failure> {
+    let (path, manifest) = (folder.path(), folder.manifest());
+    let refused = |why: String| foreign(folder, &why);
+    trusted::file(&path.join(MANIFEST)).map_err(refused)?;
+    for copy in manifest.files() {
+        trusted::file(&path.join(&copy.path)).map_err(refused)?;
+    }
+    for program in programs(path, manifest)? {
+        trusted::program(&program).map_err(refused)?;
+    }
+    Ok(())
+}
+
+/// Lists all programs: those of the manifest, and those that `hil` finds beside itself.
+fn programs(path: &Path, manifest: &Manifest) -> Result<Vec<PathBuf>, Failure> {
+    let own = [
+        Some(&manifest.hil),
+        manifest.plant.as_ref(),
+        manifest.controller.as_ref(),
+    ];
+    let own = own
+        .into_iter()
+        .flatten()
+        .chain(manifest.both().into_iter().flatten());
+    let mut all: Vec<PathBuf> = own.map(|copy| path.join(&copy.path)).collect();
+    let entries = fs::read_dir(path.join(PROGRAMS))
+        .map_err(|error| Failure::usage(format!("{}: {error}", path.join(PROGRAMS).display())))?;
+    for entry in entries {
+        all.push(entry.map_err(Failure::infrastructure)?.path());
+    }
+    Ok(all)
+}
+
+fn foreign(folder: &Folder, why: &str) -> Failure {
+    let shown = folder.path().display();
+    Failure::usage(format!(
+        "{shown} is not run: {why}; if you trust whoever made it, cp -r {} FOLDER makes a copy that is yours, in a folder that only you can write to",
+        quoted(folder.path())
+    ))
+}

@@ -1,0 +1,132 @@
+//! Envelopes over time for the script of a campaign's page: least and greatest values of all cases, bands of the
+//! draws that stand for all, and the worst cases.
+
+use crate::collect;
+use crate::curves::Curves;
+use crate::folder::Folder;
+use crate::order::quantile;
+use hil_config::study::Study;
+use hil_facts::results::curve::{Curve, Grid};
+use serde::Serialize;
+
+use super::data::Singles;
+
+/// Quantiles of the least values, then of the greatest: each pair has N of the cases between its curves.
+const LOWER: [f64; 3] = [0.05, 0.25, 0.5];
+const UPPER: [f64; 3] = [0.5, 0.75, 0.95];
+
+/// All of it; plots of a signal stand beside each other, one for each variant.
+#[derive(Debug, Serialize)]
+pub(super) struct Envelopes {
+    bins: usize,
+    /// Length of a bin in s.
+    bin_s: f64,
+    /// Names and units.
+    signals: Vec<(String, String)>,
+    /// For each variant the curves of each signal, from the least to the greatest.
+    variants: Vec<Vec<Singles>>,
+    worst: Vec<Worst>,
+    /// Number of draws that the bands are of.
+    pub(super) draws: usize,
+    /// Shards without curves.
+    pub(super) without: u64,
+}
+
+#[derive(Debug, Serialize)]
+struct Worst {
+    /// Place of the variant.
+    variant: usize,
+    requirement: String,
+    case: u64,
+    /// Least and greatest values of each signal.
+    signals: Vec<Singles>,
+}
+
+impl Envelopes {
+    /// Reads the curves of a campaign; none if it keeps none, or has none yet.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub(super) fn read(folder: &Folder, study: &Study) -> std::io::Result<Option<Self>> {
+        let Some(grid) = &folder.manifest().curves else {
+            return Ok(None);
+        };
+        let (mut curves, without) = collect::curves(folder)?;
+        let count = study.variants.len() as u64;
+        if curves.envelopes.is_empty() {
+            return Ok(None);
+        }
+        // A campaign that grew has kept the curves of more draws before.
+        curves
+            .sampled
+            .retain(|case, _| (case / count).is_multiple_of(grid.every));
+        let names = study.variants.iter().map(|one| &one.name);
+        let variants = (0..).zip(names.clone()).map(|(place, name)| {
+            let sampled = curves.sampled.iter();
+            let of = sampled.filter(|(case, _)| *case % count == place);
+            let sampled: Vec<&Curve> = of.map(|(_, curve)| curve).collect();
+            let signals = 0..grid.signals.len();
+            let bands = signals.map(|signal| bands(&curves, name, &sampled, grid, signal));
+            bands.collect()
+        });
+        let worst = curves.worst.iter().filter_map(|one| {
+            let signals = (0..grid.signals.len()).map(|signal| {
+                let bins = one.curve.signal(grid, signal).iter();
+                let [least, greatest] = [0, 1].map(|end| bins.clone().map(move |bin| bin[end]));
+                Singles(least.chain(greatest).collect())
+            });
+            Some(Worst {
+                variant: names.clone().position(|name| *name == one.variant)?,
+                requirement: one.requirement.clone(),
+                case: one.case,
+                signals: signals.collect(),
+            })
+        });
+        let draws = curves.sampled.keys().map(|case| case / count);
+        let mut draws: Vec<u64> = draws.collect();
+        draws.dedup();
+        Ok(Some(Self {
+            bins: grid.bins,
+            bin_s: grid.bin_s,
+            signals: grid.signals.clone(),
+            variants: variants.collect(),
+            worst: worst.collect(),
+            draws: draws.len(),
+            without,
+        }))
+    }
+}
+
+/// Computes the curves of a signal of a variant, one after the other.
+fn bands(curves: &Curves, name: &str, sampled: &[&Curve], grid: &Grid, signal: usize) -> Singles {
+    let envelope = curves.envelopes.get(name);
+    let envelope = envelope.map(|curve| curve.signal(grid, signal));
+    let ends = |end: usize| {
+        let bins = 0..grid.bins;
+        bins.map(move |bin| envelope.map_or(f32::NAN, |bins| bins[bin][end]))
+    };
+    let sorted = |end: usize| {
+        let bins = (0..grid.bins).map(|bin| {
+            let values = sampled
+                .iter()
+                .map(|curve| curve.signal(grid, signal)[bin][end]);
+            let there = values.filter(|value| !value.is_nan()).map(f64::from);
+            let mut sorted: Vec<f64> = there.collect();
+            sorted.sort_by(f64::total_cmp);
+            sorted
+        });
+        bins.collect::<Vec<_>>()
+    };
+    let mut all: Vec<f32> = ends(0).collect();
+    for (end, quantiles) in [(0, LOWER), (1, UPPER)] {
+        let sorted = sorted(end);
+        for p in quantiles {
+            all.extend(sorted.iter().map(|values| match values.as_slice() {
+                [] => f32::NAN,
+                values => quantile(values, p) as f32,
+            }));
+        }
+    }
+    all.extend(ends(1));
+    Singles(all)
+}

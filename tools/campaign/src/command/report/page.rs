@@ -1,0 +1,168 @@
+//! The page of a campaign: everything that reads without a script, and the data for the script that draws.
+
+use hil_console::terminal::exit::Failure;
+use hil_views::offline_page::OfflinePage;
+
+use crate::folder::{Conflict, Folder};
+use hil_config::study::Study;
+use maud::{Markup, html};
+use shared_types::number::counted;
+
+use super::data::Data;
+use super::tables;
+use crate::command::answers::Answers;
+use crate::command::collect::set_aside;
+use crate::command::quoted;
+
+const SCRIPT: &str = include_str!("assets/campaign.js");
+const STYLE: &str = include_str!("assets/campaign.css");
+
+/// A campaign and its answers.
+pub(super) struct Campaign<'a> {
+    pub(super) folder: &'a Folder,
+    pub(super) study: &'a Study,
+    pub(super) answers: &'a Answers,
+    /// Number of cases with a result.
+    pub(super) rows: u64,
+    pub(super) conflicts: &'a [Conflict],
+}
+
+impl Campaign<'_> {
+    /// Tells whether every case has a result.
+    pub(super) const fn is_complete(&self) -> bool {
+        self.answers.digest.is_some()
+    }
+}
+
+/// Writes the whole page.
+pub(super) fn page(campaign: &Campaign, data: &Data) -> Result<String, Failure> {
+    let name = &campaign.answers.name;
+    let body = html! {
+        header {
+            (warnings(campaign))
+            h1 { (name) }
+            @if !campaign.study.description.is_empty() { p { (campaign.study.description) } }
+        }
+        nav.bar aria-label="Sections" {
+            a href="#summary" { "Summary" }
+            a href="#requirements" { "Requirements" }
+            a href="#plots" { "Plots" }
+            span.gap {}
+            button #theme type="button" aria-pressed="false" { "Dark" }
+        }
+        main {
+            section #summary {
+                h2 { "Summary" }
+                (tables::facts(campaign))
+                (tables::goals(campaign))
+                h3 { "Classes of cases" }
+                (tables::classes(campaign))
+            }
+            section #requirements {
+                h2 { "Requirements" }
+                (tables::requirements(campaign, data.command()))
+            }
+            (plots(data))
+        }
+    };
+    let page = OfflinePage {
+        title: &format!("{name}: campaign"),
+        styles: ["", STYLE],
+        body,
+        credit: None,
+        data,
+        scripts: &[SCRIPT],
+    };
+    page.write()
+}
+
+/// Names what keeps the numbers below from being those of the whole campaign.
+fn warnings(campaign: &Campaign) -> Markup {
+    let (answers, rows) = (campaign.answers, campaign.rows);
+    let shown = quoted(campaign.folder.path());
+    html! {
+        @if !campaign.is_complete() { p.note {
+            "Not complete: " (answers.cases - rows) " of " (counted(answers.cases, "case")) " have no result. "
+            "The numbers below are counts and no probabilities, as slow cases come last; "
+            code { "hil campaign run " (shown) } " computes the rest."
+        } }
+        @if !answers.lost.is_empty() { p.note {
+            (set_aside(&answers.lost)) "; no probability has bounds; " code { "hil campaign run " (shown) " --again" } " tries once more."
+        } }
+        @for conflict in campaign.conflicts { p.note { (conflict.to_string()) } }
+    }
+}
+
+/// Writes the frame of the curves over time.
+fn envelopes(data: &Data) -> Markup {
+    let Some(envelopes) = &data.envelopes else {
+        return html! {};
+    };
+    html! {
+        section #envelopes {
+            h3 { "Over time" }
+            p.hint {
+                "Over s, from the outside: the least and the greatest value of all cases; 90 % and half of "
+                (counted(envelopes.draws as u64, "draw")) "; the median. At each time of its own: no case need follow a line. "
+                "Diverged cases are left out. A selection changes nothing here."
+            }
+            @if envelopes.without > 0 { p.note {
+                (counted(envelopes.without, "shard")) " of the campaign without curves: their cases are missing below. "
+                "The results are all there."
+            } }
+            div.controls {
+                label { "Worst case of " select #worst {} }
+                label { input #same type="checkbox" checked; " One scale for all variants" }
+            }
+            div #timed {}
+        }
+    }
+}
+
+/// Writes the frame that the script draws into.
+fn plots(data: &Data) -> Markup {
+    html! {
+        section #plots {
+            h2 { "Plots" }
+            noscript { p.note { "Plots need a browser with JavaScript; the tables do not." } }
+            @if data.every() > 1 { p.note {
+                "So many cases are too many for a page: the plots show every "
+                (data.every()) "th draw; the tables above count all of them."
+            } }
+            div #tools hidden {
+                p.hint { "Drag over a plot to select a range in all plots; in a plot of points a rectangle. "
+                    "A range that begins or ends at the edge of a plot is open there; a click in a plot of bars removes it. Click a point to see its case." }
+                div.controls {
+                    label { "Colour " select #colour { option value="class" { "class" } option value="variant" { "variant" } } }
+                    label { "Heights " select #heights {
+                        option value="root" { "square root" } option value="linear" { "linear" } option value="log" { "logarithm" }
+                    } }
+                    form #find { label { "Case " input #number type="number" min="0" inputmode="numeric"; } " " button { "Show" } }
+                }
+                div.selection {
+                    p #count {}
+                    button #clear type="button" disabled { "Clear selection" }
+                    div.legend #legend {}
+                    div #chips {}
+                }
+                div #case hidden {}
+                h3 { "Varied values" }
+                p.hint { "Selected cases in colour, those that pass below, others above; all cases behind them. The two numbers are the selected range." }
+                div.plots #varied {}
+                h3 { "Margins and metrics" }
+                p.hint { "A margin below zero fails. Diverged cases, and others beyond a plot, are counted at its edge." }
+                div.plots #outcomes {}
+                (envelopes(data))
+                section #map {
+                    h3 { "Map of pass and fail" }
+                    div.controls {
+                        label { "Across " select #across {} }
+                        label { "Up " select #up {} }
+                    }
+                    div.plots #mapped {}
+                }
+                div #scatters {}
+            }
+        }
+    }
+}

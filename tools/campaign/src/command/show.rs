@@ -1,0 +1,290 @@
+//! The answers of a campaign as a person reads them, and its exit code.
+
+use std::fmt::Write as _;
+
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
+use hil_console::terminal::table::{Table, left, right};
+
+use crate::collect::Collected;
+use crate::folder::Folder;
+use hil_config::study::Study;
+use shared_types::number::{counted, short, unit_shown};
+
+use super::answers::{self, Answers, BoundsAnswer, Gathered, QuantileAnswer, Share, VariantAnswer};
+use super::collect::{self, set_aside};
+use super::quoted;
+use super::work::open;
+use crate::arguments::ShowArguments;
+
+/// Tells what a campaign shows.
+///
+/// # Errors
+/// If it is not complete.
+pub(super) fn show(arguments: &ShowArguments) -> Result<Exit, Failure> {
+    let folder = open(&arguments.folder)?;
+    let study = study(&folder)?;
+    let mut gathered = Gathered::new(folder.manifest(), &study);
+    let collected = collect::read(&folder, false, |part| gathered.take(part))?;
+    let exit = print(&folder, &collected, gathered, arguments.json)?;
+    let are_whole =
+        collect::tell_damaged_tables(&folder, &study, &collected) & tell_changed_copies(&folder);
+    Ok(match exit {
+        Exit::Pass | Exit::Failed if !are_whole => Exit::Infrastructure,
+        exit => exit,
+    })
+}
+
+/// Reads the study of a campaign.
+///
+/// # Errors
+/// If it cannot be read, or is another one than the campaign was planned with: its goals would be others.
+pub(super) fn study(folder: &Folder) -> Result<Study, Failure> {
+    let copy = &folder.manifest().study;
+    let path = folder.path().join(&copy.path);
+    folder.check_copies([copy]).map_err(|why| {
+        let (shown, study) = (folder.path().display(), quoted(&path));
+        if !path.exists() {
+            return Failure::usage(format!(
+                "{why}; the goals and variants of the results in {shown} stand in it. Put back the study that the campaign was planned with, whose BLAKE3 hash is {}",
+                copy.blake3
+            ));
+        }
+        Failure::usage(format!(
+            "{why}; the results in {shown} are not those of another study. Put the study back as it was, or plan a campaign of this one: hil campaign plan {study} -o OTHER"
+        ))
+    })?;
+    Ok(Study::read(path)?)
+}
+
+/// Tells of copies beside the study that are not as they were planned: the results are of those that were.
+///
+/// Returns `true` if there is none.
+fn tell_changed_copies(folder: &Folder) -> bool {
+    let changed = (folder.manifest().files()).filter_map(|copy| folder.check_copies([copy]).err());
+    changed.fold(true, |_, why| {
+        tell!(
+            "error: {why}; what is shown here is of the campaign as it was planned, and no case can be run again before it is put back as it was"
+        );
+        false
+    })
+}
+
+/// Prints the answers of a collected campaign.
+///
+/// # Errors
+/// If it cannot be written.
+pub(super) fn print(
+    folder: &Folder,
+    collected: &Collected,
+    gathered: Gathered,
+    json: bool,
+) -> Result<Exit, Failure> {
+    let answers = answers::of(gathered, collected);
+    output::result(json, &answers, || text(&answers, folder))?;
+    let conflicts = collect::tell_conflicts(folder)?;
+    let exit = collect::exit(collected, conflicts > 0);
+    let is_missed = answers.goals.iter().any(|goal| !goal.is_met);
+    Ok(match exit {
+        Exit::Pass if is_missed => Exit::Failed,
+        exit => exit,
+    })
+}
+
+fn text(answers: &Answers, folder: &Folder) -> String {
+    let shown = quoted(folder.path());
+    output::text(|text| write(text, answers, &shown))
+}
+
+fn write(text: &mut String, answers: &Answers, shown: &str) -> std::fmt::Result {
+    let Answers {
+        name,
+        cases,
+        draws,
+        sampling,
+        ..
+    } = answers;
+    if !answers.lost.is_empty() {
+        writeln!(
+            text,
+            "{}; no probability has bounds",
+            set_aside(&answers.lost)
+        )?;
+    }
+    writeln!(
+        text,
+        "{name}: {}, {} ({sampling}) for {}",
+        counted(*cases, "case"),
+        counted(*draws, "draw"),
+        counted(answers.variants.len() as u64, "variant")
+    )?;
+    if let Some(digest) = &answers.digest {
+        writeln!(text, "  digest {digest}")?;
+    }
+    let percent = answers.confidence * 100.0;
+    let has_bounds = answers
+        .variants
+        .iter()
+        .any(|one| one.passes.bounds.is_some());
+    if has_bounds {
+        writeln!(text, "  bounds: Clopper-Pearson at {percent} %, two-sided")?;
+    } else {
+        let why = match (answers.lost.is_empty(), answers.sampling) {
+            (false, _) => "cases are set aside",
+            (true, "independent") => "the scenario has no requirement that a case could fail",
+            (true, _) => "they need independent draws",
+        };
+        writeln!(text, "  no bounds: {why}")?;
+    }
+    writeln!(text)?;
+    classes(text, answers)?;
+    for variant in &answers.variants {
+        requirements(text, variant, shown)?;
+    }
+    for goal in &answers.goals {
+        let what = goal.requirement.as_deref().unwrap_or("pass");
+        let verdict = if goal.is_met { "met" } else { "NOT MET" };
+        writeln!(
+            text,
+            "goal {verdict}: {} {what} with probability {} at {} %: at least {} shown",
+            goal.variant,
+            goal.probability,
+            goal.confidence * 100.0,
+            short(goal.lower)
+        )?;
+    }
+    Ok(())
+}
+
+fn classes(text: &mut String, answers: &Answers) -> std::fmt::Result {
+    let columns = [
+        left(0),
+        right(6),
+        right(6),
+        right(8),
+        right(9),
+        right(4),
+        right(8),
+        left(0),
+    ];
+    let mut table = Table::new(2, columns);
+    let head = ["variant"]
+        .into_iter()
+        .chain(answers::classes_in_words(answers.requirements()))
+        .chain(["passes", "probability"]);
+    table.cells(head);
+    for variant in &answers.variants {
+        let counts = variant.classes.map(|count| count.to_string());
+        let share = percent(variant.passes);
+        let cells = [variant.name.clone()].into_iter().chain(counts);
+        table.cells(cells.chain([share, bounds(variant.passes)]));
+    }
+    writeln!(text, "{table}")
+}
+
+fn percent(share: Share) -> String {
+    format!("{} %", short(share.count as f64 / share.of as f64 * 100.0))
+}
+
+/// Writes the bounds of a probability.
+pub(super) fn bounds(share: Share) -> String {
+    match share.bounds {
+        None => "-".into(),
+        Some(BoundsAnswer { upper, .. }) if share.count == 0 => format!("at most {}", short(upper)),
+        Some(BoundsAnswer { lower, .. }) if share.count == share.of => {
+            format!("at least {}", short(lower))
+        }
+        Some(BoundsAnswer { lower, upper, .. }) => format!("{} to {}", short(lower), short(upper)),
+    }
+}
+
+fn requirements(text: &mut String, variant: &VariantAnswer, shown: &str) -> std::fmt::Result {
+    if variant.requirements.is_empty() {
+        return Ok(());
+    }
+    let columns = [
+        left(0),
+        right(8),
+        left(0),
+        right(9),
+        right(9),
+        right(9),
+        right(9),
+        left(0),
+    ];
+    let mut table = Table::new(2, columns);
+    table.cells([
+        &*variant.name,
+        "holds",
+        "probability",
+        "worst",
+        "1 %",
+        "5 %",
+        "median",
+        "",
+    ]);
+    for one in &variant.requirements {
+        let worst = one
+            .worst
+            .first()
+            .map_or_else(|| "-".into(), |worst| margin(worst.margin.0));
+        let quantiles = one
+            .quantiles
+            .iter()
+            .map(|QuantileAnswer { value, .. }| margin(value.0));
+        let cells = [
+            one.name.clone(),
+            percent(one.holds),
+            bounds(one.holds),
+            worst,
+        ]
+        .into_iter();
+        table.cells(
+            cells
+                .chain(quantiles)
+                .chain([unit_shown(&one.unit).to_owned()]),
+        );
+        let strong = one.correlations.iter().filter(|(_, rho)| rho.abs() >= 0.1);
+        let strong: Vec<String> = strong
+            .map(|(name, rho)| format!("{name} {rho:+.2}"))
+            .collect();
+        if !strong.is_empty() {
+            table.line(format!("    margin follows {}", strong.join(", ")));
+        }
+        if one.is_rounding {
+            table.line("    margin varies by rounding only, and follows nothing");
+        }
+        if one.without > 0 {
+            table.line(format!(
+                "    {} without a margin",
+                counted(one.without, "case")
+            ));
+        }
+    }
+    write!(text, "{table}")?;
+    let worst = variant
+        .requirements
+        .iter()
+        .filter_map(|one| Some((one.worst.first()?, one)));
+    let worst = worst.filter(|(worst, _)| worst.margin.0 < 0.0);
+    let mut told: Vec<u64> = Vec::new();
+    for (worst, one) in worst {
+        if !told.contains(&worst.case) {
+            told.push(worst.case);
+            writeln!(
+                text,
+                "  worst of {}: hil campaign case {shown} {}",
+                one.name, worst.case
+            )?;
+        }
+    }
+    writeln!(text)
+}
+
+fn margin(value: f64) -> String {
+    if value.is_nan() {
+        "-".into()
+    } else {
+        short(value)
+    }
+}

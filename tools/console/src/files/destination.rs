@@ -1,0 +1,163 @@
+//! Destination of a table or a page: a file that appears whole or not at all, a device, or standard output.
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, ErrorKind, Write};
+use std::os::fd::AsFd;
+use std::path::{Path, PathBuf};
+
+use crate::files::part_file::PartFile;
+use crate::terminal::exit::Failure;
+
+/// File that is written to.
+pub struct Destination {
+    file: BufWriter<File>,
+    /// `None`: every byte is out at once, as on a pipe.
+    whole: Option<Whole>,
+}
+
+/// A file that is not there yet.
+struct Whole {
+    part: PartFile,
+    path: PathBuf,
+    may_replace: bool,
+}
+
+impl Destination {
+    /// Begins a file, under another name until it is complete; standard output without a path.
+    pub fn open(path: Option<&Path>, may_replace: bool) -> Result<Self, Failure> {
+        let at_once = |file| Self {
+            file: BufWriter::new(file),
+            whole: None,
+        };
+        let Some(path) = path else {
+            // Not `Stdout`, which looks for the ends of lines in everything.
+            let descriptor = io::stdout().as_fd().try_clone_to_owned();
+            let descriptor = descriptor.map_err(Failure::infrastructure)?;
+            return Ok(at_once(descriptor.into()));
+        };
+        let shown = path.display();
+        let cannot = |error: io::Error| Failure::usage(format!("cannot write {shown}: {error}"));
+        let mut path = path.to_owned();
+        match fs::metadata(&path) {
+            Err(error) if error.kind() == ErrorKind::NotFound => {}
+            Err(error) => return Err(cannot(error)),
+            Ok(found) if found.is_dir() => {
+                return Err(Failure::usage(format!(
+                    "{shown} is a folder; name a file in it"
+                )));
+            }
+            Ok(found) if !found.is_file() => {
+                // A device or a pipe must not be replaced by a file.
+                let file = File::options().write(true).open(&path);
+                return file.map(at_once).map_err(cannot);
+            }
+            Ok(_) if !may_replace => return Err(Failure::usage(there_already(&path))),
+            // What a link leads to, not the link.
+            Ok(_) => path = path.canonicalize().map_err(cannot)?,
+        }
+        let part = PartFile::beside(&path).map_err(cannot)?;
+        let file = part.file().try_clone().map_err(cannot)?;
+        let whole = Whole {
+            part,
+            path,
+            may_replace,
+        };
+        Ok(Self {
+            file: BufWriter::new(file),
+            whole: Some(whole),
+        })
+    }
+
+    /// All is written: the file gets its name.
+    pub fn complete(mut self) -> io::Result<()> {
+        self.file.flush()?;
+        let Some(whole) = self.whole else {
+            return Ok(());
+        };
+        let Whole {
+            part,
+            path,
+            may_replace,
+        } = whole;
+        (part.complete(&path, may_replace)).map_err(|error| match error.kind() {
+            ErrorKind::AlreadyExists => io::Error::new(error.kind(), there_already(&path)),
+            _ => error,
+        })
+    }
+}
+
+fn there_already(path: &Path) -> String {
+    format!(
+        "{} is there already; --force writes over it",
+        path.display()
+    )
+}
+
+impl Write for Destination {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(destination: Result<Destination, Failure>) -> String {
+        destination.err().expect("refused").to_string()
+    }
+
+    #[test]
+    fn a_file_appears_only_when_it_is_complete() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("table.csv");
+        let entries = || fs::read_dir(folder.path()).expect("a folder").count();
+
+        let mut given_up = Destination::open(Some(&path), false).expect("begun");
+        given_up.write_all(b"half").expect("written");
+        assert!(!path.exists());
+        drop(given_up);
+        assert_eq!(entries(), 0, "nothing is left");
+
+        let mut whole = Destination::open(Some(&path), false).expect("begun");
+        whole.write_all(b"whole").expect("written");
+        whole.complete().expect("complete");
+        assert_eq!(fs::read(&path).expect("there"), b"whole");
+        assert_eq!(entries(), 1);
+    }
+
+    #[test]
+    fn a_file_that_is_there_is_replaced_only_if_that_is_meant() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (path, link) = (
+            folder.path().join("old.csv"),
+            folder.path().join("link.csv"),
+        );
+        let late = Destination::open(Some(&path), false).expect("begun");
+        fs::write(&path, "old").expect("written");
+        std::os::unix::fs::symlink(&path, &link).expect("linked");
+        assert!(refused(Destination::open(Some(&path), false)).contains("--force"));
+        // It came while the other one was written.
+        let error = late.complete().expect_err("refused");
+        assert_eq!(error.kind(), ErrorKind::AlreadyExists);
+        assert_eq!(fs::read(&path).expect("there"), b"old");
+
+        let mut forced = Destination::open(Some(&link), true).expect("begun");
+        forced.write_all(b"new").expect("written");
+        forced.complete().expect("complete");
+        assert_eq!(fs::read(&path).expect("there"), b"new");
+        assert!(link.is_symlink());
+    }
+
+    #[test]
+    fn a_place_that_cannot_be_a_file_is_named() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let nowhere = folder.path().join("nowhere/table.csv");
+        assert!(refused(Destination::open(Some(folder.path()), true)).contains("is a folder"));
+        assert!(refused(Destination::open(Some(&nowhere), true)).contains("nowhere/table.csv"));
+    }
+}

@@ -1,0 +1,303 @@
+//! Differences that a run from a checkpoint may have: nothing that contradicts the steps before it.
+//!
+//! The records before the checkpoint stay as they are. So the plant, its controller, the rate and the
+//! seed stay; reference signals have the same values up to there; a fault that has begun keeps its
+//! target, its times and its course, and only its sizes may be others from there on; one that has not
+//! begun may not begin before. How long the run is, its clock, its metrics are free.
+
+use hil_config::plan::{Change, Clock, FaultAction, FaultEvent, Plan, Stimulus, Trigger};
+use plant_process::stimulus;
+use shared_types::describe::Settings;
+use shared_types::number::exact;
+use shared_types::time::{Rate, Step};
+
+use crate::results::faults::FaultLog;
+
+/// Differences between a run that goes on from a checkpoint and the run that made the checkpoint.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Branch {
+    /// Numbers of the faults that had begun and go on with other sizes: no scenario repeats such a
+    /// run from its begin.
+    pub changed_faults: Vec<u32>,
+}
+
+/// Compares the plan of a checkpoint before `step` with the one that is to go on.
+///
+/// # Errors
+/// Everything that contradicts the past.
+pub(crate) fn check(
+    then: &Plan,
+    now: &Plan,
+    step: Step,
+    log: &FaultLog,
+) -> Result<Branch, Vec<String>> {
+    let mut check = Check {
+        step,
+        rate: then.run.rate,
+        log,
+        reasons: Vec::new(),
+        branch: Branch::default(),
+    };
+    check.run(then, now);
+    check.sides(then, now);
+    check.stimuli(&then.stimuli, &now.stimuli);
+    check.faults(&then.faults, &now.faults);
+    check.changes(&then.changes, &now.changes);
+    let conditions = |event: &FaultEvent| {
+        matches!(event.trigger, Trigger::Condition(_)) || event.end.condition.is_some()
+    };
+    if then.derived != now.derived && now.faults.iter().any(conditions) {
+        check.refuse("the derived signals stay: conditions of faults have been asked of them");
+    }
+    if check.reasons.is_empty() {
+        Ok(check.branch)
+    } else {
+        Err(check.reasons)
+    }
+}
+
+struct Check<'a> {
+    step: Step,
+    rate: Rate,
+    log: &'a FaultLog,
+    reasons: Vec<String>,
+    branch: Branch,
+}
+
+impl Check<'_> {
+    fn refuse(&mut self, reason: impl Into<String>) {
+        self.reasons.push(reason.into());
+    }
+
+    /// The time of a step, as a message tells it.
+    fn at(&self, step: Step) -> String {
+        format!("step {step} ({} s)", self.rate.seconds(step))
+    }
+
+    fn run(&mut self, then: &Plan, now: &Plan) {
+        let (then, now) = (&then.run, &now.run);
+        if then.rate != now.rate {
+            let (then, now) = (then.rate.hz(), now.rate.hz());
+            self.refuse(format!(
+                "run.rate_hz was {} and stays, {} is another",
+                exact(then),
+                exact(now)
+            ));
+        } else if now.steps <= self.step.0 {
+            let (end, begin) = (self.at(Step(now.steps)), self.at(self.step));
+            self.refuse(format!(
+                "run.duration_s ends it at {end}, and it begins at {begin}"
+            ));
+        }
+        if then.seed != now.seed {
+            let (then, now) = (then.seed, now.seed);
+            self.refuse(format!("run.seed was {then} and stays, {now} is another"));
+        }
+        if now.clock == Clock::Realtime {
+            self.refuse(
+                "run.clock: in real time nothing repeats what was before; use lockstep or paced",
+            );
+        }
+    }
+
+    fn sides(&mut self, then: &Plan, now: &Plan) {
+        let (plant, plant_now) = (&then.plant, &now.plant);
+        let (law, law_now) = (&then.controller, &now.controller);
+        let delays = [law, law_now].map(|one| one.command_delay_steps);
+        let same = [
+            ("plant.model", plant.model == plant_now.model),
+            ("plant.substeps", plant.substeps == plant_now.substeps),
+            ("plant.limits", plant.limits == plant_now.limits),
+            ("controller.law", law.law == law_now.law),
+            ("controller.made_for", law.made_for == law_now.made_for),
+            ("connect", law.connections == law_now.connections),
+            (
+                "controller.rate_hz",
+                law.rate_divisor == law_now.rate_divisor,
+            ),
+            ("controller.command_delay_steps", delays[0] == delays[1]),
+        ];
+        let others = same.into_iter().filter(|(_, is_same)| !is_same);
+        let mut keys: Vec<String> = others
+            .map(|(key, _)| format!("{key} stays as it was"))
+            .collect();
+        let of_law = format!("controller.{}", law.law);
+        let tables = [
+            ("plant.parameters", &plant.parameters, &plant_now.parameters),
+            (&*of_law, &law.parameters, &law_now.parameters),
+            ("controller.model", &law.model, &law_now.model),
+        ];
+        // Of another model or law every parameter would be another.
+        if keys.is_empty() {
+            for (table, then, now) in tables {
+                keys.extend(changed(then, now).map(|(name, then, now)| {
+                    format!("{table}.{name} was {then} and stays, {now} is another")
+                }));
+            }
+        }
+        self.reasons.extend(keys);
+    }
+
+    fn stimuli(&mut self, then: &[Stimulus], now: &[Stimulus]) {
+        let fields = |stimuli: &[Stimulus]| {
+            let fields = stimuli.iter().flat_map(Stimulus::fields);
+            fields
+                .map(|field| (field.name, field.unit))
+                .collect::<Vec<_>>()
+        };
+        if fields(then) != fields(now) {
+            self.refuse("the reference signals and their derivatives stay the same ones");
+            return;
+        }
+        for (then, now) in then.iter().zip(now) {
+            if then != now
+                && let Some(step) = self.first_difference(then, now)
+            {
+                let (target, at, begin) = (&then.target, self.at(step), self.at(self.step));
+                self.refuse(format!(
+                    "reference signal {target} would have been another already at {at}; it may differ from {begin} on"
+                ));
+            }
+        }
+    }
+
+    /// The first step before the checkpoint at which two reference signals differ.
+    fn first_difference(&self, then: &Stimulus, now: &Stimulus) -> Option<Step> {
+        let count = 1 + then.waveform.derivatives();
+        let mut rows = [vec![0.0; count], vec![0.0; count]];
+        (0..self.step.0).map(Step).find(|step| {
+            let time_s = self.rate.seconds(*step);
+            for (stimulus, row) in [then, now].into_iter().zip(&mut rows) {
+                stimulus::evaluate(&stimulus.waveform, time_s, row);
+            }
+            let [then, now] = rows
+                .each_ref()
+                .map(|row| row.iter().map(|value| value.to_bits()));
+            !then.eq(now)
+        })
+    }
+
+    fn faults(&mut self, then: &[FaultEvent], now: &[FaultEvent]) {
+        if then.len() != now.len() {
+            let (then, now) = (then.len(), now.len());
+            self.refuse(format!(
+                "there were {then} faults and there are {now}; `hil inject` puts one into a run that goes on"
+            ));
+            return;
+        }
+        for (then, now) in then.iter().zip(now) {
+            if then != now {
+                self.fault(then, now);
+            }
+        }
+    }
+
+    /// Changes before the checkpoint stay; later ones are free.
+    fn changes(&mut self, then: &[Change], now: &[Change]) {
+        let before = |changes: &[Change]| {
+            let past = changes
+                .iter()
+                .filter(|change| change.step < Some(self.step));
+            past.map(|change| Change {
+                id: 0,
+                ..change.clone()
+            })
+            .collect::<Vec<_>>()
+        };
+        if before(then) != before(now) {
+            let at = self.at(self.step);
+            self.refuse(format!("changes of values before {at} stay as they were"));
+        }
+    }
+
+    fn fault(&mut self, then: &FaultEvent, now: &FaultEvent) {
+        let name = format!("fault {} `{}`", then.id, then.kind);
+        let same_targets = (then.effects.iter().map(|effect| &effect.target))
+            .eq(now.effects.iter().map(|effect| &effect.target));
+        if then.kind != now.kind || !same_targets {
+            self.refuse(format!("{name} keeps its kind and its targets"));
+            return;
+        }
+        if let Some(ended) = self.log.ended.iter().find(|ended| ended.id == then.id) {
+            let at = self.at(Step(ended.step));
+            self.refuse(format!("{name} ended at {at} and stays as it was"));
+            return;
+        }
+        match self.log.taken.iter().find(|taken| taken.id == then.id) {
+            Some(taken) => {
+                if same_but_for_sizes(then, now) {
+                    self.branch.changed_faults.push(then.id);
+                } else {
+                    let at = self.at(Step(taken.step));
+                    self.refuse(format!(
+                        "{name} has acted since {at}: it keeps its times and its course, only its sizes may be others"
+                    ));
+                }
+            }
+            None => self.waiting(&name, then, now),
+        }
+    }
+
+    /// A fault that has not begun.
+    fn waiting(&mut self, name: &str, then: &FaultEvent, now: &FaultEvent) {
+        let begin = match &now.trigger {
+            Trigger::Step { step, .. } => Some(*step),
+            Trigger::After { event, delay_steps } => {
+                let followed = self.log.taken.iter().filter(|taken| taken.id == *event);
+                let step = followed.map(|taken| taken.step).min();
+                step.map(|step| Step(step.saturating_add(*delay_steps)))
+            }
+            Trigger::Condition(_) if then.trigger != now.trigger => {
+                self.refuse(format!(
+                    "{name} keeps its condition: another might have held before {}",
+                    self.at(self.step)
+                ));
+                return;
+            }
+            Trigger::Condition(_) | Trigger::Now => None,
+        };
+        if let Some(begin) = begin.filter(|begin| *begin < self.step) {
+            let (begin, first) = (self.at(begin), self.at(self.step));
+            self.refuse(format!(
+                "{name} would have begun at {begin}; it may from {first} on"
+            ));
+        }
+    }
+}
+
+/// Settings that differ, by name.
+fn changed<'a>(then: &'a Settings, now: &'a Settings) -> impl Iterator<Item = (&'a str, f64, f64)> {
+    then.0.iter().filter_map(|(name, then)| {
+        let (then, now) = (then.0, now.get(name)?);
+        (then.to_bits() != now.to_bits()).then_some((name.as_str(), then, now))
+    })
+}
+
+/// Checks that two events on the same targets differ in nothing but sizes.
+fn same_but_for_sizes(then: &FaultEvent, now: &FaultEvent) -> bool {
+    let mut sized = now.clone();
+    for (sized, then) in sized.effects.iter_mut().zip(&then.effects) {
+        match (&mut sized.action, &then.action) {
+            (
+                FaultAction::Move { sizes, moves },
+                FaultAction::Move {
+                    sizes: sizes_then,
+                    moves: moves_then,
+                },
+            ) => {
+                sizes.clone_from(sizes_then);
+                for (sized, then) in moves.iter_mut().zip(moves_then) {
+                    sized.by = then.by;
+                }
+            }
+            (
+                FaultAction::Kind { parameters, .. },
+                FaultAction::Kind {
+                    parameters: then, ..
+                },
+            ) => parameters.clone_from(then),
+            _ => {}
+        }
+    }
+    sized == *then
+}

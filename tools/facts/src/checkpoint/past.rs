@@ -1,0 +1,301 @@
+//! A checkpoint that a run is to go on from, read and checked before anything is started.
+//!
+//! Nothing of it is believed: the states have the hashes that were written down, the records before
+//! the step the digest, and plant and controller are the binaries that saved them. What went on
+//! while the run was live, its faults from command lines, stands in its recording.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use hil_config::plan::{FaultEvent, Plan};
+use hil_config::scenario::Scenario;
+use hil_console::files::folder::refuse_odd;
+use hil_console::terminal::exit::Failure;
+use hil_recording::reader::{ReadError, RunReader};
+use shared_types::checkpoint::{Checkpoints, Resume};
+use shared_types::describe::PROTOCOL;
+use shared_types::record::RecordLayout;
+use shared_types::side::Side;
+use shared_types::time::Step;
+
+use super::branch::{self, Branch};
+use super::{Checkpoint, FILE, SCHEMA, SavedSide, hash};
+use crate::arguments::run::Changes;
+use crate::programs::binaries::named::{Recorded, refuse_set};
+use crate::programs::binaries::{Binaries, Binary};
+use crate::programs::scenario;
+use crate::results::faults::FaultLog;
+use crate::results::restoration::Check;
+use crate::results::resumed::Resumed;
+
+/// Past that a run goes on from.
+#[derive(Clone, Debug)]
+pub struct Past {
+    /// The checkpoint's folder.
+    folder: PathBuf,
+    checkpoint: Checkpoint,
+    recording: PathBuf,
+    /// The scenario as it was in effect.
+    scenario: String,
+    /// Events of faults before the step.
+    log: FaultLog,
+}
+
+/// The records before a checkpoint, for the recorder.
+#[derive(Clone, Debug)]
+pub struct PastRecords {
+    /// Their recording.
+    pub recording: PathBuf,
+    /// Number of the records.
+    pub count: u64,
+    /// Their digest.
+    pub digest: String,
+    /// Layout of the records.
+    pub layout: RecordLayout,
+}
+
+impl Past {
+    /// Reads a checkpoint for these binaries.
+    ///
+    /// # Errors
+    /// If it is none, is damaged, or was made by others.
+    pub fn open(folder: &Path, binaries: &Binaries) -> Result<Self, Failure> {
+        let folder = std::path::absolute(folder).map_err(Failure::usage)?;
+        refuse_odd(&folder)?;
+        let checkpoint = read(&folder)?;
+        let sides = [
+            (&checkpoint.plant, &binaries.plant),
+            (&checkpoint.controller, &binaries.controller),
+        ];
+        for (saved, binary) in sides {
+            same_binary(saved, binary)?;
+            whole(&folder, saved)?;
+        }
+        let recording = folder.join(&checkpoint.recording.file);
+        // Without the detour through the checkpoint's folder, if there is a recording.
+        let recording = fs::canonicalize(&recording).unwrap_or(recording);
+        let (scenario, log) = past(&recording, &checkpoint).map_err(|error| {
+            let shown = folder.display();
+            Failure::usage(format!("{shown} cannot be gone on from: {error}"))
+        })?;
+        Ok(Self {
+            folder,
+            checkpoint,
+            recording,
+            scenario,
+            log,
+        })
+    }
+
+    /// The plan from here on: the scenario with changes, as far as the past allows them.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it, or contradicts the past.
+    pub fn plan(
+        &self,
+        changes: &Changes,
+        binaries: &Binaries,
+        json: bool,
+    ) -> Result<(Plan, Branch), Failure> {
+        refuse_set(&changes.set, |role| role.flag)?;
+        let origin = format!("the scenario of {}", self.folder.display());
+        let (plants, laws, kinds) = binaries.described();
+        let scenario = || Scenario::parse(&self.scenario, &origin);
+        let then = scenario().and_then(|scenario| scenario.check(plants, laws, kinds))?;
+        let now = scenario::check(scenario(), changes, binaries, json)?;
+        for set in &changes.set {
+            // Every key is written out, so that one for several of them at once is overruled.
+            let alone =
+                scenario().and_then(|scenario| scenario.set(&[set]).check(plants, laws, kinds));
+            if alone.is_ok_and(|alone| alone == then) {
+                tell!(
+                    "note: --set {set} changes nothing in {origin}, where it is so or a longer key says otherwise"
+                );
+            }
+        }
+        match branch::check(&then, &now, self.first(), &self.log) {
+            Ok(branch) => Ok((now, branch)),
+            Err(reasons) => Err(Failure::usage(format!(
+                "{} cannot go on like this:\n  {}",
+                self.folder.display(),
+                reasons.join("\n  ")
+            ))),
+        }
+    }
+
+    /// The first step that is exchanged.
+    #[must_use]
+    pub const fn first(&self) -> Step {
+        Step(self.checkpoint.step)
+    }
+
+    /// Warns of a state that does not restore exactly.
+    pub fn tell(&self) {
+        let check = self.checkpoint.check.as_ref();
+        if let Some(warning) = check.and_then(Check::warning) {
+            tell!("warning: {}: {warning}", self.folder.display());
+        }
+    }
+
+    /// The summary's word on a run that goes on from here.
+    pub fn resumed(&self, branch: Branch) -> Resumed {
+        let checkpoint = &self.checkpoint;
+        Resumed {
+            checkpoint: self.folder.display().to_string(),
+            session: checkpoint.session.clone(),
+            step: checkpoint.step,
+            time_s: checkpoint.time_s,
+            digest: checkpoint.recording.digest.clone(),
+            check: checkpoint.check.clone(),
+            changed_faults: branch.changed_faults,
+        }
+    }
+
+    /// Faults from command lines that were accepted before the step, in that order.
+    pub fn live_faults(&self) -> impl Iterator<Item = FaultEvent> {
+        self.log.accepted.iter().map(|live| live.event.clone())
+    }
+
+    /// Returns the checkpoint settings for a side's job: `others`, and the saved state to go on from.
+    #[must_use]
+    pub fn resume(&self, side: Side, others: &Checkpoints) -> Checkpoints {
+        let saved = match side {
+            Side::Plant => &self.checkpoint.plant,
+            Side::Controller => &self.checkpoint.controller,
+        };
+        Checkpoints {
+            resume: Some(Resume {
+                step: self.first(),
+                state: self.folder.join(&saved.file),
+            }),
+            ..others.clone()
+        }
+    }
+
+    /// The records before it, which have this layout.
+    #[must_use]
+    pub fn records(&self, layout: RecordLayout) -> PastRecords {
+        PastRecords {
+            recording: self.recording.clone(),
+            count: self.checkpoint.recording.records,
+            digest: self.checkpoint.recording.digest.clone(),
+            layout,
+        }
+    }
+}
+
+/// The programs of the run that made a checkpoint.
+///
+/// # Errors
+/// If there is no such checkpoint or recording.
+pub fn recorded(folder: &Path) -> Result<Recorded, Failure> {
+    let checkpoint = read(folder)?;
+    let recording = folder.join(&checkpoint.recording.file);
+    let reader = RunReader::open(&recording).map_err(|error| {
+        let shown = folder.display();
+        Failure::usage(format!("{shown} cannot be gone on from: {error}"))
+    })?;
+    Ok(Recorded::of(&reader, folder))
+}
+
+/// Reads what a checkpoint says of itself.
+pub(super) fn read(folder: &Path) -> Result<Checkpoint, Failure> {
+    let shown = folder.display();
+    let path = folder.join(FILE);
+    let text = fs::read_to_string(&path).map_err(|error| {
+        let near = checkpoints_in(folder);
+        let hint = if near.is_empty() {
+            "hil run --checkpoint-at TIME makes one".to_owned()
+        } else {
+            format!("those of this run: {}", near.join(", "))
+        };
+        Failure::usage(format!("{shown} is no checkpoint: {FILE}: {error}; {hint}"))
+    })?;
+    let damaged =
+        |what: &dyn std::fmt::Display| Failure::usage(format!("{}: {what}", path.display()));
+    let checkpoint: Checkpoint = serde_json::from_str(&text).map_err(|error| damaged(&error))?;
+    let Checkpoint {
+        schema, protocol, ..
+    } = checkpoint;
+    if (schema, protocol) != (SCHEMA, PROTOCOL) {
+        return Err(damaged(&format!(
+            "it has form {schema} and protocol {protocol}, this hil makes form {SCHEMA} and protocol {PROTOCOL}"
+        )));
+    }
+    Ok(checkpoint)
+}
+
+/// The checkpoints in the folder of a run.
+fn checkpoints_in(run: &Path) -> Vec<String> {
+    let entries = fs::read_dir(run).into_iter().flatten().flatten();
+    let mut found: Vec<String> = entries
+        .map(|entry| entry.path())
+        .filter(|path| path.join(FILE).exists())
+        .map(|path| path.display().to_string())
+        .collect();
+    found.sort();
+    found
+}
+
+fn same_binary(saved: &SavedSide, binary: &Binary) -> Result<(), Failure> {
+    if saved.binary_blake3 == binary.blake3 {
+        return Ok(());
+    }
+    let (path, of) = (binary.path.display(), &saved.of);
+    let (theirs, ours) = (&saved.binary_blake3, &binary.blake3);
+    Err(Failure::usage(format!(
+        "{path} is not the binary that saved the state of `{of}` and may read it wrongly: it has hash {ours}, that one had {theirs}"
+    )))
+}
+
+fn whole(folder: &Path, saved: &SavedSide) -> Result<(), Failure> {
+    let path = folder.join(&saved.file);
+    let shown = path.display();
+    let content =
+        fs::read(&path).map_err(|error| Failure::usage(format!("cannot read {shown}: {error}")))?;
+    let found = blake3::hash(&content).to_hex().to_string();
+    if found == saved.blake3 {
+        return Ok(());
+    }
+    let wanted = &saved.blake3;
+    Err(Failure::usage(format!(
+        "{shown} is damaged: it has hash {found}, {wanted} was saved"
+    )))
+}
+
+/// Reads what was before a checkpoint: the scenario and what happened to faults.
+fn past(recording: &Path, checkpoint: &Checkpoint) -> Result<(String, FaultLog), String> {
+    let told = |error: ReadError| error.to_string();
+    let mut reader = RunReader::open(recording).map_err(told)?;
+    reader.refuse_excerpt().map_err(told)?;
+    let scenario = reader.attachment("scenario.toml").map_err(told)?.to_owned();
+    let shown = recording.display();
+    if hash(&scenario) != checkpoint.recording.scenario_blake3 {
+        return Err(format!(
+            "the scenario in {shown} is not that of the checkpoint"
+        ));
+    }
+    let mut log = FaultLog::default();
+    let (wanted, digest) = (checkpoint.recording.records, &checkpoint.recording.digest);
+    while reader.records() < wanted {
+        if !reader.advance().map_err(told)? {
+            let found = reader.records();
+            let torn = (reader.caveat()).map_or_else(String::new, |torn| format!("; {torn}"));
+            return Err(format!(
+                "{shown} has {found} records, {wanted} were before it{torn}"
+            ));
+        }
+        for event in reader.events() {
+            log.take(event)
+                .map_err(|error| format!("{shown}: {error}"))?;
+        }
+    }
+    let found = reader.digest();
+    if found == *digest {
+        Ok((scenario, log))
+    } else {
+        Err(format!(
+            "{shown} was changed: the first {wanted} records have digest {found}, {digest} was recorded"
+        ))
+    }
+}

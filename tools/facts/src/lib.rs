@@ -1,0 +1,34 @@
+//! Facts: what a run is made of and what became of it, and a running session as other terminals have it. Starts no run
+//! and compares none.
+//!
+//! | Room | What lives there |
+//! |---|---|
+//! | [`session`] | a running session from another terminal: requests, faults, records |
+//! | [`checkpoint`] | the state of both sides before a step, for another run to go on from |
+//! | [`results`] | the end of a run, its verdicts, its latency and the grade of that, its summary |
+//! | [`programs`] | plant and controller programs, and the scenario checked against them |
+//! | [`arguments`] | arguments that verbs of several packages share |
+
+#![expect(
+    missing_docs,
+    reason = "fields and variants whose names say what they are"
+)]
+
+#[macro_use]
+extern crate hil_console; // its macro `tell!` is used everywhere
+#[cfg(test)]
+extern crate self as hil_facts; // the name that shared pieces of tests know
+
+pub mod arguments;
+pub mod checkpoint;
+pub mod programs;
+pub mod results;
+pub mod session;
+
+#[cfg(test)]
+#[path = "../../recording/tests/shared/fixture.rs"]
+#[expect(dead_code, reason = "these tests need a part of it")]
+mod fixture;
+#[cfg(test)]
+#[path = "../tests/shared/rig.rs"]
+mod rig;

@@ -1,0 +1,114 @@
+//! Answers of programs on this machine, and what of an answer is passed on.
+
+use std::ffi::OsStr;
+use std::os::unix::process::ExitStatusExt;
+use std::path::Path;
+
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::interruption::Interruption;
+use hil_target::asking::{NoAnswer, ask};
+use hil_target::contact::Answer;
+use serde_json::Value;
+use shared_types::text;
+use signal_hook::low_level::signal_name;
+
+/// Begin of the line by which a program of the framework gives its reason.
+const REASON: &str = "error: ";
+
+/// The reason for which a program of the framework does not answer; others say nothing of the kind.
+pub(super) fn refusal(stderr: &str) -> Option<&str> {
+    let begins = |line: &str| line.starts_with(REASON);
+    let before = stderr
+        .split_inclusive('\n')
+        .take_while(|line| !begins(line));
+    let begin: usize = before.map(str::len).sum();
+    Some(stderr[begin..].strip_prefix(REASON)?.trim())
+}
+
+/// Asks a program on this machine; the inner error is its own.
+pub(super) fn asked<S: AsRef<OsStr>>(
+    path: &Path,
+    arguments: &[S],
+    interruption: &Interruption,
+) -> Result<Result<Answer, String>, Failure> {
+    match ask(path, arguments, &|| interruption.came()) {
+        Ok(answer) => {
+            let stderr = String::from_utf8_lossy(&answer.stderr).into_owned();
+            if let Some(signal) = answer.status.signal() {
+                return Ok(Err(killed(signal, &stderr)));
+            }
+            Ok(Ok(Answer {
+                is_success: answer.status.success(),
+                stdout: String::from_utf8_lossy(&answer.stdout).into_owned(),
+                stderr,
+            }))
+        }
+        Err(NoAnswer::Interrupted) => Err(Failure::Interrupted),
+        Err(NoAnswer::Failed(why)) => Ok(Err(why)),
+    }
+}
+
+/// Names the signal that a program died by, with its last words.
+fn killed(signal: i32, stderr: &str) -> String {
+    let name = signal_name(signal).unwrap_or("a signal");
+    let last = stderr.lines().rfind(|line| !line.trim().is_empty());
+    let words = last.map_or_else(String::new, |line| {
+        let line = line.strip_prefix(REASON).unwrap_or(line);
+        format!(": {}", text::printable(&text::line(line)))
+    });
+    format!("it was killed by {name} ({signal}){words}")
+}
+
+/// The first text of a description that a terminal would do something at.
+pub(super) fn unprintable(described: &Value) -> Option<&str> {
+    match described {
+        Value::String(text) => (text::printable(text) != *text).then_some(text),
+        Value::Array(all) => all.iter().find_map(unprintable),
+        Value::Object(all) => (all.keys())
+            .find(|name| text::printable(name) != **name)
+            .map(String::as_str)
+            .or_else(|| all.values().find_map(unprintable)),
+        Value::Null | Value::Bool(_) | Value::Number(_) => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn the_reason_of_a_program_is_what_stands_behind_its_mark() {
+        for (stderr, reason) in [
+            (
+                "error: `x_m` is there twice\n",
+                Some("`x_m` is there twice"),
+            ),
+            ("a library speaks\nerror: no\nunit\n", Some("no\nunit")),
+            ("who are you", None),
+            ("an error: none", None),
+            ("", None),
+        ] {
+            assert_eq!(refusal(stderr), reason, "{stderr}");
+        }
+    }
+
+    #[test]
+    fn a_program_that_dies_by_a_signal_is_named_by_it_with_its_last_words() {
+        let words = "a library speaks\nerror: SIGSEGV came in fmi2DoStep\n\n";
+        assert_eq!(
+            killed(11, words),
+            "it was killed by SIGSEGV (11): SIGSEGV came in fmi2DoStep"
+        );
+        assert_eq!(killed(9, ""), "it was killed by SIGKILL (9)");
+    }
+
+    #[test]
+    fn a_description_with_control_characters_is_found_wherever_they_are() {
+        let sound = json!({"plants": [{"name": "a", "truth": [{"unit": "m", "text": "a\nb"}]}]});
+        assert_eq!(unprintable(&sound), None);
+        let wrong = json!({"protocol": 4, "plants": [{"truth": [{"unit": "m\u{1b}[2J"}]}]});
+        assert_eq!(unprintable(&wrong), Some("m\u{1b}[2J"));
+    }
+}

@@ -1,0 +1,152 @@
+//! Models that are no programs: an FMU, and `hil-fmu` beside `hil`, which runs it in a process of its own.
+//!
+//! The model is what was named, and what must be trusted and stay the same; the host stands with its own hash
+//! beside it. What an FMU is, the host alone knows.
+
+use std::ffi::OsStr;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use hil_config::plan::Permissions;
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::interruption::Interruption;
+use hil_target::contact::Answer;
+use shared_types::describe::ModelSettings;
+
+use super::named::Choice;
+use super::{FileIdentity, asked, beside, hashed};
+
+/// Program beside `hil` that runs FMUs.
+pub const HOST: &str = "hil-fmu";
+/// First bytes of an archive.
+const ARCHIVE: [u8; 4] = *b"PK\x03\x04";
+/// Ending of the name of an FMU.
+const ENDING: &str = "fmu";
+
+/// Program that runs a model.
+#[derive(Clone, Debug)]
+pub struct Host {
+    /// Path of the program.
+    pub path: PathBuf,
+    /// Hash of the program.
+    pub blake3: String,
+    /// Patterns of inner signals that are part of the truth.
+    pub(crate) locals: Vec<String>,
+    /// Permissions of the model.
+    pub(crate) permissions: Permissions,
+    /// Settings of the model.
+    pub(crate) settings: ModelSettings,
+    /// The same as an argument.
+    settings_argument: Option<String>,
+    /// True if the model's library is loaded to say what it needs.
+    loads: bool,
+    pub(super) file: FileIdentity,
+    side: &'static str,
+}
+
+impl Host {
+    /// The host of a model as a side; `None` if the file is a program of its own.
+    ///
+    /// # Errors
+    /// If there is no host.
+    pub fn of(choice: &Choice, side: &'static str) -> Result<Option<Self>, String> {
+        if !is_model(&choice.path) {
+            return Ok(None);
+        }
+        let own = beside(HOST).map_err(|error| error.to_string())?;
+        let told = |error| format!("it is an FMU, and {} cannot be run: {error}", own.display());
+        let (file, blake3) = hashed(&own).map_err(told)?;
+        Ok(Some(Self {
+            path: own,
+            blake3,
+            locals: choice.locals.clone(),
+            permissions: choice.permissions,
+            settings: choice.settings.clone(),
+            settings_argument: choice.settings.argument(),
+            loads: choice.loads,
+            file,
+            side,
+        }))
+    }
+
+    /// The command that runs a model, without the arguments that every program takes.
+    pub fn command(&self, model: &Path) -> Command {
+        let mut command = Command::new(&self.path);
+        command.args(self.arguments(model));
+        command
+    }
+
+    /// Asks a model as a program is asked; the inner error is the host's.
+    pub fn ask(
+        &self,
+        model: &Path,
+        arguments: &[&OsStr],
+        interruption: &Interruption,
+    ) -> Result<Result<Answer, String>, Failure> {
+        let own = self.arguments(model);
+        let all: Vec<&OsStr> = { own.iter().copied() }
+            .chain(arguments.iter().copied())
+            .collect();
+        asked(&self.path, &all, interruption)
+    }
+
+    fn arguments<'a>(&'a self, model: &'a Path) -> Vec<&'a OsStr> {
+        let mut arguments = vec![self.side.as_ref(), model.as_os_str()];
+        for pattern in &self.locals {
+            arguments.extend([OsStr::new("--truth"), pattern.as_ref()]);
+        }
+        if let Some(settings) = &self.settings_argument {
+            arguments.extend([OsStr::new("--settings"), settings.as_ref()]);
+        }
+        let Permissions {
+            trust_archive,
+            allow_execution_tool,
+        } = self.permissions;
+        let flags = [
+            (trust_archive, "--trust-archive"),
+            (allow_execution_tool, "--allow-execution-tool"),
+            (self.loads, "--load"),
+        ];
+        let flags = flags.iter().filter(|(is_set, _)| *is_set);
+        arguments.extend(flags.map(|(_, flag)| OsStr::new(*flag)));
+        arguments
+    }
+}
+
+/// Checks for a model by its name, or by its content where the name is another, as that of a copy.
+fn is_model(path: &Path) -> bool {
+    let is_named = path
+        .extension()
+        .is_some_and(|ending| ending.eq_ignore_ascii_case(ENDING));
+    if is_named {
+        return path.is_file();
+    }
+    let mut begin = [0; ARCHIVE.len()];
+    path.is_file()
+        && File::open(path).is_ok_and(|mut file| file.read_exact(&mut begin).is_ok())
+        && begin == ARCHIVE
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_model_is_known_by_its_name_or_its_first_bytes() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = |name: &str, content: &[u8]| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, content).expect("written");
+            path
+        };
+        assert!(is_model(&file("a.fmu", b"no archive")));
+        assert!(is_model(&file("b.FMU", b"")));
+        assert!(is_model(&file("plant", b"PK\x03\x04 and more")));
+        assert!(!is_model(&file("program", b"\x7fELF")));
+        assert!(!is_model(&file("short", b"PK")));
+        assert!(!is_model(&folder.path().join("none.fmu")));
+        assert!(!is_model(folder.path()));
+    }
+}

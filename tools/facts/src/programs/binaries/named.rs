@@ -1,0 +1,457 @@
+//! Program of a side: the one that the command line names, else the environment, else the scenario or the
+//! recording that is run, else the program beside `hil`.
+//!
+//! What a file names is run only if nobody but this user and root can have written it, and what a
+//! recording names only if this user made the recording and the program is still the same.
+
+use std::ffi::OsStr;
+use std::fmt;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use hil_config::plan::{ControllerProgram, Permissions, Programs};
+use hil_config::scenario::{Scenario, read_regular};
+use hil_console::terminal::exit::Failure;
+use hil_recording::reader::RunReader;
+use shared_types::describe::ModelSettings;
+
+use super::reached::Reached;
+use super::{beside, seal, trusted};
+
+/// A side, and how its program is named.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Role {
+    pub side: &'static str,
+    /// The program beside `hil`.
+    pub beside: &'static str,
+    pub flag: &'static str,
+    pub variable: &'static str,
+    /// Key in a scenario.
+    pub key: &'static str,
+}
+
+pub const PLANT: Role = Role {
+    side: "plant",
+    beside: "plant-process",
+    flag: "--plant-bin",
+    variable: "HIL_PLANT_BIN",
+    key: "plant.program",
+};
+pub const CONTROLLER: Role = Role {
+    side: "controller",
+    beside: "controller-process",
+    flag: "--controller-bin",
+    variable: "HIL_CONTROLLER_BIN",
+    key: "controller.program",
+};
+
+/// Fact of a recording with the patterns of inner signals.
+pub const LOCALS: &str = "plant_locals";
+
+/// Fact of a recording with the keys of the scenario that give an FMU a permission.
+pub const PERMISSIONS: &str = "fmu_permissions";
+
+/// Fact of a recording with the settings of FMUs, of the plant and the controller.
+pub const MODEL_SETTINGS: &str = "fmu_settings";
+
+/// Source that named a program.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum NamedBy {
+    /// Nobody: it is the one beside `hil`.
+    Nobody,
+    /// A flag or a variable of the environment.
+    Person(&'static str),
+    /// A key of this scenario.
+    Scenario(&'static str, PathBuf),
+    /// This run.
+    Recording(PathBuf),
+}
+
+impl fmt::Display for NamedBy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Nobody => f.write_str("beside hil"),
+            Self::Person(name) => f.write_str(name),
+            Self::Scenario(key, file) => write!(f, "{key} of {}", file.display()),
+            Self::Recording(run) => write!(f, "recorded in {}", run.display()),
+        }
+    }
+}
+
+/// The program of a side.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Choice {
+    pub path: PathBuf,
+    pub by: NamedBy,
+    /// The hash that it must have.
+    pub blake3: Option<String>,
+    /// Patterns of inner signals that are part of the truth, if it is an FMU.
+    pub locals: Vec<String>,
+    /// Permissions, if it is an FMU.
+    pub permissions: Permissions,
+    /// Settings, if it is an FMU.
+    pub settings: ModelSettings,
+    /// True if the library of an FMU is loaded to say what it needs.
+    pub loads: bool,
+}
+
+impl Choice {
+    /// Chooses a program of which nothing more is asked.
+    pub fn new(path: PathBuf, by: NamedBy) -> Self {
+        Self {
+            path,
+            by,
+            blake3: None,
+            locals: Vec::new(),
+            permissions: Permissions::default(),
+            settings: ModelSettings::default(),
+            loads: false,
+        }
+    }
+
+    /// Makes the failure of a program that cannot be run.
+    pub(super) fn cannot_run(&self, role: &Role, error: &dyn fmt::Display) -> Failure {
+        let (shown, by) = (self.path.display(), &self.by);
+        Failure::usage(match by {
+            NamedBy::Nobody if !self.path.exists() => format!(
+                "no {} program is named, and none lies beside hil: {shown} is not there; `cargo build --release` in the clone builds all programs beside each other, or name one with {} PATH or {}",
+                role.side, role.flag, role.variable
+            ),
+            // The program is not to blame.
+            NamedBy::Nobody if lacks_room(&error.to_string()) => {
+                format!("cannot run {shown}: {error}")
+            }
+            NamedBy::Nobody => format!(
+                "cannot run {shown}: {error}; build it with `cargo build --release`, or name one with {}",
+                role.flag
+            ),
+            // A flag was just typed; a variable may have been set long ago.
+            NamedBy::Person(flag) if flag.starts_with("--") => {
+                format!("cannot run {shown}: {error}")
+            }
+            by => format!("cannot run {shown} ({by}): {error}"),
+        })
+    }
+
+    /// The first wish that only an FMU can grant, and that it has no effect.
+    pub(super) fn only_for_an_fmu(&self, role: &Role) -> Option<String> {
+        if !self.locals.is_empty() {
+            return Some("`plant.locals` has no effect; its truth is all that it describes".into());
+        }
+        let keys = self.permissions.given().chain(self.settings.given());
+        let flag = self.loads.then(|| "--load".to_owned());
+        let wish = { keys }
+            .map(|key| format!("`{}.{key}`", role.side))
+            .chain(flag)
+            .next()?;
+        Some(format!("{wish} has no effect"))
+    }
+}
+
+/// Source of program names besides the command line.
+pub enum Named<'a> {
+    Nothing,
+    Scenario {
+        file: &'a Path,
+        text: &'a str,
+        programs: Box<Programs>,
+    },
+    Recorded(&'a Recorded),
+}
+
+/// The programs of a recorded run, as far as they were named: those beside `hil` are not written down.
+#[derive(Clone, Debug)]
+pub struct Recorded {
+    run: PathBuf,
+    plant: Option<PathBuf>,
+    controller: Option<PathBuf>,
+    /// Patterns of the plant's inner signals that were part of the truth.
+    locals: Vec<String>,
+    /// Permissions of the plant and of the controller.
+    permissions: [Permissions; 2],
+    /// Settings of the plant and of the controller.
+    settings: [ModelSettings; 2],
+    /// Hashes of the plant's and the controller's program.
+    pub blake3: [Option<String>; 2],
+    /// True if this user recorded the run; an error gives the reason for which that cannot be told.
+    is_own: Result<bool, String>,
+    host: String,
+}
+
+impl Recorded {
+    pub fn of(reader: &RunReader, run: &Path) -> Self {
+        let fact = |name| reader.fact(name).map(str::to_owned);
+        let permitted: Vec<String> = (reader.fact(PERMISSIONS))
+            .and_then(|text| serde_json::from_str(text).ok())
+            .unwrap_or_default();
+        Self {
+            run: run.to_owned(),
+            plant: fact("plant_binary").map(PathBuf::from),
+            controller: fact("controller_binary").map(PathBuf::from),
+            locals: (reader.fact(LOCALS))
+                .and_then(|text| serde_json::from_str(text).ok())
+                .unwrap_or_default(),
+            permissions: [&PLANT, &CONTROLLER].map(|role| {
+                Permissions::of(|key| permitted.contains(&format!("{}.{key}", role.side)))
+            }),
+            settings: (reader.fact(MODEL_SETTINGS))
+                .and_then(|text| serde_json::from_str(text).ok())
+                .unwrap_or_default(),
+            blake3: [fact("plant_blake3"), fact("controller_blake3")],
+            is_own: seal::is_own(|name| reader.fact(name)),
+            host: fact("host").unwrap_or_default(),
+        }
+    }
+
+    /// Checks that this user recorded the run, as far as that can be told.
+    pub fn is_own(&self) -> bool {
+        self.is_own == Ok(true)
+    }
+
+    /// The programs that a scenario of this run may name.
+    pub fn programs(&self) -> Programs {
+        if !self.is_own() {
+            return Programs::default();
+        }
+        let [plant_settings, controller_settings] = self.settings.clone();
+        Programs {
+            plant: self.plant.clone(),
+            controller: self.controller.clone().map(ControllerProgram::One),
+            locals: self.locals.clone(),
+            plant_permissions: self.permissions[0],
+            controller_permissions: self.permissions[1],
+            plant_settings,
+            controller_settings,
+        }
+    }
+
+    /// The programs that were named.
+    pub fn named(&self) -> impl Iterator<Item = (&'static Role, &Path)> {
+        let all = [(&PLANT, &self.plant), (&CONTROLLER, &self.controller)];
+        (all.into_iter()).filter_map(|(role, path)| Some((role, path.as_deref()?)))
+    }
+
+    fn choice(&self, role: &Role) -> Result<Option<Choice>, Failure> {
+        let run = self.run.display();
+        let Some((_, path)) = self.named().find(|(named, _)| *named == role) else {
+            return Ok(None);
+        };
+        let (side, flag, shown) = (role.side, role.flag, path.display());
+        if !self.is_own() {
+            let whose = match &self.is_own {
+                Ok(_) => format!(
+                    "{run} was not recorded by this user here (host {:?})",
+                    self.host
+                ),
+                Err(why) => format!("whether this user recorded {run} cannot be told ({why})"),
+            };
+            return Err(Failure::usage(format!(
+                "{whose}, so the {side} program that it names, {shown}, is not run; {flag} PATH names one to run"
+            )));
+        }
+        let path = trusted::program(path).map_err(|why| {
+            Failure::usage(format!(
+                "{run} was recorded with the {side} program {shown}, which is not run: {why}; {flag} PATH names one to run"
+            ))
+        })?;
+        let [plant, controller] = &self.blake3;
+        let blake3 = if role == &PLANT { plant } else { controller };
+        Ok(Some(Choice {
+            blake3: Some(blake3.clone().unwrap_or_default()),
+            ..Choice::new(path, NamedBy::Recording(self.run.clone()))
+        }))
+    }
+}
+
+/// Refuses flags that set a program where the scenario names none: they would be without effect.
+///
+/// # Errors
+/// The first such flag, with the one that names a program; `flag` is that of a side.
+pub fn refuse_set(set: &[String], flag: impl Fn(&Role) -> &str) -> Result<(), Failure> {
+    for one in set {
+        let key = one.split('=').next().unwrap_or_default().trim();
+        let sets = |role: &&&Role| {
+            let rest = key.strip_prefix(role.key);
+            rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+        };
+        if let Some(role) = [&PLANT, &CONTROLLER].iter().find(sets) {
+            return Err(Failure::usage(format!(
+                "--set {key} has no effect here, where the scenario names no program; {} PATH names the {} program",
+                flag(role),
+                role.side
+            )));
+        }
+    }
+    Ok(())
+}
+
+impl<'a> Named<'a> {
+    pub fn by(scenario: &'a Scenario) -> Self {
+        Self::Scenario {
+            file: scenario.path(),
+            text: scenario.text(),
+            programs: Box::new(scenario.programs()),
+        }
+    }
+
+    /// The patterns of inner signals that belong to a side.
+    fn locals(&self, role: &Role) -> Vec<String> {
+        match self {
+            Self::Scenario { programs, .. } if role == &PLANT => programs.locals.clone(),
+            Self::Recorded(recorded) if role == &PLANT => recorded.locals.clone(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// The permissions of a side.
+    fn permissions(&self, role: &Role) -> Permissions {
+        let [plant, controller] = match self {
+            Self::Scenario { programs, .. } => {
+                [programs.plant_permissions, programs.controller_permissions]
+            }
+            Self::Recorded(recorded) => recorded.permissions,
+            Self::Nothing => [Permissions::default(); 2],
+        };
+        if role == &PLANT { plant } else { controller }
+    }
+
+    /// The settings of a side.
+    fn settings(&self, role: &Role) -> ModelSettings {
+        let [plant, controller] = match self {
+            Self::Scenario { programs, .. } => {
+                [&programs.plant_settings, &programs.controller_settings]
+            }
+            Self::Recorded(recorded) => recorded.settings.each_ref(),
+            Self::Nothing => return ModelSettings::default(),
+        };
+        let of_side = if role == &PLANT { plant } else { controller };
+        of_side.clone()
+    }
+
+    /// The program of a side; `given` is that of the command line, `at` the machine that it runs on.
+    ///
+    /// # Errors
+    /// If what a file names must not be run.
+    pub fn choice(
+        &self,
+        role: &'static Role,
+        given: Option<&Path>,
+        at: Option<&Reached>,
+    ) -> Result<Choice, Failure> {
+        let variable = std::env::var_os(role.variable).filter(|value| !value.is_empty());
+        let person = match (given, &variable) {
+            (Some(path), _) => Some((path, role.flag)),
+            (None, Some(path)) => Some((Path::new(path), role.variable)),
+            (None, None) => None,
+        };
+        let choice = if let Some((path, by)) = person {
+            // Absolute, so that what is run is what is hashed: a bare name is looked for elsewhere.
+            let path = std::path::absolute(path).map_err(Failure::usage)?;
+            Choice::new(path, NamedBy::Person(by))
+        } else {
+            let named = match self {
+                Self::Nothing => None,
+                Self::Scenario {
+                    file,
+                    text,
+                    programs,
+                } => by_scenario(role, file, text, programs, at)?,
+                Self::Recorded(recorded) => recorded.choice(role)?,
+            };
+            match named {
+                Some(choice) => choice,
+                None => Choice::new(beside(role.beside)?, NamedBy::Nobody),
+            }
+        };
+        Ok(Choice {
+            locals: self.locals(role),
+            permissions: self.permissions(role),
+            settings: self.settings(role),
+            ..choice
+        })
+    }
+}
+
+/// Variable that names Cargo's target folder in place of `target`.
+const TARGET_DIR: &str = "CARGO_TARGET_DIR";
+
+/// Place of a program in Cargo's target folder, if `path` leads into a folder `target` of a package.
+fn in_target_folder(path: &Path, folder: &OsStr) -> Option<PathBuf> {
+    let mut packages = path.ancestors().skip(1);
+    let default = packages.find(|place| {
+        let is_package = || place.with_file_name("Cargo.toml").is_file();
+        place.file_name().is_some_and(|name| name == "target") && is_package()
+    })?;
+    let folder = Some(Path::new(folder)).filter(|folder| folder.is_absolute())?;
+    Some(folder.join(path.strip_prefix(default).ok()?))
+}
+
+fn by_scenario(
+    role: &'static Role,
+    file: &Path,
+    text: &str,
+    programs: &Programs,
+    at: Option<&Reached>,
+) -> Result<Option<Choice>, Failure> {
+    let (key, flag, shown) = (role.key, role.flag, file.display());
+    let path = match (&programs.controller, role == &PLANT) {
+        (_, true) => programs.plant.as_deref(),
+        (None, false) => None,
+        (Some(program), false) => {
+            let here = rustix::system::uname();
+            let here = here.machine().to_string_lossy();
+            let machine = at.map_or(&*here, |at| &at.findings().machine);
+            let place = at.map_or_else(
+                || "this machine".to_owned(),
+                |at| format!("target {}", at.target()),
+            );
+            let found = program.for_machine(machine);
+            Some(found.ok_or_else(|| {
+                Failure::usage(format!(
+                    "{shown}: `{key}` has no program for {place}, {machine}; add one, or name it with {flag} PATH"
+                ))
+            })?)
+        }
+    };
+    let Some(path) = path else {
+        return Ok(None);
+    };
+    let refused = |why: String| {
+        let path = path.display();
+        Failure::usage(format!(
+            "{shown} names the {} program {path}, which is not run: {why}; {flag} PATH names one to run",
+            role.side
+        ))
+    };
+    let is_missing =
+        |path: &Path| fs::metadata(path).is_err_and(|error| error.kind() == ErrorKind::NotFound);
+    let moved = std::env::var_os(TARGET_DIR).and_then(|folder| in_target_folder(path, &folder));
+    let path = match (is_missing(path), &moved) {
+        (false, _) => path,
+        (true, Some(moved)) if !is_missing(moved) => moved.as_path(),
+        (true, moved) => {
+            let also = moved.as_ref().map_or_else(String::new, |moved| {
+                format!(", nor is {}, where {TARGET_DIR} leads", moved.display())
+            });
+            return Err(refused(format!(
+                "it is not there{also}; build it (paths in a scenario begin at its folder)"
+            )));
+        }
+    };
+    // What was read is what stands in a file that nobody else can have written.
+    let (own, _) = trusted::file(file).map_err(refused)?;
+    if read_regular(&own).ok().as_deref() != Some(text) {
+        return Err(refused(format!("{shown} was changed meanwhile")));
+    }
+    let path = trusted::program(path).map_err(refused)?;
+    let by = NamedBy::Scenario(key, file.to_owned());
+    Ok(Some(Choice::new(path, by)))
+}
+/// Returns `true` if a text says that the system has no files, processes or memory left to give.
+fn lacks_room(error: &str) -> bool {
+    use rustix::io::Errno;
+    let lacking = [Errno::MFILE, Errno::NFILE, Errno::AGAIN, Errno::NOMEM];
+    let mut numbers = lacking.iter().map(|errno| errno.raw_os_error());
+    numbers.any(|number| error.contains(&format!("(os error {number})")))
+}

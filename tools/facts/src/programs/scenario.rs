@@ -1,0 +1,139 @@
+//! A scenario read, checked against its programs and shown complete.
+
+use std::sync::Arc;
+
+use hil_config::plan::Plan;
+use hil_config::problem::Problems;
+use hil_config::scenario::Scenario;
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::interruption::Interruption;
+use hil_console::terminal::output;
+
+use crate::programs::binaries::{Binaries, Choices};
+use toml_edit::DocumentMut;
+
+use crate::arguments::BinaryArguments;
+use crate::arguments::run::Changes;
+use crate::programs::binaries::named::Named;
+use crate::programs::binaries::reached::Reached;
+
+/// The parts of a scenario that say what runs. The others disturb it, which is in the samples already,
+/// or judge it, in terms that another controller may not know.
+const KEPT: [&str; 7] = [
+    "schema",
+    "name",
+    "run",
+    "plant",
+    "controller",
+    "connect",
+    "stimuli",
+];
+
+/// A plan as complete, runnable TOML.
+///
+/// # Errors
+/// If the plan does not belong to the binaries.
+pub fn show(plan: &Plan, binaries: &Binaries) -> Result<String, Failure> {
+    let (plants, laws, kinds) = binaries.described();
+    hil_config::show::show(plan, plants, laws, kinds).map_err(Failure::usage)
+}
+
+/// Reads scenarios and finds the programs that each is for.
+pub struct Finder<'a> {
+    arguments: &'a BinaryArguments,
+    at: Option<&'a Reached>,
+    interruption: &'a Interruption,
+    /// Binaries of the scenarios before: each is asked once.
+    found: Vec<(Choices, Arc<Binaries>)>,
+}
+
+impl<'a> Finder<'a> {
+    pub const fn new(
+        arguments: &'a BinaryArguments,
+        at: Option<&'a Reached>,
+        interruption: &'a Interruption,
+    ) -> Self {
+        Self {
+            arguments,
+            at,
+            interruption,
+            found: Vec::new(),
+        }
+    }
+
+    /// Reads a scenario, applies the changes and checks it against its programs. With `json` the
+    /// problems go to standard output too, for machines.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it, or with its programs.
+    pub fn read(
+        &mut self,
+        path: &std::path::Path,
+        changes: &Changes,
+        json: bool,
+    ) -> Result<(Plan, Arc<Binaries>), Failure> {
+        changes.check()?;
+        let read = || Scenario::read(path).map(|scenario| scenario.set(&changes.as_set()));
+        let scenario = self.interruption.at_once(read)?;
+        let scenario = scenario.or_else(|problems| refused(&problems, json))?;
+        let choices = Choices::of(self.arguments, &Named::by(&scenario), self.at)?;
+        let known = self.found.iter().find(|(known, _)| *known == choices);
+        let binaries = match known {
+            Some((_, binaries)) => Arc::clone(binaries),
+            None => choices.find(self.interruption)?,
+        };
+        if known.is_none() {
+            self.found.push((choices, Arc::clone(&binaries)));
+        }
+        let plan = (self.interruption).at_once(|| finish(scenario, &binaries, json))??;
+        Ok((plan, binaries))
+    }
+}
+
+/// Applies the changes to a scenario and checks it; with `json` the problems go to standard output
+/// too, for machines.
+///
+/// # Errors
+/// Everything that is wrong with it.
+pub fn check(
+    scenario: Result<Scenario, Problems>,
+    changes: &Changes,
+    binaries: &Binaries,
+    json: bool,
+) -> Result<Plan, Failure> {
+    changes.check()?;
+    let scenario = scenario.or_else(|problems| refused(&problems, json))?;
+    finish(scenario.set(&changes.as_set()), binaries, json)
+}
+
+/// The plan of a scenario, with the programs that were found for it.
+fn finish(scenario: Scenario, binaries: &Binaries, json: bool) -> Result<Plan, Failure> {
+    let (plants, laws, kinds) = binaries.described();
+    let scenario = scenario.advise(binaries.advice());
+    let plan = scenario.check(plants, laws, kinds);
+    let plan = plan.or_else(|problems| refused(&problems, json))?;
+    Ok(Plan {
+        programs: binaries.programs(),
+        ..plan
+    })
+}
+
+fn refused<T>(problems: &Problems, json: bool) -> Result<T, Failure> {
+    if json {
+        output::write(&format!(
+            "{}\n",
+            serde_json::json!({ "problems": problems })
+        ))?;
+    }
+    Err(Failure::Usage(problems.to_string()))
+}
+
+/// The parts of a scenario that say what runs.
+///
+/// # Errors
+/// If it is no TOML.
+pub fn kept(text: &str) -> Result<DocumentMut, toml_edit::TomlError> {
+    let mut document: DocumentMut = text.parse()?;
+    document.retain(|key, _| KEPT.contains(&key));
+    Ok(document)
+}

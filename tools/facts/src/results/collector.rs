@@ -1,0 +1,102 @@
+//! The one pass over the records and events of a run: fed by the recorder while the run goes on and by
+//! [`RecordedOutcome`](super::outcome::RecordedOutcome) from a recording, so that both come to the same
+//! facts. Believes what it is given: the recorder checks items before, and digests are made elsewhere.
+
+use shared_types::record::{Event, Timing};
+
+use crate::results::curves::CurveTaker;
+use crate::results::evaluation::RecordEvaluation;
+use crate::results::latency::legs::Latency;
+use crate::results::recorded::Recorded;
+
+/// The facts of a run in the making.
+pub struct Collector {
+    /// Steps of the run; none if its scenario cannot be understood.
+    steps: u64,
+    pub evaluation: Option<RecordEvaluation>,
+    /// None unless the run is a case whose campaign keeps curves.
+    pub curve: Option<CurveTaker>,
+    /// None where nobody asks for it: its histograms cost more than a short run.
+    pub latency: Option<Latency>,
+    /// Times at which the first and the last record were published.
+    published_ns: Option<(u64, u64)>,
+    /// Records that come are those that the run goes on from: they took no time of this run.
+    pub is_past: bool,
+    pub recorded: Recorded,
+}
+
+impl Collector {
+    /// Begins with a run of N steps; without latency nobody asks for it.
+    pub fn new(steps: u64, evaluation: Option<RecordEvaluation>, latency: Option<Latency>) -> Self {
+        Self {
+            steps,
+            evaluation,
+            curve: None,
+            recorded: Recorded::begun(),
+            latency,
+            published_ns: None,
+            is_past: false,
+        }
+    }
+
+    /// Takes a record.
+    pub fn record(&mut self, words: &[u64], timing: &Timing) {
+        let step = words[0];
+        let recorded = &mut self.recorded;
+        recorded.records += 1;
+        if step < self.steps
+            && let Some(answers) = &mut recorded.answers
+        {
+            answers.take(timing);
+        }
+        let evaluation = self.evaluation.as_mut();
+        let derived = evaluation.map_or(&[][..], |evaluation| evaluation.record(words));
+        if let Some(curve) = &mut self.curve {
+            curve.record(words, derived);
+        }
+        if self.is_past {
+            recorded.past_records += 1;
+            return;
+        }
+        if let Some(latency) = &mut self.latency {
+            latency.take(step, timing);
+        }
+        let (first_ns, _) = self.published_ns.unwrap_or((timing.published_ns, 0));
+        self.published_ns = Some((first_ns, timing.published_ns));
+    }
+
+    /// Takes an event.
+    ///
+    /// # Errors
+    /// If the event of a live fault cannot be understood, which is then left out.
+    pub fn event(&mut self, event: &Event) -> Result<(), String> {
+        if let Some(evaluation) = &mut self.evaluation {
+            evaluation.event(event);
+        }
+        match event {
+            Event::Controller(change) => self.recorded.changes.push(change.clone()),
+            Event::Change(change) => self.recorded.values.push(change.clone()),
+            Event::Mark(mark) => self.recorded.marks.push(mark.clone()),
+            Event::End(end) => self.recorded.end = Some(end.clone()),
+            Event::Accepted(_) | Event::Fault(_) | Event::FaultEnded(_) => {}
+        }
+        self.recorded.faults.take(event)
+    }
+
+    /// Fills in the figures of all that was taken.
+    pub fn conclude(&mut self) {
+        let recorded = &mut self.recorded;
+        recorded.curve = self.curve.take().map(CurveTaker::finish);
+        recorded.latency = self
+            .latency
+            .as_ref()
+            .map(Latency::summary)
+            .unwrap_or_default();
+        if let Some(evaluation) = &self.evaluation {
+            recorded.metrics = evaluation.so_far().results();
+            recorded.requirements = evaluation.so_far().requirements();
+        }
+        let (first_ns, last_ns) = self.published_ns.unwrap_or_default();
+        recorded.wall_time_s = last_ns.saturating_sub(first_ns) as f64 / 1e9;
+    }
+}

@@ -1,0 +1,98 @@
+//! The curve of a case: the least and the greatest value of each signal in each bin of time.
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+/// Bytes of a bin.
+const BIN: usize = 2 * size_of::<f32>();
+
+/// Signals and bins of the curves of a campaign.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Grid {
+    /// Names and units of the signals.
+    pub signals: Vec<(String, String)>,
+    /// Number of bins.
+    pub bins: usize,
+    /// Length of a bin in s.
+    pub bin_s: f64,
+    /// Number of draws of which one keeps its curves.
+    pub every: u64,
+}
+
+/// Least and greatest value of each signal in each bin; NaN where it has none.
+#[derive(Clone, Debug)]
+pub struct Curve(Vec<[f32; 2]>);
+
+impl Curve {
+    /// Makes the curve of a case without records.
+    #[must_use]
+    pub fn new(grid: &Grid) -> Self {
+        Self(vec![[f32::NAN; 2]; grid.signals.len() * grid.bins])
+    }
+
+    /// Takes the value of a signal in a bin; one that does not exist changes nothing.
+    #[inline]
+    pub fn take(&mut self, grid: &Grid, signal: usize, bin: usize, value: f64) {
+        let value = value as f32;
+        widen(&mut self.0[signal * grid.bins + bin], [value; 2]);
+    }
+
+    /// Takes another curve in; tells whether that changed anything.
+    pub fn widen(&mut self, other: &Self) -> bool {
+        let mut is_wider = false;
+        for (bin, other) in self.0.iter_mut().zip(&other.0) {
+            is_wider |= widen(bin, *other);
+        }
+        is_wider
+    }
+
+    /// Returns the least and the greatest value of a signal in each bin.
+    #[must_use]
+    pub fn signal(&self, grid: &Grid, signal: usize) -> &[[f32; 2]] {
+        &self.0[signal * grid.bins..(signal + 1) * grid.bins]
+    }
+
+    pub fn fits(&self, grid: &Grid) -> bool {
+        self.0.len() == grid.signals.len() * grid.bins
+    }
+}
+
+/// Widens a bin; tells whether that changed it.
+#[inline]
+fn widen([least, greatest]: &mut [f32; 2], [low, high]: [f32; 2]) -> bool {
+    // A comparison with what is not there is false.
+    let (is_lower, is_higher) = (
+        low < *least || (least.is_nan() && !low.is_nan()),
+        high > *greatest || (greatest.is_nan() && !high.is_nan()),
+    );
+    if is_lower {
+        *least = low;
+    }
+    if is_higher {
+        *greatest = high;
+    }
+    is_lower || is_higher
+}
+
+impl Serialize for Curve {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let values = self.0.iter().flatten();
+        let bytes: Vec<u8> = values.flat_map(|value| value.to_le_bytes()).collect();
+        to.serialize_str(&STANDARD.encode(bytes))
+    }
+}
+
+impl<'de> Deserialize<'de> for Curve {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        let text = String::deserialize(from)?;
+        let bytes = STANDARD.decode(text).map_err(D::Error::custom)?;
+        if bytes.len() % BIN != 0 {
+            return Err(D::Error::custom("a curve ends within a bin"));
+        }
+        let (values, _) = bytes.as_chunks::<{ size_of::<f32>() }>();
+        let values: Vec<f32> = values.iter().map(|one| f32::from_le_bytes(*one)).collect();
+        Ok(Self(values.as_chunks().0.to_vec()))
+    }
+}

@@ -1,0 +1,171 @@
+//! The end of a run as its plant told it, held against the plan and the records.
+//!
+//! Used by the recorder when a run is over, and by all that reads what came of a recorded one. A plant
+//! is another process: what it says is believed as far as it fits what was asked for and what came.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use hil_config::plan::{Clock, Plan};
+use shared_types::pacer::Streaks;
+use shared_types::record::{ControllerChange, ControllerFate, Outcome, RunEnd, Timing};
+
+use crate::results::recorded::Recorded;
+
+/// Counts of the controller's commands in the records of a run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Answers {
+    /// Records with a command of a controller.
+    pub given: u64,
+    /// Records with an older command than that of their step.
+    pub held: u64,
+}
+
+impl Answers {
+    /// Takes in the record of a step that had a command.
+    pub const fn take(&mut self, timing: &Timing) {
+        self.given += (timing.epoch > 0) as u64;
+        self.held += (timing.held_steps > 0) as u64;
+    }
+}
+
+/// The first thing in the plant's account of its end that cannot be so.
+#[must_use]
+pub fn contradiction(plan: &Plan, recorded: &Recorded) -> Option<String> {
+    let end = recorded.end.as_ref()?;
+    (steps(plan, end))
+        .or_else(|| records(plan, end, recorded))
+        .or_else(|| answers(end, recorded))
+        .or_else(|| counts(plan, end, recorded))
+        .or_else(|| effects(plan, end, recorded))
+}
+
+fn steps(plan: &Plan, end: &RunEnd) -> Option<String> {
+    let (said, planned) = (end.steps, plan.run.steps);
+    match end.outcome {
+        _ if said > planned => Some(format!(
+            "the plant says that it executed {said} steps, and the run has {planned}"
+        )),
+        Outcome::Completed if said < planned => Some(format!(
+            "the plant says that it completed the run after {said} steps, and the run has {planned}"
+        )),
+        _ => None,
+    }
+}
+
+/// A record for each step, and one more of the state after the last; a run that broke off may lack
+/// that. In real time some may be lost, and are counted.
+fn records(plan: &Plan, end: &RunEnd, recorded: &Recorded) -> Option<String> {
+    let (steps, came, lost) = (end.steps, recorded.records, recorded.lost);
+    let missing = match plan.run.clock {
+        Clock::Realtime => lost,
+        Clock::Lockstep | Clock::Paced { .. } => 0,
+    };
+    let (least, due) = match end.outcome {
+        Outcome::Completed => (steps + 1, format!("{} records", steps + 1)),
+        _ => (steps, format!("{steps} records or one more")),
+    };
+    let is_sound = came <= steps + 1 && came.saturating_add(missing) >= least;
+    (!is_sound).then(|| {
+        let lost = match lost {
+            0 => String::new(),
+            lost => format!(" and {lost} were lost"),
+        };
+        format!("the plant says that it executed {steps} steps, which are {due}; {came} came{lost}")
+    })
+}
+
+/// A controller that is lost before it answers once, at the first step of the run, leaves one without
+/// answers.
+fn answers(end: &RunEnd, recorded: &Recorded) -> Option<String> {
+    let is_alone = recorded.answers.is_some_and(|answers| answers.given == 0);
+    let is_lost = |change: &ControllerChange| {
+        matches!(change.change, ControllerFate::Lost { .. }) && change.step <= recorded.past_records
+    };
+    let is_known = recorded.changes.iter().any(is_lost);
+    // The last record has no command.
+    let is_due = end.outcome == Outcome::Completed && recorded.records > 1;
+    (is_due && is_alone && !is_known).then(|| {
+        "the plant says that it completed the run, and no record has the answer of a controller"
+            .into()
+    })
+}
+
+fn counts(plan: &Plan, end: &RunEnd, recorded: &Recorded) -> Option<String> {
+    let (overran, missed) = ("steps overran", "commands missed their deadline");
+    for (streaks, what) in [(end.overruns, overran), (end.missed_commands, missed)] {
+        let Streaks {
+            count,
+            longest,
+            first_step,
+            ..
+        } = streaks;
+        let is_sound = match first_step {
+            None => (count, longest) == (0, 0),
+            Some(first) => {
+                (1..=count).contains(&longest) && first.saturating_add(count) <= end.steps + 1
+            }
+        };
+        if !is_sound {
+            let first = first_step.map_or_else(|| "none".into(), |step| step.to_string());
+            let steps = end.steps;
+            return Some(format!(
+                "the plant says that {count} {what}, {longest} in a row at most, the first at step {first}, of {steps} steps"
+            ));
+        }
+    }
+    if plan.run.clock == Clock::Lockstep && end.overruns.count > 0 {
+        let count = end.overruns.count;
+        return Some(format!(
+            "the plant says that {count} {overran}, and in lockstep none is due at any time"
+        ));
+    }
+    let (said, held) = (end.missed_commands.count, recorded.answers?.held);
+    let is_exact = end.outcome == Outcome::Completed && recorded.changes.is_empty();
+    let is_sound = match recorded.lost {
+        0 if is_exact => said == held,
+        // The step that a run ends at may have no record.
+        lost => said <= held.saturating_add(lost).saturating_add(1),
+    };
+    (!is_sound).then(|| {
+        format!("the plant says that {said} {missed}, and {held} records have an older command")
+    })
+}
+
+/// Every effect that is told of belongs to a fault of the run, and is told of once.
+fn effects(plan: &Plan, end: &RunEnd, recorded: &Recorded) -> Option<String> {
+    let log = &recorded.faults;
+    let live = log.accepted.iter().map(|live| &live.event);
+    let known: BTreeMap<u32, usize> = (plan.faults.iter().chain(live))
+        .map(|event| (event.id, event.effects.len()))
+        .collect();
+    let mut told = BTreeSet::new();
+    for effect in &end.effects {
+        let (id, number) = (effect.id, effect.effect);
+        let mut steps = [effect.step, effect.ended_step].into_iter().flatten();
+        if steps.any(|step| step > plan.run.steps) || effect.acted_steps > end.steps + 1 {
+            let steps = end.steps;
+            return Some(format!(
+                "the plant tells of effect {number} of fault {id} beyond the end of a run of {steps} steps"
+            ));
+        }
+        if !told.insert((id, number)) {
+            return Some(format!(
+                "the plant tells twice of effect {number} of fault {id}"
+            ));
+        }
+    }
+    let taken = log.taken.iter().map(|taken| (taken.id, taken.effect));
+    let ended = log.ended.iter().map(|ended| (ended.id, ended.effect));
+    let is_made_up = |(id, number): &(u32, u32)| {
+        let effects = known.get(id).copied().unwrap_or(0);
+        usize::try_from(*number).is_ok_and(|number| number >= effects)
+    };
+    // In real time it may be lost that a live fault was accepted.
+    let made_up = (told.into_iter().chain(taken).chain(ended)).find(is_made_up);
+    made_up.filter(|_| recorded.lost == 0).map(|(id, number)| {
+        format!("the plant tells of effect {number} of fault {id}, and there is no such fault")
+    })
+}
+
+#[cfg(test)]
+mod tests;

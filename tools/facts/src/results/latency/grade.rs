@@ -1,0 +1,170 @@
+//! Grades of latency, in the words and limits that LinuxCNC's users live by.
+
+use std::fmt;
+
+use hil_console::terminal::duration::shown_ns;
+use serde::Serialize;
+
+use super::times::Times;
+
+/// Under it, a loop is excellent, and the longest delay of a machine good.
+pub const EXCELLENT_BELOW_NS: u64 = 20_000;
+/// Under it, a loop is good, and the longest delay of a machine fair.
+pub const GOOD_BELOW_NS: u64 = 50_000;
+/// Over it, nothing of real time can be done on this machine.
+pub const UNFIT_NS: u64 = 500_000;
+
+/// Fitness of a loop, by its latency.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Grade {
+    /// Under 20 us.
+    Excellent,
+    /// Under 50 us.
+    Good,
+    /// Up to 500 us.
+    Usable,
+    /// Over 500 us: unfit for servo loops.
+    Unfit,
+}
+
+impl Grade {
+    /// The grade of a figure.
+    #[must_use]
+    pub const fn of(ns: u64) -> Self {
+        match ns {
+            0..EXCELLENT_BELOW_NS => Self::Excellent,
+            EXCELLENT_BELOW_NS..GOOD_BELOW_NS => Self::Good,
+            GOOD_BELOW_NS..=UNFIT_NS => Self::Usable,
+            _ => Self::Unfit,
+        }
+    }
+
+    /// The words for it.
+    #[must_use]
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::Excellent => "excellent",
+            Self::Good => "good",
+            Self::Usable => "usable",
+            Self::Unfit => "unfit for servo loops",
+        }
+    }
+}
+
+/// A grade and the figure that it follows from: the 99.99 % of the round trip or, if that is worse, of
+/// the release. A step without a command ranks behind all round trips: it waited for longer than any command took
+/// that came in its time.
+///
+/// Not the maximum: that is one step, grows with the length of a run, and on a virtual machine is the
+/// hypervisor's. Not the 99 % either, behind which a hundred steps of a second at 10 kHz can hide.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Graded {
+    /// Grade of the loop.
+    pub grade: Grade,
+    /// Leg that decided.
+    pub leg: Leg,
+    /// 99.99 %.
+    pub p9999_ns: u64,
+}
+
+/// A leg that can decide.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Leg {
+    /// From sending a sample to having its command.
+    RoundTrip,
+    /// From the time at which a sample was due to its sending.
+    Release,
+}
+
+impl Graded {
+    /// Grades some steps by their round trips, the number of those without a command and their releases; `None` if
+    /// no command came.
+    #[must_use]
+    pub fn of(round_trip: &Times, without_command: u64, release: &Times) -> Option<Self> {
+        const SHARE: f64 = 0.9999;
+        let round_trip_ns = round_trip.at_quantile_with_longer(SHARE, without_command);
+        let release_ns = release.at_quantile(SHARE);
+        let (leg, p9999_ns) = match release_ns > round_trip_ns {
+            true => (Leg::Release, release_ns),
+            false => (Leg::RoundTrip, round_trip_ns),
+        };
+        (!round_trip.is_empty()).then(|| Self {
+            grade: Grade::of(p9999_ns),
+            leg,
+            p9999_ns,
+        })
+    }
+}
+
+impl fmt::Display for Graded {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let leg = match self.leg {
+            Leg::RoundTrip => "round trip",
+            Leg::Release => "release",
+        };
+        let (words, figure) = (self.grade.words(), shown_ns(self.p9999_ns));
+        write!(f, "{words} (99.99 % of the {leg}: {figure})")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn times(times_ns: impl IntoIterator<Item = u64>) -> Times {
+        let mut all = Times::default();
+        for ns in times_ns {
+            all.record(ns);
+        }
+        all
+    }
+
+    #[test]
+    fn the_limits_are_20_50_and_500_us() {
+        for (ns, grade) in [
+            (0, Grade::Excellent),
+            (19_999, Grade::Excellent),
+            (20_000, Grade::Good),
+            (49_999, Grade::Good),
+            (50_000, Grade::Usable),
+            (500_000, Grade::Usable),
+            (500_001, Grade::Unfit),
+        ] {
+            assert_eq!(Grade::of(ns), grade, "{ns} ns");
+        }
+    }
+
+    #[test]
+    fn the_worse_of_round_trip_and_release_decides() {
+        let of = |round_trip_ns: u64, release_ns: Option<u64>| {
+            let graded = Graded::of(&times([round_trip_ns]), 0, &times(release_ns));
+            let graded = graded.expect("graded");
+            (graded.grade, graded.leg)
+        };
+        assert_eq!(of(7_000, None), (Grade::Excellent, Leg::RoundTrip));
+        assert_eq!(of(7_000, Some(60_000)), (Grade::Usable, Leg::Release));
+        assert_eq!(of(30_000, Some(2_000)), (Grade::Good, Leg::RoundTrip));
+        let shown = Graded::of(&times([600_000]), 0, &times([]))
+            .expect("graded")
+            .to_string();
+        assert_eq!(
+            shown,
+            "unfit for servo loops (99.99 % of the round trip: 600 us)"
+        );
+    }
+
+    #[test]
+    fn one_step_in_ten_thousand_decides_nothing_and_two_without_a_command_do() {
+        // One command of 20,000 came 40 ms late, after steps that went on without one.
+        let round_trips = times((1..20_000).map(|_| 1_000).chain([40_000_000]));
+        let of = |without_command| {
+            let graded = Graded::of(&round_trips, without_command, &times([]));
+            graded.expect("graded").grade
+        };
+        assert_eq!((of(0), of(1)), (Grade::Excellent, Grade::Excellent));
+        assert_eq!((of(2), of(39)), (Grade::Unfit, Grade::Unfit));
+        assert_eq!(Graded::of(&times([]), 5, &times([1])), None);
+    }
+}

@@ -1,0 +1,9 @@
+//! The latency of a loop: the recorder, or a reader of its recording, puts each step into [`Latency`](legs::Latency); its
+//! [`legs`] are [`times`] that become [`percentiles`], the ten worst [`spikes`] and a [`grade`] in the summary.
+
+pub mod grade;
+pub mod legs;
+pub mod percentiles;
+pub mod places;
+pub mod spikes;
+pub mod times;

@@ -1,0 +1,159 @@
+//! A recorded run by what travels in its recording: both programs, the scenario, its plan and the places of
+//! its signals.
+//!
+//! Made by everyone who reads a recording for more than its columns. Needs none of the programs on this
+//! machine, and reads no record.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::Path;
+
+use hil_config::expression::{Columns, Group};
+use hil_config::plan::Plan;
+use hil_config::scenario::read_regular;
+use hil_console::terminal::exit::Failure;
+use hil_recording::reader::RunReader;
+use hil_recording::schema::column_name;
+use shared_types::describe::{Description, LawDescription, PlantDescription};
+use shared_types::number::exact_in;
+use shared_types::record::Validity;
+use shared_types::table::Field;
+
+use crate::programs::checked::checked;
+use crate::results::evaluation::RecordEvaluation;
+
+/// A recorded run.
+pub struct RecordedRun {
+    /// Answer of its plant program to `--describe`.
+    pub plant_program: Description,
+    /// Answer of its controller program.
+    pub controller_program: Description,
+    pub plant: PlantDescription,
+    /// The law as it is on the wire.
+    pub law: LawDescription,
+    pub plan: Plan,
+}
+
+impl RecordedRun {
+    /// Takes a run from its recording; problems of its scenario name `origin`.
+    ///
+    /// # Errors
+    /// If something does not travel in it or cannot be understood.
+    pub fn of(reader: &RunReader, origin: &Path) -> Result<Self, Failure> {
+        Self::planned(reader, |text, plant, controller| {
+            checked(text, origin, plant, controller)
+        })
+    }
+
+    /// Takes a run from its recording, with a plan that is made of its scenario and both descriptions.
+    ///
+    /// # Errors
+    /// If something does not travel in it, or those of the plan.
+    pub fn planned(
+        reader: &RunReader,
+        plan: impl FnOnce(&str, &Description, &Description) -> Result<Plan, Failure>,
+    ) -> Result<Self, Failure> {
+        let description = |name| reader.attached::<Description>(name).map_err(Failure::usage);
+        let plant_program = description("plant-description.json")?;
+        let controller_program = description("controller-description.json")?;
+        let text = reader.attachment("scenario.toml").map_err(Failure::usage)?;
+        let plan = plan(text, &plant_program, &controller_program)?;
+        let plant = plan.plant_among(&plant_program.plants).cloned();
+        let law = plan.law_among(&controller_program.laws);
+        // A scenario is checked only if both are there.
+        let (Some(plant), Some(law)) = (plant, law) else {
+            let path = reader.path().display();
+            return Err(Failure::usage(format!(
+                "{path} does not describe its plant and its law"
+            )));
+        };
+        Ok(Self {
+            plant_program,
+            controller_program,
+            plant,
+            law,
+            plan,
+        })
+    }
+
+    /// Takes signals to compute and everything that judges from another scenario.
+    ///
+    /// # Errors
+    /// If that cannot be read, or does not fit the run.
+    pub(crate) fn judged_by(mut self, other: &Path) -> Result<Self, Failure> {
+        let shown = other.display();
+        let text = read_regular(other)
+            .map_err(|error| Failure::usage(format!("cannot read {shown}: {error}")))?;
+        let other = checked(&text, other, &self.plant_program, &self.controller_program)?;
+        let (rate, others) = (self.plan.run.rate, other.run.rate);
+        if rate != others {
+            return Err(Failure::usage(format!(
+                "{shown} is at {} and the run at {}: their steps are not the same times",
+                exact_in(others.hz(), "Hz"),
+                exact_in(rate.hz(), "Hz")
+            )));
+        }
+        self.plan = Plan {
+            name: other.name,
+            derived: other.derived,
+            metrics: other.metrics,
+            analyses: other.analyses,
+            requirements: other.requirements,
+            plots: other.plots,
+            ..self.plan
+        };
+        Ok(self)
+    }
+
+    /// Names the signals of its records and gives their places among the words.
+    ///
+    /// # Errors
+    /// If they are of no known group.
+    pub fn columns(&self, reader: &RunReader) -> Result<(Columns, Range<usize>), String> {
+        let layout = self.plan.record_layout(&self.plant, &self.law);
+        let groups = Group::ALL.iter().zip(layout.groups());
+        let names: BTreeMap<String, &Field> = groups
+            .flat_map(|(group, fields)| fields.iter().map(move |field| (group, field)))
+            .map(|(group, field)| (column_name(group.prefix(), &field.name), field))
+            .collect();
+        let mut columns = Columns::default();
+        let words = reader.columns();
+        let first = words.iter().position(|word| word.is_signal()).unwrap_or(0);
+        for word in words[first..].iter().take_while(|word| word.is_signal()) {
+            let (prefix, name) = word.name.split_once('.').unwrap_or_default();
+            let group = (Group::ALL.into_iter()).find(|group| group.prefix() == prefix);
+            let group = group.ok_or_else(|| format!("the recording has a group `{prefix}`"))?;
+            let field = names.get(word.name.as_str());
+            columns.push(group, field.map_or(name, |field| &field.name));
+        }
+        let places = first..first + columns.len();
+        Ok((columns, places))
+    }
+
+    /// Lists the commands of its command frames, in order, as a recording names them.
+    pub fn sent_commands(&self) -> Vec<String> {
+        let name = |field: &Field| column_name("command", &field.name);
+        let sent = self.law.sent_commands(&self.plant).iter();
+        sent.map(name).collect()
+    }
+
+    /// Begins to evaluate a plan over its records.
+    ///
+    /// # Errors
+    /// If the plan does not fit its signals.
+    pub fn evaluation(&self, reader: &RunReader, plan: &Plan) -> Result<RecordEvaluation, String> {
+        let (columns, places) = self.columns(reader)?;
+        let evaluation = RecordEvaluation::new(plan, &columns, places, self.validity(reader));
+        evaluation.map_err(|error| error.to_string())
+    }
+
+    /// Finds the bits of validity of its signals, counted from the first signal.
+    fn validity(&self, reader: &RunReader) -> Validity {
+        let sent = self.sent_commands();
+        let signals = reader.columns().iter().filter(|column| column.is_signal());
+        Validity::new((0..).zip(signals).filter_map(|(number, column)| {
+            let (word, bit) = reader.invalid_bit(&column.name, &sent)?;
+            Some((word, bit, number))
+        }))
+    }
+}

@@ -1,0 +1,140 @@
+//! Meaning of requirements for a run, and their table.
+//!
+//! Used by the summary of a run and by `hil judge`, so that both say the same. Evaluates no formula:
+//! that is done while records are read, by [`Evaluation`](hil_config::evaluation::Evaluation).
+
+use std::fmt::Write as _;
+
+use hil_config::requirements::RequirementValue;
+use hil_console::terminal::exit::Exit;
+use hil_console::terminal::table::{Table, left, right};
+use serde::Serialize;
+use shared_types::number::{short, unit_shown};
+use shared_types::record::Outcome;
+
+/// Result of a requirement.
+#[derive(Clone, Debug, Serialize)]
+pub struct Requirement {
+    pub name: String,
+    pub formula: String,
+    /// `pass`, `fail` or `undecided`.
+    pub verdict: &'static str,
+    /// The margin in the unit, negative where it fails; null if there is none.
+    pub robustness: Option<f64>,
+    pub unit: String,
+    /// The time that the margin comes from.
+    pub at_s: Option<f64>,
+    /// Time at which the verdict was certain.
+    pub decided_at_s: Option<f64>,
+}
+
+impl From<&RequirementValue> for Requirement {
+    fn from(value: &RequirementValue) -> Self {
+        Self {
+            name: value.name.clone(),
+            formula: value.formula.clone(),
+            verdict: value.verdict.name(),
+            robustness: value.robustness.filter(|size| size.is_finite()),
+            unit: value.unit.clone(),
+            at_s: value.at_s,
+            decided_at_s: value.decided_at_s,
+        }
+    }
+}
+
+/// Verdict of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum RunVerdict {
+    /// All requirements hold.
+    Pass,
+    /// A requirement does not hold, or is undecided.
+    Fail,
+    /// The run was not completed.
+    Aborted,
+}
+
+impl RunVerdict {
+    /// Gives the verdict of a run: `Aborted` unless it was completed, else one requirement that does not
+    /// hold is enough for `Fail`.
+    pub fn of(outcome: Outcome, requirements: &[Requirement]) -> Self {
+        if outcome != Outcome::Completed {
+            Self::Aborted
+        } else if requirements.iter().all(|one| one.verdict == "pass") {
+            Self::Pass
+        } else {
+            Self::Fail
+        }
+    }
+
+    /// Returns the name, as files and tables have it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Pass => "pass",
+            Self::Fail => "fail",
+            Self::Aborted => "aborted",
+        }
+    }
+
+    /// Gives the exit code of a run that ended by itself.
+    pub const fn exit(self) -> Exit {
+        match self {
+            Self::Pass => Exit::Pass,
+            Self::Fail | Self::Aborted => Exit::Failed,
+        }
+    }
+}
+
+/// Words for a run that was completed and had no requirement to meet.
+pub const WITHOUT_REQUIREMENTS: &str = "completed, no requirements";
+
+/// The verdict of a run in words for a person: a `pass` that no requirement stands behind is not called one.
+pub fn in_words(verdict: &str, requirements: usize) -> &str {
+    match (verdict, requirements) {
+        ("pass", 0) => WITHOUT_REQUIREMENTS,
+        _ => verdict,
+    }
+}
+
+/// Writes the table of requirements, and the formulas of those that do not hold.
+pub fn write(text: &mut String, requirements: &[Requirement]) -> std::fmt::Result {
+    if requirements.is_empty() {
+        return Ok(());
+    }
+    if !text.ends_with("\n\n") {
+        writeln!(text)?;
+    }
+    let unit = left(5).close();
+    let columns = [left(0), left(9), right(11), unit, right(9), right(0)];
+    let mut table = Table::new(2, columns);
+    table.cells([
+        "requirement",
+        "verdict",
+        "robustness",
+        "",
+        "at [s]",
+        "decided [s]",
+    ]);
+    for one in requirements {
+        let verdict = match one.verdict {
+            "fail" => "FAIL",
+            other => other,
+        };
+        let robustness = one.robustness.map_or_else(|| "-".into(), short);
+        let time = |time_s: Option<f64>| time_s.map_or_else(|| "-".into(), |s| s.to_string());
+        let (at_s, decided_at_s) = (time(one.at_s), time(one.decided_at_s));
+        let unit = unit_shown(&one.unit);
+        table.row(&[
+            &one.name,
+            &verdict,
+            &robustness,
+            &unit,
+            &at_s,
+            &decided_at_s,
+        ]);
+        if one.verdict != "pass" {
+            table.line(format!("    {}", one.formula));
+        }
+    }
+    writeln!(text, "{table}")
+}

@@ -1,0 +1,51 @@
+//! The real-time settings that a run asked for and those that it got, as its summary has them.
+
+use serde::Serialize;
+use shared_types::realtime::{Granted, Report};
+use shared_types::wait::WaitStrategy;
+
+/// Settings that a run asked of the system and those that it got, as `summary.json` has them.
+#[derive(Clone, Debug, Serialize)]
+pub struct Realtime {
+    /// Strategy with which the sides waited for each other.
+    pub wait: WaitStrategy,
+    /// The plant's loop; of a run in one process that of both sides. Null if it never began.
+    pub plant: Option<Report>,
+    /// The controller's loop; null if it never began or has none of its own.
+    pub controller: Option<Report>,
+    /// The recorder.
+    pub recorder: Recorder,
+    /// Longest time that a core may need to wake up, in us; null for no limit of ours.
+    pub dma_latency_us: Granted<Option<u32>>,
+}
+
+/// Settings that the recorder runs with.
+#[derive(Clone, Debug, Serialize)]
+pub struct Recorder {
+    /// The only core that it may run on; null for several.
+    pub core: Granted<Option<u32>>,
+}
+
+impl Realtime {
+    /// Describes the settings for a person.
+    #[must_use]
+    pub fn describe(&self) -> String {
+        let mut text = format!("{} waits", self.wait.name());
+        for (side, report) in [("plant", &self.plant), ("controller", &self.controller)] {
+            let Some(report) = report else { continue };
+            let core = report.core.granted.map(|core| format!("core {core}"));
+            let priority = report.priority.granted;
+            let fifo = (priority > 0).then(|| format!("FIFO {priority}"));
+            let locked = (report.lock_memory.granted).then(|| "memory locked".to_owned());
+            let fetched = report.prefault.granted.then(|| "prefaulted".to_owned());
+            let all: Vec<String> = [core, fifo, locked, fetched]
+                .into_iter()
+                .flatten()
+                .collect();
+            if !all.is_empty() {
+                text += &format!("; {side}: {}", all.join(", "));
+            }
+        }
+        text
+    }
+}

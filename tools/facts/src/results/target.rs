@@ -1,0 +1,113 @@
+//! The machine that a run's controller was on, where that was another.
+
+use std::fmt;
+
+use serde::Serialize;
+use shared_types::text;
+
+use crate::programs::binaries::Binary;
+use crate::programs::binaries::reached::BesideDesk;
+
+/// A target, by what its agent found.
+#[derive(Clone, Debug, Serialize)]
+pub struct Target {
+    /// Target as it was named.
+    name: String,
+    /// Name of the host, as it calls itself.
+    host: String,
+    /// Type of the machine, as `uname -m` has it.
+    machine: String,
+    kernel: String,
+    boot_id: String,
+    cores: u32,
+    /// Hash of the agent's file.
+    agent_blake3: String,
+    /// Highest real-time priority that the agent may ask for.
+    most_priority: u32,
+    /// Bytes that were free in the target's `/dev/shm` before the run; null if nobody looked.
+    free_bytes: Option<u64>,
+    /// True if another build of the controller ran there, and commit and lock file of both are known to be the same;
+    /// null if it was the same file or if that cannot be told.
+    same_source: Option<bool>,
+    /// Times that the target's output was switched to the safe command because samples were missing, as far as the desk
+    /// heard of it; null if only the recording is there, which has each as a mark.
+    pub safe_switches: Option<u32>,
+}
+
+impl Target {
+    /// The target of a controller, if it has one.
+    pub fn of(controller: &Binary) -> Option<Self> {
+        let at = controller.at.as_ref()?;
+        let findings = at.findings().clone();
+        Some(Self {
+            name: at.target().to_string(),
+            host: findings.host,
+            machine: findings.machine,
+            kernel: findings.kernel,
+            boot_id: findings.boot_id,
+            cores: findings.cores,
+            agent_blake3: findings.agent_blake3,
+            most_priority: findings.most_priority,
+            free_bytes: findings.free_bytes,
+            same_source: controller
+                .beside_desk
+                .as_ref()
+                .and_then(BesideDesk::is_same_source),
+            safe_switches: None,
+        })
+    }
+
+    /// The target of a recorded run, if it had one.
+    pub fn recorded<'a>(fact: impl Fn(&str) -> Option<&'a str>) -> Option<Self> {
+        let known = |name: &str| text::line(fact(name).unwrap_or_default());
+        Some(Self {
+            name: text::line(fact("target")?),
+            host: known("target_host"),
+            machine: known("target_machine"),
+            kernel: known("target_kernel"),
+            boot_id: known("target_boot_id"),
+            cores: known("target_cores").parse().unwrap_or(0),
+            agent_blake3: known("target_agent_blake3"),
+            most_priority: known("target_most_priority").parse().unwrap_or(0),
+            free_bytes: known("target_free_bytes").parse().ok(),
+            same_source: known("target_same_source").parse().ok(),
+            safe_switches: None,
+        })
+    }
+
+    /// Facts for the recording, by their names.
+    pub fn facts(&self) -> Vec<(&'static str, String)> {
+        let mut facts = vec![
+            ("target", self.name.clone()),
+            ("target_host", self.host.clone()),
+            ("target_machine", self.machine.clone()),
+            ("target_kernel", self.kernel.clone()),
+            ("target_boot_id", self.boot_id.clone()),
+            ("target_cores", self.cores.to_string()),
+            ("target_agent_blake3", self.agent_blake3.clone()),
+            ("target_most_priority", self.most_priority.to_string()),
+        ];
+        let free = self.free_bytes.map(|bytes| bytes.to_string());
+        facts.extend(free.map(|free| ("target_free_bytes", free)));
+        let same = self.same_source.map(|same| same.to_string());
+        facts.extend(same.map(|same| ("target_same_source", same)));
+        facts
+    }
+}
+
+impl fmt::Display for Target {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            name,
+            host,
+            machine,
+            kernel,
+            ..
+        } = self;
+        let kernel = kernel.split(' ').next().unwrap_or_default();
+        write!(
+            f,
+            "controller on target {name}: host {host}, {machine}, kernel {kernel}"
+        )
+    }
+}

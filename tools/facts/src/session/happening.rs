@@ -1,0 +1,80 @@
+//! Account of a session: every event of its run that a person is told of, once and in its order.
+//!
+//! The recorder, which loses no event, notes each one, and the `hil` that runs the session tells the account to
+//! whoever [asks](super::standing): an observer sees events only from the one on with which it joined.
+
+use serde::{Deserialize, Serialize};
+use shared_types::record::{ControllerFate, Event};
+use shared_types::time::{Rate, Step};
+
+/// Event of a run, as a person is told of it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Happening {
+    /// Step of the event.
+    pub step: u64,
+    /// The event in one line, with its step.
+    pub text: String,
+    /// Label in a plot; `None` of faults, which are shaded there, and of what changes no value.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub label: Option<String>,
+    /// Key of a change of one value.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub key: Option<String>,
+}
+
+impl Happening {
+    /// Describes an event; `None` of a fault that does not act yet, and of the end of the run.
+    #[must_use]
+    pub fn of(event: &Event, rate: Rate) -> Option<Self> {
+        let at = |step: u64| format!("step {step} ({} s)", rate.seconds(Step(step)));
+        let (step, text, label, key) = match event {
+            Event::Fault(taken) => {
+                let (id, kind, target) = (taken.id, &taken.kind, &taken.target);
+                let text = format!("fault {id} {kind} on {target} from {}", at(taken.step));
+                (taken.step, text, None, None)
+            }
+            Event::FaultEnded(ended) => {
+                let (id, effect) = (ended.id, ended.effect + 1);
+                let how = if ended.cleared { "cleared" } else { "ended" };
+                let text = format!("fault {id} effect {effect} {how} at {}", at(ended.step));
+                (ended.step, text, None, None)
+            }
+            Event::Controller(change) => {
+                let (epoch, step) = (change.epoch, change.step);
+                match &change.change {
+                    ControllerFate::Lost { reason, .. } => {
+                        let text = format!("controller {epoch} lost at {}: {reason}", at(step));
+                        (step, text, None, None)
+                    }
+                    ControllerFate::Joined { law } => {
+                        let name = format!("controller {epoch} ({law})");
+                        let text = format!("{name} from {}", at(step));
+                        (step, text, (epoch > 1).then_some(name), None)
+                    }
+                    ControllerFate::Refused { reason } => {
+                        let text = format!("controller {epoch} refused at {}: {reason}", at(step));
+                        (step, text, None, None)
+                    }
+                }
+            }
+            Event::Change(change) => {
+                let told = change.described();
+                let text = format!("changed at {}: {told}", at(change.step));
+                let is_of_one = change.set.len() == 1 && change.clear.is_empty();
+                let key = is_of_one.then(|| change.set[0].key.clone());
+                (change.step, text, Some(told), key)
+            }
+            Event::Mark(mark) => {
+                let text = format!("mark at {}: {}", at(mark.step), mark.text);
+                (mark.step, text, Some(mark.text.clone()), None)
+            }
+            Event::Accepted(_) | Event::End(_) => return None,
+        };
+        Some(Self {
+            step,
+            text,
+            label,
+            key,
+        })
+    }
+}

@@ -1,0 +1,21 @@
+//! `hil mark`: a note at a step of a running session.
+
+use hil_console::terminal::exit::{Exit, Failure};
+use shared_types::live::{Request, Response};
+
+use crate::arguments::mark::MarkArguments;
+use crate::session::live;
+
+/// Puts a note before the session's next step, and tells which that was.
+///
+/// # Errors
+/// If there is no session to ask, or it refuses the note.
+pub fn mark(arguments: &MarkArguments) -> Result<Exit, Failure> {
+    let request = Request::Mark {
+        text: arguments.text.clone(),
+    };
+    live::tell_answer(&arguments.session, &request, |answer| match answer {
+        Response::Marked { step, at_s } => Some(format!("marked step {step} ({at_s} s)\n")),
+        _ => None,
+    })
+}

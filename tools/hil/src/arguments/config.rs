@@ -1,0 +1,68 @@
+//! The command lines of `hil config` and `hil sessions`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+use hil_facts::arguments::BinaryArguments;
+use hil_facts::arguments::run::Changes;
+
+/// Arguments of `hil config`.
+#[derive(Debug, Args)]
+pub struct ConfigArguments {
+    /// Action.
+    #[command(subcommand)]
+    pub action: ConfigAction,
+}
+
+/// The parts of `hil config`.
+#[derive(Debug, Subcommand)]
+pub enum ConfigAction {
+    /// Check a scenario and list all its errors
+    #[command(after_help = "Example:\n  hil config check scenarios/severe-leakage.toml")]
+    Check(ScenarioArguments),
+    /// Print a complete scenario with every value in effect, ready to run
+    #[command(
+        after_help = "Example:\n  hil config show scenarios/severe-leakage.toml --set controller.law=pid"
+    )]
+    Show(ScenarioArguments),
+    /// Print the JSON schema of scenarios, or of studies, for editors
+    #[command(
+        after_help = "Examples:\n  hil config schema > scenario.schema.json\n  hil config schema --study > study.schema.json"
+    )]
+    Schema {
+        /// Print the schema of studies, for hil campaign.
+        #[arg(long)]
+        study: bool,
+        /// Choice of the described binaries.
+        #[command(flatten)]
+        binaries: BinaryArguments,
+    },
+}
+
+/// A scenario to look at.
+#[derive(Debug, Args)]
+pub struct ScenarioArguments {
+    /// The scenario file
+    #[arg(value_name = "SCENARIO.toml")]
+    pub scenario: PathBuf,
+    /// Changes of the scenario
+    #[command(flatten)]
+    pub changes: Changes,
+    /// Binaries that the scenario is checked against
+    #[command(flatten)]
+    pub binaries: BinaryArguments,
+    /// Print problems as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `hil sessions`.
+#[derive(Debug, Args)]
+pub struct SessionsArguments {
+    /// Remove what dead sessions left, as every command does anyway; running and stopped sessions stay
+    #[arg(long)]
+    pub clean: bool,
+    /// Print as JSON
+    #[arg(long)]
+    pub json: bool,
+}

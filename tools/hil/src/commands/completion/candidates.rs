@@ -1,0 +1,374 @@
+//! Candidates for an argument.
+
+use std::ffi::OsStr;
+use std::path::Path;
+
+use clap::builder::StyledStr;
+use clap::{Arg, Command};
+use clap_complete::engine::{CompletionCandidate, PathCompleter, ValueCompleter};
+use hil_config::show::show;
+use hil_console::files::runs;
+use hil_facts::session::inject::{ListedKind, kinds_of};
+use hil_run::alone::built_in;
+use hil_views::plots::columns_of;
+use shared_types::describe::{FaultKindDescription, PlantDescription};
+use shared_types::number::unit_shown;
+use shared_types::session;
+use shared_types::table::Field;
+use toml_edit::{DocumentMut, Item, Value};
+
+use super::line::{Line, Subject};
+
+/// Most runs that are offered, the newest.
+const MOST_RUNS: usize = 50;
+
+/// Source of what an argument can be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Source {
+    Sessions,
+    Runs,
+    Scenarios,
+    /// Keys of a scenario, as `KEY=`.
+    Keys,
+    /// Reference signals, as keys of a change.
+    References,
+    Signals,
+    Kinds,
+    /// Targets of the kind of fault on the line, or of any.
+    Targets,
+    /// Keys of the kind of fault on the line, as `KEY=`.
+    Sizes,
+    Models,
+}
+
+impl Source {
+    /// The source of an argument of a command.
+    pub(super) fn of(command: &str, argument: &Arg) -> Option<Self> {
+        let id = argument.get_id().as_str();
+        let names = argument.get_value_names().unwrap_or_default();
+        let name = names.first().map_or("", |name| name.as_str());
+        Some(match (command, id, name) {
+            // The name of a new session is anybody's.
+            ("run" | "rerun" | "replay", "session", _) => return None,
+            (_, "session", _) => Self::Sessions,
+            (_, _, "SCENARIO.toml") => Self::Scenarios,
+            (_, _, "RUN" | "CHECKPOINT") | ("compare", "a" | "b", _) => Self::Runs,
+            (_, "set", _) => Self::Keys,
+            ("set", "clear", _) => Self::References,
+            (_, "signal" | "signals" | "record", "SIGNAL" | "PATTERN") => Self::Signals,
+            ("inject", "kind" | "list_kind", _) => Self::Kinds,
+            ("inject", "words" | "target", _) => Self::Targets,
+            ("inject", "parameter", _) => Self::Sizes,
+            ("inject", "model", _) => Self::Models,
+            _ => return None,
+        })
+    }
+}
+
+/// Lists the candidates for an argument that begin as typed.
+pub(super) fn of(source: Source, line: &Line, typed: &OsStr) -> Vec<CompletionCandidate> {
+    let found = match source {
+        Source::Sessions => sessions(),
+        Source::Runs => return runs(typed),
+        Source::Scenarios => return scenarios(typed),
+        Source::Keys => keys(line, typed),
+        Source::References => references(line)
+            .map(|(name, unit)| candidate(&name, &unit))
+            .collect(),
+        Source::Signals => signals(line),
+        Source::Kinds => kinds(line)
+            .iter()
+            .map(|kind| candidate(&kind.kind, &kind.summary))
+            .collect(),
+        Source::Targets => targets(line),
+        Source::Sizes => sizes(line)
+            .map(|(name, about)| candidate(&format!("{name}="), &about))
+            .collect(),
+        Source::Models => {
+            let plants = plants(line).0;
+            plants
+                .iter()
+                .map(|plant| candidate(&plant.name, &plant.summary))
+                .collect()
+        }
+    };
+    let fits = |one: &CompletionCandidate| {
+        let (value, typed) = (one.get_value().as_encoded_bytes(), typed.as_encoded_bytes());
+        value.starts_with(typed)
+    };
+    let mut found: Vec<_> = found.into_iter().filter(fits).collect();
+    found.dedup_by(|a, b| a.get_value() == b.get_value());
+    found
+}
+
+fn candidate(value: &str, about: &str) -> CompletionCandidate {
+    let about = about.lines().next().unwrap_or_default();
+    let help = (!about.is_empty()).then(|| StyledStr::from(about.to_owned()));
+    CompletionCandidate::new(value).help(help)
+}
+
+fn sessions() -> Vec<CompletionCandidate> {
+    let running = session::peek();
+    (running.iter())
+        .map(|session| {
+            let folder = session.run_dir.as_ref();
+            let folder = folder.map(|folder| folder.display().to_string());
+            candidate(&session.name, &folder.unwrap_or_default())
+        })
+        .collect()
+}
+
+/// The newest runs by their folders, or any path that is typed.
+fn runs(typed: &OsStr) -> Vec<CompletionCandidate> {
+    let begin = typed.as_encoded_bytes();
+    let known = runs::newest(Path::new(runs::RUNS), MOST_RUNS);
+    let latest = (!known.is_empty()).then(|| candidate(runs::LATEST, "the newest run"));
+    let known = known.into_iter().map(CompletionCandidate::new);
+    let fitting: Vec<_> = (latest.into_iter().chain(known))
+        .filter(|one| one.get_value().as_encoded_bytes().starts_with(begin))
+        .collect();
+    if fitting.is_empty() {
+        PathCompleter::any().complete(typed)
+    } else {
+        fitting
+    }
+}
+
+fn scenarios(typed: &OsStr) -> Vec<CompletionCandidate> {
+    let is_scenario = |path: &Path| path.extension() == Some(OsStr::new("toml"));
+    PathCompleter::file().filter(is_scenario).complete(typed)
+}
+
+/// Keys of the scenario with the values that they have; the names that a value can be, behind its `=`.
+fn keys(line: &Line, typed: &OsStr) -> Vec<CompletionCandidate> {
+    let Some(subject) = line.subject() else {
+        return Vec::new();
+    };
+    let typed = typed.to_string_lossy();
+    if let Some((key, _)) = typed.split_once('=') {
+        let names: Vec<(String, String)> = match key {
+            "controller.law" => (subject.controller.laws.iter())
+                .filter(|law| law.suits(&subject.plan.plant.model))
+                .map(|law| (law.name.clone(), law.summary.clone()))
+                .collect(),
+            "plant.model" => (subject.plant.plants.iter())
+                .map(|plant| (plant.name.clone(), plant.summary.clone()))
+                .collect(),
+            "run.clock" => ["lockstep", "paced", "realtime"]
+                .map(|clock| (clock.to_owned(), String::new()))
+                .into(),
+            _ => Vec::new(),
+        };
+        let names = names.into_iter();
+        return names
+            .map(|(name, about)| candidate(&format!("{key}={name}"), &about))
+            .collect();
+    }
+    let Subject {
+        plan,
+        plant,
+        controller,
+    } = &subject;
+    let shown = show(plan, &plant.plants, &controller.laws, &plant.faults);
+    let document: Option<DocumentMut> = shown.ok().and_then(|text| text.parse().ok());
+    let mut found = Vec::new();
+    if let Some(document) = document {
+        flatten("", document.as_item(), &mut found);
+    }
+    // A swap changes the controller alone, and a change of a running session what is offered for it.
+    if line.is_of("swap") {
+        found.retain(|(key, _)| key.starts_with("controller."));
+    }
+    if line.is_of("set") {
+        let offered = tunable(&subject);
+        found.retain(|(key, _)| offered.contains(key));
+        found.extend(references(line));
+    }
+    found
+        .iter()
+        .map(|(key, value)| candidate(&format!("{key}="), value))
+        .collect()
+}
+
+/// Lists the values of a table by their keys, as `--set` takes them.
+fn flatten(key: &str, item: &Item, found: &mut Vec<(String, String)>) {
+    let below = |name: &str| match key {
+        "" => name.to_owned(),
+        key => format!("{key}.{name}"),
+    };
+    match item {
+        Item::Table(table) => {
+            for (name, item) in table {
+                flatten(&below(name), item, found);
+            }
+        }
+        Item::ArrayOfTables(tables) => {
+            for (number, table) in tables.iter().enumerate() {
+                flatten(
+                    &format!("{key}[{number}]"),
+                    &Item::Table(table.clone()),
+                    found,
+                );
+            }
+        }
+        Item::Value(Value::InlineTable(table)) => {
+            for (name, value) in table {
+                flatten(&below(name), &Item::Value(value.clone()), found);
+            }
+        }
+        Item::Value(value) => {
+            let value = value.clone().decorated("", "").to_string();
+            found.push((key.to_owned(), value));
+        }
+        Item::None => {}
+    }
+}
+
+/// Parameters that can be changed while a session runs, by their keys.
+fn tunable(subject: &Subject) -> Vec<String> {
+    let Subject {
+        plan,
+        plant,
+        controller,
+    } = subject;
+    let plant = plan.plant_among(&plant.plants).into_iter();
+    let of_plant = plant
+        .flat_map(|plant| &plant.parameters)
+        .filter(|field| field.tunable || field.faultable)
+        .map(|field| format!("plant.parameters.{}", field.name));
+    let law = plan.law_among(&controller.laws);
+    let of_law = (law.iter()).flat_map(|law| {
+        let name = &law.name;
+        (law.tunable()).map(move |field| format!("controller.{name}.{}", field.name))
+    });
+    of_plant.chain(of_law).collect()
+}
+
+/// Reference signals of the session as keys of a change, with their units.
+fn references(line: &Line) -> impl Iterator<Item = (String, String)> {
+    let stimuli = line.subject().map(|subject| subject.plan.stimuli);
+    (stimuli.into_iter().flatten()).map(|stimulus| {
+        let unit = unit_shown(&stimulus.unit).to_owned();
+        (format!("reference.{}", stimulus.target), unit)
+    })
+}
+
+/// Signals of a record and derived ones.
+fn signals(line: &Line) -> Vec<CompletionCandidate> {
+    let Some(Subject {
+        plan,
+        plant,
+        controller,
+    }) = line.subject()
+    else {
+        return Vec::new();
+    };
+    let both = (plan.plant_among(&plant.plants)).zip(plan.law_among(&controller.laws));
+    let columns = both.map(|(plant, law)| columns_of(&plan.record_layout(plant, &law), &[]));
+    let columns = columns.unwrap_or_default();
+    let recorded = columns.iter().map(|one| (&one.name, &one.unit));
+    let derived = plan.derived.iter().map(|one| (&one.name, &one.unit));
+    (recorded.chain(derived))
+        .map(|(name, unit)| candidate(name, unit_shown(unit)))
+        .collect()
+}
+
+/// The plants that the line is about, of the running session or the built-in ones, with the reference signals of
+/// the session, and the kinds of faults that any plant has.
+fn plants(line: &Line) -> (Vec<PlantDescription>, Vec<Field>, Vec<FaultKindDescription>) {
+    if let Some(notice) = line.notice()
+        && let Ok(plan) = notice.plan()
+    {
+        let mut plant = notice.plant;
+        plant.plants.retain(|one| one.name == plan.plant.model);
+        let reference = plan.stimuli.iter().flat_map(|stimulus| stimulus.fields());
+        return (plant.plants, reference.collect(), plant.faults);
+    }
+    let [plant, _] = built_in();
+    (plant.plants, Vec::new(), plant.faults)
+}
+
+/// Kinds of faults, of the running session or of the built-in plants.
+fn kinds(line: &Line) -> Vec<ListedKind> {
+    let (plants, reference, shared) = plants(line);
+    let mut found: Vec<ListedKind> = (plants.iter())
+        .flat_map(|one| kinds_of(one, &reference, &shared))
+        .collect();
+    found.sort_by(|a, b| a.kind.cmp(&b.kind));
+    found
+}
+
+/// Kinds that the line names, or all.
+fn meant(line: &Line) -> Vec<ListedKind> {
+    let kinds = kinds(line);
+    let named: Vec<ListedKind> = (kinds.iter())
+        .filter(|kind| line.has(&kind.kind))
+        .cloned()
+        .collect();
+    if named.is_empty() { kinds } else { named }
+}
+
+fn targets(line: &Line) -> Vec<CompletionCandidate> {
+    let mut names: Vec<String> = meant(line)
+        .into_iter()
+        .flat_map(|kind| kind.targets)
+        .collect();
+    names.sort_unstable();
+    names.dedup();
+    names.iter().map(|name| candidate(name, "")).collect()
+}
+
+/// Keys of the kinds that the line names, with what they are.
+fn sizes(line: &Line) -> impl Iterator<Item = (String, String)> {
+    let kinds = kinds(line).into_iter().filter(|kind| line.has(&kind.kind));
+    let mut found: Vec<(String, String)> = kinds.flat_map(|kind| kind.keys).collect();
+    found.sort();
+    found.dedup_by(|a, b| a.0 == b.0);
+    found.into_iter()
+}
+
+/// The command line with the keys of the kind of fault on it, which look like options and are none.
+pub(super) fn with_keys_of_the_kind(command: Command, line: &Line) -> Command {
+    if !line.is_of("inject") {
+        return command;
+    }
+    let keys: Vec<(String, String)> = sizes(line).collect();
+    command.mut_subcommand("inject", |mut inject| {
+        for (key, about) in keys {
+            // The process ends with its answer.
+            let key: &'static str = key.leak();
+            let is_there = |one: &Arg| one.get_long() == Some(key) || one.get_id() == key;
+            if !inject.get_arguments().any(is_there) {
+                inject = inject.arg(Arg::new(key).long(key).help(about));
+            }
+        }
+        inject
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_are_those_that_set_takes() {
+        let text = "schema = 1\n[run]\nrate_hz = 10.0 # often\n[plant.parameters]\nmass.first_kg = 1\n\
+                    [[faults]]\nkind = \"a\"\n[[faults.effects]]\nsize = 1\n[[faults.effects]]\nsize = { x = 2 }\n";
+        let document: DocumentMut = text.parse().expect("TOML");
+        let mut found = Vec::new();
+        flatten("", document.as_item(), &mut found);
+        let found: Vec<String> = found
+            .iter()
+            .map(|(key, value)| format!("{key}={value}"))
+            .collect();
+        let expected = [
+            "schema=1",
+            "run.rate_hz=10.0",
+            "plant.parameters.mass.first_kg=1",
+            "faults[0].kind=\"a\"",
+            "faults[0].effects[0].size=1",
+            "faults[0].effects[1].size.x=2",
+        ];
+        assert_eq!(found, expected);
+    }
+}

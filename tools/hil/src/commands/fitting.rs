@@ -1,0 +1,79 @@
+//! Refusal of a file that is of another kind than a command takes, with the commands that take it.
+
+use std::path::{Path, PathBuf};
+
+use hil_campaign::arguments::CampaignAction;
+
+use hil_console::files::kind::FileKind::{
+    self, Campaign, Fmu, Program, Recording, Scenario, Study,
+};
+use hil_console::terminal::exit::Failure;
+
+use crate::arguments::Command;
+use crate::arguments::config::ConfigAction;
+
+/// Kinds of files that a command takes.
+type Kinds = &'static [FileKind];
+
+/// Refuses a file of a command line that is surely of a kind that its command does not take.
+///
+/// # Errors
+/// If there is one.
+pub(super) fn refuse_other_kinds(command: &Command) -> Result<(), Failure> {
+    let (paths, kinds): (Vec<&Path>, Kinds) = match command {
+        Command::Run(arguments) if arguments.from.from.is_some() => {
+            let paths = arguments.from.from.iter().map(PathBuf::as_path);
+            (paths.collect(), &[Recording])
+        }
+        Command::Run(arguments) => {
+            let paths = arguments.scenarios.iter().map(PathBuf::as_path);
+            (paths.collect(), &[Scenario])
+        }
+        Command::Config(arguments) => match &arguments.action {
+            ConfigAction::Check(it) | ConfigAction::Show(it) => {
+                (vec![it.scenario.as_path()], &[Scenario])
+            }
+            ConfigAction::Schema { .. } => return Ok(()),
+        },
+        Command::Describe(arguments) => (vec![arguments.file.as_path()], &[Program, Fmu]),
+        Command::Campaign(arguments) => match &arguments.action {
+            CampaignAction::Check(it) => (vec![it.study.as_path()], &[Study]),
+            CampaignAction::Plan(it) => (vec![it.check.study.as_path()], &[Study]),
+            CampaignAction::Run(it) => (vec![it.folder.as_path()], &[Campaign]),
+            CampaignAction::Show(it) => (vec![it.folder.as_path()], &[Campaign]),
+            _ => return Ok(()),
+        },
+        Command::Report(arguments) => {
+            let paths = arguments.runs.iter().map(PathBuf::as_path);
+            (paths.collect(), &[Recording, Campaign])
+        }
+        Command::Compare(arguments) => {
+            let both = [Some(&arguments.a), arguments.b.as_ref()];
+            let paths = both.into_iter().flatten().map(PathBuf::as_path);
+            (paths.collect(), &[Recording])
+        }
+        Command::Recover(arguments) => (vec![arguments.run.as_path()], &[Recording]),
+        Command::Judge(arguments) => (vec![arguments.run.as_path()], &[Recording]),
+        Command::Replay(arguments) => (vec![arguments.run.as_path()], &[Recording]),
+        Command::Rerun(arguments) => (vec![arguments.run.as_path()], &[Recording]),
+        Command::Export(arguments) => (vec![arguments.run.as_path()], &[Recording]),
+        _ => return Ok(()),
+    };
+    for path in paths {
+        let Some(kind) = FileKind::of(path).filter(|kind| !kinds.contains(kind)) else {
+            continue;
+        };
+        let expected: Vec<&str> = kinds.iter().map(|kind| kind.in_words().0).collect();
+        let (word, commands) = kind.in_words();
+        let advice = match kind {
+            FileKind::Summary => commands.to_owned(),
+            _ => format!("{commands} take {word}"),
+        };
+        return Err(Failure::usage(format!(
+            "{} is {word} and not {}: {advice}",
+            path.display(),
+            expected.join(" or ")
+        )));
+    }
+    Ok(())
+}

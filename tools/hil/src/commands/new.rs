@@ -1,0 +1,299 @@
+//! `hil new`: a folder to begin from, which builds, runs and has a test.
+//!
+//! The folder appears whole or not at all, and names the framework by a relative path.
+
+use std::fs;
+use std::io;
+use std::path::{Component, Path, PathBuf};
+
+use hil_console::files::folder::refuse_odd;
+use hil_console::files::part_file::PartFolder;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
+use serde::Serialize;
+
+use crate::arguments::new::{Language, NewArguments, What};
+
+/// Packages that the folder of the framework has.
+const PACKAGES: [&str; 3] = ["plant-process", "controller-process", "shared-types"];
+/// Folder of the package for C.
+const FOREIGN: &str = "tools/foreign";
+/// Names of plants and laws that are there already.
+const TAKEN: [&str; 6] = ["drhas", "spring-mass", "pid", "nrsc", "ftsc", "hold"];
+/// Names that Cargo gives to no package, or that would be those of its folders.
+const RESERVED: [&str; 44] = [
+    "abstract",
+    "alloc",
+    "as",
+    "async",
+    "await",
+    "become",
+    "box",
+    "break",
+    "build",
+    "const",
+    "continue",
+    "core",
+    "crate",
+    "deps",
+    "do",
+    "dyn",
+    "else",
+    "enum",
+    "examples",
+    "extern",
+    "false",
+    "final",
+    "fn",
+    "for",
+    "if",
+    "impl",
+    "in",
+    "incremental",
+    "let",
+    "loop",
+    "macro",
+    "match",
+    "mod",
+    "move",
+    "mut",
+    "override",
+    "priv",
+    "proc-macro",
+    "pub",
+    "std",
+    "test",
+    "true",
+    "type",
+    "use",
+];
+/// Most bytes of a name.
+const LONGEST: usize = 40;
+
+/// Files that were made.
+#[derive(Serialize)]
+struct NewFiles {
+    folder: PathBuf,
+    files: Vec<String>,
+}
+
+/// Makes the folder.
+///
+/// # Errors
+/// If the name is none, the folder is there already, the framework is not found, or it cannot be written.
+pub(crate) fn new(arguments: &NewArguments) -> Result<Exit, Failure> {
+    let path = &arguments.path;
+    let name = name(path)?;
+    let shown = path.display();
+    if fs::symlink_metadata(path).is_ok() {
+        return Err(Failure::usage(format!("{shown} is there already")));
+    }
+    let cannot = |error: io::Error| Failure::usage(format!("cannot make {shown}: {error}"));
+    let parent = match path.parent() {
+        Some(parent) if parent != Path::new("") => parent,
+        _ => Path::new("."),
+    };
+    let place = parent.canonicalize().map_err(cannot)?.join(name);
+    refuse_odd(&place)?;
+    let is_in_c = arguments.lang == Language::C;
+    if is_in_c && arguments.what == What::Scenario {
+        let wrong = "a scenario is in no language: --lang is for a plant or a controller";
+        return Err(Failure::usage(wrong));
+    }
+    let framework = match arguments.what {
+        What::Scenario => None,
+        What::Plant | What::Controller => Some(framework(arguments.framework.as_deref())?),
+    };
+    if let Some(folder) = framework.as_ref().filter(|_| is_in_c)
+        && !folder.join(FOREIGN).is_dir()
+    {
+        let shown = folder.display();
+        return Err(Failure::usage(format!("{shown} lacks {FOREIGN}")));
+    }
+    let files = match arguments.lang {
+        Language::Rust => files(arguments.what),
+        Language::C => files_in_c(arguments.what),
+    };
+    let relative = framework.as_ref().map(|found| relative(found, &place));
+    let relative = relative.map_or_else(String::new, |path| path.display().to_string());
+    let part = PartFolder::beside(path).map_err(cannot)?;
+    let mut made = NewFiles {
+        folder: path.clone(),
+        files: Vec::new(),
+    };
+    for (file, template) in files {
+        let file = file.replace("@NAME@", name);
+        // A program in C lies beside its source.
+        let template = match is_in_c && file.ends_with(".toml") {
+            true => template.replace("target/release/", ""),
+            false => template.to_owned(),
+        };
+        let text = template
+            .replace("@NAME@", name)
+            .replace("@KIND@", arguments.what.name())
+            .replace("@FRAMEWORK@", &relative);
+        write(&part.path().join(&file), &text).map_err(cannot)?;
+        made.files.push(file);
+    }
+    if let Some(framework) = framework.as_ref().filter(|_| !is_in_c) {
+        // The versions that the framework was tested with.
+        let (from, to) = (framework.join("Cargo.lock"), part.path().join("Cargo.lock"));
+        fs::copy(&from, to).map_err(cannot)?;
+        made.files.push("Cargo.lock".into());
+    }
+    part.complete(path).map_err(cannot)?;
+    let next = match arguments.what {
+        What::Scenario => "",
+        What::Plant | What::Controller if is_in_c => "  make test\n  make\n",
+        What::Plant | What::Controller => "  cargo test --release\n  cargo build --release\n",
+    };
+    output::result(arguments.json, &made, || {
+        format!("made {shown}; go on with\n  cd {shown}\n{next}  hil run {name}.toml\n")
+    })?;
+    Ok(Exit::Pass)
+}
+
+/// The name in a path, if it can be that of a package, a plant, a law and a scenario.
+fn name(path: &Path) -> Result<&str, Failure> {
+    let name = path.file_name().and_then(|name| name.to_str());
+    let name = name.ok_or_else(|| {
+        Failure::usage(format!(
+            "{}: a folder to make ends with its name",
+            path.display()
+        ))
+    })?;
+    let is_legal = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+    let begins = name.starts_with(|c: char| c.is_ascii_lowercase());
+    if !begins || name.ends_with('-') || name.len() > LONGEST || !name.chars().all(is_legal) {
+        return Err(Failure::usage(format!(
+            "`{name}` is no name for it: a-z, 0-9 and -, a letter first, at most {LONGEST} characters"
+        )));
+    }
+    if TAKEN.contains(&name) || PACKAGES.contains(&name) {
+        return Err(Failure::usage(format!(
+            "`{name}` is a plant, a law or a package that is there already; take another name"
+        )));
+    }
+    if RESERVED.contains(&name) {
+        return Err(Failure::usage(format!(
+            "`{name}` is a word that Cargo keeps for itself"
+        )));
+    }
+    Ok(name)
+}
+
+/// Files of a folder with their templates.
+fn files(what: What) -> Vec<(&'static str, &'static str)> {
+    let (code, scenario) = match what {
+        What::Scenario => {
+            return vec![
+                ("@NAME@.toml", include_str!("new/scenario.toml.txt")),
+                ("README.md", include_str!("new/scenario.md.txt")),
+                (".gitignore", "/runs\n"),
+            ];
+        }
+        What::Plant => (
+            include_str!("new/plant.rs.txt"),
+            include_str!("new/plant.toml.txt"),
+        ),
+        What::Controller => (
+            include_str!("new/controller.rs.txt"),
+            include_str!("new/controller.toml.txt"),
+        ),
+    };
+    vec![
+        ("Cargo.toml", include_str!("new/package.toml.txt")),
+        (".cargo/config.toml", include_str!("new/cargo.toml.txt")),
+        ("src/main.rs", code),
+        ("@NAME@.toml", scenario),
+        ("README.md", include_str!("new/program.md.txt")),
+        (".gitignore", "/target\n/runs\n"),
+    ]
+}
+
+/// Files of a folder in C with their templates.
+fn files_in_c(what: What) -> Vec<(&'static str, &'static str)> {
+    let (code, test, scenario) = match what {
+        What::Controller => (
+            include_str!("new/controller.c.txt"),
+            include_str!("new/controller_test.c.txt"),
+            include_str!("new/controller.toml.txt"),
+        ),
+        What::Plant | What::Scenario => (
+            include_str!("new/plant.c.txt"),
+            include_str!("new/plant_test.c.txt"),
+            include_str!("new/plant.toml.txt"),
+        ),
+    };
+    vec![
+        ("@NAME@.c", code),
+        ("@NAME@_test.c", test),
+        ("Makefile", include_str!("new/Makefile.txt")),
+        ("@NAME@.toml", scenario),
+        ("README.md", include_str!("new/program_c.md.txt")),
+        (".gitignore", "/@NAME@\n/@NAME@_test\n/runs\n/target\n"),
+    ]
+}
+
+fn write(path: &Path, text: &str) -> io::Result<()> {
+    if let Some(folder) = path.parent() {
+        fs::create_dir_all(folder)?;
+    }
+    fs::write(path, text)
+}
+
+/// Folder of the framework: the one that is named, or one above this program.
+fn framework(named: Option<&Path>) -> Result<PathBuf, Failure> {
+    let is_it = |folder: &Path| {
+        let mut packages = PACKAGES.iter();
+        packages.all(|package| folder.join(package).join("Cargo.toml").is_file())
+            && folder.join("Cargo.lock").is_file()
+    };
+    if let Some(named) = named {
+        let shown = named.display();
+        let folder = (named.canonicalize())
+            .map_err(|error| Failure::usage(format!("cannot read {shown}: {error}")))?;
+        return match is_it(&folder) {
+            true => Ok(folder),
+            false => Err(Failure::usage(format!(
+                "{shown} is no clone of the framework: it lacks Cargo.lock or one of {}",
+                PACKAGES.join(", ")
+            ))),
+        };
+    }
+    let program = std::env::current_exe().and_then(|path| path.canonicalize());
+    let program = program.map_err(Failure::infrastructure)?;
+    let found = program.ancestors().find(|folder| is_it(folder));
+    found.map(Into::into).ok_or_else(|| {
+        Failure::usage(format!(
+            "{} lies in no clone of the framework; name one by --framework",
+            program.display()
+        ))
+    })
+}
+
+/// The way from a folder to another; both are absolute and without links.
+fn relative(to: &Path, from: &Path) -> PathBuf {
+    let common = (to.components().zip(from.components()))
+        .take_while(|(a, b)| a == b)
+        .count();
+    let up = from.components().skip(common).map(|_| Component::ParentDir);
+    up.chain(to.components().skip(common)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_way_to_a_folder_goes_up_only_as_far_as_it_must() {
+        for (to, from, way) in [
+            ("/a/hil", "/a/cart", "../hil"),
+            ("/a/hil", "/a/hil/x/cart", "../.."),
+            ("/hil", "/a/b/c", "../../../hil"),
+            ("/a/hilly", "/a/hil", "../hilly"),
+        ] {
+            assert_eq!(relative(Path::new(to), Path::new(from)), Path::new(way));
+        }
+    }
+}

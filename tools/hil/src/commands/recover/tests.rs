@@ -1,0 +1,259 @@
+//! Recordings that broke off, byte by byte, and what is made of them.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use hil_recording::reader::{RECORDING, RunReader};
+use hil_recording::writer::{Provenance, Recording};
+use shared_types::record::Event;
+use tempfile::TempDir;
+
+use hil_recording::compression::Compression;
+
+use super::*;
+use crate::fixture::{layout, record, taken};
+
+const RECORDS: u64 = 60;
+pub(super) const COMPRESSIONS: [Compression; 3] =
+    [Compression::None, Compression::Lz4, Compression::Zstd];
+
+/// A recording of a run with a fault at step 7, in chunks of twenty records.
+pub(super) struct Original {
+    pub(super) folder: TempDir,
+    pub(super) bytes: Vec<u8>,
+}
+
+impl Original {
+    pub(super) fn new(compression: Compression) -> Self {
+        let folder = TempDir::new().expect("a folder");
+        let path = folder.path().join(RECORDING);
+        let provenance = Provenance {
+            facts: BTreeMap::from([("rate_hz".into(), "1000".into())]),
+            attachments: vec![],
+        };
+        let layout = layout();
+        let recording = Recording::create(&path, compression, &layout, &provenance, None);
+        let mut recording = recording.expect("created");
+        for step in 0..RECORDS {
+            if step == 7 {
+                recording.event(&taken(7), None, 0).expect("written");
+            }
+            let words = words(step);
+            let view = layout.view(&words);
+            recording.record(&words, &view).expect("written");
+            if step % 20 == 19 {
+                recording.close().expect("written");
+            }
+        }
+        let result = BTreeMap::from([("outcome".into(), "completed".into())]);
+        recording.finish(result).expect("finished");
+        let bytes = std::fs::read(&path).expect("read");
+        Self { folder, bytes }
+    }
+
+    /// The path of a file with these bytes.
+    pub(super) fn with(&self, bytes: &[u8]) -> PathBuf {
+        let path = self.folder.path().join("broken.mcap");
+        std::fs::write(&path, bytes).expect("written");
+        path
+    }
+
+    /// Returns the offset at which the last chunk ends, with the indexes of its messages.
+    pub(super) fn end_of_chunks(&self) -> usize {
+        let summary = mcap::Summary::read(&self.bytes).expect("whole");
+        let chunks = summary.expect("there").chunk_indexes;
+        let last = chunks.last().expect("chunks");
+        (last.chunk_start_offset + last.chunk_length + last.message_index_length) as usize
+    }
+
+    /// Returns the end of each chunk, and the number of records up to there.
+    pub(super) fn chunks(&self) -> Vec<(usize, u64)> {
+        let summary = mcap::Summary::read(&self.bytes).expect("whole");
+        let chunks = summary.expect("there").chunk_indexes;
+        let ends = chunks
+            .iter()
+            .map(|chunk| (chunk.chunk_start_offset + chunk.chunk_length) as usize);
+        ends.zip([20, 40, 60]).collect()
+    }
+}
+
+fn words(step: u64) -> Vec<u64> {
+    record(step, libm::sin(step as f64), 0.5 * step as f64)
+}
+
+/// By the digest's definition: seven words of each record, and the fault in front of that of its step,
+/// or behind the last one.
+fn digest(records: u64, messages: usize) -> String {
+    let mut hasher = blake3::Hasher::new();
+    let has_fault = messages as u64 > records;
+    for step in 0..=records {
+        if step == 7 && has_fault {
+            let text = "7 bias measured.x_m x_m bias=0 step";
+            hasher.update(&(text.len() as u64).to_le_bytes());
+            hasher.update(text.as_bytes());
+        }
+        if step == records {
+            break;
+        }
+        for word in &words(step)[..7] {
+            hasher.update(&word.to_le_bytes());
+        }
+    }
+    hasher.finalize().to_hex().to_string()
+}
+
+/// Everything in a file, by the library that shares nothing with the code here.
+pub(super) fn messages(path: &Path) -> Vec<(String, u64, Vec<u8>)> {
+    let bytes = std::fs::read(path).expect("read");
+    let stream = mcap::MessageStream::new(&bytes).expect("a whole file");
+    let messages = stream.map(|message| message.expect("whole"));
+    messages
+        .map(|m| (m.channel.topic.clone(), m.log_time, m.data.into_owned()))
+        .collect()
+}
+
+#[test]
+fn every_record_before_the_tear_is_kept_wherever_it_is() {
+    for compression in COMPRESSIONS {
+        let original = Original::new(compression);
+        let all = messages(&original.folder.path().join(RECORDING));
+        let chunks = original.chunks();
+        let begin = mcap::Summary::read(&original.bytes)
+            .expect("whole")
+            .expect("there")
+            .chunk_indexes[0]
+            .chunk_start_offset as usize;
+        for cut in (begin + 200..original.bytes.len()).step_by(53) {
+            let path = original.with(&original.bytes[..cut]);
+            let sure = chunks.iter().rfind(|(end, _)| *end <= cut);
+            let sure = sure.map_or(0, |(_, records)| *records);
+            let about = format!("{compression:?} cut at {cut}");
+            let recovered = match recovered(&path, None) {
+                Ok(recovered) => recovered,
+                // Blocks of zstd are whole or nothing.
+                Err(_) if sure == 0 => continue,
+                Err(error) => panic!("{about}: {error}"),
+            };
+            assert_eq!(recovered.state, State::BrokenOff, "{about}");
+            assert!(recovered.records >= sure, "{about}");
+            let found = messages(&path);
+            assert!(all.starts_with(&found), "{about}");
+            assert!(found.len() as u64 >= recovered.records, "{about}");
+            let digest = digest(recovered.records, found.len());
+            assert_eq!(recovered.digest.as_ref(), Some(&digest), "{about}");
+            let mut reader = RunReader::open(&path).expect("opens");
+            while reader.advance().expect("reads") {}
+            assert!(reader.is_whole(), "{about}");
+            let outcome = reader.result("outcome");
+            let reason = reader.result("reason").unwrap_or_default();
+            if recovered.reason.is_some() {
+                assert_eq!(outcome, Some("failed"), "{about}");
+                assert!(reason.starts_with("recovered: "), "{about}: {reason}");
+                assert_eq!(reader.result("digest"), Some(&*digest), "{about}");
+            } else {
+                // It broke off behind what the recorder said of the end.
+                assert_eq!(outcome, Some("completed"), "{about}");
+                assert_eq!(recovered.records, RECORDS, "{about}");
+            }
+            let again = super::recovered(&path, None).expect("whole");
+            assert_eq!((again.state, again.file), (State::Whole, None), "{about}");
+        }
+    }
+}
+
+#[test]
+fn records_in_a_torn_chunk_are_had_too() {
+    for compression in [Compression::None, Compression::Lz4] {
+        let original = Original::new(compression);
+        let chunks = original.chunks();
+        let middle = usize::midpoint(chunks[0].0, chunks[1].0);
+        let recovered = recovered(&original.with(&original.bytes[..middle]), None);
+        let records = recovered.expect("recovered").records;
+        assert!(records > 20 && records < 40, "{compression:?}: {records}");
+    }
+}
+
+#[test]
+fn a_whole_file_is_left_alone() {
+    let original = Original::new(Compression::Lz4);
+    let path = original.folder.path().join(RECORDING);
+    let elsewhere = original.folder.path().join("elsewhere.mcap");
+    for output in [None, Some(&*elsewhere)] {
+        let recovered = recovered(&path, output).expect("whole");
+        assert_eq!((recovered.state, recovered.file), (State::Whole, None));
+        assert!(std::fs::read(&path).expect("read") == original.bytes);
+        assert!(!elsewhere.exists());
+    }
+}
+
+#[test]
+fn a_file_that_is_damaged_before_its_end_is_recovered_elsewhere_only() {
+    let original = Original::new(Compression::Lz4);
+    let mut bytes = original.bytes.clone();
+    // The length of a record in the second chunk, or what it is packed with.
+    let place = original.chunks()[0].0 + 400;
+    bytes[place..place + 200].fill(0xff);
+    let path = original.with(&bytes);
+    let elsewhere = original.folder.path().join("elsewhere.mcap");
+    let refused = recovered(&path, None).expect_err("refused").to_string();
+    assert!(refused.contains("is not replaced"), "{refused}");
+    assert!(refused.contains("after 20 records"), "{refused}");
+    assert!(refused.contains("-o FILE"), "{refused}");
+    assert!(std::fs::read(&path).expect("read") == bytes);
+    let recovered = recovered(&path, Some(&elsewhere)).expect("recovered");
+    assert_eq!((recovered.state, recovered.records), (State::Damaged, 20));
+    assert_eq!(recovered.digest, Some(digest(20, 21)));
+    assert!(std::fs::read(&path).expect("read") == bytes);
+    let refused = super::recovered(&path, Some(&elsewhere)).err();
+    let refused = refused.expect("refused").to_string();
+    assert!(refused.contains("is there already"), "{refused}");
+}
+
+#[test]
+fn a_file_of_which_nothing_can_be_had_is_left_and_named() {
+    let original = Original::new(Compression::Lz4);
+    for (bytes, why) in [
+        (&original.bytes[..0], "before its first record"),
+        (&original.bytes[..5], "before its first record"),
+        (
+            &b"not a recording, whatever its name is"[..],
+            "does not begin as an MCAP file does",
+        ),
+        (&original.bytes[..400], "before its first record"),
+    ] {
+        let path = original.with(bytes);
+        let error = recovered(&path, None).expect_err("refused").to_string();
+        let shown = path.display().to_string();
+        assert!(error.contains(&shown) && error.contains(why), "{error}");
+        assert!(std::fs::read(&path).expect("read") == bytes);
+    }
+}
+
+#[test]
+fn zeros_behind_the_last_record_are_a_tear() {
+    // A power failure leaves them: the length was on the disk, the content not yet.
+    let original = Original::new(Compression::Zstd);
+    let (end, records) = original.chunks()[1];
+    let mut bytes = original.bytes[..end].to_vec();
+    bytes.resize(end + 5000, 0);
+    let recovered = recovered(&original.with(&bytes), None).expect("recovered");
+    assert_eq!(
+        (recovered.state, recovered.records),
+        (State::BrokenOff, records)
+    );
+}
+
+#[test]
+fn events_between_records_are_kept() {
+    let original = Original::new(Compression::None);
+    let (end, _) = original.chunks()[0];
+    let path = original.with(&original.bytes[..end]);
+    recovered(&path, None).expect("recovered");
+    let mut reader = RunReader::open(&path).expect("opens");
+    let mut events: Vec<(u64, Event)> = Vec::new();
+    while reader.advance().expect("reads") {
+        let step = reader.step();
+        events.extend(reader.events().iter().map(|event| (step, event.clone())));
+    }
+    assert_eq!(events, [(7, taken(7))]);
+}

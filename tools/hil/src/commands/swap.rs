@@ -1,0 +1,69 @@
+//! `hil controller swap`: asks the `hil` that runs a session for another controller.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use hil_console::files::folder;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
+use hil_facts::programs::binaries::named::refuse_set;
+use hil_facts::session::live::{RequestError, find, to_json};
+use hil_run::swap::{Request, Response, SOCKET, Swapped};
+use shared_types::live::{LiveError, Refusal, ask_at};
+
+use crate::arguments::swap::SwapArguments;
+
+/// Longest time that `hil` may take to answer: a stopped process never does.
+const ANSWER_LIMIT: Duration = Duration::from_secs(120);
+
+/// Runs the command.
+///
+/// # Errors
+/// If there is no session to ask, or it refuses.
+pub(crate) fn swap(arguments: &SwapArguments) -> Result<Exit, Failure> {
+    let json = arguments.session.json;
+    let swapped = ask(arguments).map_err(|error| error.tell(json))?;
+    output::write(&if json {
+        to_json(&Response::Swapped(swapped))?
+    } else {
+        let Swapped {
+            epoch,
+            step,
+            law,
+            binary,
+            left_out,
+        } = swapped;
+        let binary = binary.display();
+        let mut text = format!("controller {epoch} ({law}, {binary}) took over at step {step}\n");
+        if !left_out.is_empty() {
+            let keys = left_out.join(", ");
+            text += &format!("  left out, as none of its laws has them: {keys}\n");
+        }
+        text
+    })?;
+    Ok(Exit::Pass)
+}
+
+fn ask(arguments: &SwapArguments) -> Result<Swapped, RequestError> {
+    refuse_set(&arguments.set, |role| match role.side {
+        "controller" => "--bin",
+        _ => role.flag,
+    })?;
+    let session = find(&arguments.session)?;
+    let absolute = |path: &PathBuf| std::path::absolute(path).map_err(Failure::usage);
+    let binary = arguments.bin.as_ref().map(absolute).transpose()?;
+    binary.as_deref().map_or(Ok(()), folder::refuse_odd)?;
+    let request = Request {
+        binary,
+        set: arguments.set.clone(),
+    };
+    match ask_at(&session, SOCKET, &request, ANSWER_LIMIT) {
+        Ok(Response::Swapped(swapped)) => Ok(swapped),
+        Ok(Response::Refused { reason }) => Err(Refusal::new(reason).into()),
+        Err(LiveError::Absent(name)) => Err(Refusal::new(format!(
+            "session `{name}` has no controller process to swap: it is starting, has ended, or runs in one process"
+        ))
+        .into()),
+        Err(error) => Err(Failure::infrastructure(error).into()),
+    }
+}

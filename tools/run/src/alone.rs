@@ -1,0 +1,103 @@
+//! A run in the thread that asks for it: no session, no folder, no recording and no other thread.
+//!
+//! For very many runs of what is built into `hil`. Engine, runner and the recorder's work are those of every
+//! other run, so digest, metrics and requirements are too. Waits for nobody: both sides and the recorder take
+//! turns.
+
+use std::sync::Arc;
+
+use controller_process::job::Job as ControllerJob;
+use hil_config::plan::{Clock, Plan};
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::interruption::Interruption;
+use hil_facts::results::curve::Grid;
+use hil_facts::results::ended::EndedRun;
+use hil_in_process::{FAULTS, LAWS, PLANTS, Turns, check_controller, check_plant};
+use plant_process::job::Job as PlantJob;
+use shared_types::describe::Description;
+use shared_types::record::{Outcome, RecordLayout};
+use shared_types::wait::{WaitLimit, WaitStrategy, Waiter};
+
+use super::jobs;
+use super::recorder::direct::DirectRecorder;
+
+/// Number of every session that is none: no frame of such a run leaves its thread.
+const NO_SESSION: u64 = 0;
+
+/// Plants, laws and kinds of faults that are built into `hil`.
+pub fn built_in() -> [Description; 2] {
+    let version = env!("CARGO_PKG_VERSION");
+    let mut plant = Description::new("plant-process", version);
+    plant.plants = PLANTS.iter().map(|kind| kind.description.clone()).collect();
+    plant.faults = FAULTS.iter().map(|kind| kind.description.clone()).collect();
+    let mut controller = Description::new("controller-process", version);
+    controller.laws = LAWS.iter().map(|kind| kind.description.clone()).collect();
+    [plant, controller]
+}
+
+/// Refuses a plan whose result depends on the clock.
+///
+/// # Errors
+/// If it is one.
+pub fn refuse_clock(plan: &Plan) -> Result<(), Failure> {
+    match plan.run.clock {
+        Clock::Lockstep => Ok(()),
+        Clock::Paced { .. } | Clock::Realtime => Err(Failure::usage(format!(
+            "run.clock = \"{}\": very many runs are in lockstep, which waits for no clock",
+            plan.run.clock.name()
+        ))),
+    }
+}
+
+/// Makes the jobs of a plan that was checked against what is [built in](built_in), and the layout of its records.
+fn jobs_of(
+    plan: &Plan,
+    [plant, controller]: &[Description; 2],
+) -> Result<(PlantJob, ControllerJob, RecordLayout), Failure> {
+    let both = (plan.plant_among(&plant.plants)).zip(plan.law_among(&controller.laws));
+    let (plant, law) = both.ok_or_else(|| Failure::infrastructure("hil lost its plant or law"))?;
+    let layout = plan.record_layout(plant, &law);
+    let plant = PlantJob {
+        law: Some(law),
+        ..PlantJob::of(plan, NO_SESSION, f64::INFINITY)
+    };
+    let controller = jobs::controller(plan, NO_SESSION, f64::INFINITY);
+    Ok((plant, controller, layout))
+}
+
+/// Checks the jobs of a plan as `--check` of programs does.
+///
+/// # Errors
+/// Objection of a side to its job.
+pub fn check(plan: &Plan, described: &[Description; 2]) -> Result<(), Failure> {
+    let (plant, controller, _) = jobs_of(plan, described)?;
+    check_plant(plant).map_err(Failure::usage)?;
+    check_controller(controller).map_err(Failure::usage)
+}
+
+/// Runs a plan that was checked against what is [built in](built_in); takes its curve if there is a grid for it.
+///
+/// # Errors
+/// If a side refuses its job, or it was interrupted.
+pub fn run(
+    plan: &Plan,
+    described: &[Description; 2],
+    grid: Option<Arc<Grid>>,
+    interruption: &Interruption,
+) -> Result<EndedRun, Failure> {
+    let (plant, controller, layout) = jobs_of(plan, described)?;
+    let mut recorder = DirectRecorder::new(plan.clone(), layout, grid);
+    let has_failed = recorder.failure();
+    let turns = Turns::new(plant, controller, &mut recorder).map_err(Failure::usage)?;
+    let limit = WaitLimit::from_seconds(f64::INFINITY);
+    let waiter = Waiter::with(limit, WaitStrategy::Hybrid, true);
+    let ran = turns.run(waiter, &|| interruption.came() || has_failed());
+    let recorded = recorder.finish();
+    interruption.check()?;
+    let end = ran.map_err(Failure::infrastructure)?;
+    let (outcome, reason) = match &recorded.error {
+        Some(error) => (Outcome::Failed, Some(error.clone())),
+        None => (end.outcome, end.reason),
+    };
+    Ok(EndedRun::new(recorded, outcome, reason))
+}

@@ -1,0 +1,205 @@
+//! Sides that somebody starts by hand, in a debugger for one: the command that starts each is printed, and who
+//! shows the token of the session and runs the program that was checked is admitted.
+//!
+//! Waits without a limit before anything else of the run is started. Its doors stay until the end of the run,
+//! so that a second process hears why it gets no place.
+
+use std::os::unix::net::UnixStream;
+use std::path::Path;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+
+use hil_console::terminal::exit::Failure;
+use hil_facts::programs::binaries::Binary;
+use hil_target::machine::hash;
+use rustix::net::sockopt::socket_peercred;
+use shared_types::by_hand::{Admission, Entry, Token, door, token_file};
+use shared_types::live::{self, Listening};
+use shared_types::number::exact_in;
+use shared_types::process::ProcessId;
+use shared_types::session::{Session, SessionInfo};
+use shared_types::side::Side;
+
+use super::prepare::PreparedRun;
+use super::processes::LOOK;
+use super::side::SideProcess;
+
+/// Sides of a run that were admitted.
+#[derive(Default)]
+pub(crate) struct ByHand {
+    pub(super) plant: Option<SideProcess>,
+    pub(super) controller: Option<SideProcess>,
+    _doors: Vec<Listening>,
+}
+
+impl ByHand {
+    fn place(&mut self, role: Side) -> &mut Option<SideProcess> {
+        match role {
+            Side::Plant => &mut self.plant,
+            Side::Controller => &mut self.controller,
+        }
+    }
+}
+
+/// A process that may be a side, and the connection that it came by.
+type Admitted = (Side, ProcessId, UnixStream);
+
+/// Waits for the sides of a run that are started by hand.
+///
+/// # Errors
+/// If the user does not want it any more, or one of them ended before all were there.
+pub(super) fn admit(prepared: &PreparedRun, session: &mut Session) -> Result<ByHand, Failure> {
+    let (sender, admitted) = channel();
+    let mut by_hand = ByHand::default();
+    for role in prepared.settings.by_hand.roles() {
+        let binary = prepared.binaries.of_side(role);
+        let opened = open(&prepared.session, role, binary.clone(), sender.clone());
+        by_hand
+            ._doors
+            .push(opened.map_err(Failure::infrastructure)?);
+        tell_command(prepared, role, &binary.path)?;
+    }
+    drop(sender);
+    for _ in 0..by_hand._doors.len() {
+        let (role, process, leash) = next(&admitted, prepared, &mut by_hand)?;
+        let pid = process.pid;
+        match role {
+            Side::Plant => session.add_child(pid),
+            Side::Controller => session.add_controller(1, pid),
+        }
+        .map_err(Failure::infrastructure)?;
+        tell!("{}: process {pid} is admitted", role.name());
+        *by_hand.place(role) = Some(SideProcess::by_hand(role.name(), process, leash));
+    }
+    Ok(by_hand)
+}
+
+/// Waits for the next one.
+fn next(
+    admitted: &Receiver<Admitted>,
+    prepared: &PreparedRun,
+    by_hand: &mut ByHand,
+) -> Result<Admitted, Failure> {
+    loop {
+        match admitted.recv_timeout(LOOK) {
+            Ok(one) => return Ok(one),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => {
+                return Err(Failure::infrastructure("nobody can be admitted any more"));
+            }
+        }
+        prepared.interruption.check()?;
+        for role in Side::ALL {
+            if let Some(side) = by_hand.place(role)
+                && side.has_ended()
+            {
+                let name = role.name();
+                let death = side.death().unwrap_or_else(|| format!("{name} ended"));
+                return Err(Failure::infrastructure(format!(
+                    "{death}, before the run began"
+                )));
+            }
+        }
+    }
+}
+
+/// Prints the command that starts a side, and what to know about it.
+fn tell_command(prepared: &PreparedRun, role: Side, program: &Path) -> Result<(), Failure> {
+    let words = [program, &prepared.session.folder].map(Path::to_str);
+    let [Some(program), Some(folder)] = words else {
+        return Err(Failure::usage(format!(
+            "{}: its path is no text that can be printed as a command",
+            program.display()
+        )));
+    };
+    let words = [program, "--session", folder, "--by-hand"];
+    let command = shlex::try_join(words).map_err(Failure::usage)?;
+    let (side, limit_s) = (role.name(), prepared.settings.wait_limit_s);
+    let limit = if limit_s.is_finite() {
+        format!(
+            "from hello on nobody waits longer than {} for it: --wait-limit inf while a debugger holds it",
+            exact_in(limit_s, "s")
+        )
+    } else {
+        "a debugger may hold it as long as you like".to_owned()
+    };
+    tell!(
+        "{side}: waits to be started by hand, in another terminal (Ctrl-C ends the wait); {limit}\n  {command}"
+    );
+    Ok(())
+}
+
+/// Opens the door of a side and writes its token.
+fn open(
+    session: &SessionInfo,
+    role: Side,
+    binary: Binary,
+    admitted: Sender<Admitted>,
+) -> Result<Listening, String> {
+    let token = Token::random().map_err(|error| format!("/dev/urandom: {error}"))?;
+    let (own, mut taken) = (token.clone(), None);
+    let listening = live::listen(session, &door(role), move |client| {
+        // One that went away needs no answer.
+        let _ = live::answer(client, |entry| {
+            let judged = (entry.map_err(|refusal: live::Refusal| refusal.message))
+                .and_then(|entry| judge(client, &entry, &own, (role, &binary), taken))
+                .and_then(|process| {
+                    let leash = client.try_clone().map_err(|error| error.to_string())?;
+                    let sent = admitted.send((role, process, leash));
+                    sent.map_err(|_| "the run is over".to_owned())?;
+                    Ok(process)
+                });
+            match judged {
+                Ok(process) => {
+                    taken = Some(process);
+                    Admission::Admitted
+                }
+                Err(reason) => Admission::Refused { reason },
+            }
+        });
+    })?;
+    // After that: who reads it can come in.
+    let written = session.write_file(&token_file(role), &token);
+    written.map_err(|error| error.to_string())?;
+    Ok(listening)
+}
+
+/// Checks a process that asks to be a side: its token first, by which it may hear anything else.
+fn judge(
+    client: &UnixStream,
+    Entry { token, process }: &Entry,
+    own: &Token,
+    (role, binary): (Side, &Binary),
+    taken: Option<ProcessId>,
+) -> Result<ProcessId, String> {
+    let side = role.name();
+    if !own.is(token) {
+        return Err(format!(
+            "the token is not that of the {side} of this session"
+        ));
+    }
+    let peer = socket_peercred(client).map_err(|error| error.to_string())?;
+    if peer.uid != rustix::process::geteuid() {
+        return Err("it belongs to another user".into());
+    }
+    let pid = peer.pid.as_raw_nonzero().get().cast_unsigned();
+    if pid != process.pid || ProcessId::of(pid) != Some(*process) {
+        return Err(format!(
+            "it says that it is process {}, and process {pid} is connected",
+            process.pid
+        ));
+    }
+    if let Some(ProcessId { pid, .. }) = taken {
+        return Err(format!("process {pid} is the {side} of this run"));
+    }
+    let file = format!("/proc/{pid}/exe");
+    let shown = std::fs::read_link(&file).map(|path| path.display().to_string());
+    let shown = shown.unwrap_or_else(|_| "its program".into());
+    let found = hash(Path::new(&file)).map_err(|error| format!("{shown}: {error}"))?;
+    if found != binary.blake3 {
+        let (path, wanted) = (binary.path.display(), &binary.blake3);
+        return Err(format!(
+            "process {pid} runs {shown} with hash {found}, and {path} with hash {wanted} was checked: start that, or name yours by --{side}-bin"
+        ));
+    }
+    Ok(*process)
+}

@@ -1,0 +1,116 @@
+//! Conclusion of a run: its outcome, its checkpoints, its summary and its exit code.
+
+use hil_console::files::part_file;
+use hil_console::files::runs::SUMMARY;
+use hil_console::terminal::advice;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_facts::arguments::run::LinkKind;
+use hil_facts::checkpoint;
+use hil_facts::results::company::ProcessorTime;
+use hil_facts::results::ended::EndedRun;
+use hil_facts::results::settings::Realtime;
+use hil_facts::results::summary::Summary;
+use shared_types::record::Outcome;
+use shared_types::session::Session;
+
+use super::execute::RunResult;
+use super::prepare::PreparedRun;
+use super::restoration;
+use hil_recording::reader::RECORDING;
+use hil_target::bridge::switches;
+
+/// Ends the session of a run and writes its summary.
+///
+/// # Errors
+/// If the summary cannot be made; one that cannot be written is part of the result.
+pub(super) fn conclude(
+    mut prepared: PreparedRun,
+    session: Session,
+    realtime: Realtime,
+    mut ended: EndedRun,
+    before: &ProcessorTime,
+) -> Result<RunResult, Failure> {
+    // A side that is no child counts among the others.
+    let is_all_here = prepared.settings.by_hand.flag().is_none();
+    let company = is_all_here.then(|| ProcessorTime::now().company(before));
+    let has_joined = prepared.settings.link == LinkKind::InProcess || realtime.controller.is_some();
+    if ended.outcome == Outcome::Completed && !has_joined {
+        ended.outcome = Outcome::Failed;
+        let what = "the plant says that it completed the run, and no controller came to its link";
+        ended.reason = Some(what.into());
+    }
+    if ended.outcome == Outcome::Failed {
+        let reason = ended.reason.take().unwrap_or_default();
+        ended.reason = Some(advice::behind(&reason));
+    }
+    let collected = match &ended.recorded.error {
+        None => checkpoint::collect(
+            &prepared.checkpoints,
+            &prepared.plan,
+            (&prepared.binaries, &prepared.session),
+            (&prepared.folder, &prepared.effective),
+            &ended.recorded.partial_digests,
+        ),
+        Some(_) => Ok(Vec::new()),
+    };
+    let switches = switches(&prepared.session);
+    drop(session);
+    let (checkpoints, collected) = match collected {
+        Ok(made) => (made, Ok(())),
+        Err(failure) => (Vec::new(), Err(failure)),
+    };
+
+    let folder = prepared.folder.clone();
+    // A run may end before there is anything to record.
+    let is_recorded = prepared.recording.is_some() && folder.join(RECORDING).exists();
+    let recorded_to = is_recorded.then_some(RECORDING);
+    let mut summary = Summary::new(
+        &prepared.plan,
+        &prepared.binaries,
+        &prepared.session,
+        (prepared.settings).evidence(&prepared.plan, &prepared.binaries.controller),
+        recorded_to,
+        realtime,
+        &ended,
+    );
+    let by_hand = prepared.settings.by_hand.roles();
+    summary.started_by_hand = by_hand.map(|side| side.name().into()).collect();
+    summary.started_utc = Some(prepared.started_utc.clone());
+    summary.set = prepared.settings.set.clone();
+    summary.company = company;
+    (summary.resumed, summary.checkpoints) = (prepared.resumed.clone(), checkpoints);
+    if let Some(target) = &mut summary.target {
+        target.safe_switches = switches.or(Some(0));
+    }
+    prepared.reserve.release();
+    let write = |summary: &Summary| {
+        let json = serde_json::to_string_pretty(summary).map_err(Failure::infrastructure)?;
+        let written = part_file::write_text(&folder.join(SUMMARY), &json);
+        Ok::<_, Failure>((json, written))
+    };
+    if !summary.checkpoints.is_empty() {
+        // The run is over: whatever becomes of the check, its result stays. The last writing tells of a failure.
+        let _ = write(&summary)?;
+    }
+    let noted = restoration::check(&prepared, &ended.recorded, &mut summary.checkpoints);
+    let mut checks = (summary.checkpoints.iter()).filter_map(|made| made.check.as_ref());
+    let is_cut = prepared.interruption.came() && checks.any(|check| !check.is_made());
+    let (json, written) = write(&summary)?;
+    Ok(RunResult {
+        exit: match ended.outcome {
+            _ if ended.recorded.error.is_some() => Exit::Infrastructure,
+            _ if is_cut => Exit::Interrupted,
+            Outcome::Completed | Outcome::Diverged => summary.verdict.exit(),
+            Outcome::Stopped if prepared.interruption.came() => Exit::Interrupted,
+            Outcome::Stopped | Outcome::Failed => Exit::Infrastructure,
+        },
+        partial_digests: ended.recorded.partial_digests,
+        curve: ended.recorded.curve,
+        recording: recorded_to.map(|name| folder.join(name)),
+        table: summary.table(&prepared.plan, &folder),
+        written: written.and(collected).and(noted),
+        summary,
+        json,
+        folder,
+    })
+}

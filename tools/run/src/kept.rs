@@ -1,0 +1,269 @@
+//! Runs in processes that are kept: one session and one pair of processes for many runs, one after the other.
+//!
+//! For very many short runs of programs of their own, whose start would take longer than they do. Writes no folder
+//! of a run and takes no live requests. A pair that a run leaves in disorder is ended; the next run starts another.
+
+use std::sync::Arc;
+
+use hil_config::plan::Plan;
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::interruption::Interruption;
+use hil_facts::arguments::run::LinkKind;
+use hil_facts::programs::binaries::Binaries;
+use hil_facts::results::curve::Grid;
+use hil_facts::results::ended::EndedRun;
+use shared_types::record::{Outcome, RecordLayout};
+use shared_types::session::{Session, SessionInfo};
+use shared_types::stream::iceoryx::IceoryxSource;
+use shared_types::supervision::NEXT;
+
+use super::attach::attach;
+use super::jobs;
+use super::processes::LOOK;
+use super::recorder::direct::take_run;
+use super::settings::Settings;
+use super::side::SideProcess;
+
+/// Most pairs that are kept at once; each sleeps while another one runs.
+const MOST_PAIRS: usize = 16;
+/// Most runs of a pair from one that is to be run once more to the next.
+const UNCHECKED: u64 = 251;
+
+/// Kept processes: a pair for each layout of records.
+#[derive(Default)]
+pub struct Kept {
+    /// The pair that ran last stands last.
+    pairs: Vec<Pair>,
+}
+
+/// A plant, a controller and their session. Parts are dropped in this order: ends of the stream, processes, session.
+struct Pair {
+    source: IceoryxSource,
+    plant: SideProcess,
+    controller: SideProcess,
+    session: Session,
+    layout: RecordLayout,
+    /// Runs that were begun after the first.
+    runs: u64,
+    /// A record of the last one came.
+    has_begun: bool,
+    /// The run that is to be run once more in new processes.
+    checked: u64,
+}
+
+impl Kept {
+    /// Runs a plan in a pair that is there, or in a new one; tells whether the run is to be run once more in new
+    /// processes, as few of many are. A pair that is lost before the first record of the run is replaced: its end is
+    /// no deed of this run.
+    ///
+    /// # Errors
+    /// If the run did not end by itself: a side died, refused its job or was too late, or it was interrupted.
+    pub fn run(
+        &mut self,
+        plan: &Plan,
+        binaries: &Binaries,
+        grid: Option<Arc<Grid>>,
+        interruption: &Interruption,
+    ) -> Result<(EndedRun, bool), Failure> {
+        let layout = binaries.record_layout(plan)?;
+        let mut pair = match self.take(&layout) {
+            Some(mut pair) => {
+                pair.runs += 1;
+                write_jobs(plan, binaries, pair.session.info(), pair.runs)?;
+                for side in [&mut pair.plant, &mut pair.controller] {
+                    side.forget_output();
+                    side.tell(NEXT);
+                }
+                pair
+            }
+            None => Pair::start(plan, binaries, layout.clone(), interruption)?,
+        };
+        let mut ended = pair.take_run(plan, grid.clone(), interruption);
+        if let Err(Failure::Infrastructure(seen)) = &ended
+            && pair.runs > 0
+            && !pair.has_begun
+        {
+            // It may be what the run before left behind; what this one does to its sides, it does in new ones too.
+            tell!("between two runs: {seen}; another one is started");
+            drop(pair);
+            pair = Pair::start(plan, binaries, layout, interruption)?;
+            ended = pair.take_run(plan, grid, interruption);
+        }
+        let ended = match ended {
+            Err(Failure::Infrastructure(seen)) => {
+                // What a side would have refused before it ran is nothing that another try mends.
+                refuse_jobs(plan, binaries, interruption)?;
+                return Err(Failure::Infrastructure(seen));
+            }
+            ended => ended?,
+        };
+        let is_to_check = pair.is_to_check();
+        // Their output is bounded by who looks at them.
+        for other in &mut self.pairs {
+            let _ = other.plant.has_ended() | other.controller.has_ended(); // told when it is wanted
+        }
+        self.pairs.push(pair);
+        if self.pairs.len() > MOST_PAIRS {
+            self.pairs.remove(0);
+        }
+        Ok((ended, is_to_check))
+    }
+
+    /// Takes the pair of a layout, if there is one and both processes live.
+    fn take(&mut self, layout: &RecordLayout) -> Option<Pair> {
+        let place = self.pairs.iter().position(|pair| pair.layout == *layout)?;
+        let mut pair = self.pairs.remove(place);
+        for side in [&mut pair.plant, &mut pair.controller] {
+            if side.has_ended() {
+                let fate = side.death();
+                let fate = fate.unwrap_or_else(|| format!("{} ended", side.name));
+                tell!("after a run was over: {fate}; another one is started");
+                return None;
+            }
+        }
+        Some(pair)
+    }
+}
+
+/// Puts the jobs of a run into the session's folder. The number of the session in frames is another one for each
+/// run, so that a late frame of one is refused in the next.
+fn write_jobs(
+    plan: &Plan,
+    binaries: &Binaries,
+    session: &SessionInfo,
+    number: u64,
+) -> Result<(), Failure> {
+    let settings = Settings::without_recording(LinkKind::Iceoryx2, None);
+    let of_run = SessionInfo {
+        id: session.id.wrapping_add(number),
+        ..session.clone()
+    };
+    let (mut plant, mut controller) = jobs::of(plan, binaries, &of_run, &settings, &[]);
+    (plant.is_kept, controller.is_kept) = (true, true);
+    (session.write_file(plant_process::job::JOB_FILE, &plant))
+        .and_then(|()| session.write_file(controller_process::job::JOB_FILE, &controller))
+        .map_err(Failure::infrastructure)
+}
+
+impl Pair {
+    /// Starts both processes with their first run.
+    fn start(
+        plan: &Plan,
+        binaries: &Binaries,
+        layout: RecordLayout,
+        interruption: &Interruption,
+    ) -> Result<Self, Failure> {
+        let mut session = Session::create(None).map_err(Failure::infrastructure)?;
+        // Gone once both have opened what they write to: no end of hil leaves it.
+        let folder = tempfile::tempdir().map_err(Failure::infrastructure)?;
+        let info = session.info().clone();
+        write_jobs(plan, binaries, &info, 0)?;
+        let start = |name, binary, log| SideProcess::start(name, binary, &info, folder.path(), log);
+        let mut plant = start("plant", &binaries.plant, "plant.log")?;
+        (session.add_child(plant.process_id())).map_err(Failure::infrastructure)?;
+        let mut controller = start("controller", &binaries.controller, "controller.log")?;
+        (session.add_controller(1, controller.process_id())).map_err(Failure::infrastructure)?;
+        drop(folder);
+        let mut opened = None;
+        let source = loop {
+            // Asked before the look: what they said before they ended still counts.
+            let is_over = plant.has_ended() || controller.has_ended();
+            match attach(&info, &layout, &mut opened).map_err(Failure::infrastructure)? {
+                Some((source, _)) => break source,
+                None if interruption.came() => return Err(Failure::Interrupted),
+                None if is_over => return Err(disorder(None, [&mut plant, &mut controller])),
+                None => std::thread::sleep(LOOK),
+            }
+        };
+        Ok(Self {
+            source,
+            plant,
+            controller,
+            session,
+            layout,
+            runs: 0,
+            has_begun: false,
+            checked: 1,
+        })
+    }
+
+    /// Tells whether the run that is over is to be run once more: the second one of the pair, and then ever fewer,
+    /// at odd and even numbers, as variants take turns.
+    fn is_to_check(&mut self) -> bool {
+        let is_to_check = self.runs == self.checked;
+        if is_to_check {
+            let further = self.runs / 2 + 2;
+            self.checked += if further < UNCHECKED {
+                further
+            } else {
+                UNCHECKED
+            };
+        }
+        is_to_check
+    }
+
+    /// Takes the records of the run that both were told to begin.
+    fn take_run(
+        &mut self,
+        plan: &Plan,
+        grid: Option<Arc<Grid>>,
+        interruption: &Interruption,
+    ) -> Result<EndedRun, Failure> {
+        let Self {
+            source,
+            plant,
+            controller,
+            has_begun,
+            ..
+        } = self;
+        let is_over = || interruption.came() || plant.has_ended() || controller.has_ended();
+        let recorded = take_run(plan.clone(), &self.layout, grid, source, is_over);
+        *has_begun = recorded.records > 0;
+        interruption.check()?;
+        let end = recorded.end.clone();
+        match (&recorded.error, end) {
+            (None, Some(end)) if matches!(end.outcome, Outcome::Completed | Outcome::Diverged) => {
+                Ok(EndedRun::new(recorded, end.outcome, end.reason))
+            }
+            (error, end) => {
+                let seen = error.clone().or_else(|| end.and_then(|end| end.reason));
+                Err(disorder(seen, [plant, controller]))
+            }
+        }
+    }
+}
+
+/// Asks both sides to look at their jobs, as they do before a run in new processes.
+///
+/// # Errors
+/// Objection of a side.
+fn refuse_jobs(
+    plan: &Plan,
+    binaries: &Binaries,
+    interruption: &Interruption,
+) -> Result<(), Failure> {
+    let session = Session::create(None).map_err(Failure::infrastructure)?;
+    let info = session.info();
+    let settings = Settings::without_recording(LinkKind::Iceoryx2, None);
+    let (plant, controller) = jobs::of(plan, binaries, info, &settings, &[]);
+    let file = plant_process::job::JOB_FILE;
+    jobs::check(&binaries.plant, info, file, &plant, interruption)?;
+    let file = controller_process::job::JOB_FILE;
+    jobs::check(&binaries.controller, info, file, &controller, interruption)
+}
+
+/// Describes a run that did not end by itself: what was seen of it, and what became of its sides.
+fn disorder(seen: Option<String>, sides: [&mut SideProcess; 2]) -> Failure {
+    let mut parts: Vec<String> = seen.into_iter().collect();
+    for side in sides {
+        if side.has_ended() {
+            parts.extend(side.death());
+            parts.extend(side.last_word());
+        }
+    }
+    parts.dedup();
+    if parts.is_empty() {
+        parts.push("a side ended before the run was over".into());
+    }
+    Failure::infrastructure(parts.join("; "))
+}

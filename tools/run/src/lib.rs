@@ -1,0 +1,67 @@
+//! A run from checked scenario to summary: its processes or its one thread, the recorder, the real-time settings,
+//! the controllers that come and go. Decides nothing about several runs, and compares nothing.
+//!
+//! 1. [`settings`] is the checked form of what was typed.
+//! 2. [`execute`](execute()) calls `prepare`: refusals, session, folder, [jobs], [provenance].
+//! 3. `processes` or `in_process` runs both sides, with the [recorder] attached to their stream.
+//!    Both end a run whose recorder failed, as on a full disk, and `processes` one whose side died.
+//!    `controllers` starts a lost controller again or lets its loss end the run, and `termination` says why it
+//!    ended; to hold or to take the safe command is the plant's, in `plant_process::engine`.
+//!    `by_hand` waits before that for the sides that somebody starts by hand.
+//! 4. `conclude` makes checkpoints, summary and exit code of what came of it; `restoration` checks each checkpoint with
+//!    second sides.
+//!
+//! Meanwhile `attach` joins the recorder to the stream, [`swap`] brings another controller, `objections` asks the
+//! programs about changed parameters, `pause` says that a run is held, and `log` bounds what processes write.
+//! [`realtime`] applies what is `hil`'s own,
+//! and [`open_files`] sees to enough open files.
+//!
+//! For very many runs, [`alone`] is a run in one thread with neither session nor folder, and [`kept`] keeps the
+//! processes of one for the next.
+
+#![expect(
+    rustdoc::private_intra_doc_links,
+    reason = "the map leads into modules that are closed to other packages"
+)]
+#![expect(
+    missing_docs,
+    reason = "fields and variants whose names say what they are"
+)]
+
+#[macro_use]
+extern crate hil_console; // its macro `tell!` is used everywhere
+
+pub mod alone;
+mod attach;
+mod by_hand;
+mod conclude;
+mod controllers;
+pub mod execute;
+mod in_process;
+pub mod jobs;
+pub mod kept;
+mod log;
+mod objections;
+pub mod open_files;
+mod pause;
+mod prepare;
+pub mod processes;
+mod provenance;
+pub mod realtime;
+pub mod recorder;
+mod restoration;
+pub mod settings;
+pub mod side;
+pub mod swap;
+mod termination;
+
+#[cfg(test)]
+#[path = "../../recording/tests/shared/fixture.rs"]
+#[expect(dead_code, reason = "these tests need a part of it")]
+mod fixture;
+#[cfg(test)]
+#[path = "../../facts/tests/shared/rig.rs"]
+#[expect(dead_code, reason = "these tests need a part of it")]
+mod rig;
+
+pub use execute::{Environment, Origin, Repeated, RunResult, begin, execute};

@@ -1,0 +1,339 @@
+//! Preparation of a run: refusals that need its plan, its session, its folder, its jobs.
+//!
+//! Nothing of a side runs yet, except that both programs look at their jobs.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::SystemTime;
+
+use hil_config::plan::{Clock, Plan};
+use hil_console::files::begun::BegunRun;
+use hil_console::files::runs::SCENARIO;
+use hil_console::files::{begun, folder, part_file};
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::interruption::Interruption;
+use hil_console::terminal::output;
+use hil_console::terminal::progress::Progress;
+use hil_facts::arguments::run::LinkKind;
+use hil_facts::checkpoint;
+use hil_facts::checkpoint::past::PastRecords;
+use hil_facts::programs::binaries::Binaries;
+use hil_facts::programs::scenario;
+use hil_facts::results::resumed::Resumed;
+use hil_facts::session::observer::Notice;
+use hil_recording::excerpt::Choice;
+use hil_recording::reader::RECORDING;
+use hil_recording::reserve::Reserve;
+use hil_recording::size;
+use shared_types::lockstep::OnLoss;
+use shared_types::number::{exact, exact_in};
+use shared_types::record::RecordLayout;
+use shared_types::session::{Session, SessionError, SessionInfo};
+use shared_types::side::Side;
+use shared_types::stream::RecordSource;
+use shared_types::time::Step;
+
+use super::execute::{Environment, Origin};
+use super::realtime::RecorderCore;
+use super::settings::Settings;
+use super::{in_process, jobs, provenance, realtime};
+use crate::recorder::{Recorder, RecordingPlan};
+
+/// Room that is kept on the disk for the summary.
+const SUMMARY_BYTES: u64 = 256 << 10;
+
+/// A run that can begin.
+pub(super) struct PreparedRun {
+    pub(super) plan: Plan,
+    pub(super) binaries: Arc<Binaries>,
+    pub(super) settings: Settings,
+    pub(super) interruption: Interruption,
+    pub(super) session: SessionInfo,
+    /// Time at which the run was begun.
+    pub(super) started_utc: String,
+    /// Folder of the run.
+    pub(super) folder: PathBuf,
+    /// Room on its disk for the summary.
+    pub(super) reserve: Reserve,
+    /// The scenario as it is in effect.
+    pub(super) effective: String,
+    pub(super) plant: plant_process::job::Job,
+    pub(super) controller: controller_process::job::Job,
+    pub(super) recording: Option<RecordingPlan>,
+    /// Content of its records, as both programs describe it.
+    pub(super) layout: RecordLayout,
+    /// Steps before which the state is saved.
+    pub(super) checkpoints: Vec<Step>,
+    /// Numbers of records after which the digest is wanted besides.
+    pub(super) marks: Vec<u64>,
+    /// The records that the run goes on from.
+    pub(super) past: Option<PastRecords>,
+    /// The checkpoint that it goes on from.
+    pub(super) resumed: Option<Resumed>,
+}
+
+impl PreparedRun {
+    /// Starts the recorder; the result of `attach` looks for the stream again and again.
+    pub(crate) fn recorder<S, A>(
+        &self,
+        core: RecorderCore,
+        attach: impl FnOnce() -> A + Send + 'static,
+    ) -> Recorder
+    where
+        S: RecordSource,
+        A: FnMut() -> Result<Option<(S, RecordLayout)>, String>,
+    {
+        let (plan, recording) = (self.plan.clone(), self.recording.clone());
+        let (marks, past) = (self.marks.clone(), self.past.clone());
+        let curve = self.settings.curve.clone();
+        Recorder::start(plan, recording, marks, past, curve, move || {
+            core.apply();
+            attach()
+        })
+    }
+
+    /// Removes the folder of a run of which nothing was started: the next try finds it as this one did.
+    pub(super) fn leave_nothing(mut self) {
+        self.reserve.release();
+        leave(&self.folder);
+    }
+
+    /// Begins the progress of the run, with the hold that was asked for.
+    pub(crate) fn progress(&self) -> Progress {
+        let shown = !self.settings.is_one_of_many;
+        let mut progress = Progress::new(self.plan.run.steps, self.plan.run.rate, shown);
+        if let Some(pause_at_s) = self.settings.pause_at_s {
+            progress.announce_pause(pause_at_s, &self.session.name);
+        }
+        progress
+    }
+}
+
+/// Checks a run and makes its session and its folder.
+///
+/// # Errors
+/// If it cannot be run as asked.
+pub(super) fn prepare(
+    plan: Plan,
+    environment: Environment,
+    origin: Origin,
+) -> Result<(PreparedRun, Session), Failure> {
+    let Environment {
+        binaries,
+        settings,
+        interruption,
+    } = environment;
+    let checkpoints = check(&plan, &binaries, &settings, &origin)?;
+    let layout = binaries.record_layout(&plan)?;
+    tell_size(&plan, &layout, &settings)?;
+    let effective = scenario::show(&plan, &binaries)?;
+
+    let is_in_process = settings.link == LinkKind::InProcess;
+    let create = if is_in_process {
+        Session::of_one_process
+    } else {
+        Session::create
+    };
+    let mut session = create(settings.session.as_deref()).map_err(|error| match error {
+        SessionError::Name(_) | SessionError::Group(_) | SessionError::Taken { .. } => {
+            Failure::usage(error)
+        }
+        other => Failure::infrastructure(other),
+    })?;
+    let info = session.info().clone();
+    let (mut plant, mut controller) = jobs::of(&plan, &binaries, &info, &settings, &checkpoints);
+    let mut marks: Vec<u64> = checkpoints.iter().map(|step| step.0).collect();
+    let mut past = None;
+    let mut resumed = None;
+    match origin {
+        Origin::Scenario => {}
+        Origin::Repeated(repeated) => {
+            marks.push(repeated.records);
+            plant.missed = repeated.missed;
+        }
+        Origin::Checkpoint(from, branch) => {
+            plant.faults.extend(from.live_faults());
+            plant.checkpoints = from.resume(Side::Plant, &plant.checkpoints);
+            controller.checkpoints = from.resume(Side::Controller, &controller.checkpoints);
+            past = Some(from.records(layout.clone()));
+            resumed = Some(from.resumed(branch));
+        }
+    }
+    if is_in_process {
+        in_process::check(&plant, &controller, &binaries)?;
+    } else {
+        let plant_file = plant_process::job::JOB_FILE;
+        jobs::check(&binaries.plant, &info, plant_file, &plant, &interruption)?;
+        let controller_file = controller_process::job::JOB_FILE;
+        jobs::check(
+            &binaries.controller,
+            &info,
+            controller_file,
+            &controller,
+            &interruption,
+        )?;
+    }
+    Notice::write(&info, &effective, &binaries, is_in_process)?;
+    let started_utc = humantime::format_rfc3339_millis(SystemTime::now()).to_string();
+    let folder = folder::of_run(settings.out.as_deref(), &plan.name, &info.name);
+    let absolute = std::path::absolute(&folder).unwrap_or_else(|_| folder.clone());
+    begun::note(|| BegunRun {
+        folder: absolute.clone(),
+        scenario: plan.name.clone(),
+        law: plan.controller.law.clone(),
+        session: info.name.clone(),
+        started_utc: started_utc.clone(),
+        set: settings.set.clone(),
+        evidence: (settings.evidence(&plan, &binaries.controller)).into(),
+        clock: plan.run.clock.name().into(),
+        rate_hz: plan.run.rate.hz(),
+        seed: plan.run.seed,
+        has_folder: false,
+    });
+    folder::create(&folder)?;
+    begun::note_folder(&absolute);
+    session
+        .set_run_dir(&absolute)
+        .map_err(Failure::infrastructure)?;
+    let in_place = is_in_process && settings.recording.is_none();
+    write_scenario(&folder, &effective, in_place)?;
+    let recording = (settings.recording.as_ref()).map(|recording| {
+        let mut provenance =
+            provenance::of(&plan, &info, &binaries, &settings, &effective, &started_utc);
+        let resumed = resumed.iter().flat_map(Resumed::facts);
+        provenance.facts.extend(resumed);
+        RecordingPlan {
+            path: folder.join(RECORDING),
+            compression: recording.compression,
+            choice: recording.choice.clone(),
+            provenance,
+            session: info.clone(),
+        }
+    });
+    let prepared = PreparedRun {
+        plan,
+        binaries,
+        settings,
+        interruption,
+        session: info,
+        started_utc,
+        // Where thousands of runs keep nothing but their summaries, this would take longer than they do.
+        reserve: if is_in_process && recording.is_none() {
+            Reserve::default()
+        } else {
+            Reserve::of(&folder, SUMMARY_BYTES)
+        },
+        folder,
+        effective,
+        plant,
+        controller,
+        recording,
+        layout,
+        checkpoints,
+        marks,
+        past,
+        resumed,
+    };
+    Ok((prepared, session))
+}
+
+/// Writes the scenario into the new folder, whole or not at all; `in_place` in less time: a folder counts
+/// only with its summary.
+fn write_scenario(folder: &Path, effective: &str, in_place: bool) -> Result<(), Failure> {
+    let path = folder.join(SCENARIO);
+    let written = if in_place {
+        std::fs::write(&path, effective).map_err(|error| {
+            Failure::infrastructure(format!("cannot write {}: {error}", path.display()))
+        })
+    } else {
+        part_file::write_text(&path, effective)
+    };
+    // Nothing was run: the next try finds the folder as this one did.
+    written.inspect_err(|_| leave(folder))
+}
+
+/// Removes the folder of a run with the scenario in it, and nothing else.
+fn leave(folder: &Path) {
+    let _ = std::fs::remove_file(folder.join(SCENARIO));
+    let _ = std::fs::remove_dir(folder);
+}
+
+/// Refuses what the plan and the settings cannot have together; gives the steps of the checkpoints.
+fn check(
+    plan: &Plan,
+    binaries: &Binaries,
+    settings: &Settings,
+    origin: &Origin,
+) -> Result<Vec<Step>, Failure> {
+    let end_s = plan.run.rate.seconds(Step(plan.run.steps));
+    if let Some(pause_at_s) = settings.pause_at_s.filter(|at_s| *at_s >= end_s) {
+        return Err(Failure::usage(format!(
+            "--pause-at {} is not before the end of the run at {}",
+            exact(pause_at_s),
+            exact_in(end_s, "s")
+        )));
+    }
+    if plan.run.clock == Clock::Realtime && settings.link == LinkKind::InProcess {
+        return Err(Failure::usage(
+            "--clock realtime needs two processes: in one thread no side can be late for the other; leave out --link in-process",
+        ));
+    }
+    settings.by_hand.check(binaries)?;
+    let target = binaries.controller.at.as_ref();
+    realtime::check(&plan.realtime, settings.link, target)?;
+    let first = origin.first();
+    let steps = checkpoint::steps(&settings.checkpoints_at_s, plan, first)?;
+    if !steps.is_empty() || first > Step(0) {
+        checkpoint::refuse_unsaveable(plan, binaries)?;
+        if let Some(at) = &binaries.controller.at {
+            let target = at.target();
+            return Err(Failure::usage(format!(
+                "checkpoints with --target {target}: the controller's state is on the target, where nothing is kept"
+            )));
+        }
+    }
+    if !steps.is_empty() && plan.run.on_controller_loss != OnLoss::Abort {
+        return Err(Failure::usage(format!(
+            "--checkpoint-at with run.on_controller_loss = \"{}\": a lost controller's state cannot be saved",
+            plan.run.on_controller_loss.name()
+        )));
+    }
+    if let Origin::Repeated(repeated) = origin
+        && !steps.is_empty()
+        && !repeated.missed.is_empty()
+    {
+        return Err(Failure::usage(
+            "--checkpoint-at: the run that is repeated was in real time; what its controller missed cannot be saved",
+        ));
+    }
+    Ok(steps)
+}
+
+/// Tells how large the recording can get, where a person watches or the disk may not have room.
+fn tell_size(plan: &Plan, layout: &RecordLayout, settings: &Settings) -> Result<(), Failure> {
+    let all = Choice::default();
+    let recording = settings.recording.as_ref();
+    let choice = recording.map_or(&all, |recording| &recording.choice);
+    let largest = size::largest(layout, plan.run.steps, choice).map_err(Failure::usage)?;
+    if recording.is_none() {
+        return Ok(());
+    }
+    let shown = size::shown(largest);
+    let folder = settings.out.as_deref().unwrap_or(Path::new("."));
+    let there = folder.ancestors().find(|folder| folder.is_dir());
+    let there = there.unwrap_or(Path::new("."));
+    if let Ok(disk) = rustix::fs::statvfs(there) {
+        let free = disk.f_bavail.saturating_mul(disk.f_frsize);
+        if largest > free {
+            tell!(
+                "warning: the recording takes up to {shown} before compression, and {} are free; --record, --record-every and --record-around-faults make it smaller",
+                size::shown(free)
+            );
+            return Ok(());
+        }
+    }
+    if output::person_watches() && !settings.is_one_of_many {
+        tell!("recording: up to {shown} before compression");
+    }
+    Ok(())
+}

@@ -1,0 +1,229 @@
+//! The recorder: drains the record stream on a thread of its own.
+//!
+//! Its `work` takes record after record: digest, metrics, latency figures, requirements, recording. A recording
+//! that cannot be written is told to whoever watches over the run. The loop never waits for any of this, except
+//! that the stream's credit holds it back before a record would be lost.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use hil_config::plan::Plan;
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::interruption::Interruption;
+use hil_facts::checkpoint::past::PastRecords;
+use hil_facts::results::curve::Grid;
+use hil_facts::results::recorded::Recorded;
+use hil_facts::session::standing::Board;
+use hil_recording::compression::Compression;
+use hil_recording::excerpt::Choice;
+use hil_recording::writer::Provenance;
+use shared_types::record::{ControllerChange, RecordLayout};
+use shared_types::session::SessionInfo;
+use shared_types::stream::RecordSource;
+
+use work::RecorderWork;
+
+pub(crate) mod direct;
+mod heard;
+mod work;
+
+/// Time between two looks for the stream.
+const LOOK: Duration = Duration::from_micros(500);
+/// Time to sleep when nothing is left to take: well below the time in which the fastest loop
+/// fills the stream's buffer, so that it is not held back. Each waking takes a core from the loop for
+/// some microseconds more than its records cost.
+const NAP: Duration = Duration::from_millis(4);
+
+/// Time after which a thread that goes on without the sides may be stuck in what they left.
+const STUCK: Duration = Duration::from_millis(50);
+
+/// Place and form of a recording.
+#[derive(Clone, Debug)]
+pub struct RecordingPlan {
+    /// The file.
+    pub path: PathBuf,
+    /// Compression.
+    pub compression: Compression,
+    /// Part of the run that is kept.
+    pub choice: Choice,
+    /// Provenance that the recording tells of the run.
+    pub provenance: Provenance,
+    /// Session in which both sides tell what they run with, before the first record.
+    pub session: SessionInfo,
+}
+
+/// The recorder thread as its owner sees it.
+pub struct Recorder {
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<Recorded>>,
+    /// Frees the thread from a stream that dead sides left half made.
+    unblock: Option<Box<dyn Fn()>>,
+}
+
+#[derive(Default)]
+struct Shared {
+    /// The stream will get no more items than are in it.
+    finish: AtomicBool,
+    /// The records that the run goes on from are taken.
+    recalled: AtomicBool,
+    /// Something went wrong; the run makes no sense any more.
+    failed: AtomicBool,
+    next_step: AtomicU64,
+    /// Changes of controllers.
+    changes: Mutex<Vec<ControllerChange>>,
+    /// Further facts that the recording is to hold.
+    facts: Mutex<BTreeMap<String, String>>,
+    /// Queue of questions on where the requirements stand.
+    board: Arc<Board>,
+}
+
+impl Recorder {
+    /// Starts the thread. `marks` are after how many records the digest is wanted besides, `past` the
+    /// records that the run goes on from, which are taken first, `curve` the grid of the curve if one is kept. What `prepare` returns is called there, again and again, until it gives
+    /// the stream and its layout.
+    pub fn start<S, A>(
+        plan: Plan,
+        recording: Option<RecordingPlan>,
+        marks: Vec<u64>,
+        past: Option<PastRecords>,
+        curve: Option<Arc<Grid>>,
+        prepare: impl FnOnce() -> A + Send + 'static,
+    ) -> Self
+    where
+        S: RecordSource,
+        A: FnMut() -> Result<Option<(S, RecordLayout)>, String>,
+    {
+        let shared = Arc::new(Shared {
+            recalled: AtomicBool::new(past.is_none()),
+            ..Shared::default()
+        });
+        let theirs = Arc::clone(&shared);
+        let thread = std::thread::spawn(move || {
+            let mut attach = prepare();
+            let work = RecorderWork::new(plan, recording, marks, Arc::clone(&theirs));
+            let mut work = work.with_curve(curve);
+            if let Some(past) = &past {
+                work.recall(past);
+                theirs.recalled.store(true, Ordering::Release);
+            }
+            loop {
+                // Asked before the last look: a short run may be over between the two.
+                let is_over = theirs.finish.load(Ordering::Acquire);
+                match attach() {
+                    Ok(Some((mut source, layout))) => {
+                        work.attach(layout);
+                        work.drain(&mut source);
+                        break;
+                    }
+                    Ok(None) if is_over => break,
+                    Ok(None) => std::thread::sleep(LOOK),
+                    Err(error) => {
+                        work.fail(error);
+                        break;
+                    }
+                }
+            }
+            work.finish()
+        });
+        Self {
+            shared,
+            thread: Some(thread),
+            unblock: None,
+        }
+    }
+
+    /// The same with a way out of a stream that dead sides left half made. It is called again and again
+    /// while the thread does not end, and only once the sides are gone.
+    #[must_use]
+    pub fn unblocked_by(mut self, unblock: impl Fn() + 'static) -> Self {
+        self.unblock = Some(Box::new(unblock));
+        self
+    }
+
+    /// Waits until the records that the run goes on from are taken: before it begins, so that no side
+    /// has to wait for them.
+    ///
+    /// # Errors
+    /// If the user does not want it any more.
+    pub fn recall(&self, interruption: &Interruption) -> Result<(), Failure> {
+        while !self.shared.recalled.load(Ordering::Acquire) {
+            interruption.check()?;
+            std::thread::sleep(LOOK);
+        }
+        Ok(())
+    }
+
+    /// The step after the last one recorded.
+    #[must_use]
+    pub fn next_step(&self) -> u64 {
+        self.shared.next_step.load(Ordering::Relaxed)
+    }
+
+    /// Adds facts to the recording that became known while the run goes on.
+    pub fn add_facts(&self, facts: impl IntoIterator<Item = (String, String)>) {
+        let known = self.shared.facts.lock();
+        (known.unwrap_or_else(PoisonError::into_inner)).extend(facts);
+    }
+
+    /// Returns the queue for questions on where the requirements stand.
+    #[must_use]
+    pub fn board(&self) -> Arc<Board> {
+        Arc::clone(&self.shared.board)
+    }
+
+    /// Returns the changes of controllers after the first `known` ones.
+    #[must_use]
+    pub fn changes_after(&self, known: usize) -> Vec<ControllerChange> {
+        let changes = self.shared.changes.lock();
+        let changes = changes.unwrap_or_else(PoisonError::into_inner);
+        changes.get(known..).unwrap_or_default().to_vec()
+    }
+
+    /// Returns true if recording failed, so that the run should stop.
+    #[must_use]
+    pub fn has_failed(&self) -> bool {
+        self.shared.failed.load(Ordering::Acquire)
+    }
+
+    /// Takes what is left in the stream of an ended plant, and ends.
+    ///
+    /// # Errors
+    /// If the thread panicked.
+    pub fn finish(mut self) -> Result<Recorded, String> {
+        match self.join() {
+            Some(Ok(recorded)) => Ok(recorded),
+            Some(Err(_)) | None => Err("the recorder panicked".into()),
+        }
+    }
+
+    fn join(&mut self) -> Option<thread::Result<Recorded>> {
+        self.shared.finish.store(true, Ordering::Release);
+        let thread = self.thread.take()?;
+        thread.thread().unpark(); // it may have lain down for a nap
+        if let Some(unblock) = &self.unblock {
+            let mut since = Instant::now();
+            while !thread.is_finished() {
+                if since.elapsed() > STUCK {
+                    unblock();
+                    since = Instant::now();
+                }
+                thread::sleep(LOOK);
+            }
+        }
+        Some(thread.join())
+    }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        // Of a run that could not be started nothing will come.
+        let _ = self.join(); // whatever it has, nobody asks for it
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

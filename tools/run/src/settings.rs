@@ -1,0 +1,232 @@
+//! Settings of a run: the meaning of what was typed, checked as far as no scenario is needed for it.
+//!
+//! Made once by each command that runs scenarios; a suite gives each of its runs a folder and a session
+//! of its own. Knows no plan and starts nothing.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use hil_config::plan::{Clock, Plan};
+use hil_console::terminal::exit::Failure;
+use hil_facts::arguments::run::{LinkKind, RunOptions, StartKind};
+use hil_facts::programs::binaries::{Binaries, Binary};
+use hil_facts::results::curve::Grid;
+use hil_target::asking;
+use shared_types::side::Side;
+
+use hil_recording::compression::Compression;
+use hil_recording::excerpt::Choice;
+
+/// Longest silence of a living process in s, unless another one is asked for.
+pub(crate) const WAIT_LIMIT_S: f64 = 5.0;
+
+/// Checked settings of a run, whatever its scenario.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Connection of plant and controller.
+    pub link: LinkKind,
+    /// Folder of the run; `None` for a new one below `runs`.
+    pub out: Option<PathBuf>,
+    /// Name of the session; `None` for a random one.
+    pub session: Option<String>,
+    /// Form of the recording; `None` if none is written.
+    pub recording: Option<RecordingSettings>,
+    /// Longest silence of a living process in s.
+    pub wait_limit_s: f64,
+    /// Time at which the run is held.
+    pub pause_at_s: Option<f64>,
+    /// Times before which the state of both sides is saved.
+    pub checkpoints_at_s: Vec<f64>,
+    /// Values of the scenario that were changed, as `KEY=VALUE`.
+    pub set: Vec<String>,
+    /// Several runs share the terminal.
+    pub is_one_of_many: bool,
+    /// Grid of the curve that is kept of a campaign's case.
+    pub curve: Option<Arc<Grid>>,
+    /// Sides that somebody starts by hand.
+    pub by_hand: ByHand,
+}
+
+/// Sides of a run that somebody starts by hand.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ByHand {
+    pub(crate) plant: bool,
+    pub(crate) controller: bool,
+}
+
+/// Form of a recording.
+#[derive(Clone, Debug)]
+pub struct RecordingSettings {
+    pub(crate) compression: Compression,
+    /// Part of the run that is kept.
+    pub(crate) choice: Choice,
+}
+
+impl ByHand {
+    fn of(options: &RunOptions) -> Result<Self, Failure> {
+        let by_hand = Self {
+            plant: options.plant == StartKind::External,
+            controller: options.controller == StartKind::External,
+        };
+        let Some(flag) = by_hand.flag() else {
+            return Ok(by_hand);
+        };
+        if options.link == LinkKind::InProcess {
+            return Err(Failure::usage(format!(
+                "{flag} needs a process to start; leave out --link in-process"
+            )));
+        }
+        if options.target.target.is_some() {
+            return Err(Failure::usage(format!(
+                "{flag} is for a side on this machine; leave out --target"
+            )));
+        }
+        Ok(by_hand)
+    }
+
+    /// Returns the sides.
+    pub(crate) fn roles(self) -> impl Iterator<Item = Side> {
+        let all = [
+            (self.plant, Side::Plant),
+            (self.controller, Side::Controller),
+        ];
+        (all.into_iter()).filter_map(|(is_by_hand, side)| is_by_hand.then_some(side))
+    }
+
+    /// Names the flag that asked for one of them.
+    pub fn flag(self) -> Option<String> {
+        let side = self.roles().next()?;
+        Some(format!("--{} external", side.name()))
+    }
+
+    /// Refuses programs that cannot be known by the file that their process runs.
+    ///
+    /// # Errors
+    /// If one of them is a script or a model.
+    pub fn check(self, binaries: &Binaries) -> Result<(), Failure> {
+        for side in self.roles() {
+            let (name, binary) = (side.name(), binaries.of_side(side));
+            if binary.host.is_some() {
+                let path = binary.path.display();
+                return Err(Failure::usage(format!(
+                    "--{name} external: {path} is a model that another program runs; it takes a program"
+                )));
+            }
+            if binary.is_script() {
+                let path = binary.path.display();
+                return Err(Failure::usage(format!(
+                    "--{name} external: {path} is a script, and which one an interpreter runs cannot be seen; it takes a program"
+                )));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Settings {
+    /// Checks what was typed.
+    ///
+    /// # Errors
+    /// If a value is out of its range, or options do not go together.
+    pub fn of(options: &RunOptions) -> Result<Self, Failure> {
+        if options.wait_limit.is_nan() || options.wait_limit <= 0.0 {
+            return Err(Failure::usage(
+                "--wait-limit takes a number above 0, or inf",
+            ));
+        }
+        asking::allow_seconds(options.wait_limit);
+        let given = &options.binaries;
+        let is_given = given.plant_bin.is_some() || given.controller_bin.is_some();
+        if options.link == LinkKind::InProcess && is_given {
+            return Err(Failure::usage(
+                "--link in-process runs what is built into hil; --plant-bin and --controller-bin need processes",
+            ));
+        }
+        let checkpoints_at_s = options.checkpoints.checkpoint_at.clone();
+        if options.no_record && !checkpoints_at_s.is_empty() {
+            return Err(Failure::usage(
+                "--checkpoint-at needs the recording of what was before; leave out --no-record",
+            ));
+        }
+        let choice = options.choice.choice(options)?;
+        Ok(Self {
+            link: options.link,
+            out: options.out.clone(),
+            session: options.session.clone(),
+            recording: (!options.no_record).then_some(RecordingSettings {
+                compression: options.compression,
+                choice,
+            }),
+            wait_limit_s: options.wait_limit,
+            pause_at_s: options.pause_at,
+            checkpoints_at_s,
+            set: options.changes.as_set(),
+            is_one_of_many: false,
+            by_hand: ByHand::of(options)?,
+            curve: None,
+        })
+    }
+
+    /// Makes the settings of a run whose recording nobody needs.
+    pub fn without_recording(link: LinkKind, out: Option<PathBuf>) -> Self {
+        Self {
+            link,
+            out,
+            session: None,
+            recording: None,
+            wait_limit_s: WAIT_LIMIT_S,
+            pause_at_s: None,
+            checkpoints_at_s: Vec::new(),
+            set: Vec::new(),
+            is_one_of_many: false,
+            by_hand: ByHand::default(),
+            curve: None,
+        }
+    }
+
+    /// Makes the settings of a run with a whole recording.
+    pub fn with_recording(link: LinkKind, out: Option<PathBuf>) -> Self {
+        Self {
+            recording: Some(RecordingSettings {
+                compression: Compression::Lz4,
+                choice: Choice::default(),
+            }),
+            ..Self::without_recording(link, out)
+        }
+    }
+
+    /// Names the kind of evidence that a run gives, as its recording and its summary have it.
+    pub fn evidence(&self, plan: &Plan, controller: &Binary) -> &'static str {
+        match (self.link, &controller.at) {
+            (LinkKind::InProcess, _) => "in-process",
+            (LinkKind::Iceoryx2, None) => "sil",
+            (LinkKind::Iceoryx2, Some(at)) => {
+                at.evidence(&controller.path, plan.run.clock == Clock::Realtime)
+            }
+        }
+    }
+}
+
+/// Refuses programs that were named where none is started.
+///
+/// # Errors
+/// If there is one.
+pub fn refuse_in_process(link: LinkKind, binaries: &[&Binary]) -> Result<(), Failure> {
+    if link != LinkKind::InProcess {
+        return Ok(());
+    }
+    if let Some(at) = binaries.iter().find_map(|binary| binary.at.as_ref()) {
+        let target = at.target();
+        return Err(Failure::usage(format!(
+            "--link in-process runs the law in hil; --target {target} needs a process there"
+        )));
+    }
+    let named = binaries.iter().find(|binary| binary.named().is_some());
+    match named {
+        Some(Binary { path, by, .. }) => Err(Failure::usage(format!(
+            "--link in-process runs what is built into hil; {} ({by}) needs a process",
+            path.display()
+        ))),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,341 @@
+//! Another controller takes over while the run goes on.
+//!
+//! Answers `hil controller swap`. The `hil` that runs the session listens on a socket of its own in the session's folder: it alone
+//! starts processes. It checks the new controller against the scenario as at the start, starts it, and
+//! answers once the plant has taken it, or has not.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::Duration;
+
+use controller_process::job::Job;
+use hil_config::plan::{ControllerPlan, Plan};
+use hil_config::scenario::{Advice, Scenario};
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::interruption::Interruption;
+use hil_facts::programs::binaries::reached::Reached;
+use hil_facts::programs::binaries::{Binaries, Binary};
+use hil_facts::programs::scenario::{self, kept};
+use hil_target::name::Target;
+use serde::{Deserialize, Serialize};
+use shared_types::describe::LawDescription;
+use shared_types::live::{self, Listening, Refusal};
+use shared_types::session::SessionInfo;
+use shared_types::table::Field;
+use toml_edit::{DocumentMut, Item, TableLike};
+
+use super::jobs;
+
+/// Name of the socket in the session's folder.
+pub const SOCKET: &str = "hil";
+/// Time that an answer may take beyond the wait limit: the binary describes itself, checks its job and
+/// starts.
+const BESIDES: Duration = Duration::from_secs(25);
+
+/// Request for another controller.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct Request {
+    /// The binary; the active one if `None`.
+    pub binary: Option<PathBuf>,
+    /// Values of the scenario's `[controller]` to change.
+    pub set: Vec<String>,
+}
+
+/// Answer to a request.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(tag = "response", rename_all = "kebab-case")]
+pub enum Response {
+    /// The controller took over.
+    Swapped(Swapped),
+    /// No; the run goes on with the one that it had.
+    Refused {
+        /// Reason for the refusal.
+        reason: String,
+    },
+}
+
+/// A controller that took over.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Swapped {
+    /// Number of the controller in the session.
+    pub epoch: u32,
+    /// The first step that it answers.
+    pub step: u64,
+    pub law: String,
+    pub binary: PathBuf,
+    /// Keys of the running scenario that do not hold for it, as none of its laws has them.
+    pub left_out: Vec<String>,
+}
+
+/// A controller that is checked and waits to be started.
+pub struct Wanted {
+    pub(crate) binary: Binary,
+    /// Part of the scenario.
+    pub(crate) law: ControllerPlan,
+    /// Values of the scenario that are changed for it.
+    pub(crate) set: Vec<String>,
+    /// Keys of the scenario that none of its laws has.
+    pub(crate) left_out: Vec<String>,
+    pub(crate) answer: Sender<Result<Swapped, String>>,
+}
+
+/// Context that a new controller is checked against.
+pub(crate) struct SwapContext {
+    pub(crate) plan: Plan,
+    pub(crate) binaries: Arc<Binaries>,
+    pub(crate) job: Job,
+    pub(crate) saves: bool,
+    pub(crate) interruption: Interruption,
+    pub(crate) wait_limit_s: f64,
+}
+
+/// Controllers that are wanted, as long as it is kept.
+pub(crate) struct Door {
+    pub(crate) wanted: Receiver<Wanted>,
+    _listening: Listening,
+}
+
+/// Listens from now on; what passed every check comes out.
+///
+/// # Errors
+/// If the socket cannot be made.
+pub(crate) fn listen(session: &SessionInfo, ground: SwapContext) -> Result<Door, Failure> {
+    let (sender, wanted) = channel();
+    let theirs = session.clone();
+    let listening = live::listen(session, SOCKET, move |client| {
+        // A client that went away needs no answer.
+        let _ = live::answer(client, |request: Result<Request, Refusal>| {
+            let swapped = request
+                .map_err(|refusal| refusal.message)
+                .and_then(|request| ground.swap(&theirs, &request, &sender));
+            match swapped {
+                Ok(swapped) => Response::Swapped(swapped),
+                Err(reason) => Response::Refused { reason },
+            }
+        });
+    });
+    Ok(Door {
+        wanted,
+        _listening: listening.map_err(Failure::infrastructure)?,
+    })
+}
+
+impl SwapContext {
+    fn swap(
+        &self,
+        session: &SessionInfo,
+        request: &Request,
+        wanted: &Sender<Wanted>,
+    ) -> Result<Swapped, String> {
+        if self.saves {
+            return Err(
+                "this run makes checkpoints, or went on from one: its controller stays".into(),
+            );
+        }
+        let told = |failure: Failure| failure.reason();
+        // Where the first runs, the next does too.
+        let at = self.binaries.controller.at.as_ref();
+        if let Some(target) = at
+            .map(Reached::target)
+            .filter(|target| matches!(target, Target::Serve(_)))
+        {
+            return Err(format!(
+                "{target} serves one session at a time, so no other controller can start there beside this one"
+            ));
+        }
+        let binary = match &request.binary {
+            Some(path) => Binary::asked_for(path, "--bin", at, &self.interruption).map_err(told)?,
+            None => {
+                let first = &self.binaries.controller;
+                let binary = Binary::asked_for(&first.path, "--bin", at, &self.interruption);
+                let mut binary = binary
+                    .map_err(|failure| format!("{}; --bin PATH names another", told(failure)))?;
+                binary.by = first.by.clone();
+                if binary.blake3 != first.blake3 {
+                    let (path, now, then) = (first.path.display(), &binary.blake3, &first.blake3);
+                    return Err(format!(
+                        "{path} has changed since the run began: it has hash {now}, the run began with {then}; --bin {path} takes it as it is now"
+                    ));
+                }
+                binary
+            }
+        };
+        let (law, left_out) = self.law(&binary, &request.set).map_err(told)?;
+        // Beside the job of the active one, which may not have read it yet.
+        let job = jobs::with_law(self.job.clone(), law.clone());
+        jobs::check(&binary, session, "swap.json", &job, &self.interruption).map_err(told)?;
+        let (answer, answered) = channel();
+        const ENDED: &str = "the run has ended";
+        wanted
+            .send(Wanted {
+                binary,
+                law,
+                set: request.set.clone(),
+                left_out,
+                answer,
+            })
+            .map_err(|_| ENDED)?;
+        match Duration::try_from_secs_f64(self.wait_limit_s) {
+            Ok(limit) => match answered.recv_timeout(limit.saturating_add(BESIDES)) {
+                Ok(answer) => answer,
+                Err(_) => Err("the run has ended, or did not take the controller in time".into()),
+            },
+            Err(_) => answered.recv().map_err(|_| ENDED)?, // without a limit
+        }
+    }
+
+    /// The controller's part of the scenario as it is for this binary, and the keys of it that none of
+    /// its laws has.
+    fn law(
+        &self,
+        binary: &Binary,
+        set: &[String],
+    ) -> Result<(ControllerPlan, Vec<String>), Failure> {
+        if let Some(other) = set.iter().find(|set| !set.starts_with("controller.")) {
+            return Err(Failure::usage(format!(
+                "--set {other}: a swap changes keys that begin with `controller.`"
+            )));
+        }
+        let effective = scenario::show(&self.plan, &self.binaries)?;
+        let mut document = kept(&effective).map_err(Failure::infrastructure)?;
+        let left_out = leave_out(&mut document, &binary.description.laws);
+        let text = document.to_string();
+        let advice = Advice {
+            law: binary.advice("law", "--bin PATH"),
+            ..Advice::default()
+        };
+        let plant = &self.binaries.plant.description;
+        let scenario = Scenario::parse(&text, "the running scenario");
+        let scenario = scenario.map(|scenario| scenario.set(set).advise(advice));
+        let laws = &binary.description.laws;
+        let plan =
+            scenario.and_then(|scenario| scenario.check(&plant.plants, laws, &plant.faults))?;
+        Ok((plan.controller, left_out))
+    }
+}
+
+/// Takes the keys out of a scenario that none of these laws has, and gives their names.
+fn leave_out(scenario: &mut DocumentMut, laws: &[LawDescription]) -> Vec<String> {
+    let mut gone = Vec::new();
+    if let Some(connect) = scenario
+        .get_mut("connect")
+        .and_then(Item::as_array_of_tables_mut)
+    {
+        connect.retain(|one| {
+            let path = one.get("law").and_then(Item::as_str).unwrap_or_default();
+            let is_known = laws.iter().any(|law| has_signal(law, path));
+            if !is_known {
+                gone.push(format!("connect {path}"));
+            }
+            is_known
+        });
+    }
+    let Some(controller) = scenario
+        .get_mut("controller")
+        .and_then(Item::as_table_like_mut)
+    else {
+        return gone;
+    };
+    let tables = controller.iter().filter(|(_, item)| item.is_table_like());
+    let tables: Vec<String> = tables.map(|(name, _)| name.to_owned()).collect();
+    for name in tables {
+        let path = format!("controller.{name}");
+        let of_law = laws.iter().filter(|law| law.name == name);
+        let known: Vec<&str> = match name.as_str() {
+            "model" => laws.iter().flat_map(|law| &law.model).collect::<Vec<_>>(),
+            _ => of_law.clone().flat_map(|law| &law.parameters).collect(),
+        }
+        .into_iter()
+        .flat_map(Field::names)
+        .collect();
+        if name != "model" && of_law.count() == 0 {
+            controller.remove(&name);
+            gone.push(path);
+        } else if let Some(table) = controller.get_mut(&name).and_then(Item::as_table_like_mut) {
+            prune(table, &path, "", &known, &mut gone);
+        }
+    }
+    gone
+}
+
+/// Checks whether a law has a signal, written with its kind in front.
+fn has_signal(law: &LawDescription, path: &str) -> bool {
+    let commands = law.commands.as_deref().unwrap_or_default();
+    let tables = [
+        ("measured", &law.measured[..]),
+        ("reference", &law.reference),
+        ("command", commands),
+    ];
+    path.split_once('.').is_some_and(|(kind, name)| {
+        let mut of_kind = tables.iter().filter(|(of, _)| *of == kind);
+        of_kind.any(|(_, fields)| fields.iter().any(|field| field.is_called(name)))
+    })
+}
+
+/// Takes the values out of a table whose names are not known; `below` is where it is from `path` on.
+fn prune(
+    table: &mut dyn TableLike,
+    path: &str,
+    below: &str,
+    known: &[&str],
+    gone: &mut Vec<String>,
+) {
+    let keys: Vec<String> = table.iter().map(|(key, _)| key.to_owned()).collect();
+    for key in keys {
+        let name = format!("{below}{key}");
+        match table.get_mut(&key).and_then(Item::as_table_like_mut) {
+            Some(inner) => {
+                prune(inner, path, &format!("{name}."), known, gone);
+                if inner.is_empty() {
+                    table.remove(&key);
+                }
+            }
+            None if known.contains(&name.as_str()) => {}
+            None => {
+                table.remove(&key);
+                gone.push(format!("{path}.{name}"));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_that_no_law_has_are_left_out_and_no_others() {
+        let mut laws = controller_process::laws::all();
+        laws.retain(|law| law.description.name == "pid");
+        let mut laws: Vec<LawDescription> = laws.into_iter().map(|law| law.description).collect();
+        let known = laws[0].parameters[0].name.clone();
+        let unit = laws[0].parameters[0].clone();
+        for law in &mut laws {
+            law.model = vec![shared_types::table::Field {
+                name: "rod.mass_kg".into(),
+                ..unit.clone()
+            }];
+        }
+        let text = format!(
+            "[run]\nduration_s = 1.0\n[controller]\nlaw = \"pid\"\nprogram = \"/a\"\nrate_hz = 10.0\n\
+             [controller.pid]\n{known} = 1.0\nolder = 2.0\nown.older = 3.0\n\
+             [controller.lqr]\ngain = 1.0\n[controller.model]\nrod.mass_kg = 1.0\nrod.length_m = 2.0\n"
+        );
+        let mut scenario: DocumentMut = text.parse().expect("TOML");
+        let gone = leave_out(&mut scenario, &laws);
+        let wanted = [
+            "controller.pid.older",
+            "controller.pid.own.older",
+            "controller.lqr",
+            "controller.model.rod.length_m",
+        ];
+        assert_eq!(gone, wanted);
+        let kept = format!(
+            "[run]\nduration_s = 1.0\n[controller]\nlaw = \"pid\"\nprogram = \"/a\"\nrate_hz = 10.0\n\
+             [controller.pid]\n{known} = 1.0\n[controller.model]\nrod.mass_kg = 1.0\n"
+        );
+        assert_eq!(scenario.to_string(), kept);
+        assert_eq!(leave_out(&mut scenario, &laws), [""; 0]);
+    }
+}

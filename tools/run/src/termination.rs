@@ -1,0 +1,87 @@
+//! Termination of a run in two processes: its outcome and its cause, from what the plant saw and what became
+//! of the processes.
+
+use hil_facts::results::ended::EndedRun;
+use hil_facts::results::recorded::Recorded;
+use shared_types::record::Outcome;
+
+use super::controllers::Controllers;
+use super::prepare::PreparedRun;
+use super::side::SideProcess;
+
+/// Returns the end of the run, from what the plant saw and what became of the processes.
+pub(super) fn termination(
+    prepared: &PreparedRun,
+    recorded: Recorded,
+    (plant, controllers): (&SideProcess, &Controllers),
+    first: &'static str,
+) -> EndedRun {
+    let controller = controllers.latest();
+    let interrupted = prepared.interruption.came();
+    let seen = recorded.end.as_ref();
+    let outcome = seen.map_or(Outcome::Failed, |end| end.outcome);
+    let unknown = controllers.unknown();
+    if outcome == Outcome::Completed && recorded.error.is_none() && unknown.is_none() {
+        // Both confirmed the last step; an end in disorder after it is still worth a word.
+        let disorder = plant.fate().or_else(|| controllers.in_office()?.fate());
+        let outcome = if disorder.is_some() {
+            Outcome::Failed
+        } else {
+            outcome
+        };
+        return EndedRun::new(recorded, outcome, disorder);
+    }
+    let mut parts: Vec<String> = Vec::new();
+    parts.extend(recorded.error.clone());
+    parts.extend(unknown);
+    if interrupted {
+        parts.push("interrupted".into());
+    }
+    parts.extend(seen.and_then(|end| end.reason.clone()));
+    parts.extend(controllers.exhausted());
+    if seen.is_none() && recorded.error.is_some() {
+        // Nobody listened: that neither side's end was heard is no fault of theirs.
+        parts.extend([plant.fate(), controller.fate()].into_iter().flatten());
+        parts.push(format!("{} steps were recorded", recorded.records));
+    } else if seen.is_none() {
+        parts.extend(unseen_end(plant, controller, first, recorded.records));
+    } else {
+        // Its exit code adds nothing to what the plant said; a signal or a killing does.
+        let told_why = |fate: &String| !fate.contains("exit code");
+        parts.extend(
+            [plant.fate(), controller.fate()]
+                .into_iter()
+                .flatten()
+                .filter(told_why),
+        );
+    }
+    let outcome = match outcome {
+        Outcome::Completed => Outcome::Failed,
+        Outcome::Failed if interrupted => Outcome::Stopped,
+        other => other,
+    };
+    EndedRun::new(recorded, outcome, Some(parts.join("; ")))
+}
+
+/// Explains the end of a run whose plant could not report it: the cause first.
+fn unseen_end(
+    plant: &SideProcess,
+    controller: &SideProcess,
+    first: &str,
+    records: u64,
+) -> Vec<String> {
+    let (cause, other) = if plant.killed.is_some() || first == "plant" {
+        (plant, controller)
+    } else {
+        (controller, plant)
+    };
+    let early = || format!("{} ended before the run was over", cause.name);
+    let mut parts = vec![cause.fate().unwrap_or_else(early)];
+    // A process that was stopped or stuck has said nothing; what the other saw of it tells more.
+    let words = [cause.last_word(), other.last_word()].into_iter().flatten();
+    parts.extend(words.take(1));
+    parts.extend(other.fate());
+    parts.dedup(); // the last word of a bridge is its fate
+    parts.push(format!("{records} steps were recorded"));
+    parts
+}

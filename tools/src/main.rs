@@ -1,9 +1,0 @@
-//! `hil`, the one program a person calls.
-
-use std::process::ExitCode;
-
-use shared_types::program::with_stack;
-
-fn main() -> ExitCode {
-    with_stack(tools::main)
-}

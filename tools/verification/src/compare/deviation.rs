@@ -1,0 +1,256 @@
+//! By how much one signal differs between two runs, step by step.
+//!
+//! Used by `hil compare` and `hil replay`, which hand it both values of each step. Two values are the
+//! same if their bits are. It keeps sums and no step, so the length of a run does not matter.
+
+use hil_console::terminal::table::{Table, left, right};
+use serde::Serialize;
+use shared_types::number::{short, unit_shown};
+
+/// A deviation in the making.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Deviation {
+    tolerance: f64,
+    /// Steps at which both were finite numbers.
+    compared: u64,
+    differing: u64,
+    first_step: Option<u64>,
+    first_beyond_step: Option<u64>,
+    max: f64,
+    at_step: Option<u64>,
+    squares: f64,
+    incomparable: u64,
+}
+
+/// By how much a signal differs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct SignalDifference {
+    pub(crate) name: String,
+    pub(crate) unit: String,
+    pub(crate) max_abs_difference: f64,
+    /// Step of the largest difference; null if the signal is nowhere a number in both.
+    pub(crate) at_step: Option<u64>,
+    pub(crate) rms_difference: f64,
+    /// The first step at which it differs.
+    pub(crate) first_step: Option<u64>,
+    /// The first step at which it differs by more than it may.
+    pub(crate) first_beyond_step: Option<u64>,
+    /// At how many steps it differs.
+    pub(crate) differing_steps: u64,
+    /// Steps at which it is a finite number in at most one of them and not the same in both.
+    pub(crate) incomparable_steps: u64,
+    /// By how much it may differ.
+    pub(crate) tolerance: f64,
+}
+
+/// Checks that `a` and `b` have the same bits or, with a tolerance, are finite and at most that far apart.
+pub(crate) fn is_near(a: f64, b: f64, tolerance: f64) -> bool {
+    a.to_bits() == b.to_bits()
+        || (tolerance > 0.0 && a.is_finite() && b.is_finite() && (a - b).abs() <= tolerance)
+}
+
+impl Deviation {
+    /// Nothing yet, of a signal that may differ by so much.
+    pub(crate) fn new(tolerance: f64) -> Self {
+        Self {
+            tolerance,
+            ..Self::default()
+        }
+    }
+
+    /// Takes in both values of a step; whether they are further apart than they may be.
+    pub(crate) fn take(&mut self, step: u64, a: f64, b: f64) -> bool {
+        if a.to_bits() == b.to_bits() {
+            self.compared += u64::from(a.is_finite());
+            return false;
+        }
+        self.differing += 1;
+        self.first_step.get_or_insert(step);
+        if a.is_finite() && b.is_finite() {
+            let difference = (a - b).abs();
+            self.compared += 1;
+            self.squares += difference * difference;
+            if difference > self.max || self.at_step.is_none() {
+                (self.max, self.at_step) = (difference, Some(step));
+            }
+        } else {
+            self.incomparable += 1;
+        }
+        let is_beyond = !is_near(a, b, self.tolerance);
+        if is_beyond {
+            self.first_beyond_step.get_or_insert(step);
+        }
+        is_beyond
+    }
+
+    /// Returns true if the signal differs anywhere.
+    pub(crate) const fn is_any(&self) -> bool {
+        self.differing > 0
+    }
+
+    /// Checks that the signal differs nowhere by more than it may.
+    pub(crate) const fn is_within(&self) -> bool {
+        self.first_beyond_step.is_none()
+    }
+
+    /// The whole of it.
+    pub(crate) fn of(&self, name: &str, unit: &str) -> SignalDifference {
+        let rms = if self.compared > 0 {
+            (self.squares / self.compared as f64).sqrt()
+        } else {
+            0.0
+        };
+        SignalDifference {
+            name: name.into(),
+            unit: unit.into(),
+            max_abs_difference: self.max,
+            at_step: self.at_step,
+            rms_difference: rms,
+            first_step: self.first_step,
+            first_beyond_step: self.first_beyond_step,
+            differing_steps: self.differing,
+            incomparable_steps: self.incomparable,
+            tolerance: self.tolerance,
+        }
+    }
+}
+
+/// The differences as a table, a line for each signal.
+///
+/// # Errors
+/// If the text cannot be written to.
+pub(crate) fn write_table(
+    text: &mut impl std::fmt::Write,
+    signals: &[SignalDifference],
+    heading: &str,
+) -> std::fmt::Result {
+    let any_tolerance = signals.iter().any(|signal| signal.tolerance > 0.0);
+    let widths = [12, 9, 12, 9, 9, 12, 11];
+    let widths = &widths[..if any_tolerance { 7 } else { 5 }];
+    let numbers = widths.iter().map(|width| right(*width));
+    let columns: Vec<_> = [left(0)]
+        .into_iter()
+        .chain(numbers)
+        .chain([left(0)])
+        .collect();
+    let mut table = Table::new(2, columns);
+    let headings = [
+        "signal",
+        heading,
+        "at step",
+        "rms",
+        "first",
+        "steps",
+        "of tolerance",
+        "beyond from",
+    ];
+    table.cells(headings.into_iter().take(1 + widths.len()));
+    let step = |step: Option<u64>| step.map_or_else(|| "-".into(), |step| step.to_string());
+    for signal in signals {
+        let max = signal.max_abs_difference;
+        let mut cells = vec![
+            signal.name.clone(),
+            short(max),
+            step(signal.at_step),
+            short(signal.rms_difference),
+            step(signal.first_step),
+            signal.differing_steps.to_string(),
+        ];
+        if any_tolerance {
+            cells.extend([share(max, signal.tolerance), step(signal.first_beyond_step)]);
+        }
+        let unit = unit_shown(&signal.unit);
+        cells.push(match signal.incomparable_steps {
+            0 => unit.to_owned(),
+            steps => format!("{unit}, not both numbers at {steps} steps"),
+        });
+        table.cells(cells);
+    }
+    write!(text, "\n{table}")
+}
+
+/// A difference as a share of what is allowed.
+pub(crate) fn share(difference: f64, tolerance: f64) -> String {
+    if tolerance > 0.0 {
+        format!("{:.3} %", 100.0 * difference / tolerance)
+    } else {
+        "-".into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(pairs: &[(f64, f64)]) -> SignalDifference {
+        let mut deviation = Deviation::default();
+        for (step, (a, b)) in (0..).zip(pairs) {
+            deviation.take(step, *a, *b);
+        }
+        deviation.of("x_m", "m")
+    }
+
+    #[test]
+    fn the_largest_the_first_and_the_mean_are_found() {
+        let found = of(&[(1.0, 1.0), (1.0, 4.0), (5.0, 1.0), (2.0, 2.0)]);
+        assert_eq!((found.max_abs_difference, found.at_step), (4.0, Some(2)));
+        assert_eq!((found.first_step, found.differing_steps), (Some(1), 2));
+        assert_eq!(found.rms_difference, 2.5); // sqrt((9 + 16) / 4)
+    }
+
+    #[test]
+    fn what_is_no_number_is_only_near_to_itself() {
+        let nan = f64::NAN;
+        let infinite = f64::INFINITY;
+        let found = of(&[
+            (nan, nan),
+            (nan, 1.0),
+            (infinite, 1.0),
+            (infinite, infinite),
+        ]);
+        assert_eq!((found.incomparable_steps, found.differing_steps), (2, 2));
+        assert_eq!((found.at_step, found.rms_difference), (None, 0.0));
+        for (a, b, tolerance, near) in [
+            (nan, nan, 0.0, true),
+            (nan, 1.0, infinite, false),
+            (infinite, 1.0, infinite, false),
+            (0.0, -0.0, 0.0, false),
+            (0.0, -0.0, 1e-300, true),
+            (1.0, 1.5, 0.5, true),
+            (1.0, 1.5, 0.4999, false),
+        ] {
+            assert_eq!(is_near(a, b, tolerance), near, "{a} {b} {tolerance}");
+            let mut deviation = Deviation::new(tolerance);
+            let is_beyond = deviation.take(0, a, b);
+            assert_eq!(
+                (deviation.is_within(), is_beyond),
+                (near, !near),
+                "{a} {b} {tolerance}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_first_step_beyond_the_tolerance_may_come_after_the_first_that_differs() {
+        let mut deviation = Deviation::new(0.5);
+        for (step, b) in (0..).zip([1.0, 1.25, 1.5, 1.75, 2.0]) {
+            deviation.take(step, 1.0, b);
+        }
+        let found = deviation.of("x_m", "m");
+        assert_eq!(
+            (found.first_step, found.first_beyond_step),
+            (Some(1), Some(3))
+        );
+        assert_eq!(
+            share(found.max_abs_difference, found.tolerance),
+            "200.000 %"
+        );
+    }
+
+    #[test]
+    fn a_flipped_sign_of_zero_is_a_difference_of_nothing() {
+        let found = of(&[(0.0, -0.0)]);
+        assert_eq!((found.differing_steps, found.max_abs_difference), (1, 0.0));
+        assert_eq!(found.at_step, Some(0));
+    }
+}

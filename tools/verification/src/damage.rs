@@ -1,0 +1,157 @@
+//! A recording with any wrong byte, or cut anywhere, is an error or is read as far as it goes: no reader
+//! panics, hangs or asks for memory that the file cannot fill.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use hil_benchmark::recorded;
+use hil_recording::compression::Compression;
+use hil_recording::reader::{RECORDING, RunReader, digest_of_first};
+use hil_recording::writer::{Attachment, Provenance, Recording};
+
+use crate::arguments::tolerance::Tolerances;
+use crate::compare::compare;
+use crate::fixture::{Content, layout, record, recorded, taken};
+use crate::repetition::RecordedScenario;
+
+/// A file of each compression, of some chunks.
+fn files() -> Vec<(Compression, Vec<u8>)> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let all = [Compression::None, Compression::Lz4, Compression::Zstd];
+    let write = |compression| {
+        let path = folder.path().join(RECORDING);
+        let provenance = Provenance {
+            facts: BTreeMap::from([("rate_hz".into(), "1000".into())]),
+            attachments: vec![Attachment {
+                name: "note.txt",
+                media_type: "text/plain",
+                text: "a text".into(),
+            }],
+        };
+        let layout = layout();
+        let recording = Recording::create(&path, compression, &layout, &provenance, None);
+        let mut recording = recording.expect("created");
+        for step in 0..24 {
+            if step % 8 == 4 {
+                recording.event(&taken(step), None, 0).expect("written");
+            }
+            let words = record(step, step as f64, -0.5);
+            let view = layout.view(&words);
+            recording.record(&words, &view).expect("written");
+            if step % 8 == 7 {
+                recording.close().expect("written");
+            }
+        }
+        let result = BTreeMap::from([("outcome".into(), "completed".into())]);
+        recording.finish(result).expect("finished");
+        (compression, std::fs::read(&path).expect("read"))
+    };
+    all.into_iter().map(write).collect()
+}
+
+/// Puts a file through everything that reads recordings; whether it read to its end as a whole one.
+fn read(path: &Path) -> bool {
+    // Whatever they say, they must say it.
+    let _ = compare(path, path, &[], &Tolerances::default());
+    let _ = RecordedScenario::read(path).and_then(|run| run.scenario());
+    let _ = recorded::case(path, 0);
+    let _ = digest_of_first(path, 3);
+    let Ok(mut reader) = RunReader::open(path) else {
+        return false;
+    };
+    loop {
+        match reader.advance() {
+            Ok(true) => assert!(reader.records() <= 24, "more than were written"),
+            Ok(false) => return reader.is_whole(),
+            Err(error) => {
+                let told = error.to_string();
+                assert!(told.contains(&path.display().to_string()), "{told}");
+                return false;
+            }
+        }
+    }
+}
+
+#[test]
+fn a_recording_that_was_cut_anywhere_is_never_taken_for_a_whole_one() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join(RECORDING);
+    for (compression, bytes) in files() {
+        for length in (0..bytes.len()).step_by(53) {
+            std::fs::write(&path, &bytes[..length]).expect("written");
+            assert!(!read(&path), "{compression:?}: {length} bytes");
+        }
+        std::fs::write(&path, &bytes).expect("written");
+        assert!(read(&path), "{compression:?}");
+    }
+}
+
+#[test]
+fn a_recording_with_a_wrong_bit_anywhere_is_never_taken_for_a_whole_one() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join(RECORDING);
+    for (compression, bytes) in files() {
+        for place in (0..bytes.len()).step_by(11) {
+            // A low bit and the highest, which makes lengths absurd.
+            let bit = [0, 7, 3, 5][place % 4];
+            let mut wrong = bytes.clone();
+            wrong[place] ^= 1 << bit;
+            std::fs::write(&path, &wrong).expect("written");
+            assert!(!read(&path), "{compression:?}: byte {place}, bit {bit}");
+        }
+    }
+}
+
+#[test]
+fn damage_in_what_travels_with_a_run_is_told_as_damage() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join(RECORDING);
+    for (compression, mut bytes) in files() {
+        let place = bytes.windows(6).position(|bytes| bytes == b"a text");
+        bytes[place.expect("an attachment")] ^= 1;
+        std::fs::write(&path, &bytes).expect("written");
+        let told = RunReader::open(&path).err().expect("refused").to_string();
+        let all = [
+            "is damaged at byte ",
+            "before its first record: ",
+            "copy it again",
+        ];
+        assert!(
+            all.iter().all(|one| told.contains(one)),
+            "{compression:?}: {told}"
+        );
+    }
+}
+
+#[test]
+fn a_recording_that_goes_on_behind_its_end_is_never_taken_for_a_whole_one() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join(RECORDING);
+    for (compression, bytes) in files() {
+        for more in [&bytes[..], &bytes[..1], &[0; 4096]] {
+            std::fs::write(&path, [&bytes, more].concat()).expect("written");
+            assert!(!read(&path), "{compression:?}: {} bytes more", more.len());
+        }
+    }
+}
+
+#[test]
+fn a_length_that_cannot_be_is_no_memory_to_ask_for() {
+    let contents: Vec<Content> = (0..10)
+        .map(|step| Content::Record(record(step, 0.0, 0.0)))
+        .collect();
+    let folder = recorded(&layout(), &contents, vec![]);
+    let path = folder.join(RECORDING);
+    let bytes = std::fs::read(&path).expect("read");
+    let summary = mcap::Summary::read(&bytes).expect("whole").expect("there");
+    let chunk = summary.chunk_indexes[0].chunk_start_offset as usize;
+    // The length of the chunk; its size unpacked; the length of its compression's name; its size packed.
+    for place in [chunk + 1, chunk + 25, chunk + 37, chunk + 44] {
+        for length in [1_u64 << 27, 1 << 40, u64::MAX] {
+            let mut wrong = bytes.clone();
+            wrong[place..place + 8].copy_from_slice(&length.to_le_bytes());
+            std::fs::write(&path, &wrong).expect("written");
+            assert!(!read(&path), "byte {place}: {length}");
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! `hil judge`: metrics and requirements of a recorded run, by its own scenario or by another.
+//!
+//! Feeds the recorded rows to the same evaluation that the recorder fed while the run went on, so its
+//! own requirements come out to the last bit as they did then. Runs nothing: what a scenario is
+//! checked against travels in the recording.
+
+use std::path::Path;
+
+use hil_config::plan::Plan;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
+use hil_facts::results::handover::Laws;
+use hil_facts::results::outcome::RecordedOutcome;
+use hil_facts::results::requirements::{self, Requirement, RunVerdict};
+use hil_facts::results::summary::{Metric, write_metrics};
+use hil_recording::reader::ReadError;
+use serde::Serialize;
+
+use crate::arguments::recordings::JudgeArguments;
+
+/// Judgement of a recorded run.
+#[derive(Clone, Debug, Serialize)]
+pub struct Judgement {
+    run: String,
+    scenario: String,
+    /// `aborted` if the run did not end by itself.
+    verdict: RunVerdict,
+    /// Outcome of the run, in one word; null if its recording broke off.
+    outcome: Option<String>,
+    /// Reason, if the run did not end by itself; null if nobody tells.
+    reason: Option<String>,
+    records: u64,
+    metrics: Vec<Metric>,
+    requirements: Vec<Requirement>,
+    #[serde(skip)]
+    laws: Laws,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// If the run cannot be read, or the scenario does not fit it.
+pub fn judge(arguments: &JudgeArguments) -> Result<Exit, Failure> {
+    let (judgement, plan) = judged(&arguments.run, arguments.requirements.as_deref())?;
+    output::result(arguments.json, &judgement, || {
+        output::text(|text| judgement.write(text, &plan))
+    })?;
+    Ok(judgement.verdict.exit())
+}
+
+/// Judges a run by its own scenario or by another; also the plan that it was judged by.
+///
+/// # Errors
+/// If the run cannot be read, or the scenario does not fit it.
+pub fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failure> {
+    let refused = |error: ReadError| Failure::usage(error);
+    let found = RecordedOutcome::of(run, by).map_err(refused)?;
+    found.reader.refuse_excerpt().map_err(refused)?;
+    let (outcome, reason) = found.outcome(None);
+    let RecordedOutcome {
+        reader,
+        recorded,
+        damage,
+        run: recorded_run,
+        ..
+    } = found;
+    let plan = recorded_run?.plan;
+    if let Some(damage) = damage {
+        return Err(refused(damage));
+    }
+    if let Some(torn) = reader.caveat() {
+        tell!("note: {torn}");
+    }
+    // A plant that died told no end; who ended its recording did.
+    let is_over = recorded.end.is_some() || reader.result("outcome").is_some();
+    let requirements: Vec<Requirement> = (recorded.requirements.iter())
+        .map(Requirement::from)
+        .collect();
+    let verdict = RunVerdict::of(outcome, &requirements);
+    let judgement = Judgement {
+        run: run.display().to_string(),
+        scenario: plan.name.clone(),
+        verdict,
+        outcome: is_over.then(|| outcome.name().to_owned()),
+        reason,
+        records: reader.records(),
+        metrics: recorded.metrics.iter().map(Metric::from).collect(),
+        requirements,
+        laws: Laws::of(&plan.controller.law, &recorded.changes, |name| {
+            reader.fact(name).map(Into::into)
+        }),
+    };
+    Ok((judgement, plan))
+}
+
+impl Judgement {
+    /// Writes the judgement as a person reads it.
+    fn write(&self, text: &mut String, plan: &Plan) -> std::fmt::Result {
+        use std::fmt::Write as _;
+        let (scenario, run) = (&self.scenario, &self.run);
+        let verdict = requirements::in_words(self.verdict.name(), self.requirements.len());
+        writeln!(text, "{scenario}: {verdict}  ({run}, recorded)")?;
+        match self.outcome.as_deref() {
+            Some("completed") => {}
+            Some(outcome) => writeln!(text, "  the run has {outcome}: no verdict can be pass")?,
+            None => writeln!(text, "  the run was cut off: no verdict can be pass")?,
+        }
+        if let Some(reason) = &self.reason {
+            writeln!(text, "  {reason}")?;
+        }
+        let steps = self.records.saturating_sub(1);
+        write_metrics(text, &self.metrics, plan, &self.laws, steps)?;
+        requirements::write(text, &self.requirements)
+    }
+}

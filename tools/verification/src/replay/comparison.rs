@@ -1,0 +1,294 @@
+//! Comparison of the recorded with the new values, answer by answer.
+//!
+//! The [host](super::host) hands over each answer as it comes. Signals are matched by name and unit,
+//! so a rebuilt controller may show more or less of itself. It keeps the last samples until shortly
+//! after the first difference, for the person who looks for its cause. It allocates at a difference
+//! only, and only at the first step that has one.
+
+use std::collections::BTreeSet;
+
+use shared_types::frame::VALIDITY_WORDS;
+use shared_types::layout::{Signal, SignalTable};
+use shared_types::time::{Rate, Step};
+
+use super::original::AnswerPlace;
+use super::tape::Row;
+use crate::arguments::tolerance::Tolerances;
+use crate::compare::{Deviation, SignalDifference};
+
+/// Samples that are shown before and after the first difference.
+const BEFORE: u64 = 5;
+const AFTER: u64 = 2;
+/// Samples that are kept.
+const KEPT: usize = (BEFORE + 1 + AFTER) as usize;
+
+/// A comparison going on.
+#[derive(Debug)]
+pub(super) struct Comparison {
+    rate: Rate,
+    signals: Vec<Compared>,
+    pub only_recorded: Vec<String>,
+    pub only_replayed: Vec<String>,
+    pub answers: u64,
+    /// Samples without a recorded answer: unseen, or overtaken by the next.
+    pub unanswered: u64,
+    first: Option<First>,
+    kept: [Kept; KEPT],
+}
+
+/// A signal that both have.
+#[derive(Debug)]
+struct Compared {
+    name: String,
+    unit: String,
+    /// Place among the recorded answers, and the validity bit there if it is compared.
+    recorded: usize,
+    recorded_bit: Option<usize>,
+    /// Place in the frame that comes now, also that of its validity bit.
+    replayed: usize,
+    deviation: Deviation,
+    /// Steps at which it is valid in one of them only.
+    validity_steps: u64,
+}
+
+/// The first difference that is not allowed.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct First {
+    pub(super) step: u64,
+    pub(super) time_s: f64,
+    pub(super) signal: String,
+    pub(super) unit: String,
+    pub(super) recorded: f64,
+    pub(super) replayed: f64,
+    /// Validity of the signal in the recording and in the replay, if the validity differs.
+    pub(super) validity: Option<[bool; 2]>,
+    /// The other signals that differ at this step.
+    pub(super) also: Vec<String>,
+    /// Index of the signal among the compared ones.
+    index: usize,
+}
+
+/// A sample and both its answers.
+#[derive(Clone, Debug, Default)]
+struct Kept {
+    step: Option<u64>,
+    is_answered: bool,
+    sample: Vec<f64>,
+    recorded: Vec<f64>,
+    replayed: Vec<f64>,
+}
+
+/// A sample near the first difference.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Near {
+    pub(super) step: u64,
+    pub(super) time_s: f64,
+    /// Measured, then reference signals.
+    pub(super) sample: Vec<f64>,
+    /// The signal that differs; `None` if the answer was not recorded.
+    pub(super) recorded: Option<f64>,
+    pub(super) replayed: f64,
+}
+
+fn full_name(signal: &Signal) -> String {
+    format!("{}.{}", signal.kind.prefix(), signal.field.name)
+}
+
+fn is_invalid(bits: &[u64; VALIDITY_WORDS], bit: usize) -> bool {
+    bits[bit / 64] >> (bit % 64) & 1 != 0
+}
+
+impl Comparison {
+    /// A comparison of what was recorded with frames of this table.
+    ///
+    /// # Errors
+    /// If a tolerance is for a signal that is not compared.
+    pub(super) fn new(
+        recorded: &[AnswerPlace],
+        replayed: &SignalTable,
+        tolerances: &Tolerances,
+        samples: usize,
+        rate: Rate,
+    ) -> Result<Self, String> {
+        let mut signals = Vec::new();
+        let mut only_recorded = Vec::new();
+        let mut matched = BTreeSet::new();
+        for (place, answer) in recorded.iter().enumerate() {
+            let is_it = |signal: &Signal| {
+                full_name(signal) == answer.name && signal.field.unit == answer.unit
+            };
+            let Some(now) = replayed.0.iter().position(is_it) else {
+                only_recorded.push(answer.name.clone());
+                continue;
+            };
+            matched.insert(now);
+            signals.push(Compared {
+                name: answer.name.clone(),
+                unit: answer.unit.clone(),
+                recorded: place,
+                recorded_bit: answer.bit,
+                replayed: now,
+                deviation: Deviation::new(tolerances.of(&answer.name)),
+                validity_steps: 0,
+            });
+        }
+        tolerances.check(signals.iter().map(|signal| signal.name.as_str()))?;
+        let others = replayed.0.iter().enumerate();
+        let others = others.filter(|(place, _)| !matched.contains(place));
+        let kept = Kept {
+            sample: vec![0.0; samples],
+            recorded: vec![0.0; recorded.len()],
+            replayed: vec![0.0; replayed.len()],
+            ..Kept::default()
+        };
+        Ok(Self {
+            rate,
+            only_recorded,
+            only_replayed: others.map(|(_, signal)| full_name(signal)).collect(),
+            signals,
+            answers: 0,
+            unanswered: 0,
+            first: None,
+            kept: std::array::from_fn(|_| kept.clone()),
+        })
+    }
+
+    /// Takes in the answer to a sample.
+    pub(super) fn take(&mut self, row: &Row<'_>, frame: &[f64], invalid: &[u64; VALIDITY_WORDS]) {
+        let head = row.head;
+        let is_near_first = |first: &First| head.step <= first.step + AFTER;
+        if self.first.as_ref().is_none_or(is_near_first) {
+            self.kept[(head.step % KEPT as u64) as usize].set(row, frame);
+        }
+        if !head.is_answered {
+            self.unanswered += 1;
+            return;
+        }
+        self.answers += 1;
+        for index in 0..self.signals.len() {
+            let signal = &mut self.signals[index];
+            let (a, b) = (row.answer[signal.recorded], frame[signal.replayed]);
+            if signal.deviation.take(head.step, a, b) {
+                self.note(index, head.step, (a, b), None);
+            }
+        }
+        let all_valid = [0; VALIDITY_WORDS];
+        if head.answer_invalid != all_valid || *invalid != all_valid {
+            self.compare_validity(row, frame, invalid);
+        }
+    }
+
+    fn compare_validity(&mut self, row: &Row<'_>, frame: &[f64], invalid: &[u64; VALIDITY_WORDS]) {
+        for index in 0..self.signals.len() {
+            let signal = &mut self.signals[index];
+            let Some(bit) = signal.recorded_bit else {
+                continue;
+            };
+            let was = is_invalid(&row.head.answer_invalid, bit);
+            let is = is_invalid(invalid, signal.replayed);
+            if was != is {
+                signal.validity_steps += 1;
+                let values = (row.answer[signal.recorded], frame[signal.replayed]);
+                self.note(index, row.head.step, values, Some([!was, !is]));
+            }
+        }
+    }
+
+    fn note(
+        &mut self,
+        index: usize,
+        step: u64,
+        (recorded, replayed): (f64, f64),
+        validity: Option<[bool; 2]>,
+    ) {
+        let signal = &self.signals[index];
+        match &mut self.first {
+            None => {
+                self.first = Some(First {
+                    step,
+                    time_s: self.rate.seconds(Step(step)),
+                    signal: signal.name.clone(),
+                    unit: signal.unit.clone(),
+                    recorded,
+                    replayed,
+                    validity,
+                    also: Vec::new(),
+                    index,
+                });
+            }
+            Some(first) if first.step == step && !first.also.contains(&signal.name) => {
+                if first.index != index {
+                    first.also.push(signal.name.clone());
+                }
+            }
+            Some(_) => {}
+        }
+    }
+
+    /// The first difference that is not allowed.
+    pub(super) const fn first(&self) -> Option<&First> {
+        self.first.as_ref()
+    }
+
+    /// Checks that nothing differs, allowed or not.
+    pub(super) fn is_same(&self) -> bool {
+        let differs = |signal: &Compared| signal.deviation.is_any() || signal.validity_steps > 0;
+        !self.signals.iter().any(differs)
+    }
+
+    /// The signals that were compared.
+    pub(super) fn names(&self) -> impl Iterator<Item = &str> {
+        self.signals.iter().map(|signal| signal.name.as_str())
+    }
+
+    /// Each signal that differs, and at how many steps it is valid in one only.
+    pub(super) fn differences(&self) -> Vec<(SignalDifference, u64)> {
+        let differing = self
+            .signals
+            .iter()
+            .filter(|signal| signal.deviation.is_any() || signal.validity_steps > 0);
+        differing
+            .map(|signal| {
+                let Compared { name, unit, .. } = signal;
+                let difference = signal.deviation.of(name, unit);
+                (difference, signal.validity_steps)
+            })
+            .collect()
+    }
+
+    /// The samples around the first difference.
+    pub(super) fn around(&self) -> Vec<Near> {
+        let Some(first) = &self.first else {
+            return Vec::new();
+        };
+        let signal = &self.signals[first.index];
+        let steps = first.step.saturating_sub(BEFORE)..=first.step + AFTER;
+        let mut near: Vec<Near> = (self.kept.iter())
+            .filter_map(|kept| {
+                let step = kept.step.filter(|step| steps.contains(step))?;
+                Some(Near {
+                    step,
+                    time_s: self.rate.seconds(Step(step)),
+                    sample: kept.sample.clone(),
+                    recorded: kept.is_answered.then(|| kept.recorded[signal.recorded]),
+                    replayed: kept.replayed[signal.replayed],
+                })
+            })
+            .collect();
+        near.sort_by_key(|near| near.step);
+        near
+    }
+}
+
+impl Kept {
+    fn set(&mut self, row: &Row<'_>, frame: &[f64]) {
+        self.step = Some(row.head.step);
+        self.is_answered = row.head.is_answered;
+        self.sample.copy_from_slice(row.sample);
+        self.recorded.copy_from_slice(row.answer);
+        self.replayed.copy_from_slice(frame);
+    }
+}
+
+#[cfg(test)]
+mod tests;

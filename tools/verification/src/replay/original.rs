@@ -1,0 +1,181 @@
+//! The recorded run as a replay needs it: who took part, and where its records have what.
+//!
+//! Made from what travels in the recording alone, so the plant of the run need not be on this
+//! machine. Refuses recordings that do not say all that the controller was sent.
+
+use std::path::{Path, PathBuf};
+
+use hil_config::plan::Plan;
+use hil_config::scenario::Advice;
+use hil_console::terminal::exit::Failure;
+use hil_facts::programs::binaries::Binary;
+use hil_facts::programs::checked::{checked, checked_with};
+use hil_facts::programs::scenario::kept;
+use hil_facts::results::recorded_run::RecordedRun;
+use hil_recording::reader::RunReader;
+use hil_recording::schema::column_name;
+use shared_types::describe::{Description, LawDescription, PlantDescription};
+use shared_types::table::Field;
+
+/// A recorded run, opened.
+pub(crate) struct Original {
+    pub(super) run: PathBuf,
+    pub(super) plan: Plan,
+    pub(super) plant: PlantDescription,
+    /// The reference signals of its samples.
+    pub(super) reference: Vec<Field>,
+    /// Hash of the controller's binary.
+    pub(super) blake3: Option<String>,
+    pub(super) places: Places,
+    plant_program: Description,
+    scenario: String,
+}
+
+/// Places of values in a record, as numbers of words.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Places {
+    /// Invalid bits of the sample and of what answers it.
+    pub(super) sample_invalid: Vec<usize>,
+    pub(super) answer_invalid: Vec<usize>,
+    /// Measured and reference signals in the order of the sample.
+    pub(super) sample: Vec<usize>,
+    /// Places of the values that the controller sent, in the order of the record.
+    pub(super) answer: Vec<AnswerPlace>,
+    pub(super) sample_age_steps: Option<usize>,
+    pub(super) held_steps: Option<usize>,
+    pub(super) answered: Option<usize>,
+    pub(super) directive: Option<usize>,
+    pub(super) epoch: Option<usize>,
+}
+
+/// A recorded command or internal.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct AnswerPlace {
+    /// Name with its group, `command.x` or `internal.x`.
+    pub(super) name: String,
+    pub(super) unit: String,
+    pub(super) word: usize,
+    /// Number of the value's own validity bit in the frame; none of a command, whose bit tells of faults on
+    /// its way to the plant.
+    pub(super) bit: Option<usize>,
+}
+
+impl Original {
+    /// Takes from an opened recording what stands in front of its records.
+    ///
+    /// # Errors
+    /// If it lacks something that a replay needs.
+    pub(crate) fn of(reader: &RunReader, run: &Path) -> Result<Self, Failure> {
+        let mut scenario = String::new();
+        let origin = format!("the scenario of {}", run.display());
+        let recorded = RecordedRun::planned(reader, |text, plant, controller| {
+            let kept = kept(text).map_err(|error| {
+                Failure::usage(format!("{}: its scenario: {error}", run.display()))
+            })?;
+            scenario = kept.to_string();
+            checked(&scenario, origin.as_ref(), plant, controller)
+        })?;
+        let RecordedRun {
+            plant_program,
+            plant,
+            law,
+            plan,
+            ..
+        } = recorded;
+        let reference = plan.reference();
+        let places = Places::of(reader, &plant, &reference, &law)
+            .map_err(|what| Failure::usage(format!("{}: {what}", run.display())))?;
+        Ok(Self {
+            run: run.to_owned(),
+            blake3: reader.fact("controller_blake3").map(str::to_owned),
+            plan,
+            plant,
+            reference,
+            places,
+            plant_program,
+            scenario,
+        })
+    }
+
+    /// The plan as it is for another controller: the parameters of the run, and the
+    /// defaults of those that it did not have.
+    ///
+    /// # Errors
+    /// If there is no such law for the plant, or it does not know a parameter of the run.
+    pub(super) fn plan_for(&self, controller: &Binary) -> Result<Plan, Failure> {
+        let origin = format!("the scenario of {}", self.run.display());
+        let advice = Advice {
+            law: controller.advice("law", "--controller-bin PATH"),
+            ..Advice::default()
+        };
+        checked_with(
+            advice,
+            &self.scenario,
+            origin.as_ref(),
+            &self.plant_program,
+            &controller.description,
+        )
+    }
+}
+
+impl Places {
+    fn of(
+        reader: &RunReader,
+        plant: &PlantDescription,
+        reference: &[Field],
+        law: &LawDescription,
+    ) -> Result<Self, String> {
+        let columns = reader.columns();
+        let place = |name: &str| reader.place(name);
+        let bits = |group: &str| -> Vec<usize> {
+            let words = (0..).map_while(|number| place(&format!("{group}[{number}]")));
+            words.collect()
+        };
+        let mut sample = Vec::new();
+        for (group, fields) in [("measured", &plant.measured[..]), ("reference", reference)] {
+            for field in fields {
+                let name = column_name(group, &field.name);
+                let found = place(&name);
+                sample.push(found.ok_or_else(|| {
+                    format!("it was recorded without `{name}`; a replay needs all that the controller was sent")
+                })?);
+            }
+        }
+        let commands = law.sent_commands(plant);
+        let sent: Vec<String> = (commands
+            .iter()
+            .map(|field| column_name("command", &field.name)))
+        .chain(
+            law.internals
+                .iter()
+                .map(|field| column_name("internal", &field.name)),
+        )
+        .collect();
+        let answer: Vec<AnswerPlace> = (columns.iter().enumerate())
+            .filter_map(|(word, column)| {
+                let bit = sent.iter().position(|name| *name == column.name)?;
+                let bit = (bit >= commands.len()).then_some(bit);
+                Some(AnswerPlace {
+                    name: column.name.clone(),
+                    unit: column.unit.clone(),
+                    word,
+                    bit,
+                })
+            })
+            .collect();
+        if answer.is_empty() {
+            return Err("it holds nothing that its controller sent".into());
+        }
+        Ok(Self {
+            sample_invalid: bits("sample_invalid"),
+            answer_invalid: bits("command_invalid"),
+            sample,
+            answer,
+            sample_age_steps: place("sample_age_steps"),
+            held_steps: place("held_steps"),
+            answered: place("answered"),
+            directive: place("directive"),
+            epoch: place("epoch"),
+        })
+    }
+}

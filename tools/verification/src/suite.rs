@@ -1,0 +1,283 @@
+//! `hil run`: one scenario or several, once, repeatedly or under the conditions of an audit, from the
+//! command line to the verdicts.
+//!
+//! Every run has a session, a folder and processes or threads of its own; N of them go on at a time
+//! as there are cores for. All scenarios are checked before the first run starts. What repeats a
+//! scenario must have its digest: that is a verdict too.
+
+mod audit;
+mod case;
+mod junit;
+pub mod lost;
+mod markdown;
+mod noise;
+mod running;
+mod table;
+
+use std::path::Path;
+
+use hil_config::plan::Clock;
+use hil_console::files::part_file;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::interruption::Interruption;
+use hil_console::terminal::output;
+use hil_facts::arguments::run::LinkKind;
+use hil_facts::checkpoint::past::{self, Past};
+use hil_facts::programs::binaries::Choices;
+use hil_facts::programs::binaries::named::Named;
+use hil_facts::programs::binaries::reached::Reached;
+use hil_facts::programs::scenario::Finder;
+use hil_run::settings::Settings;
+use hil_run::{Environment, Origin};
+use serde_json::json;
+
+use crate::arguments::run::RunArguments;
+use case::{Case, Row};
+
+/// Runs the command.
+///
+/// # Errors
+/// If nothing could be started, or results not be written.
+pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
+    if arguments.audit {
+        audit::refuse_arguments(arguments)?;
+    }
+    let reports = [&arguments.junit, &arguments.markdown];
+    for path in reports.into_iter().flatten() {
+        refuse_unwritable(path)?;
+    }
+    let (settings, interruption) = hil_run::begin(&arguments.options)?;
+    if let (Some(flag), Some(_)) = (settings.by_hand.flag(), arguments.jobs) {
+        return Err(Failure::usage(format!(
+            "{flag} is for a single run; leave out --jobs"
+        )));
+    }
+    if let Some(from) = &arguments.from.from {
+        let (case, origin) = resumed(arguments, from, &settings, &interruption)?;
+        return single(arguments, &case, origin);
+    }
+    let cases = cases(arguments, &settings, &interruption)?;
+    match &cases[..] {
+        [case] if arguments.audit => audit::audit(case, arguments.options.json),
+        [case] => single(arguments, case, Origin::Scenario),
+        _ => several(arguments, cases),
+    }
+}
+
+/// Runs one case, with the summary of its run as the result.
+fn single(arguments: &RunArguments, case: &Case, origin: Origin) -> Result<Exit, Failure> {
+    let row = case.row(Some(Ok(case.run(origin)?)));
+    let told = row.ran.as_ref().map_or(Ok(()), |ran| {
+        output::write(&if arguments.options.json {
+            format!("{}\n", ran.json)
+        } else {
+            ran.table.clone()
+        })
+    });
+    if let Some(failure) = &row.failure {
+        output::tell(&failure.to_string());
+    }
+    let written = write_reports(arguments, std::slice::from_ref(&row));
+    told?;
+    written?;
+    Ok(row.exit)
+}
+
+/// Runs several cases, with one table of verdicts.
+fn several(arguments: &RunArguments, mut cases: Vec<Case>) -> Result<Exit, Failure> {
+    let jobs = jobs(arguments, &cases)?;
+    for (number, case) in (1..).zip(&mut cases) {
+        let settings = &mut case.environment.settings;
+        if settings.pause_at_s.is_some() {
+            return Err(Failure::usage(
+                "--pause-at is for a single run; several run by themselves",
+            ));
+        }
+        if let Some(flag) = settings.by_hand.flag() {
+            return Err(Failure::usage(format!(
+                "{flag} is for a single run; several run by themselves"
+            )));
+        }
+        settings.is_one_of_many = true;
+        settings.out = (settings.out.take()).map(|folder| folder.join(&case.label));
+        settings.session = (settings.session.take()).map(|name| format!("{name}-{number}"));
+    }
+    let all = cases.len();
+    let ended = |done: usize, row: &mut Row| {
+        let reason = row.reasons().into_iter().next();
+        let reason = reason.map_or_else(String::new, |reason| format!(": {reason}"));
+        let (label, verdict) = (&row.label, row.verdict_in_words());
+        tell!("[{done}/{all}] {label}: {verdict}{reason}");
+        Ok(())
+    };
+    let rows = match running::all(&cases, Vec::new(), jobs, &|_, _| {}, &ended) {
+        Ok(rows) => rows,
+        Err(early) => return early,
+    };
+    let worst = worst(&rows);
+    let told = output::write(&if arguments.options.json {
+        let runs: Result<Vec<serde_json::Value>, _> = rows.iter().map(json_of).collect();
+        let runs = runs.map_err(Failure::infrastructure)?;
+        let verdict = match worst {
+            Exit::Pass => "pass",
+            Exit::Failed => "fail",
+            _ => "aborted",
+        };
+        let all = json!({ "schema": 1, "verdict": verdict, "runs": runs });
+        format!("{all:#}\n")
+    } else {
+        table::of(&rows)
+    });
+    write_reports(arguments, &rows)?;
+    told?;
+    Ok(worst)
+}
+
+/// Finds the checkpoint that a run goes on from, and what goes on.
+fn resumed(
+    arguments: &RunArguments,
+    from: &Path,
+    settings: &Settings,
+    interruption: &Interruption,
+) -> Result<(Case, Origin), Failure> {
+    if arguments.repeat > 1 {
+        return Err(Failure::usage(
+            "--repeat is for scenarios; --from goes on once",
+        ));
+    }
+    let options = &arguments.options;
+    let recorded = interruption.at_once(|| past::recorded(from))??;
+    let at = Reached::by(&options.target, settings.wait_limit_s, interruption)?;
+    let choices = Choices::of(&options.binaries, &Named::Recorded(&recorded), at.as_ref())?;
+    let binaries = choices.find(interruption)?;
+    binaries.tell();
+    let environment = Environment::new(settings, binaries, interruption)?;
+    let (past, (plan, branch)) = interruption.at_once(|| {
+        let past = Past::open(from, &environment.binaries)?;
+        let planned = past.plan(&options.changes, &environment.binaries, options.json)?;
+        Ok::<_, Failure>((past, planned))
+    })??;
+    past.tell();
+    let case = Case::new(plan, environment, from.display().to_string());
+    Ok((case, Origin::Checkpoint(Box::new(past), branch)))
+}
+
+/// Checks all scenarios and puts the runs in order: the first of each, then the second, and so on.
+fn cases(
+    arguments: &RunArguments,
+    settings: &Settings,
+    interruption: &Interruption,
+) -> Result<Vec<Case>, Failure> {
+    let options = &arguments.options;
+    let mut plans = Vec::new();
+    let mut problems = Vec::new();
+    let at = Reached::by(&options.target, settings.wait_limit_s, interruption)?;
+    let mut finder = Finder::new(&options.binaries, at.as_ref(), interruption);
+    for scenario in &arguments.scenarios {
+        match finder.read(scenario, &options.changes, options.json) {
+            Ok((plan, binaries)) => {
+                plans.push((plan, Environment::new(settings, binaries, interruption)?))
+            }
+            Err(Failure::Usage(problem)) => problems.push(problem),
+            Err(other) => return Err(other),
+        }
+    }
+    if !problems.is_empty() {
+        return Err(Failure::Usage(problems.join("\n\n")));
+    }
+    let mut cases: Vec<Case> = Vec::new();
+    for _ in 0..arguments.repeat {
+        for (first, (plan, environment)) in plans.iter().enumerate() {
+            let origin = arguments.scenarios[first].display().to_string();
+            let mut case = Case::new(plan.clone(), environment.clone(), origin);
+            let same = (plans.iter().filter(|(other, _)| other.name == plan.name)).count();
+            if same > 1 || arguments.repeat > 1 {
+                let earlier = cases.iter().filter(|case| case.plan.name == plan.name);
+                let is_taken = |label: &String| {
+                    (arguments.repeat == 1 && plans.iter().any(|(other, _)| other.name == *label))
+                        || cases.iter().any(|case| case.label == *label)
+                };
+                case.label = (earlier.count() + 1..)
+                    .map(|number| format!("{}-{number}", plan.name))
+                    .find(|label| !is_taken(label))
+                    .unwrap_or_default(); // numbers do not end
+            }
+            cases.push(Case { first, ..case });
+        }
+    }
+    Ok(cases)
+}
+
+/// Returns the number of parallel runs.
+fn jobs(arguments: &RunArguments, cases: &[Case]) -> Result<usize, Failure> {
+    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let against_clock = cases
+        .iter()
+        .any(|case| case.plan.run.clock != Clock::Lockstep);
+    let (each, wants) = match arguments.options.link {
+        LinkKind::Iceoryx2 => (2, "two"),
+        LinkKind::InProcess => (1, "one"),
+    };
+    match arguments.jobs.map(|jobs| jobs as usize) {
+        Some(jobs) if jobs > cores => Err(Failure::usage(format!(
+            "--jobs {jobs} is more than the {cores} cores there are; every run wants {wants}"
+        ))),
+        Some(2..) if arguments.options.target.serves_one() => Err(Failure::usage(
+            "--jobs: an agent that listens serves one session at a time",
+        )),
+        Some(jobs) => Ok(jobs),
+        None if against_clock || arguments.options.target.target.is_some() => Ok(1),
+        None => Ok((cores / each).max(1)),
+    }
+}
+
+/// Refuses a file whose folder is not there, before hours of runs.
+fn refuse_unwritable(path: &Path) -> Result<(), Failure> {
+    let folder = path.parent().filter(|folder| *folder != Path::new(""));
+    let is_there = folder.is_none_or(Path::is_dir);
+    if is_there && !path.is_dir() {
+        return Ok(());
+    }
+    let shown = path.display();
+    Err(Failure::usage(if is_there {
+        format!("cannot write {shown}: it is a folder")
+    } else {
+        format!("cannot write {shown}: there is no such folder")
+    }))
+}
+
+/// The exit code that stands for all: a run that could not end says more than one that failed.
+fn worst(rows: &[Row]) -> Exit {
+    let exits = rows.iter().map(|row| row.exit);
+    exits.max_by_key(|exit| *exit as u8).unwrap_or(Exit::Pass)
+}
+
+/// A run as a machine reads it: its summary, its label and folder, and what else is wrong with it.
+fn json_of(row: &Row) -> serde_json::Result<serde_json::Value> {
+    let mut value = match &row.ran {
+        Some(ran) => serde_json::from_str(&ran.json)?,
+        None => json!({}),
+    };
+    value["label"] = json!(row.label);
+    value["verdict"] = json!(row.verdict());
+    let failure = row.failure.as_ref().map(ToString::to_string);
+    let disagreement = row.disagreement.as_ref().map(ToString::to_string);
+    value["failure"] = json!(failure.or(disagreement));
+    value["origin"] = json!(row.origin);
+    let folder = row.ran.as_ref().map(|ran| ran.folder.display().to_string());
+    value["folder"] = json!(folder);
+    Ok(value)
+}
+
+fn write_reports(arguments: &RunArguments, rows: &[Row]) -> Result<(), Failure> {
+    if let Some(path) = &arguments.junit {
+        part_file::write_text(path, &junit::of(rows)?)?;
+    }
+    if let Some(path) = &arguments.markdown {
+        part_file::write_text(path, &markdown::of(rows))?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,105 @@
+//! Reports of a suite whose `hil` was killed: each run that was begun, with the verdict of its folder, and the rest
+//! as not run.
+
+use std::path::PathBuf;
+
+use hil_console::files::begun::BegunRun;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
+use serde_json::{Value, json};
+
+use super::case::{Begun, Row};
+use super::{table, write_reports};
+use crate::arguments::run::RunArguments;
+
+/// A run that was begun, and the summary in its folder.
+pub type LostRun = (BegunRun, Value);
+
+/// Writes the files that were asked for, and the result of the command.
+///
+/// # Errors
+/// If one cannot be written.
+pub fn report(arguments: &RunArguments, runs: &[LostRun], reason: &str) -> Result<(), Failure> {
+    let wanted = arguments.scenarios.len() * arguments.repeat as usize;
+    // The first run of an audit is its baseline, which says nothing of the others.
+    let is_single = wanted <= 1 && !arguments.audit;
+    let mut rows: Vec<Row> = runs.iter().map(row).collect();
+    let missing = wanted.saturating_sub(rows.len());
+    rows.extend((0..missing).map(|_| unbegun(reason)));
+    let result = match (is_single, arguments.options.json) {
+        (true, true) => runs.first().map(|(_, summary)| format!("{summary:#}\n")),
+        (true, false) => None,
+        (false, true) => {
+            let runs: Vec<Value> = runs.iter().map(json_of).collect();
+            let all = json!({ "schema": 1, "verdict": "aborted", "reason": reason, "runs": runs });
+            Some(format!("{all:#}\n"))
+        }
+        (false, false) => Some(table::of(&rows)),
+    };
+    let written = result.map_or(Ok(()), |text| output::write(&text));
+    write_reports(arguments, &rows)?;
+    written
+}
+
+/// Makes the row of a run from its summary.
+fn row((run, summary): &LostRun) -> Row {
+    let exit = match summary["verdict"].as_str() {
+        Some("pass") => Exit::Pass,
+        Some("fail") => Exit::Failed,
+        _ => Exit::Infrastructure,
+    };
+    let reason = summary["reason"].as_str().map(Failure::infrastructure);
+    Row {
+        label: label(run),
+        law: run.law.clone(),
+        origin: run.scenario.clone(),
+        exit,
+        skipped: None,
+        failure: reason.filter(|_| exit == Exit::Infrastructure),
+        disagreement: None,
+        ran: None,
+        begun: Some(begun(run, summary)),
+    }
+}
+
+fn begun(run: &BegunRun, summary: &Value) -> Begun {
+    let requirements = summary["requirements"]
+        .as_array()
+        .map_or(&[][..], Vec::as_slice);
+    let has_passed = |one: &&Value| one["verdict"] == "pass";
+    Begun {
+        met: requirements.iter().filter(has_passed).count(),
+        requirements: requirements.len(),
+        realtime_factor: summary["realtime_factor"].as_f64(),
+        digest: summary["digest"].as_str().map(Into::into),
+        folder: run.folder.clone(),
+    }
+}
+
+/// Makes the row of a run that was asked for and never begun.
+fn unbegun(reason: &str) -> Row {
+    Row {
+        label: "a run that was not begun".into(),
+        law: String::new(),
+        origin: String::new(),
+        exit: Exit::Infrastructure,
+        skipped: None,
+        failure: Some(Failure::infrastructure(reason)),
+        disagreement: None,
+        ran: None,
+        begun: None,
+    }
+}
+
+/// Names a run by its folder, which differs among runs of one scenario.
+fn label(run: &BegunRun) -> String {
+    let name = run.folder.file_name().map(PathBuf::from);
+    name.map_or_else(|| run.scenario.clone(), |name| name.display().to_string())
+}
+
+fn json_of((run, summary): &LostRun) -> Value {
+    let mut value = summary.clone();
+    value["label"] = json!(label(run));
+    value["folder"] = json!(run.folder);
+    value
+}

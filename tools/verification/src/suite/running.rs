@@ -1,0 +1,79 @@
+//! Cases run, some at a time, each compared with the first of its scenario as soon as both are there.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+use hil_run::Origin;
+
+use hil_console::terminal::exit::{Exit, Failure};
+
+use super::case::{Case, Row};
+
+/// End of a command before all its cases ran.
+pub(super) type Early = Result<Exit, Failure>;
+
+/// Runs the cases that have no row yet, `jobs` at a time; gives the rows in the order of the cases.
+/// `begins` hears of each with its number, `ended` how many are done and the newest row.
+///
+/// # Errors
+/// The early end that `ended` gave, after which no other case begins.
+pub(super) fn all(
+    cases: &[Case],
+    done: Vec<Row>,
+    jobs: usize,
+    begins: &(dyn Fn(usize, &Case) + Sync),
+    ended: &(dyn Fn(usize, &mut Row) -> Result<(), Early> + Sync),
+) -> Result<Vec<Row>, Early> {
+    let next = AtomicUsize::new(done.len());
+    let missing = cases.len() - done.len();
+    let mut rows: Vec<Option<Row>> = done.into_iter().map(Some).collect();
+    rows.extend((0..missing).map(|_| None));
+    let state = Mutex::new((rows, Ok(())));
+    let work = || {
+        loop {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            let Some(case) = cases.get(index) else { return };
+            begins(index, case);
+            let is_wanted = case.skipped.is_none();
+            let row = case.row(is_wanted.then(|| case.run(Origin::Scenario)));
+            let mut state = state.lock().unwrap_or_else(PoisonError::into_inner);
+            let (rows, end) = &mut *state;
+            rows[index] = Some(row);
+            compare(rows, cases, index);
+            let done = rows.iter().flatten().count();
+            let heard = rows[index].as_mut().map(|row| ended(done, row));
+            if let (Some(Err(early)), true) = (heard, end.is_ok()) {
+                next.store(cases.len(), Ordering::Relaxed);
+                *end = Err(early);
+            }
+        }
+    };
+    std::thread::scope(|scope| {
+        for _ in 0..jobs {
+            scope.spawn(work);
+        }
+    });
+    let (rows, end) = state.into_inner().unwrap_or_else(PoisonError::into_inner);
+    end.map(|()| rows.into_iter().flatten().collect())
+}
+
+/// Compares a run that has just ended with the first of its scenario, or all that ended before with it if
+/// it is the first.
+fn compare(rows: &mut [Option<Row>], cases: &[Case], index: usize) {
+    let first = cases[index].first;
+    let (before, others) = rows.split_at_mut(first + 1);
+    let Some(reference) = &before[first] else {
+        return;
+    };
+    for (number, row) in (first + 1..).zip(others) {
+        let case = &cases[number];
+        let is_new = index == first || index == number;
+        if let Some(row) = row
+            && is_new
+            && case.first == first
+            && case.repeats()
+        {
+            row.compare(reference);
+        }
+    }
+}

@@ -1,0 +1,47 @@
+//! The command line of `hil report`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use hil_console::files::runs::run_path;
+
+pub const EXAMPLES: &str = "\
+One HTML file that needs no network: plots that zoom and share a cursor, shaded faults, requirements
+with their margins, latency, and the origin of the run. Several runs are overlaid. [[plots]] of a
+scenario chooses the first plots of its report; every other signal can be added on the page.
+
+The folder of a campaign gives a page of all its cases: probabilities, margins over the varied
+values, and a map of pass and fail. Dragging over a plot selects cases in all plots.
+
+Exit codes: 0 written; 2 no such run or signal, the file exists or cannot be created, or a run is
+damaged: then the page shows its readable part; 3 the file cannot be written completely.
+
+Examples:
+  hil report runs/demo
+  hil report runs/pid runs/nrsc runs/ftsc -o laws.html
+  hil report runs/demo --signal 'truth.*_pa' --force
+  hil report runs/common-mode -o campaign.html
+  hil report runs/old --scenario scenarios/severe-leakage.toml";
+
+/// Arguments of `hil report`.
+#[derive(Clone, Debug, Args)]
+pub struct ReportArguments {
+    /// Folders of runs or their run.mcap, or latest; or the folder of one campaign
+    #[arg(value_name = "RUN", value_parser = run_path(), required = true)]
+    pub runs: Vec<PathBuf>,
+    /// File to write, or - for standard output
+    #[arg(short, long, value_name = "FILE", default_value = "report.html")]
+    pub output: PathBuf,
+    /// Additional signal to plot, or a pattern with * and ?; may be given several times
+    #[arg(long, value_name = "PATTERN")]
+    pub signal: Vec<String>,
+    /// Take derived signals, metrics, requirements and plots from this scenario [default: each run's own]
+    #[arg(long, value_name = "SCENARIO.toml")]
+    pub scenario: Option<PathBuf>,
+    /// Overwrite an existing file
+    #[arg(long)]
+    pub force: bool,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+}

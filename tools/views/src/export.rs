@@ -1,0 +1,351 @@
+//! `hil export`: signals of a recorded run as a table for other programs.
+//!
+//! Goes through the recording once and holds no more than a block of rows, so the length of a run
+//! does not matter. A file appears whole or not at all. Values are the recorded ones, bit for bit;
+//! derived signals are computed anew by the code that computed them in the run.
+
+mod csv;
+mod origin;
+mod parquet;
+mod selection;
+mod table;
+
+use std::io::{ErrorKind, IsTerminal, Write as _};
+use std::path::Path;
+
+use hil_console::files::destination::Destination;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::interruption::Interruption;
+use hil_console::terminal::output;
+use hil_console::terminal::progress::Progress;
+use hil_facts::results::summary::{self, MarkAt};
+use hil_recording::reader::RunReader;
+use serde::Serialize;
+use shared_types::number::{exact, unit_shown};
+use shared_types::record::Event;
+use shared_types::time::{Rate, Step};
+
+use crate::arguments::export::{ExportArguments, ExportFormat};
+use selection::{Offer, Selection};
+use table::{Column, Table};
+
+/// After how many records it is looked for Ctrl-C, and progress is told.
+const LOOK_RECORDS: u64 = 1024;
+
+/// Runs the command.
+///
+/// # Errors
+/// If the run cannot be read, has not what is asked for, or the file cannot be written.
+pub fn export(arguments: &ExportArguments) -> Result<Exit, Failure> {
+    let exported = table(arguments, Interruption::listen()?)?;
+    if let Some(told) = exported {
+        output::write(&told)?;
+    }
+    Ok(Exit::Pass)
+}
+
+/// Writes what is asked for, unless an interruption comes, and returns what is to be told of it.
+///
+/// # Errors
+/// As [`export`].
+pub fn table(
+    arguments: &ExportArguments,
+    interruption: Interruption,
+) -> Result<Option<String>, Failure> {
+    let (from_s, until_s) = (arguments.from, arguments.until);
+    if let (Some(from_s), Some(until_s)) = (from_s, until_s)
+        && from_s > until_s
+    {
+        return Err(Failure::usage(format!(
+            "--from {} is after --until {}",
+            exact(from_s),
+            exact(until_s)
+        )));
+    }
+    let open = || RunReader::open(&arguments.run);
+    let mut reader = interruption.at_once(open)?.map_err(Failure::usage)?;
+    let offer = Offer::of(&reader);
+    if arguments.list {
+        // What vouches for the names stands before the first record.
+        reader.advance().map_err(Failure::usage)?;
+        let listed = offer.listed(&reader, &arguments.signal)?;
+        return listing(&listed, arguments.json).map(Some);
+    }
+    let selection = Selection::new(&reader, offer, &arguments.signal, arguments.validity)?;
+    let path = (arguments.output.as_deref()).filter(|path| *path != Path::new("-"));
+    let format = format(arguments.format, path)?;
+    if arguments.json && path.is_none() {
+        return Err(Failure::usage(
+            "--json goes to standard output, where the table goes too; name a file with -o",
+        ));
+    }
+    let destination = Destination::open(path, arguments.force)?;
+    let picking = Picking {
+        rate: reader.rate().map_err(Failure::usage)?,
+        from_s: from_s.unwrap_or(0.0),
+        until_s: until_s.unwrap_or(f64::INFINITY),
+        every: arguments.every,
+        first: None,
+    };
+    let columns = selection.columns.clone();
+    let work = ExportPass {
+        table: match format {
+            ExportFormat::Csv => Table::Csv(csv::Csv::new(destination, &columns)),
+            ExportFormat::Parquet => parquet::Parquet::new(destination, &columns)
+                .map(Table::Parquet)
+                .map_err(|error| cannot_write(path, &error))?,
+        },
+        reader,
+        selection,
+        picking,
+        interruption,
+    };
+    let Some(exported) = work.run(path)? else {
+        return Ok(None);
+    };
+    let exported = Exported {
+        format: format.name(),
+        every: arguments.every,
+        columns,
+        ..exported
+    };
+    if arguments.json {
+        return output::pretty(&exported).map(Some);
+    }
+    Ok(path.is_some().then(|| exported.describe()))
+}
+
+/// The form of the table: what was asked for, else what the file's name ends with.
+fn format(asked: Option<ExportFormat>, path: Option<&Path>) -> Result<ExportFormat, Failure> {
+    let (None, Some(path)) = (asked, path) else {
+        return Ok(asked.unwrap_or(ExportFormat::Csv));
+    };
+    let ending = path.extension().and_then(|ending| ending.to_str());
+    let formats = [ExportFormat::Csv, ExportFormat::Parquet];
+    let named = formats
+        .into_iter()
+        .find(|format| ending.is_some_and(|ending| ending.eq_ignore_ascii_case(format.name())));
+    named.ok_or_else(|| {
+        let path = path.display();
+        Failure::usage(format!(
+            "{path} ends neither with .csv nor with .parquet; say which with --format"
+        ))
+    })
+}
+
+/// Writes the list of signals for a person or a machine.
+fn listing(signals: &[Column], as_json: bool) -> Result<String, Failure> {
+    if as_json {
+        #[derive(Serialize)]
+        struct Listing<'a> {
+            signals: &'a [Column],
+        }
+        return output::pretty(&Listing { signals });
+    }
+    use hil_console::terminal::table::{Table, left};
+    let mut table = Table::new(0, [left(0); 2]);
+    for Column { name, unit, .. } in signals {
+        table.row(&[&name, &unit_shown(unit)]);
+    }
+    Ok(table.to_string())
+}
+
+fn cannot_write(path: Option<&Path>, error: &std::io::Error) -> Failure {
+    let what = path.map_or_else(
+        || "the output".to_owned(),
+        |path| path.display().to_string(),
+    );
+    let hint = match (error.kind(), path) {
+        (ErrorKind::StorageFull, Some(path)) if !path.exists() => "; no part of it is left behind",
+        _ => "",
+    };
+    Failure::infrastructure(format!("cannot write {what}: {error}{hint}"))
+}
+
+/// Choice of the exported steps.
+struct Picking {
+    rate: Rate,
+    from_s: f64,
+    until_s: f64,
+    every: u64,
+    /// The first one.
+    first: Option<u64>,
+}
+
+impl Picking {
+    /// The time of a step, if it is exported.
+    fn time_s(&mut self, step: u64) -> Option<f64> {
+        let time_s = self.rate.seconds(Step(step));
+        if time_s < self.from_s || time_s > self.until_s {
+            return None;
+        }
+        let first = *self.first.get_or_insert(step);
+        // By steps, not rows: where records were lost, the others keep their distance.
+        (step - first).is_multiple_of(self.every).then_some(time_s)
+    }
+}
+
+/// Counts of an export.
+#[derive(Debug, Default, Serialize)]
+struct Exported {
+    file: Option<String>,
+    format: &'static str,
+    rows: u64,
+    columns: Vec<Column>,
+    first_step: u64,
+    last_step: u64,
+    from_s: f64,
+    until_s: f64,
+    every: u64,
+    /// The name of the scenario.
+    scenario: Option<String>,
+    /// Of the whole recording as far as it goes, whatever was chosen of it.
+    digest: String,
+    /// The recording was finished.
+    whole: bool,
+    /// Notes of those who watched.
+    marks: Vec<MarkAt>,
+}
+
+impl Exported {
+    fn describe(&self) -> String {
+        let Self {
+            rows,
+            from_s,
+            until_s,
+            ..
+        } = self;
+        let (file, columns) = (self.file.as_deref().unwrap_or("-"), self.columns.len());
+        format!("{file}: {rows} rows of {columns} columns, {from_s} to {until_s} s\n")
+    }
+}
+
+/// An export going on.
+struct ExportPass {
+    reader: RunReader,
+    selection: Selection,
+    picking: Picking,
+    table: Table,
+    interruption: Interruption,
+}
+
+impl ExportPass {
+    /// Writes the table; `None` if its reader went away, which wanted no more.
+    fn run(mut self, path: Option<&Path>) -> Result<Option<Exported>, Failure> {
+        let mut exported = Exported {
+            file: path.map(|path| path.display().to_string()),
+            ..Exported::default()
+        };
+        match self.rows(&mut exported) {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => return unless_gone(path, &error),
+            Err(failure) => return Err(failure),
+        }
+        let run = self.reader.path().display();
+        if exported.rows == 0 {
+            let (records, rate) = (self.reader.records(), self.picking.rate);
+            return Err(Failure::usage(if records == 0 {
+                format!("{run} holds no step")
+            } else {
+                let end_s = rate.seconds(Step(self.reader.step()));
+                format!("no step of {run} lies in that window; it ends at {end_s} s")
+            }));
+        }
+        exported.scenario = self.reader.fact("scenario").map(str::to_owned);
+        exported.digest = self.reader.digest();
+        exported.whole = self.reader.is_whole();
+        if let Some(torn) = self.reader.caveat() {
+            let (step, rate) = (self.reader.step(), self.picking.rate);
+            let time_s = rate.seconds(Step(step));
+            tell!("note: {torn}; it is exported as far as it goes, step {step} at {time_s} s");
+        }
+        if let Some(lost @ 1..) = self
+            .reader
+            .result("lost")
+            .and_then(|n| n.parse::<u64>().ok())
+        {
+            tell!(
+                "note: {lost} records were lost while {run} was written; their steps are missing"
+            );
+        }
+        let metadata = origin::metadata(&self.reader, &self.selection.columns, &exported.marks);
+        let written = (self.table.finish(&metadata)).and_then(Destination::complete);
+        match written {
+            Ok(()) => Ok(Some(exported)),
+            Err(error) => unless_gone(path, &error),
+        }
+    }
+
+    /// Writes the rows.
+    fn rows(&mut self, exported: &mut Exported) -> Result<std::io::Result<()>, Failure> {
+        let steps = self.reader.fact("steps").and_then(|n| n.parse().ok());
+        // A bar among the lines of a table would be no help.
+        let is_in_the_way = exported.file.is_none() && std::io::stdout().is_terminal();
+        let mut progress =
+            (!is_in_the_way).then(|| Progress::new(steps.unwrap_or(0), self.picking.rate, true));
+        let mut cells = Vec::with_capacity(self.selection.columns.len());
+        let mut marks = Vec::new();
+        while self.reader.advance().map_err(Failure::usage)? {
+            let step = self.reader.step();
+            marks.extend(self.reader.events().iter().filter_map(Event::mark).cloned());
+            if self.reader.records().is_multiple_of(LOOK_RECORDS) {
+                self.interruption.check()?;
+                if let Some(progress) = &mut progress {
+                    progress.set(step);
+                }
+            }
+            let Some(time_s) = self.picking.time_s(step) else {
+                continue;
+            };
+            cells.clear();
+            (self.selection).row(Step(step), time_s, self.reader.words(), &mut cells);
+            if let Err(error) = self.table.row(&cells) {
+                return Ok(Err(error));
+            }
+            if exported.rows == 0 {
+                (exported.first_step, exported.from_s) = (step, time_s);
+            }
+            (exported.last_step, exported.until_s) = (step, time_s);
+            exported.rows += 1;
+        }
+        // What came after the last record stands behind it.
+        marks.extend(self.reader.events().iter().filter_map(Event::mark).cloned());
+        exported.marks = summary::marks(&marks, self.picking.rate);
+        Ok(Ok(()))
+    }
+}
+
+/// Tells a reader that went away, which is no failure, from any other write error.
+fn unless_gone(path: Option<&Path>, error: &std::io::Error) -> Result<Option<Exported>, Failure> {
+    match error.kind() {
+        ErrorKind::BrokenPipe => Ok(None),
+        _ => Err(not_written(path, error)),
+    }
+}
+
+/// Writes a page; a reader of standard output that went away wanted no more.
+///
+/// # Errors
+/// If it cannot be written.
+pub fn deliver(
+    text: &str,
+    mut destination: Destination,
+    path: Option<&Path>,
+) -> Result<(), Failure> {
+    let written = (destination.write_all(text.as_bytes())).and_then(|()| destination.complete());
+    written.or_else(|error| match error.kind() {
+        ErrorKind::BrokenPipe if path.is_none() => Ok(()),
+        _ => Err(not_written(path, &error)),
+    })
+}
+
+/// Returns the failure of a file that was not completed.
+fn not_written(path: Option<&Path>, error: &std::io::Error) -> Failure {
+    match error.kind() {
+        ErrorKind::AlreadyExists => Failure::usage(error),
+        _ => cannot_write(path, error),
+    }
+}
+
+#[cfg(test)]
+mod tests;

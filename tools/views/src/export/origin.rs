@@ -1,0 +1,77 @@
+//! Facts of a recording that tell more of its signals than their names: what its scenario derives of them,
+//! and where the table comes from.
+
+use std::collections::BTreeMap;
+
+use hil_config::plan;
+use hil_facts::results::evaluation::RecordEvaluation;
+use hil_facts::results::recorded_run::RecordedRun;
+use hil_facts::results::summary::MarkAt;
+use hil_recording::reader::RunReader;
+
+use super::table::Column;
+
+/// The run of a recording; the error says why it is not known.
+pub(super) fn recorded_run(reader: &RunReader) -> Result<RecordedRun, String> {
+    RecordedRun::of(reader, reader.path()).map_err(|failure| failure.reason())
+}
+
+/// The derived signals of a run's scenario, in its order.
+pub(super) fn derived(run: RecordedRun, reader: &RunReader) -> Result<Derived, String> {
+    let recorded = reader.columns().iter().filter(|column| column.is_signal());
+    if recorded.count() != run.plan.record_layout(&run.plant, &run.law).values() {
+        return Err("its signals are not those of its scenario".into());
+    }
+    let plan = run.plan.clone().without_judgement();
+    Ok(Derived {
+        evaluation: run.evaluation(reader, &plan)?,
+        signals: plan.derived,
+    })
+}
+
+/// The derived signals of a run, computed again from its records.
+pub(super) struct Derived {
+    pub signals: Vec<plan::Derived>,
+    evaluation: RecordEvaluation,
+}
+
+impl Derived {
+    /// Their values at the step of a record.
+    pub(super) fn of(&mut self, record: &[u64]) -> &[f64] {
+        self.evaluation.record(record)
+    }
+}
+
+/// Returns the origin of a table and the units of its columns, for the metadata of a file.
+pub(super) fn metadata(
+    reader: &RunReader,
+    columns: &[Column],
+    marks: &[MarkAt],
+) -> Vec<(String, String)> {
+    let with_unit = columns.iter().filter(|column| !column.unit.is_empty());
+    let units: BTreeMap<&str, &str> = with_unit
+        .map(|column| (column.name.as_str(), column.unit.as_str()))
+        .collect();
+    let facts = [
+        ("scenario", "hil.scenario"),
+        ("session", "hil.session"),
+        ("started_utc", "hil.started_utc"),
+        ("evidence", "hil.evidence"),
+        ("rate_hz", "hil.rate_hz"),
+        ("seed", "hil.seed"),
+        ("hil_commit", "hil.commit"),
+        ("plant_blake3", "hil.plant_blake3"),
+        ("controller_blake3", "hil.controller_blake3"),
+    ];
+    let facts = facts
+        .into_iter()
+        .filter_map(|(fact, key)| Some((key.to_owned(), reader.fact(fact)?.to_owned())));
+    let mut metadata: Vec<(String, String)> = facts.collect();
+    metadata.push(("hil.digest".into(), reader.digest()));
+    metadata.push(("hil.whole".into(), reader.is_whole().to_string()));
+    if !marks.is_empty() {
+        metadata.push(("hil.marks".into(), serde_json::json!(marks).to_string()));
+    }
+    metadata.push(("units".into(), serde_json::json!(units).to_string()));
+    metadata
+}

@@ -1,0 +1,103 @@
+//! `hil layout`: what Foxglove or PlotJuggler is to plot of a run.
+//!
+//! [`pages`] are made of the plots that every view of the run has; one module for each program writes
+//! them in its form. Records are read for their ranges only, by who needs them.
+
+mod foxglove;
+pub(crate) mod pages;
+mod plotjuggler;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use hil_config::plan::Plan;
+use hil_console::files::destination::Destination;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::output;
+use hil_facts::results::recorded_run::RecordedRun;
+
+use crate::arguments::layout::{LayoutArguments, Viewer};
+use crate::export::deliver;
+use hil_recording::reader::{ReadError, RunReader};
+
+/// The least and the greatest value of signals, by name.
+type Ranges = BTreeMap<String, [f64; 2]>;
+
+/// Runs the command.
+///
+/// # Errors
+/// If the run cannot be read, has no signal, or the file cannot be written.
+pub fn layout(arguments: &LayoutArguments) -> Result<Exit, Failure> {
+    let mut reader = RunReader::open(&arguments.run)
+        .map_err(Failure::usage)?
+        .without_digest();
+    let plan = plan(&reader, &arguments.run);
+    let pages = pages::of(reader.columns(), plan.as_ref());
+    if pages.is_empty() {
+        let run = reader.path().display();
+        return Err(Failure::usage(format!("{run} holds nothing to plot")));
+    }
+    let path = (arguments.output.as_deref()).filter(|path| *path != Path::new("-"));
+    let text = match arguments.viewer {
+        Viewer::Foxglove => {
+            let ranges = ranges(&mut reader).map_err(Failure::usage)?;
+            if let Some(caveat) = reader.caveat() {
+                tell!("note: {caveat}");
+            }
+            foxglove::text(&pages, &ranges)?
+        }
+        Viewer::PlotJuggler => {
+            // What vouches for the names stands before the first record.
+            reader.advance().map_err(Failure::usage)?;
+            let beside = path.and_then(|path| name_of_neighbour(path, reader.path()));
+            plotjuggler::text(&pages, beside.as_deref()).map_err(Failure::infrastructure)?
+        }
+    };
+    let Some(path) = path else {
+        output::write(&text)?;
+        return Ok(Exit::Pass);
+    };
+    let destination = Destination::open(Some(path), arguments.force)?;
+    deliver(&text, destination, Some(path))?;
+    let plots: usize = pages.iter().map(|page| page.plots.len()).sum();
+    let (shown, pages) = (path.display(), pages.len());
+    output::write(&format!("{shown}: {plots} plots on {pages} pages\n"))?;
+    Ok(Exit::Pass)
+}
+
+/// The scenario of a run; without it names and units still give a layout.
+fn plan(reader: &RunReader, run: &Path) -> Option<Plan> {
+    RecordedRun::of(reader, run).ok().map(|run| run.plan)
+}
+
+/// The least and the greatest value of each signal that has one, up to where a recording breaks off.
+fn ranges(reader: &mut RunReader) -> Result<Ranges, ReadError> {
+    let signals = reader.columns().iter().enumerate();
+    let signals = signals.filter(|(_, column)| column.is_signal());
+    let mut ranges: Vec<(usize, String, Option<[f64; 2]>)> = signals
+        .map(|(place, column)| (place, column.name.clone(), None))
+        .collect();
+    while reader.advance()? {
+        for (place, _, range) in &mut ranges {
+            let value = f64::from_bits(reader.words()[*place]);
+            if value.is_finite() {
+                let [least, greatest] = range.get_or_insert([value; 2]);
+                *least = if value < *least { value } else { *least };
+                *greatest = if value > *greatest { value } else { *greatest };
+            }
+        }
+    }
+    let known = ranges.into_iter();
+    let known = known.filter_map(|(_, name, range)| Some((name, range?)));
+    Ok(known.collect())
+}
+
+/// The name of a recording, if it lies in the folder that a file is written into.
+fn name_of_neighbour(file: &Path, recording: &Path) -> Option<String> {
+    let folder = |path: &Path| match path.parent()? {
+        here if here.as_os_str().is_empty() => Path::new(".").canonicalize().ok(),
+        folder => folder.canonicalize().ok(),
+    };
+    let name = recording.file_name()?.to_str()?.to_owned();
+    (folder(file)? == folder(recording)?).then_some(name)
+}

@@ -1,0 +1,160 @@
+//! Pages as a layout of Foxglove, which Lichtblick takes as well: a tab for each page, and above them
+//! what happened last, as a band of states.
+
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::output;
+use serde_json::{Map, Value, json};
+use shared_types::number::unit_shown;
+
+use super::Ranges;
+use super::pages::Page;
+use crate::plots::Plot;
+use crate::plots::signal::labels;
+
+const TABS: &str = "Tab!hil";
+const EVENTS: &str = "StateTransitions!events";
+/// Height of the band, in per cent.
+const BAND: u32 = 16;
+/// Axes have three digits behind the point: values below this would be a flat line.
+const SMALL: f64 = 1e-3;
+
+pub(super) fn text(pages: &[Page], ranges: &Ranges) -> Result<String, Failure> {
+    let mut configs = Map::new();
+    let mut tabs = Vec::new();
+    for (number, page) in pages.iter().enumerate() {
+        let mut ids = Vec::new();
+        for (place, plot) in page.plots.iter().enumerate() {
+            let id = format!("Plot!page{number}plot{place}");
+            configs.insert(id.clone(), config(plot, ranges));
+            ids.push(id);
+        }
+        tabs.push(json!({"title": page.title, "layout": tree(&ids, "column")}));
+    }
+    configs.insert(TABS.into(), json!({"activeTabIdx": 0, "tabs": tabs}));
+    let events =
+        json!({"value": "/events.event", "label": "event", "timestampMethod": "receiveTime"});
+    let title = "the last event until then";
+    configs.insert(
+        EVENTS.into(),
+        json!({
+            "foxglovePanelTitle": title,
+            "lichtblickPanelTitle": title,
+            "isSynced": true,
+            "paths": [events],
+        }),
+    );
+    let layout = json!({
+        "configById": configs,
+        "globalVariables": {},
+        "userNodes": {},
+        "playbackConfig": {"speed": 1},
+        "layout": {
+            "direction": "column",
+            "first": EVENTS,
+            "second": TABS,
+            "splitPercentage": BAND,
+        },
+    });
+    output::pretty(&layout)
+}
+
+/// Panels of about the same size: halves, in turns one above and one beside the other.
+fn tree(ids: &[String], direction: &str) -> Value {
+    if let [id] = ids {
+        return json!(id);
+    }
+    let (first, second) = ids.split_at(ids.len().div_ceil(2));
+    let next = if direction == "column" {
+        "row"
+    } else {
+        "column"
+    };
+    json!({
+        "direction": direction,
+        "first": tree(first, next),
+        "second": tree(second, next),
+        "splitPercentage": 100 * first.len() / ids.len(),
+    })
+}
+
+fn config(plot: &Plot, ranges: &Ranges) -> Value {
+    let labels = labels(plot);
+    // Columns are named as the fields of the messages are reached.
+    let path = |(curve, label): (&String, &String)| {
+        json!({
+            "value": format!("/record.{curve}"),
+            "label": label,
+            "enabled": true,
+            "timestampMethod": "receiveTime",
+        })
+    };
+    let longest = labels.iter().map(String::len).max().unwrap_or(0);
+    let mut config = json!({
+        "foxglovePanelTitle": plot.title,
+        "lichtblickPanelTitle": plot.title,
+        "paths": plot.signals.iter().zip(&labels).map(path).collect::<Vec<_>>(),
+        "xAxisVal": "timestamp",
+        "xAxisLabel": "s",
+        "yAxisLabel": unit_shown(&plot.unit),
+        "isSynced": true,
+        // Beside the curves, which it would cover; a single one has its name above.
+        "showLegend": labels.len() > 1,
+        "legendDisplay": if labels.len() > 1 { "left" } else { "none" },
+        "showPlotValuesInLegend": false,
+        "showXAxisLabels": true,
+        "showYAxisLabels": true,
+        "sidebarDimension": (60 + 8 * longest).clamp(100, 300),
+    });
+    if let Some([least, greatest]) = bounds(plot, ranges) {
+        config["minYValue"] = json!(least);
+        config["maxYValue"] = json!(greatest);
+    }
+    config
+}
+
+/// Ends of a vertical axis that must be told: those of small values. Round, so that a similar run fits.
+fn bounds(plot: &Plot, ranges: &Ranges) -> Option<[f64; 2]> {
+    let (mut least, mut greatest) = (0.0, 0.0);
+    for [low, high] in plot.signals.iter().filter_map(|curve| ranges.get(curve)) {
+        least = if *low < least { *low } else { least };
+        greatest = if *high > greatest { *high } else { greatest };
+    }
+    let is_small = -least < SMALL && greatest < SMALL;
+    (is_small && least < greatest).then(|| [0.0 - above(-least), above(greatest)])
+}
+
+/// The next of 1, 2 and 5 times a power of ten that is a tenth above a value; 0 for 0.
+fn above(value: f64) -> f64 {
+    if value == 0.0 {
+        return 0.0;
+    }
+    let wanted = 1.1 * value;
+    let decade = libm::floor(libm::log10(wanted)) as i32;
+    let round = [1, 2, 5, 10]
+        .map(|digit| format!("{digit}e{decade}").parse().unwrap_or(wanted))
+        .into_iter()
+        .find(|round| *round >= wanted);
+    round.unwrap_or(wanted)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_values_get_round_ends_of_their_axis_and_others_none() {
+        let plot = Plot {
+            signals: vec!["truth.a".into(), "truth.b".into()],
+            ..Plot::default()
+        };
+        let ends = |a: [f64; 2], b: [f64; 2]| {
+            let ranges = [("truth.a".to_owned(), a), ("truth.b".to_owned(), b)];
+            bounds(&plot, &Ranges::from(ranges))
+        };
+        assert_eq!(ends([0.0, 5e-7], [0.0, 1e-7]), Some([0.0, 1e-6]));
+        assert_eq!(ends([-3e-5, 1e-6], [0.0, 1.7e-4]), Some([-5e-5, 2e-4]));
+        assert_eq!(ends([0.0, 5e-7], [0.0, 2e-3]), None);
+        assert_eq!(ends([0.0, 0.0], [0.0, 0.0]), None);
+        assert_eq!(bounds(&plot, &Ranges::new()), None);
+    }
+}

@@ -1,0 +1,30 @@
+//! Runs to look at, live or recorded: monitor, panel, `hil get` and `hil watch` ([`values`]), report, export, layout;
+//! [`plots`] chooses what report, monitor and layout draw. Judges no run and changes no recording; requests to a
+//! running session go through [`session`](hil_facts::session).
+
+#![expect(
+    rustdoc::private_intra_doc_links,
+    reason = "the map leads into modules that are closed to other packages"
+)]
+#![expect(
+    missing_docs,
+    reason = "fields and variants whose names say what they are"
+)]
+
+#[macro_use]
+extern crate hil_console; // its macro `tell!` is used everywhere
+
+pub mod arguments;
+pub mod export;
+pub mod layout;
+pub mod monitor;
+pub mod offline_page;
+pub mod panel;
+pub mod plots;
+pub mod report;
+pub mod values;
+
+#[cfg(test)]
+#[path = "../../recording/tests/shared/fixture.rs"]
+#[expect(dead_code, reason = "these tests need a part of it")]
+mod fixture;

@@ -1,0 +1,280 @@
+//! `hil monitor --foxglove`: the session's signals by name, live, for Foxglove and what speaks its
+//! protocol.
+//!
+//! What the monitor sees goes through an [`outlet`] to every client, each on a thread of its own; the
+//! [`message`]s are those of the protocol. Channels and schemas are those of `run.mcap`, so that a
+//! layout made for the file works live. A client can only look: nothing that it says reaches the run.
+//!
+//! Nobody waits for a client. One that is too slow gets fewer records and is told how many it missed.
+
+pub(crate) mod message;
+pub(crate) mod outlet;
+
+use std::io::ErrorKind;
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
+use std::time::{Duration, Instant};
+
+use hil_config::plan::Plan;
+use hil_console::terminal::exit::Failure;
+use shared_types::session::SessionInfo;
+use tungstenite::handshake::server::{ErrorResponse, Request, Response};
+use tungstenite::http::{HeaderValue, StatusCode, header};
+use tungstenite::protocol::WebSocketConfig;
+use tungstenite::{Error, HandshakeError, Message, WebSocket, accept_hdr_with_config};
+
+use message::{Asked, asked};
+use outlet::{Data, Hub, Outlet};
+
+/// Names of the protocol.
+const SUBPROTOCOLS: [&str; 2] = ["foxglove.websocket.v1", "foxglove.sdk.v1"];
+/// Most clients at a time.
+const CLIENTS: usize = 8;
+/// Records that wait for a client.
+const WAITING: usize = 512;
+/// Limit for the handshake of a client.
+const HANDSHAKE_LIMIT: Duration = Duration::from_secs(5);
+/// Limit for a client to take the rest at the end.
+const END_LIMIT: Duration = Duration::from_secs(2);
+/// Interval between two looks for messages of a client.
+const LISTEN: Duration = Duration::from_millis(20);
+/// Interval between two warnings to a slow client.
+const TELL: Duration = Duration::from_secs(1);
+/// Longest that a client may say.
+const LONGEST: usize = 64 << 10;
+/// Most bytes that wait in the socket of a client.
+const BUFFERED: usize = 4 << 20;
+
+/// The server, as long as it is kept.
+pub(crate) struct Serving {
+    hub: Arc<Hub>,
+    address: SocketAddr,
+}
+
+impl Serving {
+    /// Serves at an address from now on.
+    ///
+    /// # Errors
+    /// If the address cannot be listened on.
+    pub(crate) fn start(
+        address: SocketAddr,
+        session: &SessionInfo,
+        plan: &Plan,
+    ) -> Result<Self, Failure> {
+        let cannot = |error: std::io::Error| {
+            Failure::infrastructure(format!("error: cannot serve at {address}: {error}"))
+        };
+        let listener = TcpListener::bind(address).map_err(cannot)?;
+        let address = listener.local_addr().map_err(cannot)?;
+        let hub = Arc::new(Hub::new(message::server_info(session, &plan.name)));
+        let theirs = Arc::clone(&hub);
+        // Ends with the process; what it holds is a port.
+        std::thread::spawn(move || {
+            for stream in listener.incoming().flatten() {
+                if !theirs.is_over() && theirs.clients() < CLIENTS {
+                    let hub = Arc::clone(&theirs);
+                    let client = std::thread::spawn(move || {
+                        let _ = serve(stream, &hub); // a client that went away needs no word
+                    });
+                    theirs.keep(client);
+                }
+            }
+        });
+        Ok(Self { hub, address })
+    }
+
+    /// Returns the address of the server.
+    #[must_use]
+    pub(crate) const fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Returns the consumer of the monitor's records, limited to `rate` records a second.
+    #[must_use]
+    pub(crate) fn outlet(&self, plan: &Plan, records_per_s: f64) -> Outlet {
+        Outlet::new(Arc::clone(&self.hub), plan.run.rate, records_per_s)
+    }
+}
+
+impl Drop for Serving {
+    /// Every client gets what is left for it, for a while.
+    fn drop(&mut self) {
+        self.hub.end(2 * END_LIMIT);
+    }
+}
+
+/// Serves one client until it goes or the session ends.
+fn serve(stream: TcpStream, hub: &Hub) -> Result<(), Error> {
+    stream.set_read_timeout(Some(HANDSHAKE_LIMIT))?;
+    stream.set_write_timeout(Some(HANDSHAKE_LIMIT))?;
+    stream.set_nodelay(true)?;
+    let config = WebSocketConfig::default()
+        .max_message_size(Some(LONGEST))
+        .max_frame_size(Some(LONGEST))
+        .max_write_buffer_size(BUFFERED);
+    let socket = accept_hdr_with_config(stream, agree, Some(config));
+    let mut socket = socket.map_err(|error| match error {
+        HandshakeError::Failure(error) => error,
+        HandshakeError::Interrupted(_) => Error::Io(ErrorKind::TimedOut.into()),
+    })?;
+    socket.get_mut().set_nonblocking(true)?;
+    let (sender, queue) = sync_channel(WAITING);
+    let missed = hub.join(sender);
+    let mut client = Client {
+        socket,
+        subscriptions: Vec::new(),
+        left_out: 0,
+    };
+    client.say(hub.server_info().to_owned().into())?;
+    let mut knows_channels = false;
+    let mut told_at = Instant::now();
+    loop {
+        if let (false, Some(channels)) = (knows_channels, hub.channels()) {
+            client.say(channels.to_owned().into())?;
+            knows_channels = true;
+        }
+        client.listen(hub)?;
+        let is_over = client.pass_on(&queue)?;
+        client.left_out += missed.swap(0, Ordering::Relaxed);
+        if client.left_out > 0 && told_at.elapsed() > TELL {
+            let told = message::left_out(std::mem::take(&mut client.left_out));
+            client.say(told.into())?;
+            told_at = Instant::now();
+        }
+        client.flush()?;
+        if is_over {
+            return client.part(hub);
+        }
+    }
+}
+
+/// Agrees on a subprotocol: the first that the client wants of those that are spoken.
+#[expect(
+    clippy::result_large_err,
+    reason = "the form that the library asks for"
+)]
+fn agree(request: &Request, mut response: Response) -> Result<Response, ErrorResponse> {
+    let wanted = request.headers().get_all(header::SEC_WEBSOCKET_PROTOCOL);
+    let mut wanted = wanted.iter().filter_map(|value| value.to_str().ok());
+    let spoken = wanted.find_map(|list| {
+        let mut names = list.split(',').map(str::trim);
+        names.find_map(|name| SUBPROTOCOLS.into_iter().find(|spoken| *spoken == name))
+    });
+    match spoken {
+        Some(spoken) => {
+            let value = HeaderValue::from_static(spoken);
+            let headers = response.headers_mut();
+            headers.insert(header::SEC_WEBSOCKET_PROTOCOL, value);
+            Ok(response)
+        }
+        None => {
+            let told = format!("the subprotocols are {}\n", SUBPROTOCOLS.join(", "));
+            let mut refused = ErrorResponse::new(Some(told));
+            *refused.status_mut() = StatusCode::BAD_REQUEST;
+            Err(refused)
+        }
+    }
+}
+
+/// Viewer of a session.
+struct Client {
+    socket: WebSocket<TcpStream>,
+    /// Subscription and channel.
+    subscriptions: Vec<(u32, u64)>,
+    /// Messages that it was too slow for.
+    left_out: u64,
+}
+
+impl Client {
+    /// Says something, now or as soon as the socket takes it; left out if too much waits already.
+    fn say(&mut self, message: Message) -> Result<(), Error> {
+        match self.socket.write(message) {
+            Err(Error::Io(error)) if error.kind() == ErrorKind::WouldBlock => Ok(()),
+            Err(Error::WriteBufferFull(_)) => {
+                self.left_out += 1;
+                Ok(())
+            }
+            other => other,
+        }
+    }
+
+    fn flush(&mut self) -> Result<(), Error> {
+        match self.socket.flush() {
+            Err(Error::Io(error)) if error.kind() == ErrorKind::WouldBlock => Ok(()),
+            other => other,
+        }
+    }
+
+    /// Hears what the client wants.
+    fn listen(&mut self, hub: &Hub) -> Result<(), Error> {
+        loop {
+            let text = match self.socket.read() {
+                Ok(Message::Text(text)) => text,
+                Ok(_) => continue,
+                Err(Error::Io(error)) if error.kind() == ErrorKind::WouldBlock => return Ok(()),
+                Err(error) => return Err(error),
+            };
+            match asked(&text) {
+                Asked::Subscribe(wanted) => self.subscribe(wanted, hub)?,
+                Asked::Unsubscribe(ids) => {
+                    self.subscriptions.retain(|(id, _)| !ids.contains(id));
+                }
+                Asked::Other(what) => self.say(message::refused(&what).into())?,
+            }
+        }
+    }
+
+    fn subscribe(&mut self, wanted: Vec<(u32, u64)>, hub: &Hub) -> Result<(), Error> {
+        for (id, channel) in wanted {
+            let is_new = self.subscriptions.iter().all(|(known, _)| *known != id);
+            if is_new && hub.channels().is_some() && message::is_channel(channel) {
+                self.subscriptions.push((id, channel));
+            } else {
+                let what = format!("subscription {id} of channel {channel}");
+                self.say(message::refused(&what).into())?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Passes on what comes, until there is nothing for a moment. Whether nothing will come any more.
+    fn pass_on(&mut self, queue: &Receiver<Arc<Data>>) -> Result<bool, Error> {
+        let mut next = match queue.recv_timeout(LISTEN) {
+            Ok(data) => Some(data),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => return Ok(true),
+        };
+        // Not for ever: a client must be heard too.
+        let mut left = WAITING;
+        while let Some(data) = next {
+            for at in 0..self.subscriptions.len() {
+                let (id, channel) = self.subscriptions[at];
+                if channel == data.channel {
+                    self.say(message::data(id, &data).into())?;
+                }
+            }
+            left -= 1;
+            next = if left > 0 {
+                queue.try_recv().ok()
+            } else {
+                None
+            };
+        }
+        Ok(false)
+    }
+
+    /// Tells the end, and waits for a while until it is heard.
+    fn part(&mut self, hub: &Hub) -> Result<(), Error> {
+        self.say(message::ended(&hub.last_word()).into())?;
+        let _ = self.socket.close(None); // what cannot be said now is flushed below
+        let since = Instant::now();
+        while since.elapsed() < END_LIMIT {
+            self.flush()?;
+            self.listen(hub)?;
+            std::thread::sleep(LISTEN);
+        }
+        Ok(())
+    }
+}

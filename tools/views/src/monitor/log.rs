@@ -1,0 +1,142 @@
+//! Log of the watched session: every event of its run, once and in its order.
+//!
+//! The stream tells an event at once, but only from when the observer joined on, and loses some to an observer
+//! that is too slow. The [account](hil_facts::session::happening) of the recorder has all of them, some time later or
+//! sooner than the stream. Where the two differ the account is right.
+
+use hil_facts::session::happening::Happening;
+
+/// Events of a run, from the stream and from the account.
+#[derive(Debug, Default)]
+pub struct Log {
+    /// The account as far as it was told, then what only the stream has told.
+    list: Vec<Happening>,
+    known: usize,
+    /// Place in the account behind the last event that the stream has told too.
+    seen: usize,
+    edition: u32,
+}
+
+impl Log {
+    /// All events, in their order.
+    #[must_use]
+    pub fn list(&self) -> &[Happening] {
+        &self.list
+    }
+
+    /// Number of events that the account has told.
+    #[must_use]
+    pub(crate) const fn known(&self) -> usize {
+        self.known
+    }
+
+    /// Number of times that an event came before one that was there: who knows the list knows another one.
+    #[must_use]
+    pub(crate) const fn edition(&self) -> u32 {
+        self.edition
+    }
+
+    /// Takes an event of the stream.
+    pub(crate) fn see(&mut self, happening: Happening) {
+        let ahead = &self.list[self.seen..self.known];
+        match ahead.iter().position(|told| *told == happening) {
+            Some(place) => self.seen += place + 1,
+            None => self.list.push(happening),
+        }
+    }
+
+    /// Takes what the account tells after the events that it has told.
+    pub(crate) fn hear(&mut self, account: Vec<Happening>) {
+        let begin = self.known;
+        let seen = self.list.split_off(begin);
+        let (mut place, mut covered) = (0, 0);
+        for (number, one) in seen.iter().enumerate() {
+            if let Some(skipped) = account[place..].iter().position(|told| told == one) {
+                place += skipped + 1;
+                covered = number + 1;
+            }
+        }
+        self.known += account.len();
+        if covered > 0 {
+            self.seen = begin + place;
+        }
+        self.list.extend(account);
+        self.list.extend_from_slice(&seen[covered..]);
+        if !self.list[begin..].starts_with(&seen) {
+            self.edition += 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn event(step: u64) -> Happening {
+        Happening {
+            step,
+            text: format!("mark at step {step}"),
+            label: None,
+            key: None,
+        }
+    }
+
+    fn steps(log: &Log) -> Vec<u64> {
+        log.list().iter().map(|one| one.step).collect()
+    }
+
+    #[test]
+    fn an_event_that_stream_and_account_tell_is_there_once() {
+        for stream_is_first in [true, false] {
+            let mut log = Log::default();
+            for step in [3, 3, 5] {
+                if stream_is_first {
+                    log.see(event(step));
+                    log.hear(vec![event(step)]);
+                } else {
+                    log.hear(vec![event(step)]);
+                    log.see(event(step));
+                }
+            }
+            assert_eq!((steps(&log), log.known()), (vec![3, 3, 5], 3));
+            assert_eq!(log.edition(), 0, "nobody has to begin anew");
+        }
+    }
+
+    #[test]
+    fn the_account_tells_what_was_before_the_observer_joined() {
+        let mut log = Log::default();
+        log.see(event(40));
+        log.see(event(50));
+        log.hear(vec![event(10), event(20), event(40)]);
+        assert_eq!((steps(&log), log.edition()), (vec![10, 20, 40, 50], 1));
+        log.hear(vec![event(50), event(60)]);
+        log.see(event(60));
+        log.see(event(70));
+        assert_eq!(
+            (steps(&log), log.edition()),
+            (vec![10, 20, 40, 50, 60, 70], 1)
+        );
+    }
+
+    #[test]
+    fn what_the_stream_lost_comes_to_its_place() {
+        let mut log = Log::default();
+        log.see(event(1));
+        log.see(event(4));
+        log.hear((1..=4).map(event).collect());
+        assert_eq!((steps(&log), log.edition()), (vec![1, 2, 3, 4], 1));
+    }
+
+    #[test]
+    fn an_account_in_parts_is_the_same_as_a_whole_one() {
+        let mut log = Log::default();
+        (0..10).for_each(|step| log.see(event(step)));
+        for part in [0..3, 3..4, 4..10] {
+            log.hear(part.map(event).collect());
+        }
+        log.hear(Vec::new());
+        assert_eq!((steps(&log), log.edition()), ((0..10).collect(), 0));
+        assert_eq!(log.known(), 10);
+    }
+}

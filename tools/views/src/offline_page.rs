@@ -1,0 +1,62 @@
+//! A page that shows results without a server or a network: the frame of every report.
+//!
+//! Texts, scripts and data stand in the one file. Filled by reports; knows nothing of runs or campaigns.
+
+use hil_console::terminal::exit::Failure;
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use serde::Serialize;
+
+/// Nothing is loaded, nothing is sent.
+const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'";
+/// Style of every report.
+const STYLE: &str = include_str!("report/assets/report.css");
+
+/// Page of results that read without a script.
+pub struct OfflinePage<'a, D> {
+    pub title: &'a str,
+    /// Styles besides those of every report: earlier and later ones.
+    pub styles: [&'a str; 2],
+    /// Everything between the link to the plots and the footer.
+    pub body: Markup,
+    /// Other people's work on the page.
+    pub credit: Option<&'a str>,
+    /// Data for the scripts.
+    pub data: &'a D,
+    pub scripts: &'a [&'a str],
+}
+
+impl<D: Serialize> OfflinePage<'_, D> {
+    /// Writes the whole page.
+    pub fn write(&self) -> Result<String, Failure> {
+        // No text in it can end the element.
+        let json = serde_json::to_string(self.data)
+            .map_err(Failure::infrastructure)?
+            .replace('<', "\\u003c");
+        let [before, after] = self.styles;
+        let page = html! {
+            (DOCTYPE)
+            html lang="en" {
+                head {
+                    meta charset="utf-8";
+                    meta name="viewport" content="width=device-width, initial-scale=1";
+                    meta http-equiv="Content-Security-Policy" content=(POLICY);
+                    meta name="generator" content=(concat!("hil ", env!("CARGO_PKG_VERSION")));
+                    title { (self.title) }
+                    style { (PreEscaped(before)) (PreEscaped(STYLE)) (PreEscaped(after)) }
+                }
+                body {
+                    a.skip href="#plots" { "Skip to the plots" }
+                    (self.body)
+                    footer { p {
+                        "Made by hil " (env!("CARGO_PKG_VERSION")) ", commit " (hil_facts::programs::own::commit()) "."
+                        @if let Some(credit) = self.credit { " " (credit) }
+                    } }
+                    p #status .visually-hidden role="status" aria-live="polite" {}
+                    script #data type="application/json" { (PreEscaped(json)) }
+                    @for script in self.scripts { script { (PreEscaped(script)) } }
+                }
+            }
+        };
+        Ok(page.into_string())
+    }
+}

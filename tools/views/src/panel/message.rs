@@ -1,0 +1,296 @@
+//! Messages between a page and its server: JSON one way and the other, and points as bytes.
+//!
+//! Nothing of a page is believed: what is no message of this list is refused, and numbers are bounded before they
+//! are used. Points of a signal are the least and the greatest value of equal stretches of time, so that no spike
+//! is lost however few there are.
+
+use serde::Deserialize;
+use serde_json::{Value, json};
+use shared_types::live::{ChangeRequest, Request};
+use shared_types::time::Rate;
+
+use crate::monitor::history::Range;
+use crate::monitor::line;
+use crate::monitor::log::Log;
+use crate::monitor::model::Model;
+
+/// Longest message of a page.
+pub const LONGEST: usize = 16 << 10;
+/// Most stretches of time that a page is sent at a time; a window has half of them at least.
+const STRETCHES: u64 = 800;
+/// Most events in a message.
+const EVENTS: usize = 1000;
+/// Shortest and longest window of a page in s.
+const WINDOWS_S: [f64; 2] = [1e-6, 1e6];
+/// First byte of points.
+const POINTS: u64 = 1;
+
+/// First message of a page.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Greeting {
+    /// Secret of the address.
+    pub secret: String,
+}
+
+/// Wish of a page.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(tag = "ask", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Wish {
+    /// Another width of the time axis.
+    View {
+        /// Number of the view, which its points have.
+        number: u32,
+        /// Width in simulated time.
+        window_s: f64,
+    },
+    /// Word that points have come.
+    Seen {
+        /// Number of the points.
+        number: u32,
+    },
+    /// Something that the session is to do.
+    Do {
+        /// Number, for the answer.
+        number: u32,
+        /// Deed.
+        deed: Deed,
+    },
+}
+
+/// Something that a session is to do.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(tag = "deed", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Deed {
+    /// Hold before the next step.
+    Pause {},
+    /// Go on.
+    Resume {},
+    /// Execute some steps, then hold.
+    Step {
+        /// Number of steps.
+        steps: u64,
+    },
+    /// Put a note.
+    Mark {
+        /// Text of the note.
+        text: String,
+    },
+    /// Change values.
+    Set {
+        /// Values, and when they begin.
+        change: ChangeRequest,
+    },
+    /// Put in a fault.
+    Inject {
+        /// Words as `hil inject` takes them.
+        words: String,
+    },
+    /// End faults.
+    Clear {
+        /// Number of the fault; all if `None`.
+        fault: Option<u32>,
+    },
+}
+
+impl Deed {
+    /// The request that it makes of the plant; `None` of a fault, whose words are read first.
+    #[must_use]
+    pub fn request(&self) -> Option<Request> {
+        Some(match self {
+            Self::Pause {} => Request::Pause,
+            Self::Resume {} => Request::Resume,
+            Self::Step { steps } => Request::Advance { steps: *steps },
+            Self::Mark { text } => Request::Mark { text: text.clone() },
+            Self::Clear { fault } => Request::Clear { id: *fault },
+            Self::Set { change } => Request::Set(change.clone()),
+            Self::Inject { .. } => return None,
+        })
+    }
+}
+
+/// Reads a message of a page.
+///
+/// # Errors
+/// If it is none.
+pub fn wish(text: &str) -> Result<Wish, String> {
+    let wish = serde_json::from_str(text).map_err(|error| format!("no message: {error}"))?;
+    match wish {
+        Wish::View { window_s, .. } if !(WINDOWS_S[0]..=WINDOWS_S[1]).contains(&window_s) => {
+            Err("no window of time".into())
+        }
+        wish => Ok(wish),
+    }
+}
+
+/// Word on what became of a deed.
+pub(super) fn answer(number: u32, met: &Result<String, String>) -> String {
+    let (is_done, text) = match met {
+        Ok(text) => (true, text),
+        Err(text) => (false, text),
+    };
+    json!({ "tell": "answer", "number": number, "is_done": is_done, "text": text }).to_string()
+}
+
+/// Last word to a page.
+pub(super) fn over(text: &str) -> String {
+    json!({ "tell": "over", "text": text }).to_string()
+}
+
+/// Events that a page was not sent; `None` if it has all. `sent` is the edition of the log and how much of it was
+/// sent.
+pub(super) fn log(log: &Log, sent: &mut (u32, usize)) -> Option<Value> {
+    let edition = log.edition();
+    let (of, from) = *sent;
+    let from = if of == edition { from } else { 0 };
+    let rest = &log.list()[from..];
+    let events = &rest[..rest.len().min(EVENTS)];
+    *sent = (edition, from + events.len());
+    (!events.is_empty())
+        .then(|| json!({ "tell": "log", "edition": edition, "from": from, "events": events }))
+}
+
+/// State of the session, apart from its signals and its log.
+pub(super) fn state(model: &Model, now_ns: u64) -> Value {
+    let mut state = line::json(model, now_ns);
+    state["tell"] = "state".into();
+    state["signals"] = Value::Null; // they come as points
+    state["law"] = model.law().into();
+    state["told"] = json!(model.ending().map(|ending| line::ended(model, ending)));
+    state
+}
+
+/// Stretches of time that a page looks at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct View {
+    number: u32,
+    /// Length of a stretch in steps, as a power of two.
+    shift: u32,
+    /// The first stretch that was not sent whole.
+    next: u64,
+}
+
+impl View {
+    /// A window of time of which nothing was sent.
+    pub(super) fn new(number: u32, window_s: f64, rate: Rate) -> Self {
+        let steps = rate.step_at_or_after(window_s).0;
+        let shift = (0..u64::BITS - 11).find(|shift| steps >> shift < STRETCHES);
+        Self {
+            number,
+            shift: shift.unwrap_or(0),
+            next: 0,
+        }
+    }
+
+    /// Points of a model from the last ones on, or of as much as a page shows; `None` if there are no new ones.
+    pub(super) fn points(&mut self, model: &Model, number: u32) -> Option<Vec<u8>> {
+        let newest = model.seen()?;
+        let last = newest >> self.shift;
+        let earliest = last.saturating_sub(STRETCHES);
+        let first = if self.next < earliest {
+            earliest
+        } else {
+            self.next
+        };
+        let count = (last + 1).checked_sub(first)?;
+        // The stretch that may still grow is sent again.
+        self.next = last;
+        let signals = model.histories().count();
+        let words = 7 + signals + signals * count as usize;
+        let mut bytes = Vec::with_capacity(8 * words);
+        let kind = POINTS | (u64::from(self.number) << 32);
+        bytes.extend(kind.to_le_bytes());
+        bytes.extend(u64::from(number).to_le_bytes());
+        for number in [newest, first, count, 1 << self.shift, signals as u64] {
+            bytes.extend((number as f64).to_le_bytes());
+        }
+        for (value, _) in model.histories() {
+            bytes.extend(value.to_le_bytes());
+        }
+        for (_, history) in model.histories() {
+            for range in history.stretches(first, count, self.shift) {
+                let Range { min, max } = range.unwrap_or(Range::of(f64::NAN));
+                bytes.extend((min as f32).to_le_bytes());
+                bytes.extend((max as f32).to_le_bytes());
+            }
+        }
+        Some(bytes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hil_facts::session::happening::Happening;
+
+    #[test]
+    fn what_a_page_may_say_is_a_short_list() {
+        for text in [
+            r#"{"ask":"view","number":1,"window_s":5}"#,
+            r#"{"ask":"seen","number":7}"#,
+            r#"{"ask":"do","number":1,"deed":{"deed":"pause"}}"#,
+            r#"{"ask":"do","number":2,"deed":{"deed":"clear","fault":null}}"#,
+            r#"{"ask":"do","number":2,"deed":{"deed":"set","change":{"set":[{"key":"plant.parameters.mass_kg","value":1.2}],"ramp_s":0.5}}}"#,
+            r#"{"ask":"do","number":2,"deed":{"deed":"set","change":{"set":[{"key":"controller.pid.command_limit_n","value":"inf"}]}}}"#,
+            r#"{"ask":"do","number":2,"deed":{"deed":"set","change":{"clear":["reference.position_m"]}}}"#,
+            r#"{"ask":"do","number":3,"deed":{"deed":"inject","words":"bias measured.x_m 1"}}"#,
+        ] {
+            wish(text).expect(text);
+        }
+        for text in [
+            "",
+            "null",
+            r#"{"ask":"view","number":1,"window_s":1e9}"#,
+            r#"{"ask":"view","number":-1,"window_s":5}"#,
+            r#"{"ask":"do","number":1,"deed":{"deed":"swap"}}"#,
+            r#"{"ask":"do","number":1,"deed":{"deed":"set","change":{"set":{"plant.parameters.mass_kg":1.2}}}}"#,
+            r#"{"ask":"do","number":1,"deed":{"deed":"set","change":{"set":[],"file":"x"}}}"#,
+            r#"{"ask":"do","number":1,"deed":{"deed":"pause","at":3}}"#,
+            r#"{"ask":"run","program":"sh"}"#,
+        ] {
+            wish(text).expect_err(text);
+        }
+    }
+
+    #[test]
+    fn a_log_is_sent_in_parts_and_anew_when_it_has_another_begin() {
+        let mark = |step| Happening {
+            step,
+            text: format!("mark at step {step}"),
+            label: None,
+            key: None,
+        };
+        let mut log = Log::default();
+        let mut sent = (0, 0);
+        assert_eq!(super::log(&log, &mut sent), None);
+        (10..12 + EVENTS as u64)
+            .map(mark)
+            .for_each(|one| log.see(one));
+        for (from, first, count) in [(0, 10, EVENTS), (EVENTS, 10 + EVENTS, 2)] {
+            let told = super::log(&log, &mut sent).expect("a part");
+            assert_eq!(told["from"], from);
+            assert_eq!(told["events"][0]["step"], first);
+            assert_eq!(told["events"].as_array().map(Vec::len), Some(count));
+        }
+        assert_eq!(super::log(&log, &mut sent), None);
+        log.hear(vec![mark(3)]);
+        let told = super::log(&log, &mut sent).expect("all of it");
+        assert_eq!((&told["edition"], &told["from"]), (&json!(1), &json!(0)));
+        assert_eq!(told["events"][0]["step"], 3);
+    }
+
+    #[test]
+    fn a_window_has_between_half_and_all_of_the_stretches() {
+        let rate = Rate::new(10_000.0).expect("a rate");
+        for window_s in [0.2, 1.0, 5.0, 30.0, 3600.0, 86_400.0] {
+            let view = View::new(0, window_s, rate);
+            let stretches = (window_s * 10_000.0) as u64 >> view.shift;
+            assert!(
+                (STRETCHES / 2..STRETCHES).contains(&stretches),
+                "{window_s}: {stretches}"
+            );
+        }
+        assert_eq!(View::new(0, 1e-3, rate).shift, 0, "a step is the least");
+        View::new(0, WINDOWS_S[1], Rate::new(Rate::MAX_HZ).expect("a rate"));
+    }
+}

@@ -1,0 +1,198 @@
+//! The page and what goes with it: answers as bytes, with the rules that the browser is to keep.
+//!
+//! The page holds nothing of the run: everything comes through the WebSocket, to whoever knows the secret. All of it
+//! is one document, so that there is nothing else to be asked for.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use super::request::Refused;
+use crate::report::page::{AXIS, UPLOT, UPLOT_STYLE};
+
+const SCRIPT: &str = include_str!("assets/panel.js");
+const STYLE: &str = include_str!("assets/panel.css");
+/// Headers of every answer that is no WebSocket.
+const HEADERS: &str = "Cache-Control: no-store\r\nReferrer-Policy: no-referrer\r\nX-Content-Type-Options: nosniff\r\nCross-Origin-Opener-Policy: same-origin\r\nCross-Origin-Resource-Policy: same-origin\r\nConnection: close\r\n";
+
+/// Rules of the page: its own script and style, by a number that nobody can guess, and its own WebSocket.
+fn policy(host: &str, nonce: &str) -> String {
+    format!(
+        "default-src 'none'; script-src 'nonce-{nonce}'; style-src 'nonce-{nonce}'; connect-src ws://{host}; img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    )
+}
+
+/// The page as an answer.
+pub(super) fn response(host: &str, nonce: &str, wants_body: bool) -> Vec<u8> {
+    let page = page(nonce);
+    let policy = policy(host, nonce);
+    let length = page.len();
+    let body = if wants_body { &*page } else { "" };
+    format!(
+        "HTTP/1.1 200 OK\r\nContent-Type: text/html; charset=utf-8\r\nContent-Length: {length}\r\nContent-Security-Policy: {policy}\r\n{HEADERS}\r\n{body}"
+    )
+    .into_bytes()
+}
+
+/// A refusal as an answer.
+pub(super) fn refusal(refused: Refused) -> Vec<u8> {
+    let Refused { status, reason } = refused;
+    let length = reason.len() + 1;
+    format!(
+        "HTTP/1.1 {status}\r\nContent-Type: text/plain; charset=utf-8\r\nContent-Length: {length}\r\n{HEADERS}\r\n{reason}\n"
+    )
+    .into_bytes()
+}
+
+/// The answer after which the connection is a WebSocket.
+pub(super) fn switched(accept: &str) -> Vec<u8> {
+    format!(
+        "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Accept: {accept}\r\n\r\n"
+    )
+    .into_bytes()
+}
+
+fn page(nonce: &str) -> String {
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { "hil panel" }
+                link rel="icon" href="data:,";
+                style nonce=(nonce) { (PreEscaped(UPLOT_STYLE)) (PreEscaped(STYLE)) }
+            }
+            body {
+                a.skip href="#plots" { "Skip to the plots" }
+                (head())
+                main {
+                    section #plots aria-label="Plots" { p.hint #wait { "Waiting for the session." } }
+                    aside #aside aria-label="Session" {
+                        (readings())
+                        (requirements())
+                        (tune())
+                        (faults())
+                        (inject())
+                        (log())
+                    }
+                }
+                noscript { p.note { "The panel needs a browser with JavaScript." } }
+                p #status .visually-hidden role="status" aria-live="polite" {}
+                p #armed role="alert" hidden {
+                    "Inject " code #armed-words {} "?" br;
+                    kbd { "y" } " injects it, any other key does not."
+                }
+                script nonce=(nonce) { (PreEscaped(UPLOT)) }
+                script nonce=(nonce) { (PreEscaped(AXIS)) }
+                script nonce=(nonce) { (PreEscaped(SCRIPT)) }
+            }
+        }
+    };
+    page.into_string()
+}
+
+fn head() -> Markup {
+    html! {
+        header.bar {
+            div.line {
+                div.title {
+                    span #state .badge { "connecting" }
+                    h1 #scenario { "hil panel" }
+                    span #session .hint {}
+                }
+                div.progress {
+                    progress #progress max="1" value="0" aria-label="Progress of the run" {}
+                    span #time .n {}
+                    span #speed .n.hint {}
+                }
+            }
+            div.line {
+                div.controls.clock role="toolbar" aria-label="Clock" {
+                    button #pause type="button" title="Space" disabled { "Pause" }
+                    button #step type="button" title="s" disabled { "Step" }
+                    button #steps type="button" title="S" disabled { "100 steps" }
+                }
+                div.controls.view role="toolbar" aria-label="Note and view" {
+                    form #mark-form {
+                        label.visually-hidden for="mark" { "Note at this step" }
+                        input #mark type="text" maxlength="400" placeholder="Note at this step" title="m" autocomplete="off";
+                        button type="submit" { "Mark" }
+                    }
+                    label { "Window " select #window title="+ and -" {} }
+                    a #to-aside href="#aside" { "Values" }
+                    button #theme type="button" aria-pressed="false" { "Dark" }
+                    details.keys {
+                        summary { "Keys" }
+                        div {
+                            kbd { "Space" } " pause, resume; " kbd { "s" } " one step, " kbd { "S" } " 100 steps; " kbd { "m" } " mark; "
+                            kbd { "f" } " fault; " kbd { "t" } " tune; " kbd { "+" } " " kbd { "-" } " window; "
+                            kbd { "1" } " to " kbd { "9" } ", then " kbd { "y" } ", prepared faults. "
+                            "Point at a plot for its values."
+                        }
+                    }
+                }
+            }
+            p #trouble .note role="alert" hidden {}
+        }
+    }
+}
+
+fn readings() -> Markup {
+    html! { section #readings-box { h2 #readings-title { "Readings" } dl #readings {} } }
+}
+
+fn requirements() -> Markup {
+    html! {
+        section #requirements-box hidden {
+            h2 { "Requirements" }
+            table { thead { tr { th scope="col" { "" } th scope="col" { "name" } th.n scope="col" { "margin" } } } tbody #requirements {} }
+        }
+    }
+}
+
+fn tune() -> Markup {
+    html! {
+        section #tune-box hidden {
+            h2 { "Tune" }
+            div #knobs {}
+            div.field { label for="tune-ramp" { "Ramp [s]" } input #tune-ramp inputmode="decimal" placeholder="at once" autocomplete="off"; }
+            p #law-does .hint {}
+        }
+    }
+}
+
+fn faults() -> Markup {
+    html! {
+        section #faults-box {
+            h2 { "Faults" }
+            ul #faults {}
+            p #no-faults .hint { "None acts or waits." }
+            button #clear-all type="button" hidden { "End all" }
+        }
+    }
+}
+
+fn inject() -> Markup {
+    html! {
+        section #inject-box hidden {
+            h2 { "Inject" }
+            div #buttons .row {}
+            form #inject {
+                div.field { label for="kind" { "Kind" } select #kind {} }
+                p #kind-says .hint {}
+                div.field #target-field { label for="target" { "Target" } select #target {} }
+                div #parameters {}
+                details {
+                    summary { "When, and for how long" }
+                    div.field { label for="duration" { "Duration [s]" } input #duration inputmode="decimal" placeholder="until it is ended"; }
+                    div.field { label for="ramp" { "Ramp [s]" } input #ramp inputmode="decimal" placeholder="at once"; }
+                    div.field { label for="when" { "When" } input #when placeholder="abs(truth.x) > 0.1"; }
+                }
+                div.row { button type="submit" .strong { "Inject" } code #words {} }
+            }
+        }
+    }
+}
+
+fn log() -> Markup {
+    html! { section { h2 { "Log" } ol #log {} p #more-log .hint hidden {} p #no-log .hint { "Nothing yet." } } }
+}

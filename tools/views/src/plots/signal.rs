@@ -1,0 +1,314 @@
+//! Names of signals, taken apart: group, words, numbers and unit, and the titles and labels made of them.
+
+use hil_config::expression::Group;
+use shared_types::number::unit_shown;
+
+use super::Plot;
+use hil_recording::reader::Column;
+use hil_recording::schema::column_name;
+
+/// Longest list of names that is a title, and longest name beside a curve.
+const SHORT: usize = 16;
+
+/// A signal that can be plotted.
+#[derive(Clone, Copy)]
+pub(super) struct Signal<'a> {
+    /// Whole name, for example `truth.force_fight_n`.
+    pub(super) column: &'a str,
+    /// Empty for derived signals, and for times.
+    pub(super) group: &'a str,
+    pub(super) name: &'a str,
+    pub(super) unit: &'a str,
+}
+
+impl<'a> Signal<'a> {
+    pub(super) fn of(column: &'a Column) -> Self {
+        Self::new(&column.name, &column.unit)
+    }
+
+    fn new(column: &'a str, unit: &'a str) -> Self {
+        let (group, name) = apart(column).unwrap_or(("", column));
+        Self {
+            column,
+            group,
+            name,
+            unit,
+        }
+    }
+
+    /// Splits the unit off the end of the name.
+    fn stem(&self) -> (&'a str, &'a str) {
+        let words = self.name.match_indices('_').map(|(place, _)| place);
+        let unit = words
+            .filter(|place| spells(&self.name[place + 1..], self.unit))
+            .min();
+        self.name.split_at(unit.unwrap_or(self.name.len()))
+    }
+
+    /// The name with `*` for each number that is none of the unit.
+    pub(super) fn family(&self) -> String {
+        let (stem, unit) = self.stem();
+        let mut family = String::new();
+        for character in stem.chars() {
+            if !character.is_ascii_digit() {
+                family.push(character);
+            } else if !family.ends_with('*') {
+                family.push('*');
+            }
+        }
+        family + unit
+    }
+
+    /// Numbers in the name that are none of the unit.
+    fn numbers(&self) -> Vec<&'a str> {
+        let parts = self.stem().0.split(|c: char| !c.is_ascii_digit());
+        parts.filter(|part| !part.is_empty()).collect()
+    }
+
+    /// Words of the name without numbers.
+    pub(super) fn words(&self) -> impl Iterator<Item = &'a str> {
+        let words = self.stem().0.split('_');
+        words.map(|word| word.trim_end_matches(|c: char| c.is_ascii_digit()))
+    }
+
+    /// Reports a signal of the same unit that has a word in common.
+    pub(super) fn is_akin(&self, other: &Self) -> bool {
+        let has_unit = !unit_shown(self.unit).is_empty();
+        has_unit
+            && self.unit == other.unit
+            && self.words().any(|one| other.words().any(|w| w == one))
+    }
+
+    /// The whole name, or without its group, without the unit.
+    fn label(&self, has_group: bool) -> &'a str {
+        let from = match has_group {
+            true => self.column,
+            false => self.name,
+        };
+        &from[..from.len() - self.stem().1.len()]
+    }
+}
+
+/// Group and name of a recorded signal; `None` for derived ones and for expressions.
+fn apart(column: &str) -> Option<(&str, &str)> {
+    let (group, name) = column.split_once('.')?;
+    let is_group = Group::ALL.iter().any(|one| one.prefix() == group);
+    let is_name = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '.');
+    (is_group && name.chars().all(is_name)).then_some((group, name))
+}
+
+/// The name of a signal in a recording, where only the group ends with a dot.
+#[must_use]
+pub fn recorded_name(name: &str) -> String {
+    match apart(name) {
+        Some((group, name)) => column_name(group, name),
+        None => name.to_owned(),
+    }
+}
+
+/// A title of signals: the part of their names that they share, `*` for the rest, or their names if
+/// those are short or share nothing.
+pub(super) fn title(signals: &[Signal<'_>]) -> String {
+    let first = &signals[0];
+    let all = |same: &dyn Fn(&Signal<'_>) -> bool| signals.iter().all(same);
+    let mut names: Vec<&str> = signals.iter().map(|one| one.name).collect();
+    names.dedup(); // twins of other groups stand beside each other
+    let names = names.join(", ");
+    let word = |one: &Signal<'_>| one.words().next().map(str::to_owned);
+    let name = if names == first.name || names.len() <= SHORT {
+        names
+    } else if all(&|one| one.family() == first.family()) {
+        first.family()
+    } else if let (true, Some(word)) = (all(&|one| word(one) == word(first)), word(first)) {
+        format!("{word}_*")
+    } else {
+        let whole: Vec<&str> = signals.iter().map(|one| one.column).collect();
+        return whole.join(", ");
+    };
+    match first.group {
+        group if !group.is_empty() && all(&|one| one.group == group) => format!("{group}.{name}"),
+        _ => name,
+    }
+}
+
+/// Labels that tell the curves of a plot apart beside its title: groups if the names are equal; names
+/// without their unit if they are short; else group and the numbers that the title's `*` stand for, if
+/// that is enough. A single curve that the title names has none.
+#[must_use]
+pub(crate) fn labels(plot: &Plot) -> Vec<String> {
+    let signals: Vec<Signal<'_>> = (plot.signals.iter())
+        .map(|column| Signal::new(column, &plot.unit))
+        .collect();
+    let [first, others @ ..] = &signals[..] else {
+        return Vec::new();
+    };
+    if others.is_empty() && first.column == plot.title {
+        return vec![String::new()];
+    }
+    let has_groups = others.is_empty() || others.iter().any(|one| one.group != first.group);
+    let is_of_family = |one: &Signal<'_>| {
+        let mut of_group = signals.iter().filter(|other| other.group == one.group);
+        of_group.all(|other| other.family() == one.family())
+    };
+    let whole: Vec<String> = (signals.iter())
+        .map(|one| one.label(has_groups).to_owned())
+        .collect();
+    let is_long = whole.iter().any(|label| label.len() > SHORT);
+    let are_twins = others.iter().all(|one| one.name == first.name);
+    let is_told = are_twins || (is_long && signals.iter().all(is_of_family));
+    if others.is_empty() || !is_told {
+        return whole;
+    }
+    let short: Vec<String> = (signals.iter())
+        .map(|one| {
+            let numbers = one.numbers().into_iter().filter(|_| !are_twins);
+            let group = has_groups.then_some(one.group);
+            let parts: Vec<&str> = group.into_iter().chain(numbers).collect();
+            parts.join(" ")
+        })
+        .collect();
+    let is_distinct = |label: &String| short.iter().filter(|one| *one == label).count() == 1;
+    match short
+        .iter()
+        .all(|label| !label.is_empty() && is_distinct(label))
+    {
+        true => short,
+        false => whole,
+    }
+}
+
+/// Reports the end of a name that says a unit: `m3ps_per_sqrt_pa` says `m3/s/sqrt(Pa)`, `nm` and `n_m`
+/// say `N m`.
+fn spells(end: &str, unit: &str) -> bool {
+    let end = end.trim_start_matches('_');
+    let Some(character) = unit.chars().next() else {
+        return end.is_empty();
+    };
+    let rest = &unit[character.len_utf8()..];
+    let after = |text: &str| end.strip_prefix(text).is_some_and(|end| spells(end, rest));
+    match character {
+        '/' => after("per") || after("p"),
+        letter if letter.is_ascii_alphanumeric() => {
+            after(letter.to_ascii_lowercase().encode_utf8(&mut [0; 4]))
+        }
+        _ => spells(end, rest),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_are_found_at_the_end_of_names() {
+        for (end, unit) in [
+            ("m3ps_per_sqrt_pa", "m3/s/sqrt(Pa)"),
+            ("radps2", "rad/s2"),
+            ("n_m_s_per_rad", "N m s/rad"),
+            ("nm", "N m"),
+        ] {
+            assert!(spells(end, unit), "{end} and {unit}");
+        }
+        assert!(!spells("angle_rad", "rad") && !spells("nm", "N"));
+        let signal = Signal::new("truth.pump2_flow_m3ps", "m3/s");
+        assert_eq!(signal.family(), "pump*_flow_m3ps");
+    }
+
+    #[test]
+    fn an_expression_has_no_group_and_no_other_name_in_a_recording() {
+        let difference = "measured.angle_rad - truth.angle_rad";
+        assert_eq!(Signal::new(difference, "rad").group, "");
+        assert_eq!(recorded_name(difference), difference);
+        assert_eq!(
+            recorded_name("parameter.pump1.leak"),
+            "parameter.pump1_leak"
+        );
+    }
+
+    #[test]
+    fn titles_and_labels_tell_curves_apart_and_say_nothing_twice() {
+        let of = |unit: &str, columns: &[&str]| {
+            let signals: Vec<_> = columns.iter().map(|one| Signal::new(one, unit)).collect();
+            let title = title(&signals);
+            let labels = labels(&Plot {
+                title: title.clone(),
+                unit: unit.into(),
+                signals: columns.iter().map(|&column| column.into()).collect(),
+                ..Plot::default()
+            });
+            (title, labels.join("|"))
+        };
+        for (unit, columns, title, labels) in [
+            (
+                "rad",
+                &["reference.surface_angle_rad", "truth.surface_angle_rad"][..],
+                "surface_angle_rad",
+                "reference|truth",
+            ),
+            (
+                "rad",
+                &["truth.surface_angle_rad"],
+                "truth.surface_angle_rad",
+                "",
+            ),
+            (
+                "Pa",
+                &[
+                    "truth.actuator1_pressure2_pa",
+                    "truth.actuator2_pressure1_pa",
+                ],
+                "truth.actuator*_pressure*_pa",
+                "1 2|2 1",
+            ),
+            (
+                "Pa",
+                &[
+                    "truth.pump1_pressure_pa",
+                    "measured.pump1_pressure_pa",
+                    "truth.pump2_pressure_pa",
+                    "measured.pump2_pressure_pa",
+                ],
+                "pump*_pressure_pa",
+                "truth 1|measured 1|truth 2|measured 2",
+            ),
+            (
+                "N",
+                &["internal.z11", "internal.z12"],
+                "internal.z11, z12",
+                "z11|z12",
+            ),
+            (
+                "1",
+                &["internal.lyapunov_v3", "internal.lyapunov_bound"],
+                "internal.lyapunov_*",
+                "lyapunov_v3|lyapunov_bound",
+            ),
+            (
+                "m",
+                &["truth.spring1_length_m", "truth.damper2_length_m"],
+                "truth.spring1_length_m, truth.damper2_length_m",
+                "spring1_length|damper2_length",
+            ),
+            (
+                "ns",
+                &["round_trip_ns", "controller_ns"],
+                "round_trip_ns, controller_ns",
+                "round_trip|controller",
+            ),
+        ] {
+            let expected = (title.to_owned(), labels.to_owned());
+            assert_eq!(of(unit, columns), expected, "{columns:?}");
+        }
+    }
+
+    #[test]
+    fn a_title_of_the_scenario_leaves_the_name_to_the_label() {
+        let plot = Plot {
+            title: "Force fight".into(),
+            unit: "N".into(),
+            signals: vec!["truth.force_fight_n".into()],
+            ..Plot::default()
+        };
+        assert_eq!(labels(&plot), ["truth.force_fight"]);
+    }
+}

@@ -1,0 +1,219 @@
+//! `hil report`: one HTML file that shows recorded runs, for eyes and for the file of evidence.
+//!
+//! 1. Each `Run` is read for what came of it: verdict, requirements, faults, latency.
+//! 2. A `Grid` of simulated time follows from that, fine where something happened.
+//! 3. Each run is read once more, its signals as envelopes over that grid.
+//! 4. `plots` chooses what to show, `page` writes it.
+//!
+//! The page asks for nothing from anywhere: its script is vendored, its policy forbids connections, and
+//! whatever a recording says is escaped. Nothing here judges: requirements come from the same code as in
+//! the run.
+
+mod data;
+mod envelope;
+mod grid;
+mod label;
+pub(crate) mod page;
+mod plots;
+mod run;
+mod tables;
+
+use std::path::Path;
+use std::thread;
+use std::time::Duration;
+
+use glob::Pattern;
+use hil_console::files::destination::Destination;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::interruption::Interruption;
+use hil_console::terminal::output;
+use serde::Serialize;
+use shared_types::table::near;
+
+use crate::arguments::report::ReportArguments;
+use crate::export::deliver;
+use crate::plots::bounds::bounds;
+use grid::Grid;
+use plots::plots;
+use run::{Run, Signals};
+
+/// Interval between two looks for a signal.
+const LOOK: Duration = Duration::from_millis(5);
+/// Most runs of one report: more colours are not told apart.
+const MOST_RUNS: usize = 8;
+
+/// Summary of the written page.
+#[derive(Debug, Serialize)]
+struct Written {
+    file: String,
+    runs: Vec<String>,
+    plots: usize,
+    signals: usize,
+    bytes: usize,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// If a run cannot be read, has no signal that is asked for, or the file cannot be written; with a page
+/// of what there is, if a run is damaged.
+pub fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
+    let path = Some(arguments.output.as_path()).filter(|path| *path != Path::new("-"));
+    if arguments.json && path.is_none() {
+        return Err(Failure::usage(
+            "--json goes to standard output, where the report goes too; name a file with -o",
+        ));
+    }
+    let interruption = Interruption::listen()?;
+    // A file that cannot be written is told before the work.
+    let destination = Destination::open(path, arguments.force)?;
+    let (text, mut written, damage) = made_unless(&interruption, arguments)?;
+    deliver(&text, destination, path)?;
+    written.file = arguments.output.display().to_string();
+    if arguments.json {
+        output::write(&output::pretty(&written)?)?;
+    } else if path.is_some() {
+        let Written {
+            file,
+            plots,
+            signals,
+            bytes,
+            ..
+        } = &written;
+        let size = *bytes as f64 / 1e6;
+        output::write(&format!(
+            "{file}: {plots} plots, {signals} signals to choose from, {size:.1} MB\n"
+        ))?;
+    }
+    // The page is there: it shows what can be had of the run.
+    damage.map_or(Ok(Exit::Pass), Err)
+}
+
+/// The page and what is in it, unless a signal comes: then what was begun for it is taken back here, and
+/// the work goes on until the process has ended.
+fn made_unless(
+    interruption: &Interruption,
+    arguments: &ReportArguments,
+) -> Result<(String, Written, Option<Failure>), Failure> {
+    let arguments = arguments.clone();
+    let work = thread::spawn(move || made(&arguments));
+    while !work.is_finished() {
+        interruption.check()?;
+        thread::sleep(LOOK);
+    }
+    match work.join() {
+        Ok(made) => made,
+        Err(panic) => std::panic::resume_unwind(panic),
+    }
+}
+
+/// The page, what is in it, and what is damaged of its runs.
+fn made(arguments: &ReportArguments) -> Result<(String, Written, Option<Failure>), Failure> {
+    let number = arguments.runs.len();
+    if number > MOST_RUNS {
+        return Err(Failure::usage(format!(
+            "{number} runs are too many to tell apart in one plot; a report shows at most {MOST_RUNS}"
+        )));
+    }
+    let asked: Vec<Pattern> = (arguments.signal.iter())
+        .map(|text| {
+            Pattern::new(text)
+                .map_err(|error| Failure::usage(format!("--signal `{text}`: {error}")))
+        })
+        .collect::<Result<_, _>>()?;
+    let by = arguments.scenario.as_deref();
+    let mut runs = side_by_side(&arguments.runs, |path| Run::of(path, by))?;
+    label::label(&mut runs);
+    let (mut all_bounds, mut extra) = (Vec::new(), Vec::new());
+    for run in &runs {
+        let compared = run.plan().map(|plan| bounds(plan, run.end_s()));
+        let (bounds, computed) = compared.unwrap_or_default();
+        all_bounds.push(bounds);
+        extra.push(computed);
+    }
+    let grid = grid(&runs);
+    let readings: Vec<_> = (runs.iter().zip(&extra))
+        .map(|(run, extra)| run.reading(extra))
+        .collect();
+    let signals = side_by_side(&readings, |reading| {
+        reading.signals(&grid).map_err(Failure::usage)
+    })?;
+    refuse_unknown(&asked, &signals)?;
+    let plots = plots(&runs, &signals, all_bounds, &grid, &asked);
+    let data = data::Data::new(&runs, &signals, &grid, &plots);
+    let written = Written {
+        file: String::new(),
+        runs: runs
+            .iter()
+            .map(|run| run.path.display().to_string())
+            .collect(),
+        plots: plots.len(),
+        signals: data.signals(),
+        bytes: 0,
+    };
+    let text = page::page(&runs, &plots, &data)?;
+    let bytes = text.len();
+    let read = runs.iter().filter(|run| run.outcome.damage.is_none());
+    let caveats = read.filter_map(|run| run.outcome.reader.caveat());
+    caveats.for_each(|caveat| tell!("note: {caveat}"));
+    let damages = runs.iter().filter_map(|run| run.outcome.damage.as_ref());
+    let damages: Vec<String> = damages.map(ToString::to_string).collect();
+    let damage = (!damages.is_empty()).then(|| Failure::usage(damages.join("\nerror: ")));
+    Ok((text, Written { bytes, ..written }, damage))
+}
+
+/// The grid that suits all runs: of the longest at the highest rate, fine where any has something.
+fn grid(runs: &[Run]) -> Grid {
+    let by_rate = |a: &&Run, b: &&Run| a.rate.hz().total_cmp(&b.rate.hz());
+    let by_end = |a: &&Run, b: &&Run| a.end_s().total_cmp(&b.end_s());
+    let fastest = runs.iter().max_by(by_rate).expect("at least one run");
+    let longest = runs.iter().max_by(by_end).expect("at least one run");
+    // The most interesting of each run before the next of any.
+    let mut lists: Vec<_> = runs.iter().map(|run| run.times_ns().into_iter()).collect();
+    let mut times_ns = Vec::new();
+    loop {
+        let round: Vec<u64> = lists.iter_mut().filter_map(Iterator::next).collect();
+        if round.is_empty() {
+            break;
+        }
+        times_ns.extend(round);
+    }
+    let last = fastest.rate.step_at_or_after(longest.end_s());
+    Grid::new(fastest.rate, last, &times_ns)
+}
+
+/// Refuses patterns that no signal of any run has.
+fn refuse_unknown(asked: &[Pattern], signals: &[Signals]) -> Result<(), Failure> {
+    let names = || {
+        signals
+            .iter()
+            .flat_map(Signals::iter)
+            .map(|(name, ..)| name)
+    };
+    for pattern in asked {
+        if !names().any(|name| pattern.matches(name)) {
+            let near = near(pattern.as_str(), names());
+            return Err(Failure::usage(format!(
+                "no run has a signal `{pattern}`{near}\n  `hil export RUN --list` shows all"
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Does something with each, all at once; the first failure counts.
+fn side_by_side<T: Sync, U: Send>(
+    items: &[T],
+    work: impl Fn(&T) -> Result<U, Failure> + Sync,
+) -> Result<Vec<U>, Failure> {
+    thread::scope(|scope| {
+        let threads: Vec<_> = (items.iter())
+            .map(|item| scope.spawn(|| work(item)))
+            .collect();
+        let results = threads.into_iter().map(|thread| match thread.join() {
+            Ok(result) => result,
+            Err(panic) => std::panic::resume_unwind(panic),
+        });
+        results.collect()
+    })
+}

@@ -1,0 +1,213 @@
+//! Data for the script of a report: signals over the grid, plots, faults and histograms, as JSON.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use hil_benchmark::bars::classes;
+use hil_facts::results::latency::times::Times;
+use serde::Serialize;
+use shared_types::record::ControllerFate;
+use shared_types::time::Step;
+
+use super::envelope::{Envelope, Written};
+use super::grid::Grid;
+use super::plots::Plot;
+use super::run::{Run, Signals};
+
+/// All of it.
+#[derive(Debug, Serialize)]
+pub(crate) struct Data {
+    /// Beginnings of the buckets in s, little-endian double precision.
+    grid: String,
+    /// End of the longest run, in s.
+    end_s: f64,
+    runs: Vec<RunData>,
+    plots: Vec<Plot>,
+}
+
+#[derive(Debug, Serialize)]
+struct RunData {
+    label: String,
+    period_s: f64,
+    faults: Vec<SpanData>,
+    /// Handovers and losses of controllers.
+    changes: Vec<SpanData>,
+    /// Changes of values, and notes of those who watched.
+    marks: Vec<SpanData>,
+    signals: BTreeMap<String, SignalData>,
+    spikes: Vec<SpikeData>,
+    histograms: Vec<HistogramData>,
+}
+
+#[derive(Debug, Serialize)]
+struct SpanData {
+    label: String,
+    from_s: f64,
+    until_s: Option<f64>,
+}
+
+#[derive(Debug, Serialize)]
+struct SignalData {
+    unit: String,
+    #[serde(flatten)]
+    values: Written,
+}
+
+#[derive(Debug, Serialize)]
+struct SpikeData {
+    at_s: f64,
+    ns: u64,
+}
+
+#[derive(Debug, Serialize)]
+struct HistogramData {
+    leg: &'static str,
+    /// Lower ends of the classes, and the upper end of the last one.
+    from_ns: Vec<u64>,
+    count: Vec<u64>,
+}
+
+impl Data {
+    pub(crate) fn new(runs: &[Run], signals: &[Signals], grid: &Grid, plots: &[Plot]) -> Self {
+        let starts = grid.starts_s();
+        let bytes: Vec<u8> = starts
+            .iter()
+            .flat_map(|start| start.to_le_bytes())
+            .collect();
+        let end_s = runs.iter().map(Run::end_s).max_by(f64::total_cmp);
+        Self {
+            grid: STANDARD.encode(bytes),
+            end_s: end_s.unwrap_or_default(),
+            runs: runs
+                .iter()
+                .zip(signals)
+                .map(|(run, signals)| RunData::new(run, signals))
+                .collect(),
+            plots: plots.to_vec(),
+        }
+    }
+
+    /// Number of signals that there are in any run.
+    pub(crate) fn signals(&self) -> usize {
+        let names = self.runs.iter().flat_map(|run| run.signals.keys());
+        names.collect::<BTreeSet<_>>().len()
+    }
+
+    /// Names and units of all signals.
+    pub(super) fn names(&self) -> BTreeMap<&str, &str> {
+        let signals = self.runs.iter().flat_map(|run| &run.signals);
+        signals
+            .map(|(name, data)| (name.as_str(), data.unit.as_str()))
+            .collect()
+    }
+}
+
+/// Most changes of values that are drawn.
+const MOST_SHOWN: usize = 100;
+
+/// Begin of a note, short enough to stand in a plot; the whole is in the list of events.
+fn shortened(note: &str) -> String {
+    const MOST: usize = 40;
+    if note.chars().count() <= MOST {
+        return note.to_owned();
+    }
+    note.chars().take(MOST - 3).collect::<String>() + "..."
+}
+
+impl RunData {
+    fn new(run: &Run, signals: &Signals) -> Self {
+        let spans = run.spans.iter().map(|span| SpanData {
+            label: format!("{} {}", span.event, span.kind),
+            from_s: span.from_s,
+            until_s: span.until_s,
+        });
+        let recorded = &run.outcome.recorded;
+        let at = |step: u64, label: String| {
+            let from_s = run.rate.seconds(Step(step));
+            let until_s = Some(from_s);
+            SpanData {
+                label,
+                from_s,
+                until_s,
+            }
+        };
+        let changes = recorded.changes.iter().filter_map(|change| {
+            let epoch = change.epoch;
+            let label = match &change.change {
+                ControllerFate::Joined { law } => format!("controller {epoch}: {law}"),
+                ControllerFate::Lost { .. } => format!("controller {epoch} lost"),
+                ControllerFate::Refused { .. } => return None,
+            };
+            Some(at(change.step, label))
+        });
+        let values = recorded.values.iter().take(MOST_SHOWN);
+        let values = values.map(|change| at(change.step, shortened(&change.described())));
+        let marks = recorded.marks.iter();
+        let marks = marks.map(|mark| at(mark.step, shortened(&mark.text)));
+        let spikes = recorded.latency.spikes.iter();
+        let spikes = spikes.map(|spike| SpikeData {
+            at_s: run.rate.seconds(Step(spike.step)),
+            ns: spike.round_trip_ns,
+        });
+        let histograms = run.outcome.latency.times().into_iter();
+        let histograms = histograms
+            .filter(|(leg, _)| run.asks_for_timing() || *leg == "round_trip")
+            .filter(|(_, times)| !times.is_empty())
+            .map(|(leg, times)| HistogramData::new(leg, times));
+        Self {
+            label: run.label.clone(),
+            period_s: run.rate.period_s(),
+            faults: spans.collect(),
+            changes: changes.collect(),
+            marks: values.chain(marks).collect(),
+            signals: written(signals),
+            spikes: spikes.collect(),
+            histograms: histograms.collect(),
+        }
+    }
+}
+
+impl HistogramData {
+    fn new(leg: &'static str, times: &Times) -> Self {
+        let (mut from_ns, mut count) = (Vec::new(), Vec::new());
+        let mut end_ns = None;
+        for ((from, to), steps) in classes(times) {
+            // Classes without a step are left out.
+            if let Some(end) = end_ns.filter(|end| *end != from) {
+                from_ns.push(end);
+                count.push(0);
+            }
+            from_ns.push(from);
+            count.push(steps);
+            end_ns = Some(to);
+        }
+        from_ns.extend(end_ns);
+        Self {
+            leg,
+            from_ns,
+            count,
+        }
+    }
+}
+
+/// Each signal once: many are the same as another, as a sensor without a fault.
+fn written(signals: &Signals) -> BTreeMap<String, SignalData> {
+    let mut written: Vec<(&str, &Envelope)> = Vec::new();
+    let mut data = BTreeMap::new();
+    for (name, unit, envelope) in signals.iter() {
+        let same = written.iter().find(|(_, one)| one.is_same(envelope));
+        let values = match (envelope.constant(), same) {
+            (None, Some((same, _))) => Written::Same {
+                same: (*same).to_owned(),
+            },
+            _ => {
+                written.push((name, envelope));
+                envelope.written()
+            }
+        };
+        let unit = unit.to_owned();
+        data.insert(name.to_owned(), SignalData { unit, values });
+    }
+    data
+}

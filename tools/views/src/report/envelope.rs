@@ -1,0 +1,232 @@
+//! The least and the greatest value of a signal in each bucket of a grid.
+//!
+//! Both are kept, so a spike of one step is as high in the report as in the record however far away it is
+//! seen from. What a bucket of one step shows is the value itself, in single precision where that is enough.
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use serde::Serialize;
+
+/// Half the range of single precision: beyond it, and below its inverse, values are written in double.
+const SINGLE: f64 = 1e37;
+/// Values that differ by less than this part of themselves are written in double, too.
+const FINE: f64 = 1e-4;
+
+/// A signal over a grid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Envelope {
+    least: Vec<f64>,
+    greatest: Vec<f64>,
+}
+
+/// An envelope as the page reads it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Written {
+    /// Value that is the same wherever the signal exists.
+    Constant {
+        /// The value.
+        value: f64,
+    },
+    /// Envelope of another signal.
+    Same {
+        /// Name of the other signal.
+        same: String,
+    },
+    /// Values, little-endian.
+    Values {
+        /// Double precision instead of single.
+        is_double: bool,
+        /// The least of each bucket.
+        least: String,
+        /// The greatest; empty where there is one step to a bucket and both are the same.
+        greatest: String,
+    },
+}
+
+impl Envelope {
+    /// Makes an envelope without any value.
+    pub fn new(buckets: usize) -> Self {
+        Self {
+            least: vec![f64::NAN; buckets],
+            greatest: vec![f64::NAN; buckets],
+        }
+    }
+
+    /// Takes a value in; one that does not exist changes nothing.
+    #[inline]
+    pub fn take(&mut self, bucket: usize, value: f64) {
+        if value.is_nan() {
+            return;
+        }
+        let (least, greatest) = (&mut self.least[bucket], &mut self.greatest[bucket]);
+        if least.is_nan() || value < *least {
+            *least = value;
+        }
+        if greatest.is_nan() || value > *greatest {
+            *greatest = value;
+        }
+    }
+
+    /// The least and the greatest value in a bucket that has one.
+    pub(super) fn ends(&self, bucket: usize) -> impl Iterator<Item = f64> {
+        let ends = [self.least[bucket], self.greatest[bucket]];
+        ends.into_iter().filter(|value| !value.is_nan())
+    }
+
+    /// Reports any value at all.
+    pub fn exists(&self) -> bool {
+        self.least.iter().any(|value| !value.is_nan())
+    }
+
+    /// Returns the value, if there is one in every bucket and it never changes.
+    pub(super) fn constant(&self) -> Option<f64> {
+        let first = *self.least.first()?;
+        let is_it = |value: &f64| *value == first;
+        (first.is_finite() && self.least.iter().all(is_it) && self.greatest.iter().all(is_it))
+            .then_some(first)
+    }
+
+    /// Reports an envelope that looks the same.
+    pub(super) fn is_same(&self, other: &Self) -> bool {
+        let are_same = |a: &[f64], b: &[f64]| {
+            let bits = a.iter().zip(b).map(|(a, b)| (a.to_bits(), b.to_bits()));
+            a.len() == b.len() && bits.into_iter().all(|(a, b)| a == b)
+        };
+        are_same(&self.least, &other.least) && are_same(&self.greatest, &other.greatest)
+    }
+
+    /// Reports values that single precision would show otherwise.
+    fn is_double(&self) -> bool {
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for value in self
+            .least
+            .iter()
+            .chain(&self.greatest)
+            .filter(|value| !value.is_nan())
+        {
+            let size = value.abs();
+            if size > SINGLE || (size > 0.0 && size < 1.0 / SINGLE) {
+                return true;
+            }
+            low = if *value < low { *value } else { low };
+            high = if *value > high { *value } else { high };
+        }
+        let size = if high.abs() > low.abs() {
+            high.abs()
+        } else {
+            low.abs()
+        };
+        high - low < FINE * size
+    }
+
+    /// Returns the form that the page reads.
+    pub fn written(&self) -> Written {
+        if let Some(value) = self.constant() {
+            return Written::Constant { value };
+        }
+        let is_double = self.is_double();
+        let is_thin =
+            (self.least.iter().zip(&self.greatest)).all(|(a, b)| a.to_bits() == b.to_bits());
+        Written::Values {
+            is_double,
+            least: text_of(&self.least, is_double),
+            greatest: match is_thin {
+                true => String::new(),
+                false => text_of(&self.greatest, is_double),
+            },
+        }
+    }
+}
+
+fn text_of(values: &[f64], is_double: bool) -> String {
+    let bytes: Vec<u8> = match is_double {
+        true => values
+            .iter()
+            .flat_map(|value| value.to_le_bytes())
+            .collect(),
+        false => values
+            .iter()
+            .flat_map(|value| (*value as f32).to_le_bytes())
+            .collect(),
+    };
+    STANDARD.encode(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_spike_of_one_step_is_kept_at_its_full_height() {
+        let mut envelope = Envelope::new(3);
+        for step in 0..300_u32 {
+            let value = if step == 123 {
+                -7.5
+            } else {
+                f64::from(step % 2)
+            };
+            envelope.take((step / 100) as usize, value);
+        }
+        assert_eq!(envelope.least, [0.0, -7.5, 0.0]);
+        assert_eq!(envelope.greatest, [1.0, 1.0, 1.0]);
+    }
+
+    #[test]
+    fn what_does_not_exist_leaves_a_gap() {
+        let mut envelope = Envelope::new(2);
+        envelope.take(1, f64::NAN);
+        assert!(!envelope.exists());
+        envelope.take(1, 2.0);
+        envelope.take(1, f64::NAN);
+        assert!(envelope.exists() && envelope.least[0].is_nan());
+        assert_eq!((envelope.least[1], envelope.greatest[1]), (2.0, 2.0));
+        assert_eq!(envelope.constant(), None);
+    }
+
+    #[test]
+    fn what_single_precision_cannot_show_is_written_in_double() {
+        for (values, expected) in [
+            ([1.0, 2.0], false),
+            ([-1.0, 0.0], false),
+            ([0.0, 1e300], true),
+            ([0.0, f64::INFINITY], true),
+            ([0.0, 1e-300], true),
+            ([1e6, 1e6 + 1e-6], true),
+        ] {
+            let mut envelope = Envelope::new(2);
+            envelope.take(0, values[0]);
+            envelope.take(1, values[1]);
+            let Written::Values {
+                is_double,
+                least,
+                greatest,
+            } = envelope.written()
+            else {
+                panic!("{values:?}");
+            };
+            assert_eq!((is_double, greatest.as_str()), (expected, ""), "{values:?}");
+            let bytes = STANDARD.decode(least).expect("base 64");
+            if expected {
+                let second: [u8; 8] = bytes[8..].try_into().expect("two numbers");
+                assert_eq!(f64::from_le_bytes(second), values[1]);
+            }
+        }
+    }
+
+    #[test]
+    fn one_value_is_written_once_and_others_as_little_endian_numbers() {
+        let mut envelope = Envelope::new(2);
+        envelope.take(0, 1.0);
+        envelope.take(1, 1.0);
+        assert_eq!(envelope.written(), Written::Constant { value: 1.0 });
+        envelope.take(1, 2.0);
+        // 1.0 is 00 00 80 3f and 2.0 is 00 00 00 40.
+        let expected = Written::Values {
+            is_double: false,
+            least: "AACAPwAAgD8=".into(),
+            greatest: "AACAPwAAAEA=".into(),
+        };
+        assert_eq!(envelope.written(), expected);
+    }
+}

@@ -1,0 +1,399 @@
+//! A recorded run as a report shows it.
+//!
+//! Read twice: first what came of it, from which follows what is worth a close look; then its signals as
+//! envelopes over the grid that follows from that. Neither keeps records, so the length of a run does not
+//! matter.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use hil_config::plan::{self, Plan};
+use hil_console::files::runs::SUMMARY;
+use hil_console::terminal::exit::Failure;
+use hil_facts::results::evaluation::RecordEvaluation;
+use hil_facts::results::handover::Laws;
+use hil_facts::results::latency::spikes::KEPT;
+use hil_facts::results::outcome::RecordedOutcome;
+use hil_facts::results::recorded_run::RecordedRun;
+use hil_facts::results::requirements::{Requirement, RunVerdict};
+use hil_facts::results::summary::{Metric, Missed};
+use hil_recording::reader::{ReadError, RunReader};
+use serde_json::Value;
+use shared_types::time::{Rate, Step};
+
+use super::envelope::Envelope;
+use super::grid::Grid;
+
+/// Words of measured time and age that are worth a plot.
+const TIMES: [&str; 7] = [
+    "round_trip_ns",
+    "controller_ns",
+    "plant_ns",
+    "late_ns",
+    "sample_age_steps",
+    "command_age_steps",
+    "held_steps",
+];
+
+/// Result of a run.
+pub(crate) struct Run {
+    /// Text that tells the run from the others of the report.
+    pub(super) label: String,
+    pub(super) path: PathBuf,
+    pub(super) outcome: RecordedOutcome,
+    /// The run by its scenario; `None` if that cannot be understood.
+    recorded_run: Option<RecordedRun>,
+    pub(super) rate: Rate,
+    pub(super) last: Step,
+    pub(super) reason: Option<String>,
+    pub(super) verdict: String,
+    pub(super) requirements: Vec<Requirement>,
+    pub(super) metrics: Vec<Metric>,
+    /// Effects of faults in the order in which they took hold.
+    pub(super) spans: Vec<Span>,
+    /// The laws that it ran with.
+    pub(super) laws: Laws,
+    /// The same as a person reads it.
+    told_laws: String,
+    /// Warnings for the reader, before anything else.
+    pub(super) notes: Vec<String>,
+}
+
+/// A time in which a fault acts.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Span {
+    pub(super) event: u32,
+    pub(super) kind: String,
+    pub(super) from_s: f64,
+    /// `None`: to the end.
+    pub(super) until_s: Option<f64>,
+}
+
+impl Run {
+    /// Reads what came of a run, judged by its own scenario or by another.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub(crate) fn of(path: &Path, by: Option<&Path>) -> Result<Self, Failure> {
+        let mut found = RecordedOutcome::of(path, by).map_err(Failure::usage)?;
+        if found.recorded.written == 0 {
+            let shown = found.reader.path().display().to_string();
+            return Err(Failure::usage(format!("{shown} has no record to show")));
+        }
+        let rate = found.reader.rate().map_err(Failure::usage)?;
+        let mut notes = Vec::new();
+        if let Some(damage) = &found.damage {
+            notes.push(format!("damaged: {damage}"));
+        } else if let Some(torn) = found.reader.caveat() {
+            notes.push(torn);
+        }
+        let broke_off = (!found.has_result() && found.recorded.end.is_none())
+            .then_some("the recording breaks off");
+        let (outcome, reason) = found.outcome(broke_off);
+        let recorded_run = std::mem::replace(&mut found.run, Err(Failure::usage("taken")));
+        let recorded_run = match recorded_run {
+            Ok(run) => Some(run),
+            Err(failure) if by.is_some() => return Err(failure),
+            Err(failure) => {
+                notes.push(format!(
+                    "its scenario cannot be understood, so nothing is judged or derived: {failure}"
+                ));
+                None
+            }
+        };
+        let recorded = &found.recorded;
+        let mut requirements: Vec<Requirement> = (recorded.requirements.iter())
+            .map(Requirement::from)
+            .collect();
+        let mut verdict = RunVerdict::of(outcome, &requirements).name().to_owned();
+        if let Some(kept) = found.reader.fact(hil_recording::reader::EXCERPT) {
+            let told = summary_beside(path);
+            notes.push(format!(
+                "an excerpt: {kept}; {}",
+                match &told {
+                    Some(_) => "verdict and requirements are those that the run itself found",
+                    None => "requirements need the whole run, so it is not judged",
+                }
+            ));
+            (verdict, requirements) = told.unwrap_or(("not judged".into(), Vec::new()));
+        } else if recorded_run.is_none() {
+            verdict = "not judged".into();
+        }
+        let written = found.reader.result("digest").unwrap_or_default();
+        let is_other = (recorded.digest.as_deref())
+            .is_some_and(|found| !written.is_empty() && found != written);
+        if is_other {
+            notes.push("the digest of its records is not the recorded one: some of what is shown is not what was recorded".into());
+        }
+        if (is_other || found.damage.is_some()) && verdict == "pass" {
+            verdict = "not judged".into();
+        }
+        notes.extend(found.recorded.end.iter().flat_map(Missed::of_end));
+        let spans = spans(&found, rate);
+        let laws = (recorded_run.as_ref()).map(|run| run.plan.controller.law.as_str());
+        let fact = |name: &str| found.reader.fact(name).map(Into::into);
+        let laws = laws.map_or_else(Laws::default, |law| Laws::of(law, &recorded.changes, fact));
+        Ok(Self {
+            label: String::new(),
+            path: path.to_owned(),
+            rate,
+            last: Step(found.reader.step()),
+            reason,
+            verdict,
+            requirements,
+            metrics: recorded.metrics.iter().map(Metric::from).collect(),
+            spans,
+            told_laws: laws.describe(rate),
+            laws,
+            notes,
+            recorded_run,
+            outcome: found,
+        })
+    }
+
+    /// Returns the scenario; `None` if that cannot be understood.
+    pub(crate) fn plan(&self) -> Option<&Plan> {
+        self.recorded_run.as_ref().map(|run| &run.plan)
+    }
+
+    /// Returns `true` if the run asked for timing, as far as its scenario can be understood.
+    pub(super) fn asks_for_timing(&self) -> bool {
+        self.plan().is_none_or(Plan::asks_for_timing)
+    }
+
+    /// A fact that was written down before the run.
+    pub(super) fn fact(&self, name: &str) -> &str {
+        self.outcome.reader.fact(name).unwrap_or_default()
+    }
+
+    /// Names the law, or all with the time from which each ran; empty if the scenario cannot be understood.
+    pub(crate) fn law(&self) -> &str {
+        &self.told_laws
+    }
+
+    /// Returns the end of the run, in s.
+    pub(super) fn end_s(&self) -> f64 {
+        self.rate.seconds(self.last)
+    }
+
+    /// Times in ns that are worth a close look, the most interesting first.
+    pub(super) fn times_ns(&self) -> Vec<u64> {
+        let ns = |s: f64| (s * 1e9) as u64;
+        let spans = self.spans.iter();
+        let faults = spans.flat_map(|span| std::iter::once(span.from_s).chain(span.until_s));
+        let changes = self
+            .outcome
+            .recorded
+            .changes
+            .iter()
+            .map(|change| change.step);
+        let values = self.outcome.recorded.values.iter().map(|one| one.step);
+        let marks = self.outcome.recorded.marks.iter().map(|mark| mark.step);
+        let spikes = self.outcome.recorded.latency.spikes.iter();
+        let steps = changes
+            .chain(values.take(KEPT))
+            .chain(marks.take(KEPT))
+            .chain(spikes.take(KEPT / 3).map(|spike| spike.step));
+        let margins = self.requirements.iter().filter_map(|one| one.at_s);
+        let times = faults.chain(margins).map(ns);
+        times
+            .chain(steps.map(|step| self.rate.nanoseconds(Step(step))))
+            .collect()
+    }
+
+    /// Returns the reading of the run's signals.
+    pub(super) fn reading<'a>(&'a self, extra: &'a [plan::Derived]) -> Reading<'a> {
+        Reading {
+            path: &self.path,
+            rate: self.rate,
+            run: self.recorded_run.as_ref(),
+            extra,
+        }
+    }
+}
+
+/// Inputs for reading the signals of a run.
+pub(super) struct Reading<'a> {
+    path: &'a Path,
+    rate: Rate,
+    run: Option<&'a RecordedRun>,
+    /// Signals to be computed besides those of the scenario.
+    extra: &'a [plan::Derived],
+}
+
+impl Reading<'_> {
+    /// The signals over a grid, with what is derived from them.
+    ///
+    /// # Errors
+    /// If it cannot be read any more.
+    pub(super) fn signals(&self, grid: &Grid) -> Result<Signals, ReadError> {
+        let mut reader = RunReader::open(self.path)?.without_digest().patient();
+        let mut signals = Signals::default();
+        let mut places = Vec::new();
+        for (place, column) in reader.columns().iter().enumerate() {
+            let is_time = TIMES.contains(&column.name.as_str());
+            if column.is_signal() || is_time {
+                let unit = match (is_time, column.name.as_str()) {
+                    (false, _) => column.unit.as_str(),
+                    (true, name) if name.ends_with("_steps") => "steps",
+                    (true, _) => "ns",
+                };
+                signals.push(&column.name, unit, grid);
+                places.push((place, is_time));
+            }
+        }
+        let mut derived = self.derived(&reader);
+        for one in derived.iter().flat_map(|(signals, _)| signals) {
+            signals.push(&one.name, &one.unit, grid);
+        }
+        let mut bucket = 0;
+        // What is damaged after some records shows those.
+        while let Ok(true) = reader.advance() {
+            let step = Step(reader.step());
+            bucket = grid.bucket(bucket, self.rate.nanoseconds(step));
+            let words = reader.words();
+            let (recorded, computed) = signals.envelopes.split_at_mut(places.len());
+            for (envelope, (place, is_time)) in recorded.iter_mut().zip(&places) {
+                let word = words[*place];
+                match is_time {
+                    false => envelope.take(bucket, f64::from_bits(word)),
+                    // 0 is no time and no age: nothing was exchanged or due.
+                    true if word > 0 => envelope.take(bucket, word as f64),
+                    true => {}
+                }
+            }
+            if let Some((_, evaluation)) = &mut derived {
+                for (envelope, value) in computed.iter_mut().zip(evaluation.record(words)) {
+                    envelope.take(bucket, *value);
+                }
+            }
+        }
+        signals.forget_missing();
+        Ok(signals)
+    }
+
+    /// Lists the derived signals and the extra ones, and what computes them; `None` of an excerpt, which lacks
+    /// what they are made of.
+    fn derived(&self, reader: &RunReader) -> Option<(Vec<plan::Derived>, RecordEvaluation)> {
+        let run = self.run.filter(|_| !reader.is_excerpt())?;
+        let (columns, _) = run.columns(reader).ok()?;
+        let mut plan = run.plan.clone().without_judgement();
+        let is_known = |name: &str| {
+            columns.index_of(name).is_some() || plan.derived.iter().any(|one| one.name == name)
+        };
+        let can_be = |one: &&plan::Derived| one.expression.signals().all(is_known);
+        let extra: Vec<_> = self.extra.iter().filter(can_be).cloned().collect();
+        plan.derived.extend(extra);
+        let evaluation = run.evaluation(reader, &plan).ok()?;
+        Some((plan.derived, evaluation))
+    }
+}
+
+/// The signals of a run over a grid.
+#[derive(Default)]
+pub struct Signals {
+    names: Vec<(String, String)>,
+    envelopes: Vec<Envelope>,
+}
+
+impl Signals {
+    fn push(&mut self, name: &str, unit: &str, grid: &Grid) {
+        self.names.push((name.to_owned(), unit.to_owned()));
+        self.envelopes.push(Envelope::new(grid.len()));
+    }
+
+    /// Signals that never had a value are not there.
+    fn forget_missing(&mut self) {
+        let names = std::mem::take(&mut self.names);
+        let envelopes = std::mem::take(&mut self.envelopes);
+        (self.names, self.envelopes) = (names.into_iter().zip(envelopes))
+            .filter(|(_, envelope)| envelope.exists())
+            .unzip();
+    }
+
+    /// Name, unit and envelope of each.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, &str, &Envelope)> {
+        let names = self.names.iter();
+        (names.zip(&self.envelopes))
+            .map(|((name, unit), envelope)| (name.as_str(), unit.as_str(), envelope))
+    }
+
+    /// The envelope of a signal.
+    pub fn get(&self, name: &str) -> Option<&Envelope> {
+        self.iter()
+            .find(|one| one.0 == name)
+            .map(|(.., envelope)| envelope)
+    }
+}
+
+/// Returns the spans in which faults acted: one for each event, from its first effect to the end of its
+/// last.
+fn spans(outcome: &RecordedOutcome, rate: Rate) -> Vec<Span> {
+    let faults = &outcome.recorded.faults;
+    let mut ends: BTreeMap<(u32, u32), u64> = BTreeMap::new();
+    for ended in &faults.ended {
+        ends.insert((ended.id, ended.effect), ended.step);
+    }
+    let mut events: BTreeMap<u32, (String, u64, Option<u64>)> = BTreeMap::new();
+    for taken in &faults.taken {
+        let until = ends.get(&(taken.id, taken.effect)).copied();
+        events
+            .entry(taken.id)
+            .and_modify(|(_, from, to)| {
+                *from = taken.step.min(*from);
+                // One effect that goes on is enough.
+                *to = to.zip(until).map(|(a, b)| a.max(b));
+            })
+            .or_insert((taken.kind.clone(), taken.step, until));
+    }
+    let seconds = |step| rate.seconds(Step(step));
+    let mut spans: Vec<Span> = (events.into_iter())
+        .map(|(event, (kind, from, until))| Span {
+            event,
+            kind,
+            from_s: seconds(from),
+            until_s: until.map(seconds),
+        })
+        .collect();
+    spans.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
+    spans
+}
+
+/// Lists what runs have, in their order; of those that are the same, the first.
+pub(super) fn distinct<T>(
+    all: impl Iterator<Item = T>,
+    are_same: impl Fn(&T, &T) -> bool,
+) -> Vec<T> {
+    let mut found: Vec<T> = Vec::new();
+    for one in all {
+        if !found.iter().any(|known| are_same(known, &one)) {
+            found.push(one);
+        }
+    }
+    found
+}
+
+/// Verdict and requirements of the `summary.json` beside a recording.
+fn summary_beside(run: &Path) -> Option<(String, Vec<Requirement>)> {
+    let folder = if run.is_dir() { run } else { run.parent()? };
+    let text = std::fs::read_to_string(folder.join(SUMMARY)).ok()?;
+    let summary: Value = serde_json::from_str(&text).ok()?;
+    let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
+    let requirements = summary["requirements"]
+        .as_array()?
+        .iter()
+        .map(|one| Requirement {
+            name: text(&one["name"]),
+            formula: text(&one["formula"]),
+            verdict: match one["verdict"].as_str() {
+                Some("pass") => "pass",
+                Some("fail") => "fail",
+                _ => "undecided",
+            },
+            robustness: one["robustness"].as_f64(),
+            unit: text(&one["unit"]),
+            at_s: one["at_s"].as_f64(),
+            decided_at_s: one["decided_at_s"].as_f64(),
+        });
+    Some((text(&summary["verdict"]), requirements.collect()))
+}

@@ -1,0 +1,344 @@
+//! The tables of a report: verdicts, requirements, metrics, faults, latency, provenance.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use hil_config::plan::Published;
+use hil_console::terminal::duration::shown_ns;
+use hil_facts::results::latency::legs::{LatencySummary, without_command};
+use hil_facts::results::latency::percentiles::Percentiles;
+use hil_facts::results::latency::spikes::Spike;
+use hil_facts::results::requirements::{self, Requirement};
+use hil_facts::results::summary::{Metric, of_law};
+use maud::{Markup, html};
+use shared_types::number::{short, short_in};
+use shared_types::time::Step;
+
+use super::run::{Run, distinct};
+
+/// Meanings of the levels of evidence.
+const EVIDENCE: [(&str, &str); 5] = [
+    (
+        "in-process",
+        "both sides in one process: about the algorithms, not about processes or targets",
+    ),
+    (
+        "sil",
+        "software in the loop: two processes on one machine; no evidence about target hardware",
+    ),
+    (
+        "sil-emulated",
+        "software in the loop: the controller of another processor, emulated on this machine",
+    ),
+    (
+        "pil",
+        "processor in the loop: the controller on its target, in lockstep",
+    ),
+    (
+        "hil",
+        "hardware in the loop: the controller on its target, in real time",
+    ),
+];
+
+/// Writes the table of runs: programs, end and speed.
+pub(super) fn runs(runs: &[Run]) -> Markup {
+    html! {
+        div.scroll tabindex="0" { table {
+            thead { tr {
+                th { "run" } th { "verdict" } th { "scenario" } th { "law" } th { "clock" }
+                th.n { "simulated" } th.n { "speed" } th { "evidence" } th { "digest" }
+            } }
+            tbody {
+                @for (number, run) in runs.iter().enumerate() {
+                    tr {
+                        th scope="row" { (swatch(number)) (run.label) }
+                        td { (badge(requirements::in_words(&run.verdict, run.requirements.len()))) @if let Some(reason) = &run.reason { br; (reason) } }
+                        td { (run.fact("scenario")) }
+                        td { (run.law()) }
+                        td { (run.plan().map_or("", |plan| plan.run.clock.name())) }
+                        td.n { (run.outcome.recorded.records) " records, " (seconds(run.end_s())) " s" }
+                        td.n { (speed(run)) }
+                        td { abbr title=(meaning(run.fact("evidence"))) { (run.fact("evidence")) } }
+                        td { (digest(run)) }
+                    }
+                }
+            }
+        } }
+        @for run in runs { @for note in &run.notes { p.note { (run.label) ": " (note) } } }
+    }
+}
+
+fn speed(run: &Run) -> String {
+    let wall_s = run.outcome.recorded.wall_time_s;
+    match wall_s > 0.0 {
+        true => format!("{:.1}x real time", run.end_s() / wall_s),
+        false => "-".into(),
+    }
+}
+
+/// The digest, recomputed from the records, against the one that the recorder wrote.
+fn digest(run: &Run) -> Markup {
+    let recorded = run.outcome.reader.result("digest").unwrap_or_default();
+    let found = run.outcome.recorded.digest.as_deref();
+    html! {
+        @match found {
+            Some(found) => {
+                code title=(found) { (found.get(..12).unwrap_or(found)) }
+                @if run.outcome.reader.is_excerpt() { " as recorded" }
+                @else if recorded == found { " recomputed: equal" }
+                @else if recorded.is_empty() { " of what is there" }
+                @else { " " strong { "NOT the recorded one" } }
+            }
+            None => "none: records were lost",
+        }
+    }
+}
+
+/// Every requirement with its margin in every run.
+pub(super) fn requirements(runs: &[Run]) -> Markup {
+    let judged = runs.iter().flat_map(|run| &run.requirements);
+    let names = distinct(judged, |a, b| a.name == b.name);
+    html! {
+        @if names.is_empty() { p { "No requirement was judged." } }
+        @else { div.scroll tabindex="0" { table {
+            thead { tr {
+                th { "requirement" }
+                @for (number, run) in runs.iter().enumerate() { th { (swatch(number)) (run.label) } }
+            } }
+            tbody { @for one in names { tr {
+                th scope="row" { (one.name) br; code.formula { (one.formula) } }
+                @for (number, run) in runs.iter().enumerate() {
+                    td { @match run.requirements.iter().find(|judged| judged.name == one.name) {
+                        Some(judged) => (margin(number, judged)),
+                        None => "-",
+                    } }
+                }
+            } } }
+        } }
+        p.hint { "Margins are robustness in the unit of the signal: how far the worst step was from the limit, negative where it failed. Select one to see it." } }
+    }
+}
+
+fn margin(run: usize, judged: &Requirement) -> Markup {
+    html! {
+        (badge(judged.verdict)) " "
+        @if let Some(robustness) = judged.robustness {
+            @if let Some(at_s) = judged.at_s {
+                button.link type="button" data-requirement=(judged.name) data-run=(run) data-at=(at_s) {
+                    (short_in(robustness, &judged.unit)) " at " (seconds(at_s)) " s"
+                }
+            } @else { (short_in(robustness, &judged.unit)) }
+        }
+        @if let Some(decided_s) = judged.decided_at_s { br; span.hint { "certain at " (seconds(decided_s)) " s" } }
+    }
+}
+
+/// Every metric over every window in every run, with what others published beside it.
+pub(super) fn metrics(runs: &[Run]) -> Markup {
+    let found = runs.iter().flat_map(|run| &run.metrics);
+    let rows = distinct(found, |a, b| is_same(a, b));
+    let has_published = runs
+        .iter()
+        .any(|run| rows.iter().any(|row| published(run, row).is_some()));
+    let notes: BTreeSet<&str> = (runs.iter().filter_map(Run::plan))
+        .flat_map(|plan| &plan.metrics)
+        .filter_map(|metric| metric.published_note.as_deref())
+        .collect();
+    html! {
+        @if rows.is_empty() { p { "The scenario has no metrics." } }
+        @else { div.scroll tabindex="0" { table {
+            thead { tr {
+                th { "metric" } th.n { "window [s]" }
+                @for (number, run) in runs.iter().enumerate() {
+                    th.n { (swatch(number)) (run.label) }
+                    @if has_published { th.n { "published" } }
+                }
+            } }
+            tbody { @for row in rows { tr {
+                th scope="row" { (row.name) }
+                td.n { (seconds(row.window_s[0])) " to " (seconds(row.window_s[1])) }
+                @for run in runs {
+                    td.n { @match run.metrics.iter().find(|one| is_same(one, row)) {
+                        Some(Metric { value: Some(value), unit, .. }) => { (short_in(*value, unit)) },
+                        _ => "-",
+                    } }
+                    @if has_published { td.n { @if let Some(published) = published(run, row) {
+                        (short(published.value)) " (" (published.source) ")"
+                    } @else { "-" } } }
+                }
+            } } }
+        } } }
+        @for note in notes { p.note { (note) } }
+    }
+}
+
+fn is_same(a: &Metric, b: &Metric) -> bool {
+    a.name == b.name && a.window_s == b.window_s
+}
+
+/// Returns the published value of a metric's window for the law that answered it.
+fn published<'a>(run: &'a Run, metric: &Metric) -> Option<&'a Published> {
+    let (published, _) = of_law(run.plan()?, &run.laws, metric)?;
+    Some(published)
+}
+
+/// Writes the lists of faults, controllers, changes of values and marks.
+pub(super) fn events(runs: &[Run]) -> Markup {
+    html! {
+        @for (number, run) in runs.iter().enumerate() {
+            @let faults = run.plan().map_or_else(Vec::new, |plan| run.outcome.recorded.faults.faults(&plan.faults, run.rate));
+            @let changes = &run.outcome.recorded.changes;
+            h3 { (swatch(number)) (run.label) }
+            @if faults.is_empty() && changes.is_empty() && run.spans.is_empty() { p { "No fault." } }
+            ul {
+                @for fault in &faults { li { (fault.describe()) } }
+                // Of a scenario that cannot be understood.
+                @if faults.is_empty() { @for span in &run.spans {
+                    li { "fault " (span.event) " " (span.kind) " from " (seconds(span.from_s)) " s" }
+                } }
+                @for change in changes {
+                    li { "controller " (change.epoch) ", step " (change.step) ": " (changed(change)) }
+                }
+                @for change in &run.outcome.recorded.values {
+                    li { "change " (change.id) ", step " (change.step) ", " (seconds(run.rate.seconds(Step(change.step)))) " s: " (change.described()) }
+                }
+                @for mark in &run.outcome.recorded.marks {
+                    li { "mark, step " (mark.step) ", " (seconds(run.rate.seconds(Step(mark.step)))) " s: " (mark.text) }
+                }
+            }
+        }
+    }
+}
+
+fn changed(change: &shared_types::record::ControllerChange) -> String {
+    use shared_types::record::ControllerFate;
+    match &change.change {
+        ControllerFate::Lost { reason, policy } => {
+            format!("lost, {reason}; then {}", policy.name())
+        }
+        ControllerFate::Joined { law } => format!("took over with {law}"),
+        ControllerFate::Refused { reason } => format!("refused, {reason}"),
+    }
+}
+
+/// Percentiles of each leg, with the grade; of a run that asked for no timing those of the round trip alone.
+pub(super) fn latency(runs: &[Run]) -> Markup {
+    html! {
+        div.scroll tabindex="0" { table {
+            thead { tr {
+                th { "run" } th { "leg" }
+                @for name in ["p50", "p90", "p99", "p99.9", "p99.99", "max", "count"] { th.n { (name) } }
+            } }
+            tbody { @for (number, run) in runs.iter().enumerate() {
+                @let legs = run.outcome.recorded.latency.legs;
+                @let shown = if run.asks_for_timing() { 5 } else { 1 };
+                @let all = [("round trip", Some(legs.round_trip)), ("controller", Some(legs.controller)), ("exchange", Some(legs.exchange)), ("plant", Some(legs.plant)), ("late by", legs.release)];
+                @for (leg, times) in all.into_iter().take(shown) { @if let Some(times) = times.filter(|times| times.count > 0) { tr {
+                    th scope="row" { (swatch(number)) (run.label) }
+                    td { (leg) }
+                    (percentiles(&times))
+                } } }
+            } }
+        } }
+        @for (number, run) in runs.iter().enumerate() {
+            @let latency = &run.outcome.recorded.latency;
+            @if latency.legs.without_command > 0 {
+                p { (swatch(number)) (run.label) ": " (without_command(latency.legs.without_command)) "." }
+            }
+            @if let Some(graded) = latency.grade.as_ref().filter(|_| run.asks_for_timing()) {
+                p { (swatch(number)) (run.label) ": " (graded.grade.words()) ", by the limits that users of machine control live by." }
+            }
+        }
+    }
+}
+
+fn percentiles(times: &Percentiles) -> Markup {
+    html! {
+        @for time in times.shown() { td.n { (time) } }
+        td.n { (times.count) }
+    }
+}
+
+/// The worst steps of runs that asked for timing, with what surrounded them: by the round trip, and by the release.
+pub(super) fn spikes(runs: &[Run]) -> Markup {
+    type Of = fn(&LatencySummary) -> &[Spike];
+    let lists: [(&str, Of); 2] = [
+        ("The longest round trips", |latency| &latency.spikes),
+        ("The latest releases", |latency| &latency.late_releases),
+    ];
+    let runs = (runs.iter().enumerate()).filter(|(_, run)| run.asks_for_timing());
+    html! {
+        @for (title, of) in lists {
+            @let rows = runs.clone().flat_map(|(number, run)| {
+                of(&run.outcome.recorded.latency).iter().map(move |spike| (number, run, spike))
+            });
+            @if rows.clone().next().is_some() {
+                h3 { (title) }
+                div.scroll tabindex="0" { table {
+                    thead { tr { th { "run" } th.n { "step" } th.n { "time" } th.n { "round trip" } th.n { "controller" } th.n { "late by" } th { "meanwhile" } } }
+                    tbody { @for (number, run, spike) in rows { tr {
+                        th scope="row" { (swatch(number)) (run.label) }
+                        td.n { (spike.step) }
+                        td.n { (seconds(run.rate.seconds(Step(spike.step)))) " s" }
+                        td.n { @if spike.round_trip_ns > 0 { (shown_ns(spike.round_trip_ns)) } }
+                        td.n { (shown_ns(spike.controller_ns)) }
+                        td.n { (shown_ns(spike.late_ns)) }
+                        td { (spike.surroundings()) }
+                    } } }
+                } }
+            }
+        }
+    }
+}
+
+/// Everything that is written down about a run, by what it is about.
+pub(super) fn provenance(runs: &[Run]) -> Markup {
+    const HOST: [&str; 4] = ["host", "kernel", "machine", "cores"];
+    html! {
+        @for (number, run) in runs.iter().enumerate() {
+            @let facts: BTreeMap<&str, &str> = run.outcome.reader.facts().collect();
+            @let is_of = |group: &str, name: &str| match group {
+                "Doctor" => name.starts_with("doctor_"),
+                "Real-time settings" => name.starts_with("realtime_"),
+                "Host" => HOST.contains(&name),
+                _ => !name.starts_with("doctor_") && !name.starts_with("realtime_") && !HOST.contains(&name),
+            };
+            h3 { (swatch(number)) (run.label) }
+            p { "Evidence level " strong { (run.fact("evidence")) } ": " (meaning(run.fact("evidence"))) "." }
+            p { code { (run.outcome.reader.path().display()) } }
+            @for group in ["Run", "Host", "Doctor", "Real-time settings"] {
+                @let chosen: Vec<_> = facts.iter().filter(|(name, _)| is_of(group, name)).collect();
+                @if !chosen.is_empty() { details open[group == "Run" || group == "Host"] {
+                    summary { (group) }
+                    div.scroll tabindex="0" { table.facts { tbody {
+                        @for (name, value) in chosen { tr {
+                            th scope="row" { (name.trim_start_matches("doctor_")) } td { (value) }
+                        } }
+                    } } }
+                } }
+            }
+            @if let Ok(scenario) = run.outcome.reader.attachment("scenario.toml") {
+                details { summary { "Configuration: the effective scenario" } pre { code { (scenario) } } }
+            }
+        }
+    }
+}
+
+fn meaning(evidence: &str) -> &'static str {
+    let known = EVIDENCE.iter().find(|(level, _)| *level == evidence);
+    known.map_or("unknown", |(_, meaning)| meaning)
+}
+
+fn badge(verdict: &str) -> Markup {
+    html! { span.badge data-verdict=(verdict) { (verdict) } }
+}
+
+/// The colour of a run.
+pub(super) fn swatch(run: usize) -> Markup {
+    html! { span.swatch data-run=(run) aria-hidden="true" {} }
+}
+
+/// A time without needless digits.
+fn seconds(time_s: f64) -> String {
+    let text = format!("{time_s:.6}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
