@@ -22,6 +22,7 @@ use crate::session::standing::Standing;
 use crate::terminal::exit::Failure;
 use crate::views::plots::bounds::bounds;
 use crate::views::plots::columns_of;
+use crate::views::plots::signal::own_names;
 use hil_recording::reader::Column;
 
 /// End of the watched run.
@@ -150,8 +151,14 @@ impl Model {
             plan.derived.extend(computed);
         }
         self.columns = columns_of(layout, &plan.derived);
-        self.plots = chosen(&self.columns, &self.plan, bounds, &self.patterns)?;
-        self.readings = plots::readings(&self.columns, &self.plan.panel.readings)?;
+        let aliases = Columns::from(layout).aliases();
+        let own = |patterns: &[String]| {
+            let names = self.columns.iter().map(|one| one.name.as_str());
+            own_names(patterns, names, &aliases)
+        };
+        let (patterns, readings) = (own(&self.patterns), own(&self.plan.panel.readings));
+        self.plots = chosen(&self.columns, &self.plan, bounds, &patterns)?;
+        self.readings = plots::readings(&self.columns, &readings)?;
         let mut drawn: Vec<usize> = (self.plots.iter())
             .flat_map(|plot| plot.signals.iter().copied())
             .chain(self.readings.iter().copied())
