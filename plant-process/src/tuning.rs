@@ -65,6 +65,8 @@ pub struct Offered {
 #[derive(Clone, Debug)]
 struct Reference {
     key: String,
+    /// Further names of the signal.
+    aliases: Vec<String>,
     unit: String,
     column: usize,
     derivatives: usize,
@@ -99,6 +101,7 @@ impl Tuning {
             column += 1 + derivatives;
             Reference {
                 key: format!("{REFERENCE_KEYS}{}", stimulus.target),
+                aliases: stimulus.aliases.clone(),
                 unit: stimulus.unit.clone(),
                 column: begin,
                 derivatives,
@@ -359,8 +362,12 @@ impl Tuning {
             there.advance(step, stimulus);
             return there.tunable(step, stimulus);
         }
-        let one = |key: String, field: &Field, original: f64, course: Option<&Course>| Tunable {
-            key,
+        let key_of = |group: &str, name: &str| format!("{group}{name}");
+        let one = |group: &str, field: &Field, original: f64, course: Option<&Course>| Tunable {
+            key: key_of(group, &field.name),
+            aliases: (field.aliases.iter())
+                .map(|alias| key_of(group, alias))
+                .collect(),
             unit: field.unit.clone(),
             description: field.description.clone(),
             min: field.min,
@@ -374,24 +381,24 @@ impl Tuning {
         };
         let own = law_keys(&self.offered.law);
         let of_law = self.offered.parameters.iter().map(|parameter| {
-            let key = format!("{own}{}", parameter.field.name);
-            let course = self.law.get(&key);
-            one(key, &parameter.field, parameter.value, course)
+            let course = self.law.get(&key_of(&own, &parameter.field.name));
+            one(&own, &parameter.field, parameter.value, course)
         });
         let is_tunable = |(_, field): &(usize, &Field)| field.tunable || field.faultable;
         let of_plant = (self.fields.iter().enumerate().filter(is_tunable)).map(|(place, field)| {
             let original = self.originals.get(&field.name).unwrap_or(f64::NAN);
-            let key = format!("{PLANT_KEYS}{}", field.name);
-            one(key, field, original, self.plant.get(&place))
+            one(PLANT_KEYS, field, original, self.plant.get(&place))
         });
         let signals = self.references.iter().map(|signal| {
+            let name = &signal.key[REFERENCE_KEYS.len()..];
             let field = Field {
+                aliases: signal.aliases.clone(),
                 min: f64::MIN,
                 max: f64::MAX,
-                ..Field::signal("", &signal.unit, "Reference signal of the rig.")
+                ..Field::signal(name, &signal.unit, "Reference signal of the rig.")
             };
             let original = stimulus.get(signal.column).copied().unwrap_or(0.0);
-            one(signal.key.clone(), &field, original, signal.course.as_ref())
+            one(REFERENCE_KEYS, &field, original, signal.course.as_ref())
         });
         of_law.chain(of_plant).chain(signals).collect()
     }

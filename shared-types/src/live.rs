@@ -216,12 +216,27 @@ pub struct Tunables {
     pub left: u32,
 }
 
+impl Tunables {
+    /// Keys under further names of their variables, each with the key itself.
+    #[must_use]
+    pub fn aliases(&self) -> Vec<(String, String)> {
+        let pairs = self.values.iter().flat_map(|one| {
+            let aliases = one.aliases.iter();
+            aliases.map(|alias| (alias.clone(), one.key.clone()))
+        });
+        pairs.collect()
+    }
+}
+
 /// A value that can be changed while a run goes on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tunable {
     /// Full name: `controller.pid.proportional_n_per_m`, `plant.parameters.mass_kg`,
     /// `reference.position_m`.
     pub key: String,
+    /// Full names under further names of the variable.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub aliases: Vec<String>,
     /// Unit of the value.
     pub unit: String,
     /// Description in one sentence.

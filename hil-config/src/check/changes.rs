@@ -104,10 +104,10 @@ fn live(
     })
 }
 
-/// Every key that can be changed; `None` if some are not known.
-pub(super) fn tunable(context: &ChangeContext<'_>) -> Option<Vec<String>> {
+/// Every key that can be changed, with its further names; `None` if some are not known.
+pub(super) fn tunable(context: &ChangeContext<'_>) -> Option<Vec<(String, Vec<String>)>> {
     let tunable = known(context)?.into_iter().filter(|one| one.is_tunable);
-    Some(tunable.map(|one| one.key).collect())
+    Some(tunable.map(|one| (one.key, one.aliases)).collect())
 }
 
 /// All keys; `None` if some are not known.
@@ -119,6 +119,7 @@ fn known(context: &ChangeContext<'_>) -> Option<Vec<Known>> {
         .map(|field| Known::new(PLANT_KEYS, field, field.tunable || field.faultable));
     let signals = context.stimuli?.iter().map(|stimulus| {
         let field = Field {
+            aliases: stimulus.aliases.clone(),
             min: f64::MIN,
             max: f64::MAX,
             ..Field::signal(&stimulus.target, &stimulus.unit, "")
@@ -317,18 +318,17 @@ fn cleared(
 ) -> Option<Vec<String>> {
     let texts = reader.texts(section, "clear")?;
     let keys = keys?;
-    let signals: Vec<&str> = (keys.iter().map(|one| one.key.as_str()))
-        .filter(|key| key.starts_with(REFERENCE_KEYS))
-        .collect();
+    let is_signal = |one: &&Known| one.key.starts_with(REFERENCE_KEYS);
+    let signals: Vec<&Known> = keys.iter().filter(is_signal).collect();
     let mut clear = Vec::new();
     for (path, place, text) in texts {
-        if signals.contains(&text) {
-            clear.push(text.to_owned());
+        if let Some(signal) = signals.iter().find(|one| one.is_called(text)) {
+            clear.push(signal.key.clone());
         } else {
             let message = format!("`{text}` has no stimulus that it could follow again");
             reader
                 .report(ProblemKind::UnknownName, path, place, message)
-                .one_of(text, signals.iter().copied());
+                .one_of(text, signals.iter().map(|one| one.key.as_str()));
         }
     }
     clear.sort_unstable();

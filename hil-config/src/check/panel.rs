@@ -27,6 +27,15 @@ pub(super) fn check(
     let signals: Option<Vec<String>> =
         columns.map(|columns| columns.names().map(Into::into).collect());
     let keys = changes::tunable(changed);
+    let own_key = |name: &str| {
+        let mut all = keys.iter().flatten();
+        let is_alias =
+            |(_, aliases): &&(String, Vec<String>)| aliases.iter().any(|one| one == name);
+        all.find(is_alias)
+            .map_or(name, |(key, _)| key.as_str())
+            .to_owned()
+    };
+    let own_keys = (keys.as_ref()).map(|keys| keys.iter().map(|(key, _)| key.clone()).collect());
     let readings = names(
         reader,
         &section,
@@ -39,9 +48,9 @@ pub(super) fn check(
         reader,
         &section,
         "tune",
-        keys,
+        own_keys,
         "cannot be changed while this run goes on",
-        str::to_owned,
+        own_key,
     );
     let inject = names(reader, &section, "inject", None, "", str::to_owned);
     Panel {

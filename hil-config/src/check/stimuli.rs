@@ -6,7 +6,7 @@ use std::path::Path;
 use shared_types::describe::LawDescription;
 use shared_types::layout::is_name;
 use shared_types::number::exact as number;
-use shared_types::table::unit_of_name;
+use shared_types::table::{Field, unit_of_name};
 
 use super::points;
 use super::run::Grid;
@@ -39,6 +39,10 @@ pub(super) fn check(
         }
         stimuli.push(stimulus);
     }
+    // A name means one signal: the one that has it as its own, or the first one that has it as an alias.
+    for stimulus in stimuli.iter_mut().flatten() {
+        stimulus.aliases.retain(|alias| given.insert(alias.clone()));
+    }
     stimuli.into_iter().collect()
 }
 
@@ -50,9 +54,17 @@ fn stimulus(
     law: Option<&LawDescription>,
 ) -> Option<Stimulus> {
     let target = target(reader, section);
-    let unit = unit(reader, section, target, law);
+    let needed = target.zip(law).and_then(|(target, law)| {
+        let mut reference = law.reference.iter();
+        reference.find(|field| field.is_called(target))
+    });
+    let unit = unit(reader, section, target, needed, law);
     let waveform = waveform(reader, section, folder, grid);
+    let names = needed.into_iter().flat_map(Field::names);
     Some(Stimulus {
+        aliases: (names.filter(|name| Some(*name) != target))
+            .map(Into::into)
+            .collect(),
         target: target?.into(),
         unit: unit?,
         waveform: waveform?,
@@ -74,17 +86,15 @@ fn unit(
     reader: &mut Reader,
     section: &Section<'_>,
     target: Option<&str>,
+    needed: Option<&Field>,
     law: Option<&LawDescription>,
 ) -> Option<String> {
     if section.table.get("unit").is_some() {
         return reader.text(section, "unit").map(Into::into);
     }
     let target = target?;
-    let of_law = || {
-        let needed = law?.reference.iter().find(|field| field.name == target)?;
-        Some(needed.unit.clone())
-    };
-    let unit = of_law().or_else(|| unit_of_name(target).map(Into::into));
+    let of_law = needed.map(|field| field.unit.clone());
+    let unit = of_law.or_else(|| unit_of_name(target).map(Into::into));
     if unit.is_none() {
         let path = section.path_of("unit");
         let message = format!("the unit of `{target}` is not known from its name");

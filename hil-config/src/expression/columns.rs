@@ -160,6 +160,17 @@ impl Columns {
         place.map_or(path, |&place| &self.names[place])
     }
 
+    /// The further names of signals, each with the column's own name, in alphabetical order.
+    #[must_use]
+    pub fn aliases(&self) -> Vec<(String, String)> {
+        let aliases = (self.aliases.iter())
+            .filter(|(alias, _)| !self.places.contains_key(*alias))
+            .map(|(alias, &place)| (alias.clone(), self.names[place].clone()));
+        let mut aliases: Vec<(String, String)> = aliases.collect();
+        aliases.sort_unstable();
+        aliases
+    }
+
     /// The unit of a signal, if it is known.
     pub(super) fn unit_of(&self, path: &str) -> Option<&str> {
         let unit = &self.units[self.index_of(path)?];

@@ -8,6 +8,9 @@ use shared_types::table::{Field, derivative_of};
 pub struct Stimulus {
     /// Name of the reference signal.
     pub target: String,
+    /// Further names of the reference signal: those that the law has for it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub aliases: Vec<String>,
     /// Unit.
     pub unit: String,
     /// Course.
@@ -18,11 +21,10 @@ impl Stimulus {
     /// The reference signals it makes: the target and its derivatives in rising order.
     #[must_use]
     pub fn fields(&self) -> Vec<Field> {
-        let mut fields = vec![Field::signal(
-            &self.target,
-            &self.unit,
-            "Command of the rig.",
-        )];
+        let mut fields = vec![Field {
+            aliases: self.aliases.clone(),
+            ..Field::signal(&self.target, &self.unit, "Command of the rig.")
+        }];
         for order in 1..=self.waveform.derivatives() {
             let (name, unit) = derivative_of(&self.target, &self.unit, order);
             let text = format!("Time derivative {order} of `{}`.", self.target);

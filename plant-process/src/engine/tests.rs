@@ -143,6 +143,7 @@ pub(super) fn job(steps: u64) -> Job {
     };
     Job {
         stimuli: vec![Stimulus {
+            aliases: Vec::new(),
             target: "position_m".into(),
             unit: "m".into(),
             waveform,

@@ -279,3 +279,124 @@ fn a_parameter_that_cannot_be_read_is_not_confirmed_and_the_run_goes_on() {
         assert_eq!(log.matches(&line).count(), 1, "{log}");
     }
 }
+
+#[test]
+fn every_name_is_understood_while_the_run_goes_on_and_afterwards() {
+    for version in [2, 3] {
+        let Some(place) = Place::new() else { return };
+        let plant = [
+            row("x", &["body.x"]),
+            row("u", &["body.force"]),
+            row("k", &["body.gain"]),
+        ];
+        let law = [
+            row("u", &[]),
+            row("reference_r", &["reference_goal"]),
+            row("g", &["law.gain"]),
+        ];
+        place.fmu("plant.fmu", &accumulator(version, &plant, &[]));
+        place.fmu("law.fmu", &accumulator(version, &law, &[]));
+        let text = scenario(
+            "[plant.parameters]\nk = 2\n[[stimuli]]\ntarget = \"goal\"\nkind = \"step\"\nat_s = 0.0\nbefore = 0.0\n\
+             after = 1.0\n[panel]\nreadings = [\"truth.body.x\"]\n\
+             tune = [\"plant.parameters.body.gain\", \"reference.r\"]\n\
+             [[changes]]\nat_s = 0.12\nset.\"reference.r\" = 3.0\n[[changes]]\nat_s = 0.15\nclear = [\"reference.r\"]\n",
+        );
+        let path = place.rig.write("live.toml", &text);
+        let shown = place.hil(&["config", "show", "live.toml"]).expect(0);
+        shown.prints(&["[\"plant.parameters.k\", \"reference.goal\"]"]);
+
+        let line = format!("{} --pause-at 0.1", path.display());
+        let run = place.rig.start_with(place.command(), &line);
+        let rig = &place.rig;
+        rig.until_held_at(10);
+        let asked = |words: &str| rig.in_session(words).expect(0);
+        for words in ["get", "watch --count 1"] {
+            for pattern in ["truth.body.x", "truth.body.*", "truth.body_x"] {
+                let values = asked(&format!("{words} --json {pattern}")).json();
+                let signals = values["signals"].as_array().expect("a list");
+                assert_eq!(signals.len(), 1, "{values}");
+                assert_eq!(signals[0]["name"], "truth.x", "{values}");
+            }
+        }
+        let monitor = asked("monitor --once --json --signal truth.body.x").json();
+        assert!(monitor["signals"].get("truth.x").is_some(), "{monitor}");
+        let tunable = asked("get --tunable --json plant.parameters.body.gain reference.r").json();
+        let keys: Vec<_> = (tunable["values"].as_array().expect("a list").iter())
+            .map(|one| (one["key"].as_str(), one.get("aliases")))
+            .collect();
+        let own = ["plant.parameters.k", "reference.goal"];
+        assert_eq!(keys, own.map(|key| (Some(key), None)));
+        for (typed, completed) in [
+            ("get --session SESSION truth.bod", "truth.body.x\n"),
+            (
+                "set --session SESSION plant.parameters.bod",
+                "plant.parameters.body.gain=\n",
+            ),
+            (
+                "set --session SESSION controller.accumulators.law",
+                "controller.accumulators.law.gain=\n",
+            ),
+            ("set --session SESSION reference.r", "reference.r=\n"),
+        ] {
+            let mut hil = place.command();
+            hil.env("HIL_COMPLETE", "bash");
+            hil.env("HIL_COMPLETE_BREAKS", "=:");
+            let typed = typed.replace("SESSION", rig.session());
+            hil.args(["--", "hil", &format!("hil {typed}")]);
+            let offered = rig.program(hil).expect(0).stdout;
+            assert_eq!(offered, completed, "{typed}");
+        }
+        let change =
+            asked("set plant.parameters.body.gain=5 controller.accumulators.law.gain=0.5 --json");
+        let change = change.json();
+        assert_eq!(change["step"], 10, "{change}");
+        let values = change["set"].as_array().expect("a list").iter();
+        let values: Vec<_> = values
+            .map(|one| (one["key"].as_str(), one["value"].as_f64()))
+            .collect();
+        let law = (Some("controller.accumulators.g"), Some(0.5));
+        assert_eq!(values, [law, (Some("plant.parameters.k"), Some(5.0))]);
+        asked("resume");
+        let run = run.finish().expect(0);
+
+        let recording = Recording::open(&run.recording());
+        let reference: Vec<f64> = (0..STEPS)
+            .map(|step| if (12..15).contains(&step) { 3.0 } else { 1.0 })
+            .collect();
+        assert_eq!(recording.column("reference.goal")[..STEPS], reference);
+        let (mut x, mut force) = (0.0, 0.0);
+        let mut expected = vec![x];
+        for step in 0..STEPS {
+            let (gain, law_gain) = if step < 10 { (2.0, 0.0) } else { (5.0, 0.5) };
+            force += reference[step] + law_gain;
+            x += force + gain;
+            expected.push(x);
+        }
+        assert_eq!(recording.column("truth.x"), expected);
+
+        let folder = run.folder.display().to_string();
+        let table = place.hil(&["export", &folder, "--signal", "truth.body.x"]);
+        let table = table.expect(0).stdout;
+        assert_eq!(table.lines().next(), Some("step,time_s,truth.x"), "{table}");
+        let page = [
+            "report",
+            &folder,
+            "--signal",
+            "truth.body.x",
+            "-o",
+            "page.html",
+        ];
+        place.hil(&page).expect(0);
+        let unknown = [
+            "report",
+            &folder,
+            "--signal",
+            "truth.body.z",
+            "-o",
+            "other.html",
+        ];
+        place.hil(&unknown).expect(2).says(&["no run has a signal"]);
+        place.hil(&["rerun", &folder, "--out", "again"]).expect(0);
+    }
+}

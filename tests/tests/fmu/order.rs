@@ -1,9 +1,16 @@
 //! The order of a step of an FMU as the controller: set, stepped, read.
 
 use super::Place;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use serde_json::json;
+
 use super::aliases::{accumulator, row, scenario};
-use crate::support::fmus::entries;
+use crate::support::fmus::entries_for_fmpy;
 use crate::support::mcap_reader::Recording;
+use crate::support::programs::{skip, workspace};
+use crate::support::python::python;
 
 /// Proportional and integral gain of the controller.
 const GAINS: [f64; 2] = [-0.25, -2.0];
@@ -46,6 +53,22 @@ fn description(version: u32) -> String {
     )
 }
 
+/// The output of the controller by FMPy's own loop: at the start, then at the end of each step.
+fn simulated(python: &Path, fmu: &Path, samples: &[f64]) -> Vec<f64> {
+    let [kp, ki] = GAINS;
+    let arguments = json!({ "samples": samples, "parameters": { "kp": kp, "ki": ki } });
+    let mut simulate = Command::new(python);
+    simulate.arg(workspace().join("tests/python/controller_fmu.py"));
+    simulate.arg(fmu).args([&PERIOD_S.to_string(), "x", "u"]);
+    let pipes = simulate.stdin(Stdio::piped()).stdout(Stdio::piped());
+    let mut process = pipes.spawn().expect("Python");
+    let stdin = process.stdin.take().expect("a pipe");
+    serde_json::to_writer(stdin, &arguments).expect("written");
+    let output = process.wait_with_output().expect("an end");
+    assert!(output.status.success(), "{output:?}");
+    serde_json::from_slice(&output.stdout).expect("JSON")
+}
+
 #[test]
 fn a_sampled_controller_answers_its_sample_and_a_continuous_one_leads_by_a_period() {
     for (version, options, lead) in [
@@ -58,7 +81,7 @@ fn a_sampled_controller_answers_its_sample_and_a_continuous_one_leads_by_a_perio
         let plant = [row("x", &[]), row("u", &[]), row("k", &[])];
         place.fmu("plant.fmu", &accumulator(version, &plant, &[]));
         let text = description(version).into_bytes();
-        place.fmu("law.fmu", &entries("pi", version, text, options));
+        let fmu = place.fmu("law.fmu", &entries_for_fmpy("pi", version, text, options));
         let described = place.hil(&["describe", "law.fmu", "--as", "controller"]);
         described.expect(0).prints(&[
             "they show the sample of the same step, and the inner states lead by a period",
@@ -76,7 +99,8 @@ fn a_sampled_controller_answers_its_sample_and_a_continuous_one_leads_by_a_perio
             recording.column("command.u"),
         );
         // The last record has no command.
-        for step in 0..u.len() - 1 {
+        let (x, u) = (&x[..x.len() - 1], &u[..u.len() - 1]);
+        for step in 0..u.len() {
             let sum: f64 = x[..step + lead].iter().sum();
             let expected = kp * x[step] + ki * PERIOD_S * sum;
             let is_near = (u[step] - expected).abs() <= 1e-12 * (1.0 + expected.abs());
@@ -87,5 +111,18 @@ fn a_sampled_controller_answers_its_sample_and_a_continuous_one_leads_by_a_perio
             );
         }
         assert!(x.iter().any(|x| *x > 1.0), "{x:?}");
+
+        let Some(python) = python("fmpy, numpy") else {
+            skip("Python has no `fmpy`", "HIL_TEST_FMPY");
+            continue;
+        };
+        // FMPy shows what a step gives at the end of the step: the command of a sample is a period earlier than there.
+        // Its steps are differences of times, and so are not the period in every bit.
+        let of_fmpy = simulated(&python, &fmu, x);
+        assert_eq!(of_fmpy.len(), u.len() + 1);
+        for (step, (u, expected)) in u.iter().zip(&of_fmpy[1..]).enumerate() {
+            let is_near = (u - expected).abs() <= 1e-12 * (1.0 + expected.abs());
+            assert!(is_near, "{version} {options:?} {step}: {u} for {expected}");
+        }
     }
 }

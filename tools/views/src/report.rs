@@ -33,6 +33,7 @@ use shared_types::table::near;
 use crate::arguments::report::ReportArguments;
 use crate::export::deliver;
 use crate::plots::bounds::bounds;
+use crate::plots::signal::own_names;
 use grid::Grid;
 use plots::plots;
 use run::{Run, Signals};
@@ -115,12 +116,8 @@ fn made(arguments: &ReportArguments) -> Result<(String, Written, Option<Failure>
             "{number} runs are too many to tell apart in one plot; a report shows at most {MOST_RUNS}"
         )));
     }
-    let asked: Vec<Pattern> = (arguments.signal.iter())
-        .map(|text| {
-            Pattern::new(text)
-                .map_err(|error| Failure::usage(format!("--signal `{text}`: {error}")))
-        })
-        .collect::<Result<_, _>>()?;
+    // Refused before anything is read.
+    patterns(&arguments.signal)?;
     let by = arguments.scenario.as_deref();
     let mut runs = side_by_side(&arguments.runs, |path| Run::of(path, by))?;
     label::label(&mut runs);
@@ -138,6 +135,14 @@ fn made(arguments: &ReportArguments) -> Result<(String, Written, Option<Failure>
     let signals = side_by_side(&readings, |reading| {
         reading.signals(&grid).map_err(Failure::usage)
     })?;
+    let names = signals.iter().flat_map(Signals::iter);
+    let names: Vec<&str> = names.map(|(name, ..)| name).collect();
+    let aliases: Vec<_> = runs.iter().flat_map(Run::aliases).collect();
+    let asked = patterns(&own_names(
+        &arguments.signal,
+        names.iter().copied(),
+        &aliases,
+    ))?;
     refuse_unknown(&asked, &signals)?;
     let plots = plots(&runs, &signals, all_bounds, &grid, &asked);
     let data = data::Data::new(&runs, &signals, &grid, &plots);
@@ -160,6 +165,13 @@ fn made(arguments: &ReportArguments) -> Result<(String, Written, Option<Failure>
     let damages: Vec<String> = damages.map(ToString::to_string).collect();
     let damage = (!damages.is_empty()).then(|| Failure::usage(damages.join("\nerror: ")));
     Ok((text, Written { bytes, ..written }, damage))
+}
+
+fn patterns(texts: &[String]) -> Result<Vec<Pattern>, Failure> {
+    let pattern = |text: &String| {
+        Pattern::new(text).map_err(|error| Failure::usage(format!("--signal `{text}`: {error}")))
+    };
+    texts.iter().map(pattern).collect()
 }
 
 /// The grid that suits all runs: of the longest at the highest rate, fine where any has something.

@@ -18,7 +18,7 @@ use hil_facts::session::live::{self, RequestError};
 use hil_facts::session::observer::{Observer, Seen};
 use hil_recording::reader::Column;
 use serde_json::{Value, json};
-use shared_types::live::{Request, Response};
+use shared_types::live::{Request, Response, Tunable};
 use shared_types::number::{exact, exact_in, unit_shown};
 use shared_types::record::{RecordLayout, RecordView, Validity};
 use shared_types::session::SessionInfo;
@@ -27,7 +27,7 @@ use shared_types::time::Step;
 
 use super::monitor::{LOOK, notice};
 use super::plots::columns_of;
-use super::plots::signal::recorded_name;
+use super::plots::signal::{own_names, recorded_name};
 use crate::arguments::values::{GetArguments, WatchArguments};
 
 /// Tells the newest values of signals.
@@ -64,10 +64,13 @@ fn tunable(arguments: &GetArguments) -> Result<Exit, Failure> {
             unit: one.unit.clone(),
         })
         .collect();
-    let chosen = chosen(&columns, &arguments.signals)?;
+    let chosen = chosen(&columns, &shown.aliases(), &arguments.signals)?;
     shown.values = chosen
         .into_iter()
-        .map(|place| shown.values[place].clone())
+        .map(|place| Tunable {
+            aliases: Vec::new(),
+            ..shown.values[place].clone()
+        })
         .collect();
     if json {
         output::write(&live::to_json(&answer)?)?;
@@ -177,12 +180,13 @@ struct Values {
 impl Values {
     fn new(plan: &Plan, layout: &RecordLayout, patterns: &[String]) -> Result<Self, Failure> {
         let plan = plan.clone().without_judgement();
-        let evaluation = Evaluation::new(&plan, &Columns::from(layout));
+        let named = Columns::from(layout);
+        let evaluation = Evaluation::new(&plan, &named);
         let columns = columns_of(layout, &plan.derived);
         Ok(Self {
             step: Step(0),
             time_s: 0.0,
-            chosen: chosen(&columns, patterns)?,
+            chosen: chosen(&columns, &named.aliases(), patterns)?,
             row: vec![f64::NAN; columns.len()],
             columns,
             validity: layout.validity(),
@@ -243,12 +247,17 @@ impl Values {
 }
 
 /// Places of the signals that fit a pattern, in the order of the patterns; all without any.
-fn chosen(columns: &[Column], patterns: &[String]) -> Result<Vec<usize>, Failure> {
+fn chosen(
+    columns: &[Column],
+    aliases: &[(String, String)],
+    patterns: &[String],
+) -> Result<Vec<usize>, Failure> {
     if patterns.is_empty() {
         return Ok((0..columns.len()).collect());
     }
     let mut chosen = Vec::new();
-    for text in patterns {
+    let names = columns.iter().map(|one| one.name.as_str());
+    for text in &own_names(patterns, names, aliases) {
         let pattern = Pattern::new(text)
             .map_err(|error| Failure::usage(format!("signal `{text}`: {error}")))?;
         let fits = |name: &str| pattern.matches(name) || pattern.matches(&recorded_name(name));

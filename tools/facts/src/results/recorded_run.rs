@@ -35,6 +35,19 @@ pub struct RecordedRun {
 }
 
 impl RecordedRun {
+    /// Returns the further names of its signals, each with the name that the recording has.
+    pub(crate) fn aliases(&self) -> Vec<(String, String)> {
+        let layout = self.plan.record_layout(&self.plant, &self.law);
+        let aliases = Columns::from(&layout).aliases().into_iter();
+        let recorded = |name: String| match name.split_once('.') {
+            Some((group, name)) => column_name(group, name),
+            None => name,
+        };
+        aliases
+            .map(|(alias, name)| (alias, recorded(name)))
+            .collect()
+    }
+
     /// Takes a run from its recording; problems of its scenario name `origin`.
     ///
     /// # Errors

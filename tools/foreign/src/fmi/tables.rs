@@ -68,6 +68,10 @@ impl Tables {
             if aliases.is_alias(place) {
                 // A pattern for it asks for the signal, which may be there as an output.
                 asked(&aliases.names_of_inner(place), patterns, &mut matched);
+                let reason = unsupported(variable, variable.causality == Causality::Parameter);
+                if let Some(reason) = reason.filter(|_| !aliases.is_usable(place)) {
+                    tables.leave_out(variable, reason);
+                }
                 continue;
             }
             if let Some(other) = aliases.set_by(place) {

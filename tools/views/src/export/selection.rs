@@ -10,6 +10,7 @@ use shared_types::time::Step;
 
 use super::origin::{self, Derived};
 use super::table::{Cell, CellKind, Column};
+use crate::plots::signal::own_names;
 
 /// The columns of a table.
 pub(super) struct Selection {
@@ -52,6 +53,8 @@ pub(super) struct Offer {
     derived: Option<Derived>,
     /// Commands of a frame, in order.
     sent_commands: Option<Vec<String>>,
+    /// Further names of signals, each with the recorded name.
+    aliases: Vec<(String, String)>,
     /// Reason for which there are no derived signals.
     why_not: Option<String>,
 }
@@ -63,6 +66,7 @@ impl Offer {
             sources: Vec::new(),
             derived: None,
             sent_commands: None,
+            aliases: Vec::new(),
             why_not: None,
         };
         let recorded = || reader.columns().iter().enumerate();
@@ -76,6 +80,7 @@ impl Offer {
         }
         let derived = origin::recorded_run(reader).and_then(|run| {
             offer.sent_commands = Some(run.sent_commands());
+            offer.aliases = run.aliases();
             origin::derived(run, reader)
         });
         match derived {
@@ -144,7 +149,8 @@ impl Offer {
                 .collect());
         }
         let (mut chosen, mut seen) = (Vec::new(), BTreeSet::new());
-        for text in patterns {
+        let names = self.columns.iter().map(|column| column.name.as_str());
+        for text in &own_names(patterns, names, &self.aliases) {
             let pattern = Pattern::new(text)
                 .map_err(|error| Failure::usage(format!("--signal `{text}`: {error}")))?;
             let mut matching = (all.clone())

@@ -22,6 +22,7 @@ use super::pace::Pace;
 use super::plots::{self, Plot, chosen};
 use crate::plots::bounds::bounds;
 use crate::plots::columns_of;
+use crate::plots::signal::own_names;
 use hil_recording::reader::Column;
 
 /// End of the watched run.
@@ -145,8 +146,14 @@ impl Model {
             plan.derived.extend(computed);
         }
         self.columns = columns_of(layout, &plan.derived);
-        self.plots = chosen(&self.columns, &self.plan, bounds, &self.patterns)?;
-        self.readings = plots::readings(&self.columns, &self.plan.panel.readings)?;
+        let aliases = Columns::from(layout).aliases();
+        let own = |patterns: &[String]| {
+            let names = self.columns.iter().map(|one| one.name.as_str());
+            own_names(patterns, names, &aliases)
+        };
+        let (patterns, readings) = (own(&self.patterns), own(&self.plan.panel.readings));
+        self.plots = chosen(&self.columns, &self.plan, bounds, &patterns)?;
+        self.readings = plots::readings(&self.columns, &readings)?;
         let mut drawn: Vec<usize> = (self.plots.iter())
             .flat_map(|plot| plot.signals.iter().copied())
             .chain(self.readings.iter().copied())

@@ -16,6 +16,7 @@ use super::message::Deed;
 use crate::monitor::SharedModel;
 use crate::monitor::asking::{LIMIT, ask_faults, in_one_line, met};
 use crate::monitor::prepared::{self, PreparedFault};
+use crate::plots::signal::own_names;
 
 /// A button for a fault.
 pub(crate) struct Button {
@@ -134,14 +135,19 @@ impl Board {
         let Ok(Response::Tunable(tunable)) = asked else {
             return None;
         };
+        let aliases = tunable.aliases();
         let mut values = tunable.values;
         let wanted = self.model.lock().plan().panel.tune.clone();
         if !wanted.is_empty() {
-            let patterns: Vec<Pattern> = wanted
+            let keys = values.iter().map(|one| one.key.as_str());
+            let patterns: Vec<Pattern> = own_names(&wanted, keys, &aliases)
                 .iter()
                 .filter_map(|text| Pattern::new(text).ok())
                 .collect();
             values.retain(|one| patterns.iter().any(|pattern| pattern.matches(&one.key)));
+        }
+        for one in &mut values {
+            one.aliases.clear();
         }
         Some(
             json!({ "tell": "tunable", "values": values, "law_does": tunable.law_does, "left": tunable.left }),

@@ -1,5 +1,6 @@
 //! Names of signals, taken apart: group, words, numbers and unit, and the titles and labels made of them.
 
+use glob::Pattern;
 use hil_config::expression::Group;
 use shared_types::number::unit_shown;
 
@@ -104,6 +105,39 @@ pub fn recorded_name(name: &str) -> String {
         Some((group, name)) => column_name(group, name),
         None => name.to_owned(),
     }
+}
+
+/// Replaces further names of variables among patterns by their own names, which are all that a run has.
+///
+/// `names` are the own names and `aliases` pairs of a further and the own name. An exact own name, and a pattern
+/// that only own names fit, stays as it is; so does one that nothing fits.
+#[must_use]
+pub(crate) fn own_names<'a>(
+    patterns: &[String],
+    names: impl Iterator<Item = &'a str> + Clone,
+    aliases: &[(String, String)],
+) -> Vec<String> {
+    let mut own: Vec<String> = Vec::new();
+    for text in patterns {
+        let pattern = Pattern::new(text).ok();
+        let is_exact = names.clone().any(|name| name == text);
+        let fits = |name: &str| {
+            let fits =
+                |pattern: &Pattern| pattern.matches(name) || pattern.matches(&recorded_name(name));
+            pattern.as_ref().is_some_and(fits)
+        };
+        let meant: Vec<&String> = (aliases.iter())
+            .filter(|(alias, name)| !is_exact && fits(alias) && !fits(name))
+            .map(|(_, name)| name)
+            .collect();
+        let stays = meant.is_empty() || names.clone().any(fits);
+        for name in stays.then_some(text).into_iter().chain(meant) {
+            if !own.contains(name) {
+                own.push(name.clone());
+            }
+        }
+    }
+    own
 }
 
 /// A title of signals: the part of their names that they share, `*` for the rest, or their names if
@@ -223,6 +257,33 @@ mod tests {
             recorded_name("parameter.pump1.leak"),
             "parameter.pump1_leak"
         );
+    }
+
+    #[test]
+    fn a_further_name_among_patterns_is_replaced_by_the_own_one() {
+        let names = ["truth.x", "truth.speed", "truth.a_b", "error"];
+        let aliases = [
+            ("truth.a.b", "truth.speed"),
+            ("truth.body.v", "truth.speed"),
+            ("truth.body.x", "truth.x"),
+        ];
+        let aliases = aliases.map(|(alias, name)| (alias.to_owned(), name.to_owned()));
+        for (patterns, expected) in [
+            (&["truth.body.x"][..], &["truth.x"][..]),
+            (&["truth.body_x"], &["truth.x"]),
+            (&["truth.x", "truth.body.x"], &["truth.x"]),
+            (&["truth.body.*"], &["truth.speed", "truth.x"]),
+            // Own names fit as well, and those alone.
+            (&["*x", "truth.*"], &["*x", "truth.*"]),
+            (&["*b*"], &["*b*", "truth.speed", "truth.x"]),
+            // An exact name counts before another one's alias in the spelling of a recording.
+            (&["truth.a_b"], &["truth.a_b"]),
+            (&["nothing", "[x"], &["nothing", "[x"]),
+        ] {
+            let patterns: Vec<String> = patterns.iter().map(|&text| text.into()).collect();
+            let own = own_names(&patterns, names.into_iter(), &aliases);
+            assert_eq!(own, expected, "{patterns:?}");
+        }
     }
 
     #[test]

@@ -156,6 +156,12 @@ impl Run {
         self.recorded_run.as_ref().map(|run| &run.plan)
     }
 
+    /// Returns the further names of its signals, each with the recorded name.
+    pub(super) fn aliases(&self) -> Vec<(String, String)> {
+        let run = self.recorded_run.as_ref();
+        run.map(RecordedRun::aliases).unwrap_or_default()
+    }
+
     /// Returns `true` if the run asked for timing, as far as its scenario can be understood.
     pub(super) fn asks_for_timing(&self) -> bool {
         self.plan().is_none_or(Plan::asks_for_timing)

@@ -95,6 +95,7 @@ fn every_example_on_the_page_is_a_fault_that_starts() {
         parameters.set(&field.name, field.default.expect("has a default"));
     }
     let stimuli = vec![Stimulus {
+        aliases: Vec::new(),
         target: "surface_angle_rad".into(),
         unit: "rad".into(),
         waveform: Waveform::Paper {

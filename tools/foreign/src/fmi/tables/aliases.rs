@@ -54,9 +54,7 @@ impl<'a> Aliases<'a> {
         };
         let rank = |place: usize| {
             let variable = &model.variables[place];
-            let is_parameter = variable.causality == Causality::Parameter;
-            let is_usable = unsupported(variable, is_parameter).is_none();
-            (is_usable, variable.causality == Causality::Output)
+            (is_usable(variable), variable.causality == Causality::Output)
         };
         for (place, variable, class) in classed() {
             let column = best.entry((class, key(variable))).or_insert(place);
@@ -101,6 +99,11 @@ impl<'a> Aliases<'a> {
     /// Returns `true` if another variable has the column.
     pub(super) fn is_alias(&self, place: usize) -> bool {
         self.columns[place] != place
+    }
+
+    /// Returns `true` if the variable that has the column of this one can be used.
+    pub(super) fn is_usable(&self, place: usize) -> bool {
+        is_usable(&self.model.variables[self.columns[place]])
     }
 
     /// The variable by which the value of this one is set.
@@ -151,6 +154,10 @@ impl<'a> Aliases<'a> {
             }
         }
     }
+}
+
+fn is_usable(variable: &Variable) -> bool {
+    unsupported(variable, variable.causality == Causality::Parameter).is_none()
 }
 
 fn is_inner(variable: &Variable) -> bool {

@@ -209,6 +209,23 @@ fn a_value_under_several_names_is_one_column() {
 }
 
 #[test]
+fn every_name_of_a_value_that_cannot_be_used_is_listed() {
+    let mut model = model("BouncingBall/FMI3");
+    for name in ["clocked", "clocked_too"] {
+        add(&mut model, "v_min", name, Causality::Output);
+        let added = model.variables.last_mut().expect("added");
+        (added.reference, added.is_clocked) = (100, true);
+    }
+    let tables = tables(&model, &[]).expect("sound");
+    let left_out = tables.imported.left_out.iter();
+    let left_out: Vec<[&str; 2]> = left_out
+        .map(|one| [one.name.as_str(), one.reason.as_str()])
+        .collect();
+    let reason = "it has a clock";
+    assert_eq!(left_out, [["clocked", reason], ["clocked_too", reason]]);
+}
+
+#[test]
 fn a_parameter_in_two_units_is_set_in_one() {
     let mut model = model("BouncingBall/FMI3");
     add(&mut model, "g", "g_ft", Causality::Parameter);

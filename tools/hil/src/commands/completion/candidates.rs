@@ -6,6 +6,8 @@ use std::path::Path;
 use clap::builder::StyledStr;
 use clap::{Arg, Command};
 use clap_complete::engine::{CompletionCandidate, PathCompleter, ValueCompleter};
+use hil_config::expression::Columns;
+use hil_config::plan::{PLANT_KEYS, REFERENCE_KEYS, law_keys};
 use hil_config::show::show;
 use hil_console::files::runs;
 use hil_facts::session::inject::{ListedKind, kinds_of};
@@ -181,7 +183,13 @@ fn keys(line: &Line, typed: &OsStr) -> Vec<CompletionCandidate> {
     }
     if line.is_of("set") {
         let offered = tunable(&subject);
-        found.retain(|(key, _)| offered.contains(key));
+        found.retain(|(key, _)| offered.iter().any(|(_, own)| own == key));
+        let value = |own: &String| found.iter().find(|(key, _)| key == own);
+        let further = (offered.iter())
+            .filter(|(key, own)| key != own)
+            .filter_map(|(key, own)| Some((key.clone(), value(own)?.1.clone())));
+        let further: Vec<_> = further.collect();
+        found.extend(further);
         found.extend(references(line));
     }
     found
@@ -224,22 +232,28 @@ fn flatten(key: &str, item: &Item, found: &mut Vec<(String, String)>) {
     }
 }
 
-/// Parameters that can be changed while a session runs, by their keys.
-fn tunable(subject: &Subject) -> Vec<String> {
+/// Parameters that can be changed while a session runs: each key, also under further names of the variable, with
+/// the own key.
+fn tunable(subject: &Subject) -> Vec<(String, String)> {
     let Subject {
         plan,
         plant,
         controller,
     } = subject;
     let plant = plan.plant_among(&plant.plants).into_iter();
+    let keys = |group: &str, field: &Field| {
+        let key = |name: &str| format!("{group}{name}");
+        let keys = field.names().map(|name| (key(name), key(&field.name)));
+        keys.collect::<Vec<_>>()
+    };
     let of_plant = plant
         .flat_map(|plant| &plant.parameters)
         .filter(|field| field.tunable || field.faultable)
-        .map(|field| format!("plant.parameters.{}", field.name));
+        .flat_map(|field| keys(PLANT_KEYS, field));
     let law = plan.law_among(&controller.laws);
     let of_law = (law.iter()).flat_map(|law| {
-        let name = &law.name;
-        (law.tunable()).map(move |field| format!("controller.{name}.{}", field.name))
+        let group = law_keys(&law.name);
+        (law.tunable()).flat_map(move |field| keys(&group, field))
     });
     of_plant.chain(of_law).collect()
 }
@@ -247,9 +261,10 @@ fn tunable(subject: &Subject) -> Vec<String> {
 /// Reference signals of the session as keys of a change, with their units.
 fn references(line: &Line) -> impl Iterator<Item = (String, String)> {
     let stimuli = line.subject().map(|subject| subject.plan.stimuli);
-    (stimuli.into_iter().flatten()).map(|stimulus| {
+    (stimuli.into_iter().flatten()).flat_map(|stimulus| {
         let unit = unit_shown(&stimulus.unit).to_owned();
-        (format!("reference.{}", stimulus.target), unit)
+        let names = [stimulus.target].into_iter().chain(stimulus.aliases);
+        names.map(move |name| (format!("{REFERENCE_KEYS}{name}"), unit.clone()))
     })
 }
 
@@ -264,12 +279,15 @@ fn signals(line: &Line) -> Vec<CompletionCandidate> {
         return Vec::new();
     };
     let both = (plan.plant_among(&plant.plants)).zip(plan.law_among(&controller.laws));
-    let columns = both.map(|(plant, law)| columns_of(&plan.record_layout(plant, &law), &[]));
+    let layout = both.map(|(plant, law)| plan.record_layout(plant, &law));
+    let columns = layout.as_ref().map(|layout| columns_of(layout, &[]));
+    let aliases = layout.map(|layout| Columns::from(&layout).aliases());
     let columns = columns.unwrap_or_default();
     let recorded = columns.iter().map(|one| (&one.name, &one.unit));
     let derived = plan.derived.iter().map(|one| (&one.name, &one.unit));
-    (recorded.chain(derived))
-        .map(|(name, unit)| candidate(name, unit_shown(unit)))
+    let own = (recorded.chain(derived)).map(|(name, unit)| candidate(name, unit_shown(unit)));
+    let further = aliases.iter().flatten();
+    own.chain(further.map(|(alias, name)| candidate(alias, &format!("another name of {name}"))))
         .collect()
 }
 
