@@ -36,7 +36,7 @@ pub struct RecordedRun {
 
 impl RecordedRun {
     /// Returns the further names of its signals, each with the name that the recording has.
-    pub(crate) fn aliases(&self) -> Vec<(String, String)> {
+    pub fn aliases(&self) -> Vec<(String, String)> {
         let layout = self.plan.record_layout(&self.plant, &self.law);
         let aliases = Columns::from(&layout).aliases().into_iter();
         let recorded = |name: String| match name.split_once('.') {
