@@ -367,9 +367,9 @@ fn every_name_is_understood_while_the_run_goes_on_and_afterwards() {
         assert_eq!(recording.column("reference.goal")[..STEPS], reference);
         let (mut x, mut force) = (0.0, 0.0);
         let mut expected = vec![x];
-        for step in 0..STEPS {
+        for (step, reference) in reference.iter().enumerate() {
             let (gain, law_gain) = if step < 10 { (2.0, 0.0) } else { (5.0, 0.5) };
-            force += reference[step] + law_gain;
+            force += reference + law_gain;
             x += force + gain;
             expected.push(x);
         }

@@ -254,6 +254,26 @@ fn with(change: impl FnOnce(&mut Variable)) -> ModelDescription {
 }
 
 #[test]
+fn a_constant_parameter_is_left_out_and_listed() {
+    for is_constant in [true, false] {
+        let model = with(|other| {
+            (other.name, other.start) = ("c".into(), vec![2.0]);
+            other.is_constant = is_constant;
+        });
+        let tables = tables(&model, &[]).expect("sound");
+        let left_out = tables.imported.left_out.iter();
+        let reasons: Vec<&str> = left_out.map(|one| one.reason.as_str()).collect();
+        let reason = "it is constant and keeps its start value";
+        let (parameters, expected) = match is_constant {
+            true => (&["g", "e"][..], &[reason][..]),
+            false => (&["g", "e", "c"][..], &[][..]),
+        };
+        assert_eq!(names(&tables.parameters), parameters);
+        assert_eq!(reasons, expected);
+    }
+}
+
+#[test]
 fn a_variable_whose_name_is_too_long_is_left_out_and_listed() {
     for causality in [
         Causality::Local,
