@@ -11,6 +11,7 @@ use std::process::ExitCode;
 use std::thread::Builder;
 
 use clap::Parser;
+use nix::sys::signal::{SigSet, SigmaskHow};
 use rustix::process::{Resource, getrlimit};
 
 use crate::by_hand;
@@ -80,13 +81,25 @@ struct Arguments {
 }
 
 /// Runs a program's work on a thread with a stack of its own where the system gives its first thread less, as after
-/// `ulimit -s 64`; else on the thread that calls. A panic is one of the caller.
+/// `ulimit -s 64`; else on the thread that calls. A panic is one of the caller. Signals reach the work as if it were on
+/// the first thread, which blocks them all meanwhile: what the work blocks or reads is not taken by another thread.
 pub fn with_stack<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     let limit = getrlimit(Resource::Stack).current;
     if limit.is_none_or(|bytes| bytes >= STACK as u64) {
         return work();
     }
-    std::thread::scope(|scope| {
+    // All are signals, and the call knows no other failure.
+    let before = SigSet::all().thread_swap_mask(SigmaskHow::SIG_SETMASK).ok();
+    let restore = || {
+        if let Some(mask) = before {
+            let _ = mask.thread_set_mask();
+        }
+    };
+    let work = || {
+        restore();
+        work()
+    };
+    let result = std::thread::scope(|scope| {
         // The name that a panic's message has.
         let thread = Builder::new().name("main".into()).stack_size(STACK);
         let ended = match thread.spawn_scoped(scope, work) {
@@ -97,7 +110,9 @@ pub fn with_stack<T: Send>(work: impl FnOnce() -> T + Send) -> T {
             }
         };
         ended.unwrap_or_else(|panic| resume_unwind(panic))
-    })
+    });
+    restore();
+    result
 }
 
 /// Does what the arguments say.

@@ -311,7 +311,13 @@ fn an_unstable_loop_ends_as_diverged_and_never_in_numbers_that_are_none() {
 #[test]
 fn memory_that_is_cut_short_is_named_and_nothing_is_left() {
     let rig = Rig::new();
-    let running = rig.held();
+    let (junit, markdown) = (rig.path("all.xml"), rig.path("all.md"));
+    let running = rig.start(&format!(
+        "scenarios/spring-mass.toml --pause-at 2.5 --wait-limit 60 --junit {} --markdown {}",
+        junit.display(),
+        markdown.display()
+    ));
+    rig.until_held_at(2500);
     let session = shared_types::session::SessionInfo::read(&rig.session_folder());
     let session = session.expect("it runs");
     // The recorder's: both sides are held, and `hil` alone looks at it.
@@ -328,8 +334,14 @@ fn memory_that_is_cut_short_is_named_and_nothing_is_left() {
     }
     let run = running.finish().expect(3);
     // The plant may have met the hole first.
+    let reason = run.summary()["reason"].to_string();
+    assert!(reason.contains("SIGBUS"), "{reason}");
     let said = run.stderr + &run.stdout;
     assert!(said.contains("SIGBUS"), "{said}");
+    for file in [junit, markdown] {
+        let text = std::fs::read_to_string(&file).expect("written");
+        assert!(text.contains("SIGBUS"), "{}: {text}", file.display());
+    }
 }
 
 #[test]

@@ -324,18 +324,38 @@ fn a_side_that_is_stuck_does_not_outlive_a_killed_hil() {
     rig.hil(&["sessions", "--clean"]).expect(0);
 }
 
+/// Starts a run with a stack limit of 64 KiB.
+fn start_with_small_stack<'a>(rig: &'a Rig, arguments: &str) -> Running<'a> {
+    let mut shell = rig.command("sh");
+    shell.args(["-c", "ulimit -Ss 64; exec \"$0\" \"$@\""]);
+    shell.arg(program("hil"));
+    rig.start_with(shell, arguments)
+}
+
 #[test]
 fn every_program_runs_with_a_stack_of_64_kib() {
     let rig = Rig::new();
-    let start = |arguments: &str| -> Running<'_> {
-        let mut shell = rig.command("sh");
-        shell.args(["-c", "ulimit -Ss 64; exec \"$0\" \"$@\""]);
-        shell.arg(program("hil"));
-        rig.start_with(shell, arguments)
-    };
     for link in ["iceoryx2", "in-process"] {
         let line = format!("scenarios/spring-mass.toml --link {link}");
-        start(&line).finish().expect(0);
+        start_with_small_stack(&rig, &line).finish().expect(0);
+    }
+}
+
+#[test]
+fn a_guard_with_a_stack_of_64_kib_reads_every_signal() {
+    for signal in [Signal::TERM, Signal::INT] {
+        let rig = Rig::new();
+        let running = start_with_small_stack(&rig, ENDLESS);
+        running.children();
+        send(running.pid(), signal);
+        let summary = running.finish().expect(130).summary();
+        let reason = summary["reason"].as_str().expect("a reason");
+        assert!(reason.starts_with("interrupted"), "{signal:?}: {reason}");
+    }
+    // The end of the child, which refuses a missing file at once, is a signal to the guard too.
+    for _ in 0..5 {
+        let rig = Rig::new();
+        start_with_small_stack(&rig, "none.toml").finish().expect(2);
     }
 }
 

@@ -185,14 +185,13 @@ fn end_orphans(children: &[ProcessId]) {
 }
 
 /// Removes the sessions of this process, with the processes that it started, without a word to those
-/// who use them.
+/// who use them. Waits for no lock: a thread of this process may hold it that never goes on.
 pub fn abandon() {
     let own = ProcessId::own();
-    let sessions = list().unwrap_or_default();
-    for session in sessions.iter().filter(|session| session.owner == own) {
+    for session in peek().iter().filter(|session| session.owner == own) {
         let _ = session.remove(); // the next sweep tries again
     }
-    drop(AllSessions::lock());
+    drop(all_sessions().and_then(|folder| AllSessions::lock_in(&folder, Duration::ZERO)));
 }
 
 /// The live sessions of this user.

@@ -21,7 +21,8 @@ pub fn is(guard: ProcessId) {
 }
 
 /// Returns the guard of this process, if it has one.
-pub(super) fn own() -> Option<ProcessId> {
+#[must_use]
+pub fn own() -> Option<ProcessId> {
     GUARD.get().copied()
 }
 

@@ -131,6 +131,9 @@ pub trait RecordSource {
     fn drain(&mut self, take: &mut dyn FnMut(Item<'_>)) -> Result<usize, LinkError>;
 }
 
+/// Largest loss that can be one: at a million items a second it takes nine years.
+const LARGEST_LOSS: u64 = 1 << 48;
+
 /// Puts events together from their pieces and counts losses; every source uses it, also that of a
 /// transport of one's own. Believes nothing of what comes: it is another process's.
 #[derive(Debug, Default)]
@@ -154,6 +157,12 @@ impl Assembler {
             )));
         }
         let lost = sequence - self.last - 1;
+        if lost > LARGEST_LOSS {
+            let last = self.last;
+            return take(Item::Broken(format!(
+                "item {sequence} came after item {last}, a loss that is no count: something wrote over the stream's memory"
+            )));
+        }
         if lost > 0 {
             take(Item::Lost(lost));
             self.event.clear();

@@ -179,16 +179,28 @@ fn assembled(items: &[(u64, u64, &[u8])]) -> Vec<String> {
 #[test]
 fn an_item_with_a_number_that_was_there_is_broken() {
     let record = |sequence| (sequence, ItemKind::Record as u64, &[][..]);
-    for (before, after) in [(1, 1), (2, 1), (1, 0), (u64::MAX, u64::MAX), (u64::MAX, 0)] {
+    let most = LARGEST_LOSS;
+    for (before, after) in [(1, 1), (2, 1), (1, 0), (most, most), (most, 0)] {
         let seen = assembled(&[record(before), record(after)]);
         let wanted = format!("Broken(\"item {after} came after item {before}\")");
         assert_eq!(seen.last(), Some(&wanted), "{seen:?}");
     }
-    let wanted = format!("Lost({})", u64::MAX - 1);
-    assert_eq!(
-        assembled(&[record(u64::MAX)]),
-        [wanted, "Record([])".into()]
-    );
+    let wanted = format!("Lost({most})");
+    let seen = assembled(&[record(most + 1)]);
+    assert_eq!(seen, [wanted, "Record([])".into()]);
+}
+
+#[test]
+fn a_loss_that_no_run_can_have_is_no_count() {
+    let record = |sequence| (sequence, ItemKind::Record as u64, &[][..]);
+    for sequence in [LARGEST_LOSS + 2, u64::MAX] {
+        let seen = assembled(&[record(sequence)]);
+        let [one] = &seen[..] else { panic!("{seen:?}") };
+        assert!(
+            one.starts_with("Broken(") && one.contains("wrote over"),
+            "{one}"
+        );
+    }
 }
 
 #[test]

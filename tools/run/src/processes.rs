@@ -35,6 +35,9 @@ pub const LOOK: Duration = Duration::from_millis(2);
 /// Time between two looks at a run. Each takes a core from the loop; the end of a process is seen at once.
 const WATCH: Duration = Duration::from_millis(10);
 
+/// Least time that the recorder may get nowhere in the stream of dead sides, also on a busy machine.
+const LEAST_STREAM_LIMIT: Duration = Duration::from_secs(2);
+
 /// Runs both sides to their end, whatever it is.
 ///
 /// # Errors
@@ -53,7 +56,9 @@ pub(super) fn run(
         move || attach(&attached, &described, &mut source)
     });
     let theirs = info.clone();
-    let recorder = recorder.unblocked_by(move || theirs.remove_unfinished());
+    let limit = Duration::try_from_secs_f64(prepared.plant.wait_limit_s).ok();
+    let limit = limit.map(|limit| limit.max(LEAST_STREAM_LIMIT));
+    let recorder = recorder.unblocked_by(limit, move || theirs.remove_unfinished());
     recorder.recall(&prepared.interruption)?;
     let binaries = &prepared.binaries;
     let start = |session: &mut Session, by_hand: Option<SideProcess>| {

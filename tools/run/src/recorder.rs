@@ -60,8 +60,16 @@ pub struct RecordingPlan {
 pub struct Recorder {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<Recorded>>,
-    /// Frees the thread from a stream that dead sides left half made.
-    unblock: Option<Box<dyn Fn()>>,
+    /// Way out of a stream that dead sides left behind.
+    way_out: Option<WayOut>,
+}
+
+/// Way out of a stream that dead sides left half made, or wrote over.
+struct WayOut {
+    /// Frees the thread from one that is half made.
+    unblock: Box<dyn Fn()>,
+    /// Time after which a thread that got nowhere in the stream never will; none, if there is no limit.
+    limit: Option<Duration>,
 }
 
 #[derive(Default)]
@@ -73,12 +81,30 @@ struct Shared {
     /// Something went wrong; the run makes no sense any more.
     failed: AtomicBool,
     next_step: AtomicU64,
+    /// Count of the times that the thread entered or left the stream's own code: odd while it is in there.
+    crossings: AtomicU64,
     /// Changes of controllers.
     changes: Mutex<Vec<ControllerChange>>,
     /// Further facts that the recording is to hold.
     facts: Mutex<BTreeMap<String, String>>,
     /// Queue of questions on where the requirements stand.
     board: Arc<Board>,
+}
+
+impl Shared {
+    /// Notes that the thread, which alone calls this, enters the stream's own code or leaves it.
+    fn cross(&self) {
+        let crossings = self.crossings.load(Ordering::Relaxed);
+        (self.crossings).store(crossings.wrapping_add(1), Ordering::Relaxed);
+    }
+
+    /// Does what may stay in the stream's own code for ever.
+    fn in_stream<T>(&self, work: impl FnOnce() -> T) -> T {
+        self.cross();
+        let result = work();
+        self.cross();
+        result
+    }
 }
 
 impl Recorder {
@@ -113,10 +139,11 @@ impl Recorder {
             loop {
                 // Asked before the last look: a short run may be over between the two.
                 let is_over = theirs.finish.load(Ordering::Acquire);
-                match attach() {
+                match theirs.in_stream(&mut attach) {
                     Ok(Some((mut source, layout))) => {
                         work.attach(layout);
                         work.drain(&mut source);
+                        theirs.in_stream(|| drop(source));
                         break;
                     }
                     Ok(None) if is_over => break,
@@ -132,15 +159,20 @@ impl Recorder {
         Self {
             shared,
             thread: Some(thread),
-            unblock: None,
+            way_out: None,
         }
     }
 
     /// The same with a way out of a stream that dead sides left half made. It is called again and again
-    /// while the thread does not end, and only once the sides are gone.
+    /// while the thread does not end, and only once the sides are gone. If the thread gets nowhere in the stream's own
+    /// code for longer than the limit then, the memory of the stream was written over, and the process is aborted:
+    /// nothing else ends the thread.
     #[must_use]
-    pub fn unblocked_by(mut self, unblock: impl Fn() + 'static) -> Self {
-        self.unblock = Some(Box::new(unblock));
+    pub fn unblocked_by(mut self, limit: Option<Duration>, unblock: impl Fn() + 'static) -> Self {
+        self.way_out = Some(WayOut {
+            unblock: Box::new(unblock),
+            limit,
+        });
         self
     }
 
@@ -204,17 +236,42 @@ impl Recorder {
         self.shared.finish.store(true, Ordering::Release);
         let thread = self.thread.take()?;
         thread.thread().unpark(); // it may have lain down for a nap
-        if let Some(unblock) = &self.unblock {
-            let mut since = Instant::now();
-            while !thread.is_finished() {
-                if since.elapsed() > STUCK {
-                    unblock();
-                    since = Instant::now();
-                }
-                thread::sleep(LOOK);
-            }
+        if !self.comes_back(&thread) {
+            tell!(
+                "error: the recorder does not come back from the memory that it shares with the plant: something wrote over it"
+            );
+            std::process::abort();
         }
         Some(thread.join())
+    }
+
+    /// Waits for the end of the thread; returns `false` if it is stuck in the stream.
+    fn comes_back(&self, thread: &JoinHandle<Recorded>) -> bool {
+        let Some(way_out) = &self.way_out else {
+            return true;
+        };
+        let mut last = self.shared.crossings.load(Ordering::Relaxed);
+        let (mut since_unblocked, mut without_progress) = (Duration::ZERO, Duration::ZERO);
+        while !thread.is_finished() {
+            let since = Instant::now();
+            thread::sleep(LOOK);
+            // A process that was stopped gave the thread no time either.
+            let slept = since.elapsed().min(STUCK);
+            since_unblocked += slept;
+            without_progress += slept;
+            if since_unblocked > STUCK {
+                (way_out.unblock)();
+                since_unblocked = Duration::ZERO;
+            }
+            let crossings = self.shared.crossings.load(Ordering::Relaxed);
+            if crossings != last || crossings.is_multiple_of(2) {
+                (last, without_progress) = (crossings, Duration::ZERO);
+            }
+            if way_out.limit.is_some_and(|limit| without_progress > limit) {
+                return false;
+            }
+        }
+        true
     }
 }
 

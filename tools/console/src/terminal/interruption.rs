@@ -15,7 +15,7 @@ use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 use rustix::fs::{OFlags, fcntl_setfl};
 use shared_types::session;
 use signal_hook::consts::{SIGBUS, SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
-use signal_hook::low_level::pipe;
+use signal_hook::low_level::{emulate_default_handler, pipe};
 
 use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::ignored::is_ignored;
@@ -111,7 +111,8 @@ impl Interruption {
 }
 
 /// Ends the process in order when memory that it shares is taken away under it: it says so, ends what it
-/// started and removes its sessions.
+/// started and removes its sessions. One with a guard leaves that to the guard, which holds none of its locks, and
+/// dies of the signal, by which the guard knows the cause.
 fn end_without_shared_memory() -> io::Result<()> {
     let (mut heard, told) = UnixStream::pair()?;
     pipe::register(SIGBUS, told)?;
@@ -129,6 +130,9 @@ fn end_without_shared_memory() -> io::Result<()> {
         output::tell(
             "error: shared memory that is in use cannot be read or written any more (SIGBUS): a file of the session in /dev/shm was cut short, or /dev/shm is full. `hil recover` makes a whole recording of what was written",
         );
+        if session::guard::own().is_some() {
+            let _ = emulate_default_handler(SIGBUS); // it does not return
+        }
         session::abandon();
         // Not before: without a reader the pipe holds nobody.
         let _held_open = held_open;

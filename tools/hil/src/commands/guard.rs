@@ -239,7 +239,10 @@ fn aborted(reason: &str, run: &Path) -> Result<(), Failure> {
 /// Names the usual cause of a death by a signal.
 const fn cause(signal: c_int) -> &'static str {
     match signal {
-        SIGSEGV | SIGABRT | SIGBUS => {
+        SIGBUS => {
+            "memory that hil shares was taken away under it: a file of the session in /dev/shm was cut short, or /dev/shm is full"
+        }
+        SIGSEGV | SIGABRT => {
             "a plant or controller that writes over the memory that it shares with hil does this; look for a wild pointer in one that is not of safe Rust"
         }
         SIGKILL => {

@@ -235,8 +235,25 @@ fn a_recorder_that_is_stuck_in_what_the_dead_left_is_freed() {
     let recorder = Recorder::start(plan(), None, vec![], None, None, || attach);
     // Nobody may be there any more to be freed.
     let unblock = move || free.send(()).unwrap_or_default();
-    let recorded = recorder.unblocked_by(unblock).finish();
+    let recorded = recorder.unblocked_by(None, unblock).finish();
     assert_eq!(recorded.expect("no panic").error, None);
+}
+
+#[test]
+fn a_recorder_that_never_comes_back_from_the_stream_is_given_up() {
+    let (free, freed) = std::sync::mpsc::channel::<()>();
+    // As iceoryx2 goes round for ever in memory that was written over.
+    let attach = move || {
+        let _ = freed.recv(); // until the test drops the other end
+        Ok(None::<(Left, RecordLayout)>)
+    };
+    let recorder = Recorder::start(plan(), None, vec![], None, None, || attach);
+    let mut recorder = recorder.unblocked_by(Some(STUCK), || ());
+    let thread = recorder.thread.take().expect("started");
+    assert!(!recorder.comes_back(&thread));
+    recorder.shared.finish.store(true, Ordering::Release);
+    drop(free);
+    assert!(recorder.comes_back(&thread));
 }
 
 #[test]

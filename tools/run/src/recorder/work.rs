@@ -166,7 +166,13 @@ impl RecorderWork {
         while self.collector.recorded.end.is_none() {
             // Asked before the last look: what was published until then must be in it.
             let finishing = self.shared.finish.load(Ordering::Acquire);
-            match source.drain(&mut |item| self.take(item)) {
+            let shared = Arc::clone(&self.shared);
+            let mut take = |item: Item<'_>| {
+                shared.cross();
+                self.take(item);
+                shared.cross();
+            };
+            match shared.in_stream(|| source.drain(&mut take)) {
                 Ok(0) if finishing => break,
                 Ok(0) => std::thread::park_timeout(NAP),
                 Ok(_) => {}

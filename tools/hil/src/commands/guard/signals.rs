@@ -39,7 +39,7 @@ pub(super) fn release() {
     let _ = all.thread_unblock(); // all are signals
 }
 
-/// The signals to this process, which has one thread.
+/// The signals to this process, of which one thread does the work and any other blocks all signals.
 pub(super) struct Signals {
     /// Those that are read.
     received: SignalFd,
