@@ -57,8 +57,13 @@ pub(super) fn check<'a>(
         );
         let known = (expression.as_ref()).zip(columns.as_ref());
         let unit = name.and_then(|name| unit(reader, section, known, name));
+        let is_converted = section.table.get("unit").is_none()
+            && known_unit(known).is_some_and(|unit| unit.is_converted());
         if let (Some(name), Some(columns)) = (name, columns.as_mut()) {
-            columns.push_with_unit(Group::Derived, name, unit.as_deref().unwrap_or_default());
+            match unit.as_deref().unwrap_or_default() {
+                "1" if is_converted => columns.push_converted(name),
+                unit => columns.push_with_unit(Group::Derived, name, unit),
+            }
         }
         if let (Some(name), Some(unit), Some(expression)) = (name, unit, expression) {
             derived.push(Derived {
@@ -161,9 +166,14 @@ pub(super) fn unit(
 
 /// The unit that is not written down: that of the expression, or that of the name's ending.
 pub(super) fn implied_unit(known: Option<(&Expression, &Columns)>, name: &str) -> Option<String> {
-    let told = known.and_then(|(expression, columns)| expression.unit(columns).ok());
-    let told = told.as_ref().and_then(Unit::symbol);
-    told.or_else(|| unit_of_name(name)).map(Into::into)
+    let unit = known_unit(known);
+    let symbol = unit.as_ref().and_then(Unit::symbol);
+    symbol.or_else(|| unit_of_name(name)).map(Into::into)
+}
+
+/// The unit of an expression among these columns, as far as it is known.
+fn known_unit<'a>(known: Option<(&'a Expression, &'a Columns)>) -> Option<Unit<'a>> {
+    known.and_then(|(expression, columns)| expression.unit(columns).ok())
 }
 
 /// Purpose of an expression.

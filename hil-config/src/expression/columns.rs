@@ -3,7 +3,7 @@
 //! Filled by the check from descriptions and by the launcher from the layout of a record; in a
 //! record the groups follow each other in the order of [`Group`].
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use shared_types::record::RecordLayout;
 use shared_types::table::{nearest, unit_of_name};
@@ -72,6 +72,8 @@ pub struct Columns {
     names: Vec<String>,
     /// The unit of each; empty if it is not known.
     units: Vec<String>,
+    /// Columns without a unit whose values a factor may have converted to one.
+    converted: HashSet<usize>,
     /// The first column of each name.
     places: HashMap<String, usize>,
     /// Columns by further names of their signals.
@@ -125,6 +127,12 @@ impl Columns {
         self.add(name, if unit == "1" { "" } else { unit });
     }
 
+    /// Adds a derived signal without a unit, whose values a factor may have converted to one.
+    pub(crate) fn push_converted(&mut self, name: &str) {
+        self.converted.insert(self.len());
+        self.push_with_unit(Group::Derived, name, "");
+    }
+
     /// Number of columns.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -175,6 +183,11 @@ impl Columns {
     pub(super) fn unit_of(&self, path: &str) -> Option<&str> {
         let unit = &self.units[self.index_of(path)?];
         (!unit.is_empty()).then_some(unit)
+    }
+
+    /// Returns `true` if a factor may have converted a signal to a unit that is not known.
+    pub(super) fn is_converted(&self, path: &str) -> bool {
+        (self.index_of(path)).is_some_and(|place| self.converted.contains(&place))
     }
 
     /// Returns true if the first part of a name is one that exists.

@@ -1,5 +1,7 @@
 //! The units of what an expression computes, as far as they are known.
 
+mod agreement;
+
 use std::borrow::Cow;
 use std::ops::Range;
 
@@ -8,6 +10,7 @@ use shared_types::units;
 use super::program::{Binary, Op, Unary};
 use super::quantity::Quantity;
 use super::{Columns, Expression, ExpressionError, Name, Reduced, ReductionKind};
+use agreement::{Agreement, agreement, may_convert, refuse_converted};
 
 /// The unit of a value, as far as it is known.
 #[derive(Clone, Debug)]
@@ -16,6 +19,12 @@ pub(crate) enum Unit<'a> {
     Number {
         /// True of the number 1 as it stands, which as a factor takes the unit away on purpose.
         is_one: bool,
+    },
+    /// That of a value which may count in another unit than SI's, such as a derived signal without a unit that a
+    /// factor scales: fits everything but a number with a unit.
+    Converted {
+        /// The part that a factor or another unit stands at.
+        source: Source<'a>,
     },
     /// Nothing: that of a product or quotient of two quantities, of a truth, or of a signal that has none.
     Unknown,
@@ -119,12 +128,15 @@ impl<'a> Unit<'a> {
     /// # Errors
     /// If two are known and differ.
     pub(crate) fn with(self, other: Self, joined: &str) -> Result<Self, Mixed> {
+        refuse_converted(&self, &other)?;
         let (a, b) = match (self, other) {
             (Self::Number { .. }, unit) | (unit, Self::Number { .. }) => return Ok(unit),
             (a, Self::Unknown) => (Self::Unknown, a),
+            (a, b @ Self::Converted { .. }) => (b, a),
             (a, b) => (a, b),
         };
         match (a, b) {
+            (converted @ Self::Converted { .. }, _) => Ok(converted),
             (
                 Self::Unknown,
                 Self::Known {
@@ -154,6 +166,7 @@ impl<'a> Unit<'a> {
                 },
             ) => {
                 let is_whole = is_whole && is_other_whole;
+                let is_second_scaled = is_other_scaled && !is_scaled;
                 let is_scaled = is_scaled || is_other_scaled;
                 let known = |symbol, source| Self::Known {
                     symbol,
@@ -163,6 +176,8 @@ impl<'a> Unit<'a> {
                 };
                 let (a, b) = ((&*symbol, source), (&*others, second));
                 match agreement(a, b, is_scaled, joined)? {
+                    // Named in an error: the part that a number scales.
+                    Agreement::First if is_second_scaled => Ok(known(others, second)),
                     Agreement::First => Ok(known(symbol, source)),
                     Agreement::Second => Ok(known(others, second)),
                     Agreement::None => Ok(Self::Unknown),
@@ -173,31 +188,63 @@ impl<'a> Unit<'a> {
     }
 
     /// The unit of a product: that of one factor if the other is a plain number.
-    fn times(self, other: Self) -> Self {
+    fn times(self, other: Self) -> Result<Self, Mixed> {
         match (self, other) {
             (Self::Number { is_one }, unit) | (unit, Self::Number { is_one }) => {
-                unit.scaled(Scale::by_number(is_one))
+                Ok(unit.scaled(Scale::by_number(is_one)))
             }
             (a, b) => match (a.scale(), b.scale()) {
-                (_, Some(scale)) => a.scaled(scale),
-                (Some(scale), None) => b.scaled(scale),
-                (None, None) => Self::Unknown,
+                (_, Some(scale)) => Ok(a.scaled(scale)),
+                (Some(scale), None) => Ok(b.scaled(scale)),
+                (None, None) => a.of_two(&b, "multiplied"),
             },
         }
     }
 
     /// The unit of a quotient: that of the dividend if the divisor is a plain number.
-    fn per(self, divisor: &Self) -> Self {
-        divisor
-            .scale()
-            .map_or(Self::Unknown, |scale| self.scaled(scale))
+    fn per(self, divisor: &Self) -> Result<Self, Mixed> {
+        match divisor.scale() {
+            Some(scale) => Ok(self.scaled(scale)),
+            None => self.of_two(divisor, "divided"),
+        }
+    }
+
+    /// The unit of a product or quotient of two values that are no plain numbers.
+    ///
+    /// # Errors
+    /// If a number with a unit stands beside a value that does not count in SI units.
+    fn of_two(&self, other: &Self, joined: &str) -> Result<Self, Mixed> {
+        refuse_converted(self, other)?;
+        for (one, other) in [(self, other), (other, self)] {
+            let Self::Known { symbol, source, .. } = one else {
+                if let Self::Converted { source } = *one {
+                    return Ok(Self::Converted { source });
+                }
+                continue;
+            };
+            let is_in_si = units::Unit::parse(symbol).is_ok_and(|unit| unit.is_coherent());
+            if is_in_si || matches!(source, Source::Quantity(_)) {
+                continue;
+            }
+            if let Self::Known {
+                symbol: unit,
+                source: second @ Source::Quantity(_),
+                ..
+            } = other
+                && may_convert(symbol, unit)
+            {
+                agreement((symbol, *source), (unit, *second), false, joined)?;
+            }
+            return Ok(Self::Converted { source: *source });
+        }
+        Ok(Self::Unknown)
     }
 
     /// The way in which the value scales another one; `None` if it may have a unit.
     fn scale(&self) -> Option<Scale> {
         match self {
             Self::Number { is_one } => Some(Scale::by_number(*is_one)),
-            Self::Unknown => None,
+            Self::Unknown | Self::Converted { .. } => None,
             Self::Known { symbol, source, .. } => {
                 let unit = units::Unit::parse(symbol).ok()?;
                 unit.is_plain().then_some(match source {
@@ -213,6 +260,7 @@ impl<'a> Unit<'a> {
         match (self, by) {
             (Self::Number { .. }, _) => Self::Number { is_one: false },
             (Self::Unknown, _) | (_, Scale::One) => Self::Unknown,
+            (converted @ Self::Converted { .. }, _) => converted,
             (
                 Self::Known {
                     symbol,
@@ -231,6 +279,12 @@ impl<'a> Unit<'a> {
                 }
             }
         }
+    }
+
+    /// Returns `true` if the value may count in another unit than its signals.
+    pub(crate) const fn is_converted(&self) -> bool {
+        let is_scaled = matches!(self, Self::Known { is_scaled, .. } if *is_scaled);
+        is_scaled || matches!(self, Self::Converted { .. })
     }
 
     /// The unit of the integral over time.
@@ -277,13 +331,17 @@ impl Expression {
                 Op::Load(_) => Unit::Unknown,
                 Op::Name(index) => {
                     let name = &self.names[*index];
-                    let unit = columns.unit_of(&name.path);
-                    unit.map_or(Unit::Unknown, |symbol| Unit::Known {
-                        symbol: symbol.into(),
-                        source: Source::Signal(name),
-                        is_whole: true,
-                        is_scaled: false,
-                    })
+                    let source = Source::Signal(name);
+                    match columns.unit_of(&name.path) {
+                        Some(symbol) => Unit::Known {
+                            symbol: symbol.into(),
+                            source,
+                            is_whole: true,
+                            is_scaled: false,
+                        },
+                        None if columns.is_converted(&name.path) => Unit::Converted { source },
+                        None => Unit::Unknown,
+                    }
                 }
                 Op::Quantity(index) => Unit::of_quantity(&self.quantities[*index]),
                 Op::Reduced(index) => {
@@ -315,6 +373,8 @@ impl Expression {
         a: Unit<'a>,
         b: Unit<'a>,
     ) -> Result<Unit<'a>, ExpressionError> {
+        let refused =
+            |mixed: Mixed| self.error(mixed.first.start..mixed.second.end, &mixed.message);
         let (joined, is_truth) = match operator {
             _ if matches!((&a, &b), (Unit::Number { .. }, Unit::Number { .. })) => {
                 return Ok(Unit::Number { is_one: false });
@@ -328,107 +388,12 @@ impl Expression {
             | Binary::GreaterOrEqual
             | Binary::Equal
             | Binary::NotEqual => ("compared", true),
-            Binary::Multiply => return Ok(a.times(b)),
-            Binary::Divide => return Ok(a.per(&b)),
+            Binary::Multiply => return a.times(b).map_err(refused),
+            Binary::Divide => return a.per(&b).map_err(refused),
             Binary::And | Binary::Or => return Ok(Unit::Unknown),
         };
-        let unit = a
-            .with(b, joined)
-            .map_err(|mixed| self.error(mixed.first.start..mixed.second.end, &mixed.message))?;
+        let unit = a.with(b, joined).map_err(refused)?;
         Ok(if is_truth { Unit::Unknown } else { unit })
-    }
-}
-
-/// Unit that two values have together.
-enum Agreement {
-    /// That of the first.
-    First,
-    /// That of the second.
-    Second,
-    /// None that is known.
-    None,
-}
-
-/// The unit that two known units have together. Signals agree by the text of their units; a number with a unit
-/// agrees with everything of its dimension that counts in the coherent unit. Where a number scales a signal, the
-/// dimension alone counts.
-fn agreement(
-    (symbol, first): (&str, Source<'_>),
-    (others, second): (&str, Source<'_>),
-    is_scaled: bool,
-    joined: &str,
-) -> Result<Agreement, Mixed> {
-    let fits = match (first, second) {
-        _ if is_scaled && may_convert(symbol, others) => Ok(()),
-        (Source::Quantity(quantity), other) => fitting(quantity, others, &other),
-        (other, Source::Quantity(quantity)) => fitting(quantity, symbol, &other),
-        _ if symbol == others => Ok(()),
-        (Source::Integral, _) | (_, Source::Integral) => return Ok(Agreement::None),
-        (Source::Signal(_), Source::Signal(name)) => Err(format!(
-            "if it is meant, write a factor, as in `1 * {}`",
-            name.path
-        )),
-    };
-    match (fits, first, second) {
-        // A signal names its unit as its own description does.
-        (Ok(()), Source::Quantity(_) | Source::Integral, Source::Signal(_)) => {
-            Ok(Agreement::Second)
-        }
-        (Ok(()), ..) => Ok(Agreement::First),
-        (Err(advice), ..) => {
-            let written = |symbol: &str, source: &Source<'_>| match source {
-                Source::Quantity(quantity) => quantity.symbol.clone(),
-                _ => symbol.to_owned(),
-            };
-            let place = first.span().or(second.span()).unwrap_or_default();
-            Err(Mixed {
-                message: format!(
-                    "`{}` is in {} and `{}` in {}, which cannot be {joined}; {advice}",
-                    first.text(),
-                    written(symbol, &first),
-                    second.text(),
-                    written(others, &second)
-                ),
-                first: first.span().unwrap_or_else(|| place.clone()),
-                second: second.span().unwrap_or(place),
-            })
-        }
-    }
-}
-
-/// Returns `true` unless two units are known to have different dimensions.
-fn may_convert(symbol: &str, others: &str) -> bool {
-    match (units::Unit::parse(symbol), units::Unit::parse(others)) {
-        (Ok(unit), Ok(other)) => unit.conversion_to(&other).is_some(),
-        _ => true,
-    }
-}
-
-/// Checks that a number with a unit can stand beside a value in another unit; the error says what to write.
-fn fitting(quantity: &Quantity, symbol: &str, other: &Source<'_>) -> Result<(), String> {
-    if let Source::Quantity(other) = other {
-        return match quantity.unit.conversion_to(&other.unit) {
-            Some(_) => Ok(()),
-            None => Err("write both in units of one dimension".into()),
-        };
-    }
-    let Ok(unit) = units::Unit::parse(symbol) else {
-        return Err("write a plain number, which fits every unit".into());
-    };
-    match quantity.unit.conversion_to(&unit) {
-        Some(_) if unit.is_coherent() => Ok(()),
-        Some(conversion) if conversion.offset != 0.0 => Err(format!(
-            "numbers with units count in {}, so write a plain number in {symbol}: `{:?}` for a temperature, `{:?}` for a difference",
-            quantity.unit.coherent(),
-            conversion.apply(quantity.written),
-            conversion.factor * quantity.written
-        )),
-        Some(conversion) => Err(format!(
-            "numbers with units count in {}, so write a plain number in {symbol}: `{:?}`",
-            quantity.unit.coherent(),
-            conversion.apply(quantity.written)
-        )),
-        None => Err("a plain number fits every unit".into()),
     }
 }
 

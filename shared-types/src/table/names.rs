@@ -7,7 +7,7 @@
 /// unit and tells none.
 #[must_use]
 pub fn unit_of_name(name: &str) -> Option<&'static str> {
-    const UNITS: [(&str, &str); 19] = [
+    const UNITS: [(&str, &str); 37] = [
         ("rad", "rad"),
         ("radps", "rad/s"),
         ("radps2", "rad/s2"),
@@ -27,6 +27,24 @@ pub fn unit_of_name(name: &str) -> Option<&'static str> {
         ("k", "K"),
         ("j", "J"),
         ("w", "W"),
+        ("um", "um"),
+        ("mm", "mm"),
+        ("cm", "cm"),
+        ("km", "km"),
+        ("mmps", "mm/s"),
+        ("kmph", "km/h"),
+        ("us", "us"),
+        ("ms", "ms"),
+        ("deg", "deg"),
+        ("degps", "deg/s"),
+        ("rpm", "rpm"),
+        ("degc", "degC"),
+        ("kpa", "kPa"),
+        ("mpa", "MPa"),
+        ("bar", "bar"),
+        ("kn", "kN"),
+        ("khz", "kHz"),
+        ("kw", "kW"),
     ];
     let (rest, ending) = name.rsplit_once('_')?;
     if rest.split('_').any(|word| matches!(word, "per" | "sqrt")) {

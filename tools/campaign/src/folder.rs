@@ -23,6 +23,7 @@ pub const CONFLICTS: &str = "conflicts";
 pub struct Folder {
     path: PathBuf,
     manifest: Manifest,
+    is_sealed: bool,
     id: String,
 }
 
@@ -63,11 +64,12 @@ impl Folder {
     /// # Errors
     /// If it is none.
     pub fn open(path: &Path) -> Result<Self, ManifestError> {
-        let manifest = Manifest::read(path)?;
+        let (manifest, is_sealed) = Manifest::read_sealed(path)?;
         Ok(Self {
             id: manifest.id(),
             path: path.to_owned(),
             manifest,
+            is_sealed,
         })
     }
 
@@ -81,6 +83,12 @@ impl Folder {
     #[must_use]
     pub const fn manifest(&self) -> &Manifest {
         &self.manifest
+    }
+
+    /// Returns `true` if its manifest has a check sum, so that its identity can be relied on.
+    #[must_use]
+    pub const fn is_sealed(&self) -> bool {
+        self.is_sealed
     }
 
     /// Returns the identity of its campaign.

@@ -2,6 +2,9 @@
 //!
 //! Written once when a campaign is planned, read by everybody who works on it. What follows from it is the same
 //! on every machine; times, hosts and engines never stand in it.
+//!
+//! A key `blake3` has the hash of the whole file, taken with zeros in the place of its digits: a campaign whose
+//! manifest is damaged would take its own results for those of another one. A manifest of an earlier version has none.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -78,6 +81,23 @@ pub struct Manifest {
     pub case_s: f64,
 }
 
+/// A manifest as the file has it.
+#[derive(Serialize)]
+struct Sealed<'a> {
+    #[serde(flatten)]
+    manifest: &'a Manifest,
+    blake3: &'a str,
+}
+
+/// The check sum of a manifest's file.
+#[derive(Deserialize)]
+struct Seal {
+    blake3: Option<String>,
+}
+
+/// Digits that stand for the check sum while it is taken.
+const NO_SUM: &str = "0000000000000000000000000000000000000000000000000000000000000000";
+
 /// Reason for which a manifest is none.
 #[derive(Debug, thiserror::Error)]
 pub enum ManifestError {
@@ -87,6 +107,11 @@ pub enum ManifestError {
     /// The file cannot be understood.
     #[error("{0}/{MANIFEST} is broken: {1}")]
     Broken(String, serde_json::Error),
+    /// The check sum is that of another content.
+    #[error(
+        "{0}/{MANIFEST} is damaged: its check sum is not that of its content; no result was touched, so put the file back as it was"
+    )]
+    Damaged(String),
     /// The folder has another form.
     #[error("{0} has form {1}, and this hil knows the forms {SCHEMA} and {GROWN}")]
     Version(String, u32),
@@ -98,11 +123,27 @@ impl Manifest {
     /// # Errors
     /// If there is none, or it cannot be understood.
     pub fn read(folder: &Path) -> Result<Self, ManifestError> {
+        Self::read_sealed(folder).map(|(manifest, _)| manifest)
+    }
+
+    /// Reads the manifest of a folder; `true` beside it if it has a check sum, which is right.
+    ///
+    /// # Errors
+    /// If there is none, or it cannot be understood, or its check sum is another.
+    pub fn read_sealed(folder: &Path) -> Result<(Self, bool), ManifestError> {
         let shown = || folder.display().to_string();
         let text = std::fs::read(folder.join(MANIFEST))
             .map_err(|error| ManifestError::Absent(shown(), error))?;
-        let manifest: Self =
-            serde_json::from_slice(&text).map_err(|error| ManifestError::Broken(shown(), error))?;
+        let broken = |error| ManifestError::Broken(shown(), error);
+        let Seal { blake3: sum } = serde_json::from_slice(&text).map_err(broken)?;
+        if let Some(sum) = &sum {
+            let text = String::from_utf8_lossy(&text);
+            let unsealed = text.replacen(sum.as_str(), NO_SUM, 1);
+            if *blake3::hash(unsealed.as_bytes()).to_hex() != **sum {
+                return Err(ManifestError::Damaged(shown()));
+            }
+        }
+        let manifest: Self = serde_json::from_slice(&text).map_err(broken)?;
         if ![SCHEMA, GROWN].contains(&manifest.schema) {
             return Err(ManifestError::Version(shown(), manifest.schema));
         }
@@ -111,7 +152,21 @@ impl Manifest {
             let error = serde_json::Error::custom("its shards cannot be counted");
             return Err(ManifestError::Broken(shown(), error));
         }
-        Ok(manifest)
+        Ok((manifest, sum.is_some()))
+    }
+
+    /// Writes the text of the file, with its check sum.
+    ///
+    /// # Errors
+    /// If it cannot be written as JSON.
+    pub fn sealed_text(&self) -> serde_json::Result<String> {
+        let text = |blake3| {
+            serde_json::to_string_pretty(&Sealed {
+                manifest: self,
+                blake3,
+            })
+        };
+        text(&blake3::hash(text(NO_SUM)?.as_bytes()).to_hex())
     }
 
     /// Identity of the campaign: a hash over everything that its results follow from.

@@ -143,8 +143,8 @@ fn write(folder: &Folder, cases: &Cases) -> Result<Manifest, Failure> {
         grid.every *= study.draws.div_ceil(DRAWS * grid.every);
     }
     values::write(folder.path(), &manifest, &cases.draws)?;
-    let text = serde_json::to_vec_pretty(&manifest).map_err(Failure::infrastructure)?;
-    put(MANIFEST, &text).map_err(cannot)?;
+    let text = manifest.sealed_text().map_err(Failure::infrastructure)?;
+    put(MANIFEST, text.as_bytes()).map_err(cannot)?;
     Ok(manifest)
 }
 

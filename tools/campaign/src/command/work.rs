@@ -17,6 +17,7 @@ use hil_facts::results::curve::Curve;
 use hil_run::kept::Kept;
 
 use crate::folder::{Conflict, Folder};
+use crate::manifest::ManifestError;
 use crate::shard::attempt::{Attempt, Published, difference};
 use crate::shard::{MOST_TRIES, PartError, Shard, missing};
 use crate::table::Row;
@@ -95,7 +96,10 @@ fn worked(arguments: &WorkArguments) -> Result<Exit, Failure> {
 /// # Errors
 /// If it is none.
 pub(super) fn open(path: &Path) -> Result<Folder, Failure> {
-    Folder::open(path).map_err(Failure::usage)
+    Folder::open(path).map_err(|error| match error {
+        ManifestError::Damaged(_) => Failure::infrastructure(error),
+        _ => Failure::usage(error),
+    })
 }
 
 /// Makes the failure of a folder that cannot be worked on.

@@ -5,6 +5,7 @@ use std::ops::Range;
 use super::PartError;
 use crate::folder::Folder;
 use crate::journal::Circumstances;
+use crate::manifest::MANIFEST;
 use crate::table::{self, Cell, Column, ColumnKind, Row, TableError, Values, Writer};
 
 /// Facts in a part.
@@ -70,6 +71,20 @@ impl Part {
         if told.is_none_or(|told| told != seal(&bytes)) {
             return Err(PartError::Broken("its check sum is another".into()));
         }
+        Self::fitting(bytes, folder, cases).map_err(|error| match error {
+            // The part is whole: what does not fit may be the manifest.
+            PartError::Broken(what) if !folder.is_sealed() => {
+                let shown = folder.path().display();
+                PartError::Io(std::io::Error::other(format!(
+                    "{what}, or {shown}/{MANIFEST} is damaged, which has no check sum; no result was touched"
+                )))
+            }
+            error => error,
+        })
+    }
+
+    /// Reads the part of some cases of bytes whose check sum is right.
+    fn fitting(bytes: Vec<u8>, folder: &Folder, cases: Range<u64>) -> Result<Self, PartError> {
         let table = table::read(bytes, &all_columns(folder))?;
         let of = table.fact(CAMPAIGN);
         if !of.is_some_and(|id| folder.has_results_of(id)) {

@@ -50,7 +50,7 @@ impl Campaign {
             case_s: 0.1,
         };
         change(&mut manifest);
-        let text = serde_json::to_vec(&manifest).expect("JSON");
+        let text = manifest.sealed_text().expect("JSON");
         fs::write(root.path().join(MANIFEST), text).expect("written");
         let folder = Folder::open(root.path()).expect("a campaign");
         Self {
@@ -306,7 +306,7 @@ fn a_campaign_that_grew_keeps_its_shards_and_their_rows() {
     };
     (manifest.cases, manifest.shard_cases) = (12, 3);
     manifest.grown.push(stage);
-    let text = serde_json::to_vec(&manifest).expect("JSON");
+    let text = manifest.sealed_text().expect("JSON");
     fs::write(small.folder.path().join(MANIFEST), text).expect("written");
     let grown = Folder::open(small.folder.path()).expect("a campaign");
     let cases = (0..manifest.shards()).map(|shard| manifest.cases_of(shard));
@@ -420,6 +420,54 @@ fn a_manifest_whose_shards_cannot_be_counted_is_broken() {
         std::fs::write(folder.join(MANIFEST), text).expect("written");
         let told = Manifest::read(folder).expect_err("broken").to_string();
         assert!(told.contains("its shards cannot be counted"), "{told}");
+    }
+}
+
+#[test]
+fn no_damaged_byte_of_a_manifest_gives_another_campaign() {
+    let campaign = Campaign::new(12, 5);
+    let path = campaign.folder.path().join(MANIFEST);
+    let whole = fs::read(&path).expect("a manifest");
+    assert!(campaign.folder.is_sealed());
+    let mut refused = 0;
+    for place in 0..whole.len() {
+        let mut damaged = whole.clone();
+        damaged[place] ^= 1;
+        fs::write(&path, damaged).expect("written");
+        match Folder::open(campaign.folder.path()) {
+            Err(error) => {
+                refused += 1;
+                assert!(error.to_string().contains(MANIFEST), "{error}");
+            }
+            // The name of the check sum's key.
+            Ok(folder) => assert_eq!(
+                (folder.is_sealed(), folder.id()),
+                (false, campaign.folder.id())
+            ),
+        }
+    }
+    assert_eq!(refused, whole.len() - "blake3".len());
+}
+
+#[test]
+fn a_whole_result_beside_a_manifest_without_a_check_sum_is_not_broken() {
+    let campaign = Campaign::new(2, 2);
+    campaign.run();
+    let path = campaign.folder.path().join(MANIFEST);
+    let text = serde_json::to_string(campaign.folder.manifest()).expect("JSON");
+    fs::write(&path, &text).expect("written");
+    let folder = Folder::open(campaign.folder.path()).expect("a campaign");
+    assert_eq!(folder.id(), campaign.folder.id());
+    assert!(Shard::of(&folder, 0).part().is_ok());
+    for (sound, damaged) in [("demo", "dfmo"), ("\"x\",", "\"y\",")] {
+        fs::write(&path, text.replacen(sound, damaged, 1)).expect("written");
+        let folder = Folder::open(campaign.folder.path()).expect("a campaign");
+        let error = Shard::of(&folder, 0).part().map(|_| ()).expect_err(damaged);
+        assert!(matches!(error, PartError::Io(_)), "{error}");
+        assert!(
+            error.to_string().contains("which has no check sum"),
+            "{error}"
+        );
     }
 }
 

@@ -85,7 +85,7 @@ pub(super) fn write(checked: &Checked, out: &Path) -> Result<(), Failure> {
     let part = PartFolder::beside(&absolute).map_err(cannot)?;
     try_out(part.path()).map_err(Failure::usage)?;
     let manifest = copied(checked, part.path())?;
-    let text = serde_json::to_string_pretty(&manifest).map_err(Failure::infrastructure)?;
+    let text = manifest.sealed_text().map_err(Failure::infrastructure)?;
     fs::write(part.path().join(MANIFEST), text).map_err(cannot)?;
     values::write(part.path(), &manifest, &checked.cases.draws)?;
     for folder in [SHARDS, CONFLICTS] {
