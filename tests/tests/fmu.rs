@@ -7,6 +7,7 @@ mod order;
 mod shipped;
 mod start;
 mod states;
+mod studies;
 mod vendor;
 
 use std::path::PathBuf;

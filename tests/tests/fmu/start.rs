@@ -15,7 +15,7 @@ const RATE_HZ: f64 = 10.0;
 const STEPS: u32 = 20;
 
 /// The FMU that gives back what it was told, as entries of its archive.
-fn starts(version: u32, experiment: &str) -> Entries {
+pub(super) fn starts(version: u32, experiment: &str) -> Entries {
     let mut variables = String::new();
     let mut add = |name: &str, reference: usize, role: &str, start: &str, is_text: bool| {
         let head = format!("name=\"{name}\" valueReference=\"{reference}\" {role}");
@@ -54,14 +54,14 @@ fn starts(version: u32, experiment: &str) -> Entries {
     entries("starts", version, text.into_bytes(), &[])
 }
 
-fn starts_scenario(rest: &str) -> String {
+pub(super) fn starts_scenario(rest: &str) -> String {
     let text = scenario("starts", "starts.fmu", RATE_HZ, f64::from(STEPS));
     let (before, after) = text.split_once("[controller]").expect("a controller");
     format!("{before}locals = [\"body.x\"]\n{rest}\n[controller]{after}")
 }
 
 /// The outputs at the end of a run.
-fn told(run: &Run) -> Vec<f64> {
+pub(super) fn told(run: &Run) -> Vec<f64> {
     let recording = Recording::open(&run.recording());
     let last = |name: &&str| {
         *recording

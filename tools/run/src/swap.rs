@@ -10,7 +10,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
 use controller_process::job::Job;
-use hil_config::plan::{ControllerPlan, Plan};
+use hil_config::plan::{ControllerPlan, Permissions, Plan};
 use hil_config::scenario::{Advice, Scenario};
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
@@ -19,7 +19,7 @@ use hil_facts::programs::binaries::{Binaries, Binary};
 use hil_facts::programs::scenario::{self, kept};
 use hil_target::name::Target;
 use serde::{Deserialize, Serialize};
-use shared_types::describe::LawDescription;
+use shared_types::describe::{LawDescription, ModelSettings};
 use shared_types::live::{self, Listening, Refusal};
 use shared_types::session::SessionInfo;
 use shared_types::table::Field;
@@ -144,12 +144,13 @@ impl SwapContext {
                 "{target} serves one session at a time, so no other controller can start there beside this one"
             ));
         }
+        let of_fmu = self.settings(&request.set).map_err(told)?;
+        let ask = |path| Binary::asked_for(path, "--bin", of_fmu.clone(), at, &self.interruption);
         let binary = match &request.binary {
-            Some(path) => Binary::asked_for(path, "--bin", at, &self.interruption).map_err(told)?,
+            Some(path) => ask(path).map_err(told)?,
             None => {
                 let first = &self.binaries.controller;
-                let binary = Binary::asked_for(&first.path, "--bin", at, &self.interruption);
-                let mut binary = binary
+                let mut binary = ask(&first.path)
                     .map_err(|failure| format!("{}; --bin PATH names another", told(failure)))?;
                 binary.by = first.by.clone();
                 if binary.blake3 != first.blake3 {
@@ -185,6 +186,18 @@ impl SwapContext {
         }
     }
 
+    /// Returns the permissions and settings of an FMU as the controller, by the running scenario with these changes.
+    fn settings(&self, set: &[String]) -> Result<(Permissions, ModelSettings), Failure> {
+        let text = scenario::show(&self.plan, &self.binaries)?;
+        let programs = Scenario::parse(&text, "the running scenario")?
+            .set(set)
+            .programs();
+        Ok((
+            programs.controller_permissions,
+            programs.controller_settings,
+        ))
+    }
+
     /// The controller's part of the scenario as it is for this binary, and the keys of it that none of
     /// its laws has.
     fn law(
@@ -199,7 +212,17 @@ impl SwapContext {
         }
         let effective = scenario::show(&self.plan, &self.binaries)?;
         let mut document = kept(&effective).map_err(Failure::infrastructure)?;
-        let left_out = leave_out(&mut document, &binary.description.laws);
+        let is_fmu = binary.host.is_some();
+        let set_for_fmu = set
+            .iter()
+            .find(|set| keys_of_fmus().any(|key| is_at(set, key)));
+        if let (false, Some(other)) = (is_fmu, set_for_fmu) {
+            let path = binary.path.display();
+            return Err(Failure::usage(format!(
+                "--set {other}: {path} is no FMU, so it has no effect"
+            )));
+        }
+        let left_out = leave_out(&mut document, &binary.description.laws, is_fmu);
         let text = document.to_string();
         let advice = Advice {
             law: binary.advice("law", "--bin PATH"),
@@ -215,8 +238,29 @@ impl SwapContext {
     }
 }
 
-/// Takes the keys out of a scenario that none of these laws has, and gives their names.
-fn leave_out(scenario: &mut DocumentMut, laws: &[LawDescription]) -> Vec<String> {
+/// Lists the keys of `[controller]` that only an FMU has.
+fn keys_of_fmus() -> impl Iterator<Item = &'static str> {
+    const SETTINGS: [&str; 7] = [
+        "tolerance",
+        "start_time_s",
+        "stop_time_s",
+        "initial",
+        "texts",
+        "files",
+        "structural",
+    ];
+    Permissions::KEYS.into_iter().chain(SETTINGS)
+}
+
+/// Returns `true` if a flag sets this key of `[controller]`, or a value below it.
+fn is_at(set: &str, key: &str) -> bool {
+    let path = set.split('=').next().unwrap_or_default().trim();
+    path.split('.').nth(1) == Some(key)
+}
+
+/// Takes the keys out of a scenario that none of these laws has, and gives their names; `is_fmu` is true if the laws
+/// are of an FMU.
+fn leave_out(scenario: &mut DocumentMut, laws: &[LawDescription], is_fmu: bool) -> Vec<String> {
     let mut gone = Vec::new();
     if let Some(connect) = scenario
         .get_mut("connect")
@@ -237,7 +281,16 @@ fn leave_out(scenario: &mut DocumentMut, laws: &[LawDescription]) -> Vec<String>
     else {
         return gone;
     };
-    let tables = controller.iter().filter(|(_, item)| item.is_table_like());
+    if !is_fmu {
+        for key in keys_of_fmus() {
+            if controller.remove(key).is_some() {
+                gone.push(format!("controller.{key}"));
+            }
+        }
+    }
+    let tables = controller
+        .iter()
+        .filter(|(name, item)| item.is_table_like() && !keys_of_fmus().any(|key| key == *name));
     let tables: Vec<String> = tables.map(|(name, _)| name.to_owned()).collect();
     for name in tables {
         let path = format!("controller.{name}");
@@ -323,7 +376,7 @@ mod tests {
              [controller.lqr]\ngain = 1.0\n[controller.model]\nrod.mass_kg = 1.0\nrod.length_m = 2.0\n"
         );
         let mut scenario: DocumentMut = text.parse().expect("TOML");
-        let gone = leave_out(&mut scenario, &laws);
+        let gone = leave_out(&mut scenario, &laws, false);
         let wanted = [
             "controller.pid.older",
             "controller.pid.own.older",
@@ -336,6 +389,6 @@ mod tests {
              [controller.pid]\n{known} = 1.0\n[controller.model]\nrod.mass_kg = 1.0\n"
         );
         assert_eq!(scenario.to_string(), kept);
-        assert_eq!(leave_out(&mut scenario, &laws), [""; 0]);
+        assert_eq!(leave_out(&mut scenario, &laws, false), [""; 0]);
     }
 }

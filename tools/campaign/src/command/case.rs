@@ -55,7 +55,14 @@ pub(super) fn case(arguments: &CaseArguments) -> Result<Exit, Failure> {
         false => LinkKind::Iceoryx2,
     };
     let settings = Settings::with_recording(link, arguments.out.clone());
-    let binaries = programs(&folder, link)?.find(&interruption)?;
+    let copies = folder.manifest().both();
+    folder
+        .check_copies(copies.into_iter().flatten())
+        .map_err(Failure::usage)?;
+    let binaries = match cases.binaries_with(&plan.programs)? {
+        Some(binaries) => binaries,
+        None => built_in(&folder, link)?.find(&interruption)?,
+    };
     let plan = Plan {
         programs: binaries.programs(),
         ..plan
@@ -84,18 +91,14 @@ pub(super) fn case(arguments: &CaseArguments) -> Result<Exit, Failure> {
     }
 }
 
-/// Chooses the programs of a case: the copies in the folder, whatever is beside the `hil` that was called.
-fn programs(folder: &Folder, link: LinkKind) -> Result<Choices, Failure> {
-    let copies = folder.manifest().both();
-    folder
-        .check_copies(copies.into_iter().flatten())
-        .map_err(Failure::usage)?;
+/// Chooses the programs of a case that needs none but those of `hil`: the copies in the folder, whatever is beside the
+/// `hil` that was called.
+fn built_in(folder: &Folder, link: LinkKind) -> Result<Choices, Failure> {
     let root = std::path::absolute(folder.path()).map_err(Failure::usage)?;
+    let copies = folder.manifest().both();
     let paths = copies.map(|both| both.map(|copied| root.join(&copied.path)));
     match (paths, link) {
-        (Some(paths), LinkKind::InProcess) if folder.manifest().plant.is_none() => {
-            Ok(Choices::copies(paths))
-        }
+        (Some(paths), LinkKind::InProcess) => Ok(Choices::copies(paths)),
         (Some([plant, controller]), _) => {
             let arguments = BinaryArguments {
                 plant_bin: Some(plant),

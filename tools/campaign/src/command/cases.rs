@@ -1,5 +1,7 @@
 //! The cases of a study: the plan of each, and the row that comes of running it.
 
+mod own;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -15,8 +17,7 @@ use hil_config::study::{Item, Spread, Study};
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
 use hil_facts::arguments::BinaryArguments;
-use hil_facts::programs::binaries::named::Named;
-use hil_facts::programs::binaries::{Binaries, Choices};
+use hil_facts::programs::binaries::Binaries;
 use hil_facts::results::curve::Grid;
 use hil_run::alone;
 use hil_run::kept::Kept;
@@ -26,6 +27,7 @@ use shared_types::record::RecordLayout;
 
 use super::result::CaseResult;
 use super::values;
+use own::{Own, choices, keys_of_fmus};
 
 /// Cases that can be planned and run.
 pub(super) struct Cases {
@@ -45,7 +47,7 @@ enum Rig {
     /// Plants and laws that are built into `hil`.
     BuiltIn(Box<[Description; 2]>),
     /// Programs of their own.
-    Own(Arc<Binaries>),
+    Own(Own),
 }
 
 /// Descriptions that scenarios are checked against.
@@ -67,12 +69,18 @@ impl Cases {
     ) -> Result<Self, Failure> {
         refuse_programs(&study)?;
         let scenario = study.read_scenario()?;
-        let choices = Choices::of(binaries, &Named::by(&scenario), None)?;
-        let rig = match choices.names_one() {
-            true => Rig::Own(choices.find(interruption)?),
+        let draws = Draws::new(study)?;
+        let named = scenario.programs();
+        let rig = match choices(&scenario, binaries, &named, named.clone())?.names_one() {
+            true => {
+                let first = scenario.clone().set(&draws.flags(0));
+                let of_first = first.programs();
+                let binaries = binaries.clone();
+                Rig::Own(Own::new(&first, of_first, binaries, named, interruption)?)
+            }
             false => Rig::BuiltIn(Box::new(alone::built_in())),
         };
-        Self::new(study, scenario, rig, BTreeMap::new())
+        Ok(Self::new(draws, scenario, rig, BTreeMap::new()))
     }
 
     /// Takes the cases of a campaign from its folder, with the copies there.
@@ -95,52 +103,41 @@ impl Cases {
     ) -> Result<Self, Failure> {
         let (manifest, path) = (folder.manifest(), folder.path());
         let scenario = Scenario::read(path.join(&manifest.scenario.path))?;
+        let copies = manifest.tables.iter();
+        let tables = copies.map(|(name, copy)| (name.clone(), copy.path.clone()));
+        let tables: BTreeMap<String, String> = tables.collect();
+        let draws = Draws::new(study)?;
         let rig = match (&manifest.plant, &manifest.controller) {
             (Some(plant), Some(controller)) => {
                 let arguments = BinaryArguments {
                     plant_bin: Some(path.join(&plant.path)),
                     controller_bin: Some(path.join(&controller.path)),
                 };
-                let named = Named::Scenario {
-                    file: scenario.path(),
-                    text: scenario.text(),
-                    // The programs are the copies; what belongs to them is not.
-                    programs: Box::new(Programs {
-                        plant: None,
-                        controller: None,
-                        ..scenario.programs()
-                    }),
-                };
-                let choices = Choices::of(&arguments, &named, None)?;
-                Rig::Own(choices.find(interruption)?)
+                // The programs are the copies; what belongs to them is not.
+                let first = scenario.clone().set(&draws.flags(0));
+                let of_first = own::with_copies(&first, first.programs(), &tables);
+                let named = Programs::default();
+                Rig::Own(Own::new(&first, of_first, arguments, named, interruption)?)
             }
             _ => Rig::BuiltIn(Box::new(alone::built_in())),
         };
-        let copies = manifest.tables.iter();
-        let tables = copies.map(|(name, copy)| (name.clone(), copy.path.clone()));
         let grid = manifest.curves.clone().map(Arc::new);
         Ok(Self {
             grid,
-            ..Self::new(study, scenario, rig, tables.collect())?
+            ..Self::new(draws, scenario, rig, tables)
         })
     }
 
-    fn new(
-        study: Study,
-        scenario: Scenario,
-        rig: Rig,
-        tables: BTreeMap<String, String>,
-    ) -> Result<Self, Failure> {
-        let draws = Draws::new(study)?;
+    fn new(draws: Draws, scenario: Scenario, rig: Rig, tables: BTreeMap<String, String>) -> Self {
         let files = scenario.files();
-        Ok(Self {
+        Self {
             draws,
             scenario,
             rig,
             tables,
             files,
             grid: None,
-        })
+        }
     }
 
     /// Returns the study.
@@ -153,21 +150,35 @@ impl Cases {
         &self.scenario
     }
 
-    /// Returns the programs of their own, if the cases have some.
+    /// Returns the programs of their own, if the cases have some, as the first case has them.
     pub(super) fn binaries(&self) -> Option<&Binaries> {
         match &self.rig {
             Rig::BuiltIn(_) => None,
-            Rig::Own(binaries) => Some(binaries),
+            Rig::Own(own) => Some(&own.first),
         }
     }
 
-    fn described(&self) -> Described<'_> {
+    /// Returns the programs of their own with the permissions and settings of a case, if the cases have some.
+    ///
+    /// # Errors
+    /// If they refuse the settings.
+    pub(super) fn binaries_with(
+        &self,
+        programs: &Programs,
+    ) -> Result<Option<Arc<Binaries>>, Failure> {
         match &self.rig {
-            Rig::BuiltIn(both) => {
+            Rig::BuiltIn(_) => Ok(None),
+            Rig::Own(own) => own.with(&self.scenario, programs).map(Some),
+        }
+    }
+
+    fn described<'a>(&'a self, own: Option<&'a Binaries>) -> Described<'a> {
+        match (&self.rig, own) {
+            (Rig::BuiltIn(both), _) => {
                 let [plant, controller] = &**both;
                 (&plant.plants, &controller.laws, &plant.faults)
             }
-            Rig::Own(binaries) => binaries.described(),
+            (Rig::Own(known), own) => own.unwrap_or(&known.first).described(),
         }
     }
 
@@ -193,6 +204,10 @@ impl Cases {
         });
         let mut all: Vec<String> = self.files.iter().map(|(_, name)| name.clone()).collect();
         all.extend(set.chain(items));
+        all.extend(own::relative_files(
+            &self.scenario,
+            &self.scenario.programs(),
+        ));
         all.sort();
         all.dedup();
         all
@@ -227,7 +242,7 @@ impl Cases {
     ///
     /// # Errors
     /// Everything that is wrong with it, at the places of the study that brought it about.
-    pub(super) fn plan(&self, case: u64) -> Result<Plan, Problems> {
+    pub(super) fn plan(&self, case: u64) -> Result<Plan, Failure> {
         self.planned(self.draws.flags(case))
     }
 
@@ -235,15 +250,22 @@ impl Cases {
     ///
     /// # Errors
     /// As of [`plan`](Self::plan).
-    pub(super) fn planned(&self, flags: Vec<String>) -> Result<Plan, Problems> {
-        let (plants, laws, kinds) = self.described();
+    pub(super) fn planned(&self, flags: Vec<String>) -> Result<Plan, Failure> {
         let scenario = self.scenario.clone().set(&self.flags(flags));
+        let programs = own::with_copies(&scenario, scenario.programs(), &self.tables);
+        let binaries = self.binaries_with(&programs)?;
+        if let (None, Some(key)) = (&binaries, keys_of_fmus(&programs).next()) {
+            return Err(Failure::usage(format!(
+                "the plants and laws in hil are no FMUs, so `{key}` has no effect"
+            )));
+        }
+        let (plants, laws, kinds) = self.described(binaries.as_deref());
         let plan = scenario.check(plants, laws, kinds);
         let plan = plan.map_err(|problems| {
             let at_home = |problem| self.study().at_home(problem);
             Problems(problems.0.into_iter().map(at_home).collect())
         })?;
-        Ok(match self.binaries() {
+        Ok(match binaries {
             Some(binaries) => Plan {
                 programs: binaries.programs(),
                 ..plan
@@ -270,7 +292,8 @@ impl Cases {
     /// # Errors
     /// If the plan is not of these cases.
     pub(super) fn record_layout(&self, plan: &Plan) -> Result<RecordLayout, Failure> {
-        let (plants, laws, _) = self.described();
+        let binaries = self.binaries_with(&plan.programs)?;
+        let (plants, laws, _) = self.described(binaries.as_deref());
         let both = plan.plant_among(plants).zip(plan.law_among(laws));
         both.map(|(plant, law)| plan.record_layout(plant, &law))
             .ok_or_else(|| Failure::infrastructure("a case lost its plant or law"))
@@ -281,7 +304,8 @@ impl Cases {
     /// # Errors
     /// If it is not of these cases.
     pub(super) fn shown(&self, plan: &Plan) -> Result<String, Failure> {
-        let (plants, laws, kinds) = self.described();
+        let binaries = self.binaries_with(&plan.programs)?;
+        let (plants, laws, kinds) = self.described(binaries.as_deref());
         hil_config::show::show(plan, plants, laws, kinds).map_err(Failure::usage)
     }
 
@@ -297,10 +321,10 @@ impl Cases {
         interruption: &Interruption,
     ) -> Result<CaseResult, Failure> {
         match &self.rig {
-            Rig::Own(binaries) if self.keeps_processes(plan) => {
+            Rig::Own(own) if self.keeps_processes(plan) => {
                 let began = Instant::now();
                 let (ended, is_to_check) =
-                    kept.run(plan, binaries, self.grid.clone(), interruption)?;
+                    kept.run(plan, &own.first, self.grid.clone(), interruption)?;
                 let mut result = CaseResult::of_ended(ended, began)?;
                 result.is_to_check = is_to_check;
                 Ok(result)
@@ -311,12 +335,15 @@ impl Cases {
 
     /// Tells whether a case runs in processes that are kept: not where settings of its own would stay with them.
     pub(super) fn keeps_processes(&self, plan: &Plan) -> bool {
-        let is_own = matches!(self.rig, Rig::Own(_));
+        let is_first = match &self.rig {
+            Rig::BuiltIn(_) => false,
+            Rig::Own(own) => plan.programs == own.first.programs(),
+        };
         let of_processes = Realtime {
             wait: plan.realtime.wait,
             ..Realtime::default()
         };
-        is_own
+        is_first
             && !self.study().fresh_processes
             && plan.run.on_controller_loss == OnLoss::Abort
             && plan.realtime == of_processes
@@ -337,8 +364,9 @@ impl Cases {
                 alone::run(plan, described, self.grid.clone(), interruption)?,
                 began,
             ),
-            Rig::Own(binaries) => {
-                CaseResult::in_processes(plan, binaries, self.grid.clone(), interruption, began)
+            Rig::Own(own) => {
+                let binaries = own.with(&self.scenario, &plan.programs)?;
+                CaseResult::in_processes(plan, &binaries, self.grid.clone(), interruption, began)
             }
         }
     }
@@ -410,9 +438,10 @@ fn refuse_programs(study: &Study) -> Result<(), Failure> {
     }
 }
 
-/// Tells whether a key names a table of points.
+/// Returns `true` if a key names a table of points or a file of an FMU.
 fn names_file(key: &str) -> bool {
-    key.rsplit('.').next() == Some("file")
+    let of_fmu = ["plant.files.", "controller.files."];
+    key.rsplit('.').next() == Some("file") || of_fmu.iter().any(|table| key.starts_with(table))
 }
 
 /// Takes the quotes from a text of TOML; what has none is a text as it is.

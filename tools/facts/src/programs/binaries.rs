@@ -15,7 +15,7 @@ use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
 use hil_target::bridge::ready_file;
 use shared_types::describe::{
-    Description, FaultKindDescription, LawDescription, PROTOCOL, PlantDescription,
+    Description, FaultKindDescription, LawDescription, ModelSettings, PROTOCOL, PlantDescription,
 };
 use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
@@ -24,7 +24,7 @@ use shared_types::text;
 
 use answer::{asked, refusal, unprintable};
 use file::{FileIdentity, hashed, hashed_model};
-use host::Host;
+use host::{Host, is_model};
 use named::{CONTROLLER, Choice, Named, NamedBy, PLANT, Role};
 use reached::{BesideDesk, Reached};
 
@@ -243,18 +243,27 @@ impl Binary {
         Self::of_controller(&named.choice(&CONTROLLER, given, at)?, at, interruption)
     }
 
-    /// Asks a controller what it is that was named with this flag.
+    /// Asks a controller what it is that was named with this flag; an FMU has these permissions and settings.
     ///
     /// # Errors
-    /// If it is missing, cannot be executed or does not speak the protocol.
+    /// If it is missing, cannot be executed, does not speak the protocol or refuses the settings.
     pub fn asked_for(
         path: &Path,
         flag: &'static str,
+        of_fmu: (Permissions, ModelSettings),
         at: Option<&Reached>,
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
         let path = std::path::absolute(path).map_err(Failure::usage)?;
-        let choice = Choice::new(path, NamedBy::Person(flag));
+        let (permissions, settings) = match is_model(&path) {
+            true => of_fmu,
+            false => Default::default(),
+        };
+        let choice = Choice {
+            permissions,
+            settings,
+            ..Choice::new(path, NamedBy::Person(flag))
+        };
         Self::of_controller(&choice, at, interruption)
     }
 

@@ -1,6 +1,7 @@
 //! The folder of a campaign: copies of all that its cases need, with their hashes, and the values of every case.
 
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::fs;
 use std::io;
 use std::os::unix::fs::PermissionsExt;
@@ -135,7 +136,9 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
     let beside = cases.scenario().path().parent().unwrap_or(Path::new(""));
     for (number, name) in cases.named_tables().into_iter().enumerate() {
         let from: PathBuf = beside.join(&name);
-        tables.insert(name, copy(&from, format!("tables/{number}.csv"))?);
+        // An FMU may look at the ending.
+        let ending = from.extension().and_then(OsStr::to_str).unwrap_or("csv");
+        tables.insert(name, copy(&from, format!("tables/{number}.{ending}"))?);
     }
     let own = std::env::current_exe().map_err(Failure::infrastructure)?;
     let program = |side: &str, path: &Path| copy(path, format!("{PROGRAMS}/{side}")).map(Some);

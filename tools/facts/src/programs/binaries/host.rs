@@ -116,7 +116,7 @@ impl Host {
 }
 
 /// Checks for a model by its name, or by its content where the name is another, as that of a copy.
-fn is_model(path: &Path) -> bool {
+pub(super) fn is_model(path: &Path) -> bool {
     let is_named = path
         .extension()
         .is_some_and(|ending| ending.eq_ignore_ascii_case(ENDING));
