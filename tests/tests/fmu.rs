@@ -7,6 +7,7 @@ mod order;
 mod shipped;
 mod start;
 mod states;
+mod tuning;
 mod vendor;
 
 use std::path::PathBuf;
