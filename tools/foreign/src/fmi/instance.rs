@@ -234,6 +234,7 @@ impl Instance {
         self.accept(set)?;
         let functions = Arc::clone(&self.functions);
         let at_s = self.model.start.time_s + interval.start_s;
+        self.model.start.check_step(at_s, interval.length_s)?;
         let length_s = interval.length_s;
         match functions.own {
             Own::Two { step, .. } => {
