@@ -1,7 +1,9 @@
 /* An FMU of FMI 2.0 for tests that does what vendors' FMUs do and the standard does not foresee. `-DVALUE=..` is the
  * output after `n` steps, and the token in the model description chooses the rest: `crash NAME` crashes in that
  * function, `slow MS` takes so long to be instantiated, `say TEXT` says a text by "%s" and fails at the third step,
- * `lost TEXT` does so with an environment that is none, `unstepped` crashes if it is freed before its first step. */
+ * `lost TEXT` does so with an environment that is none, `unstepped` crashes if it is freed before its first step,
+ * `exit NAME` says a text on standard output and calls exit(7) in that function, `late MS` takes so long to be freed.
+ * With -DEXITS_AT_VERSION it exits when it is asked for its version. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -24,14 +26,33 @@ typedef struct {
     fmi2ComponentEnvironment environment;
 } Instance;
 
+static void give_up(void) {
+    puts("no license for the hydraulics library");
+    exit(7);
+}
+
 static void reach(const Instance *one, const char *function) {
     if (strncmp(one->token, "crash ", 6) == 0 && strcmp(one->token + 6, function) == 0) {
         volatile int *volatile nowhere = NULL;
         *nowhere = 1;
     }
+    if (strncmp(one->token, "exit ", 5) == 0 && strcmp(one->token + 5, function) == 0) {
+        give_up();
+    }
 }
 
-const char *fmi2GetVersion(void) { return "2.0"; }
+static void wait_ms(const char *text) {
+    const long ms = atol(text);
+    const struct timespec time = {ms / 1000, ms % 1000 * 1000000};
+    nanosleep(&time, NULL);
+}
+
+const char *fmi2GetVersion(void) {
+#ifdef EXITS_AT_VERSION
+    give_up();
+#endif
+    return "2.0";
+}
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
 
 fmi2Status fmi2SetDebugLogging(fmi2Component one, fmi2Boolean on, size_t count, const fmi2String names[]) {
@@ -47,11 +68,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String token, 
     one->log = callbacks->logger;
     one->environment = callbacks->componentEnvironment;
     reach(one, "fmi2Instantiate");
-    if (strncmp(token, "slow ", 5) == 0) {
-        const long ms = atol(token + 5);
-        const struct timespec time = {ms / 1000, ms % 1000 * 1000000};
-        nanosleep(&time, NULL);
-    }
+    if (strncmp(token, "slow ", 5) == 0) wait_ms(token + 5);
     return one;
 }
 
@@ -59,6 +76,7 @@ void fmi2FreeInstance(fmi2Component instance) {
     Instance *one = instance;
     reach(one, "fmi2FreeInstance");
     if (strcmp(one->token, "unstepped") == 0 && one->n == 0) abort();
+    if (strncmp(one->token, "late ", 5) == 0) wait_ms(one->token + 5);
     free(one);
 }
 

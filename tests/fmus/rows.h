@@ -12,6 +12,11 @@ static void advance(double *values, double h);
 #define KEPT(value) (value)
 #endif
 
+/* Value reference of a variable that cannot be read; 0 for none. */
+#ifndef UNREADABLE
+#define UNREADABLE 0
+#endif
+
 /* What is done with what the start is told, where -1 stands for nothing, and with the time of a step. */
 #ifndef BEGUN
 #define BEGUN(values, tolerance, start, stop) ((void)(values), (void)(tolerance), (void)(start), (void)(stop))
@@ -20,7 +25,7 @@ static void advance(double *values, double h);
 
 static bool read_row(const double *row, const unsigned refs[], size_t count, double values[]) {
     for (size_t i = 0; i < count; i++) {
-        if (refs[i] < 1 || refs[i] >= COUNT) return false;
+        if (refs[i] < 1 || refs[i] >= COUNT || refs[i] == UNREADABLE) return false;
         values[i] = row[refs[i]];
     }
     return true;
@@ -107,13 +112,31 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance one, fmi3Boolean tolerance_d
 
 fmi3Status fmi3Terminate(fmi3Instance one) { (void)one; return fmi3OK; }
 
+/* With -DARRAYS a call for fewer references than values is one for an array that begins there. */
+static bool is_array(size_t count, size_t n) {
+#ifdef ARRAYS
+    return count == 1 && n > 1;
+#else
+    (void)count, (void)n;
+    return false;
+#endif
+}
+
 fmi3Status fmi3GetFloat64(fmi3Instance one, const fmi3ValueReference refs[], size_t count, fmi3Float64 values[],
                           size_t n) {
+    if (is_array(count, n)) {
+        memcpy(values, (double *)one + refs[0], n * sizeof *values);
+        return fmi3OK;
+    }
     return n == count && read_row(one, refs, count, values) ? fmi3OK : fmi3Error;
 }
 
 fmi3Status fmi3SetFloat64(fmi3Instance one, const fmi3ValueReference refs[], size_t count, const fmi3Float64 values[],
                           size_t n) {
+    if (is_array(count, n)) {
+        memcpy((double *)one + refs[0], values, n * sizeof *values);
+        return fmi3OK;
+    }
     return n == count && write_row(one, refs, count, values) ? fmi3OK : fmi3Error;
 }
 

@@ -8,6 +8,7 @@ mod shipped;
 mod start;
 mod states;
 mod studies;
+mod tuning;
 mod vendor;
 
 use std::path::PathBuf;

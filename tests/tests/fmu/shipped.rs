@@ -379,6 +379,47 @@ fn an_fmu_that_crashes_is_named_by_its_signal_and_its_call() {
 }
 
 #[test]
+fn an_fmu_that_exits_is_named_by_its_exit_code_and_its_call() {
+    let Some(place) = Place::new() else { return };
+    // Of a function that is called before there is an instance.
+    let early = library(&[COUNTED, "-DEXITS_AT_VERSION"]);
+    let library = library(&[COUNTED]);
+    for (call, code) in [
+        ("fmi2GetVersion", 2),
+        ("fmi2Instantiate", 2),
+        ("fmi2SetupExperiment", 2),
+        ("fmi2EnterInitializationMode", 2),
+        ("fmi2ExitInitializationMode", 2),
+        ("fmi2GetReal", 2),
+        ("fmi2DoStep", 3),
+        ("fmi2Terminate", 3),
+        ("fmi2FreeInstance", 3),
+    ] {
+        let token = format!("exit {call}");
+        let library = match call {
+            "fmi2GetVersion" => &early,
+            _ => &library,
+        };
+        place.fmu("odd.fmu", &fmu(description(&token, OUTPUT, ""), library));
+        let run = place.run(&odd(), "").expect(code);
+        let words = format!("{}{}", run.stdout, run.stderr);
+        let named = format!("exit(7) was called in {call}");
+        for fragment in [named.as_str(), "no license for the hydraulics library"] {
+            assert!(words.contains(fragment), "{call}: {words}");
+        }
+    }
+}
+
+#[test]
+fn an_fmu_may_take_its_time_to_be_freed_after_a_complete_run() {
+    let Some(place) = Place::new() else { return };
+    let late = description("late 3000", OUTPUT, "");
+    place.fmu("odd.fmu", &fmu(late, &library(&[COUNTED])));
+    let run = place.run(&odd(), "--wait-limit 60").expect(0);
+    assert_eq!(last(&run, "truth.y"), 100.0);
+}
+
+#[test]
 fn a_message_by_its_text_argument_is_the_reason_of_the_end() {
     let Some(place) = Place::new() else { return };
     // Some libraries pass a constant in place of the environment that they were given.

@@ -41,6 +41,7 @@ pub(super) fn starts(version: u32, experiment: &str) -> Entries {
     let fixed = "causality=\"parameter\" variability=\"fixed\"";
     add("name", 10, fixed, "", true);
     add("table", 11, fixed, "", true);
+    add("its name", 10, fixed, "", true);
     let token = if version == 2 {
         "guid"
     } else {
@@ -181,6 +182,18 @@ fn settings_that_an_fmu_cannot_have_are_refused_by_name() {
                 "is given as a text and as a file",
             ),
             (
+                "[plant.texts]\nname = \"a\"\n\"its name\" = \"b\"\n",
+                "`texts.its name` is \"b\" and `texts.name` is \"a\", but both are names of one variable",
+            ),
+            (
+                "[plant.texts]\nits__name = \"a\"\n\"its name\" = \"b\"\n",
+                "but both are names of one variable",
+            ),
+            (
+                "start_time_s = 2\nstop_time_s = 2.5\n",
+                "`stop_time_s` is 2.5, and a run of 2 s from the start at 2 goes on to 4",
+            ),
+            (
                 "[plant.structural]\nn = 2\n",
                 "`structural.n` names no structural parameter of the FMU; it has none",
             ),
@@ -210,6 +223,9 @@ fn sized() -> Entries {
     };
     let variables = [
         "<UInt64 name=\"n\" valueReference=\"1\" causality=\"structuralParameter\" variability=\"fixed\" start=\"3\" \
+         min=\"1\" max=\"5\"/>"
+            .to_owned(),
+        "<UInt64 name=\"n2\" valueReference=\"1\" causality=\"structuralParameter\" variability=\"fixed\" start=\"3\" \
          min=\"1\" max=\"5\"/>"
             .to_owned(),
         array("k", 2, "causality=\"parameter\" variability=\"fixed\" start=\"1 2 3\""),
@@ -256,9 +272,19 @@ fn sizes_of_arrays_are_those_of_the_scenario_and_the_numbers_those_of_fmpy() {
             text(2, given).replace("n = 2", "m = 2"),
             "`structural.m` names no structural parameter of the FMU; it has `n`",
         ),
+        (
+            text(2, given).replace("n = 2", "n = 2\nn2 = 3"),
+            "`structural.n` is 2 and `structural.n2` is 3, but both are names of one variable",
+        ),
     ] {
         place.run(&text, "").expect(2).says(&[fragment]);
     }
+    let by_alias = place.run(&text(2, given).replace("n = 2", "n2 = 2"), "");
+    let by_alias = Recording::open(&by_alias.expect(0).recording());
+    assert_eq!(
+        by_alias.column("measured.y__1"),
+        recording.column("measured.y__1")
+    );
     let folder = runs[1].folder.display().to_string();
     place.hil(&["rerun", &folder, "--out", "again"]).expect(0);
 

@@ -2,9 +2,10 @@
 //!
 //! Every call of an FMU or a C callback is marked by [`calling`], two writes to memory. If a signal that ends the
 //! process comes meanwhile, a handler writes its name and that of the call to standard error, the log of the run, and
-//! lets the signal do its work: exit status and core dump are those of the crash.
+//! lets the signal do its work: exit status and core dump are those of the crash. A call that ends the process by `exit`
+//! is named in the same way, with the exit code.
 
-use std::ffi::c_int;
+use std::ffi::{c_int, c_void};
 use std::mem::MaybeUninit;
 use std::ptr::{null, null_mut};
 use std::sync::Once;
@@ -58,6 +59,8 @@ pub(crate) fn install(family: &'static &'static str) {
     FAMILY.store(std::ptr::from_ref(family).cast_mut(), Ordering::Relaxed);
     INSTALLED.call_once(|| {
         provide_stack();
+        // SAFETY: the handler lives as long as the process and takes no argument.
+        unsafe { on_exit(exited, null_mut()) };
         for (signal, _) in SIGNALS {
             // SAFETY: a struct of numbers and pointers, for which zero is a value of each.
             let mut action: libc::sigaction = unsafe { MaybeUninit::zeroed().assume_init() };
@@ -124,6 +127,32 @@ extern "C" fn died(signal: c_int) {
     // Delivered when the handler returns, where the faulting instruction does not fault again.
     // SAFETY: `raise` may be called in a handler.
     unsafe { libc::raise(signal) };
+}
+
+/// Handler of an exit: names the call that it came in, if one is going on.
+extern "C" fn exited(code: c_int, _: *mut c_void) {
+    // SAFETY: null, or a reference that lives for ever.
+    let call = unsafe { CALL.load(Ordering::Relaxed).as_ref() };
+    let Some(call) = call else { return };
+    // SAFETY: as above.
+    let family = unsafe { FAMILY.load(Ordering::Relaxed).as_ref() };
+    let family = family.unwrap_or(&"");
+    // What the library said comes first, as the reason of an end is the last line of a log.
+    // SAFETY: writes out what the C library holds of all streams.
+    unsafe { libc::fflush(null_mut()) };
+    if IS_EXCUSED.load(Ordering::Relaxed) {
+        write("note: the model ended its process when it was taken down after the trial\n");
+        // SAFETY: ends the process, whose streams are written out.
+        unsafe { libc::_exit(0) };
+    }
+    write(&format!(
+        "error: exit({code}) was called in {family}{call}\n"
+    ));
+}
+
+// As `atexit`, with the exit code; not among the functions of the crate `libc`.
+unsafe extern "C" {
+    fn on_exit(handler: extern "C" fn(c_int, *mut c_void), argument: *mut c_void) -> c_int;
 }
 
 fn write(text: &str) {

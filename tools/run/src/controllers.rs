@@ -289,9 +289,9 @@ impl Controllers {
     }
 
     /// Ends those that had their time to end by themselves.
-    pub(super) fn end_if_due(&mut self, since: Instant) {
+    pub(super) fn end_if_due(&mut self, since: Instant, grace: Duration) {
         for member in &mut self.members {
-            member.side.end_if_due(since);
+            member.side.end_if_due(since, grace);
         }
     }
 

@@ -291,8 +291,25 @@ impl Watch<'_> {
             self.ending_since.get_or_insert_with(Instant::now);
         }
         if let Some(since) = self.ending_since {
-            self.plant.end_if_due(since);
-            self.controllers.end_if_due(since);
+            let grace = self.grace();
+            self.plant.end_if_due(since, grace);
+            self.controllers.end_if_due(since, grace);
+        }
+    }
+
+    /// Time that a side may take to end after the other one did: after a run to its end as long as a step may take, as
+    /// an FMU may have much to free.
+    fn grace(&self) -> Duration {
+        let is_complete = !self.plant.told_to_stop
+            && match self.first {
+                Some("plant") => self.plant.death().is_none(),
+                Some(_) => self.controllers.latest().death().is_none(),
+                None => false,
+            };
+        let limit = Duration::try_from_secs_f64(self.prepared.plant.wait_limit_s);
+        match is_complete {
+            true => limit.unwrap_or(Duration::MAX).max(GRACE),
+            false => GRACE,
         }
     }
 }

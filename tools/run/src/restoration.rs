@@ -198,7 +198,7 @@ impl Second<'_> {
         let since = Instant::now();
         while !plant.has_ended() {
             stream.drain(comparison)?;
-            plant.end_if_due(since);
+            plant.end_if_due(since, GRACE);
             std::thread::sleep(LOOK);
         }
         stream.drain(comparison)?;
@@ -206,7 +206,7 @@ impl Second<'_> {
         controller.tell(STOP);
         let since = Instant::now();
         while !controller.has_ended() {
-            controller.end_if_due(since);
+            controller.end_if_due(since, GRACE);
             std::thread::sleep(LOOK);
         }
         let sides = if has_plant_ended {

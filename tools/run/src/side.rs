@@ -172,10 +172,10 @@ impl SideProcess {
         };
     }
 
-    /// Ends it if it had its time to end by itself, `since` it was to.
-    pub(super) fn end_if_due(&mut self, since: Instant) {
+    /// Ends it if it had this time to end by itself, `since` it was to.
+    pub(super) fn end_if_due(&mut self, since: Instant, grace: Duration) {
         let waited = since.elapsed();
-        let is_due = waited > GRACE || waited > STOPPED_GRACE && self.is_stopped();
+        let is_due = waited > grace || waited > STOPPED_GRACE && self.is_stopped();
         if is_due && !self.has_ended() {
             self.kill();
         }

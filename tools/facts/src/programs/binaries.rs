@@ -474,8 +474,9 @@ impl Binary {
         if answer.is_success {
             return Ok(());
         }
-        let said = answer.stderr.trim().trim_start_matches("error: ");
-        Err(self.refused_job(said))
+        let reason = answer.stderr.trim().trim_start_matches("error: ");
+        // A library of somebody else may give its reason on either.
+        Err(self.refused_job(format!("{reason}\n{}", answer.stdout).trim()))
     }
 
     /// The command that starts it in a session, here or where it runs.

@@ -8,12 +8,14 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use glob::Pattern;
-use hil_foreign::fmi::{Fmu, Permissions, begin_trial, leave, sides};
+use hil_foreign::fmi::{Fmu, Model, Permissions, begin_trial, leave, sides};
+use plant_process::job::Job;
 use shared_types::describe::{Description, Imported, ModelSettings};
 use shared_types::program::{self, Program, UNUSABLE};
 use shared_types::session::SessionInfo;
 use shared_types::side::Side;
 use shared_types::supervision::Supervision;
+use shared_types::time::Step;
 
 const NAME: &str = "hil-fmu";
 const VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -73,16 +75,32 @@ fn run() -> Result<(u8, bool), String> {
         Some("plant") => {
             let kind = sides::plant(&fmu).map_err(|error| told(&error))?;
             let inner = plant_process::program::of(NAME, VERSION, vec![kind]);
+            let model = fmu.model();
             Ok((
-                program::answer(&Described { inner, imported }, rest),
+                program::answer(
+                    &Described {
+                        inner,
+                        imported,
+                        model,
+                    },
+                    rest,
+                ),
                 needs_tool,
             ))
         }
         Some("controller") => {
             let kind = sides::law(&fmu).map_err(|error| told(&error))?;
             let inner = controller_process::program::of(NAME, VERSION, vec![kind]);
+            let model = fmu.model();
             Ok((
-                program::answer(&Described { inner, imported }, rest),
+                program::answer(
+                    &Described {
+                        inner,
+                        imported,
+                        model,
+                    },
+                    rest,
+                ),
                 needs_tool,
             ))
         }
@@ -105,6 +123,7 @@ fn describe(path: &Path, error: &dyn std::fmt::Display) -> String {
 struct Described<'a, P> {
     inner: P,
     imported: &'a Imported,
+    model: &'a Model,
 }
 
 impl<P: Program> Program for Described<'_, P> {
@@ -120,6 +139,11 @@ impl<P: Program> Program for Described<'_, P> {
     }
 
     fn check(&self, job: &Path) -> Result<(), String> {
+        if self.side() == Side::Plant {
+            let run = program::read_job::<Job>(job)?.run;
+            let length_s = run.rate.seconds(Step(run.steps));
+            (self.model.check_run(length_s)).map_err(|invalid| invalid.to_string())?;
+        }
         begin_trial();
         self.inner.check(job)
     }

@@ -2,8 +2,8 @@
 //!
 //! 1. [`Instance::start`]: instantiated, configured, parameters and initial values set, initialised; all signals and
 //!    parameters are read.
-//! 2. [`Instance::step`]: inputs and changed parameters are set, the step is done, all signals and the tunable
-//!    parameters, if one was changed, are read.
+//! 2. [`Instance::step`]: inputs and changed parameters are set, the step is done, all signals and the changed
+//!    parameters are read.
 //!
 //! So the signals of a step are always read before its inputs are set, which FMI 2 asks for, and nothing is read
 //! between setting and stepping. After an answer that ends an instance only what the standard allows is called:
@@ -33,6 +33,7 @@ mod confirmation;
 mod instantiation;
 mod preset;
 mod saved;
+mod tuning;
 
 /// Number of the question whether the model ended, in FMI 2.
 const TERMINATED: c_int = 3;
@@ -59,7 +60,6 @@ pub(super) struct Instance {
     handle: Handle,
     life: Cell<Life>,
     parameters: Values,
-    tunable: Values,
     /// Places of the tunable parameters in the row of all.
     tunable_places: Vec<usize>,
     /// Tunable parameters as the instance has them, and as it is to have them.
@@ -91,9 +91,7 @@ impl Instance {
         let values = |columns| Values::new(described, columns);
         let tunable = tables.parameters.iter().enumerate();
         let tunable = tunable.filter(|(_, column)| column.field.faultable);
-        let (tunable_places, columns): (Vec<usize>, Vec<_>) = tunable
-            .map(|(place, column)| (place, column.clone()))
-            .unzip();
+        let tunable_places: Vec<usize> = tunable.map(|(place, _)| place).collect();
         let tuned: Vec<f64> = tunable_places
             .iter()
             .map(|&place| parameters[place])
@@ -107,7 +105,6 @@ impl Instance {
             handle,
             life: Cell::new(Life::Made),
             parameters: values(&tables.parameters),
-            tunable: values(&columns),
             wanted: tuned.clone(),
             tuned,
             tunable_places,
@@ -231,18 +228,13 @@ impl Instance {
         if self.life.get() != Life::Stepping {
             return Err(self.failure("cannot go on after it failed"));
         }
-        let is_changed = self.wanted != self.tuned;
-        if is_changed {
-            // SAFETY: the instance is between two steps: tunable parameters may be set.
-            let set = unsafe { (self.tunable).set(&self.functions, self.handle, &self.wanted) };
-            self.accept(set)?;
-            self.tuned.copy_from_slice(&self.wanted);
-        }
+        let changed = self.tune()?;
         // SAFETY: the instance is between two steps: inputs may be set.
         let set = unsafe { (self.inputs).set(&self.functions, self.handle, inputs) };
         self.accept(set)?;
         let functions = Arc::clone(&self.functions);
         let at_s = self.model.start.time_s + interval.start_s;
+        self.model.start.check_step(at_s, interval.length_s)?;
         let length_s = interval.length_s;
         match functions.own {
             Own::Two { step, .. } => {
@@ -284,10 +276,7 @@ impl Instance {
             }
         }
         self.read()?;
-        match is_changed {
-            true => self.confirm_tuned(),
-            false => Ok(()),
-        }
+        self.confirm_changed(&changed)
     }
 
     fn read(&mut self) -> Result<(), Failure> {

@@ -13,7 +13,8 @@ use libloading::os::unix::Library;
 use shared_types::text;
 
 use super::description::{VariableType, Version};
-use crate::{crash, float_modes};
+use crate::crash::{self, calling};
+use crate::float_modes;
 
 mod elf;
 pub(super) mod host;
@@ -188,7 +189,11 @@ impl Functions {
         kinds: &[VariableType],
         uses: &Uses,
     ) -> Result<Self, LibraryError> {
+        // Constructors of the library run as it is loaded.
+        crash::install(&"");
+        let call = calling(&"dlopen");
         let library = host::load(path, uses.tool);
+        drop(call);
         // A library that was linked with -ffast-math sets flush-to-zero as it is loaded.
         float_modes::settle("dlopen");
         let library = library?;
@@ -259,6 +264,7 @@ impl Find<'_> {
         // SAFETY: `const char* fmiXGetVersion(void)` in both versions.
         let told = unsafe {
             let version: GetVersion = self.function("GetVersion")?;
+            let _call = calling(&"GetVersion");
             version()
         };
         float_modes::settle("GetVersion");

@@ -149,6 +149,14 @@ impl Model {
             description,
         })
     }
+
+    /// Checks that a run of this length ends before the stop time that its scenario gives.
+    ///
+    /// # Errors
+    /// If the run is longer.
+    pub fn check_run(&self, length_s: f64) -> Result<(), Invalid> {
+        self.start.check_run(length_s)
+    }
 }
 
 /// An FMU, described; unpacked and loaded when the first instance is made.

@@ -8,6 +8,7 @@ use std::ffi::CString;
 use std::path::Path;
 
 use shared_types::describe::{Invalid, ModelSettings};
+use shared_types::failure::Failure;
 use shared_types::spelling::spelled;
 use shared_types::table::{Field, listed, nearest};
 
@@ -16,6 +17,8 @@ use super::tables::Column;
 
 /// Most names that a message lists.
 const MOST_LISTED: usize = 12;
+/// Part of a length by which it may pass the stop time, which is rounding alone.
+const ROUNDING: f64 = 1e-6;
 
 /// Start of an instance, checked against the model.
 #[derive(Clone, Debug, Default)]
@@ -71,6 +74,40 @@ impl Start {
             initial: initial(model, &settings.initial)?,
             texts: texts(model, settings)?,
         })
+    }
+
+    /// Checks that a run ends before the time that the FMU is told to be its last.
+    ///
+    /// # Errors
+    /// If the run is longer.
+    pub(super) fn check_run(&self, length_s: f64) -> Result<(), Invalid> {
+        match self.stop_passed_by(self.time_s, length_s) {
+            None => Ok(()),
+            Some(stop_s) => Err(Invalid(format!(
+                "`stop_time_s` is {stop_s}, and a run of {length_s} s from the start at {} goes on to {}",
+                self.time_s,
+                self.time_s + length_s
+            ))),
+        }
+    }
+
+    /// Checks the same of a step: a law is not told how long its run is.
+    ///
+    /// # Errors
+    /// If the step would end later.
+    pub(super) fn check_step(&self, at_s: f64, length_s: f64) -> Result<(), Failure> {
+        match self.stop_passed_by(at_s, length_s) {
+            None => Ok(()),
+            Some(stop_s) => Err(Failure::lost(format!(
+                "`stop_time_s` is {stop_s}, and the step of {length_s} s from {at_s} would pass it"
+            ))),
+        }
+    }
+
+    /// The stop time, if this interval ends after it.
+    fn stop_passed_by(&self, at_s: f64, length_s: f64) -> Option<f64> {
+        let is_passed = |stop_s: &f64| at_s + length_s > stop_s + ROUNDING * length_s;
+        self.stop_s.filter(is_passed)
     }
 }
 
@@ -195,6 +232,7 @@ fn texts(
     settings: &ModelSettings,
 ) -> Result<Vec<(u32, CString)>, Invalid> {
     let mut texts = Vec::new();
+    let mut before: BTreeMap<u32, (&str, &str, &str)> = BTreeMap::new();
     if let Some(name) = (settings.texts.keys()).find(|name| settings.files.contains_key(*name)) {
         return Err(Invalid(format!(
             "`{name}` is given as a text and as a file"
@@ -224,6 +262,12 @@ fn texts(
         if key == "files" && !Path::new(text).exists() {
             return Err(Invalid(format!(
                 "`files.{name}` is {text}, which is not there (a path in a scenario begins at its folder)"
+            )));
+        }
+        let other = before.insert(variable.reference, (key, name, text));
+        if let Some((other_key, other, value)) = other.filter(|(.., value)| value != text) {
+            return Err(Invalid(format!(
+                "`{other_key}.{other}` is {value:?} and `{key}.{name}` is {text:?}, but both are names of one variable"
             )));
         }
         let bytes = CString::new(text.as_str());

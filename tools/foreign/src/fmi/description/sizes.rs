@@ -18,6 +18,7 @@ pub(super) fn resize(
     variables: &mut [Variable],
     sizes: &BTreeMap<String, u64>,
 ) -> Result<(), DescriptionError> {
+    let mut before: BTreeMap<u32, (&str, u64)> = BTreeMap::new();
     for (name, &size) in sizes {
         let is_structural = |one: &&Variable| one.causality == Causality::StructuralParameter;
         let known: Vec<String> = (variables.iter().filter(is_structural))
@@ -35,7 +36,7 @@ pub(super) fn resize(
                 "`structural.{name}` names no structural parameter of the FMU; {there}"
             )));
         };
-        let variable = &mut variables[place];
+        let variable = &variables[place];
         let (min, max) = variable.bounds();
         let min = if min > 0.0 { min } else { 0.0 };
         #[expect(clippy::cast_precision_loss, reason = "larger ones are out of range")]
@@ -45,7 +46,18 @@ pub(super) fn resize(
                 "`structural.{name}` is {size}; expected {min} to {max}"
             )));
         }
-        variable.start = vec![value];
+        let reference = variable.reference;
+        let other = before.insert(reference, (name, size));
+        if let Some((other, value)) = other.filter(|(_, value)| *value != size) {
+            return Err(DescriptionError::Unsupported(format!(
+                "`structural.{other}` is {value} and `structural.{name}` is {size}, but both are names of one variable"
+            )));
+        }
+        // Under each of its names: a dimension takes the first variable with the reference.
+        let aliases = variables.iter_mut().filter(|one| {
+            one.causality == Causality::StructuralParameter && one.reference == reference
+        });
+        aliases.for_each(|one| one.start = vec![value]);
     }
     Ok(())
 }

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use shared_types::failure::Failure;
 use shared_types::program;
 
+use super::tuning::Changed;
 use super::{Instance, Refused, Status, Values};
 use crate::fmi::description::{Initial, VariableType};
 use crate::fmi::tables::Column;
@@ -16,26 +17,49 @@ use crate::fmi::tables::Column;
 /// Difference, as a part of a value, that is rounding alone.
 const ROUNDING: f64 = 1e-12;
 
-/// Parameters that the library does not let be read, each told once.
+/// Parameters that the library does not let be read, and those of them that were changed, each told once.
 #[derive(Debug, Default)]
-pub(super) struct Unconfirmed(BTreeSet<String>);
+pub(super) struct Unconfirmed(BTreeSet<String>, BTreeSet<String>);
 
 impl Instance {
     /// Compares all parameters with what they were set to.
     pub(super) fn confirm_all(&mut self, row: &[f64]) -> Result<(), Failure> {
         let model = Arc::clone(&self.model);
         let columns = &model.tables.parameters;
-        self.confirm(columns.iter().zip(row.iter().copied()).collect(), true)
+        let row = row.iter().copied().map(Some);
+        self.confirm(columns.iter().zip(row).collect(), true)
     }
 
-    /// Compares the tunable parameters with what they were set to.
-    pub(super) fn confirm_tuned(&mut self) -> Result<(), Failure> {
+    /// Compares the parameters that were changed with what they were set to.
+    pub(super) fn confirm_changed(&mut self, changed: &Changed) -> Result<(), Failure> {
+        if changed.0.is_empty() {
+            return Ok(());
+        }
         let model = Arc::clone(&self.model);
-        let parameters = (self.tunable_places.iter())
-            .map(|&place| &model.tables.parameters[place])
-            .zip(self.tuned.iter().copied());
-        let parameters = parameters.collect();
-        self.confirm(parameters, false)
+        // An array is read as a whole.
+        let is_touched = |column: &&Column| {
+            let mut changed = changed.0.iter();
+            changed.any(|(one, _)| one.variable == column.variable)
+        };
+        let set = |column: &Column| {
+            let mut changed = changed.0.iter();
+            let one = changed
+                .find(|(one, _)| (one.variable, one.element) == (column.variable, column.element));
+            one.map(|(_, value)| *value)
+        };
+        let parameters = (model.tables.parameters.iter())
+            .filter(is_touched)
+            .map(|column| (column, set(column)));
+        self.confirm(parameters.collect(), false)?;
+        for (column, _) in &changed.0 {
+            let name = &column.field.name;
+            if self.unconfirmed.0.contains(name) && self.unconfirmed.1.insert(name.clone()) {
+                program::say(&format!(
+                    "warning: parameter `{name}` was changed, and the change is not confirmed: the FMU does not let it be read"
+                ));
+            }
+        }
+        Ok(())
     }
 
     /// Compares exact initial values with what they were set to. Another one is told: the model's equations may change it
@@ -67,14 +91,14 @@ impl Instance {
         Ok(())
     }
 
-    /// Reads these parameters, one by one where they cannot be read together.
+    /// Reads these parameters, one by one where they cannot be read together, and compares those with a value.
     fn confirm(
         &mut self,
-        mut parameters: Vec<(&Column, f64)>,
+        mut parameters: Vec<(&Column, Option<f64>)>,
         is_start: bool,
     ) -> Result<(), Failure> {
         parameters.retain(|(column, _)| !self.unconfirmed.0.contains(&column.field.name));
-        let (columns, row): (Vec<Column>, Vec<f64>) = (parameters.iter())
+        let (columns, row): (Vec<Column>, Vec<Option<f64>>) = (parameters.iter())
             .map(|(column, value)| ((*column).clone(), *value))
             .unzip();
         let (Some(first), Some(last)) = (columns.first(), columns.last()) else {
@@ -104,11 +128,12 @@ impl Instance {
     fn compare(
         &self,
         columns: &[Column],
-        row: &[f64],
+        row: &[Option<f64>],
         read: &[f64],
         is_start: bool,
     ) -> Result<(), Failure> {
-        for ((column, &set), &has) in columns.iter().zip(row).zip(read) {
+        for ((column, set), &has) in columns.iter().zip(row).zip(read) {
+            let Some(set) = *set else { continue };
             let kind = self.model.description.variables[column.variable].kind;
             if !is_same(kind, set, has) {
                 let name = &column.field.name;

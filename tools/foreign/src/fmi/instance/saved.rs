@@ -27,20 +27,25 @@ impl Instance {
         let got = unsafe { (state.get)(self.handle, &raw mut taken) };
         self.saved("GetFMUState", got)?;
         drop(call);
-        let _call = calling(&"SerializeFMUState");
+        let call = calling(&"SerializedFMUStateSize");
         // SAFETY: the state was taken from this instance.
         let sized = unsafe { (state.size)(self.handle, taken, &raw mut size) };
+        drop(call);
         let mut bytes = Vec::new();
-        let mut written = sized;
+        let (mut function, mut written) = ("SerializedFMUStateSize", sized);
         if Status::of(sized).is_done() {
             bytes = vec![0; size];
+            let _call = calling(&"SerializeFMUState");
+            function = "SerializeFMUState";
             // SAFETY: the state is of this instance and `bytes` has the size that it asked for.
             written =
                 unsafe { (state.serialize)(self.handle, taken, bytes.as_mut_ptr(), bytes.len()) };
         }
+        let call = calling(&"FreeFMUState");
         // SAFETY: the state is of this instance and is not used again.
         let freed = unsafe { (state.free)(self.handle, &raw mut taken) };
-        self.saved("SerializeFMUState", written)?;
+        drop(call);
+        self.saved(function, written)?;
         self.saved("FreeFMUState", freed)?;
         State::of(&(bytes, &self.tuned))
     }
@@ -68,11 +73,13 @@ impl Instance {
         let call = calling(&"SetFMUState");
         // SAFETY: the state was made by this instance.
         let set = unsafe { (state.set)(self.handle, made) };
+        drop(call);
+        let call = calling(&"FreeFMUState");
         // SAFETY: the state is of this instance and is not used again.
         let freed = unsafe { (state.free)(self.handle, &raw mut made) };
+        drop(call);
         self.saved("SetFMUState", set)?;
         self.saved("FreeFMUState", freed)?;
-        drop(call);
         self.tuned = tuned;
         self.read().map_err(|failure| Invalid(failure.to_string()))
     }

@@ -1,0 +1,58 @@
+//! Tunable parameters that are changed while the instance runs.
+//!
+//! Only what is changed is set: the FMU may have another value of a parameter that nobody chose, and that one stays.
+
+use std::sync::Arc;
+
+use shared_types::failure::Failure;
+
+use super::{Instance, Refused, Status, Values};
+use crate::fmi::tables::Column;
+
+/// Parameters that were set before a step, with the value that each has to have after it.
+pub(super) struct Changed(pub(super) Vec<(Column, f64)>);
+
+impl Instance {
+    /// Sets the tunable parameters that are to have another value than the last one; an array as a whole.
+    pub(super) fn tune(&mut self) -> Result<Changed, Failure> {
+        if self.wanted == self.tuned {
+            return Ok(Changed(Vec::new()));
+        }
+        let model = Arc::clone(&self.model);
+        let column = |number: usize| &model.tables.parameters[self.tunable_places[number]];
+        let is_changed = |&number: &usize| self.wanted[number] != self.tuned[number];
+        let numbers: Vec<usize> = (0..self.wanted.len()).collect();
+        let touched: Vec<usize> = numbers
+            .chunk_by(|a, b| column(*a).variable == column(*b).variable)
+            .filter(|variable| variable.iter().any(is_changed))
+            .flatten()
+            .copied()
+            .collect();
+        let columns: Vec<Column> = touched.iter().map(|&n| column(n).clone()).collect();
+        let changed = (touched.iter().zip(&columns))
+            .filter(|(number, _)| is_changed(number))
+            .map(|(&number, column)| (column.clone(), self.wanted[number]))
+            .collect::<Vec<_>>();
+        let mut values = Values::new(&model.description, &columns);
+        let mut row: Vec<f64> = touched.iter().map(|&n| self.wanted[n]).collect();
+        if changed.len() < touched.len() {
+            let mut present = vec![0.0; row.len()];
+            // SAFETY: the instance is between two steps and nothing was set since the last one: it may be read.
+            match unsafe { values.get(&self.functions, self.handle, &mut present) } {
+                Ok(()) => {
+                    let elements = row.iter_mut().zip(present).zip(&touched);
+                    for ((value, present), _) in elements.filter(|(_, n)| !is_changed(n)) {
+                        *value = present;
+                    }
+                }
+                Err(refused @ Refused::Status(_, Status::Fatal)) => self.accept(Err(refused))?,
+                Err(_) => {} // not to be read: the other elements are what they were set to last
+            }
+        }
+        // SAFETY: the instance is between two steps: tunable parameters may be set.
+        let set = unsafe { values.set(&self.functions, self.handle, &row) };
+        self.accept(set)?;
+        self.tuned.copy_from_slice(&self.wanted);
+        Ok(Changed(changed))
+    }
+}
