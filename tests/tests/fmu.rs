@@ -8,6 +8,7 @@ mod shipped;
 mod start;
 mod states;
 mod studies;
+mod takeover;
 mod tuning;
 mod vendor;
 

@@ -9,10 +9,7 @@ use crate::support::programs::workspace;
 
 /// Packages with rooms from top to bottom: each room names only itself and what is below it.
 const ROOMS: [(&str, &[&str]); 3] = [
-    (
-        "tools/hil",
-        &["commands", "campaign", "views", "verification", "arguments"],
-    ),
+    ("tools/hil", &["commands", "arguments"]),
     (
         "tools/facts",
         &["session", "checkpoint", "results", "programs", "arguments"],

@@ -47,7 +47,7 @@ enum Rig {
     /// Plants and laws that are built into `hil`.
     BuiltIn(Box<[Description; 2]>),
     /// Programs of their own.
-    Own(Own),
+    Own(Box<Own>),
 }
 
 /// Descriptions that scenarios are checked against.
@@ -76,7 +76,13 @@ impl Cases {
                 let first = scenario.clone().set(&draws.flags(0));
                 let of_first = first.programs();
                 let binaries = binaries.clone();
-                Rig::Own(Own::new(&first, of_first, binaries, named, interruption)?)
+                Rig::Own(Box::new(Own::new(
+                    &first,
+                    of_first,
+                    binaries,
+                    named,
+                    interruption,
+                )?))
             }
             false => Rig::BuiltIn(Box::new(alone::built_in())),
         };
@@ -117,7 +123,13 @@ impl Cases {
                 let first = scenario.clone().set(&draws.flags(0));
                 let of_first = own::with_copies(&first, first.programs(), &tables);
                 let named = Programs::default();
-                Rig::Own(Own::new(&first, of_first, arguments, named, interruption)?)
+                Rig::Own(Box::new(Own::new(
+                    &first,
+                    of_first,
+                    arguments,
+                    named,
+                    interruption,
+                )?))
             }
             _ => Rig::BuiltIn(Box::new(alone::built_in())),
         };
