@@ -74,9 +74,9 @@ fn what_contradicts_the_past_is_refused_and_named() {
 fn what_cannot_be_asked_for_is_refused_before_anything_starts() {
     let rig = Rig::new();
     let foreign = program_of_tests("clock-reading-controller");
-    let honest = format!("{MOVING}[controller]\nlaw = \"honest\"\n");
-    let honest = rig.write("honest.toml", &honest);
-    let (foreign, honest) = (foreign.display(), honest.display());
+    let stateless = format!("{MOVING}[controller]\nlaw = \"reads-clock\"\n");
+    let stateless = rig.write("stateless.toml", &stateless);
+    let (foreign, stateless) = (foreign.display(), stateless.display());
     for (arguments, told) in [
         (
             format!("{SCENARIO} --checkpoint-at 0"),
@@ -105,8 +105,8 @@ fn what_cannot_be_asked_for_is_refused_before_anything_starts() {
         (format!("{SCENARIO} --from tests"), "cannot be used with"),
         ("--from tests".to_owned(), "tests is no checkpoint"),
         (
-            format!("{honest} --controller-bin {foreign} --checkpoint-at 0.5"),
-            "law `honest` cannot save its state, so there can be no checkpoint; it needs `Controller::state`",
+            format!("{stateless} --controller-bin {foreign} --checkpoint-at 0.5"),
+            "law `reads-clock` cannot save its state, so there can be no checkpoint; it needs `Controller::state`",
         ),
     ] {
         let refused = rig.run(&arguments).expect(2).says(&[told]);
