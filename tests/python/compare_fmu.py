@@ -34,7 +34,7 @@ THREE = {
 def elements(variable, sizes):
     count = 1
     for dimension in variable.dimensions or []:
-        count *= int(dimension.start) if dimension.start is not None else sizes[dimension.variable.name]
+        count *= int(dimension.start) if dimension.start is not None else sizes[dimension.variable.valueReference]
     return count
 
 
@@ -67,7 +67,9 @@ class Calls:
         )
         known = [one for one in model.modelVariables if one.type in self.kinds and one.alias is None]
         sizes = [one for one in known if one.causality == "structuralParameter" and "Int" in one.type]
-        self.sizes = {one.name: self.structural.get(one.name, int(one.start)) for one in sizes}
+        # Several names may be those of one size.
+        self.sizes = {one.valueReference: int(one.start) for one in sizes}
+        self.sizes |= {one.valueReference: self.structural[one.name] for one in sizes if one.name in self.structural}
         self.inputs, self.outputs, self.parameters = (
             [one for one in known if one.causality == role] for role in ("input", "output", "parameter")
         )

@@ -272,6 +272,11 @@ fn privileged(rig: &Rig) -> PathBuf {
     for name in ["hil", "plant-process", "controller-process"] {
         fs::copy(program(name), folder.join(name)).expect("copied");
     }
+    // Whatever the umask is.
+    for path in ["", "hil", "plant-process", "controller-process"] {
+        let mode = fs::Permissions::from_mode(0o755);
+        fs::set_permissions(folder.join(path), mode).expect("set");
+    }
     let hil = folder.join("hil");
     // The second form of the attribute, in effect at once: CAP_SYS_NICE, the 23rd.
     let words = [0x0200_0001_u32, 1 << 23, 0, 0, 0];
