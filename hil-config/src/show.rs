@@ -225,7 +225,7 @@ fn realtime(text: &mut String, realtime: &Realtime) -> Written {
 fn plant_tables(text: &mut String, plan: &Plan, plant: &PlantDescription) -> Written {
     let (program, locals) = (&plan.programs.plant, &plan.programs.locals);
     let permissions = plan.programs.plant_permissions;
-    let given = &plan.programs.plant_settings;
+    let fmu = &plan.programs.plant_settings;
     let plan = &plan.plant;
     writeln!(text, "\n[plant] # {}", comment(&plant.summary))?;
     section(text, keys::PLANT, |key| match key {
@@ -233,11 +233,11 @@ fn plant_tables(text: &mut String, plan: &Plan, plant: &PlantDescription) -> Wri
         "program" => program.as_ref()?.to_str().map(string),
         "locals" => (!locals.is_empty()).then(|| strings(locals)),
         "trust_archive" | "allow_execution_tool" => permission(permissions, key),
-        "tolerance" | "start_time_s" | "stop_time_s" => model::number(given, key),
+        "tolerance" | "start_time_s" | "stop_time_s" => model::number(fmu, key),
         "substeps" => Some(plan.substeps.to_string()),
         other => forgotten(other),
     })?;
-    model::tables(text, "plant", given)?;
+    model::tables(text, "plant", fmu)?;
     settings(
         text,
         "plant.parameters",
@@ -269,7 +269,7 @@ fn controller(text: &mut String, plan: &Plan, law: &LawDescription) -> Written {
     let made_for = &plan.controller.made_for;
     let made_for = (*made_for != plan.plant.model).then(|| string(made_for));
     let permissions = plan.programs.controller_permissions;
-    let given = &plan.programs.controller_settings;
+    let fmu = &plan.programs.controller_settings;
     let (rate, program, plan) = (plan.run.rate, &plan.programs.controller, &plan.controller);
     writeln!(text, "\n[controller] # {}", comment(&law.summary))?;
     section(text, keys::CONTROLLER, |name| match name {
@@ -285,12 +285,12 @@ fn controller(text: &mut String, plan: &Plan, law: &LawDescription) -> Written {
             }
         },
         "trust_archive" | "allow_execution_tool" => permission(permissions, name),
-        "tolerance" | "start_time_s" | "stop_time_s" => model::number(given, name),
+        "tolerance" | "start_time_s" | "stop_time_s" => model::number(fmu, name),
         "rate_hz" => Some(toml_float(rate.hz() / f64::from(plan.rate_divisor))),
         "command_delay_steps" => Some(plan.command_delay_steps.to_string()),
         other => forgotten(other),
     })?;
-    model::tables(text, "controller", given)?;
+    model::tables(text, "controller", fmu)?;
     let table = format!("controller.{}", key(&plan.law));
     settings(text, &table, &plan.parameters, &law.parameters)?;
     settings(text, "controller.model", &plan.model, &law.model)

@@ -238,8 +238,8 @@ fn a_name_at_a_wrong_place_is_answered_with_the_key_or_the_table_that_it_belongs
         let problems = with(&[flag]).expect_err(flag);
         let first = problems[0].nearest.first().map_or("", String::as_str);
         assert_eq!(first, nearest, "{flag}: {problems:?}");
-        let given = problems[0].help.as_deref().unwrap_or_default();
-        assert!(given.starts_with(help), "{flag}: {problems:?}");
+        let text = problems[0].help.as_deref().unwrap_or_default();
+        assert!(text.starts_with(help), "{flag}: {problems:?}");
     }
     let of_pid = |flag: &str| {
         let problems = with(&["controller.law=pid", "derived[1].expression=1", flag]);

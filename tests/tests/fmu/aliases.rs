@@ -259,8 +259,8 @@ fn a_start_value_that_the_fmu_does_not_keep_is_told_and_the_run_goes_on() {
         let other = "-DKEPT(value)=((value) + 5)";
         place.fmu("plant.fmu", &accumulator(version, &rows, &[other]));
         let run = place.run(&text, "").expect(0);
-        let told = "parameter `k` starts at 0 by the FMU's own description, and the FMU has 5";
-        assert!(run.stderr.contains(told), "{}", run.stderr);
+        let warning = "parameter `k` starts at 0 by the FMU's own description, and the FMU has 5";
+        assert!(run.stderr.contains(warning), "{}", run.stderr);
         // A value that somebody chose is another matter.
         let chosen = format!("{text}[plant.parameters]\nk = 1\n");
         place.run(&chosen, "").expect(2);

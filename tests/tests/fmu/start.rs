@@ -1,4 +1,4 @@
-//! What a scenario tells an FMU at its start: tolerance, times, initial values, texts, files and sizes of arrays.
+//! Settings of a scenario for the start of an FMU: tolerance, times, initial values, texts, files and sizes of arrays.
 
 use std::process::Command;
 
@@ -256,8 +256,8 @@ fn sizes_of_arrays_are_those_of_the_scenario_and_the_numbers_those_of_fmpy() {
     // There are no start values for another size.
     let missing = ["`plant.parameters.k__1` is missing"];
     place.run(&text(2, ""), "").expect(2).says(&missing);
-    let given = "k__1 = 0.5\nk__2 = 0.25\n";
-    runs.push(place.run(&text(2, given), "").expect(0));
+    let gains = "k__1 = 0.5\nk__2 = 0.25\n";
+    runs.push(place.run(&text(2, gains), "").expect(0));
     let recording = Recording::open(&runs[1].recording());
     for (signal, gain) in [("y__1", 0.5), ("y__2", 0.25)] {
         // The law `hold` commands 1.
@@ -267,19 +267,19 @@ fn sizes_of_arrays_are_those_of_the_scenario_and_the_numbers_those_of_fmpy() {
         assert_eq!(recording.column(&format!("measured.{signal}")), expected);
     }
     for (text, fragment) in [
-        (text(6, given), "`structural.n` is 6; expected 1 to 5"),
+        (text(6, gains), "`structural.n` is 6; expected 1 to 5"),
         (
-            text(2, given).replace("n = 2", "m = 2"),
+            text(2, gains).replace("n = 2", "m = 2"),
             "`structural.m` names no structural parameter of the FMU; it has `n`",
         ),
         (
-            text(2, given).replace("n = 2", "n = 2\nn2 = 3"),
+            text(2, gains).replace("n = 2", "n = 2\nn2 = 3"),
             "`structural.n` is 2 and `structural.n2` is 3, but both are names of one variable",
         ),
     ] {
         place.run(&text, "").expect(2).says(&[fragment]);
     }
-    let by_alias = place.run(&text(2, given).replace("n = 2", "n2 = 2"), "");
+    let by_alias = place.run(&text(2, gains).replace("n = 2", "n2 = 2"), "");
     let by_alias = Recording::open(&by_alias.expect(0).recording());
     assert_eq!(
         by_alias.column("measured.y__1"),

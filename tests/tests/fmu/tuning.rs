@@ -89,9 +89,9 @@ fn a_fault_on_a_parameter_that_cannot_be_read_is_told_as_not_confirmed() {
             "stubborn.fmu",
             &stubborn(version, false, &["-DUNREADABLE=3"]),
         );
-        let told = "plant: warning: parameter `p` was changed, and the change is not confirmed: the FMU does not let it be read";
+        let warning = "plant: warning: parameter `p` was changed, and the change is not confirmed: the FMU does not let it be read";
         let run = biased(&place, "p").expect(0);
-        assert_eq!(run.stderr.matches(told).count(), 1, "{}", run.stderr);
+        assert_eq!(run.stderr.matches(warning).count(), 1, "{}", run.stderr);
         let run = biased(&place, "q").expect(0);
         assert!(!run.stderr.contains("not confirmed"), "{}", run.stderr);
     }

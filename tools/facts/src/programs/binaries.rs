@@ -3,8 +3,6 @@
 //! 1. `named` chooses which program a side has; `trusted` and `seal` say what a file may name.
 //! 2. It is asked for its description after its hash was taken: here, or where it runs ([`reached`]).
 
-use std::fs;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
@@ -23,6 +21,7 @@ use shared_types::side::Side;
 use shared_types::text;
 
 use answer::{asked, refusal, unprintable};
+pub use file::beside;
 use file::{FileIdentity, hashed, hashed_model};
 use host::{Host, is_model};
 use named::{CONTROLLER, Choice, Named, NamedBy, PLANT, Role};
@@ -343,11 +342,9 @@ impl Binary {
         self.at.is_none() || session.folder.join(ready_file(epoch)).exists()
     }
 
-    /// Checks whether an interpreter runs it.
+    /// Returns `true` if an interpreter runs it.
     pub fn is_script(&self) -> bool {
-        let mut begins = [0; 2];
-        let read = fs::File::open(&self.path).and_then(|mut file| file.read_exact(&mut begins));
-        read.is_ok() && begins == *b"#!"
+        file::is_script(&self.path)
     }
 
     /// Refuses a file that is not the one that was hashed any more.
@@ -355,12 +352,9 @@ impl Binary {
     /// # Errors
     /// If the file was changed; the error says what to do.
     pub fn refuse_changed(&self) -> Result<(), Failure> {
-        let is_changed = |path: &Path, file: &FileIdentity| {
-            !FileIdentity::of(path).is_ok_and(|found| found == *file)
-        };
         let changed = match &self.host {
-            _ if is_changed(&self.path, &self.file) => &self.path,
-            Some(host) if is_changed(&host.path, &host.file) => &host.path,
+            _ if self.file.is_changed(&self.path) => &self.path,
+            Some(host) if host.file.is_changed(&host.path) => &host.path,
             _ => return Ok(()),
         };
         Err(Failure::infrastructure(format!(
@@ -500,10 +494,4 @@ impl Binary {
         let (program, why) = (&self.description.program, text::printable(why));
         Failure::usage(format!("{program}: {why}"))
     }
-}
-
-/// A binary beside this one.
-pub fn beside(name: &str) -> Result<PathBuf, Failure> {
-    let own = std::env::current_exe().map_err(Failure::infrastructure)?;
-    Ok(own.with_file_name(name))
 }

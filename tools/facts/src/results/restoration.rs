@@ -136,7 +136,7 @@ impl Stretch {
 pub struct Comparison<'a> {
     layout: &'a RecordLayout,
     expected: &'a [Vec<u64>],
-    /// Somebody changed the live run after these records.
+    /// True if the live run was changed after these records.
     is_cut: bool,
     /// The plant has restored its state.
     pub has_begun: bool,

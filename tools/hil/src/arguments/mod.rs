@@ -1,7 +1,7 @@
 //! The command line as it is typed: clap's types, their values, help and errors. Carries out no command and completes
 //! none (`commands::completion` does).
 //!
-//! One file for each group of commands; the parts that several packages share are in `hil_facts::arguments`.
+//! A file for each group of commands; the parts that several packages share are in `hil_facts::arguments`.
 
 pub(crate) mod config;
 pub(crate) mod describe;

@@ -1,12 +1,22 @@
 //! The file of a program or a model: whether it can be run, its hash, and its identity while it is used.
 
 use std::fs;
-use std::io;
+use std::io::{self, Read};
 use std::os::unix::fs::MetadataExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use hil_console::terminal::exit::Failure;
 use hil_target::machine::hash;
 use rustix::fs::{Access, access};
+
+/// Returns the path of a program beside this one.
+///
+/// # Errors
+/// If the path of this program cannot be found.
+pub fn beside(name: &str) -> Result<PathBuf, Failure> {
+    let own = std::env::current_exe().map_err(Failure::infrastructure)?;
+    Ok(own.with_file_name(name))
+}
 
 /// Values that change with every change of a file and of its place: device, inode, size, and the times at
 /// which its content and its inode were changed, in s and ns.
@@ -26,6 +36,18 @@ impl FileIdentity {
             found.ctime_nsec().into(),
         ]))
     }
+
+    /// Returns `true` if another file is at the path now, or if there is none.
+    pub(super) fn is_changed(&self, path: &Path) -> bool {
+        !Self::of(path).is_ok_and(|now| now == *self)
+    }
+}
+
+/// Returns `true` if an interpreter runs a file.
+pub(super) fn is_script(path: &Path) -> bool {
+    let mut begins = [0; 2];
+    let read = fs::File::open(path).and_then(|mut file| file.read_exact(&mut begins));
+    read.is_ok() && begins == *b"#!"
 }
 
 /// Returns the reason for which a path can be no program; the system has one word for all such reasons.
