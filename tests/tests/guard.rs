@@ -213,23 +213,37 @@ fn a_continuation_while_a_guard_stops_is_not_lost() {
     running.finish().expect(0);
 }
 
-#[test]
-fn signals_that_a_run_is_started_to_ignore_do_not_end_it() {
-    let rig = Rig::new();
+/// Starts a run that ignores signals until a handler is registered, and holds it.
+fn held_ignoring<'r>(rig: &'r Rig, signals: &str) -> Running<'r> {
     let mut shell = rig.command("sh");
-    shell.args(["-c", "trap '' HUP INT; exec \"$0\" \"$@\""]);
-    shell.arg(program("hil"));
+    let script = format!("trap '' {signals}; exec \"$0\" \"$@\"");
+    shell.args(["-c", &script]).arg(program("hil"));
     let running = rig.start_with(
         shell,
         "scenarios/spring-mass.toml --pause-at 2.5 --wait-limit 60",
     );
     rig.until_held_at(2500);
-    for signal in [Signal::HUP, Signal::INT] {
-        send(running.pid(), signal);
-        send(running.worker(), signal);
+    running
+}
+
+#[test]
+fn a_run_under_nohup_ignores_the_end_of_its_terminal() {
+    let rig = Rig::new();
+    let running = held_ignoring(&rig, "HUP");
+    for process in [running.pid(), running.worker()] {
+        send(process, Signal::HUP);
     }
     rig.in_session("resume").expect(0);
     running.finish().expect(0);
+}
+
+#[test]
+fn a_script_interrupts_its_background_job() {
+    let rig = Rig::new();
+    // A shell without job control starts such a job so.
+    let running = held_ignoring(&rig, "INT QUIT");
+    send(running.pid(), Signal::INT);
+    running.finish().expect(130);
 }
 
 #[test]

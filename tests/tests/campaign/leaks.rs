@@ -8,7 +8,8 @@ use super::{STUDY, campaign, planned, study, text};
 use crate::support::harness::Rig;
 use crate::support::programs::program;
 
-/// Difference between two cases in the same worker that is no leak: files that are open for a moment.
+/// Difference between early and late cases in the same worker that is no leak, such as a thread that is yet to end. One
+/// descriptor a case would be over 100.
 const PASSING: usize = 20;
 
 /// Descriptors and threads of a worker and of the processes that it keeps.
@@ -41,9 +42,10 @@ fn holds_the_same_from_case_to_case(rig: &Rig, folder: &Path) {
     }
     assert!(worker.wait().expect("it ends").success());
     assert!(counts.len() >= 200, "{}", counts.len());
-    // Neither the first cases, which open what is kept, nor the last one, after which all is closed.
-    let most = |counts: &[usize]| counts.iter().copied().max().unwrap_or_default();
-    let (early, late) = (most(&counts[5..50]), most(&counts[150..counts.len() - 1]));
+    // Neither the first cases, which open what is kept, nor the last one, after which all is closed. What a case holds for
+    // a moment is met in some cases and not in all; what leaks is in all that follow.
+    let least = |counts: &[usize]| counts.iter().copied().min().unwrap_or_default();
+    let (early, late) = (least(&counts[5..50]), least(&counts[150..counts.len() - 1]));
     assert!(early > 0 && late < early + PASSING, "{early}, later {late}");
 }
 

@@ -1,5 +1,4 @@
-//! Signals that this process was started to ignore, as `nohup` and a shell that starts a program in the background without
-//! job control have it: a handler would undo their wish.
+//! Signals that this process was started to ignore, as SIGHUP by `nohup`: a handler would undo that.
 
 use std::sync::LazyLock;
 

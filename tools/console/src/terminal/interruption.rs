@@ -3,8 +3,8 @@
 //!
 //! A command that has begun nothing ends at once. One that starts processes or writes files listens
 //! before that and looks at the flag where it waits; the parts of it that only compute, which may take
-//! long and look at nothing, are done with [`Interruption::at_once`]. SIGINT and SIGHUP stay ignored if the
-//! process was started to ignore them.
+//! long and look at nothing, are done with [`Interruption::at_once`]. SIGHUP stays ignored if the process was
+//! started to ignore it, as by `nohup`; SIGINT does not, since a script ends its background job by it.
 
 use std::io::{self, ErrorKind, PipeWriter, Read, Write};
 use std::os::fd::OwnedFd;
@@ -30,10 +30,7 @@ static AT_ONCE: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 /// If the signal cannot be listened to.
 pub fn end_at_once() -> Result<(), Failure> {
     AT_ONCE.store(true, Ordering::SeqCst);
-    match is_ignored(SIGINT) {
-        true => Ok(()),
-        false => end_on(SIGINT),
-    }
+    end_on(SIGINT)
 }
 
 fn end_on(signal: i32) -> Result<(), Failure> {
@@ -68,7 +65,7 @@ impl Interruption {
     fn register() -> Result<Self, Failure> {
         let flag = Arc::new(AtomicBool::new(false));
         let ends = [SIGINT, SIGTERM, SIGHUP].into_iter();
-        for signal in ends.filter(|signal| *signal == SIGTERM || !is_ignored(*signal)) {
+        for signal in ends.filter(|signal| *signal != SIGHUP || !is_ignored(SIGHUP)) {
             end_on(signal)?;
             signal_hook::flag::register(signal, Arc::clone(&flag))
                 .map_err(Failure::infrastructure)?;

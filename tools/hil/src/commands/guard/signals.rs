@@ -1,5 +1,5 @@
 //! Signals to a guard: held back from its start, so that none is lost and none comes at the wrong moment, and read one
-//! after another. Those that it was started to ignore stay ignored, for it and for its child, but for SIGTERM.
+//! after another. Those that it was started to ignore stay ignored, for it and for its child, but for SIGINT and SIGTERM.
 //!
 //! The signal to stop is looked at and left to the kernel, which forgets it as soon as a continuation follows: so a guard
 //! stops exactly if no continuation came since.
@@ -58,7 +58,9 @@ impl Signals {
         // Where it is ignored, nobody can know how a child ended. Held back, it is never handled.
         signal_hook::flag::register(Signal::SIGCHLD as i32, Arc::default())?;
         let mut received = SigSet::from_iter(OTHERS);
-        let is_wanted = |signal: &Signal| *signal == Signal::SIGTERM || !is_ignored(*signal as i32);
+        // A shell without job control lets what it starts in the background ignore SIGINT, by which a script ends a run.
+        let always = [Signal::SIGINT, Signal::SIGTERM];
+        let is_wanted = |signal: &Signal| always.contains(signal) || !is_ignored(*signal as i32);
         received.extend(ENDS.into_iter().filter(is_wanted));
         let stops: SigSet = Some(Signal::SIGTSTP)
             .into_iter()
