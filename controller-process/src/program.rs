@@ -17,7 +17,9 @@ use shared_types::realtime;
 use shared_types::session::SessionInfo;
 use shared_types::side::Side;
 use shared_types::supervision::Supervision;
-use shared_types::wait::{WaitLimit, Waiter};
+use shared_types::system::realtime::{apply, waiter};
+use shared_types::system::waiter::Waiter;
+use shared_types::wait::WaitLimit;
 
 use crate::controller::LawKind;
 use crate::job::{JOB_FILE, Job};
@@ -89,10 +91,10 @@ impl ControllerProgram {
         let (limit, settings) = (WaitLimit::from_seconds(job.wait_limit_s), job.realtime);
         let mut runner = self.runner(job, link)?;
         // Threads that there are by now keep ordinary scheduling.
-        let report = settings.apply();
+        let report = apply(&settings);
         let told = session.write_file(realtime::CONTROLLER_FILE, &report);
         told.map_err(|e| e.to_string())?;
-        drive(&mut runner, report.waiter(limit), supervision).map_err(|e| e.to_string())?;
+        drive(&mut runner, waiter(&report, limit), supervision).map_err(|e| e.to_string())?;
         let end = runner.end().cloned();
         end.ok_or_else(|| "the run ended without saying how".into())
     }

@@ -16,9 +16,9 @@ use shared_types::layout::SignalKind;
 use shared_types::link::{FrameSpec, Link, LinkError};
 use shared_types::lockstep::{Abort, AbortCode, ControllerAction, ControllerEvent, ControllerSide};
 use shared_types::side::Side;
+use shared_types::system::thread::ThreadSampler;
 use shared_types::table::Field;
 use shared_types::text;
-use shared_types::thread::ThreadSampler;
 use shared_types::time::Step;
 use shared_types::wait::{Sleeper, WaitLimit};
 

@@ -16,8 +16,8 @@ use shared_types::pacer::Pacer;
 use shared_types::record::{Outcome, RunEnd, Timing};
 use shared_types::side::Side;
 use shared_types::stream::RecordSink;
+use shared_types::system::thread::ThreadSampler;
 use shared_types::table::Field;
-use shared_types::thread::ThreadSampler;
 use shared_types::time::Step;
 use shared_types::wait::{Sleeper, WaitLimit};
 

@@ -13,11 +13,12 @@ use hil_config::live_requests::RequestContext;
 use hil_config::plan::{Change, FaultEvent, PLANT_KEYS, Stimulus, law_keys};
 use shared_types::describe::LawDescription;
 use shared_types::live::{
-    self, ChangeRequest, Changed, Injected, Listening, OBJECTIONS, ParameterAnswer,
-    ParameterQuestion, Possible, Refusal, Request, Response, SOCKET, Status, Tunables,
+    ChangeRequest, Changed, Injected, ParameterAnswer, ParameterQuestion, Possible, Refusal,
+    Request, Response, Status, Tunables,
 };
 use shared_types::record::{LONGEST_MARK, RecordLayout};
 use shared_types::session::SessionInfo;
+use shared_types::system::live::{self, Listening, OBJECTIONS, SOCKET};
 use shared_types::table::Field;
 use shared_types::text;
 use shared_types::time::Step;

@@ -22,7 +22,9 @@ use shared_types::side::Side;
 use shared_types::stream::iceoryx::IceoryxSink;
 use shared_types::stream::{Backpressure, RecordSink};
 use shared_types::supervision::Supervision;
-use shared_types::wait::{WaitLimit, Waiter};
+use shared_types::system::realtime::{apply, waiter};
+use shared_types::system::waiter::Waiter;
+use shared_types::wait::WaitLimit;
 
 use crate::engine::{Engine, Progress};
 use crate::faults::{FaultKindEntry, kinds};
@@ -125,10 +127,10 @@ impl PlantProgram {
             }
         };
         // Threads that there are by now keep ordinary scheduling.
-        let report = settings.apply();
+        let report = apply(&settings);
         let told = session.write_file(realtime::PLANT_FILE, &report);
         told.map_err(|e| e.to_string())?;
-        drive(&mut engine, report.waiter(limit), supervision).map_err(|e| e.to_string())?;
+        drive(&mut engine, waiter(&report, limit), supervision).map_err(|e| e.to_string())?;
         let end = engine.end().ok_or("the run ended without saying how")?;
         if let Some(reason) = &end.reason {
             program::say(reason);

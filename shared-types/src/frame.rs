@@ -5,7 +5,6 @@
 
 use std::mem::offset_of;
 
-use iceoryx2::prelude::ZeroCopySend;
 use rapidhash::v3::rapidhash_v3;
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
@@ -56,9 +55,7 @@ impl FrameKind {
 /// The header of a frame: 152 bytes, little-endian, no padding.
 ///
 /// A [`Frame`] carries only as many words of validity bits as its values need.
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, ZeroCopySend,
-)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout)]
 #[repr(C)]
 pub struct Header {
     /// Random number of the session.
@@ -153,7 +150,7 @@ impl Header {
 ///
 /// Any bytes of its size are one, as they come from memory that another process writes to;
 /// [`Frame::open`] says whether to believe it.
-#[derive(Clone, Copy, Debug, FromBytes, IntoBytes, Immutable, KnownLayout, ZeroCopySend)]
+#[derive(Clone, Copy, Debug, FromBytes, IntoBytes, Immutable, KnownLayout)]
 #[repr(C)]
 pub struct Frame<const WORDS: usize> {
     words: [u64; WORDS],
@@ -242,6 +239,20 @@ impl<const WORDS: usize> Default for Frame<WORDS> {
 }
 
 impl<const WORDS: usize> Frame<WORDS> {
+    /// Reads words as a frame, without judging them.
+    #[must_use]
+    #[inline]
+    pub fn from_words(words: &[u64; WORDS]) -> &Self {
+        zerocopy::transmute_ref!(words)
+    }
+
+    /// Returns the frame as words, for a medium that carries words.
+    #[must_use]
+    #[inline]
+    pub const fn into_words(self) -> [u64; WORDS] {
+        self.words
+    }
+
     /// Number of the frame in its sender's order; 0 if nothing was ever sent.
     #[must_use]
     pub const fn sequence(&self) -> u64 {

@@ -68,6 +68,7 @@ pub mod spelling;
 pub mod state;
 pub mod stream;
 pub mod supervision;
+pub mod system;
 pub mod table;
 pub mod text;
 pub mod thread;

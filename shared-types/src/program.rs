@@ -21,7 +21,8 @@ use crate::link::iceoryx::IceoryxLink;
 use crate::session::SessionInfo;
 use crate::side::Side;
 use crate::supervision::Supervision;
-use crate::wait::{WaitLimit, Waiter};
+use crate::system::waiter::Waiter;
+use crate::wait::WaitLimit;
 
 /// Name of a plant's job in the session's folder.
 pub const PLANT_JOB: &str = "plant.json";

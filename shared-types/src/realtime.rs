@@ -1,18 +1,9 @@
-//! Real-time settings of a loop: what is asked for, and what the system granted.
-//!
-//! Each process applies its own to the thread that runs its loop, just before the loop, when its
-//! other threads are there already: those keep ordinary scheduling on any core. Nothing here ends a
-//! run: what is refused is told in a [`Report`], which the launcher makes known. What the report says
-//! was granted was read back from the system.
+//! Real-time settings of a loop: what is asked for, and what the system granted. Data alone; nothing here asks the
+//! system.
 
-mod memory;
-mod scheduling;
-
-use rustix::thread::{CpuSet, sched_getaffinity, set_current_timer_slack};
 use serde::{Deserialize, Serialize};
 
-use crate::wait::{WaitLimit, WaitStrategy, Waiter};
-pub use scheduling::{only_core, pin};
+use crate::wait::WaitStrategy;
 
 /// The file of the session's folder in which the plant reports.
 pub const PLANT_FILE: &str = "plant-realtime.json";
@@ -88,84 +79,3 @@ pub struct Report {
     #[serde(skip)]
     pub shares_core: bool,
 }
-
-impl Settings {
-    /// Applies all of it, to the calling thread and its process, and looks at what came of it.
-    ///
-    /// 1. Timers become exact: a nap is as long as it is asked to be.
-    /// 2. The thread moves to its core.
-    /// 3. Memory is locked and fetched, which takes a while, still with ordinary scheduling.
-    /// 4. The priority comes last.
-    #[must_use]
-    pub fn apply(&self) -> Report {
-        let before = sched_getaffinity(None).ok();
-        let _ = set_current_timer_slack(std::num::NonZeroU64::new(1)); // read back below
-        let pinned = self.core.map_or(Ok(()), pin);
-        let kept = memory::keep(self.lock_memory, self.prefault);
-        let raised = match self.priority {
-            0 => Ok(()),
-            priority => scheduling::run_at(priority),
-        };
-
-        let core = scheduling::only_core();
-        let cores = self.cores(before.as_ref(), core);
-        let shares_core = cores <= 1;
-        let wait = match self.wait {
-            WaitStrategy::Spin if shares_core => WaitStrategy::Hybrid,
-            wait => wait,
-        };
-        Report {
-            core: match self.core {
-                None => Granted::new(core, core, None),
-                asked => Granted::new(asked, core, pinned.err().map(|e| e.to_string())),
-            },
-            priority: Granted::new(self.priority, scheduling::priority(), raised.err()),
-            lock_memory: Granted::new(
-                self.lock_memory,
-                memory::is_locked(),
-                (kept.clone().err()).or_else(|| Some("locking is what brings it in".into())),
-            ),
-            prefault: Granted::new(
-                self.prefault,
-                self.prefault && memory::is_at_hand(),
-                kept.err(),
-            ),
-            wait: Granted::new(
-                self.wait,
-                wait,
-                Some("plant and controller share their only core".into()),
-            ),
-            timer_slack_ns: rustix::thread::current_timer_slack().unwrap_or(u64::MAX),
-            shares_core,
-        }
-    }
-
-    /// Counts the cores that both sides have together. A side that was given no core has those that this
-    /// process had `before`, as both were started in the same way.
-    fn cores(&self, before: Option<&CpuSet>, core: Option<u32>) -> usize {
-        let free = |set: &CpuSet| {
-            (0..CpuSet::MAX_CPU)
-                .filter(|core| set.is_set(*core))
-                .collect()
-        };
-        let free: Vec<usize> = before.map(free).unwrap_or_default();
-        let of = |core: Option<u32>| core.map_or_else(|| free.clone(), |core| vec![core as usize]);
-        let mut cores = of(core);
-        cores.extend(of(self.peer_core));
-        cores.sort_unstable();
-        cores.dedup();
-        cores.len()
-    }
-}
-
-impl Report {
-    /// A waiter of the strategy that was granted.
-    #[must_use]
-    pub fn waiter(&self, limit: WaitLimit) -> Waiter {
-        let waiter = Waiter::with(limit, self.wait.granted, self.shares_core);
-        waiter.of_a_loop(self.priority.granted > 0)
-    }
-}
-
-#[cfg(test)]
-mod tests;

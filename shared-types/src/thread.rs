@@ -1,20 +1,11 @@
 //! Statistics of a thread while it worked: on which core it ran, how often it was switched out,
 //! how many pages it faulted in.
 //!
-//! The engine and the runner watch their own threads. These are system calls, so they are made after
-//! a step that took far longer than the others, to tell why, and now and then to have something to
-//! compare with. Samples, commands and records carry what was found last as one word, which is called `surroundings` there.
+//! Samples, commands and records carry what was found last as one word, which is called `surroundings` there. Nothing
+//! here looks at a thread.
 
-use nix::sys::resource::{UsageWho, getrusage};
-use rustix::thread::sched_getcpu;
-
-/// Steps between two looks when nothing is unusual.
-pub const EVERY_STEPS: u32 = 1024;
-/// A step is unusual when it takes N times the mean.
-const UNUSUAL: u64 = 8;
-/// Weight of a step in the running mean: one in N.
-const MEAN_OF: u64 = 64;
 const COUNT_BITS: u32 = 24;
+/// Counts that fit a word; they begin anew beyond.
 const COUNT: u64 = (1 << COUNT_BITS) - 1;
 
 /// Statistics of a thread, found at one look. The counts begin anew after 2^24.
@@ -29,27 +20,19 @@ pub struct ThreadStatistics {
 }
 
 impl ThreadStatistics {
-    /// Looks at the calling thread.
+    /// Keeps a core and two counts, of which the last 24 bits stay.
     #[must_use]
-    pub fn look() -> Self {
-        let core = sched_getcpu() as u16;
-        let Ok(usage) = getrusage(UsageWho::RUSAGE_THREAD) else {
-            return Self {
-                core,
-                ..Self::default()
-            };
-        };
-        let switches = usage.voluntary_context_switches() + usage.involuntary_context_switches();
-        let faults = usage.minor_page_faults() + usage.major_page_faults();
+    pub const fn new(core: u16, switches: u64, faults: u64) -> Self {
         Self {
             core,
-            switches: (switches as u64 & COUNT) as u32,
-            faults: (faults as u64 & COUNT) as u32,
+            switches: (switches & COUNT) as u32,
+            faults: (faults & COUNT) as u32,
         }
     }
 
     /// Returns the statistics as one word.
     #[must_use]
+    #[inline]
     pub const fn to_wire(self) -> u64 {
         (self.core as u64) << (2 * COUNT_BITS)
             | (self.switches as u64 & COUNT) << COUNT_BITS
@@ -78,41 +61,6 @@ impl ThreadStatistics {
     }
 }
 
-/// Decides when to look.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct ThreadSampler {
-    /// Mean of the steps' time, in ns times [`MEAN_OF`].
-    mean: u64,
-    steps: u32,
-    last: u64,
-}
-
-impl ThreadSampler {
-    /// After a step that took so long: what was found last, as one word.
-    #[must_use]
-    pub fn after(&mut self, took_ns: u64) -> u64 {
-        let mean_ns = self.mean / MEAN_OF;
-        // One step of milliseconds must not hide those after it: it counts as twice the mean.
-        let counted_ns = if mean_ns > 0 && took_ns > 2 * mean_ns {
-            2 * mean_ns
-        } else {
-            took_ns
-        };
-        let is_unusual = mean_ns > 0 && took_ns > UNUSUAL * mean_ns;
-        self.mean = if mean_ns == 0 {
-            MEAN_OF * took_ns
-        } else {
-            self.mean + counted_ns - mean_ns
-        };
-        if is_unusual || self.steps == 0 {
-            self.last = ThreadStatistics::look().to_wire();
-            self.steps = EVERY_STEPS;
-        }
-        self.steps -= 1;
-        self.last
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -131,32 +79,5 @@ mod tests {
             faults: 9,
         };
         assert_eq!(after.since(before), (5, 2));
-    }
-
-    #[test]
-    fn a_look_sees_a_thread_sleep() {
-        let before = ThreadStatistics::look();
-        std::thread::sleep(std::time::Duration::from_millis(1));
-        assert!(ThreadStatistics::look().since(before).0 >= 1);
-    }
-
-    #[test]
-    fn it_looks_after_an_unusual_step_and_every_so_often() {
-        let mut sampler = ThreadSampler::default();
-        let mut looks = |took_ns, steps: u32| {
-            (0..steps)
-                .filter(|_| {
-                    sampler.last = u64::MAX; // no look gives this
-                    sampler.after(took_ns) != u64::MAX
-                })
-                .count()
-        };
-        assert_eq!(looks(1_000, EVERY_STEPS), 1);
-        assert_eq!(looks(1_000, 3 * EVERY_STEPS), 3);
-        assert_eq!(looks(1_000, 1), 1); // the next is due
-        assert_eq!(looks(7_900, 1), 0);
-        assert_eq!(looks(50_000_000, 1), 1);
-        assert_eq!(looks(1_000, 100), 0);
-        assert_eq!(looks(9_000, 1), 1); // the long one did not move the mean far
     }
 }

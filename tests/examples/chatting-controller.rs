@@ -26,8 +26,10 @@ use shared_types::realtime;
 use shared_types::session::SessionInfo;
 use shared_types::side::Side;
 use shared_types::supervision::Supervision;
+use shared_types::system::realtime::apply;
+use shared_types::system::waiter::Waiter;
 use shared_types::table::Empty;
-use shared_types::wait::{WaitLimit, Waiter};
+use shared_types::wait::WaitLimit;
 
 use position_and_force::{Force, Position};
 
@@ -150,7 +152,7 @@ impl Program for ChattingController {
             answer: None,
         };
         let kind = choose(&self.laws, &job.law, &job.plant).map_err(|e| told(&e))?;
-        let report = job.realtime.apply();
+        let report = apply(&job.realtime);
         let mut runner = Runner::new(kind, job, link).map_err(|e| told(&e))?;
         let written = session.write_file(realtime::CONTROLLER_FILE, &report);
         written.map_err(|e| told(&e))?;

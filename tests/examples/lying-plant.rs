@@ -29,9 +29,10 @@ use shared_types::side::Side;
 use shared_types::stream::iceoryx::IceoryxSink;
 use shared_types::stream::{Backpressure, RecordSink};
 use shared_types::supervision::Supervision;
+use shared_types::system::waiter::Waiter;
 use shared_types::table::Empty;
 use shared_types::time::{Interval, Step};
-use shared_types::wait::{WaitLimit, Waiter};
+use shared_types::wait::WaitLimit;
 
 use position_and_force::{Force, Position};
 

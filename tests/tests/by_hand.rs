@@ -12,9 +12,10 @@ use std::time::Duration;
 
 use rustix::process::Signal;
 use serde_json::json;
-use shared_types::live::{self, Request, Response};
+use shared_types::live::{Request, Response};
 use shared_types::process::ProcessId;
 use shared_types::session::SessionInfo;
+use shared_types::system::live;
 
 use crate::support::company::Companion;
 use crate::support::harness::{Rig, Running, ended, send, text, until};

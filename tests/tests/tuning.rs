@@ -4,9 +4,10 @@
 use std::time::Duration;
 
 use serde_json::{Value, json};
-use shared_types::live::{ChangeRequest, NewValue, Request, Response, ask};
+use shared_types::live::{ChangeRequest, NewValue, Request, Response};
 use shared_types::random::RandomStream;
 use shared_types::session::SessionInfo;
+use shared_types::system::live::ask;
 
 use crate::support::harness::{Rig, Run, text};
 use crate::support::mcap_reader::Recording;

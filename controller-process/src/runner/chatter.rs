@@ -5,7 +5,8 @@ use std::time::Duration;
 
 use shared_types::link::in_process::{InProcessLink, pair};
 use shared_types::supervision::Supervision;
-use shared_types::wait::{WaitLimit, Waiter};
+use shared_types::system::waiter::Waiter;
+use shared_types::wait::WaitLimit;
 
 use super::tests::{greeted, job, kind};
 use super::*;

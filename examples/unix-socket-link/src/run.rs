@@ -12,7 +12,8 @@ use shared_types::link::{Link, LinkError};
 use shared_types::record::{Event, Outcome, RecordLayout};
 use shared_types::stream::RecordSink;
 use shared_types::supervision::Supervision;
-use shared_types::wait::{WaitLimit, Waiter};
+use shared_types::wait::WaitLimit;
+use shared_types::system::waiter::Waiter;
 
 const WAIT_LIMIT_S: f64 = 20.0;
 

@@ -14,7 +14,8 @@ use shared_types::record::{ControllerFate, Event};
 use shared_types::stream::in_process::{InProcessSink, InProcessSource};
 use shared_types::stream::{Item, RecordSource};
 use shared_types::supervision::Supervision;
-use shared_types::wait::{WaitLimit, Waiter};
+use shared_types::system::waiter::Waiter;
+use shared_types::wait::WaitLimit;
 
 use super::tests::{job, kind};
 use super::*;

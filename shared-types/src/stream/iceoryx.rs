@@ -302,7 +302,7 @@ impl RecordSource for IceoryxSource {
             && let Some(credit) = &self.credit
         {
             credit
-                .send_copy(self.items.last.saturating_add(1))
+                .send_copy(self.items.last().saturating_add(1))
                 .map_err(|e| transport(CREDIT, e))?;
             if let Some(bell) = &self.bell {
                 bell.ring();
@@ -311,3 +311,6 @@ impl RecordSource for IceoryxSource {
         Ok(count)
     }
 }
+
+#[cfg(test)]
+mod tests;

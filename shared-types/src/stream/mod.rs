@@ -143,6 +143,13 @@ pub struct Assembler {
 }
 
 impl Assembler {
+    /// Returns the number of the item that came last; 0 if none did.
+    #[must_use]
+    #[inline]
+    pub const fn last(&self) -> u64 {
+        self.last
+    }
+
     /// Takes one item: its number, kind, length in bytes and words.
     pub fn take(
         &mut self,

@@ -28,9 +28,10 @@ use shared_types::session::{Session, SessionInfo};
 use shared_types::stream::iceoryx::{IceoryxSink, IceoryxSource};
 use shared_types::stream::{Backpressure, RecordSink, RecordSource};
 use shared_types::supervision::Supervision;
+use shared_types::system::waiter::Waiter;
 use shared_types::table::Field;
 use shared_types::time::Rate;
-use shared_types::wait::{WaitLimit, Waiter};
+use shared_types::wait::WaitLimit;
 use tempfile::TempDir;
 
 use crate::effort::shortened;

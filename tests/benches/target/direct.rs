@@ -14,8 +14,9 @@ use rustix::event::{PollFd, PollFlags, poll};
 use rustix::time::Timespec;
 use shared_types::clock::monotonic_ns;
 use shared_types::frame::{FrameKind, Header};
+use shared_types::system::waiter::Waiter;
 use shared_types::time::Step;
-use shared_types::wait::{Sleeper, WaitLimit, WaitStrategy, Waiter};
+use shared_types::wait::{Sleeper, WaitLimit, WaitStrategy};
 
 use super::{BYTES, WATCHDOG};
 

@@ -12,6 +12,7 @@ use shared_types::link::bell::{Bell, Owner};
 use shared_types::realtime::Settings;
 use shared_types::session::{Session, SessionInfo};
 use shared_types::side::Side;
+use shared_types::system::realtime::apply;
 use shared_types::wait::Sleeper;
 
 use crate::cell::Cell;
@@ -139,7 +140,7 @@ pub(crate) fn answered() -> bool {
         priority: number(PRIORITY) as u32,
         ..Settings::default()
     };
-    let _ = settings.apply(); // the cell is there only if it is granted
+    let _ = apply(&settings); // the cell is there only if it is granted
     let (turns, trips) = (number(TURNS), number(TRIPS));
     let since = Instant::now();
     for trip in 1..=trips {

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
-use shared_types::realtime::{Settings, pin};
+use shared_types::realtime::Settings;
+use shared_types::system::realtime::{apply, pin};
 
 use crate::busy::BusyLoop;
 use crate::measure::cores;
@@ -115,7 +116,7 @@ impl Cell {
                 priority: self.priority,
                 ..Settings::default()
             };
-            let applied = std::thread::spawn(move || settings.apply()).join();
+            let applied = std::thread::spawn(move || apply(&settings)).join();
             let report = applied.map_err(|_| "a panic")?;
             if report.priority.granted != self.priority {
                 return Err(report.priority.reason.unwrap_or_default());

@@ -16,9 +16,10 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process, kill_process_group};
-use shared_types::live::{LiveError, Request, Response, Status, ask};
+use shared_types::live::{Request, Response, Status};
 use shared_types::process::ProcessId;
 use shared_types::session::{GROUP, SessionInfo};
+use shared_types::system::live::{LiveError, ask};
 use tempfile::TempDir;
 
 use crate::support::leftovers::{left_before, segments_of_nobody};

@@ -8,7 +8,7 @@ use hil_facts::results::latency::times::Times;
 use shared_types::clock::monotonic_ns;
 use shared_types::frame;
 use shared_types::link::bare::Blackboard;
-use shared_types::wait::Waiter;
+use shared_types::system::waiter::Waiter;
 
 /// Room for values in the smallest frame.
 const SMALLEST: usize = 16;

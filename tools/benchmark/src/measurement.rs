@@ -22,6 +22,7 @@ use shared_types::session::{Session, SessionError};
 use shared_types::side::Side;
 use shared_types::stream::RecordSink;
 use shared_types::supervision::Supervision;
+use shared_types::system::realtime::{apply, waiter};
 use shared_types::time::Rate;
 use shared_types::wait::WaitLimit;
 use shared_types::zerocopy::{FromBytes, IntoBytes};
@@ -226,10 +227,10 @@ impl Bench {
         let stop = || self.interruption.came();
         let led = std::thread::scope(|scope| {
             scope.spawn(move || {
-                let waiter = self.realtime.controller().apply().waiter(limit());
+                let waiter = waiter(&apply(&self.realtime.controller()), limit());
                 follow(&mut controller, trips, waiter, stop)
             });
-            let waiter = self.realtime.plant().apply().waiter(limit());
+            let waiter = waiter(&apply(&self.realtime.plant()), limit());
             lead(&mut plant, trips, waiter, stop)
         });
         led.map_err(|error| self.gone(error, None))
@@ -250,7 +251,7 @@ impl Bench {
         };
         // A process starts with what its parent's thread has: first the peer, then the settings.
         let peer = Peer::start(&mut session, work, &supervision)?;
-        let waiter = self.realtime.plant().apply().waiter(limit());
+        let waiter = waiter(&apply(&self.realtime.plant()), limit());
         let stop = || self.interruption.came() || supervision.is_peer_gone();
         match lead(&mut plant, trips, waiter, stop) {
             Ok(trips_ns) => {
@@ -301,9 +302,9 @@ impl Bench {
         let engine = Engine::new(&kind, &[], plant_job, link, meter);
         let mut engine = engine.map_err(Failure::infrastructure)?;
         let peer = Peer::start(&mut session, PeerWork::Controller { signals }, &supervision)?;
-        let plant = self.realtime.plant().apply();
+        let plant = apply(&self.realtime.plant());
         let driven =
-            plant_process::program::drive(&mut engine, plant.waiter(limit()), &supervision);
+            plant_process::program::drive(&mut engine, waiter(&plant, limit()), &supervision);
         let end = engine.end().cloned();
         let ended = peer.end();
         self.interruption.check()?;

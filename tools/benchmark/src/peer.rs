@@ -20,6 +20,7 @@ use shared_types::realtime::CONTROLLER_FILE;
 use shared_types::session::{Session, SessionInfo};
 use shared_types::side::Side;
 use shared_types::supervision::Supervision;
+use shared_types::system::realtime::{apply, waiter};
 use shared_types::wait::WaitLimit;
 
 use super::exchange::{Trips, follow};
@@ -135,9 +136,9 @@ fn control(session: &SessionInfo, signals: usize, supervision: &Supervision) -> 
     let link = IceoryxLink::open(session, 1).map_err(|e| e.to_string())?;
     let law = null::law(signals);
     let mut runner = Runner::new(&law, job, link).map_err(|e| e.to_string())?;
-    let report = settings.apply();
+    let report = apply(&settings);
     (session.write_file(CONTROLLER_FILE, &report)).map_err(|e| e.to_string())?;
-    controller_process::program::drive(&mut runner, report.waiter(limit), supervision)
+    controller_process::program::drive(&mut runner, waiter(&report, limit), supervision)
         .map_err(|e| e.to_string())?;
     match runner.end() {
         Some(End::Completed { .. }) => Ok(()),
@@ -157,7 +158,7 @@ fn answer(
         .map_err(|error| error.to_string())?;
     let job: Job = session.read_file(JOB_FILE).map_err(|e| e.to_string())?;
     let limit = WaitLimit::from_seconds(job.wait_limit_s);
-    let waiter = job.realtime.apply().waiter(limit);
+    let waiter = waiter(&apply(&job.realtime), limit);
     let trips = Trips {
         warm_up: 0,
         measured: trips,

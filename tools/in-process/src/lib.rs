@@ -20,7 +20,7 @@ use shared_types::link::in_process::{InProcessLink, pair};
 use shared_types::lockstep::{ControllerEvent, PlantEvent};
 use shared_types::record::RunEnd;
 use shared_types::stream::RecordSink;
-use shared_types::wait::Waiter;
+use shared_types::system::waiter::Waiter;
 
 /// Plants that are built into `hil`.
 pub static PLANTS: LazyLock<Vec<PlantKind>> = LazyLock::new(plant_process::models::all);

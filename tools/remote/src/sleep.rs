@@ -10,7 +10,8 @@ use std::time::Duration;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::time::Timespec;
 use shared_types::link::bell::Bell;
-use shared_types::wait::{Sleeper, WaitLimit, WaitStrategy, Waiter};
+use shared_types::system::waiter::Waiter;
+use shared_types::wait::{Sleeper, WaitLimit, WaitStrategy};
 
 use crate::path::DatagramPath;
 

@@ -16,7 +16,8 @@ use hil_in_process::{FAULTS, LAWS, PLANTS, Turns, check_controller, check_plant}
 use plant_process::job::Job as PlantJob;
 use shared_types::describe::Description;
 use shared_types::record::{Outcome, RecordLayout};
-use shared_types::wait::{WaitLimit, WaitStrategy, Waiter};
+use shared_types::system::waiter::Waiter;
+use shared_types::wait::{WaitLimit, WaitStrategy};
 
 use super::jobs;
 use super::recorder::direct::DirectRecorder;

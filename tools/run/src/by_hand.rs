@@ -13,11 +13,12 @@ use hil_facts::programs::binaries::Binary;
 use hil_target::machine::hash;
 use rustix::net::sockopt::socket_peercred;
 use shared_types::by_hand::{Admission, Entry, Token, door, token_file};
-use shared_types::live::{self, Listening};
+use shared_types::live::Refusal;
 use shared_types::number::exact_in;
 use shared_types::process::ProcessId;
 use shared_types::session::{Session, SessionInfo};
 use shared_types::side::Side;
+use shared_types::system::live::{self, Listening};
 
 use super::prepare::PreparedRun;
 use super::processes::LOOK;
@@ -140,7 +141,7 @@ fn open(
     let listening = live::listen(session, &door(role), move |client| {
         // One that went away needs no answer.
         let _ = live::answer(client, |entry| {
-            let judged = (entry.map_err(|refusal: live::Refusal| refusal.message))
+            let judged = (entry.map_err(|refusal: Refusal| refusal.message))
                 .and_then(|entry| judge(client, &entry, &own, (role, &binary), taken))
                 .and_then(|process| {
                     let leash = client.try_clone().map_err(|error| error.to_string())?;

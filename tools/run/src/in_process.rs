@@ -14,6 +14,7 @@ use shared_types::record::{Outcome, RecordLayout, RunEnd};
 use shared_types::session::SessionInfo;
 use shared_types::stream::{self, RecordSink};
 use shared_types::supervision::Supervision;
+use shared_types::system::realtime::{apply, waiter};
 use shared_types::wait::WaitLimit;
 
 use super::attach::refuse_other_layout;
@@ -153,8 +154,8 @@ fn take_turns(
     let (queue, builder) = (turns.queue(), turns.builder());
     let _listening = live::serve(session, context, queue, builder, objections)?;
     // Both sides run in this thread: the plant's settings are those of both.
-    let report = settings.apply();
+    let report = apply(&settings);
     let told = session.write_file(PLANT_FILE, &report);
     told.map_err(|e| e.to_string())?;
-    turns.run(report.waiter(limit), &|| supervision.wants_stop())
+    turns.run(waiter(&report, limit), &|| supervision.wants_stop())
 }

@@ -9,10 +9,9 @@ use hil_console::terminal::interruption::Interruption;
 use hil_facts::programs::binaries::Binary;
 use hil_facts::programs::binaries::reached::Reached;
 use hil_target::name::Target;
-use shared_types::live::{
-    self, Listening, OBJECTIONS, ParameterAnswer, ParameterQuestion, Refusal,
-};
+use shared_types::live::{ParameterAnswer, ParameterQuestion, Refusal};
 use shared_types::session::SessionInfo;
+use shared_types::system::live::{self, Listening, OBJECTIONS};
 
 use super::jobs;
 

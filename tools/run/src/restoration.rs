@@ -30,8 +30,9 @@ use shared_types::side::Side;
 use shared_types::stream::iceoryx::IceoryxSource;
 use shared_types::stream::{Item, RecordSink, RecordSource};
 use shared_types::supervision::{PEER_GONE, STOP};
+use shared_types::system::waiter::Waiter;
 use shared_types::time::Step;
-use shared_types::wait::{WaitLimit, WaitStrategy, Waiter};
+use shared_types::wait::{WaitLimit, WaitStrategy};
 
 use super::attach::attach;
 use super::prepare::PreparedRun;

@@ -20,8 +20,9 @@ use hil_facts::programs::scenario::{self, kept};
 use hil_target::name::Target;
 use serde::{Deserialize, Serialize};
 use shared_types::describe::{LawDescription, ModelSettings};
-use shared_types::live::{self, Listening, Refusal};
+use shared_types::live::Refusal;
 use shared_types::session::SessionInfo;
+use shared_types::system::live::{self, Listening};
 use shared_types::table::Field;
 use toml_edit::{DocumentMut, Item, TableLike};
 

@@ -45,7 +45,8 @@ use shared_types::link::in_process::{self, InProcessLink};
 use shared_types::lockstep::{ControllerEvent, PlantEvent};
 use shared_types::session::{Session, SessionError, SessionInfo};
 use shared_types::supervision::Supervision;
-use shared_types::wait::{WaitLimit, Waiter};
+use shared_types::system::waiter::Waiter;
+use shared_types::wait::WaitLimit;
 
 use crate::arguments::replay::ReplayArguments;
 use crate::arguments::tolerance::Tolerances;

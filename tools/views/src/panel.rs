@@ -116,7 +116,7 @@ pub fn panel(arguments: &PanelArguments) -> Result<Exit, Failure> {
 
 /// Gives the model the newest record of a run that is held: no other comes until it goes on.
 fn show_newest(session: &SessionInfo, model: &SharedModel) {
-    let asked = shared_types::live::ask(session, &Request::Record, LOOK * 50);
+    let asked = shared_types::system::live::ask(session, &Request::Record, LOOK * 50);
     if let Ok(Response::Record { layout, words }) = asked {
         let mut model = model.lock();
         let is_fit = words.len() == layout.words() && model.drawn().next().is_some();

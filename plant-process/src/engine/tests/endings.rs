@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use hil_config::plan::Limit;
 use shared_types::supervision::Supervision;
-use shared_types::wait::Waiter;
+use shared_types::system::waiter::Waiter;
 
 use super::*;
 

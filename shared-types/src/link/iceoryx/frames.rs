@@ -64,14 +64,21 @@ pub(super) trait Incoming {
     ) -> Option<Result<Header, FrameError>>;
 }
 
+/// Words of a [`Frame`] in shared memory. The name is the same in every program, wherever the type lives there.
+#[derive(Clone, Copy, Debug, ZeroCopySend)]
+#[repr(C)]
+#[type_name("hil_frame")]
+struct Words<const WORDS: usize>([u64; WORDS]);
+
 /// Holds the cell of the next frame: asking for one looks at a line of memory that the reader writes
 /// to, which is done best right after a frame was sent, while the reader is busy.
-struct Writer<const WORDS: usize>(Option<EntryValueUninit<Ipc, u8, Frame<WORDS>>>);
+struct Writer<const WORDS: usize>(Option<EntryValueUninit<Ipc, u8, Words<WORDS>>>);
 
 impl<const WORDS: usize> Outgoing for Writer<WORDS> {
     fn send(&mut self, header: &Header, values: &[f64], identity: FrameIdentity) {
         if let Some(next) = self.0.take() {
-            let entry = next.update_with_copy(Frame::sealed(header, values, identity));
+            let frame = Frame::sealed(header, values, identity);
+            let entry = next.update_with_copy(Words(frame.into_words()));
             self.0 = Some(entry.loan_uninit());
         }
     }
@@ -79,8 +86,8 @@ impl<const WORDS: usize> Outgoing for Writer<WORDS> {
 
 struct Reader<const WORDS: usize> {
     board: Blackboard<Ipc, u8>,
-    cell: EntryHandle<Ipc, u8, Frame<WORDS>>,
-    last: Option<BlackboardValue<Frame<WORDS>>>,
+    cell: EntryHandle<Ipc, u8, Words<WORDS>>,
+    last: Option<BlackboardValue<Words<WORDS>>>,
     /// Number of the frame that was delivered last; 0 for none.
     delivered: u64,
 }
@@ -105,7 +112,8 @@ impl<const WORDS: usize> Incoming for Reader<WORDS> {
         {
             return None;
         }
-        let frame = self.last.insert(self.cell.get());
+        let words = self.last.insert(self.cell.get());
+        let frame = Frame::from_words(&words.0);
         let sequence = frame.sequence();
         // Beside a writer at work the cell may give a frame as news that it has given before.
         if sequence == self.delivered {
@@ -133,7 +141,7 @@ fn board<const WORDS: usize>(
             builder
                 .blackboard_creator::<u8>()
                 .max_readers(4)
-                .add_with_default::<Frame<WORDS>>(0)
+                .add(0, Words([0; WORDS]))
                 .create_with_attributes(&attributes.map_err(|e| transport(name, e))?)
                 .map_err(|e| transport(name, e))
         }
@@ -166,7 +174,7 @@ fn writer<const WORDS: usize>(
         .create())
     .map_err(|e| transport(name, e))?;
     let entry = writer
-        .entry::<Frame<WORDS>>(&0)
+        .entry::<Words<WORDS>>(&0)
         .map_err(|e| transport(name, e))?;
     Ok(Box::new(Writer(Some(entry.loan_uninit()))))
 }
@@ -180,7 +188,7 @@ fn reader<const WORDS: usize>(
     let board = board::<WORDS>(node, side, name, identity)?;
     let reader = (board.reader_builder().create()).map_err(|e| transport(name, e))?;
     let cell = reader
-        .entry::<Frame<WORDS>>(&0)
+        .entry::<Words<WORDS>>(&0)
         .map_err(|e| transport(name, e))?;
     Ok(Box::new(Reader {
         board,

@@ -6,10 +6,11 @@ use std::process::{Command, Stdio};
 
 use hil_benchmark::exchange::{End, Trips, follow, lead};
 use hil_benchmark::raw;
-use shared_types::realtime::pin;
 use shared_types::session::{Session, SessionInfo};
 use shared_types::side::Side;
-use shared_types::wait::{WaitLimit, WaitStrategy, Waiter};
+use shared_types::system::realtime::pin;
+use shared_types::system::waiter::Waiter;
+use shared_types::wait::{WaitLimit, WaitStrategy};
 
 use super::{COMMAND_BYTES, Exchange, Place, Round, SAMPLE_BYTES, Wait, open};
 

@@ -8,8 +8,9 @@ use std::time::{Duration, Instant};
 
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
-use shared_types::live::{self, LiveError, Refusal, Request, Response};
+use shared_types::live::{Refusal, Request, Response};
 use shared_types::session::{self, SessionInfo};
+use shared_types::system::live::{self, LiveError};
 use shared_types::table::{listed, nearest};
 
 use crate::arguments::SessionChoice;

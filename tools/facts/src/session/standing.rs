@@ -13,8 +13,9 @@ use std::time::Duration;
 use hil_config::evaluation::Evaluation;
 use hil_console::terminal::exit::Failure;
 use serde::{Deserialize, Serialize};
-use shared_types::live::{self, Listening, LiveError, Refusal};
+use shared_types::live::Refusal;
 use shared_types::session::SessionInfo;
+use shared_types::system::live::{self, Listening, LiveError};
 
 use super::happening::Happening;
 

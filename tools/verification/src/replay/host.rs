@@ -14,8 +14,8 @@ use shared_types::hello::{Control, Offer, Welcome};
 use shared_types::link::{FrameSpec, Link, LinkError};
 use shared_types::lockstep::{Abort, AbortCode, PlantAction, PlantEvent, PlantSide, Standing};
 use shared_types::supervision::Supervision;
+use shared_types::system::waiter::Waiter;
 use shared_types::time::Step;
-use shared_types::wait::Waiter;
 
 use super::comparison::Comparison;
 use super::original::Original;

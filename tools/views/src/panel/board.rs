@@ -8,9 +8,10 @@ use hil_config::plan::Clock;
 use hil_facts::session::inject;
 use hil_facts::session::live::{RequestError, refused_text};
 use serde_json::{Value, json};
-use shared_types::live::{self, Possible, Request, Response};
+use shared_types::live::{Possible, Request, Response};
 use shared_types::record::RecordLayout;
 use shared_types::session::SessionInfo;
+use shared_types::system::live;
 
 use super::message::Deed;
 use crate::monitor::SharedModel;

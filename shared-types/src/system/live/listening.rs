@@ -12,7 +12,7 @@ use rustix::net::{Shutdown, shutdown};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::Refusal;
+use crate::live::Refusal;
 use crate::session::SessionInfo;
 
 /// Time that a client may take to write its line or to read the answer.

@@ -30,7 +30,7 @@ fn class() -> (u32, u32) {
 fn what_nobody_asks_for_is_not_changed() {
     let (before, report, after) = aside(|| {
         let before = (class(), cores());
-        (before, Settings::default().apply(), (class(), cores()))
+        (before, apply(&Settings::default()), (class(), cores()))
     });
     assert_eq!(before, after);
     assert_eq!((report.core.reason, report.priority.reason), (None, None));
@@ -48,7 +48,7 @@ fn a_loop_runs_on_its_core() {
             core: Some(core),
             ..Settings::default()
         };
-        let (report, found) = aside(move || (settings.apply(), sched_getcpu()));
+        let (report, found) = aside(move || (apply(&settings), sched_getcpu()));
         assert_eq!(report.core.granted, Some(core));
         assert_eq!(report.core.reason, None);
         assert_eq!(found, core as usize);
@@ -62,7 +62,7 @@ fn a_core_that_is_not_there_is_not_granted_and_the_reason_is_told() {
             core: Some(core),
             ..Settings::default()
         };
-        let report = aside(move || settings.apply());
+        let report = aside(move || apply(&settings));
         assert_ne!(report.core.granted, Some(core));
         let reason = report.core.refusal(&None).expect("a reason").to_owned();
         assert!(reason.to_lowercase().contains("invalid"), "{reason}");
@@ -76,7 +76,7 @@ fn a_priority_is_granted_or_the_reason_is_told() {
         priority: 7,
         ..Settings::default()
     };
-    let (report, class) = aside(move || (settings.apply(), class()));
+    let (report, class) = aside(move || (apply(&settings), class()));
     if report.priority.granted == 7 {
         assert_eq!(class, (FIFO, 7));
         assert_eq!(report.priority.reason, None);
@@ -105,7 +105,7 @@ fn nobody_spins_where_both_sides_have_one_core_together() {
             wait: WaitStrategy::Spin,
             ..Settings::default()
         };
-        let report = aside(move || settings.apply());
+        let report = aside(move || apply(&settings));
         assert_eq!(report.wait.granted, wait, "{core:?} {peer_core:?}");
         let shared = wait != WaitStrategy::Spin;
         assert_eq!(report.wait.reason.is_some(), shared);

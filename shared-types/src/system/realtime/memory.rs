@@ -10,7 +10,7 @@ use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::process::{Resource, getrlimit};
 use rustix::thread::{CapabilitySet, capabilities};
 
-use crate::thread::ThreadStatistics;
+use crate::system::thread::look;
 
 /// Depth to which the stack of the loop's thread is touched, in bytes; a step needs far less.
 const STACK: usize = 256 << 10;
@@ -58,9 +58,9 @@ pub(super) fn is_locked() -> bool {
 /// Checks whether the calling thread can touch new memory without a page fault.
 pub(super) fn is_at_hand() -> bool {
     let mut probe: Vec<u8> = Vec::with_capacity(PROBE);
-    let before = ThreadStatistics::look();
+    let before = look();
     probe.resize(PROBE, 1);
     black_box(&probe);
-    let (_, faults) = ThreadStatistics::look().since(before);
+    let (_, faults) = look().since(before);
     faults == 0
 }

@@ -1,0 +1,102 @@
+//! Sockets of a session: requests to a running plant, and the side that answers.
+//!
+//! The plant listens on a socket in the session's private folder, on a thread of its own; `hil`
+//! asks. One line of JSON each way. The loop sees of it one atomic.
+
+mod listening;
+
+use std::io::{BufRead, BufReader, ErrorKind, Write};
+use std::os::unix::net::UnixStream;
+use std::time::Duration;
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::live::{Request, Response};
+use crate::session::SessionInfo;
+
+pub use listening::{Listening, answer, listen};
+
+/// Name of the socket in the session's folder.
+pub const SOCKET: &str = "control";
+/// Name of the socket in the session's folder at which parameters of plant and law are judged.
+pub const OBJECTIONS: &str = "judge";
+
+/// A request got no answer.
+#[derive(Debug, thiserror::Error)]
+pub enum LiveError {
+    /// Nobody listens: the plant has not begun to, or has ended.
+    #[error(
+        "the plant of session `{0}` takes no requests: it is starting or has ended; see `hil sessions`"
+    )]
+    Absent(String),
+    /// Plant that listens and is silent.
+    #[error(
+        "the plant of session `{session}` gave no answer within {limit_s} s; is it stopped, or held by a debugger?"
+    )]
+    Silent {
+        /// The session.
+        session: String,
+        /// Time for which the client waited, in s.
+        limit_s: u64,
+    },
+    /// The connection broke.
+    #[error("the plant of session `{session}`: {what}")]
+    Broken {
+        /// The session.
+        session: String,
+        /// Failure of the connection, in words.
+        what: String,
+    },
+}
+
+/// Asks the plant of a session.
+///
+/// # Errors
+/// If it does not answer within the limit.
+pub fn ask(
+    session: &SessionInfo,
+    request: &Request,
+    limit: Duration,
+) -> Result<Response, LiveError> {
+    ask_at(session, SOCKET, request, limit)
+}
+
+/// Asks whoever listens at a socket of a session: one line of JSON each way.
+///
+/// # Errors
+/// If it does not answer within the limit.
+pub fn ask_at<Q: Serialize, A: DeserializeOwned>(
+    session: &SessionInfo,
+    socket: &str,
+    request: &Q,
+    limit: Duration,
+) -> Result<A, LiveError> {
+    let name = || session.name.clone();
+    let broken = |error: std::io::Error| match error.kind() {
+        ErrorKind::WouldBlock | ErrorKind::TimedOut => LiveError::Silent {
+            session: name(),
+            limit_s: limit.as_secs(),
+        },
+        _ => LiveError::Broken {
+            session: name(),
+            what: error.to_string(),
+        },
+    };
+    let stream = UnixStream::connect(session.folder.join(socket));
+    let mut stream = stream.map_err(|_| LiveError::Absent(name()))?;
+    stream.set_read_timeout(Some(limit)).map_err(broken)?;
+    stream.set_write_timeout(Some(limit)).map_err(broken)?;
+    let mut line = serde_json::to_vec(request).map_err(|e| broken(e.into()))?;
+    line.push(b'\n');
+    stream.write_all(&line).map_err(broken)?;
+    let mut answer = String::new();
+    let read = BufReader::new(&stream).read_line(&mut answer);
+    if read.map_err(broken)? == 0 {
+        return Err(LiveError::Broken {
+            session: name(),
+            what: "it ended before it answered".into(),
+        });
+    }
+    serde_json::from_str(&answer).map_err(|e| broken(e.into()))
+}
