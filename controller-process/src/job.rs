@@ -9,7 +9,7 @@ use shared_types::table::number;
 use shared_types::time::Rate;
 
 /// Name of the file in the session's folder.
-pub const JOB_FILE: &str = shared_types::program::CONTROLLER_JOB;
+pub const JOB_FILE: &str = hil_session::program::CONTROLLER_JOB;
 
 /// A controller's part of a checked scenario.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -6,19 +6,19 @@ use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitCode;
 
-use shared_types::clock::monotonic_ns;
+use hil_session::clock::monotonic_ns;
+use hil_session::link::iceoryx::IceoryxLink;
+use hil_session::program::{self, COMPLETED, FAILED, Program};
+use hil_session::realtime::{apply, waiter};
+use hil_session::session::SessionInfo;
+use hil_session::supervision::Supervision;
+use hil_session::waiter::Waiter;
 use shared_types::describe::Description;
-use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{Link, LinkError};
 use shared_types::lockstep::ControllerEvent;
 use shared_types::origin::Origin;
-use shared_types::program::{self, COMPLETED, FAILED, Program};
 use shared_types::realtime;
-use shared_types::session::SessionInfo;
 use shared_types::side::Side;
-use shared_types::supervision::Supervision;
-use shared_types::system::realtime::{apply, waiter};
-use shared_types::system::waiter::Waiter;
 use shared_types::wait::WaitLimit;
 
 use crate::controller::LawKind;

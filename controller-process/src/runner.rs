@@ -4,9 +4,10 @@
 //! the sample's by name, converts those that are connected under another unit, runs the law at its own rate, delays its command by a step if that is
 //! asked for, and answers every sample. Like the plant's engine it never blocks.
 
+use hil_session::clock::monotonic_ns;
+use hil_session::thread::ThreadSampler;
 use serde::{Deserialize, Serialize};
 use shared_types::checkpoint::Saves;
-use shared_types::clock::monotonic_ns;
 use shared_types::connection::renamed;
 use shared_types::describe::Invalid;
 use shared_types::directive::{Answered, Directive};
@@ -16,7 +17,6 @@ use shared_types::layout::SignalKind;
 use shared_types::link::{FrameSpec, Link, LinkError};
 use shared_types::lockstep::{Abort, AbortCode, ControllerAction, ControllerEvent, ControllerSide};
 use shared_types::side::Side;
-use shared_types::system::thread::ThreadSampler;
 use shared_types::table::Field;
 use shared_types::text;
 use shared_types::time::Step;

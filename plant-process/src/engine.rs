@@ -7,8 +7,9 @@
 use std::sync::Arc;
 
 use hil_config::plan::{Clock, PLANT_KEYS, settings_after};
+use hil_session::clock::monotonic_ns;
+use hil_session::thread::ThreadSampler;
 use shared_types::checkpoint::Saves;
-use shared_types::clock::monotonic_ns;
 use shared_types::describe::{Invalid, PlantDescription};
 use shared_types::link::{Link, LinkError};
 use shared_types::lockstep::{AbortCode, PlantAction, PlantEvent, PlantSide};
@@ -16,7 +17,6 @@ use shared_types::pacer::Pacer;
 use shared_types::record::{Outcome, RunEnd, Timing};
 use shared_types::side::Side;
 use shared_types::stream::RecordSink;
-use shared_types::system::thread::ThreadSampler;
 use shared_types::table::Field;
 use shared_types::time::Step;
 use shared_types::wait::{Sleeper, WaitLimit};

@@ -10,7 +10,7 @@ use shared_types::table::number;
 use crate::repeat::Missed;
 
 /// Name of the file in the session's folder.
-pub const JOB_FILE: &str = shared_types::program::PLANT_JOB;
+pub const JOB_FILE: &str = hil_session::program::PLANT_JOB;
 
 /// A plant's part of a checked scenario.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

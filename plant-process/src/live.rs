@@ -11,14 +11,14 @@ use std::time::{Duration, Instant};
 use hil_config::expression::Columns;
 use hil_config::live_requests::RequestContext;
 use hil_config::plan::{Change, FaultEvent, PLANT_KEYS, Stimulus, law_keys};
+use hil_session::live::{self, Listening, OBJECTIONS, SOCKET};
+use hil_session::session::SessionInfo;
 use shared_types::describe::LawDescription;
 use shared_types::live::{
     ChangeRequest, Changed, Injected, ParameterAnswer, ParameterQuestion, Possible, Refusal,
     Request, Response, Status, Tunables,
 };
 use shared_types::record::{LONGEST_MARK, RecordLayout};
-use shared_types::session::SessionInfo;
-use shared_types::system::live::{self, Listening, OBJECTIONS, SOCKET};
 use shared_types::table::Field;
 use shared_types::text;
 use shared_types::time::Step;

@@ -16,18 +16,18 @@ use std::process::ExitCode;
 use controller_process::controller::{Controller, LawKind, Sample, Setup};
 use controller_process::job::{JOB_FILE, Job};
 use controller_process::runner::{Progress, Runner, choose};
+use hil_session::link::iceoryx::IceoryxLink;
+use hil_session::program::{COMPLETED, Program, read_job};
+use hil_session::realtime::apply;
+use hil_session::session::SessionInfo;
+use hil_session::supervision::Supervision;
+use hil_session::waiter::Waiter;
 use shared_types::describe::{Description, Invalid};
 use shared_types::frame::{FrameKind, Header};
-use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{Link, LinkError};
 use shared_types::lockstep::ControllerEvent;
-use shared_types::program::{COMPLETED, Program, read_job};
 use shared_types::realtime;
-use shared_types::session::SessionInfo;
 use shared_types::side::Side;
-use shared_types::supervision::Supervision;
-use shared_types::system::realtime::apply;
-use shared_types::system::waiter::Waiter;
 use shared_types::table::Empty;
 use shared_types::wait::WaitLimit;
 
@@ -177,5 +177,5 @@ fn main() -> ExitCode {
     let mut laws = controller_process::laws::all();
     laws.retain(|kind| kind.description.name == "hold");
     laws.extend(["repeats", "contradicts", "greets"].map(law));
-    shared_types::program::run(&ChattingController { laws })
+    hil_session::program::run(&ChattingController { laws })
 }

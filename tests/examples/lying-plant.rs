@@ -9,6 +9,12 @@ mod position_and_force;
 use std::path::Path;
 use std::process::ExitCode;
 
+use hil_session::link::iceoryx::IceoryxLink;
+use hil_session::program::{self, COMPLETED, Program};
+use hil_session::session::SessionInfo;
+use hil_session::stream::IceoryxSink;
+use hil_session::supervision::Supervision;
+use hil_session::waiter::Waiter;
 use plant_process::engine::Engine;
 use plant_process::faults::kinds;
 use plant_process::job::{JOB_FILE, Job};
@@ -17,19 +23,13 @@ use plant_process::program::drive;
 use shared_types::describe::{Description, Invalid};
 use shared_types::layout::{SignalKind, SignalTable};
 use shared_types::link::LinkError;
-use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::lockstep::OnLoss;
 use shared_types::pacer::Streaks;
-use shared_types::program::{self, COMPLETED, Program};
 use shared_types::record::{
     ControllerChange, ControllerFate, Event, FaultEffectSize, Outcome, RecordLayout, RunEnd,
 };
-use shared_types::session::SessionInfo;
 use shared_types::side::Side;
-use shared_types::stream::iceoryx::IceoryxSink;
 use shared_types::stream::{Backpressure, RecordSink};
-use shared_types::supervision::Supervision;
-use shared_types::system::waiter::Waiter;
 use shared_types::table::Empty;
 use shared_types::time::{Interval, Step};
 use shared_types::wait::WaitLimit;

@@ -10,12 +10,12 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
+use hil_session::live;
+use hil_session::process::ProcessId;
+use hil_session::session::SessionInfo;
 use rustix::process::Signal;
 use serde_json::json;
 use shared_types::live::{Request, Response};
-use shared_types::process::ProcessId;
-use shared_types::session::SessionInfo;
-use shared_types::system::live;
 
 use crate::support::company::Companion;
 use crate::support::harness::{Rig, Running, ended, send, text, until};
@@ -255,7 +255,7 @@ fn under_gdb_it_is_held_before_and_after_hello() {
     ));
     // Admitted, and has not said hello; then in the loop.
     let attach = line_of(
-        "shared-types/src/program.rs",
+        "shared-types/session/src/program.rs",
         "match IceoryxLink::open(session, epoch)",
     );
     let answer = line_of(

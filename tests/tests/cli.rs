@@ -441,5 +441,5 @@ fn an_interrupted_question_leaves_no_program_behind() {
         .trim()
         .parse()
         .expect("a number");
-    assert_eq!(shared_types::process::ProcessId::of(pid), None);
+    assert_eq!(hil_session::process::ProcessId::of(pid), None);
 }

@@ -318,7 +318,7 @@ fn memory_that_is_cut_short_is_named_and_nothing_is_left() {
         markdown.display()
     ));
     rig.until_held_at(2500);
-    let session = shared_types::session::SessionInfo::read(&rig.session_folder());
+    let session = hil_session::session::SessionInfo::read(&rig.session_folder());
     let session = session.expect("it runs");
     // The recorder's: both sides are held, and `hil` alone looks at it.
     let maps = std::fs::read_to_string(format!("/proc/{}/maps", session.owner.pid));

@@ -6,11 +6,11 @@ use std::os::unix::fs::{MetadataExt, PermissionsExt, chown};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 
+use hil_session::process::ProcessId;
+use hil_session::session::SessionInfo;
 use rustix::fs::{XattrFlags, setxattr};
 use rustix::process::{Pid, Signal, geteuid, kill_process};
 use serde_json::Value;
-use shared_types::process::ProcessId;
-use shared_types::session::SessionInfo;
 
 use crate::support::harness::{Rig, Run, Running, send, text, until, until_gone};
 use crate::support::programs::{

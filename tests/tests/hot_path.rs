@@ -5,14 +5,14 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use controller_process::laws;
 use controller_process::runner::{Runner, choose};
+use hil_session::clock::monotonic_ns;
+use hil_session::link::iceoryx::IceoryxLink;
+use hil_session::session::Session;
+use hil_session::stream::{IceoryxSink, IceoryxSource};
 use plant_process::engine::{Engine, Progress};
 use plant_process::faults::kinds;
 use plant_process::models;
-use shared_types::clock::monotonic_ns;
-use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{Link, in_process};
-use shared_types::session::Session;
-use shared_types::stream::iceoryx::{IceoryxSink, IceoryxSource};
 use shared_types::stream::{self, Backpressure, Item, RecordSink, RecordSource};
 
 use crate::requirements::plan;

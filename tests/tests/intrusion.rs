@@ -9,10 +9,10 @@ use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use hil_session::link::iceoryx::{IceoryxLink, Ipc, node};
+use hil_session::session::SessionInfo;
 use iceoryx2::prelude::*;
 use serde_json::json;
-use shared_types::link::iceoryx::{IceoryxLink, Ipc, node};
-use shared_types::session::SessionInfo;
 
 use crate::support::company::Companion;
 use crate::support::harness::{Rig, ended, until};

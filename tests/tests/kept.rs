@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
+use hil_session::link::iceoryx::IceoryxLink;
+use hil_session::session::Session;
 use shared_types::frame::{FrameIdentity, FrameKind, Header};
 use shared_types::ignored::Reason;
-use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{FrameSpec, Link};
-use shared_types::session::Session;
 use shared_types::time::Step;
 
 use crate::support::harness::Rig;

@@ -30,7 +30,7 @@ fn held(pid: u32) -> Option<Held> {
 
 /// Lists the processes that a test started, and those that they started.
 fn processes(rig: &Rig) -> Vec<u32> {
-    let variable = format!("{}={}", shared_types::session::GROUP, rig.session());
+    let variable = format!("{}={}", hil_session::session::GROUP, rig.session());
     let entries = std::fs::read_dir("/proc").expect("/proc").flatten();
     let numbers = entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
     let is_of_test = |pid: &u32| {

@@ -4,10 +4,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use hil_session::session::SessionInfo;
 use rustix::process::Signal;
 use rustix::thread::{CpuSet, sched_getaffinity};
 use serde_json::Value;
-use shared_types::session::SessionInfo;
 
 use crate::support::harness::{Rig, text, until};
 use crate::support::mcap_reader::{Record, Recording};

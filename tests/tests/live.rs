@@ -4,10 +4,10 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use hil_session::session::SessionInfo;
 use serde_json::Value;
 use shared_types::live::{Injected, Request, Response};
 use shared_types::random::RandomStream;
-use shared_types::session::SessionInfo;
 
 use crate::support::harness::{EXPIRES_S, Rig, Run, until};
 use crate::support::mcap_reader::Recording;

@@ -311,7 +311,7 @@ fn only_the_loop_leaves_ordinary_scheduling() {
             .iter()
             .all(|side| session.join(format!("{side}-realtime.json")).exists())
     });
-    let info = shared_types::session::SessionInfo::read(&session).expect("the session is there");
+    let info = hil_session::session::SessionInfo::read(&session).expect("the session is there");
     let all = std::fs::read_to_string("/proc/self/status").expect("reads");
     let all = all
         .lines()

@@ -3,9 +3,9 @@
 
 use std::path::Path;
 
+use hil_session::session::SessionInfo;
 use rustix::process::Signal;
 use serde_json::Value;
-use shared_types::session::SessionInfo;
 
 use crate::support::harness::{Rig, names, text, until, until_gone};
 use crate::support::mcap_reader::{Record, Recording};

@@ -5,10 +5,10 @@ mod copy;
 
 use std::path::{Path, PathBuf};
 
+use hil_session::session::SessionInfo;
 use rustix::process::Signal;
 use serde_json::Value;
 use shared_types::random::RandomStream;
-use shared_types::session::SessionInfo;
 
 use copy::Copy;
 

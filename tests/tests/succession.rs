@@ -3,12 +3,12 @@
 
 use std::path::{Path, PathBuf};
 
+use hil_session::link::iceoryx::IceoryxLink;
+use hil_session::session::SessionInfo;
 use rustix::process::Signal;
 use serde_json::Value;
 use shared_types::hello::{Control, Hello};
-use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{Link, LinkError};
-use shared_types::session::SessionInfo;
 
 use crate::support::harness::{EXPIRES_S, Rig, Run, Running, send, until};
 use crate::support::mcap_reader::Recording;

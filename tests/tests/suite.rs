@@ -3,10 +3,10 @@
 use std::fs;
 use std::path::Path;
 
+use hil_session::process::ProcessId;
+use hil_session::session::SessionInfo;
 use rustix::process::Signal;
 use serde_json::Value;
-use shared_types::process::ProcessId;
-use shared_types::session::SessionInfo;
 
 use crate::support::harness::{Rig, Running, names, until};
 use crate::support::programs::program_of_tests;

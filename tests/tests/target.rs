@@ -103,7 +103,11 @@ fn a_run_there_has_the_digest_of_the_desk_and_says_where_it_was() {
         let commit = build["commit"].as_str();
         assert_eq!(commit.is_some(), is_clone, "{build}");
         // The commit has the sources, unless they are told to be others.
-        let same = |commit| git(&["diff", "--quiet", commit, "--", package, "shared-types/src"]);
+        let shared = ["shared-types/src", "shared-types/session/src"];
+        let same = |commit| {
+            let diff = ["diff", "--quiet", commit, "--", package];
+            git(&[&diff[..], &shared].concat())
+        };
         let is_modified = build["modified"].as_bool().expect("true or false");
         assert!(is_modified || commit.is_none_or(same), "{build}");
     }

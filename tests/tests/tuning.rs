@@ -3,11 +3,11 @@
 
 use std::time::Duration;
 
+use hil_session::live::ask;
+use hil_session::session::SessionInfo;
 use serde_json::{Value, json};
 use shared_types::live::{ChangeRequest, NewValue, Request, Response};
 use shared_types::random::RandomStream;
-use shared_types::session::SessionInfo;
-use shared_types::system::live::ask;
 
 use crate::support::harness::{Rig, Run, text};
 use crate::support::mcap_reader::Recording;

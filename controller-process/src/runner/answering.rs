@@ -2,7 +2,7 @@
 //!
 //! Called by the runner for every sample that its side of the protocol takes. Sends nothing and knows no link.
 
-use shared_types::clock::monotonic_ns;
+use hil_session::clock::monotonic_ns;
 use shared_types::directive::{Answered, Directive};
 use shared_types::failure::Failure;
 use shared_types::frame::Header;

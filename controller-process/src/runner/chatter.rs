@@ -3,9 +3,9 @@
 use std::sync::mpsc;
 use std::time::Duration;
 
+use hil_session::supervision::Supervision;
+use hil_session::waiter::Waiter;
 use shared_types::link::in_process::{InProcessLink, pair};
-use shared_types::supervision::Supervision;
-use shared_types::system::waiter::Waiter;
 use shared_types::wait::WaitLimit;
 
 use super::tests::{greeted, job, kind};

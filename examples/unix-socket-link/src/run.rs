@@ -11,9 +11,9 @@ use shared_types::digest::Digest;
 use shared_types::link::{Link, LinkError};
 use shared_types::record::{Event, Outcome, RecordLayout};
 use shared_types::stream::RecordSink;
-use shared_types::supervision::Supervision;
+use hil_session::supervision::Supervision;
 use shared_types::wait::WaitLimit;
-use shared_types::system::waiter::Waiter;
+use hil_session::waiter::Waiter;
 
 const WAIT_LIMIT_S: f64 = 20.0;
 

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use shared_types::link::iceoryx::IceoryxLink;
-use shared_types::session::Session;
+use hil_session::link::iceoryx::IceoryxLink;
+use hil_session::session::Session;
 use unix_socket_link::link::UnixSocketLink;
 use unix_socket_link::run::run;
 

@@ -5,6 +5,8 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 use hil_config::plan::Run;
+use hil_session::supervision::Supervision;
+use hil_session::waiter::Waiter;
 use shared_types::frame::{FrameKind, Header};
 use shared_types::hello::{Control, Hello};
 use shared_types::ignored::{Ignored, Reason};
@@ -13,8 +15,6 @@ use shared_types::lockstep::OnLoss;
 use shared_types::record::{ControllerFate, Event};
 use shared_types::stream::in_process::{InProcessSink, InProcessSource};
 use shared_types::stream::{Item, RecordSource};
-use shared_types::supervision::Supervision;
-use shared_types::system::waiter::Waiter;
 use shared_types::wait::WaitLimit;
 
 use super::tests::{job, kind};

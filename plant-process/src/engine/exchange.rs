@@ -1,6 +1,6 @@
 //! After a sample was sent: the command that answers it, in time or not, the record, and the step itself.
 
-use shared_types::clock::monotonic_ns;
+use hil_session::clock::monotonic_ns;
 use shared_types::frame::{FrameKind, Header};
 use shared_types::link::{Link, LinkError};
 use shared_types::lockstep::{AbortCode, PlantAction, PlantEvent};

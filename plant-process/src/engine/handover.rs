@@ -1,16 +1,16 @@
 //! Handover: the right to speak for the controller, its loss, and another controller that takes over while the run
 //! goes on.
 
-use shared_types::clock::monotonic_ns;
+use hil_session::clock::monotonic_ns;
+use hil_session::program;
+use hil_session::supervision::Gone;
 use shared_types::frame::{FrameKind, Header};
 use shared_types::hello::{Control, Offer, TunableParameter, Welcome};
 use shared_types::ignored::Reason;
 use shared_types::link::{FrameSpec, Link, LinkError, Peer};
 use shared_types::lockstep::{Abort, AbortCode, OnLoss, PlantAction, PlantEvent};
-use shared_types::program;
 use shared_types::record::{ControllerChange, ControllerFate, Event, Outcome};
 use shared_types::stream::RecordSink;
-use shared_types::supervision::Gone;
 use shared_types::time::Step;
 use shared_types::wait::WaitLimit;
 

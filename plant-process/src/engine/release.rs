@@ -1,7 +1,7 @@
 //! Between two steps: saving, waiting for the clock, and sending the sample of the next one.
 
 use hil_config::plan::Clock;
-use shared_types::clock::monotonic_ns;
+use hil_session::clock::monotonic_ns;
 use shared_types::frame::{FrameKind, Header};
 use shared_types::hello::Control;
 use shared_types::link::{Link, LinkError};

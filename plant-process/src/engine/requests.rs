@@ -2,7 +2,7 @@
 //! and resume. Checks nothing that [`live`](crate::live) can check.
 
 use hil_config::plan::{PLANT_KEYS, law_keys};
-use shared_types::clock::monotonic_ns;
+use hil_session::clock::monotonic_ns;
 use shared_types::frame::{FrameKind, Header};
 use shared_types::link::{Link, LinkError};
 use shared_types::record::{Event, FaultAccepted, MOST_MARKS, Mark};

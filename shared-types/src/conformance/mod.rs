@@ -3,6 +3,7 @@
 //! A suite is a list of sentences, each a function that is generic over a fixture and panics where the sentence
 //! does not hold. [`conformance!`](crate::conformance!) makes a `#[test]` of each; each has a thread of its own,
 //! and a watchdog that says which one hangs. Nothing of a run calls this module, and it knows no implementation.
+//! `hil-session` runs it over both links and streams there are, and over broken ones that must not pass.
 //!
 //! 1. Implement [`Link`](crate::link::Link), or [`RecordSink`](crate::stream::RecordSink) and
 //!    [`RecordSource`](crate::stream::RecordSource).
@@ -112,6 +113,3 @@ macro_rules! conformance {
         }),+]
     };
 }
-
-#[cfg(test)]
-mod tests;

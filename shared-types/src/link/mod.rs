@@ -2,14 +2,11 @@
 //! before step 0.
 //!
 //! A link moves bytes and knows nothing of steps; the [lockstep machines](crate::lockstep) know
-//! steps and nothing of links. Two implementations: iceoryx2 shared memory between processes, and a pair
-//! of mailboxes within one thread. Both pass a public suite, [`conformance`](mod@crate::conformance). Another
+//! steps and nothing of links. Two implementations: a pair of mailboxes
+//! within one thread, and iceoryx2 shared memory between processes, in `hil-session`. Both pass a public suite, [`conformance`](mod@crate::conformance). Another
 //! is an `impl Link` of your own (`docs/own-link.md`, `examples/unix-socket-link`) and must pass it too; a
 //! controller on a target needs none.
 
-pub mod bare;
-pub mod bell;
-pub mod iceoryx;
 pub mod in_process;
 mod pass_on;
 
@@ -163,6 +160,3 @@ pub enum LinkError {
     #[error("the frame channels are not open")]
     NotOpen,
 }
-
-#[cfg(test)]
-mod tests;

@@ -2,10 +2,9 @@
 //!
 //! The plant's end is a [`RecordSink`], the observer's a [`RecordSource`]. The observer returns
 //! credit, its last contiguous item; a plant that must not lose records looks at it now and then
-//! and holds the loop back when the buffer could overflow. Two implementations: iceoryx2 shared
-//! memory and a ring within one process. Both pass a public suite, [`conformance`](mod@crate::conformance).
+//! and holds the loop back when the buffer could overflow. Two implementations: a ring
+//! within one process, and iceoryx2 shared memory, in `hil-session`. Both pass a public suite, [`conformance`](mod@crate::conformance).
 
-pub mod iceoryx;
 pub mod in_process;
 
 use crate::link::LinkError;

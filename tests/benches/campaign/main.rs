@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use shared_types::system::realtime::pin;
+use hil_session::realtime::pin;
 use tempfile::TempDir;
 
 /// Rounds, of which medians are taken.

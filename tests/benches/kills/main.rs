@@ -19,9 +19,9 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use hil_recording::reader::{RECORDING, ReadError, RunReader};
+use hil_session::process::ProcessId;
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
-use shared_types::process::ProcessId;
 use tempfile::TempDir;
 
 use programs::Programs;

@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 use std::hint::black_box;
 
+use hil_session::clock::monotonic_ns;
 use plant_process::faults::{FaultBuilder, FaultLayer, kinds};
 use serde_json::Value;
-use shared_types::clock::monotonic_ns;
 use shared_types::describe::Settings;
 use shared_types::frame::VALIDITY_WORDS;
 use shared_types::record::RecordLayout;

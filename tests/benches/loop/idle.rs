@@ -9,9 +9,9 @@ use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
+use hil_session::session::{self, SessionInfo};
 use rustix::param::clock_ticks_per_second;
 use serde_json::json;
-use shared_types::session::{self, SessionInfo};
 
 use crate::effort::shortened;
 use crate::measure::{Bystanders, machine};

@@ -1,7 +1,7 @@
 //! Runs that have one core for everything: plant, controller and recorder, as under `taskset -c 0`.
 
+use hil_session::realtime::pin;
 use serde_json::json;
-use shared_types::system::realtime::pin;
 
 use crate::effort::rounds;
 use crate::experiment::scenario_file;

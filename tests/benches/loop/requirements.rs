@@ -7,10 +7,10 @@ use hil_config::evaluation::Evaluation;
 use hil_config::expression::Columns;
 use hil_config::plan::Plan;
 use hil_config::scenario::Scenario;
+use hil_session::clock::monotonic_ns;
 use plant_process::faults::kinds;
 use plant_process::models;
 use serde_json::{Value, json};
-use shared_types::clock::monotonic_ns;
 use shared_types::time::Step;
 
 use crate::effort::rounds;

@@ -3,7 +3,7 @@
 use std::io;
 use std::process::{Child, Command, Stdio};
 
-use shared_types::system::realtime::pin;
+use hil_session::realtime::pin;
 
 /// Variable that makes a bench's program a busy loop: its nice value, core and session.
 const BURN: &str = "HIL_BENCH_BURN";

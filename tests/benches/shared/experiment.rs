@@ -10,10 +10,10 @@ use controller_process::controller::{Law, LawKind, Row, Start};
 use controller_process::runner::choose;
 use hil_config::plan::{Plan, Stimulus};
 use hil_config::scenario::Scenario;
+use hil_session::clock::monotonic_ns;
 use plant_process::faults::{FaultBuilder, FaultLayer};
 use plant_process::plant::{Model, PlantKind};
 use plant_process::stimulus;
-use shared_types::clock::monotonic_ns;
 use shared_types::record::RecordLayout;
 use shared_types::time::{Interval, Step};
 

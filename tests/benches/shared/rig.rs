@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use shared_types::process::ProcessId;
-use shared_types::session::SessionInfo;
+use hil_session::process::ProcessId;
+use hil_session::session::SessionInfo;
 
 /// Time that anything may take before it counts as hanging.
 const WATCHDOG: Duration = Duration::from_secs(30);

@@ -7,14 +7,14 @@ use std::net::UdpSocket;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use hil_session::clock::monotonic_ns;
+use hil_session::waiter::Waiter;
 use hil_target::exchange::{BEAT_NS, DeskEnd, TargetEnd};
 use hil_target::packet::Packet;
 use hil_target::seal::{Datagrams, Key, Seal, answer, begin};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::time::Timespec;
-use shared_types::clock::monotonic_ns;
 use shared_types::frame::{FrameKind, Header};
-use shared_types::system::waiter::Waiter;
 use shared_types::time::Step;
 use shared_types::wait::{Sleeper, WaitLimit, WaitStrategy};
 

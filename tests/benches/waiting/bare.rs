@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use hil_session::link::bare::Blackboard;
+use hil_session::link::bell::{Bell, Owner};
+use hil_session::realtime::apply;
+use hil_session::session::{Session, SessionInfo};
 use shared_types::frame;
-use shared_types::link::bare::Blackboard;
-use shared_types::link::bell::{Bell, Owner};
 use shared_types::realtime::Settings;
-use shared_types::session::{Session, SessionInfo};
 use shared_types::side::Side;
-use shared_types::system::realtime::apply;
 use shared_types::wait::Sleeper;
 
 use crate::cell::Cell;

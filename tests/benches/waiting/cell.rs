@@ -4,9 +4,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use hil_session::realtime::{apply, pin};
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use shared_types::realtime::Settings;
-use shared_types::system::realtime::{apply, pin};
 
 use crate::busy::BusyLoop;
 use crate::measure::cores;

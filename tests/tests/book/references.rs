@@ -353,17 +353,17 @@ fn exit_codes() -> String {
         }
     }
     let process = [
-        (shared_types::program::COMPLETED, "completed"),
+        (hil_session::program::COMPLETED, "completed"),
         (
-            shared_types::program::DIVERGED,
+            hil_session::program::DIVERGED,
             "the plant left its range of validity",
         ),
         (
-            shared_types::program::UNUSABLE,
+            hil_session::program::UNUSABLE,
             "a job that cannot be run as it is",
         ),
         (
-            shared_types::program::FAILED,
+            hil_session::program::FAILED,
             "the run ended otherwise; the log has the reason",
         ),
     ];

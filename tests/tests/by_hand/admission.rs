@@ -7,10 +7,10 @@ use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::Command;
 
+use hil_session::process::ProcessId;
+use hil_session::session::SessionInfo;
 use rustix::process::Signal;
 use serde_json::{Value, json};
-use shared_types::process::ProcessId;
-use shared_types::session::SessionInfo;
 
 use super::{Hand, SCENARIO, awaited, controller, held, launched};
 use crate::support::harness::{Rig, until};

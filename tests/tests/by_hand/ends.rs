@@ -1,7 +1,7 @@
 //! Ends of sides that somebody started by hand: each is named, and leaves nothing.
 
+use hil_session::session::SessionInfo;
 use rustix::process::Signal;
-use shared_types::session::SessionInfo;
 
 use super::{Hand, SCENARIO, awaited, controller, held, plant};
 use crate::support::harness::{Rig, send, until};

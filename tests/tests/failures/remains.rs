@@ -1,8 +1,8 @@
 //! Remains of a run: logs, child processes and sessions, after every kind of end.
 
+use hil_session::session::GROUP;
 use rustix::process::Signal;
 use serde_json::json;
-use shared_types::session::GROUP;
 
 use super::{Aborted, LONG, misbehaves};
 use crate::support::harness::{Rig, send, until, until_gone};

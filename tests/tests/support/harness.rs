@@ -15,11 +15,11 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use hil_session::live::{LiveError, ask};
+use hil_session::process::ProcessId;
+use hil_session::session::{GROUP, SessionInfo};
 use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 use shared_types::live::{Request, Response, Status};
-use shared_types::process::ProcessId;
-use shared_types::session::{GROUP, SessionInfo};
-use shared_types::system::live::{LiveError, ask};
 use tempfile::TempDir;
 
 use crate::support::leftovers::{left_before, segments_of_nobody};

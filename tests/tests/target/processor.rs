@@ -39,6 +39,7 @@ pub(super) fn on_another_processor(scenario: &str) {
         "package.hil-target.opt-level=1",
         "package.controller-process.opt-level=3",
         "package.shared-types.opt-level=3",
+        "package.hil-session.opt-level=3",
         "package.libm.opt-level=3",
     ] {
         cargo.args(["--config", &format!("profile.release.{level}")]);

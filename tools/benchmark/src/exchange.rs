@@ -5,10 +5,10 @@
 //! [`raw`](super::raw) and the [`Blackboard`].
 
 use hil_facts::results::latency::times::Times;
-use shared_types::clock::monotonic_ns;
+use hil_session::clock::monotonic_ns;
+use hil_session::link::bare::Blackboard;
+use hil_session::waiter::Waiter;
 use shared_types::frame;
-use shared_types::link::bare::Blackboard;
-use shared_types::system::waiter::Waiter;
 
 /// Room for values in the smallest frame.
 const SMALLEST: usize = 16;
@@ -136,7 +136,7 @@ fn receive(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use shared_types::session::Session;
+    use hil_session::session::Session;
     use shared_types::side::Side;
     use shared_types::wait::WaitLimit;
 

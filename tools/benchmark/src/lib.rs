@@ -6,7 +6,7 @@
 //! 1. [`measurement`] runs a plant and a law that do [nothing](null) through the real engine, link and
 //!    runner. The plant is a thread of this process, the controller a [`peer`]: `hil` once more.
 //! 2. Between the same two sides it measures the [`raw`] limit of shared memory and the bare
-//!    [blackboard](shared_types::link::bare), an [`exchange`] of payloads as large as the loop's frames.
+//!    [blackboard](hil_session::link::bare), an [`exchange`] of payloads as large as the loop's frames.
 //! 3. The [`report`] puts all cases side by side, with the [`bars`] of one of them.
 //!
 //! `hil latency RUN` makes the same report of a [`recorded`] run.

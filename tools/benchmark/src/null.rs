@@ -5,14 +5,14 @@
 
 use controller_process::controller::{Law, LawKind, Row};
 use hil_config::plan::{Clock, PlantPlan, Realtime, Run};
+use hil_session::clock::monotonic_ns;
+use hil_session::session::SessionInfo;
 use plant_process::plant::{Model, PlantKind};
-use shared_types::clock::monotonic_ns;
 use shared_types::describe::{LawDescription, PlantDescription, Settings};
 use shared_types::failure::Failure;
 use shared_types::lockstep::OnLoss;
 use shared_types::pacer::OverrunPolicy;
 use shared_types::record::RecordLayout;
-use shared_types::session::SessionInfo;
 use shared_types::table::Field;
 use shared_types::time::{Interval, Rate};
 

@@ -1,6 +1,6 @@
 //! Other activity of the machine: work and sessions.
 
-use shared_types::session::SessionError;
+use hil_session::session::SessionError;
 
 use super::cores::Cores;
 use super::finding::{Check, Finding, known};

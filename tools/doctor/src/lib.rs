@@ -45,8 +45,8 @@ use std::io::IsTerminal;
 
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
-use shared_types::session;
-use shared_types::shared_memory::SharedMemory;
+use hil_session::session;
+use hil_session::shared_memory::SharedMemory;
 
 use crate::arguments::DoctorArguments;
 use cores::Cores;

@@ -1,7 +1,7 @@
 //! Memory: what moves it about, and the room that sessions need.
 
+use hil_session::shared_memory::{LEAST_INODES, SharedMemory};
 use shared_types::number::counted;
-use shared_types::shared_memory::{LEAST_INODES, SharedMemory};
 
 use super::finding::{Check, Finding, known};
 use super::tree::Tree;

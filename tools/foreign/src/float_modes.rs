@@ -8,7 +8,7 @@
 use std::cell::Cell;
 use std::fmt::Write as _;
 
-use shared_types::program;
+use hil_session::program;
 
 /// Modes of a thread: the bits of its control words that change numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use shared_types::program::with_stack;
+use hil_session::program::with_stack;
 
 fn main() -> ExitCode {
     with_stack(hil::main)

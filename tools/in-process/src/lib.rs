@@ -9,6 +9,7 @@ use std::sync::{Arc, LazyLock};
 use controller_process::controller::LawKind;
 use controller_process::job::Job as ControllerJob;
 use controller_process::runner::{Runner, choose};
+use hil_session::waiter::Waiter;
 use plant_process::engine::{Engine, Progress};
 use plant_process::faults::{FaultBuilder, FaultKindEntry};
 use plant_process::job::Job as PlantJob;
@@ -20,7 +21,6 @@ use shared_types::link::in_process::{InProcessLink, pair};
 use shared_types::lockstep::{ControllerEvent, PlantEvent};
 use shared_types::record::RunEnd;
 use shared_types::stream::RecordSink;
-use shared_types::system::waiter::Waiter;
 
 /// Plants that are built into `hil`.
 pub static PLANTS: LazyLock<Vec<PlantKind>> = LazyLock::new(plant_process::models::all);

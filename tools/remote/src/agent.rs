@@ -8,10 +8,10 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use hil_session::link::iceoryx::IceoryxLink;
+use hil_session::program::CONTROLLER_JOB;
+use hil_session::session::{Session, sweep};
 use shared_types::link::Link;
-use shared_types::link::iceoryx::IceoryxLink;
-use shared_types::program::CONTROLLER_JOB;
-use shared_types::session::{Session, sweep};
 use shared_types::wait::WaitLimit;
 
 use crate::asking::ask;

@@ -9,20 +9,20 @@ use std::net::SocketAddr;
 use std::path::Path;
 use std::time::Duration;
 
+use hil_session::clock::monotonic_ns;
+use hil_session::link::iceoryx::IceoryxLink;
+use hil_session::live::ask;
+use hil_session::program::{self, CONTROLLER_JOB, FAILED, PLANT_JOB};
+use hil_session::session::SessionInfo;
+use hil_session::supervision::{PEER_GONE, STOP, Supervision};
 use serde_json::Value;
-use shared_types::clock::monotonic_ns;
 use shared_types::describe::Settings;
 use shared_types::frame::{FrameIdentity, FrameKind};
 use shared_types::hello::Control;
-use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{FrameSpec, Link, LinkError};
 use shared_types::live::Request;
-use shared_types::program::{self, CONTROLLER_JOB, FAILED, PLANT_JOB};
 use shared_types::realtime::CONTROLLER_FILE;
 use shared_types::record::LONGEST_MARK;
-use shared_types::session::SessionInfo;
-use shared_types::supervision::{PEER_GONE, STOP, Supervision};
-use shared_types::system::live::ask;
 use shared_types::text;
 use shared_types::wait::WaitLimit;
 

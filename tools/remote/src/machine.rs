@@ -4,8 +4,8 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
+use hil_session::shared_memory::{FOLDER, hindrance};
 use serde::{Deserialize, Serialize};
-use shared_types::shared_memory::{FOLDER, hindrance};
 use shared_types::text::{line_if_any, line_of};
 
 /// Findings of an agent about the machine that it runs on.

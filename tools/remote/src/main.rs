@@ -7,12 +7,12 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use hil_session::program::{FAILED, UNUSABLE, say, with_stack};
+use hil_session::supervision::end_with;
 use hil_target::name::Target;
 use hil_target::programs::AllowedPrograms;
 use hil_target::way::Way;
 use hil_target::{agent, bridge, serve};
-use shared_types::program::{FAILED, UNUSABLE, say, with_stack};
-use shared_types::supervision::end_with;
 
 /// The controller of a hil run on another machine
 #[derive(Debug, Parser)]

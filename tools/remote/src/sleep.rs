@@ -7,10 +7,10 @@ use std::rc::Rc;
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
+use hil_session::link::bell::Bell;
+use hil_session::waiter::Waiter;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::time::Timespec;
-use shared_types::link::bell::Bell;
-use shared_types::system::waiter::Waiter;
 use shared_types::wait::{Sleeper, WaitLimit, WaitStrategy};
 
 use crate::path::DatagramPath;

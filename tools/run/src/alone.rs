@@ -13,10 +13,10 @@ use hil_console::terminal::interruption::Interruption;
 use hil_facts::results::curve::Grid;
 use hil_facts::results::ended::EndedRun;
 use hil_in_process::{FAULTS, LAWS, PLANTS, Turns, check_controller, check_plant};
+use hil_session::waiter::Waiter;
 use plant_process::job::Job as PlantJob;
 use shared_types::describe::Description;
 use shared_types::record::{Outcome, RecordLayout};
-use shared_types::system::waiter::Waiter;
 use shared_types::wait::{WaitLimit, WaitStrategy};
 
 use super::jobs;

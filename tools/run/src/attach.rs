@@ -4,10 +4,10 @@
 use std::time::Duration;
 
 use hil_facts::session::observer;
+use hil_session::session::SessionInfo;
+use hil_session::stream::{IceoryxSource, LAYOUT_FILE};
 use shared_types::link::LinkError;
 use shared_types::record::RecordLayout;
-use shared_types::session::SessionInfo;
-use shared_types::stream::iceoryx::{IceoryxSource, LAYOUT_FILE};
 
 /// Number of times that files of a session which are open to others are closed before a run is refused
 /// for them.

@@ -10,15 +10,15 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 
 use hil_console::terminal::exit::Failure;
 use hil_facts::programs::binaries::Binary;
+use hil_session::by_hand::{Admission, Entry, Token, door, token_file};
+use hil_session::live::{self, Listening};
+use hil_session::process::ProcessId;
+use hil_session::session::{Session, SessionInfo};
 use hil_target::machine::hash;
 use rustix::net::sockopt::socket_peercred;
-use shared_types::by_hand::{Admission, Entry, Token, door, token_file};
 use shared_types::live::Refusal;
 use shared_types::number::exact_in;
-use shared_types::process::ProcessId;
-use shared_types::session::{Session, SessionInfo};
 use shared_types::side::Side;
-use shared_types::system::live::{self, Listening};
 
 use super::prepare::PreparedRun;
 use super::processes::LOOK;

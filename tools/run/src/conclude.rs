@@ -10,8 +10,8 @@ use hil_facts::results::company::ProcessorTime;
 use hil_facts::results::ended::EndedRun;
 use hil_facts::results::settings::Realtime;
 use hil_facts::results::summary::Summary;
+use hil_session::session::Session;
 use shared_types::record::Outcome;
-use shared_types::session::Session;
 
 use super::execute::RunResult;
 use super::prepare::PreparedRun;

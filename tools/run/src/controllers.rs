@@ -13,11 +13,11 @@ use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
 use hil_facts::programs::binaries::Binary;
 use hil_facts::results::ended::Started;
+use hil_session::process::Ending;
+use hil_session::session::{Session, SessionInfo};
+use hil_session::supervision::{EXPECT, MOST_EPOCHS, PEER_GONE};
 use shared_types::lockstep::OnLoss;
-use shared_types::process::Ending;
 use shared_types::record::{ControllerChange, ControllerFate};
-use shared_types::session::{Session, SessionInfo};
-use shared_types::supervision::{EXPECT, MOST_EPOCHS, PEER_GONE};
 
 use super::jobs;
 use super::objections::Crew;

@@ -7,14 +7,14 @@ use hil_console::terminal::exit::Failure;
 use hil_facts::programs::binaries::Binaries;
 use hil_facts::results::ended::EndedRun;
 use hil_in_process::{FAULTS, Turns, check_controller, check_plant, plant_of};
+use hil_session::realtime::{apply, waiter};
+use hil_session::session::SessionInfo;
+use hil_session::supervision::Supervision;
 use plant_process::live::{self, LiveContext};
 use shared_types::link::LinkError;
 use shared_types::realtime::PLANT_FILE;
 use shared_types::record::{Outcome, RecordLayout, RunEnd};
-use shared_types::session::SessionInfo;
 use shared_types::stream::{self, RecordSink};
-use shared_types::supervision::Supervision;
-use shared_types::system::realtime::{apply, waiter};
 use shared_types::wait::WaitLimit;
 
 use super::attach::refuse_other_layout;

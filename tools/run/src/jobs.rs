@@ -5,12 +5,12 @@ use hil_config::plan::{Clock, ControllerPlan, Plan, law_keys, settings_after};
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
 use hil_facts::programs::binaries::{Binaries, Binary};
+use hil_session::session::SessionInfo;
 use hil_target::asking;
 use serde::Serialize;
 use shared_types::checkpoint::Checkpoints;
 use shared_types::describe;
 use shared_types::realtime;
-use shared_types::session::SessionInfo;
 use shared_types::time::Step;
 
 use super::settings::Settings;

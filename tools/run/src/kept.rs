@@ -12,10 +12,10 @@ use hil_facts::arguments::run::LinkKind;
 use hil_facts::programs::binaries::Binaries;
 use hil_facts::results::curve::Grid;
 use hil_facts::results::ended::EndedRun;
+use hil_session::session::{Session, SessionInfo};
+use hil_session::stream::IceoryxSource;
+use hil_session::supervision::NEXT;
 use shared_types::record::{Outcome, RecordLayout};
-use shared_types::session::{Session, SessionInfo};
-use shared_types::stream::iceoryx::IceoryxSource;
-use shared_types::supervision::NEXT;
 
 use super::attach::attach;
 use super::jobs;

@@ -8,10 +8,10 @@ use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
 use hil_facts::programs::binaries::Binary;
 use hil_facts::programs::binaries::reached::Reached;
+use hil_session::live::{self, Listening, OBJECTIONS};
+use hil_session::session::SessionInfo;
 use hil_target::name::Target;
 use shared_types::live::{ParameterAnswer, ParameterQuestion, Refusal};
-use shared_types::session::SessionInfo;
-use shared_types::system::live::{self, Listening, OBJECTIONS};
 
 use super::jobs;
 

@@ -4,9 +4,9 @@
 use std::time::{Duration, Instant, SystemTime};
 
 use hil_console::terminal::progress::Progress;
+use hil_session::live;
+use hil_session::session::SessionInfo;
 use shared_types::live::{Request, Response};
-use shared_types::session::SessionInfo;
-use shared_types::system::live;
 
 /// Time without a new record after which the plant is asked.
 const QUIET: Duration = Duration::from_secs(1);

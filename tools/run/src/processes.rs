@@ -11,11 +11,11 @@ use hil_console::terminal::progress::Progress;
 use hil_facts::results::ended::EndedRun;
 use hil_facts::results::handover::describe;
 use hil_facts::session::standing;
-use shared_types::process::Ending;
+use hil_session::process::Ending;
+use hil_session::session::Session;
+use hil_session::stream::LAYOUT_FILE;
+use hil_session::supervision::{PEER_GONE, STOP};
 use shared_types::record::Outcome;
-use shared_types::session::Session;
-use shared_types::stream::iceoryx::LAYOUT_FILE;
-use shared_types::supervision::{PEER_GONE, STOP};
 
 use super::attach::attach;
 use super::by_hand::ByHand;

@@ -8,8 +8,8 @@ use hil_facts::programs::binaries::named::{LOCALS, MODEL_SETTINGS, PERMISSIONS};
 use hil_facts::programs::binaries::{Binaries, seal};
 use hil_facts::results::summary::BY_HAND;
 use hil_facts::results::target::Target;
+use hil_session::session::SessionInfo;
 use shared_types::describe::{Description, PROTOCOL};
-use shared_types::session::SessionInfo;
 use shared_types::side::Side;
 
 use super::settings::Settings;

@@ -18,9 +18,9 @@ use hil_doctor::tree::Root;
 use hil_facts::arguments::run::LinkKind;
 use hil_facts::programs::binaries::reached::Reached;
 use hil_facts::results::settings::{Realtime, Recorder};
+use hil_session::realtime::{only_core, pin};
+use hil_session::session::SessionInfo;
 use shared_types::realtime::{CONTROLLER_FILE, Granted, PLANT_FILE, Report};
-use shared_types::session::SessionInfo;
-use shared_types::system::realtime::{only_core, pin};
 use shared_types::text;
 
 use refusals::Refusals;

@@ -21,8 +21,8 @@ use hil_facts::session::standing::Board;
 use hil_recording::compression::Compression;
 use hil_recording::excerpt::Choice;
 use hil_recording::writer::Provenance;
+use hil_session::session::SessionInfo;
 use shared_types::record::{ControllerChange, RecordLayout};
-use shared_types::session::SessionInfo;
 use shared_types::stream::RecordSource;
 
 use work::RecorderWork;

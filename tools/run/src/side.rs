@@ -10,9 +10,9 @@ use std::time::{Duration, Instant};
 
 use hil_console::terminal::exit::Failure;
 use hil_facts::programs::binaries::Binary;
-use shared_types::by_hand;
-use shared_types::process::{Ending, MARK, ProcessId, end_group, reap};
-use shared_types::session::SessionInfo;
+use hil_session::by_hand;
+use hil_session::process::{Ending, MARK, ProcessId, end_group, reap};
+use hil_session::session::SessionInfo;
 
 use super::log::Log;
 use super::open_files;

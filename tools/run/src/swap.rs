@@ -17,12 +17,12 @@ use hil_console::terminal::interruption::Interruption;
 use hil_facts::programs::binaries::reached::Reached;
 use hil_facts::programs::binaries::{Binaries, Binary};
 use hil_facts::programs::scenario::{self, kept};
+use hil_session::live::{self, Listening};
+use hil_session::session::SessionInfo;
 use hil_target::name::Target;
 use serde::{Deserialize, Serialize};
 use shared_types::describe::{LawDescription, ModelSettings};
 use shared_types::live::Refusal;
-use shared_types::session::SessionInfo;
-use shared_types::system::live::{self, Listening};
 use shared_types::table::Field;
 use toml_edit::{DocumentMut, Item, TableLike};
 

@@ -40,8 +40,8 @@ use hil_console::terminal::output;
 use hil_facts::arguments::SessionChoice;
 use hil_facts::session::live::{self, RequestError};
 use hil_facts::session::observer::Notice;
-use shared_types::clock::monotonic_ns;
-use shared_types::session::{self, SessionInfo};
+use hil_session::clock::monotonic_ns;
+use hil_session::session::{self, SessionInfo};
 
 use crate::arguments::monitor::MonitorArguments;
 use asking::Asking;

@@ -28,11 +28,11 @@ use hil_console::terminal::output;
 use hil_facts::arguments::run::LinkKind;
 use hil_facts::session::live;
 use hil_facts::session::observer::Seen;
+use hil_session::process::ProcessId;
+use hil_session::session::{self, SessionInfo};
 use hil_verification::arguments::run::RunArguments;
 use serde_json::json;
 use shared_types::live::{Request, Response};
-use shared_types::process::ProcessId;
-use shared_types::session::{self, SessionInfo};
 
 use super::monitor::asking::Asking;
 use super::monitor::keys::input_is_gone;
@@ -116,7 +116,7 @@ pub fn panel(arguments: &PanelArguments) -> Result<Exit, Failure> {
 
 /// Gives the model the newest record of a run that is held: no other comes until it goes on.
 fn show_newest(session: &SessionInfo, model: &SharedModel) {
-    let asked = shared_types::system::live::ask(session, &Request::Record, LOOK * 50);
+    let asked = hil_session::live::ask(session, &Request::Record, LOOK * 50);
     if let Ok(Response::Record { layout, words }) = asked {
         let mut model = model.lock();
         let is_fit = words.len() == layout.words() && model.drawn().next().is_some();

@@ -17,11 +17,11 @@ use hil_facts::arguments::SessionChoice;
 use hil_facts::session::live::{self, RequestError};
 use hil_facts::session::observer::{Observer, Seen};
 use hil_recording::reader::Column;
+use hil_session::session::SessionInfo;
 use serde_json::{Value, json};
 use shared_types::live::{Request, Response, Tunable};
 use shared_types::number::{exact, exact_in, unit_shown};
 use shared_types::record::{RecordLayout, RecordView, Validity};
-use shared_types::session::SessionInfo;
 use shared_types::table::near;
 use shared_types::time::Step;
 

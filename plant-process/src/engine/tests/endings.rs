@@ -4,8 +4,8 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use hil_config::plan::Limit;
-use shared_types::supervision::Supervision;
-use shared_types::system::waiter::Waiter;
+use hil_session::supervision::Supervision;
+use hil_session::waiter::Waiter;
 
 use super::*;
 

@@ -1,10 +1,10 @@
 //! The project's link: frames that are filled, sealed, summed and checked.
 
 use hil_benchmark::exchange::End;
+use hil_session::link::iceoryx::IceoryxLink;
+use hil_session::session::SessionInfo;
 use shared_types::frame::{FrameIdentity, FrameKind, Header};
-use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{FrameSpec, Link};
-use shared_types::session::SessionInfo;
 use shared_types::side::Side;
 use shared_types::time::Step;
 

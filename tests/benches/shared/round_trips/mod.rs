@@ -15,9 +15,9 @@ mod place;
 mod sockets;
 
 use hil_benchmark::exchange::End;
+use hil_session::link::bare::Blackboard;
+use hil_session::session::SessionInfo;
 use shared_types::frame;
-use shared_types::link::bare::Blackboard;
-use shared_types::session::SessionInfo;
 use shared_types::side::Side;
 
 pub(crate) use peer::{answered, measure};

@@ -3,6 +3,8 @@
 //! The plant creates every service, the controller opens them.
 
 use hil_benchmark::exchange::End;
+use hil_session::link::iceoryx::Ipc;
+use hil_session::session::SessionInfo;
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::pending_response::PendingResponse;
 use iceoryx2::port::client::Client;
@@ -11,8 +13,6 @@ use iceoryx2::port::server::Server;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
-use shared_types::link::iceoryx::Ipc;
-use shared_types::session::SessionInfo;
 use shared_types::side::Side;
 
 use super::{COMMAND_BYTES, SAMPLE_BYTES};
@@ -50,7 +50,7 @@ fn node(session: &SessionInfo, side: Side) -> Node<Ipc> {
         Side::Plant => "bench plant",
         Side::Controller => "bench controller",
     };
-    shared_types::link::iceoryx::node(session, name).expect("shared memory")
+    hil_session::link::iceoryx::node(session, name).expect("shared memory")
 }
 
 fn name(text: &str) -> ServiceName {

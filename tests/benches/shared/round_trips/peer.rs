@@ -6,10 +6,10 @@ use std::process::{Command, Stdio};
 
 use hil_benchmark::exchange::{End, Trips, follow, lead};
 use hil_benchmark::raw;
-use shared_types::session::{Session, SessionInfo};
+use hil_session::realtime::pin;
+use hil_session::session::{Session, SessionInfo};
+use hil_session::waiter::Waiter;
 use shared_types::side::Side;
-use shared_types::system::realtime::pin;
-use shared_types::system::waiter::Waiter;
 use shared_types::wait::{WaitLimit, WaitStrategy};
 
 use super::{COMMAND_BYTES, Exchange, Place, Round, SAMPLE_BYTES, Wait, open};

@@ -10,7 +10,7 @@ use std::os::unix::net::{UnixDatagram, UnixListener, UnixStream};
 use std::time::Duration;
 
 use hil_benchmark::exchange::End;
-use shared_types::session::SessionInfo;
+use hil_session::session::SessionInfo;
 use shared_types::side::Side;
 
 use super::peer::WAIT_LIMIT_S;

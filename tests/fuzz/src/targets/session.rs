@@ -9,6 +9,7 @@ use std::fs;
 use std::path::Path;
 
 use hil_facts::checkpoint::Checkpoint;
+use hil_session::session::SessionInfo;
 use plant_process::engine::Engine;
 use plant_process::faults::kinds;
 use serde::Serialize;
@@ -17,7 +18,6 @@ use shared_types::checkpoint::{Checkpoints, Resume};
 use shared_types::describe::Description;
 use shared_types::live::{Request, Response};
 use shared_types::record::RecordLayout;
-use shared_types::session::SessionInfo;
 use shared_types::time::Step;
 use shared_types::{link, stream};
 use tempfile::TempDir;

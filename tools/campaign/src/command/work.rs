@@ -21,8 +21,8 @@ use crate::manifest::ManifestError;
 use crate::shard::attempt::{Attempt, Published, difference};
 use crate::shard::{MOST_TRIES, PartError, Shard, missing};
 use crate::table::Row;
+use hil_session::session;
 use rustix::process::{Signal, getpid, kill_process};
-use shared_types::session;
 
 use super::answers::class_of;
 use super::cases::Cases;

@@ -4,8 +4,8 @@
 //! sessions. All of them have the number that Rust puts behind them, and by that they are known here, in
 //! the one place where `hil` tells why it failed.
 
+use hil_session::shared_memory::{self, FOLDER};
 use rustix::io::Errno;
-use shared_types::shared_memory::{self, FOLDER};
 
 /// Advises on the first refusal of the system in a text, unless the text has advice already.
 pub fn on(told: &str) -> Option<String> {

@@ -7,9 +7,9 @@ use std::io;
 
 use hil_console::terminal::duration::shown_ns;
 use hil_facts::results::latency::grade::{EXCELLENT_BELOW_NS, GOOD_BELOW_NS, UNFIT_NS};
+use hil_session::clock::monotonic_ns;
 use serde::Serialize;
 use serde_json::json;
-use shared_types::clock::monotonic_ns;
 
 use crate::finding::{Check, Finding};
 use crate::measure::{Class, Pinned, jitter_grade, remark};

@@ -10,8 +10,8 @@ use std::sync::mpsc;
 
 use hil_facts::results::latency::percentiles::Percentiles;
 use hil_facts::results::latency::times::Times;
+use hil_session::clock::monotonic_ns;
 use serde_json::json;
-use shared_types::clock::monotonic_ns;
 
 use super::{Class, Pinned, shown};
 use crate::finding::{Check, Finding, Grade};

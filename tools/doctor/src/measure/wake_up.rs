@@ -7,11 +7,11 @@ use std::thread::JoinHandle;
 
 use hil_facts::results::latency::percentiles::Percentiles;
 use hil_facts::results::latency::times::Times;
+use hil_session::clock::monotonic_ns;
 use rustix::io::Errno;
 use rustix::thread::clock_nanosleep_absolute;
 use rustix::time::{ClockId, Timespec};
 use serde_json::json;
-use shared_types::clock::monotonic_ns;
 
 use super::{Class, ExactTimers, Pinned, jitter_grade, remark, shown};
 use crate::cores::CoreList;

@@ -24,10 +24,10 @@ use hil_config::plan::{Clock, Plan};
 use hil_console::files::part_file::{self, PartFolder};
 use hil_console::terminal::exit::Failure;
 use hil_recording::reader::RECORDING;
+use hil_session::session::SessionInfo;
 use serde::{Deserialize, Serialize};
 use shared_types::describe::PROTOCOL;
 use shared_types::number::{exact, exact_in};
-use shared_types::session::SessionInfo;
 use shared_types::side::Side;
 use shared_types::time::Step;
 

@@ -11,12 +11,12 @@ use hil_config::plan::{ControllerProgram, Permissions, Plan, Programs};
 use hil_config::scenario::Advice;
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
+use hil_session::session::SessionInfo;
 use hil_target::bridge::ready_file;
 use shared_types::describe::{
     Description, FaultKindDescription, LawDescription, ModelSettings, PROTOCOL, PlantDescription,
 };
 use shared_types::record::RecordLayout;
-use shared_types::session::SessionInfo;
 use shared_types::side::Side;
 use shared_types::text;
 

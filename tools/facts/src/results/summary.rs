@@ -7,13 +7,13 @@ use std::collections::BTreeMap;
 
 use hil_config::evaluation::MetricValue;
 use hil_config::plan::{Clock, Plan};
+use hil_session::session::SessionInfo;
 use serde::Serialize;
 use shared_types::connection::Connection;
 use shared_types::ignored::Ignored;
 use shared_types::origin::Build;
 use shared_types::pacer::Streaks;
 use shared_types::record::{Mark, Outcome, ValueChange};
-use shared_types::session::SessionInfo;
 use shared_types::time::{Rate, Step};
 
 use crate::programs::binaries::{Binaries, Binary};

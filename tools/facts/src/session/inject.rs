@@ -14,9 +14,9 @@ pub use request::toml;
 
 use std::fmt::Write as _;
 
+use hil_session::session::SessionInfo;
 use shared_types::live::{FaultState, Injected, Possible, Request, Response, Status};
 use shared_types::number::short_in;
-use shared_types::session::SessionInfo;
 
 use crate::arguments::inject::{Clear, InjectArguments};
 use crate::session::clock;

@@ -8,9 +8,9 @@ use std::time::{Duration, Instant};
 
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
+use hil_session::live::{self, LiveError};
+use hil_session::session::{self, SessionInfo};
 use shared_types::live::{Refusal, Request, Response};
-use shared_types::session::{self, SessionInfo};
-use shared_types::system::live::{self, LiveError};
 use shared_types::table::{listed, nearest};
 
 use crate::arguments::SessionChoice;
@@ -240,7 +240,7 @@ pub fn unexpected(response: &Response) -> RequestError {
 
 #[cfg(test)]
 mod tests {
-    use shared_types::process::ProcessId;
+    use hil_session::process::ProcessId;
 
     use super::*;
 

@@ -9,12 +9,12 @@ use std::time::Duration;
 use hil_config::plan::Plan;
 use hil_console::terminal::exit::Failure;
 use hil_recording::clean::clean;
+use hil_session::session::{SessionError, SessionInfo};
+use hil_session::stream::{BUFFER, IceoryxSource, WATCHERS};
 use serde::{Deserialize, Serialize};
 use shared_types::describe::Description;
 use shared_types::link::LinkError;
 use shared_types::record::{Event, RecordLayout, RecordView};
-use shared_types::session::{SessionError, SessionInfo};
-use shared_types::stream::iceoryx::{BUFFER, IceoryxSource, WATCHERS};
 use shared_types::stream::{Item, RecordSource};
 
 use crate::programs::binaries::{Binaries, Binary};

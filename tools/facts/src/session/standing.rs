@@ -12,10 +12,10 @@ use std::time::Duration;
 
 use hil_config::evaluation::Evaluation;
 use hil_console::terminal::exit::Failure;
+use hil_session::live::{self, Listening, LiveError};
+use hil_session::session::SessionInfo;
 use serde::{Deserialize, Serialize};
 use shared_types::live::Refusal;
-use shared_types::session::SessionInfo;
-use shared_types::system::live::{self, Listening, LiveError};
 
 use super::happening::Happening;
 

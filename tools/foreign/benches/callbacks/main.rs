@@ -13,9 +13,9 @@ use std::process::Command;
 
 use hil_foreign::c::interface::Plant as PlantInC;
 use hil_foreign::c::{mathematics, plant};
+use hil_session::clock::monotonic_ns;
 use plant_process::integrate::integrate;
 use plant_process::plant::{Plant, PlantKind};
-use shared_types::clock::monotonic_ns;
 use shared_types::describe::{Invalid, Settings};
 use shared_types::table;
 use shared_types::time::Interval;

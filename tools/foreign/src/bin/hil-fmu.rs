@@ -9,12 +9,12 @@ use std::sync::Arc;
 
 use glob::Pattern;
 use hil_foreign::fmi::{Fmu, Model, Permissions, begin_trial, leave, sides};
+use hil_session::program::{self, Program, UNUSABLE};
+use hil_session::session::SessionInfo;
+use hil_session::supervision::Supervision;
 use plant_process::job::Job;
 use shared_types::describe::{Description, Imported, ModelSettings};
-use shared_types::program::{self, Program, UNUSABLE};
-use shared_types::session::SessionInfo;
 use shared_types::side::Side;
-use shared_types::supervision::Supervision;
 use shared_types::time::Step;
 
 const NAME: &str = "hil-fmu";

@@ -4,8 +4,8 @@ use std::ffi::{CStr, OsStr, OsString, c_char, c_int};
 use std::os::unix::ffi::OsStrExt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use hil_session::program::{UNUSABLE, say};
 use shared_types::describe::Invalid;
-use shared_types::program::{UNUSABLE, say};
 
 use crate::crash::install;
 

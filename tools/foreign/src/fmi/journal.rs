@@ -7,7 +7,8 @@
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
-use shared_types::{program, text};
+use hil_session::program;
+use shared_types::text;
 
 use super::status::Status;
 

@@ -16,8 +16,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use glob::Pattern;
+use hil_session::private_folder::PrivateFolder;
 use shared_types::describe::{Invalid, LibraryNeeds, ModelSettings};
-use shared_types::private_folder::PrivateFolder;
 
 use archive::{Archive, ArchiveError, LIMITS, Limits, TRUSTED};
 use description::{DescriptionError, ModelDescription, VariableType};

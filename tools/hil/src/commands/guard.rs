@@ -24,14 +24,14 @@ use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
 use hil_facts::arguments::run::LinkKind;
 use hil_facts::results::lost::{self, End};
+use hil_session::process::ProcessId;
+use hil_session::session;
 use hil_verification::suite;
 use nix::sys::signal::Signal;
 use rustix::fs::{MemfdFlags, OFlags, fcntl_setfl, memfd_create};
 use rustix::process::{Pid, kill_process, set_parent_process_death_signal};
 use rustix::thread::set_name;
 use serde_json::json;
-use shared_types::process::ProcessId;
-use shared_types::session;
 use signal_hook::consts::{SIGABRT, SIGBUS, SIGKILL, SIGSEGV};
 use signal_hook::low_level::signal_name;
 

@@ -21,11 +21,11 @@ use hil_campaign::command as campaign;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::{advice, interruption, output};
 use hil_facts::session::{clock, inject, mark, set};
+use hil_session::session;
 use hil_verification::arguments::recordings::ScenarioAction;
 use hil_verification::{compare, judge, repetition, replay, rerun, suite};
 use hil_views::{export, layout, monitor, panel, report, values};
 use shared_types::live::Request;
-use shared_types::session;
 
 use crate::arguments::swap::ControllerAction;
 use crate::arguments::{Command, CommandLine};

@@ -23,10 +23,10 @@ use hil_facts::results::lost;
 use hil_facts::results::outcome::RecordedOutcome;
 use hil_recording::copy::Rescue;
 use hil_recording::reader::{FileEnd, Unvouched};
+use hil_session::session;
 use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
 use serde::Serialize;
-use shared_types::session;
 
 use crate::arguments::recover::RecoverArguments;
 

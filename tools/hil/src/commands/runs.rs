@@ -14,9 +14,9 @@ use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
 use hil_console::terminal::table::{Table, left, right};
 use hil_facts::results::requirements;
+use hil_session::session;
 use serde::{Deserialize, Serialize};
 use shared_types::number::short_in;
-use shared_types::session;
 use shared_types::text::line;
 use toml_edit::DocumentMut;
 

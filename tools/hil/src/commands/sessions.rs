@@ -7,7 +7,7 @@ use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
 use hil_console::terminal::table::{Table, left, right};
 use hil_facts::session::observer::Notice;
-use shared_types::session;
+use hil_session::session;
 
 use crate::arguments::config::SessionsArguments;
 

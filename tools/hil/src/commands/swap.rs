@@ -9,8 +9,8 @@ use hil_console::terminal::output;
 use hil_facts::programs::binaries::named::refuse_set;
 use hil_facts::session::live::{RequestError, find, to_json};
 use hil_run::swap::{Request, Response, SOCKET, Swapped};
+use hil_session::live::{LiveError, ask_at};
 use shared_types::live::Refusal;
-use shared_types::system::live::{LiveError, ask_at};
 
 use crate::arguments::swap::SwapArguments;
 

@@ -6,11 +6,11 @@ use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
 use hil_console::terminal::table::{Table, left};
 use hil_facts::programs::binaries::reached::{Reached, failed};
+use hil_session::program;
 use hil_target::machine::Findings;
 use hil_target::programs::no_room;
 use hil_target::{key, serve};
 use serde::Serialize;
-use shared_types::program;
 
 use crate::arguments::target::{ServeArguments, TargetAction, TargetContact};
 

@@ -8,11 +8,11 @@ use std::io;
 use std::os::unix::fs::{FileExt, OpenOptionsExt};
 use std::path::Path;
 
+use hil_session::session::SessionInfo;
 use serde::Serialize;
 use shared_types::describe::Settings;
 use shared_types::hello::Welcome;
 use shared_types::layout::SignalKind;
-use shared_types::session::SessionInfo;
 use shared_types::table::Field;
 
 /// Name of the file in the session's folder that has the names and units of the values.
@@ -128,8 +128,8 @@ fn create(path: &Path) -> io::Result<File> {
 mod tests {
     use std::os::unix::fs::PermissionsExt;
 
+    use hil_session::session::Session;
     use shared_types::layout::SignalTable;
-    use shared_types::session::Session;
     use shared_types::time::{Rate, Step};
 
     use super::*;

@@ -3,14 +3,14 @@
 use std::os::unix::process::ExitStatusExt;
 use std::process::ExitStatus;
 
-use shared_types::clock::monotonic_ns;
+use hil_session::clock::monotonic_ns;
+use hil_session::link::iceoryx::IceoryxLink;
+use hil_session::session::SessionInfo;
 use shared_types::describe::Settings;
 use shared_types::frame::{FrameIdentity, FrameKind};
 use shared_types::hello::Control;
-use shared_types::link::iceoryx::IceoryxLink;
 use shared_types::link::{FrameSpec, Link, LinkError, Peer};
 use shared_types::realtime::CONTROLLER_FILE;
-use shared_types::session::SessionInfo;
 use shared_types::wait::WaitLimit;
 
 use super::output::Output;

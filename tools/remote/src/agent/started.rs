@@ -7,10 +7,10 @@ use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use hil_session::link::bell::Bell;
+use hil_session::process::{MARK, end_group, end_marked, reap};
+use hil_session::session::SessionInfo;
 use rustix::process::{Pid, WaitId, WaitIdOptions, waitid};
-use shared_types::link::bell::Bell;
-use shared_types::process::{MARK, end_group, end_marked, reap};
-use shared_types::session::SessionInfo;
 
 use crate::channel::Mouth;
 use crate::message::ToDesk;

@@ -1,7 +1,7 @@
 //! Files of a run's session: the parts of its jobs that the bridge reads, and the files that it writes.
 
+use hil_session::session::SessionInfo;
 use shared_types::describe::Settings;
-use shared_types::session::SessionInfo;
 use shared_types::table::number;
 use shared_types::time::Rate;
 

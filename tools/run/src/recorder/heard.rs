@@ -2,11 +2,11 @@
 
 use hil_config::plan::{Clock, Plan};
 use hil_facts::results::recorded::Recorded;
+use hil_session::supervision::MOST_EPOCHS;
 use shared_types::lockstep::OnLoss;
 use shared_types::record::{
     ControllerChange, ControllerFate, Event, LONGEST_MARK, MOST_CHANGES, MOST_MARKS, RecordView,
 };
-use shared_types::supervision::MOST_EPOCHS;
 use shared_types::time::Step;
 
 /// Most events of a run. A live fault brings three for each effect, and costs the plant memory for ever.

@@ -19,7 +19,7 @@ use hil_facts::session::standing;
 use hil_recording::clean::clean;
 use hil_recording::reader::{ReadError, RunReader};
 use hil_recording::writer::{Part, Recording};
-use shared_types::clock::monotonic_ns;
+use hil_session::clock::monotonic_ns;
 use shared_types::digest::Digest;
 use shared_types::record::{Event, Outcome, RecordLayout};
 use shared_types::stream::{Item, RecordSource};

@@ -6,15 +6,15 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use hil_session::clock::monotonic_ns;
+use hil_session::supervision::Supervision;
+use hil_session::waiter::Waiter;
 use plant_process::tuning::{Offered, Tuning};
-use shared_types::clock::monotonic_ns;
 use shared_types::describe::Settings;
 use shared_types::frame::{FrameKind, Header};
 use shared_types::hello::{Control, Offer, Welcome};
 use shared_types::link::{FrameSpec, Link, LinkError};
 use shared_types::lockstep::{Abort, AbortCode, PlantAction, PlantEvent, PlantSide, Standing};
-use shared_types::supervision::Supervision;
-use shared_types::system::waiter::Waiter;
 use shared_types::time::Step;
 
 use super::comparison::Comparison;

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use shared_types::clock::monotonic_ns;
+use hil_session::clock::monotonic_ns;
 use shared_types::random::RandomStream;
 
 /// Longest time at a stretch that a thread is busy, and that it sleeps.

@@ -9,9 +9,9 @@ use std::time::{Duration, Instant};
 
 use hil_facts::session::live::{RequestError, refused_text};
 use hil_facts::session::{clock, inject, set, standing};
+use hil_session::live;
+use hil_session::session::SessionInfo;
 use shared_types::live::{Request, Response};
-use shared_types::session::SessionInfo;
-use shared_types::system::live;
 
 use super::SharedModel;
 

@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 
 use hil_config::plan::Plan;
 use hil_console::terminal::exit::Failure;
-use shared_types::session::SessionInfo;
+use hil_session::session::SessionInfo;
 use tungstenite::handshake::server::{ErrorResponse, Request, Response};
 use tungstenite::http::{HeaderValue, StatusCode, header};
 use tungstenite::protocol::WebSocketConfig;

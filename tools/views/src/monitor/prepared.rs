@@ -14,10 +14,10 @@ use hil_facts::arguments::inject::arrange;
 use hil_facts::arguments::inject::{InjectCommand, InjectLine};
 use hil_facts::session::inject;
 use hil_facts::session::live::RequestError;
+use hil_session::session::SessionInfo;
+use hil_session::stream::LAYOUT_FILE;
 use shared_types::live::{Possible, Refusal};
 use shared_types::record::RecordLayout;
-use shared_types::session::SessionInfo;
-use shared_types::stream::iceoryx::LAYOUT_FILE;
 
 /// Most that there are keys for.
 const MOST: usize = 9;

@@ -4,8 +4,8 @@ use std::time::{Duration, Instant};
 
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
+use hil_session::clock::monotonic_ns;
 use ratatui::crossterm::event::{Event, KeyEventKind};
-use shared_types::clock::monotonic_ns;
 
 use super::asking::Asking;
 use super::display::{Action, Display};

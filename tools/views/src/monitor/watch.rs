@@ -15,9 +15,9 @@ use hil_console::terminal::exit::Failure;
 use hil_facts::session::happening::Happening;
 use hil_facts::session::observer::{Observer, Seen};
 use hil_recording::reader::{RECORDING, ReadError, RunReader};
+use hil_session::session::SessionInfo;
 use serde_json::Value;
 use shared_types::record::RecordLayout;
-use shared_types::session::SessionInfo;
 use shared_types::time::Rate;
 
 use super::{SharedModel, line};

@@ -7,11 +7,11 @@ use glob::Pattern;
 use hil_config::plan::Clock;
 use hil_facts::session::inject;
 use hil_facts::session::live::{RequestError, refused_text};
+use hil_session::live;
+use hil_session::session::SessionInfo;
 use serde_json::{Value, json};
 use shared_types::live::{Possible, Request, Response};
 use shared_types::record::RecordLayout;
-use shared_types::session::SessionInfo;
-use shared_types::system::live;
 
 use super::message::Deed;
 use crate::monitor::SharedModel;

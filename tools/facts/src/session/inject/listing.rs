@@ -7,13 +7,13 @@ mod text;
 
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
+use hil_session::session;
 use serde::Serialize;
 use shared_types::describe::{
     ActsOn, Description, FaultDescription, FaultKindDescription, ListDescription, PlantDescription,
     ProfileDescription,
 };
 use shared_types::live::{Possible, Refusal};
-use shared_types::session;
 use shared_types::table::{Field, listed};
 
 use crate::arguments::inject::InjectArguments;

@@ -6,8 +6,8 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use hil_session::program;
 use shared_types::failure::Failure;
-use shared_types::program;
 
 use super::tuning::Changed;
 use super::{Instance, Refused, Status, Values};

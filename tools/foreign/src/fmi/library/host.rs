@@ -6,9 +6,10 @@
 use std::path::Path;
 use std::sync::Once;
 
+use hil_session::program;
 use libloading::os::unix::{Library, RTLD_GLOBAL, RTLD_LAZY, RTLD_LOCAL, RTLD_NOW};
 use shared_types::describe::LibraryNeeds;
-use shared_types::{program, text};
+use shared_types::text;
 
 use super::LibraryError;
 use super::elf::Dynamic;

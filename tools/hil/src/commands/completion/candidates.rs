@@ -12,10 +12,10 @@ use hil_config::show::show;
 use hil_console::files::runs;
 use hil_facts::session::inject::{ListedKind, kinds_of};
 use hil_run::alone::built_in;
+use hil_session::session;
 use hil_views::plots::columns_of;
 use shared_types::describe::{FaultKindDescription, PlantDescription};
 use shared_types::number::unit_shown;
-use shared_types::session;
 use shared_types::table::Field;
 use toml_edit::{DocumentMut, Item, Value};
 

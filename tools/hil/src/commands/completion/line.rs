@@ -12,8 +12,8 @@ use hil_facts::programs::binaries::Choices;
 use hil_facts::programs::binaries::named::Named;
 use hil_facts::session::observer::Notice;
 use hil_run::alone::built_in;
+use hil_session::session::{self, SessionInfo};
 use shared_types::describe::Description;
-use shared_types::session::{self, SessionInfo};
 
 use super::shells;
 

@@ -4,9 +4,9 @@
 //! Text messages are JSON with an `op`, binary ones begin with a byte that says what they are.
 
 use hil_recording::schema;
+use hil_session::session::SessionInfo;
 use serde_json::{Value, json};
 use shared_types::record::RecordLayout;
-use shared_types::session::SessionInfo;
 
 use super::outlet::Data;
 

@@ -9,12 +9,14 @@ use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::PortFactory as _;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
-use super::{Assembler, Backpressure, Item, ItemKind, RecordSink, RecordSource, send_in_parts};
-use crate::link::LinkError;
 use crate::link::bell::{Bell, Owner};
 use crate::link::iceoryx::{Ipc, absent, node, received, subscribe, transport};
-use crate::record::{Event, RecordLayout};
 use crate::session::SessionInfo;
+use shared_types::link::LinkError;
+use shared_types::record::{Event, RecordLayout};
+use shared_types::stream::{
+    Assembler, Backpressure, Item, ItemKind, RecordSink, RecordSource, send_in_parts,
+};
 
 const RECORDS: &str = "records";
 const CREDIT: &str = "credit";

@@ -4,10 +4,10 @@ use std::sync::{Arc, Weak};
 use std::time::Duration;
 
 use super::InProcess;
-use crate::conformance::stream::{Fixture, sentences};
-use crate::link::LinkError;
-use crate::record::{Event, RecordLayout};
-use crate::stream::{Item, RecordSink, RecordSource};
+use shared_types::conformance::stream::{Fixture, sentences};
+use shared_types::link::LinkError;
+use shared_types::record::{Event, RecordLayout};
+use shared_types::stream::{Item, RecordSink, RecordSource};
 
 flaws! {
     a_stream_that_loses_a_record_is_found: Loses over InProcess =>

@@ -10,10 +10,10 @@ mod scheduling;
 
 use rustix::thread::{CpuSet, sched_getaffinity, set_current_timer_slack};
 
-use crate::realtime::{Granted, Report, Settings};
-use crate::system::waiter::Waiter;
-use crate::wait::{WaitLimit, WaitStrategy};
+use crate::waiter::Waiter;
 pub use scheduling::{only_core, pin};
+use shared_types::realtime::{Granted, Report, Settings};
+use shared_types::wait::{WaitLimit, WaitStrategy};
 
 /// Applies all of it, to the calling thread and its process, and looks at what came of it.
 ///

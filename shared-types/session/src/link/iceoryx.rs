@@ -22,16 +22,16 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory as Topic;
 use iceoryx2::service::port_factory::subscriber::PortFactorySubscriber;
 
 use super::bell::{Bell, Owner};
-use super::{FrameSpec, Link, LinkError, Peer};
-use crate::frame::{FrameIdentity, Header};
-use crate::ignored::Ignored;
 use crate::process::ProcessId;
 use crate::session::SessionInfo;
 use crate::shared_memory;
-use crate::side::Side;
-use crate::wait::Sleeper;
 pub(super) use frames::for_words;
 use frames::{Incoming, Outgoing};
+use shared_types::frame::{FrameIdentity, Header};
+use shared_types::ignored::Ignored;
+use shared_types::link::{FrameSpec, Link, LinkError, Peer};
+use shared_types::side::Side;
+use shared_types::wait::Sleeper;
 
 mod frames;
 

@@ -5,11 +5,11 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use super::{Iceoryx, InProcess};
-use crate::conformance::link::{Fixture, Opener, sentences};
-use crate::frame::{FrameKind, Header, MAX_SIGNALS, VALIDITY_WORDS};
-use crate::link::{FrameSpec, Link, LinkError, Peer};
-use crate::time::Step;
-use crate::wait::Sleeper;
+use shared_types::conformance::link::{Fixture, Opener, sentences};
+use shared_types::frame::{FrameKind, Header, MAX_SIGNALS, VALIDITY_WORDS};
+use shared_types::link::{FrameSpec, Link, LinkError, Peer};
+use shared_types::time::Step;
+use shared_types::wait::Sleeper;
 
 flaws! {
     a_link_that_loses_a_frame_is_found: Loses over InProcess =>
@@ -129,7 +129,7 @@ impl<L, const FLAW: usize> Drop for BrokenLink<L, FLAW> {
 }
 
 impl<L: Link, const FLAW: usize> Link for BrokenLink<L, FLAW> {
-    crate::pass_on!(self => self.link; send_control expect rejected);
+    shared_types::pass_on!(self => self.link; send_control expect rejected);
 
     fn tell(&mut self, message: &[u8]) -> Result<(), LinkError> {
         match Self::has(Flaw::TellsTheNext) {

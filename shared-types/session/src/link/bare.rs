@@ -9,15 +9,15 @@ use iceoryx2::port::writer::EntryHandleMut;
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::blackboard::PortFactory;
 
-use super::LinkError;
 use super::iceoryx::{Ipc, for_words, node, transport};
 use crate::session::SessionInfo;
-use crate::side::Side;
+use shared_types::link::LinkError;
+use shared_types::side::Side;
 
 const SAMPLES: &str = "bare/samples";
 const COMMANDS: &str = "bare/commands";
 
-/// A payload as large as a [frame](crate::frame::Frame) of so many words.
+/// A payload as large as a [frame](shared_types::frame::Frame) of so many words.
 #[derive(Clone, Copy, Debug, ZeroCopySend)]
 #[repr(C)]
 struct Payload<const WORDS: usize> {

@@ -12,8 +12,8 @@ use rustix::net::{Shutdown, shutdown};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::live::Refusal;
 use crate::session::SessionInfo;
+use shared_types::live::Refusal;
 
 /// Time that a client may take to write its line or to read the answer.
 const CLIENT_LIMIT: Duration = Duration::from_secs(1);

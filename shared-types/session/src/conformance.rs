@@ -3,13 +3,13 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use super::{Sentence, WATCHDOG, link, stream};
 use crate::link::iceoryx::IceoryxLink;
-use crate::link::in_process::{self, InProcessLink};
 use crate::session::Session;
-use crate::stream::Backpressure;
-use crate::stream::iceoryx::{IceoryxSink, IceoryxSource};
-use crate::stream::in_process::{InProcessSink, InProcessSource, pair};
+use crate::stream::{IceoryxSink, IceoryxSource};
+use shared_types::conformance::{Sentence, WATCHDOG, link, stream};
+use shared_types::link::in_process::{self, InProcessLink};
+use shared_types::stream::Backpressure;
+use shared_types::stream::in_process::{InProcessSink, InProcessSource, pair};
 
 /// Two mailboxes.
 struct InProcess {
@@ -102,19 +102,19 @@ impl stream::Fixture for Iceoryx {
 }
 
 mod link_in_process {
-    crate::conformance!(link: super::InProcess);
+    shared_types::conformance!(link: super::InProcess);
 }
 
 mod link_over_iceoryx2 {
-    crate::conformance!(link: super::Iceoryx);
+    shared_types::conformance!(link: super::Iceoryx);
 }
 
 mod stream_in_process {
-    crate::conformance!(stream: super::InProcess);
+    shared_types::conformance!(stream: super::InProcess);
 }
 
 mod stream_over_iceoryx2 {
-    crate::conformance!(stream: super::Iceoryx);
+    shared_types::conformance!(stream: super::Iceoryx);
 }
 
 #[test]
@@ -156,7 +156,7 @@ macro_rules! flaws {
             #[test]
             fn $test() {
                 let sentences = sentences::<Broken<$fixture, { Flaw::$flaw as usize }>>();
-                super::assert_broken(&sentences, &[$(stringify!($sentence)),+]);
+                crate::conformance::assert_broken(&sentences, &[$(stringify!($sentence)),+]);
             }
         )+
 
@@ -164,7 +164,7 @@ macro_rules! flaws {
         fn no_sentence_is_broken_without_a_flaw_and_each_by_one() {
             let sentences = sentences::<Broken<InProcess, { Flaw::None as usize }>>();
             let broken = [$($(stringify!($sentence)),+),+];
-            super::assert_each_can_fail(&sentences, &broken);
+            crate::conformance::assert_each_can_fail(&sentences, &broken);
         }
     };
 }

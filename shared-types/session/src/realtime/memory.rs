@@ -10,7 +10,7 @@ use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::process::{Resource, getrlimit};
 use rustix::thread::{CapabilitySet, capabilities};
 
-use crate::system::thread::look;
+use crate::thread::look;
 
 /// Depth to which the stack of the loop's thread is touched, in bytes; a step needs far less.
 const STACK: usize = 256 << 10;

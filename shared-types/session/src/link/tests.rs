@@ -1,9 +1,9 @@
 //! Facts that only the link over shared memory can show; `conformance` has those of every link.
 
 use super::iceoryx::IceoryxLink;
-use super::{FrameSpec, Link, LinkError, Peer};
-use crate::frame::FrameIdentity;
 use crate::session::Session;
+use shared_types::frame::FrameIdentity;
+use shared_types::link::{FrameSpec, Link, LinkError, Peer};
 
 fn spec() -> FrameSpec {
     FrameSpec {

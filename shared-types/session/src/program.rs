@@ -15,14 +15,14 @@ use nix::sys::signal::{SigSet, SigmaskHow};
 use rustix::process::{Resource, getrlimit};
 
 use crate::by_hand;
-use crate::describe::{Description, PROTOCOL};
-use crate::link::LinkError;
 use crate::link::iceoryx::IceoryxLink;
 use crate::session::SessionInfo;
-use crate::side::Side;
 use crate::supervision::Supervision;
-use crate::system::waiter::Waiter;
-use crate::wait::WaitLimit;
+use crate::waiter::Waiter;
+use shared_types::describe::{Description, PROTOCOL};
+use shared_types::link::LinkError;
+use shared_types::side::Side;
+use shared_types::wait::WaitLimit;
 
 /// Name of a plant's job in the session's folder.
 pub const PLANT_JOB: &str = "plant.json";

@@ -7,7 +7,7 @@
 use nix::sys::resource::{UsageWho, getrusage};
 use rustix::thread::sched_getcpu;
 
-use crate::thread::ThreadStatistics;
+use shared_types::thread::ThreadStatistics;
 
 /// Steps between two looks when nothing is unusual.
 pub const EVERY_STEPS: u32 = 1024;

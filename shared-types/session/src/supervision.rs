@@ -236,7 +236,7 @@ mod tests {
     use super::*;
     use crate::link::bell::Owner;
     use crate::session::Session;
-    use crate::wait::Sleeper;
+    use shared_types::wait::Sleeper;
 
     #[test]
     fn the_first_reason_stands() {

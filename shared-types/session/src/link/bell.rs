@@ -33,10 +33,10 @@ use iceoryx2_cal::named_concept::{NamedConceptBuilder, NamedConceptConfiguration
 use rustix::thread::futex;
 use rustix::time::Timespec;
 
-use super::LinkError;
 use super::iceoryx::transport;
 use crate::session::SessionInfo;
-use crate::wait::Sleeper;
+use shared_types::link::LinkError;
+use shared_types::wait::Sleeper;
 
 /// Owner of a bell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

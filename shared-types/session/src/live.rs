@@ -12,8 +12,8 @@ use std::time::Duration;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::live::{Request, Response};
 use crate::session::SessionInfo;
+use shared_types::live::{Request, Response};
 
 pub use listening::{Listening, answer, listen};
 

@@ -18,10 +18,10 @@ fn sleeps() -> u64 {
 const MS: u64 = 1_000_000;
 
 /// A bell that notes what is done with it.
-#[derive(Debug, Default)]
-struct Log(RefCell<Vec<String>>);
+#[derive(Clone, Debug, Default)]
+struct Log(Rc<RefCell<Vec<String>>>);
 
-impl Sleeper for Rc<Log> {
+impl Sleeper for Log {
     fn announce(&self) -> u32 {
         self.0.borrow_mut().push("announce".into());
         7
@@ -38,9 +38,9 @@ impl Sleeper for Rc<Log> {
 
 #[test]
 fn a_sleep_is_announced_before_the_last_look() {
-    let log = Rc::new(Log::default());
+    let log = Log::default();
     let mut waiter = Waiter::with(limit(), WaitStrategy::Sleep, false);
-    waiter.sleep_on(Some(Box::new(Rc::clone(&log))));
+    waiter.sleep_on(Some(Box::new(log.clone())));
     assert!(!waiter.pause()); // then one looks
     assert!(!waiter.pause());
     assert!(!waiter.pause());
@@ -112,7 +112,7 @@ fn no_sleep_reaches_into_the_time_before_a_deadline() {
         let deadline_ns = now_ns.saturating_add(left_ns);
         let asked = (strategy.name(), waited_ns, left_ns);
         assert_eq!(waiter.rest(now_ns, deadline_ns), naps, "{asked:?}");
-        waiter.sleep_on(Some(Box::new(Rc::new(Log::default()))));
+        waiter.sleep_on(Some(Box::new(Log::default())));
         assert_eq!(waiter.rest(now_ns, deadline_ns), sleeps, "{asked:?}");
     }
 }
@@ -123,7 +123,7 @@ fn a_hybrid_wait_in_company_sleeps_at_once_if_it_can_be_woken() {
     (waiter.since_ns, waiter.limited_ns) = (1, 1);
     waiter.company.until_ns = MS;
     assert_eq!(waiter.rest(1, u64::MAX), Rest::Yield);
-    waiter.sleep_on(Some(Box::new(Rc::new(Log::default()))));
+    waiter.sleep_on(Some(Box::new(Log::default())));
     assert_eq!(waiter.rest(1, u64::MAX), Rest::Sleep(SLICE_NS));
     assert_eq!(waiter.rest(MS, u64::MAX), Rest::Yield);
     // After a release the answer is looked for, unless the other side has no other core for it.
@@ -139,7 +139,7 @@ fn a_hybrid_wait_with_priority_sleeps_until_shortly_before_it_will_most_likely_e
     let waiter = |has_priority: bool| {
         let mut waiter = Waiter::with(limit(), WaitStrategy::Hybrid, false).of_a_loop(has_priority);
         (waiter.since_ns, waiter.limited_ns) = (1, 1);
-        waiter.sleep_on(Some(Box::new(Rc::new(Log::default()))));
+        waiter.sleep_on(Some(Box::new(Log::default())));
         waiter
     };
     let rest = |waiter: &Waiter, waited_us: u64| waiter.rest(1 + 1000 * waited_us, u64::MAX);

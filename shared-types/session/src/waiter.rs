@@ -31,8 +31,8 @@ use std::time::Duration;
 use rustix::thread::{CpuSet, sched_getaffinity};
 
 use crate::clock::monotonic_ns;
-use crate::wait::{Sleeper, WaitLimit, WaitStrategy};
 use habits::{Company, Length, Polling};
+use shared_types::wait::{Sleeper, WaitLimit, WaitStrategy};
 
 mod habits;
 

@@ -17,8 +17,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::process::ProcessId;
 use crate::session::SessionInfo;
-use crate::side::Side;
 use crate::supervision::Supervision;
+use shared_types::side::Side;
 
 /// Exit code of a Rust program that panicked.
 pub const PANIC: u8 = 101;

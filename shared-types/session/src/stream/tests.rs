@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use super::*;
 use crate::session::Session;
-use crate::table::Field;
-use crate::wait::Sleeper;
+use shared_types::table::Field;
+use shared_types::wait::Sleeper;
 
 fn layout() -> RecordLayout {
     let field = Field::signal("angle_rad", "rad", "x");

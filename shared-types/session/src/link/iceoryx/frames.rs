@@ -7,15 +7,15 @@ use iceoryx2::service::builder::blackboard::BlackboardOpenError;
 use iceoryx2::service::port_factory::blackboard::PortFactory as Blackboard;
 
 use super::{Ipc, LinkError, process_of, transport};
-use crate::frame::{Frame, FrameError, FrameIdentity, Header};
-use crate::side::Side;
+use shared_types::frame::{Frame, FrameError, FrameIdentity, Header};
+use shared_types::side::Side;
 
 const LAYOUT: &str = "layout";
 
 /// Runs a function for the words of the smallest frame for so many values.
 macro_rules! for_words {
     ($values:expr, $function:ident ( $($argument:expr),* )) => {{
-        use $crate::frame::{SizeClass, words};
+        use shared_types::frame::{SizeClass, words};
         match SizeClass::for_count($values).ok_or(LinkError::TooManySignals($values))? {
             SizeClass::N16 => $function::<{ words(16) }>($($argument),*),
             SizeClass::N32 => $function::<{ words(32) }>($($argument),*),
