@@ -12,44 +12,90 @@ use serde_json::Value;
 
 use crate::support::programs::{shipped, workspace};
 
-/// Package and what it may depend on, when it is built and when it is tested. What moves to a target,
-/// the controller, knows neither simulator nor scenario.
-const ARROWS: [(&str, &[&str], &[&str]); 19] = [
+/// Each package, below all that follow it, with what it may depend on: when it is built, and when it is tested. What
+/// moves to a target, the controller, knows neither simulator nor scenario.
+const ARROWS: [(&str, &[&str], &[&str]); 20] = [
     ("hil-origin", &[], &[]),
     ("shared-types", &[], &[]),
+    ("hil-session", &["shared-types"], &[]),
     ("hil-config", &["shared-types"], &[]),
     (
         "plant-process",
-        &["shared-types", "hil-config", "hil-origin"],
+        &["shared-types", "hil-session", "hil-config", "hil-origin"],
         &[],
     ),
-    ("controller-process", &["shared-types", "hil-origin"], &[]),
+    (
+        "controller-process",
+        &["shared-types", "hil-session", "hil-origin"],
+        &[],
+    ),
     ("hil-recording", &["shared-types"], &[]),
-    ("hil-target", &["shared-types"], &[]),
     (
         "hil-foreign",
-        &["shared-types", "plant-process", "controller-process"],
+        &[
+            "shared-types",
+            "hil-session",
+            "plant-process",
+            "controller-process",
+        ],
         &[],
     ),
+    ("hil-target", &["shared-types", "hil-session"], &[]),
     (
         "hil-in-process",
-        &["shared-types", "plant-process", "controller-process"],
+        &[
+            "shared-types",
+            "hil-session",
+            "plant-process",
+            "controller-process",
+        ],
         &[],
     ),
     (
         "hil-console",
-        &["shared-types", "hil-config", "hil-recording"],
+        &["shared-types", "hil-session", "hil-config", "hil-recording"],
+        &[],
+    ),
+    (
+        "hil-facts",
+        &[
+            "shared-types",
+            "hil-session",
+            "hil-config",
+            "plant-process",
+            "hil-recording",
+            "hil-target",
+            "hil-console",
+        ],
         &[],
     ),
     (
         "hil-doctor",
-        &["shared-types", "hil-console", "hil-facts"],
+        &["shared-types", "hil-session", "hil-console", "hil-facts"],
+        &[],
+    ),
+    (
+        "hil-run",
+        &[
+            "shared-types",
+            "hil-session",
+            "hil-config",
+            "plant-process",
+            "controller-process",
+            "hil-recording",
+            "hil-target",
+            "hil-in-process",
+            "hil-console",
+            "hil-facts",
+            "hil-doctor",
+        ],
         &[],
     ),
     (
         "hil-benchmark",
         &[
             "shared-types",
+            "hil-session",
             "hil-config",
             "plant-process",
             "controller-process",
@@ -65,6 +111,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 19] = [
         "hil-verification",
         &[
             "shared-types",
+            "hil-session",
             "hil-config",
             "plant-process",
             "controller-process",
@@ -80,6 +127,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 19] = [
         "hil-views",
         &[
             "shared-types",
+            "hil-session",
             "hil-config",
             "hil-recording",
             "hil-console",
@@ -90,37 +138,10 @@ const ARROWS: [(&str, &[&str], &[&str]); 19] = [
         &["plant-process", "controller-process"],
     ),
     (
-        "hil-facts",
-        &[
-            "shared-types",
-            "hil-config",
-            "plant-process",
-            "hil-recording",
-            "hil-target",
-            "hil-console",
-        ],
-        &[],
-    ),
-    (
-        "hil-run",
-        &[
-            "shared-types",
-            "hil-config",
-            "plant-process",
-            "controller-process",
-            "hil-recording",
-            "hil-target",
-            "hil-in-process",
-            "hil-console",
-            "hil-facts",
-            "hil-doctor",
-        ],
-        &[],
-    ),
-    (
         "hil-campaign",
         &[
             "shared-types",
+            "hil-session",
             "hil-config",
             "hil-recording",
             "hil-target",
@@ -136,6 +157,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 19] = [
         &[
             "hil-origin",
             "shared-types",
+            "hil-session",
             "hil-config",
             "hil-recording",
             "hil-target",
@@ -155,6 +177,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 19] = [
         &[],
         &[
             "shared-types",
+            "hil-session",
             "hil-config",
             "plant-process",
             "controller-process",
@@ -172,6 +195,18 @@ const ARROWS: [(&str, &[&str], &[&str]); 19] = [
             "hil-foreign",
         ],
     ),
+];
+
+/// Packages by which a program asks the operating system, as their names begin; none is in the tree of the contract.
+const SYSTEM: [&str; 8] = [
+    "rustix",
+    "nix",
+    "libc",
+    "iceoryx2",
+    "thread-priority",
+    "signal-hook",
+    "linux-raw-sys",
+    "clap",
 ];
 
 /// The one package with `unsafe`.
@@ -221,22 +256,66 @@ fn there_are_these_packages() {
 }
 
 #[test]
-fn packages_depend_only_on_what_is_below_them() {
+fn each_package_stands_below_all_that_it_depends_on() {
+    let names = ARROWS.map(|(name, ..)| name);
+    for (place, (name, built, tested)) in ARROWS.iter().enumerate() {
+        for on in built.iter().chain(*tested) {
+            let is_above = names[..place].contains(on);
+            assert!(is_above, "{name} depends on {on}, which is not above it");
+        }
+    }
+}
+
+#[test]
+fn packages_depend_on_these_packages_and_no_others() {
     let names = ARROWS.map(|(name, ..)| name);
     for package in packages() {
         let name = text(&package["name"]);
         let (_, built, tested) = (ARROWS.iter())
             .find(|(known, ..)| *known == name)
             .expect("a known package");
+        let (mut when_built, mut when_tested) = (BTreeSet::new(), BTreeSet::new());
         for dependency in list(&package["dependencies"]) {
             let on = text(&dependency["name"]);
-            if !names.contains(&on) {
-                continue;
+            let is_dev = dependency["kind"] == "dev";
+            if names.contains(&on) {
+                let all = if is_dev {
+                    &mut when_tested
+                } else {
+                    &mut when_built
+                };
+                all.insert(on);
             }
-            let dev_only = dependency["kind"] == "dev";
-            let allowed = built.contains(&on) || dev_only && tested.contains(&on);
-            assert!(allowed, "{name} must not depend on {on}");
         }
+        assert_eq!(when_built, built.iter().copied().collect(), "{name}");
+        let extra = when_tested.difference(&when_built).copied();
+        let extra: BTreeSet<&str> = extra.collect();
+        assert_eq!(extra, tested.iter().copied().collect(), "{name}");
+    }
+}
+
+#[test]
+fn the_contract_needs_no_package_for_the_operating_system() {
+    let tree = Command::new(env!("CARGO"))
+        .args(["tree", "--package", "shared-types", "--edges", "normal"])
+        .args([
+            "--prefix",
+            "none",
+            "--format",
+            "{lib}",
+            "--offline",
+            "--locked",
+        ])
+        .current_dir(workspace())
+        .output()
+        .expect("cargo can be run");
+    let tree = String::from_utf8(tree.stdout).expect("cargo prints text");
+    let packages: BTreeSet<&str> = tree.lines().collect();
+    assert!(packages.contains("shared_types") && packages.contains("zerocopy"));
+    for package in packages {
+        let is_system = |system: &&str| package.replace('_', "-").starts_with(*system);
+        let system = SYSTEM.iter().find(|system| is_system(system));
+        assert_eq!(system, None, "{package} is in the tree of shared-types");
     }
 }
 
@@ -277,11 +356,12 @@ fn every_package_but_one_forbids_unsafe_code() {
 }
 
 #[test]
-fn each_package_of_tools_says_who_calls_it_and_what_it_never_does() {
+fn packages_say_who_calls_them_and_what_they_never_do() {
     for package in packages() {
         let manifest = Path::new(text(&package["manifest_path"]));
         let folder = manifest.parent().expect("a folder");
-        if !folder.starts_with(workspace().join("tools")) {
+        let is_contract = ["shared-types", "hil-session"].contains(&text(&package["name"]));
+        if !is_contract && !folder.starts_with(workspace().join("tools")) {
             continue;
         }
         let readme = std::fs::read_to_string(folder.join("README.md"));
