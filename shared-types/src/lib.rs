@@ -2,37 +2,35 @@
 //!
 //! One step, and where its parts live:
 //!
-//! 1. A plant's signals are a [`mod@table`]; what it can be asked is its [`describe`] answer.
-//! 2. Before step 0 both sides say [`hello`] and agree on a [`layout`].
+//! 1. A plant's signals are a [`mod@table`]; its parameters and faults stand in its [`describe`] answer.
+//! 2. Before step 0 both sides exchange a [`hello`] and agree on a [`layout`].
 //! 3. The [`pacer`] releases step `k` of [`time`].
-//! 4. The sample crosses the [`link`] as a [`frame`]; the command comes back the same way. Who may
-//!    send what and when is decided by the [`lockstep`] machines; how to wait, by [`wait`].
-//! 5. The plant publishes the [`record`] of the step on the [`stream`], from which the [`digest`]
-//!    is made.
+//! 4. The sample crosses the [`link`] as a [`frame`]; the command comes back the same way. The [`lockstep`] machines
+//!    decide which side may send what and when; [`wait`] decides how to wait.
+//! 5. The plant publishes the [`record`] of the step on the [`stream`]; the [`digest`] is computed from it.
 //!
 //! Around the step:
 //!
-//! - Sessions: a [`session`] is the private place where all this happens and which leaves nothing behind.
-//!   [`mod@shared_memory`] names what keeps shared memory from being used. A [`private_folder`] has the files that a
-//!   process unpacks, and goes with it.
-//! - Processes: each [`process`] is known by more than its number. [`supervision`] is what the processes of a session
-//!   hear from the one that started them, [`by_hand`] the way in for one that somebody else starts. [`program`] is
-//!   what they have in common, with the [`mod@origin`] that each tells.
-//! - Loops: a [`side`] is the plant's or the controller's. [`realtime`] is what a process can ask of the system for
-//!   its loop, [`thread`] keeps statistics of the loop's thread, and [`clock`] is the meters' clock.
-//! - Requests: [`live`] is how another terminal talks to a session while it runs. [`tuning`] is how values change on
-//!   the way, and [`directive`] what a fault of timing tells a runner.
-//! - State: a [`checkpoint`] keeps the [`state`] of both sides before a step, so that a run can go on from there.
+//! - Sessions: a [`session`] is the private place of a run, which leaves nothing behind. [`mod@shared_memory`]
+//!   diagnoses why shared memory cannot be used. A [`private_folder`] holds the files that a process unpacks, and is
+//!   removed with it.
+//! - Processes: each [`process`] is identified by more than its number. [`supervision`] carries the launcher's words to
+//!   the processes of a session; [`by_hand`] admits a process that was started manually. [`program`] has what all
+//!   programs share, with the [`mod@origin`] that each prints.
+//! - Loops: a [`side`] is the plant's or the controller's. [`realtime`] requests scheduling and memory guarantees from
+//!   the system, [`thread`] keeps statistics of the loop's thread, and [`clock`] is the clock of all meters.
+//! - Requests: [`live`] lets another terminal talk to a session while it runs. [`tuning`] changes values during a run,
+//!   and [`directive`] carries the instructions of a timing fault to a runner.
+//! - State: a [`checkpoint`] keeps the [`state`] of both sides before a step, so that a run can resume there.
 //!   [`random`] gives each consumer of random numbers a stream of its own.
-//! - Names and numbers: [`spelling`] gives foreign names, such as `der(x)`, the one name that they have here.
-//!   [`units`] reads units as text and converts between those of one dimension. A [`connection`] binds a law's signal
-//!   to a plant's of another name and unit. [`number`] writes numbers with their units, and [`text`] makes what others
-//!   say fit to be shown.
-//! - Mistakes: [`ignored`] counts what peers said in vain. A [`failure`] ends a plant or a law that is not written in
-//!   Rust.
-//! - Tests: [`conformance`](mod@conformance) is for whoever writes another link or record stream.
+//! - Names and numbers: [`spelling`] maps foreign names, such as `der(x)`, to valid ones. [`units`] parses units and
+//!   converts between those of one dimension. A [`connection`] binds a law's signal to a plant's signal of another name
+//!   and unit. [`number`] formats numbers with their units, and [`text`] makes foreign text safe to display.
+//! - Mistakes: [`ignored`] counts rejected messages of peers. A [`failure`] ends a plant or a law that is not written
+//!   in Rust.
+//! - Tests: [`conformance`](mod@conformance) checks further implementations of links and record streams.
 //!
-//! No model, law, scenario or file of a recording is known here.
+//! No model, law, scenario or recording file is known here.
 
 extern crate self as shared_types; // the names that `table!` writes must hold in here too
 

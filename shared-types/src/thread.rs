@@ -1,35 +1,34 @@
-//! Statistics of a thread while it worked: on which core it ran, how often it was switched out,
-//! how many pages it faulted in.
+//! Statistics of a working thread: its core, its context switches, its page faults.
 //!
-//! The engine and the runner watch their own threads. These are system calls, so they are made after
-//! a step that took far longer than the others, to tell why, and now and then to have something to
-//! compare with. Samples, commands and records carry what was found last as one word, which is called `surroundings` there.
+//! The engine and the runner sample their own threads. Sampling takes system calls, so it follows a step that took far
+//! longer than the others, to explain it, and is repeated now and then for comparison. Samples, commands and records
+//! carry the latest statistics as one word, called `surroundings` there.
 
 use nix::sys::resource::{UsageWho, getrusage};
 use rustix::thread::sched_getcpu;
 
-/// Steps between two looks when nothing is unusual.
+/// Steps between two samples when nothing is unusual.
 pub const EVERY_STEPS: u32 = 1024;
-/// A step is unusual when it takes N times the mean.
+/// Factor above the mean from which a step is unusual.
 const UNUSUAL: u64 = 8;
 /// Weight of a step in the running mean: one in N.
 const MEAN_OF: u64 = 64;
 const COUNT_BITS: u32 = 24;
 const COUNT: u64 = (1 << COUNT_BITS) - 1;
 
-/// Statistics of a thread, found at one look. The counts begin anew after 2^24.
+/// Statistics of a thread, from one sample. The counts wrap around at 2^24.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ThreadStatistics {
-    /// The core that the thread ran on.
+    /// Core that the thread ran on.
     pub core: u16,
-    /// Context switches of the thread so far, its own and those forced on it.
+    /// Context switches of the thread so far, voluntary and involuntary.
     pub switches: u32,
     /// Page faults of the thread so far.
     pub faults: u32,
 }
 
 impl ThreadStatistics {
-    /// Looks at the calling thread.
+    /// Samples the calling thread.
     #[must_use]
     pub fn look() -> Self {
         let core = sched_getcpu() as u16;
@@ -48,7 +47,7 @@ impl ThreadStatistics {
         }
     }
 
-    /// Returns the statistics as one word.
+    /// Encodes the statistics as one word.
     #[must_use]
     pub const fn to_wire(self) -> u64 {
         (self.core as u64) << (2 * COUNT_BITS)
@@ -56,7 +55,7 @@ impl ThreadStatistics {
             | self.faults as u64 & COUNT
     }
 
-    /// Reads the statistics from a word.
+    /// Decodes the statistics from a word.
     #[must_use]
     #[inline]
     pub const fn from_wire(word: u64) -> Self {
@@ -67,7 +66,7 @@ impl ThreadStatistics {
         }
     }
 
-    /// Switches and faults since an earlier look at the same thread.
+    /// Returns the switches and faults since an earlier sample of the same thread.
     #[must_use]
     pub fn since(self, earlier: Self) -> (u32, u32) {
         let count = |now: u32, then: u32| now.wrapping_sub(then) & COUNT as u32;
@@ -78,21 +77,21 @@ impl ThreadStatistics {
     }
 }
 
-/// Decides when to look.
+/// Decides when to sample.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ThreadSampler {
-    /// Mean of the steps' time, in ns times [`MEAN_OF`].
+    /// Mean duration of the steps, in ns times [`MEAN_OF`].
     mean: u64,
     steps: u32,
     last: u64,
 }
 
 impl ThreadSampler {
-    /// After a step that took so long: what was found last, as one word.
+    /// Processes the duration of a step and returns the latest statistics as one word.
     #[must_use]
     pub fn after(&mut self, took_ns: u64) -> u64 {
         let mean_ns = self.mean / MEAN_OF;
-        // One step of milliseconds must not hide those after it: it counts as twice the mean.
+        // A single step of milliseconds must not hide the following ones: it counts as twice the mean.
         let counted_ns = if mean_ns > 0 && took_ns > 2 * mean_ns {
             2 * mean_ns
         } else {
@@ -118,7 +117,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn statistics_survive_the_wire_and_counts_begin_anew() {
+    fn statistics_survive_the_wire_and_counts_wrap_around() {
         let before = ThreadStatistics {
             core: 511,
             switches: (1 << 24) - 1,
@@ -134,14 +133,14 @@ mod tests {
     }
 
     #[test]
-    fn a_look_sees_a_thread_sleep() {
+    fn a_sample_shows_that_a_thread_slept() {
         let before = ThreadStatistics::look();
         std::thread::sleep(std::time::Duration::from_millis(1));
         assert!(ThreadStatistics::look().since(before).0 >= 1);
     }
 
     #[test]
-    fn it_looks_after_an_unusual_step_and_every_so_often() {
+    fn samples_follow_unusual_steps_and_recur_regularly() {
         let mut sampler = ThreadSampler::default();
         let mut looks = |took_ns, steps: u32| {
             (0..steps)

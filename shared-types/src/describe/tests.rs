@@ -55,7 +55,7 @@ fn refused(change: impl FnOnce(&mut Description), wanted: &str) {
 }
 
 #[test]
-fn a_description_whose_names_cannot_be_told_apart_or_written_down_is_refused() {
+fn a_description_with_duplicate_or_unprintable_names_is_refused() {
     assert_eq!(sound().check(), Ok(()));
     let no_name = "is no name of letters, digits and _, with a dot after a group";
     refused(
@@ -96,7 +96,7 @@ fn a_description_whose_names_cannot_be_told_apart_or_written_down_is_refused() {
         |all| all.plants[0].measured = table(&many),
         "measured of plant `still`: there are 513, and 512 is the most",
     );
-    // With the command before them.
+    // Together with the command.
     refused(
         |all| all.laws[2].internals = table(&many[..512]),
         "law `off` has 1 commands and 512 internals, and a frame carries 512 of both at most",

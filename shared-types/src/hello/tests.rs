@@ -33,7 +33,7 @@ fn answer(hello: &Hello) -> Result<Welcome, Refused> {
 }
 
 #[test]
-fn signals_too_many_are_no_obstacle() {
+fn surplus_signals_are_accepted() {
     let welcome = answer(&hello()).expect("agreed");
     welcome.check(&hello()).expect("checks");
     assert_eq!((welcome.sample.len(), welcome.command.len()), (3, 3));
@@ -53,7 +53,7 @@ fn everything_missing_is_named_at_once() {
 }
 
 #[test]
-fn names_that_cannot_be_used_are_refused_on_both_sides() {
+fn unusable_names_are_refused_on_both_sides() {
     let with = |names: &[&str]| Hello {
         internals: names.iter().map(|name| field(name)).collect(),
         ..hello()
@@ -84,7 +84,7 @@ fn names_that_cannot_be_used_are_refused_on_both_sides() {
 }
 
 #[test]
-fn a_hello_that_says_other_things_than_the_description_is_refused() {
+fn a_hello_that_differs_from_the_description_is_refused() {
     let said = hello();
     let described = |change: &dyn Fn(&mut LawDescription)| {
         let mut law = LawDescription {
@@ -137,7 +137,7 @@ fn a_law_for_any_plant_gets_the_plants_commands() {
 }
 
 #[test]
-fn other_versions_and_sessions_are_refused() {
+fn foreign_versions_and_sessions_are_refused() {
     let refused = answer(&Hello {
         protocol: 99,
         ..hello()

@@ -1,4 +1,4 @@
-//! Facts that only the stream over shared memory and the assembler can show; `conformance` has those of every stream.
+//! Properties specific to the stream over shared memory and to the assembler; `conformance` has those of every stream.
 
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::PathBuf;
@@ -21,7 +21,7 @@ fn layout() -> RecordLayout {
     }
 }
 
-/// Everything a source has, as text.
+/// Drains a source into text.
 fn drained(source: &mut dyn RecordSource) -> Vec<String> {
     let mut seen = Vec::new();
     loop {
@@ -95,7 +95,7 @@ fn the_ring_has_room_for_the_longest_fault_whenever_it_has_room() {
             break;
         }
     }
-    // What is left is less by one record than what a sink with room has at least.
+    // The rest is smaller by one record than the minimum that a sink with room has.
     let text = "0".repeat(10_000 * 2 * 25);
     let mark = crate::record::Mark { step: 0, text };
     (sink.event(&Event::Mark(mark))).expect("two numbers of 25 bytes for each of 10,000 points");
@@ -131,7 +131,7 @@ fn a_stream_that_is_not_there_cannot_be_opened() {
     assert!(matches!(opened, Err(LinkError::Absent { .. })));
 }
 
-/// Puts a folder where each of these segments is, so that nobody can map it; whoever did still has it.
+/// Replaces each of these segments by a folder, so that nobody can map it; existing mappings remain.
 fn made_unusable(segments: &[std::path::PathBuf]) {
     for segment in segments {
         std::fs::remove_file(segment).expect("removed");
@@ -140,7 +140,7 @@ fn made_unusable(segments: &[std::path::PathBuf]) {
 }
 
 #[test]
-fn a_stream_whose_memory_cannot_be_mapped_fails_by_name_and_is_not_taken_for_silent() {
+fn an_unmappable_stream_fails_by_name_instead_of_seeming_silent() {
     let session = Session::create(None).expect("a session");
     let info = session.info();
     let mut sink = iceoryx::IceoryxSink::create(info, Backpressure::Always).expect("creates");
@@ -150,20 +150,22 @@ fn a_stream_whose_memory_cannot_be_mapped_fails_by_name_and_is_not_taken_for_sil
     let mut made = info.segments();
     made.retain(|segment| !before.contains(segment) && segment.is_file());
     made_unusable(&made);
-    let told = source.drain(&mut |_| {}).expect_err("it cannot be mapped");
+    let error = source.drain(&mut |_| {}).expect_err("it cannot be mapped");
     let later = iceoryx::IceoryxSource::watch(info);
     for folder in &made {
         std::fs::remove_dir(folder).expect("removed");
     }
-    assert!(matches!(told, LinkError::Transport { .. }), "{told}");
+    assert!(matches!(error, LinkError::Transport { .. }), "{error}");
     assert!(
-        told.to_string().contains("iceoryx2 says ConnectionFailure"),
-        "{told}"
+        error
+            .to_string()
+            .contains("iceoryx2 says ConnectionFailure"),
+        "{error}"
     );
     assert!(later.is_err(), "a publisher that was there before");
 }
 
-/// Returns what an assembler makes of items of these numbers, kinds and bytes.
+/// Returns what an assembler makes of items with these numbers, kinds and bytes.
 fn assembled(items: &[(u64, u64, &[u8])]) -> Vec<String> {
     let mut assembler = Assembler::default();
     let mut seen = Vec::new();
@@ -177,7 +179,7 @@ fn assembled(items: &[(u64, u64, &[u8])]) -> Vec<String> {
 }
 
 #[test]
-fn an_item_with_a_number_that_was_there_is_broken() {
+fn an_item_with_a_repeated_number_is_broken() {
     let record = |sequence| (sequence, ItemKind::Record as u64, &[][..]);
     let most = LARGEST_LOSS;
     for (before, after) in [(1, 1), (2, 1), (1, 0), (most, most), (most, 0)] {
@@ -191,7 +193,7 @@ fn an_item_with_a_number_that_was_there_is_broken() {
 }
 
 #[test]
-fn a_loss_that_no_run_can_have_is_no_count() {
+fn an_impossible_loss_is_reported_as_broken() {
     let record = |sequence| (sequence, ItemKind::Record as u64, &[][..]);
     for sequence in [LARGEST_LOSS + 2, u64::MAX] {
         let seen = assembled(&[record(sequence)]);
@@ -204,7 +206,7 @@ fn a_loss_that_no_run_can_have_is_no_count() {
 }
 
 #[test]
-fn an_event_without_end_is_given_up() {
+fn an_endless_event_is_abandoned() {
     let piece = vec![b' '; LONGEST_EVENT / 4];
     let part = |sequence| (sequence, ItemKind::EventPart as u64, piece.as_slice());
     let items: Vec<_> = (1..=8).map(part).collect();
@@ -217,11 +219,11 @@ fn an_event_without_end_is_given_up() {
 }
 
 #[test]
-fn a_service_whose_maker_died_half_way_keeps_nobody_once_it_is_removed() {
+fn a_half_made_service_blocks_nobody_once_removed() {
     let session = Session::create(None).expect("a session");
     let _sink =
         iceoryx::IceoryxSink::create(session.info(), Backpressure::Always).expect("creates");
-    // As after a death between the making of a segment and its size.
+    // As after a death between the creation of a segment and setting its size.
     let dynamic = |path: &PathBuf| path.extension().is_some_and(|kind| kind == "dynamic");
     let segments: Vec<PathBuf> = session
         .info()
@@ -243,7 +245,7 @@ fn a_service_whose_maker_died_half_way_keeps_nobody_once_it_is_removed() {
     let theirs = session.info().clone();
     let opens = std::thread::spawn(move || iceoryx::IceoryxSource::open(&theirs, true).err());
     let since = Instant::now();
-    // Longer than any limit that iceoryx2 has for a service in the making.
+    // Longer than any limit that iceoryx2 has for a service under construction.
     std::thread::sleep(Duration::from_secs(1));
     assert!(
         !opens.is_finished(),

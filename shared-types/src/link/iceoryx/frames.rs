@@ -1,4 +1,4 @@
-//! Frame channels: a blackboard service for each direction, of one of a few sizes.
+//! Frame channels: one blackboard service per direction, in one of a few sizes.
 
 use iceoryx2::port::reader::{BlackboardValue, EntryHandle};
 use iceoryx2::port::writer::EntryValueUninit;
@@ -12,7 +12,7 @@ use crate::side::Side;
 
 const LAYOUT: &str = "layout";
 
-/// Runs a function for the words of the smallest frame for so many values.
+/// Calls a function with the words of the smallest frame for so many values.
 macro_rules! for_words {
     ($values:expr, $function:ident ( $($argument:expr),* )) => {{
         use $crate::frame::{SizeClass, words};
@@ -28,7 +28,7 @@ macro_rules! for_words {
 }
 pub(crate) use for_words;
 
-/// Opens the sending end of a channel for frames with room for so many values.
+/// Opens the sending end of a channel whose frames hold so many values.
 pub(super) fn outgoing(
     (node, side): (&Node<Ipc>, Side),
     name: &str,
@@ -38,7 +38,7 @@ pub(super) fn outgoing(
     for_words!(values, writer(node, side, name, identity))
 }
 
-/// Opens the receiving end of a channel for frames with room for so many values.
+/// Opens the receiving end of a channel whose frames hold so many values.
 pub(super) fn incoming(
     (node, side): (&Node<Ipc>, Side),
     name: &str,
@@ -48,14 +48,14 @@ pub(super) fn incoming(
     for_words!(values, reader(node, side, name, identity))
 }
 
-/// A frame channel's sending end, whatever its size class.
+/// Sending end of a frame channel of any size class.
 pub(super) trait Outgoing {
     fn send(&mut self, header: &Header, values: &[f64], identity: FrameIdentity);
 }
 
-/// A frame channel's receiving end, whatever its size class.
+/// Receiving end of a frame channel of any size class.
 pub(super) trait Incoming {
-    /// The processes that may send on it.
+    /// Lists the processes that may send on it.
     fn writers(&self) -> Vec<u32>;
     fn receive(
         &mut self,
@@ -64,8 +64,8 @@ pub(super) trait Incoming {
     ) -> Option<Result<Header, FrameError>>;
 }
 
-/// Holds the cell of the next frame: asking for one looks at a line of memory that the reader writes
-/// to, which is done best right after a frame was sent, while the reader is busy.
+/// Sending end that holds the cell of the next frame: borrowing one touches a cache line that the reader writes, which
+/// is cheapest right after sending, while the reader is busy.
 struct Writer<const WORDS: usize>(Option<EntryValueUninit<Ipc, u8, Frame<WORDS>>>);
 
 impl<const WORDS: usize> Outgoing for Writer<WORDS> {
@@ -81,7 +81,7 @@ struct Reader<const WORDS: usize> {
     board: Blackboard<Ipc, u8>,
     cell: EntryHandle<Ipc, u8, Frame<WORDS>>,
     last: Option<BlackboardValue<Frame<WORDS>>>,
-    /// Number of the frame that was delivered last; 0 for none.
+    /// Sequence number of the last delivered frame; 0 for none.
     delivered: u64,
 }
 
@@ -107,7 +107,7 @@ impl<const WORDS: usize> Incoming for Reader<WORDS> {
         }
         let frame = self.last.insert(self.cell.get());
         let sequence = frame.sequence();
-        // Beside a writer at work the cell may give a frame as news that it has given before.
+        // With a writer at work, the cell may present a frame as new that was delivered before.
         if sequence == self.delivered {
             return None;
         }
