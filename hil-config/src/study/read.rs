@@ -1,4 +1,4 @@
-//! Reading of a study: from text to checked values, or everything that is wrong with it.
+//! Reader of studies: from text to checked values, or all problems.
 
 mod spread;
 
@@ -111,7 +111,7 @@ struct Homes {
 }
 
 impl Homes {
-    /// Takes a key that nothing else may set; those of variants may be set by each of them.
+    /// Claims a key that nothing else may set; keys of variants may be set by each of them.
     fn take(&mut self, reader: &mut Reader, key: &str, place: &Place, allowed: &[String]) {
         let is_taken = self.all.iter().any(|(known, _)| known == key);
         if is_taken && !allowed.iter().any(|one| one == key) {
@@ -382,7 +382,7 @@ fn goals(
     all
 }
 
-/// Returns the number of draws, which a grid has of itself.
+/// Returns the number of draws, which a grid determines by itself.
 fn draws(
     reader: &mut Reader,
     root: &Section<'_>,

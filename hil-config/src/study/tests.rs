@@ -84,7 +84,7 @@ values = ["x", "y", "z", "w"]
 }
 
 #[test]
-fn who_names_a_value_with_a_mistake_has_made_none() {
+fn using_a_faulty_value_is_not_reported_as_another_mistake() {
     let text = "cases = 1\n[[vary]]\nkey = \"a.n\"\nkind = \"normal\"\nmean = nan\ndeviation = 1\n\
                 [[vary]]\nkey = \"a.b\"\nkind = \"expression\"\nexpression = \"2 * n\"\n";
     let told = refused(text);
@@ -95,7 +95,7 @@ fn who_names_a_value_with_a_mistake_has_made_none() {
 }
 
 #[test]
-fn each_mistake_is_told_with_its_place_and_the_nearest_name() {
+fn each_mistake_is_reported_with_its_place_and_the_nearest_name() {
     let uniform = "[[vary]]\nkey = \"a.b\"\nkind = \"uniform\"\nmin = 0\nmax = 1\n";
     let normal = "[[vary]]\nkey = \"a.n\"\nkind = \"normal\"\nmean = 0\ndeviation = 1\n";
     for (text, told) in [
@@ -197,7 +197,7 @@ fn each_mistake_is_told_with_its_place_and_the_nearest_name() {
 }
 
 #[test]
-fn a_problem_of_a_case_is_told_at_the_variation_that_brought_it_about() {
+fn a_problem_of_a_case_is_reported_at_the_variation_that_caused_it() {
     let study = study(
         "cases = 1\n[[vary]]\nkey = \"run.duraton_s\"\nkind = \"uniform\"\nmin = 0\nmax = 1\n",
     );
@@ -221,7 +221,7 @@ fn a_problem_of_a_case_is_told_at_the_variation_that_brought_it_about() {
 }
 
 #[test]
-fn a_grid_of_whole_numbers_has_them_as_they_are_and_others_are_told_about_it() {
+fn a_grid_takes_whole_numbers_and_advice_is_given_for_others() {
     let grid = "[[vary]]\nname = \"n\"\nkey = \"run.seed\"\nkind = \"grid\"\nmin = 1\nmax = 1000\npoints = 4\nscale = \"log\"\n";
     let whole = study(&format!("sampling = \"grid\"\n{grid}whole = true\n"));
     let Spread::Choice(items) = &whole.varied[0].spread else {

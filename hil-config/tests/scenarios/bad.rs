@@ -1,5 +1,4 @@
-//! Wrong scenarios: each gives one problem, in the place that is marked, and says what is wrong
-//! and what would be right.
+//! Faulty scenarios: each has one problem, at the marked place, and is refused with the problem and its remedy.
 
 use std::collections::BTreeSet;
 
@@ -8,11 +7,10 @@ use hil_config::scenario::Scenario;
 
 use crate::{BASE, base_with, check, descriptions, parse, problems};
 
-/// Marks the expected place in the text of a case; taken out before the text is read.
+/// Marks the expected place in the text of a case; removed before parsing.
 const MARK: char = '^';
 
-/// Text that stands in the base, text that stands there in its place, and what is found: the sort of
-/// problem and pieces of its text.
+/// Text of the base, its replacement, and the expected problem: its kind and pieces of its text.
 type Case = (
     &'static str,
     &'static str,
@@ -156,7 +154,7 @@ const CASES: &[Case] = &[
     ("[plant.limits]\nsurface_angle_rad = [-0.4, 0.4]", "^[[plant.limits]]", WrongType, &["`plant.limits` is a list", "a table"]),
 ];
 
-/// Line and column of the mark, and the text without it.
+/// Returns the text without the mark, and the line and column of the mark.
 fn marked(text: &str) -> (String, usize, usize) {
     let at = text.find(MARK).expect("a mark");
     let before = &text[..at];
@@ -174,13 +172,13 @@ pub(crate) fn assert_found(problem: &Problem, kind: ProblemKind, pieces: &[&str]
 }
 
 #[test]
-fn each_wrong_scenario_is_told_with_its_place_and_what_would_be_right() {
+fn each_faulty_scenario_is_refused_with_its_place_and_the_expected_value() {
     for (from, to, kind, pieces) in CASES {
         assert_one_problem(&base_with(from, to), *kind, pieces);
     }
 }
 
-/// Finds one thing wrong with a text, at its mark.
+/// Checks that a text has exactly one problem, at its mark.
 pub(crate) fn assert_one_problem(text: &str, kind: ProblemKind, pieces: &[&str]) {
     let (text, line, column) = marked(text);
     let Err(Problems(found)) = check(&text) else {
@@ -246,7 +244,7 @@ fn an_empty_scenario_lacks_its_sections_and_nothing_else() {
 }
 
 #[test]
-fn a_name_that_the_file_cannot_give_must_be_written() {
+fn a_name_that_cannot_come_from_the_file_is_required() {
     let text = BASE.replace("name = \"base\"\n", "");
     let scenario = Scenario::parse(&text, "folder/my run.toml").expect("TOML");
     let found = scenario
@@ -285,7 +283,7 @@ controller.law = \"ftsc\"
 }
 
 #[test]
-fn signals_that_nothing_gives_are_named_with_unit_and_remedy() {
+fn unbound_signals_are_named_with_unit_and_remedy() {
     let text = base_with("law = \"ftsc\"", "law = \"strange\"")
         .replace(
             "[controller.pid]",
@@ -346,7 +344,7 @@ fn a_waveform_without_the_derivatives_that_a_law_needs_is_refused() {
 }
 
 #[test]
-fn a_parameter_without_default_must_be_given() {
+fn a_parameter_without_default_is_required() {
     let text = base_with("law = \"ftsc\"", "law = \"strange\"");
     let found = problems(&text);
     let missing: Vec<&Problem> = found.iter().filter(|p| p.kind == MissingKey).collect();
@@ -359,7 +357,7 @@ fn a_parameter_without_default_must_be_given() {
 }
 
 #[test]
-fn a_nominal_value_that_a_law_cannot_believe_is_refused() {
+fn a_nominal_value_outside_the_laws_range_is_refused() {
     let text = base_with("law = \"ftsc\"", "law = \"strange\"")
         .replace("surface.inertia_kg_m2 = 13.0", "");
     let found = problems(&text);

@@ -1,5 +1,4 @@
-//! Wrong faults: each gives one problem, in the place that is marked, and says what is wrong and
-//! what would be right.
+//! Faulty fault events: each has one problem, at the marked place, and is refused with the problem and its remedy.
 
 use hil_config::problem::ProblemKind;
 
@@ -11,14 +10,14 @@ use ProblemKind::{
     WrongType,
 };
 
-/// Begin of the cases: each case replaces the keys of the event, or those of its effect.
+/// Beginning of the cases: each case replaces the keys of the event, or those of its effect.
 const EVENT: &str = "kind = \"bias\"\nat_s = 0.5\n";
 const EFFECT: &str = "target = \"measured.surface_angle_rad\"\nbias = 0.1\n";
 
-/// The keys of an event, and what is found: the sort of problem and pieces of its text.
+/// Keys of an event, and the expected problem: its kind and pieces of its text.
 type Case = (&'static str, ProblemKind, &'static [&'static str]);
 
-/// The kind of an event, the keys of its effect, and what is found.
+/// Kind of an event, the keys of its effect, and the expected problem.
 type EffectCase = (
     &'static str,
     &'static str,
@@ -139,7 +138,7 @@ const EFFECTS: &[EffectCase] = &[
 ];
 
 #[test]
-fn each_wrong_event_is_told_with_its_place_and_what_would_be_right() {
+fn each_faulty_event_is_refused_with_its_place_and_the_expected_value() {
     for (event, kind, pieces) in EVENTS {
         let text = format!("[[faults]]\n{event}\n[[faults.effects]]\n{EFFECT}");
         assert_one_problem(&base_with_faults(&text), *kind, pieces);
@@ -147,7 +146,7 @@ fn each_wrong_event_is_told_with_its_place_and_what_would_be_right() {
 }
 
 #[test]
-fn each_wrong_effect_is_told_with_its_place_and_what_would_be_right() {
+fn each_faulty_effect_is_refused_with_its_place_and_the_expected_value() {
     for (fault, effect, kind, pieces) in EFFECTS {
         let event = format!(
             "[[faults]]
@@ -164,7 +163,7 @@ at_s = 0.5"
 }
 
 #[test]
-fn what_is_missing_is_told_where_its_table_begins() {
+fn a_missing_key_is_reported_where_its_table_begins() {
     for (event, effect, pieces) in [
         (
             "^[[faults]]\nkind = \"bias\"",
@@ -208,7 +207,7 @@ fn what_is_missing_is_told_where_its_table_begins() {
     }
 }
 
-/// Faults of several events: keys of each event, and the effect of all.
+/// Formats faults of several events: the keys of each event, and a common effect.
 fn events(keys: &[&str]) -> String {
     let text: Vec<String> = keys
         .iter()
@@ -218,7 +217,7 @@ fn events(keys: &[&str]) -> String {
 }
 
 #[test]
-fn events_that_wait_for_each_other_are_told_once() {
+fn events_that_wait_for_each_other_are_reported_once() {
     let text = events(&[
         "after = \"c\"",
         "name = \"b\"\nafter = ^3",
@@ -255,7 +254,7 @@ fn an_event_after_another_must_fit_into_the_run() {
 }
 
 #[test]
-fn two_events_have_two_names() {
+fn two_events_with_the_same_name_are_refused() {
     let text = events(&["name = \"a\"\nat_s = 1.5", "name = ^\"a\"\nat_s = 1"]);
     assert_one_problem(&text, Duplicate, &["already named `a`"]);
 }
@@ -279,7 +278,7 @@ fn effects_that_leave_a_range_together_are_refused() {
         "from 0 to 0.001",
     ];
     assert_found(&found[0], OutOfRange, &pieces);
-    // One that ends may be over before the other begins.
+    // An effect that ends may be over before the other begins.
     let apart = [leak(1.0, 6e-4, ""), leak(0.5, 7e-4, "duration_s = 0.5")].concat();
     assert!(crate::check(&base_with_faults(&apart)).is_ok());
     // The other actuator has a coefficient of its own.
@@ -289,7 +288,7 @@ fn effects_that_leave_a_range_together_are_refused() {
 }
 
 #[test]
-fn faults_of_a_plant_that_is_not_known_are_checked_as_far_as_they_can_be() {
+fn faults_of_an_unknown_plant_are_checked_as_far_as_possible() {
     let text = events(&["at_s = 0.5"]).replace("\"drhas\"", "\"dhras\"");
     let text = text.replace("kind = \"bias\"", "kind = \"leakage\"\nfor_s = 1");
     let found = problems(&text);
@@ -298,7 +297,7 @@ fn faults_of_a_plant_that_is_not_known_are_checked_as_far_as_they_can_be() {
 }
 
 #[test]
-fn the_cases_are_right_without_what_is_wrong_with_them() {
+fn the_cases_are_valid_without_their_mistakes() {
     let text = format!("[[faults]]\n{EVENT}[[faults.effects]]\n{EFFECT}");
     assert_eq!(crate::plan(&base_with_faults(&text)).faults.len(), 1);
 }

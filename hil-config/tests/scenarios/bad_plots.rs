@@ -1,4 +1,4 @@
-//! Plots that cannot be: what is wrong, where, and what would be right.
+//! Faulty plots, each refused with the problem, its place and the expected value.
 
 use hil_config::problem::ProblemKind::{
     self, MissingKey, OutOfRange, UnknownKey, UnknownName, WrongType,
@@ -9,7 +9,7 @@ use crate::{base_with, plan};
 
 const SIGNALS: &str = "signals = [\"truth.surface_angle_rad\"]";
 
-/// Text that stands in the base, text in its place, and what is found.
+/// Text of the base, its replacement, and the expected problem.
 type Case = (
     &'static str,
     &'static str,
@@ -39,14 +39,14 @@ const CASES: &[Case] = &[
 ];
 
 #[test]
-fn each_wrong_plot_is_told_with_its_place_and_what_would_be_right() {
+fn each_faulty_plot_is_refused_with_its_place_and_the_expected_value() {
     for (from, to, kind, pieces) in CASES {
         assert_one_problem(&base_with(from, to), *kind, pieces);
     }
 }
 
 #[test]
-fn a_plot_for_other_laws_may_name_what_only_they_show() {
+fn a_plot_for_other_laws_may_name_their_internal_signals() {
     let text = base_with("laws = [\"ftsc\"]", "laws = [\"pid\", \"nrsc\"]");
     let text = text.replace("\"internal.fault_detected\"]", "\"internal.of_pid\"]");
     assert_eq!(plan(&text).plots[0].signals[1], "internal.of_pid");

@@ -1,4 +1,4 @@
-//! Requirements that cannot be: what is wrong, where, and what would be right.
+//! Faulty requirements, each refused with the problem, its place and the expected text.
 
 use hil_config::formula::Formula;
 use hil_config::problem::ProblemKind;
@@ -8,7 +8,7 @@ use crate::base_with;
 
 const FORMULA: &str = "always(abs(truth.surface_angle_rad) < 0.2)";
 
-/// A formula with `^` before its first wrong byte, and what is said of it.
+/// Formula with `^` before its first faulty byte, and pieces of the message.
 type Case = (&'static str, &'static [&'static str]);
 
 /// The base runs for 2 s at 1 kHz.
@@ -92,7 +92,7 @@ const CASES: &[Case] = &[
 ];
 
 #[test]
-fn each_wrong_formula_is_told_with_its_place_and_what_would_be_right() {
+fn each_faulty_formula_is_refused_with_its_place_and_the_expected_text() {
     for (formula, pieces) in CASES {
         let text = base_with(FORMULA, formula);
         assert_one_problem(&text, ProblemKind::Expression, pieces);
@@ -100,7 +100,7 @@ fn each_wrong_formula_is_told_with_its_place_and_what_would_be_right() {
 }
 
 #[test]
-fn names_are_told_apart_and_can_be_those_of_files() {
+fn names_are_unique_and_valid_as_file_names() {
     for (from, to, kind, pieces) in [
         (
             "\"stays-small\"",
@@ -154,8 +154,8 @@ fn a_formula_that_would_keep_millions_of_numbers_is_refused() {
 }
 
 #[test]
-fn each_comparison_is_told_with_the_time_at_which_it_may_count() {
-    // Of a run of 20 s.
+fn each_comparison_is_listed_with_the_time_at_which_it_may_count() {
+    // In a run of 20 s.
     for (formula, expected) in [
         ("a < 1", vec![("a", "<", Some(1.0), [0.0, 0.0])]),
         (
@@ -204,7 +204,7 @@ fn each_comparison_is_told_with_the_time_at_which_it_may_count() {
 }
 
 #[test]
-fn a_negation_turns_the_margin_of_a_comparison_round() {
+fn a_negation_reverses_the_margin_of_a_comparison() {
     for (formula, expected) in [
         (
             "always(a < 1) and eventually(b > 2)",

@@ -97,7 +97,7 @@ fn connections(plan: &Plan) -> Vec<String> {
 }
 
 #[test]
-fn units_give_the_conversion_of_each_direction() {
+fn units_determine_the_conversion_in_each_direction() {
     let plan = plan(TEXT);
     assert_eq!(
         connections(&plan),
@@ -116,7 +116,7 @@ fn units_give_the_conversion_of_each_direction() {
 }
 
 #[test]
-fn a_factor_that_is_given_counts_whatever_the_units_are() {
+fn an_explicit_factor_overrides_the_units() {
     let text = TEXT.replace(
         "plant = \"measured.s\"",
         "plant = \"measured.odd\"\nfactor = -0.004\noffset = 0.5",
@@ -131,7 +131,7 @@ fn a_factor_that_is_given_counts_whatever_the_units_are() {
 }
 
 #[test]
-fn what_is_shown_of_connections_means_the_same() {
+fn shown_connections_mean_the_same() {
     for text in [
         TEXT.to_owned(),
         TEXT.replace(
@@ -153,8 +153,8 @@ fn what_is_shown_of_connections_means_the_same() {
 }
 
 #[test]
-fn connections_of_another_law_wait_for_it() {
-    // The law changes by one flag.
+fn connections_of_another_law_take_effect_with_it() {
+    // One flag switches the law.
     let scenario = Scenario::parse(TEXT, "slider.toml").expect("TOML");
     let scenario = scenario.set(&["controller.law=hold"]);
     let plan = scenario.check(&plants(), &laws(), &descriptions::kinds());
@@ -181,7 +181,7 @@ fn a_sensor_may_be_read_under_two_names() {
     );
 }
 
-/// Text that stands in the scenario, text in its place, and what is found.
+/// Text of the scenario, its replacement, and the expected problem.
 type Case = (
     &'static str,
     &'static str,
@@ -212,7 +212,7 @@ const CASES: &[Case] = &[
 ];
 
 #[test]
-fn each_wrong_connection_is_told_with_what_would_be_right() {
+fn each_faulty_connection_is_refused_with_the_expected_value() {
     for (from, to, kind, pieces) in CASES {
         assert_eq!(TEXT.matches(from).count(), 1, "`{from}` stands once");
         let text = TEXT.replacen(from, to, 1);
@@ -223,7 +223,7 @@ fn each_wrong_connection_is_told_with_what_would_be_right() {
 }
 
 #[test]
-fn a_command_is_given_once() {
+fn a_command_may_be_sent_only_once() {
     let two = TEXT
         .replace(
             "law = \"pid\"\nmade_for = \"spring-mass\"",
