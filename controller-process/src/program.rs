@@ -94,7 +94,7 @@ impl ControllerProgram {
         told.map_err(|e| e.to_string())?;
         drive(&mut runner, report.waiter(limit), supervision).map_err(|e| e.to_string())?;
         let end = runner.end().cloned();
-        end.ok_or_else(|| "the run ended without saying how".into())
+        end.ok_or_else(|| "the run ended without a result".into())
     }
 }
 

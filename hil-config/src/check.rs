@@ -343,7 +343,7 @@ fn name(reader: &mut Reader, root: &Section<'_>, scenario: &Scenario) -> String 
         let message = match written {
             Some(_) => format!("`name` is `{name}`"),
             None => {
-                format!("`name` is missing, and the file's name `{name}` cannot take its place")
+                format!("`name` is missing, and the file's name `{name}` cannot replace it")
             }
         };
         reader

@@ -216,7 +216,7 @@ impl Expression {
             None => Ok(()),
             Some(reduced) => Err(self.error(
                 reduced.span.clone(),
-                "a reduction needs a window and so belongs into [[metrics]]",
+                "a reduction needs a window and so belongs in [[metrics]]",
             )),
         }
     }

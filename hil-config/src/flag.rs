@@ -41,7 +41,7 @@ pub(crate) fn apply(root: &mut Table, flag: &str, source: usize) -> Result<(), F
     let parts = parts(key)?;
     let start = key.len() + 1;
     if text.trim().is_empty() {
-        return Err(error(start..flag.len(), key, "no value behind the `=`"));
+        return Err(error(start..flag.len(), key, "no value after the `=`"));
     }
     let place = Place {
         source,
@@ -71,7 +71,7 @@ pub(crate) fn check(flag: &str) -> Result<(), String> {
     let (key, value) = found?;
     parts(key).map_err(|error| error.message)?;
     match value.trim() {
-        "" => Err(format!("`{flag}` has no value behind the `=`")),
+        "" => Err(format!("`{flag}` has no value after the `=`")),
         _ => Ok(()),
     }
 }

@@ -103,7 +103,7 @@ impl Reader {
                     && self.untold.is_some()
                 {
                     last.help(format!(
-                        "there are more problems; {MOST_PROBLEMS} of them are told"
+                        "there are more problems; {MOST_PROBLEMS} of them are listed"
                     ));
                 }
                 Err(Problems(problems))

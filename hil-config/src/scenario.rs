@@ -119,7 +119,7 @@ impl Scenario {
                         let message = format!("{message} `{earlier}`");
                         reader
                             .report(ProblemKind::Duplicate, error.key, &place, message)
-                            .help("leave one of them out");
+                            .help("omit one of them");
                     }
                     None => {
                         reader
@@ -160,7 +160,7 @@ pub(crate) fn advice_on_missing(folder: &Path, name: &str, owner: &str) -> Strin
     }
     let folder = absolute(&Path::new(".").join(folder));
     format!(
-        "paths in a {owner} begin at the folder of the {owner}, {folder}, so this one is {path}"
+        "paths in a {owner} are relative to the folder of the {owner}, {folder}, so this one is {path}"
     )
 }
 
@@ -201,7 +201,7 @@ pub fn read_regular(path: &Path) -> std::io::Result<String> {
     let found = std::fs::metadata(path)?;
     // Reading a folder fails with an error of its own.
     let ends = found.is_dir() || (found.is_file() && found.len() <= LARGEST);
-    let refused = || std::io::Error::other("it is no regular file of at most 16 MiB");
+    let refused = || std::io::Error::other("it is not a regular file of at most 16 MiB");
     if !ends {
         return Err(refused());
     }
@@ -211,7 +211,7 @@ pub fn read_regular(path: &Path) -> std::io::Result<String> {
         .take(LARGEST + 1)
         .read_to_string(&mut text)
         .map_err(|error| match error.kind() {
-            ErrorKind::InvalidData => std::io::Error::other("it is no text in UTF-8"),
+            ErrorKind::InvalidData => std::io::Error::other("it is not UTF-8 text"),
             _ => error,
         })?;
     if read as u64 > LARGEST {

@@ -34,10 +34,10 @@ pub enum ShowError {
     #[error("there is no description of {0}; give those that the plan was checked against")]
     Undescribed(String),
     /// A scenario cannot express an immediate change.
-    #[error("change {0} is to be at once; give it the step at which it was")]
+    #[error("change {0} is immediate; give it the step at which it took place")]
     NowChange(u32),
     /// A scenario cannot express an immediate fault.
-    #[error("fault {0} takes hold at once; give it the step at which it did")]
+    #[error("fault {0} takes hold at once; give it the step at which it did so")]
     Now(u32),
 }
 

@@ -208,7 +208,10 @@ impl Study {
         if self.scenario.exists() {
             return Scenario::read(&self.scenario);
         }
-        let (folder, message) = (&self.folder, "the scenario cannot be read: it is not there");
+        let (folder, message) = (
+            &self.folder,
+            "the scenario cannot be read: it does not exist",
+        );
         let name = self.scenario.strip_prefix(folder).unwrap_or(&self.scenario);
         let help = advice_on_missing(folder, &name.to_string_lossy(), "study");
         let problem = self.problem_of("scenario", message, &help);

@@ -81,7 +81,7 @@ pub fn objections_of(session: &SessionInfo) -> Objections {
     Box::new(move |question| {
         let answer =
             live::ask_at::<_, ParameterAnswer>(&session, OBJECTIONS, question, OBJECTION_LIMIT);
-        let answer = answer.map_err(|error| format!("it was not asked: {error}"))?;
+        let answer = answer.map_err(|error| format!("it could not be asked: {error}"))?;
         answer.objection.map_or(Ok(()), Err)
     })
 }
@@ -180,7 +180,7 @@ impl Service {
         let columns = Columns::from(layout);
         if events.is_empty() || events.len() > MOST_FAULTS {
             let count = events.len();
-            let message = format!("{count} faults in one request; 1 to {MOST_FAULTS} are taken");
+            let message = format!("{count} faults in one request; 1 to {MOST_FAULTS} are accepted");
             return refused(Refusal::new(message));
         }
         let armed = (events.iter())
@@ -242,7 +242,7 @@ impl Service {
     /// Answers when the run is held again, or, if that takes too long, with its current position.
     fn advance(&self, steps: u64) -> Result<Response, Refusal> {
         if steps == 0 {
-            return Err(Refusal::new("0 steps are none; at least 1"));
+            return Err(Refusal::new("0 steps were requested; at least 1 is needed"));
         }
         let until = self.request(|answer| LoopRequest::Advance(steps, answer))?;
         let until = until.map_err(Refusal::new)?;
@@ -274,7 +274,7 @@ impl Service {
         let text = text::line(text.trim());
         let count = text.chars().count();
         if count == 0 || count > LONGEST_MARK {
-            let message = format!("a mark of {count} characters; 1 to {LONGEST_MARK} are taken");
+            let message = format!("a mark of {count} characters; 1 to {LONGEST_MARK} are accepted");
             return Err(Refusal::new(message));
         }
         let step = self.request(|answer| LoopRequest::Mark(text, answer))?;
@@ -311,7 +311,7 @@ impl Service {
         let epoch = offered.epoch;
         let own = law_keys(&offered.law);
         if epoch == 0 && change.set.iter().any(|one| one.key.starts_with(&own)) {
-            let message = "there is no controller whose law could be tuned";
+            let message = "there is no controller to tune";
             return Err(one(Refusal::new(message)));
         }
         let asked = Some(Box::new(change.clone()));
@@ -420,7 +420,7 @@ fn wait<T>(answered: &Receiver<T>) -> Result<T, Refusal> {
             Err(TryRecvError::Empty) if since.elapsed() > LOOP_LIMIT => {
                 let limit_s = LOOP_LIMIT.as_secs();
                 let message = format!(
-                    "the plant began no step for {limit_s} s; the request may still be taken: see `hil inject --active`"
+                    "the plant began no step for {limit_s} s; the request may still be executed: see `hil inject --active`"
                 );
                 return Err(Refusal::new(message));
             }

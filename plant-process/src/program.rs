@@ -129,7 +129,7 @@ impl PlantProgram {
         let told = session.write_file(realtime::PLANT_FILE, &report);
         told.map_err(|e| e.to_string())?;
         drive(&mut engine, report.waiter(limit), supervision).map_err(|e| e.to_string())?;
-        let end = engine.end().ok_or("the run ended without saying how")?;
+        let end = engine.end().ok_or("the run ended without a result")?;
         if let Some(reason) = &end.reason {
             program::say(reason);
         }

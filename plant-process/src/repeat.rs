@@ -101,7 +101,7 @@ impl Repetition {
             .find(|waiting| waiting.header.sequence > 0 && Some(waiting.header.step) == wanted);
         let found = found.ok_or_else(|| {
             format!(
-                "step {step} is to hold a command of {held_steps} steps before, which is not there"
+                "step {step} must use a command from {held_steps} steps before, which is missing"
             )
         })?;
         frame.copy_from_slice(&found.frame);

@@ -156,12 +156,12 @@ impl Tuning {
         }
         if self.left() == 0 {
             return Err(format!(
-                "the run has had {MOST_CHANGES} changes, which is the most"
+                "the run has had {MOST_CHANGES} changes, which is the maximum"
             ));
         }
         if self.waiting.iter().filter(|change| change.live).count() >= MOST_WAITING {
             return Err(format!(
-                "{MOST_WAITING} changes wait for their step, which is the most"
+                "{MOST_WAITING} changes wait for their step, which is the maximum"
             ));
         }
         self.taken += 1;

@@ -100,7 +100,7 @@ pub fn enter(session: &SessionInfo, side: Side) -> Result<(Supervision, Leash), 
     let (name, role) = (&session.name, side.name());
     let no_place = |error: &dyn std::fmt::Display| {
         format!(
-            "session `{name}` waits for no {role} that is started by hand ({error}); `hil run --{role} external` does"
+            "session `{name}` expects no manually started {role} ({error}); `hil run --{role} external` does"
         )
     };
     let token = session.read_file(&token_file(side));

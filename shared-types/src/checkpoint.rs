@@ -131,7 +131,7 @@ impl Resume {
         let bytes = fs::read(&self.state)
             .map_err(|error| Invalid(format!("cannot read {shown}: {error}")))?;
         let bytes = (bytes.strip_prefix(MARK))
-            .ok_or_else(|| Invalid(format!("{shown} is no state that this version wrote")))?;
+            .ok_or_else(|| Invalid(format!("{shown} is not a state written by this version")))?;
         let damaged = |error: &dyn std::fmt::Display| Invalid(format!("{shown}: {error}"));
         let (head, rest): (Head, _) =
             postcard::take_from_bytes(bytes).map_err(|error| damaged(&error))?;

@@ -108,7 +108,7 @@ impl LawDescription {
             if !fields.iter().any(|field| one.is_of(one.kind, field)) {
                 let (kind, law, name) = (one.kind.prefix(), &self.name, &one.law);
                 return Err(Invalid(format!(
-                    "law `{law}` has no signal `{kind}.{name}` to be connected"
+                    "law `{law}` has no signal `{kind}.{name}` to connect"
                 )));
             }
         }
@@ -129,7 +129,7 @@ impl LawDescription {
             if before.into_iter().any(|other| other.name == field.name) {
                 let (law, name) = (&self.name, &field.name);
                 return Err(Invalid(format!(
-                    "law `{law}` would give the command `{name}` twice"
+                    "law `{law}` would send the command `{name}` twice"
                 )));
             }
         }
@@ -228,17 +228,17 @@ mod tests {
             (
                 SignalKind::Measured,
                 ["z", "m", "x", "m"],
-                "law `two` has no signal `measured.z` to be connected",
+                "law `two` has no signal `measured.z` to connect",
             ),
             (
                 SignalKind::Internal,
                 ["e_m", "m", "x", "m"],
-                "law `two` has no signal `internal.e_m` to be connected",
+                "law `two` has no signal `internal.e_m` to connect",
             ),
             (
                 SignalKind::Command,
                 ["c_m", "m", "d_m", "m"],
-                "law `two` would give the command `d_m` twice",
+                "law `two` would send the command `d_m` twice",
             ),
         ] {
             let refused = law().connected(&[connection(kind, names, 1.0, 0.0)]);

@@ -76,7 +76,7 @@ impl Description {
         for plant in &self.plants {
             let name = shown("plant", &plant.name)?;
             if !names.insert(&plant.name) {
-                return Err(format!("{name} is there twice"));
+                return Err(format!("{name} is defined twice"));
             }
             plant.check(&self.faults)?;
         }
@@ -84,7 +84,7 @@ impl Description {
         for fault in &self.faults {
             let kind = shown("fault", &fault.kind)?;
             if !kinds.insert(&fault.kind) {
-                return Err(format!("{kind} is there twice"));
+                return Err(format!("{kind} is defined twice"));
             }
             check_tables(&kind, [("parameters", &fault.parameters, MOST_FIELDS)])?;
         }
@@ -94,7 +94,7 @@ impl Description {
                 .iter()
                 .any(|before| before.is_for_one_with(law))
             {
-                return Err(format!("{name} is there twice for one plant"));
+                return Err(format!("{name} is defined twice for one plant"));
             }
             law.check()?;
         }
@@ -160,7 +160,7 @@ impl PlantDescription {
         for fault in &self.faults {
             let kind = shown("fault", &fault.kind)?;
             if !kinds.insert(&fault.kind) {
-                return Err(format!("{kind} of {name} is there twice"));
+                return Err(format!("{kind} of {name} is defined twice"));
             }
             check_tables(&kind, [("sizes", &fault.sizes, MOST_FIELDS)])?;
         }
@@ -351,20 +351,18 @@ impl LawDescription {
     fn check(&self) -> Result<(), String> {
         let name = shown("law", &self.name)?;
         if !is_line(&self.tuning) {
-            return Err(format!(
-                "{name} says on more than one line what it does when it is tuned"
-            ));
+            return Err(format!("{name} describes its tuning on more than one line"));
         }
         if self.tunable().next().is_some() == self.tuning.is_empty() {
             return Err(format!(
-                "{name} has tunable parameters if it says what it does when they change, and only then"
+                "{name} must describe its tuning if and only if it has tunable parameters"
             ));
         }
         let commands = self.commands.as_deref().unwrap_or_default();
         let (commanded, inner) = (commands.len(), self.internals.len());
         if commanded <= MAX_SIGNALS && commanded + inner > MAX_SIGNALS {
             return Err(format!(
-                "{name} has {commanded} commands and {inner} internals, and a frame carries {MAX_SIGNALS} of both at most"
+                "{name} has {commanded} commands and {inner} internals; a frame carries at most {MAX_SIGNALS} of both together"
             ));
         }
         check_tables(

@@ -180,7 +180,7 @@ pub const fn words(values: usize) -> usize {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FrameError {
     /// Wrong checksum.
-    #[error("its check sum is wrong")]
+    #[error("its checksum is wrong")]
     Corrupt,
     /// Frame of another session.
     #[error("it belongs to another session")]
@@ -189,10 +189,10 @@ pub enum FrameError {
     #[error("it belongs to another epoch")]
     Epoch,
     /// Signal layout that differs from the agreed one.
-    #[error("its signals are laid out otherwise")]
+    #[error("its signal layout is not the one agreed on")]
     Layout,
     /// Number of values that differs from the agreed one.
-    #[error("its number of values is not the one agreed")]
+    #[error("its number of values is not the one agreed on")]
     Count,
     /// Unknown kind.
     #[error("its kind is unknown")]

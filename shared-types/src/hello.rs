@@ -218,13 +218,12 @@ impl Hello {
         let otherwise = |what| Err(Refused::Otherwise(what));
         if self.law != described.law {
             let (said, described) = (&self.law, &described.law);
-            return otherwise(format!(
-                "law {said:?}, and its --describe says {described:?}"
-            ));
+            return otherwise(format!("law {said:?}; its --describe says {described:?}"));
         }
         if self.commands.is_some() != described.commands.is_some() {
             return otherwise(
-                "commands of its own or of the plant, and its --describe the other".into(),
+                "commands of its own but those of the plant in its --describe, or the reverse"
+                    .into(),
             );
         }
         let both = self.tables().into_iter().zip(described.tables());
@@ -287,7 +286,7 @@ pub enum Refused {
     #[error("the other side belongs to another session")]
     Session,
     /// Table that does not match its hash.
-    #[error("the tables do not have the layout hash that came with them")]
+    #[error("the tables do not match their layout hash")]
     Layout,
     /// Unusable names, units or descriptions of the other side.
     #[error("{kind}: {why}")]
@@ -301,7 +300,7 @@ pub enum Refused {
     #[error("{0} signals in one direction; a frame carries at most {most}", most = MAX_SIGNALS)]
     Many(usize),
     /// Hello that differs from the binary's description.
-    #[error("at hello it says {0}")]
+    #[error("its hello says {0}")]
     Otherwise(String),
     /// Signals without a counterpart.
     #[error("{}", list(signals))]

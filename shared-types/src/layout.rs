@@ -77,7 +77,7 @@ pub enum Unbound {
         nearest: Vec<String>,
     },
     /// The signal exists, but in another unit.
-    #[error("signal `{name}` is wanted in `{wanted}` and sent in `{sent}`")]
+    #[error("signal `{name}` is needed in `{wanted}`, but sent in `{sent}`")]
     Unit {
         /// The signal.
         name: String,
@@ -176,10 +176,10 @@ impl SignalTable {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unusable {
     /// Invalid name.
-    #[error("{0:?} is no name of letters, digits and _, with a dot after a group")]
+    #[error("{0:?} is not a name of letters, digits and _, with a dot after a group")]
     Name(String),
     /// Unit that could not be read back as written.
-    #[error("{unit:?} is no unit, that of `{name}`")]
+    #[error("`{name}` has the invalid unit {unit:?}")]
     Unit {
         /// The column.
         name: String,
@@ -187,13 +187,13 @@ pub enum Unusable {
         unit: String,
     },
     /// Description that could not be read back as written.
-    #[error("the description of `{0}` is too long or has characters that are none to read")]
+    #[error("the description of `{0}` is too long or has unprintable characters")]
     Description(String),
     /// Duplicate column name.
-    #[error("`{0}` is there twice")]
+    #[error("`{0}` is defined twice")]
     Twice(String),
     /// Too many columns.
-    #[error("there are {count}, and {most} is the most")]
+    #[error("there are {count}; at most {most} are allowed")]
     Many {
         /// Number of columns.
         count: usize,
@@ -289,7 +289,7 @@ pub fn difference(what: &str, said: &[Field], described: &[Field]) -> Option<Str
     if said.len() != described.len() {
         let (said, described) = (said.len(), described.len());
         return Some(format!(
-            "{said} {what} signals, and its --describe says {described}"
+            "{said} {what} signals; its --describe says {described}"
         ));
     }
     let is_other = |(said, described): &(&Field, &Field)| {
@@ -301,7 +301,7 @@ pub fn difference(what: &str, said: &[Field], described: &[Field]) -> Option<Str
         format!("{name:?} in {unit:?}")
     };
     Some(format!(
-        "the {what} signal {}, and its --describe says {}",
+        "the {what} signal {}; its --describe says {}",
         shown(said),
         shown(described)
     ))
@@ -359,7 +359,7 @@ mod tests {
         );
         assert_eq!(
             unbound[1].to_string(),
-            "signal `rate_radps` is wanted in `deg/s` and sent in `rad/s`"
+            "signal `rate_radps` is needed in `deg/s`, but sent in `rad/s`"
         );
     }
 
@@ -413,15 +413,15 @@ mod tests {
         for (said, wanted) in [
             (
                 vec![one.clone()],
-                "1 internal signals, and its --describe says 2",
+                "1 internal signals; its --describe says 2",
             ),
             (
                 vec![two.clone(), one.clone()],
-                "the internal signal \"b_m\" in \"m\", and its --describe says \"a_m\" in \"m\"",
+                "the internal signal \"b_m\" in \"m\"; its --describe says \"a_m\" in \"m\"",
             ),
             (
                 vec![field("a_m", "m\n"), two],
-                "the internal signal \"a_m\" in \"m\\n\", and its --describe says \"a_m\" in \"m\"",
+                "the internal signal \"a_m\" in \"m\\n\"; its --describe says \"a_m\" in \"m\"",
             ),
         ] {
             assert_eq!(differs(&said).as_deref(), Some(wanted));

@@ -405,7 +405,7 @@ pub fn ask_at<Q: Serialize, A: DeserializeOwned>(
     if read.map_err(broken)? == 0 {
         return Err(LiveError::Broken {
             session: name(),
-            what: "it ended before it answered".into(),
+            what: "it closed the connection without an answer".into(),
         });
     }
     serde_json::from_str(&answer).map_err(|e| broken(e.into()))

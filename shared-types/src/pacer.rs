@@ -108,7 +108,7 @@ impl Grid {
 /// Overrun under the policy to end the run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "step {step} was due {:.3} ms before the step before it was done, and the policy for overruns is `abort`",
+    "step {step} was due {:.3} ms before the previous step was done, and the overrun policy is `abort`",
     *late_ns as f64 / 1e6
 )]
 pub struct Overrun {

@@ -148,7 +148,7 @@ fn make_private(path: &Path) -> io::Result<bool> {
     match fs::symlink_metadata(path) {
         Ok(metadata) if is_private(&metadata) => Ok(true),
         Ok(_) => Err(io::Error::other(format!(
-            "{} is not a folder of yours alone; remove it or have it removed",
+            "{} is not your private folder; remove it or have it removed",
             path.display()
         ))),
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(false),
@@ -243,7 +243,7 @@ mod tests {
         // Independent of the umask.
         fs::set_permissions(&all, Permissions::from_mode(0o755)).expect("its own");
         let refused = PrivateFolder::create_in(&all, "one").expect_err("open");
-        assert!(refused.to_string().contains("not a folder of yours alone"));
+        assert!(refused.to_string().contains("not your private folder"));
         fs::write(all.join("one-1-0.lock"), "").expect("written");
         sweep_in(&all);
         assert!(all.join("one-1-0.lock").exists());

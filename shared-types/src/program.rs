@@ -197,7 +197,7 @@ pub fn check_protocol(theirs: u32) -> Result<(), String> {
         Ok(())
     } else {
         Err(format!(
-            "the launcher speaks protocol {theirs}, this binary {PROTOCOL}; build both of one version"
+            "the launcher speaks protocol {theirs}, this binary {PROTOCOL}; build both from one version"
         ))
     }
 }
@@ -218,12 +218,12 @@ pub fn attach(
         match IceoryxLink::open(session, epoch) {
             Ok(link) => return Ok(link),
             Err(LinkError::Absent { .. } | LinkError::Taken { .. }) if supervision.wants_stop() => {
-                return Err("stopped before the session's link was there".into());
+                return Err("stopped before the session's link existed".into());
             }
             Err(LinkError::Absent { .. } | LinkError::Taken { .. })
                 if supervision.is_peer_gone() =>
             {
-                return Err("the plant ended before the session's link was there".into());
+                return Err("the plant ended before the session's link existed".into());
             }
             Err(LinkError::Absent { .. }) if !waiter.pause() => {}
             // The plant tells a process that was not launched to leave.

@@ -53,7 +53,8 @@ impl<T: PartialEq> Granted<T> {
     pub fn new(asked: T, granted: T, refused: Option<String>) -> Self {
         let differs = asked != granted;
         Self {
-            reason: differs.then(|| refused.unwrap_or_else(|| "the system keeps it so".into())),
+            reason: differs
+                .then(|| refused.unwrap_or_else(|| "the system set another value".into())),
             asked,
             granted,
         }
@@ -122,7 +123,7 @@ impl Settings {
             lock_memory: Granted::new(
                 self.lock_memory,
                 memory::is_locked(),
-                (kept.clone().err()).or_else(|| Some("locking is what brings it in".into())),
+                (kept.clone().err()).or_else(|| Some("locking loads it as well".into())),
             ),
             prefault: Granted::new(
                 self.prefault,

@@ -185,12 +185,12 @@ impl RecordLayout {
             let ((signals, places), (our_signals, our_places)) = (of(said), of(self));
             if signals != our_signals {
                 return Some(format!(
-                    "{signals} signals in command frames, and --describe says {our_signals}"
+                    "{signals} signals in command frames; its --describe says {our_signals}"
                 ));
             }
             (places != our_places).then(|| {
                 format!(
-                    "commands at {places:?} of their frames, and --describe says {our_places:?}"
+                    "commands at {places:?} of their frames; its --describe says {our_places:?}"
                 )
             })
         })

@@ -69,11 +69,11 @@ pub struct Launched {
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
     /// Invalid session name.
-    #[error("`{0}` is no session name: 1 to 24 of a-z, 0-9 and -")]
+    #[error("`{0}` is not a session name: 1 to 24 of a-z, 0-9 and -")]
     Name(String),
     /// Invalid name of a session group.
     #[error(
-        "`{0}` in HIL_SESSION_GROUP is no name of a group of sessions: 1 to 24 of a-z, 0-9 and -"
+        "`{0}` in HIL_SESSION_GROUP is not the name of a session group: 1 to 24 of a-z, 0-9 and -"
     )]
     Group(String),
     /// Name of a live session.
@@ -90,7 +90,7 @@ pub enum SessionError {
     #[error("no session `{0}`; see `hil sessions`")]
     Unknown(String),
     /// Folder of all sessions that belongs to another user or is open to others.
-    #[error("{0} is not a folder of yours alone; remove it or have it removed")]
+    #[error("{0} is not your private folder; remove it or have it removed")]
     NotPrivate(PathBuf),
     /// Lock over all sessions that another `hil` holds for too long.
     #[error("{0} is locked for more than 10 s; is a stopped `hil` holding it?")]
@@ -130,7 +130,7 @@ impl SessionInfo {
         if is_prefix(&info.prefix) && is_same(&info.folder, folder) {
             Ok(info)
         } else {
-            let error = io::Error::new(ErrorKind::InvalidData, "it is not of this folder");
+            let error = io::Error::new(ErrorKind::InvalidData, "it belongs to another folder");
             Err(SessionError::io("use", &path)(error))
         }
     }

@@ -82,7 +82,7 @@ pub fn hindrance() -> Option<String> {
     let found = match SharedMemory::look() {
         Ok(found) => found.hindrance(),
         Err(_) => Some(format!(
-            "{FOLDER} is not there: `sudo mount -t tmpfs -o mode=1777,nosuid,nodev tmpfs {FOLDER}`"
+            "{FOLDER} does not exist: `sudo mount -t tmpfs -o mode=1777,nosuid,nodev tmpfs {FOLDER}`"
         )),
     };
     found.or_else(limit)
@@ -94,7 +94,7 @@ fn limit() -> Option<String> {
     let addresses = left(Resource::As, addresses()).filter(|l| is_near(*l, LEAST_ADDRESSES));
     if let Some((most, used)) = addresses {
         return Some(format!(
-            "a process may have {} MiB of addresses and this one has {} already: `ulimit -v unlimited`",
+            "a process may have {} MiB of address space and this one has {} already: `ulimit -v unlimited`",
             most >> 20,
             used >> 20
         ));
@@ -108,7 +108,7 @@ fn limit() -> Option<String> {
     }
     let (most, _) = left(Resource::Fsize, 0).filter(|l| is_near(*l, LEAST_BYTES))?;
     Some(format!(
-        "a file may have {most} bytes at most: `ulimit -f unlimited`"
+        "a file may have at most {most} bytes: `ulimit -f unlimited`"
     ))
 }
 
@@ -128,10 +128,9 @@ fn addresses() -> u64 {
 /// Combines an uninformative error of iceoryx2 with its probable cause.
 pub(crate) fn refused(error: impl std::fmt::Debug) -> String {
     let hindrance = hindrance().unwrap_or_else(|| {
-        "nothing is known that keeps shared memory from being used; try again, then see `hil doctor`"
-            .into()
+        "no obstacle to using shared memory was found; try again, then see `hil doctor`".into()
     });
-    format!("iceoryx2 says {error:?}: {hindrance}")
+    format!("iceoryx2 reports {error:?}: {hindrance}")
 }
 
 #[cfg(test)]

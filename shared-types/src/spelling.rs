@@ -35,7 +35,7 @@ const EMPTY: &str = "__u_";
 pub enum Unspellable {
     /// Name whose spelling is too long.
     #[error(
-        "the name {begin:?}.. has {bytes} bytes when it is spelled with letters, digits and _, and {most} is the most",
+        "the name {begin:?}.. has {bytes} bytes when spelled with letters, digits and _; at most {most} are allowed",
         most = LONGEST_NAME
     )]
     Long {
@@ -46,7 +46,7 @@ pub enum Unspellable {
     },
     /// Two names that coincide in a recording, whose schema has `_` for each dot.
     #[error(
-        "the names {one:?} and {other:?} are one in a recording, whose columns have _ for a dot; rename one of them"
+        "the names {one:?} and {other:?} coincide in a recording, whose columns have _ for a dot; rename one of them"
     )]
     Alike {
         /// A foreign name.

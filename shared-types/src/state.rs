@@ -35,9 +35,7 @@ impl State {
             Ok(value)
         } else {
             let bytes = rest.len();
-            Err(Invalid(format!(
-                "the state has {bytes} bytes more than it should"
-            )))
+            Err(Invalid(format!("the state has {bytes} surplus bytes")))
         }
     }
 

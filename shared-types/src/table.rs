@@ -376,7 +376,7 @@ macro_rules! table {
 
 /// Table in which every row has a default, so that a scenario need not set it.
 #[diagnostic::on_unimplemented(
-    message = "`{Self}` is no table of parameters: a parameter has a default",
+    message = "`{Self}` is not a table of parameters: a parameter needs a default",
     label = "a row of it has no default",
     note = "write each row as `name: \"unit\" = default in min..=max`"
 )]

@@ -115,7 +115,7 @@ impl Rate {
 
 /// Number that is not a valid rate.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("{} is no rate: from {} to {}",
+#[error("{} is not a valid rate: expected {} to {}",
     exact_in(*.0, "Hz"),
     exact(Rate::MIN_HZ),
     exact_in(Rate::MAX_HZ, "Hz"))]

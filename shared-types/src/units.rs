@@ -46,15 +46,13 @@ pub struct Unit {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unreadable {
     /// Unknown symbol.
-    #[error("`{0}` is no unit that is known here{near}", near = symbols::near(.0))]
+    #[error("`{0}` is not a known unit{near}", near = symbols::near(.0))]
     Symbol(String),
     /// Product after a quotient without parentheses.
-    #[error(
-        "`{0}` can be read in two ways; write a denominator of two units in parentheses, as in J/(kg K)"
-    )]
+    #[error("`{0}` is ambiguous; write a denominator of two units in parentheses, as in J/(kg K)")]
     Ambiguous(String),
     /// Text that is not a product of units.
-    #[error("`{0}` is no product of units with exponents, such as kg m2/s2 or N.m")]
+    #[error("`{0}` is not a product of units with exponents, such as kg m2/s2 or N.m")]
     Form(String),
 }
 

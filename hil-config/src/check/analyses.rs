@@ -146,16 +146,16 @@ impl AnalysisContext<'_> {
             Some(format!("the chirp `{target}` does not rise"))
         } else if end_hz > highest_hz {
             Some(format!(
-                "the chirp `{target}` ends at {} Hz; with this rate of exchange no more than {} Hz can be told",
+                "the chirp `{target}` ends at {} Hz; with this exchange rate no more than {} Hz can be analysed",
                 number(end_hz),
                 number(highest_hz)
             ))
         } else if duration_s > grid.end_s() {
             Some(format!(
-                "the chirp `{target}` goes on after the end of the run"
+                "the chirp `{target}` extends beyond the end of the run"
             ))
         } else if turns < 2.0 {
-            Some(format!("the chirp `{target}` makes less than two turns"))
+            Some(format!("the chirp `{target}` has less than two turns"))
         } else {
             None
         };

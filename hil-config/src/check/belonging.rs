@@ -141,7 +141,7 @@ fn names(owners: &Owners<'_>) -> Vec<(String, Owned)> {
     let shared = owners.kinds.iter().map(|kind| kind.kind.as_str());
     for kind in own.chain(shared) {
         let advice = format!(
-            "`{kind}` is a kind of fault: a [[faults]] with kind = \"{kind}\" brings it about, and hil inject while the run goes on"
+            "`{kind}` is a kind of fault: a [[faults]] with kind = \"{kind}\" causes it, and hil inject does so during the run"
         );
         all.push((kind.into(), Owned::Other(advice)));
     }

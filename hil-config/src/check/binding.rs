@@ -134,7 +134,7 @@ fn bind_reference(
             order => format!(" with its first {order} derivatives"),
         };
         let help = format!(
-            "a [[stimuli]] with target = \"{}\" and a kind of {} gives it{needs}",
+            "a [[stimuli]] with target = \"{}\" and a kind of {} provides it{needs}",
             target.name,
             listed(kinds)
         );
@@ -179,12 +179,12 @@ fn unbound(
     let message = match other_unit {
         Some(other) => {
             let other = &other.unit;
-            format!("{asks} `{name}` in {unit}, and {gives} gives it in {other}")
+            format!("{asks} `{name}` in {unit}, but {gives} provides it in {other}")
         }
         None if gives == "a stimulus" => {
-            format!("{asks} `{name}` in {unit}, which no stimulus gives")
+            format!("{asks} `{name}` in {unit}, which no stimulus provides")
         }
-        None => format!("{asks} `{name}` in {unit}, which {gives} does not give"),
+        None => format!("{asks} `{name}` in {unit}, which {gives} does not provide"),
     };
     let problem = reader.report_at(section, "law", ProblemKind::Unbound, message);
     if other_unit.is_none() {

@@ -155,7 +155,7 @@ fn change(
     let (set, clear) = (set.unwrap_or_default(), clear.unwrap_or_default());
     if set.is_empty() && clear.is_empty() {
         let message = match section.path.as_str() {
-            "" => "nothing is to be changed".into(),
+            "" => "the change is empty".into(),
             path => format!("`{path}` changes nothing"),
         };
         reader
@@ -169,7 +169,7 @@ fn change(
         return None;
     }
     if let Some(both) = set.iter().find(|one| clear.contains(&one.key)) {
-        let message = format!("`{}` is set and cleared at once", both.key);
+        let message = format!("`{}` is both set and cleared", both.key);
         reader.report_at(section, "clear", ProblemKind::Duplicate, message);
         return None;
     }
@@ -177,7 +177,7 @@ fn change(
     let no_way = match set.iter().find(is_endless) {
         Some(one) => Some(format!("no ramp leads `{}` to {}", one.key, one.value)),
         None if ramp_s.is_some() && set.is_empty() => Some(
-            "a reference signal follows its stimulus at once: there is no value for a ramp".into(),
+            "a reference signal returns to its stimulus at once: a ramp has no end value".into(),
         ),
         None => None,
     };
@@ -301,7 +301,7 @@ fn unknown(
         count => format!("one of {count} keys, which `hil get --tunable` lists"),
     };
     let message = match is_there {
-        true => format!("`{name}` cannot be changed while the run goes on"),
+        true => format!("`{name}` cannot be changed during the run"),
         false => format!("there is no `{name}` to change"),
     };
     reader
@@ -325,7 +325,7 @@ fn cleared(
         if let Some(signal) = signals.iter().find(|one| one.is_called(text)) {
             clear.push(signal.key.clone());
         } else {
-            let message = format!("`{text}` has no stimulus that it could follow again");
+            let message = format!("`{text}` has no stimulus to return to");
             reader
                 .report(ProblemKind::UnknownName, path, place, message)
                 .one_of(text, signals.iter().map(|one| one.key.as_str()));

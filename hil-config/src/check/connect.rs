@@ -11,7 +11,7 @@ use crate::reader::{Reader, Section};
 
 /// Advice for a scenario whose units do not determine the conversion.
 const GIVE_FACTOR: &str =
-    "give `factor` and, if need be, `offset`: received = factor * sent + offset";
+    "give `factor` and, if needed, `offset`: received = factor * sent + offset";
 
 /// Kinds of signals that cross the link.
 const KINDS: [SignalKind; 3] = [
@@ -142,7 +142,7 @@ fn connection(reader: &mut Reader, section: &Section<'_>, ends: &Ends<'_>) -> Op
                         section,
                         "factor",
                         ProblemKind::OutOfRange,
-                        "a factor of 0 leaves nothing of the signal",
+                        "a factor of 0 removes the signal",
                     )
                     .expected("a factor other than 0");
                 return None;
@@ -158,7 +158,7 @@ fn connection(reader: &mut Reader, section: &Section<'_>, ends: &Ends<'_>) -> Op
                     ProblemKind::MissingKey,
                     "an `offset` without a `factor`",
                 )
-                .expected("both, or none where the units tell");
+                .expected("both, or neither if the units determine the conversion");
             return None;
         }
         (None, None) => None,
@@ -210,7 +210,7 @@ fn unknown(
         ("plant", "reference") => "the scenario's [[stimuli]]".to_owned(),
         _ => format!("{whose} `{of}`"),
     };
-    let message = format!("`{kind}.{name}` is no signal of {owner}");
+    let message = format!("`{kind}.{name}` is not a signal of {owner}");
     let paths: Vec<String> = (fields.iter().map(|field| &field.name))
         .map(|name| format!("{kind}.{name}"))
         .collect();
@@ -252,7 +252,7 @@ fn by_units(
                         false => (received, sent),
                     };
                     format!(
-                        "{names}: `{}` is declared as a difference (relativeQuantity) and `{}` is not, so the zeros of the units may count or not",
+                        "{names}: `{}` is declared as a difference (relativeQuantity) and `{}` is not, so it is unclear if the offsets of the units apply",
                         one.name, other.name
                     )
                 }

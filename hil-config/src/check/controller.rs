@@ -210,7 +210,7 @@ fn rate_divisor(reader: &mut Reader, section: &Section<'_>, grid: Option<Grid>) 
             "rate_hz",
             ProblemKind::Mismatch,
             format!(
-                "`controller.rate_hz` is {}, no whole fraction of `run.rate_hz` = {}",
+                "`controller.rate_hz` is {}, not a whole fraction of `run.rate_hz` = {}",
                 number(rate_hz),
                 number(run_hz)
             ),

@@ -65,7 +65,7 @@ pub(super) fn read(
         Err(error) => {
             let (reason, help) = match error.kind() {
                 ErrorKind::NotFound => (
-                    "it is not there".into(),
+                    "it does not exist".into(),
                     advice_on_missing(folder, name, "scenario"),
                 ),
                 _ => (error.to_string(), String::new()),

@@ -41,7 +41,7 @@ pub(super) fn check(
         &section,
         "readings",
         signals,
-        "is no signal of this run",
+        "is not a signal of this run",
         own,
     );
     let tune = names(
@@ -49,7 +49,7 @@ pub(super) fn check(
         &section,
         "tune",
         own_keys,
-        "cannot be changed while this run goes on",
+        "cannot be changed during this run",
         own_key,
     );
     let inject = names(reader, &section, "inject", None, "", str::to_owned);

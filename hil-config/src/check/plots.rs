@@ -62,11 +62,11 @@ fn signals(
             continue;
         };
         are_known = false;
-        let message = format!("`{path}` is `{name}`, which is no signal of this run");
+        let message = format!("`{path}` is `{name}`, which is not a signal of this run");
         let problem = reader.report(ProblemKind::UnknownName, path, place, message);
         problem.nearest = columns.nearest(name);
         if name.starts_with("internal.") {
-            problem.help("if only some laws show it, name them in `laws`");
+            problem.help("if only some laws have it, name them in `laws`");
         }
     }
     let own = |name| columns.map_or(name, |columns| columns.own_name(name));
@@ -91,7 +91,7 @@ fn laws(
             continue;
         }
         are_known = false;
-        let message = format!("`{path}` is `{name}`, which is no law");
+        let message = format!("`{path}` is `{name}`, which is not a law");
         reader
             .report(ProblemKind::UnknownName, path, place, message)
             .one_of(name, known.iter().copied());

@@ -66,7 +66,7 @@ impl Span {
     /// Returns the span of an effect that is followed by at most `left_s` of the run.
     pub(super) fn of_effect(left_s: f64) -> Self {
         let words = format!(
-            "counts from the begin of the effect, after which the run goes on for at most {} s",
+            "counts from the beginning of the effect, after which the run lasts for at most {} s",
             number(left_s)
         );
         Self {
@@ -92,7 +92,7 @@ pub(super) fn refuse_outside(
         None => "time_s",
     };
     let message = format!(
-        "the table goes from {} to {} s and {}, so nothing of it takes effect",
+        "the table goes from {} to {} s and {}, so it has no effect",
         number(first),
         number(last),
         span.words

@@ -116,7 +116,7 @@ pub(super) fn file(reader: &mut Reader, folder: &Path, path: &str, node: &Node) 
     match std::path::absolute(folder.join(text)) {
         Ok(file) if !text.is_empty() => Some(file),
         _ => {
-            let message = format!("`{path}` is `{text}`, which names no file");
+            let message = format!("`{path}` is `{text}`, which is not a file name");
             reader
                 .report(ProblemKind::OutOfRange, path, &node.place, message)
                 .expected("a file, relative to the scenario");

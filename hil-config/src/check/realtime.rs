@@ -58,7 +58,7 @@ fn refuse_blocking(reader: &mut Reader, section: &Section<'_>, realtime: &Realti
     {
         mismatch(
             "wait",
-            format!("plant and controller share core {core} and neither would give it away"),
+            format!("plant and controller share core {core} and neither would yield it"),
             "`yield` or `hybrid`, or a core for each side",
         );
     }
@@ -73,7 +73,7 @@ fn refuse_blocking(reader: &mut Reader, section: &Section<'_>, realtime: &Realti
                 "core {core} belongs to a loop of priority {}",
                 realtime.priority
             ),
-            "a core without one: the recorder has ordinary priority and would hardly ever run",
+            "another core: the recorder has ordinary priority and would hardly ever run",
         );
     }
 }

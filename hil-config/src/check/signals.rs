@@ -137,7 +137,8 @@ fn name<'a>(
 ) -> Option<&'a str> {
     let name = reader.text(section, "name")?;
     if !is_name(name) || is_reserved(name) || is_operator(name) {
-        let expected = "a name of letters, digits and _ that is no function, for example error_m";
+        let expected =
+            "a name of letters, digits and _ that is not a function, for example error_m";
         reader.refuse(section, "name", name, expected);
         return None;
     }
@@ -321,7 +322,7 @@ fn window_s(
     let (start_s, end_s) = reader.pair(&path, &found.node, "s")?;
     let is_one = |window: &Window| window.start_s == start_s && window.end_s == end_s;
     if !windows?.iter().any(is_one) {
-        let message = format!("`{path}` is none of the metric's windows");
+        let message = format!("`{path}` is not one of the metric's windows");
         reader
             .report(ProblemKind::OutOfRange, &path, &found.node.place, message)
             .expected("one of `windows_s`");

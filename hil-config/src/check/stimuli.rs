@@ -32,7 +32,7 @@ pub(super) fn check(
             let fields = stimulus.fields();
             let again = fields.iter().find(|field| given.contains(&field.name));
             if let Some(field) = again {
-                let message = format!("two stimuli give the reference signal `{}`", field.name);
+                let message = format!("two stimuli provide the reference signal `{}`", field.name);
                 reader.report_at(section, "target", ProblemKind::Duplicate, message);
             }
             given.extend(fields.into_iter().map(|field| field.name));

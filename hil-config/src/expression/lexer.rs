@@ -122,7 +122,7 @@ fn number(text: &str, at: usize) -> Result<(TokenKind, usize), ExpressionError> 
         if unit.has_own_zero() {
             let kelvin = unit.in_base_units(written);
             let message = format!(
-                "`{}` counts from a zero of its own; write a plain number, in the unit of the signal, or `{kelvin:?} K`",
+                "`{}` has an offset from absolute zero; write a plain number, in the unit of the signal, or `{kelvin:?} K`",
                 &rest[..end]
             );
             return Err(ExpressionError::new(text, span, message));

@@ -75,8 +75,7 @@ impl Parser<'_> {
         let reach = self.operand()?;
         let next = self.words.peek().span.clone();
         if self.accept_chain().is_some() {
-            let message =
-                "two of `until` and `since` in a row; say by parentheses what belongs together";
+            let message = "two of `until` and `since` in a row; group them by parentheses";
             return Err(self.words.error(next, message));
         }
         Ok(self.push(Node::Chain {
@@ -214,12 +213,12 @@ impl Parser<'_> {
                 let words = self.words.text[side.start..end].trim_end();
                 let begin = side.start + words.len() - words.trim_start().len();
                 let span = begin..side.start + words.len();
-                let message = "it is true or false, and so cannot be compared; join comparisons by `and`, `or` and `implies`";
+                let message = "a truth value cannot be compared; join comparisons by `and`, `or` and `implies`";
                 return Err(self.words.error(span, message));
             }
         }
         if left.expression.is_constant() && right.expression.is_constant() {
-            let message = "it compares numbers and no signal, and so says nothing of a run";
+            let message = "it compares numbers and no signal, and so does not depend on the run";
             return Err(self.words.error(span, message));
         }
         self.words.at = end;
@@ -278,7 +277,7 @@ impl Parser<'_> {
             error.nearest = nearest(name, known).into_iter().map(Into::into).collect();
             return error;
         }
-        let message = "a requirement is made of comparisons, such as `abs(error_m) < 0.01`";
+        let message = "a requirement consists of comparisons, such as `abs(error_m) < 0.01`";
         self.words.error(span, message)
     }
 

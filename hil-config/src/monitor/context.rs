@@ -70,7 +70,7 @@ impl<'a> FormulaContext<'a> {
             if at_start {
                 return Ok((0, until as i64));
             }
-            let message = "without bounds it goes as far as the run does, which only an outermost operator can; give it bounds, such as [0s,1s]";
+            let message = "without bounds it extends to the end of the run, as only an outermost operator can; give it bounds, such as [0s,1s]";
             return Err(message.into());
         };
         let rate = self.rate;
@@ -97,12 +97,12 @@ impl<'a> FormulaContext<'a> {
         let why = if until == *steps {
             format!("the run ends at {last_s} s")
         } else if until + 1 == *steps {
-            format!("there is a command for the last time at {last_s} s, a step before the end")
+            format!("the last command is at {last_s} s, a step before the end")
         } else {
-            format!("what is inside looks ahead itself and can be judged until {last_s} s only")
+            format!("its operand looks ahead itself and can be evaluated until {last_s} s only")
         };
         format!(
-            "the window reaches too far: {why}; shorten it, or leave out the bounds of an outermost operator to go as far as the run does"
+            "the window reaches too far: {why}; shorten it, or omit the bounds of an outermost operator to extend it to the end of the run"
         )
     }
 }

@@ -151,7 +151,7 @@ fn target(plants: &[PlantDescription], acts_on: ActsOn) -> Value {
         }
         _ => known,
     };
-    target["description"] = json!("What it acts on.");
+    target["description"] = json!("Target of the effect.");
     target["type"] = json!("string");
     target
 }

@@ -111,11 +111,11 @@ fn each_mistake_is_reported_with_its_place_and_the_nearest_name() {
         ),
         (
             format!("cases = 1\n{uniform}{uniform}"),
-            "`a.b` has a value from this study already",
+            "`a.b` is already set by this study",
         ),
         (
             format!("cases = 1\nset = [\"a.b=3\"]\n{uniform}"),
-            "`a.b` has a value from this study already",
+            "`a.b` is already set by this study",
         ),
         ("cases = 1\nset = [\"a.b\"]\n".into(), "`a.b` has no `=`"),
         (
@@ -152,7 +152,7 @@ fn each_mistake_is_reported_with_its_place_and_the_nearest_name() {
             format!(
                 "cases = 1\n{normal}{uniform}[[correlate]]\nnames = [\"n\", \"b\"]\ncoefficient = 0.5\n"
             ),
-            "`b` is no normal or lognormal value",
+            "`b` is not a normal or lognormal value",
         ),
         (
             "cases = 1\nsampling = \"sobol\"\n[[goals]]\nprobability = 0.9\n".into(),
@@ -171,14 +171,14 @@ fn each_mistake_is_reported_with_its_place_and_the_nearest_name() {
                 "cases = 1\n{}whole = true\n",
                 uniform.replace("min = 0", "min = 0.5")
             ),
-            "`vary[0].min` is 0.5, and only whole numbers are wanted",
+            "`vary[0].min` is 0.5, but only whole numbers are valid",
         ),
         (
             format!(
                 "cases = 1\n{}points = 3\nwhole = true\n",
                 uniform.replace("uniform", "grid")
             ),
-            "a point of the grid is 0.5, and only whole numbers are wanted",
+            "a point of the grid is 0.5, but only whole numbers are valid",
         ),
         (
             "cases = 1\n[[vary]]\nkey = \"a.b\"\nkind = \"list\"\nvalues = [1, 2]\nwhole = true\n"

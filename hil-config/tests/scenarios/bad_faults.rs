@@ -43,17 +43,17 @@ const EVENTS: &[Case] = &[
     ("kind = \"bias\"\nat_step = ^2000", OutOfRange, &["at step 2000 the run is over", "a step from 0 to 1999, which is at 1.999 s"]),
     ("kind = \"bias\"\nat_step = ^1.5", WrongType, &["`faults[0].at_step` is a number", "a whole number from 0"]),
     ("kind = \"bias\"\nat_step = ^-1", OutOfRange, &["`faults[0].at_step` is -1"]),
-    ("kind = \"bias\"\nat_s = 0.5\nfor_s = ^0.1", Mismatch, &["`faults[0].for_s` belongs to `when`, which is not there"]),
+    ("kind = \"bias\"\nat_s = 0.5\nfor_s = ^0.1", Mismatch, &["`faults[0].for_s` belongs to `when`, which is missing"]),
     ("kind = \"bias\"\nat_s = 0.5\ndelay_s = ^0.1", Mismatch, &["`faults[0].delay_s` belongs to `after`"]),
     ("kind = \"bias\"\nat_s = 0.5\ndelay_steps = ^1", Mismatch, &["`faults[0].delay_steps` belongs to `after`"]),
     ("kind = \"bias\"\nwhen = \"^truth.surface_angel_rad > 0\"", Expression, &["unknown signal `truth.surface_angel_rad`", "nearest: `truth.surface_angle_rad`"]),
     ("kind = \"bias\"\nwhen = \"large and ^parameter.actuator1.leakage > 0\"", Expression, &["unknown signal `parameter.actuator1.leakage`", "nearest: `parameter.actuator1.leakage_coefficient_m3ps_per_sqrt_pa`"]),
     ("kind = \"bias\"\nwhen = \"^bulk_modulus_pa > 0\"", Expression, &["nearest: `parameter.actuator1.bulk_modulus_pa`, `parameter.actuator2.bulk_modulus_pa`"]),
     ("kind = \"bias\"\nwhen = \"^actuator2.bulk_modulus_pa > 0\"", Expression, &["unknown kind of signal `actuator2`", "nearest: `parameter.actuator2.bulk_modulus_pa`"]),
-    ("kind = \"bias\"\nwhen = \"^max_abs(error_rad) > 1\"", Expression, &["belongs into [[metrics]]"]),
+    ("kind = \"bias\"\nwhen = \"^max_abs(error_rad) > 1\"", Expression, &["belongs in [[metrics]]"]),
     ("kind = \"bias\"\nwhen = \"error_rad >^\"", Expression, &["found the end"]),
     ("kind = \"bias\"\nwhen = ^1", WrongType, &["`faults[0].when` is a number"]),
-    ("kind = \"bias\"\nwhen = \"large\"\nfor_s = ^2", OutOfRange, &["must hold for 2000 records in a row", "a time below 2 in s"]),
+    ("kind = \"bias\"\nwhen = \"large\"\nfor_s = ^2", OutOfRange, &["must hold for 2000 consecutive records", "a time below 2 in s"]),
     ("kind = \"bias\"\nwhen = \"large\"\nfor_s = ^-1", OutOfRange, &["`faults[0].for_s` is -1"]),
     ("kind = \"bias\"\nafter = ^\"jam\"", UnknownName, &["there is no fault event `jam`", "a number from 1 to 1"]),
     ("kind = \"bias\"\nafter = ^0", UnknownName, &["there is no fault event 0", "a number from 1 to 1"]),
@@ -63,7 +63,7 @@ const EVENTS: &[Case] = &[
     // Ends
     ("kind = \"bias\"\nat_s = 0.5\nduration_s = ^0", OutOfRange, &["`faults[0].duration_s` is 0", "in s"]),
     ("kind = \"bias\"\nat_s = 0.5\nduration_steps = ^0", OutOfRange, &["`faults[0].duration_steps` is 0", "a whole number from 1"]),
-    ("kind = \"bias\"\nat_s = 0.5\nduration_s = 1\nduration_steps = ^1", Duplicate, &["`faults[0].duration_steps` says again what `duration_s` says"]),
+    ("kind = \"bias\"\nat_s = 0.5\nduration_s = 1\nduration_steps = ^1", Duplicate, &["`faults[0].duration_steps` repeats `duration_s`"]),
     ("kind = \"bias\"\nat_s = 0.5\nend_s = ^2.1", OutOfRange, &["at 2.1 s the run is over", "from 0 to 2 in s, step 2000"]),
     ("kind = \"bias\"\nat_s = 0.5\nend_step = ^2001", OutOfRange, &["at step 2001 the run is over"]),
     ("kind = \"bias\"\nat_s = 0.5\nend_s = ^0.5", Mismatch, &["the fault would end at 0.5 s, and takes hold at 0.5 s"]),
@@ -78,7 +78,7 @@ const EFFECTS: &[EffectCase] = &[
     // Targets of numbers
     ("bias", "target = ^\"measured.surface_angel_rad\"\nbias = 1", UnknownName, &["plant `drhas` has no signal `measured.surface_angel_rad`", "one of `measured.surface_angle_rad`", "nearest: `measured.surface_angle_rad`"]),
     ("bias", "target = ^\"command.surface_angle_rad\"\nbias = 1", UnknownName, &["plant `drhas` has no signal `command.surface_angle_rad`", "`command.actuator1_valve_current_a`, `command.actuator2_valve_current_a`"]),
-    ("bias", "target = ^\"reference.wind_mps\"\nbias = 1", UnknownName, &["no stimulus gives the reference signal `wind_mps`", "`reference.load_n`"]),
+    ("bias", "target = ^\"reference.wind_mps\"\nbias = 1", UnknownName, &["no stimulus provides the reference signal `wind_mps`", "`reference.load_n`"]),
     ("bias", "target = ^\"surface_angle_rad\"\nbias = 1", UnknownName, &["unknown target `surface_angle_rad`", "a signal (measured.x, reference.x, command.x) or a faultable parameter (parameter.x)", "nearest: `measured.surface_angle_rad`, `reference.surface_angle_rad`"]),
     ("bias", "target = ^\"truth.surface_angle_rad\"\nbias = 1", UnknownName, &["unknown target `truth.surface_angle_rad`", "nearest: `measured.surface_angle_rad`, `reference.surface_angle_rad`"]),
     ("bias", "target = ^\"parameter.actuator1.bulk_modulus\"\nbias = 1", UnknownName, &["plant `drhas` has no parameter `actuator1.bulk_modulus`", "nearest: `parameter.actuator1.bulk_modulus_pa`"]),
@@ -128,13 +128,13 @@ const EFFECTS: &[EffectCase] = &[
     ("dropout", "target = \"reference.load_n\"\nprofile = { kind = ^\"table\" }", Mismatch, &["a profile of kind `table` needs its points once"]),
     ("dropout", "target = \"reference.load_n\"\nprofile = { kind = \"table\", time_s = ^[1, 1], values = [1, 2] }", Mismatch, &["time 1 follows time 1"]),
     // The run ends 1.5 s after the event.
-    ("dropout", "target = \"reference.load_n\"\nprofile = { kind = \"table\", time_s = ^[1.6, 2], values = [1, 0] }", OutOfRange, &["the table goes from 1.6 to 2 s and counts from the begin of the effect, after which the run goes on for at most 1.5 s", "so nothing of it takes effect"]),
-    ("dropout", "target = \"reference.load_n\"\nskew_s = 1\nprofile = { kind = \"table\", time_s = ^[0.6, 2], values = [1, 0] }", OutOfRange, &["goes on for at most 0.5 s"]),
+    ("dropout", "target = \"reference.load_n\"\nprofile = { kind = \"table\", time_s = ^[1.6, 2], values = [1, 0] }", OutOfRange, &["the table goes from 1.6 to 2 s and counts from the beginning of the effect, after which the run lasts for at most 1.5 s", "so it has no effect"]),
+    ("dropout", "target = \"reference.load_n\"\nskew_s = 1\nprofile = { kind = \"table\", time_s = ^[0.6, 2], values = [1, 0] }", OutOfRange, &["lasts for at most 0.5 s"]),
     ("dropout", "target = \"reference.load_n\"\nprofile = { kind = \"table\", time_s = ^[-2, -1], values = [1, 0] }", OutOfRange, &["the table goes from -2 to -1 s"]),
     // Skew
     ("dropout", "target = \"reference.load_n\"\nskew_s = ^1.5", OutOfRange, &["`faults[0].effects[0].skew_s`: at 2 s the run is over", "a skew to at most 1.999 s, step 1999"]),
     ("dropout", "target = \"reference.load_n\"\nskew_steps = ^1500", OutOfRange, &["`faults[0].effects[0].skew_steps`: at 2 s the run is over"]),
-    ("dropout", "target = \"reference.load_n\"\nskew_s = 0\nskew_steps = ^0", Duplicate, &["`faults[0].effects[0].skew_steps` says again what `skew_s` says"]),
+    ("dropout", "target = \"reference.load_n\"\nskew_s = 0\nskew_steps = ^0", Duplicate, &["`faults[0].effects[0].skew_steps` repeats `skew_s`"]),
 ];
 
 #[test]
@@ -169,7 +169,7 @@ fn a_missing_key_is_reported_where_its_table_begins() {
             "^[[faults]]\nkind = \"bias\"",
             format!("[[faults.effects]]\n{EFFECT}"),
             &[
-                "`faults[0]` does not say when it takes hold",
+                "`faults[0]` has no trigger",
                 "one of `at_s`, `at_step`, `when`, `after`",
             ][..],
         ),
@@ -245,7 +245,7 @@ fn an_event_after_another_must_fit_into_the_run() {
         &text,
         OutOfRange,
         &[
-            "`faults[2].delay_steps`: at 2 s, the first time that this could be, the run is over",
+            "`faults[2].delay_steps`: at 2 s, the earliest possible time, the run is over",
             "by 1.999 s, step 1999",
         ],
     );

@@ -194,21 +194,21 @@ const CASES: &[Case] = &[
     ("made_for = \"spring-mass\"\n", "", Mismatch, &["law `pid` is not made for plant `slider`", "made for `drhas`", "`made_for`"]),
     ("made_for = \"spring-mass\"", "made_for = \"sprin-mass\"", Mismatch, &["law `pid` is not made for plant `sprin-mass`"]),
     ("made_for = \"spring-mass\"", "made_for = 3", ProblemKind::WrongType, &["`controller.made_for` is a number"]),
-    ("law = \"measured.position_m\"", "law = \"measured.positon_m\"", UnknownName, &["`measured.positon_m` is no signal of law `pid`", "nearest: `measured.position_m`"]),
-    ("plant = \"measured.s\"", "plant = \"measured.t\"", UnknownName, &["`measured.t` is no signal of plant `slider`", "one of `measured.s`, `measured.der__s`, `measured.odd`"]),
-    ("plant = \"reference.goal_mm\"", "plant = \"reference.gaol_mm\"", UnknownName, &["`reference.gaol_mm` is no signal of the scenario's [[stimuli]]", "nearest: `reference.goal_mm`"]),
+    ("law = \"measured.position_m\"", "law = \"measured.positon_m\"", UnknownName, &["`measured.positon_m` is not a signal of law `pid`", "nearest: `measured.position_m`"]),
+    ("plant = \"measured.s\"", "plant = \"measured.t\"", UnknownName, &["`measured.t` is not a signal of plant `slider`", "one of `measured.s`, `measured.der__s`, `measured.odd`"]),
+    ("plant = \"reference.goal_mm\"", "plant = \"reference.gaol_mm\"", UnknownName, &["`reference.gaol_mm` is not a signal of the scenario's [[stimuli]]", "nearest: `reference.goal_mm`"]),
     ("plant = \"measured.s\"", "plant = \"command.F\"", Mismatch, &["a measured signal of the law cannot be a command signal of the plant", "expected: measured.NAME"]),
     ("plant = \"measured.s\"", "plant = \"truth.s\"", OutOfRange, &["`connect[0].plant` is `truth.s`", "measured.NAME, reference.NAME or command.NAME"]),
     ("plant = \"measured.s\"", "plant = \"s\"", OutOfRange, &["`connect[0].plant` is `s`"]),
     ("plant = \"measured.s\"\n", "", MissingKey, &["`connect[0].plant` is missing"]),
-    ("plant = \"measured.s\"", "plant = \"measured.der__s\"", Mismatch, &["`der__s` in mm/s and `position_m` in m have different dimensions, m/s and m", "give `factor` and, if need be, `offset`: received = factor * sent + offset"]),
-    ("plant = \"measured.s\"", "plant = \"measured.odd\"", Mismatch, &["`odd` in turns and `position_m` in m cannot be converted: `turns` is no unit that is known here", "give `factor`"]),
-    ("plant = \"measured.s\"", "plant = \"measured.s\"\nfactor = 0", OutOfRange, &["a factor of 0 leaves nothing of the signal"]),
+    ("plant = \"measured.s\"", "plant = \"measured.der__s\"", Mismatch, &["`der__s` in mm/s and `position_m` in m have different dimensions, m/s and m", "give `factor` and, if needed, `offset`: received = factor * sent + offset"]),
+    ("plant = \"measured.s\"", "plant = \"measured.odd\"", Mismatch, &["`odd` in turns and `position_m` in m cannot be converted: `turns` is not a known unit", "give `factor`"]),
+    ("plant = \"measured.s\"", "plant = \"measured.s\"\nfactor = 0", OutOfRange, &["a factor of 0 removes the signal"]),
     ("plant = \"measured.s\"", "plant = \"measured.s\"\nfactor = inf", OutOfRange, &["`connect[0].factor`"]),
     ("plant = \"measured.s\"", "plant = \"measured.s\"\noffset = 1", MissingKey, &["an `offset` without a `factor`"]),
     ("plant = \"measured.s\"", "plant = \"measured.s\"\nunit = \"m\"", UnknownKey, &["unknown key `unit` in `connect[0]`"]),
     ("plant = \"command.F\"\n", "plant = \"command.F\"\n[[connect]]\nlaw = \"measured.position_m\"\nplant = \"measured.odd\"\nfactor = 1\n", Duplicate, &["`measured.position_m` of the law is connected twice"]),
-    ("[[connect]]\nlaw = \"command.force_n\"\nplant = \"command.F\"\n", "", Unbound, &["plant `slider` needs the command `F` in kN, which law `pid` does not give", "[[connect]]"]),
+    ("[[connect]]\nlaw = \"command.force_n\"\nplant = \"command.F\"\n", "", Unbound, &["plant `slider` needs the command `F` in kN, which law `pid` does not provide", "[[connect]]"]),
 ];
 
 #[test]
@@ -238,7 +238,7 @@ fn a_command_may_be_sent_only_once() {
     assert_found(
         &found[0],
         Duplicate,
-        &["law `both` would give the command `F` twice"],
+        &["law `both` would send the command `F` twice"],
     );
     let one = "[[connect]]\nlaw = \"command.F\"\nplant = \"command.F\"\n";
     let found = problems(&(two + one + other));

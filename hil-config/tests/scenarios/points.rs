@@ -199,11 +199,11 @@ fn a_missing_file_is_reported_with_the_folder_of_its_path() {
     let message = problems[0].to_string();
     let help = problems[0].help.as_deref().expect("advice");
     assert!(
-        message.contains("cannot be read: it is not there"),
+        message.contains("cannot be read: it does not exist"),
         "{message}"
     );
     assert!(
-        help.contains("paths in a scenario begin at the folder of the scenario, /"),
+        help.contains("paths in a scenario are relative to the folder of the scenario, /"),
         "{help}"
     );
     assert!(help.ends_with("/points/x.csv"), "{help}");

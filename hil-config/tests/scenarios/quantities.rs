@@ -98,7 +98,10 @@ fn every_known_unit_can_follow_a_number() {
             let read = Expression::parse(&text);
             if conversion.offset != 0.0 {
                 let error = read.expect_err(&text).to_string();
-                assert!(error.contains("zero of its own"), "{text}: {error}");
+                assert!(
+                    error.contains("offset from absolute zero"),
+                    "{text}: {error}"
+                );
                 continue;
             }
             let expected = match text.as_str() {

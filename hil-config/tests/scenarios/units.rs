@@ -153,7 +153,7 @@ fn two_known_units_are_neither_added_nor_compared() {
         let parts = [
             format!("is in {unit} and `"),
             format!(
-                "` in {other}, which cannot be {joined}; if it is meant, write a factor, as in `1 * "
+                "` in {other}, which cannot be {joined}; if this is intended, write a factor, as in `1 * "
             ),
         ];
         assert!(

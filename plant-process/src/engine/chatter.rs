@@ -306,8 +306,7 @@ fn a_controller_lost_during_a_hold_is_lost_when_the_run_resumes() {
 
 #[test]
 fn a_differing_second_answer_breaks_the_protocol() {
-    let twice =
-        "controller broke the protocol at step 3: it answered step 2 twice, and not the same";
+    let twice = "controller broke the protocol at step 3: it answered step 2 twice, with different commands";
     for (policy, repeats, step, why) in [
         (OnLoss::Abort, Repeats::OtherCommand(Step(2)), 3, twice),
         (OnLoss::Hold, Repeats::OtherCommand(Step(2)), 9, twice),

@@ -116,7 +116,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         if self.job.run.overrun == OverrunPolicy::Abort {
             self.commands.missed.note(step);
             let late = format!(
-                "controller did not answer step {step} by its deadline, and the policy for overruns is `abort`"
+                "controller did not answer step {step} by its deadline, and the overrun policy is `abort`"
             );
             return self.overran(late);
         }

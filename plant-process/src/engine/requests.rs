@@ -115,7 +115,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 let _ = answer.send(if is_late {
                     Err("the run is over".into())
                 } else if epoch != tuning.offered().epoch {
-                    Err("another controller took over meanwhile, or none is there".into())
+                    Err("another controller took over meanwhile, or there is none".into())
                 } else {
                     tuning.admit(*change, step)
                 });
@@ -145,7 +145,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                     let mark = Mark { step: step.0, text };
                     self.publisher.sink.event(&Event::Mark(mark))?;
                 }
-                let refused = || format!("the run has {MOST_MARKS} marks, and no room for more");
+                let refused = || format!("the run has {MOST_MARKS} marks, which is the maximum");
                 let _ = answer.send(taken.then_some(step).ok_or_else(refused));
             }
         }

@@ -68,7 +68,7 @@ impl Arrivals {
     /// Restores a saved state.
     pub(super) fn restore(&mut self, saved: &Self) -> Result<(), Invalid> {
         if saved.slots.len() != DEPTH {
-            return Err(Invalid("the state of the link is not one".into()));
+            return Err(Invalid("the state of the link is not valid".into()));
         }
         self.continue_from(saved);
         Ok(())

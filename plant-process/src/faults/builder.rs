@@ -182,7 +182,7 @@ impl FaultBuilder {
     fn parameter(&self, name: &str) -> Result<usize, Invalid> {
         (self.parameters.iter())
             .position(|field| field.faultable && field.name == name)
-            .ok_or_else(|| Invalid(format!("`{name}` is not open to faults")))
+            .ok_or_else(|| Invalid(format!("`{name}` is not faultable")))
     }
 
     fn kind(

@@ -434,7 +434,7 @@ fn restore_effects(effects: &mut [Effect], saved: &[SavedEffect]) -> Result<(), 
     if saved.len() != effects.len() {
         let (theirs, ours) = (saved.len(), effects.len());
         return Err(Invalid(format!(
-            "{theirs} effects of faults were saved, and there are {ours} here"
+            "{theirs} effects of faults were saved, but there are {ours} here"
         )));
     }
     let mut pairs = effects.iter_mut().zip(saved);

@@ -112,7 +112,7 @@ impl Schedule {
         if saved.len() != self.events.len() || !self.events.iter().zip(saved).all(same) {
             let (theirs, ours) = (saved.len(), self.events.len());
             return Err(Invalid(format!(
-                "{theirs} faults were saved, and there are {ours} here, or others"
+                "{theirs} faults were saved, which are not the {ours} here"
             )));
         }
         for (scheduled, saved) in self.events.iter_mut().zip(saved) {
@@ -464,7 +464,7 @@ pub(super) fn waits_for(trigger: &Trigger) -> String {
             records,
         }) => match records {
             0 | 1 => format!("`{expression}` to hold"),
-            _ => format!("`{expression}` to hold for {records} records in a row"),
+            _ => format!("`{expression}` to hold for {records} consecutive records"),
         },
         Trigger::After { event, delay_steps } => match delay_steps {
             0 => format!("fault {event} to take hold"),

@@ -64,7 +64,7 @@ fn impossible_faults_are_refused_by_name() {
         (
             "plus",
             on("parameter.mass_kg", 1.0),
-            "`mass_kg` is not open to faults",
+            "`mass_kg` is not faultable",
         ),
         (
             "late",
@@ -81,7 +81,7 @@ fn impossible_faults_are_refused_by_name() {
         (
             "x",
             moving(&[("mass_kg", Operation::Add, 1.0)]),
-            "`mass_kg` is not open to faults",
+            "`mass_kg` is not faultable",
         ),
         ("x", moving(&[]), "moves no parameter"),
     ];

@@ -51,7 +51,7 @@ fn check_parameters(table: &str, whose: &str, fields: &[Field]) -> Result<(), In
     check_each(table, whose, fields, |field| match field.default {
         // A value without a default must come from the scenario.
         Some(default) if !rule::is_inside(field.min, field.max, default) => Some(format!(
-            "has the default {default}, which is not in {} to {}",
+            "has the default {default}, outside {} to {}",
             field.min, field.max
         )),
         _ => None,
@@ -62,7 +62,7 @@ fn check_signals(table: &str, whose: &str, fields: &[Field]) -> Result<(), Inval
     check_each(table, whose, fields, |field| {
         let has_default = field.default.is_some();
         (has_default || field.faultable || field.tunable).then(|| {
-            "is a signal, which has no default and is neither faultable nor tunable".into()
+            "is a signal, which can have no default and be neither faultable nor tunable".into()
         })
     })
 }
@@ -76,7 +76,7 @@ fn check_each(
 ) -> Result<(), Invalid> {
     for field in fields {
         let wrong = if field.unit.is_empty() {
-            Some("has no unit; that of a number without one is `1`".into())
+            Some("has no unit; a dimensionless number has the unit `1`".into())
         } else if field.description.is_empty() {
             Some("has no description".into())
         } else if !rule::is_range(field.min, field.max) {
@@ -152,11 +152,11 @@ mod tests {
         let changes: [(Change, &str); 6] = [
             (
                 |row| row.default = Some(3.0),
-                "has the default 3, which is not in 0 to 2",
+                "has the default 3, outside 0 to 2",
             ),
             (
                 |row| row.default = Some(f64::NAN),
-                "has the default NaN, which is not in 0 to 2",
+                "has the default NaN, outside 0 to 2",
             ),
             (
                 |row| row.min = 5.0,
@@ -168,7 +168,7 @@ mod tests {
             ),
             (
                 |row| row.unit.clear(),
-                "has no unit; that of a number without one is `1`",
+                "has no unit; a dimensionless number has the unit `1`",
             ),
             (|row| row.description.clear(), "has no description"),
         ];
@@ -189,14 +189,14 @@ mod tests {
         assert_eq!(law().check_rows(), Ok(()));
         let mut plant = plant();
         plant.measured[0].default = Some(0.0);
-        let message = "measured of plant `still`: `x_m` is a signal, which has no default and is neither faultable nor tunable";
+        let message = "measured of plant `still`: `x_m` is a signal, which can have no default and be neither faultable nor tunable";
         assert_eq!(plant.check_rows(), Err(Invalid(message.into())));
         let mut law = law();
         law.internals = vec![Field {
             faultable: true,
             ..signal("i_m")
         }];
-        let message = "internals of law `still`: `i_m` is a signal, which has no default and is neither faultable nor tunable";
+        let message = "internals of law `still`: `i_m` is a signal, which can have no default and be neither faultable nor tunable";
         assert_eq!(law.check_rows(), Err(Invalid(message.into())));
     }
 
@@ -204,7 +204,7 @@ mod tests {
     fn names_are_checked_as_in_any_description() {
         let mut plant = plant();
         plant.truth.push(signal("x_m"));
-        let message = "truth of plant `still`: `x_m` is there twice";
+        let message = "truth of plant `still`: `x_m` is defined twice";
         assert_eq!(plant.check_rows(), Err(Invalid(message.into())));
         let mut law = law();
         law.name.clear();

@@ -62,8 +62,8 @@ fn unusable_names_are_refused_on_both_sides() {
     let many: Vec<&str> = numbered.iter().map(String::as_str).collect();
     for (names, wanted) in [
         (&["a rad"][..], "internal: \"a rad\" is no name"),
-        (&["a_rad", "a_rad"], "internal: `a_rad` is there twice"),
-        (&many, "internal: there are 600, and 512 is the most"),
+        (&["a_rad", "a_rad"], "internal: `a_rad` is defined twice"),
+        (&many, "internal: there are 600; at most 512 are allowed"),
         (&many[..511], "513 signals in one direction"),
     ] {
         let told = answer(&with(names)).unwrap_err().to_string();
@@ -106,16 +106,16 @@ fn a_hello_that_differs_from_the_description_is_refused() {
     assert_eq!(described(&|_| ()), Ok(()));
     assert_eq!(
         described(&|law| law.name = "pd".into()),
-        Err("at hello it says law \"pid\", and its --describe says \"pd\"".into())
+        Err("its hello says law \"pid\"; its --describe says \"pd\"".into())
     );
     assert_eq!(
         described(&|law| law.measured.clear()),
-        Err("at hello it says 1 measured signals, and its --describe says 0".into())
+        Err("its hello says 1 measured signals; its --describe says 0".into())
     );
     assert_eq!(
         described(&|law| law.internals[0].unit = "m".into()),
         Err(
-            "at hello it says the internal signal \"integral_rad\" in \"rad\", \
+            "its hello says the internal signal \"integral_rad\" in \"rad\", \
              and its --describe says \"integral_rad\" in \"m\""
                 .into()
         )

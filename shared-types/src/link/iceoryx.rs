@@ -227,8 +227,8 @@ pub(crate) fn absent(service: &str, error: PublishSubscribeOpenError) -> LinkErr
     LinkError::Absent {
         service: service.into(),
         reason: match error {
-            Open::DoesNotExist => "the plant has not made it".into(),
-            other => format!("iceoryx2 says {other:?}"),
+            Open::DoesNotExist => "the plant has not created it".into(),
+            other => format!("iceoryx2 reports {other:?}"),
         },
     }
 }
@@ -374,7 +374,7 @@ impl Link for IceoryxLink {
         Ok(match strangers.next() {
             None => Peer::Launched,
             Some(pid) => Peer::Stranger(format!(
-                "process {pid}{} speaks for the controller; the one launched is process {}",
+                "process {pid}{} acts as the controller; the launched one is process {}",
                 ProcessId::name(pid).map_or_else(String::new, |name| format!(" ({name})")),
                 launched.process.pid
             )),

@@ -122,7 +122,7 @@ pub struct FrameSpec {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LinkError {
     /// Service that does not exist (yet).
-    #[error("{service} is not there: {reason}")]
+    #[error("{service} does not exist: {reason}")]
     Absent {
         /// Name of the service.
         service: String,
@@ -130,7 +130,7 @@ pub enum LinkError {
         reason: String,
     },
     /// Service that exists, but not as agreed.
-    #[error("{service} is not the one of this session: {reason}")]
+    #[error("{service} does not belong to this session: {reason}")]
     Foreign {
         /// Name of the service.
         service: String,
@@ -138,7 +138,7 @@ pub enum LinkError {
         reason: String,
     },
     /// Place that another process occupies.
-    #[error("the session has its {role} already ({service})")]
+    #[error("the session already has its {role} ({service})")]
     Taken {
         /// Name of the service.
         service: String,

@@ -225,7 +225,7 @@ impl ControllerSide {
                     self.state = State::Over;
                     ControllerAction::ConfirmEnd(got)
                 } else {
-                    let what = format!("it ends after {got} steps, {step} were executed here");
+                    let what = format!("it ends after {got} steps, but {step} were executed here");
                     self.broken(what)
                 }
             }
@@ -236,7 +236,8 @@ impl ControllerSide {
             // A duplicate of a sample that was answered already.
             (_, Some(FrameKind::Sample)) if got.0 < self.at().0 => self.ignore(),
             (_, kind) => {
-                let name = kind.map_or_else(|| "a frame of no kind".into(), |k| format!("{k:?}"));
+                let name =
+                    kind.map_or_else(|| "a frame of an unknown kind".into(), |k| format!("{k:?}"));
                 self.broken(format!("unexpected {name} of step {got}"))
             }
         }

@@ -146,9 +146,9 @@ pub enum Abort {
 const fn describe(code: AbortCode) -> &'static str {
     match code {
         AbortCode::Stopped => "it was asked to stop",
-        AbortCode::Late => "it found this side late",
-        AbortCode::Gone => "it found this side gone",
-        AbortCode::Protocol => "it found the protocol broken",
+        AbortCode::Late => "it waited too long for this side",
+        AbortCode::Gone => "this side was gone",
+        AbortCode::Protocol => "this side broke the protocol",
         AbortCode::Diverged => "the plant left its range of validity",
         AbortCode::NotANumber => "a signal was not a number",
         AbortCode::Observer => "the recorder is stuck or gone",

@@ -244,9 +244,9 @@ impl PlantSide {
 
             (_, PlantEvent::Frame(_)) if self.is_alone() => self.ignore(Reason::Lost),
             (_, PlantEvent::Frame(header)) => self.on_frame(header),
-            (_, PlantEvent::Contradiction(step)) => {
-                self.broken(format!("it answered step {step} twice, and not the same"))
-            }
+            (_, PlantEvent::Contradiction(step)) => self.broken(format!(
+                "it answered step {step} twice, with different commands"
+            )),
 
             (State::AwaitHello, PlantEvent::Deadline(ms)) => self.late("say hello".into(), *ms),
             (State::AwaitReady, PlantEvent::Deadline(ms)) => {
@@ -307,7 +307,8 @@ impl PlantSide {
                 Reason::Late
             }),
             (_, kind) => {
-                let name = kind.map_or_else(|| "a frame of no kind".into(), |k| format!("{k:?}"));
+                let name =
+                    kind.map_or_else(|| "a frame of an unknown kind".into(), |k| format!("{k:?}"));
                 self.broken(format!("unexpected {name} of step {got}"))
             }
         }

@@ -192,7 +192,8 @@ fn an_early_end_is_not_confirmed() {
     let ControllerAction::Abort(abort) = action else {
         panic!("{action:?}")
     };
-    let told = "plant broke the protocol at step 1: it ends after 3 steps, 1 were executed here";
+    let told =
+        "plant broke the protocol at step 1: it ends after 3 steps, but 1 were executed here";
     assert_eq!(abort.to_string(), told);
 }
 
@@ -396,8 +397,7 @@ fn in_real_time_only_a_command_newer_than_all_before_is_stored() {
 
 #[test]
 fn two_different_answers_to_one_step_are_a_broken_protocol() {
-    let told =
-        "controller broke the protocol at step 1: it answered step 0 twice, and not the same";
+    let told = "controller broke the protocol at step 1: it answered step 0 twice, with different commands";
     for on_loss in [OnLoss::Abort, OnLoss::Hold] {
         let mut plant = plant(3).on_loss(on_loss);
         plant.on(&PlantEvent::Release);

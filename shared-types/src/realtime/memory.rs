@@ -36,7 +36,7 @@ fn may_lock() -> Result<(), String> {
         capabilities(None).is_ok_and(|held| held.effective.contains(CapabilitySet::IPC_LOCK));
     match getrlimit(Resource::Memlock).current {
         Some(bytes) if !privileged => Err(format!(
-            "only {bytes} bytes may be locked, and all memory of the process must"
+            "only {bytes} bytes may be locked, not all memory of the process"
         )),
         _ => Ok(()),
     }

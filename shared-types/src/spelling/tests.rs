@@ -102,7 +102,7 @@ fn a_name_may_just_fit_but_not_be_longer() {
     assert_eq!(
         refused.to_string(),
         format!(
-            "the name \"{}\".. has 300 bytes when it is spelled with letters, digits and _, and 256 is the most",
+            "the name \"{}\".. has 300 bytes when spelled with letters, digits and _; at most 256 are allowed",
             "ä".repeat(40)
         )
     );

@@ -247,7 +247,7 @@ impl IceoryxSource {
         if recorders == 0 {
             return Err(LinkError::Absent {
                 service: CREDIT.into(),
-                reason: "nobody records yet".into(),
+                reason: "no recorder is attached yet".into(),
             });
         }
         Self::subscribe(node, WATCHERS_BUFFER, None)

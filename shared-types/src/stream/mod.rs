@@ -159,7 +159,7 @@ impl Assembler {
         if lost > LARGEST_LOSS {
             let last = self.last;
             return take(Item::Broken(format!(
-                "item {sequence} came after item {last}, a loss that is no count: something wrote over the stream's memory"
+                "item {sequence} came after item {last}, an impossible loss: the stream's memory was overwritten"
             )));
         }
         if lost > 0 {

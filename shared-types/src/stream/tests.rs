@@ -159,7 +159,7 @@ fn an_unmappable_stream_fails_by_name_instead_of_seeming_silent() {
     assert!(
         error
             .to_string()
-            .contains("iceoryx2 says ConnectionFailure"),
+            .contains("iceoryx2 reports ConnectionFailure"),
         "{error}"
     );
     assert!(later.is_err(), "a publisher that was there before");

@@ -147,16 +147,13 @@ fn printed_base_units_can_be_parsed() {
 #[test]
 fn invalid_units_are_refused_with_the_reason() {
     for (text, reason) in [
-        ("steps", "`steps` is no unit that is known here"),
-        (
-            "metre",
-            "`metre` is no unit that is known here; nearest: `m`",
-        ),
+        ("steps", "`steps` is not a known unit"),
+        ("metre", "`metre` is not a known unit; nearest: `m`"),
         (
             "J/kg K",
-            "`J/kg K` can be read in two ways; write a denominator of two units in parentheses, as in J/(kg K)",
+            "`J/kg K` is ambiguous; write a denominator of two units in parentheses, as in J/(kg K)",
         ),
-        ("kmin", "`kmin` is no unit that is known here"),
+        ("kmin", "`kmin` is not a known unit"),
     ] {
         let refused = Unit::parse(text).expect_err(text).to_string();
         assert!(refused.starts_with(reason), "{text}: {refused}");
@@ -173,7 +170,7 @@ fn invalid_units_are_refused_with_the_reason() {
     ] {
         let refused = Unit::parse(text).expect_err(text).to_string();
         let reason =
-            format!("`{text}` is no product of units with exponents, such as kg m2/s2 or N.m");
+            format!("`{text}` is not a product of units with exponents, such as kg m2/s2 or N.m");
         assert!(refused.starts_with(&reason), "{text}: {refused}");
     }
     assert!(Unit::parse(&"(".repeat(60)).is_err());

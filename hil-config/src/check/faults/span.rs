@@ -35,7 +35,7 @@ impl Keys {
             (false, true) => Ok(Some(in_steps)),
             (true, true) => {
                 let path = section.path_of(in_steps);
-                let message = format!("`{path}` says again what `{in_s}` says");
+                let message = format!("`{path}` repeats `{in_s}`");
                 reader
                     .report_at(section, in_steps, ProblemKind::Duplicate, message)
                     .expected(format!("one of {}", listed([in_s, in_steps])));
@@ -129,7 +129,7 @@ pub(super) fn refuse_alone(
         return Ok(());
     }
     let path = section.path_of(key);
-    let message = format!("`{path}` belongs to `{owner}`, which is not there");
+    let message = format!("`{path}` belongs to `{owner}`, which is missing");
     reader.report_at(section, key, ProblemKind::Mismatch, message);
     Err(Reported)
 }

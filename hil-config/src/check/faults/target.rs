@@ -63,7 +63,7 @@ pub(super) fn of_plant<'d>(
             Ok(parameters) => Some((PLANT.into(), parameters)),
             Err(name) => {
                 let message = format!(
-                    "fault `{}` moves `{name}`, which plant `{}` does not let a fault move",
+                    "fault `{}` moves `{name}`, which is not faultable in plant `{}`",
                     fault.kind, plant.name
                 );
                 let path = section.path.clone();
@@ -213,7 +213,7 @@ pub(super) fn of_kind(
         ),
         Group::Reference => (
             ProblemKind::UnknownName,
-            format!("no stimulus gives the reference signal `{last}`"),
+            format!("no stimulus provides the reference signal `{last}`"),
         ),
         _ => (
             ProblemKind::UnknownName,

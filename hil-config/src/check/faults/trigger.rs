@@ -58,7 +58,7 @@ pub(super) fn check(
         [] if matches!(context.origin, Origin::Live { .. }) => Some(Trigger::Now),
         [] => {
             let path = section.path_of(AT.in_s);
-            let message = format!("`{}` does not say when it takes hold", section.path);
+            let message = format!("`{}` has no trigger", section.path);
             reader
                 .report(ProblemKind::MissingKey, path, section.place, message)
                 .expected(format!("one of {}", listed(TRIGGERS)));
@@ -96,7 +96,7 @@ pub(super) fn condition(
             None => section.place_of(key),
         };
         let message = format!(
-            "`{}` must hold for {records} records in a row, and the run is over before a step follows them",
+            "`{}` must hold for {records} consecutive records, and the run is over before a step follows them",
             section.path_of(key)
         );
         reader
@@ -162,7 +162,7 @@ fn in_time(
     let key = DELAY.given(reader, section)?.unwrap_or("after");
     let path = section.path_of(key);
     let message = format!(
-        "`{path}`: at {} s, the first time that this could be, the run is over",
+        "`{path}`: at {} s, the earliest possible time, the run is over",
         number(grid.rate.seconds(Step(step)))
     );
     reader

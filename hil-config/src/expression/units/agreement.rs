@@ -104,7 +104,7 @@ pub(super) fn agreement(
         _ if symbol == others => Ok(()),
         (Source::Integral, _) | (_, Source::Integral) => return Ok(Agreement::None),
         (Source::Signal(_), Source::Signal(name)) => Err(format!(
-            "if it is meant, write a factor, as in `1 * {}`",
+            "if this is intended, write a factor, as in `1 * {}`",
             name.path
         )),
     };

@@ -80,10 +80,10 @@ pub(super) fn whole(
             for (key, bound) in [("min", min), ("max", max)] {
                 if bound.is_finite() && !is_one(bound) {
                     let path = own.path_of(key);
-                    let message = format!("`{path}` is {bound}, and only whole numbers are wanted");
+                    let message = format!("`{path}` is {bound}, but only whole numbers are valid");
                     reader
                         .report_at(own, key, ProblemKind::OutOfRange, message)
-                        .expected("a whole number that a 64-bit float tells from the next");
+                        .expected("a whole number that a 64-bit float represents exactly");
                     return None;
                 }
             }
@@ -99,7 +99,7 @@ pub(super) fn whole(
                 let nearest = libm::round(*value);
                 if (value - nearest).abs() > 1e-12 * nearest.abs() || !is_one(nearest) {
                     let message =
-                        format!("a point of the grid is {text}, and only whole numbers are wanted");
+                        format!("a point of the grid is {text}, but only whole numbers are valid");
                     reader
                         .report_at(own, "points", ProblemKind::OutOfRange, message)
                         .help("choose points with whole distances, or write a list");
@@ -179,7 +179,7 @@ fn values(reader: &mut Reader, own: &Section<'_>) -> Option<Vec<Item>> {
             return None;
         }
         if items.contains(&item) {
-            let message = format!("`{path}` is there already");
+            let message = format!("`{path}` is a duplicate");
             reader.report(ProblemKind::Duplicate, path, &node.place, message);
             return None;
         }

@@ -102,7 +102,7 @@ impl FaultKind for Delay {
                 if past.len() != fault.past.len() {
                     let (saved, now) = (past.len().saturating_sub(1), fault.steps);
                     return Err(Invalid(format!(
-                        "the delay has acted with {saved} steps and cannot go on with {now}"
+                        "the delay was saved with {saved} steps and cannot resume with {now}"
                     )));
                 }
                 fault.past = past;

@@ -84,7 +84,7 @@ impl FaultKind for Loss {
     fn start(setup: &Setup<'_, LossParameters>) -> Result<Self, Invalid> {
         if setup.parameters.probability < 1.0 && !setup.list.is_empty() {
             return Err(Invalid(
-                "`pattern` takes the place of `probability`; give one of them".into(),
+                "`pattern` replaces `probability`; give one of them".into(),
             ));
         }
         let lost = |value: &f64| match *value {

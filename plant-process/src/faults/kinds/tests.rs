@@ -225,7 +225,7 @@ fn inconsistent_parameters_are_refused_with_the_reason() {
         ("message-loss", &[], &[1.0, 0.5], "has 0.5"),
         ("message-loss", &[("probability", 0.5)], &[1.0], "give one"),
         ("late", &[], &[], "needs"),
-        ("late", &[("busy_us", 1.0)], &[1.0, 1.0], "takes the place"),
+        ("late", &[("busy_us", 1.0)], &[1.0, 1.0], "replaces"),
         ("late", &[], &[1.0, -1.0], "weight -1"),
         ("late", &[], &[-1.0, 1.0], "-1 us"),
         ("late", &[], &[1.0, f64::NAN], "weight nan"),

@@ -60,7 +60,7 @@ impl FaultKind for Late {
         }
         if busy_us + spread_us > 0.0 && !setup.list.is_empty() {
             return Err(Invalid(
-                "`histogram` takes the place of `busy_us` and `spread_us`".into(),
+                "`histogram` replaces `busy_us` and `spread_us`".into(),
             ));
         }
         let mut histogram = Vec::new();

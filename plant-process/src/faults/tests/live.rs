@@ -43,7 +43,7 @@ fn a_live_fault_begins_at_the_announced_step() {
         (
             Trigger::Condition(condition),
             None,
-            Some("`sensed.a_m >= 0` to hold for 2 records in a row"),
+            Some("`sensed.a_m >= 0` to hold for 2 consecutive records"),
             6,
         ),
         (after(1, 4), Some(6), None, 6),

@@ -148,7 +148,9 @@ fn board<const WORDS: usize>(
                     | BlackboardOpenError::UnableToCreateServiceTag => transport(name, error),
                     error => LinkError::Foreign {
                         service: name.into(),
-                        reason: format!("iceoryx2 says {error:?}; both sides must be of one run"),
+                        reason: format!(
+                            "iceoryx2 reports {error:?}; both sides must be of one run"
+                        ),
                     },
                 })
         }
