@@ -1,7 +1,7 @@
-//! `trait Controller`: what a control law implements, and the rows of numbers the runner sees.
+//! `trait Controller`: the interface of a control law, and its view by the runner as rows of numbers.
 //!
-//! A law sees its configuration and the sample, nothing else: no clock, no file, no random number.
-//! That is what lets the same binary answer a simulated plant today and a real one tomorrow.
+//! A law depends on its configuration and the sample, and nothing else: no clock, no file, no random number. This is
+//! why the same binary can answer a simulated plant today and a real one tomorrow.
 
 use shared_types::describe::{Invalid, LawDescription, Settings};
 use shared_types::failure::Failure;
@@ -11,11 +11,11 @@ use shared_types::table::{self, Field, Table};
 /// A control law, called in this order:
 ///
 /// 1. [`start`](Controller::start), once.
-/// 2. [`step`](Controller::step) with every sample, one period apart; ahead of that what
-///    [`tuning`](Controller::tuning) tells, if somebody changed a parameter.
+/// 2. [`step`](Controller::step) with every sample, one period apart; preceded by the function of
+///    [`tuning`](Controller::tuning), if a parameter was changed.
 ///
-/// At a checkpoint what [`state`](Controller::state) tells is saved between two samples. A run that
-/// goes on from there starts the law, puts the state back and goes on with 2.
+/// At a checkpoint the state defined by [`state`](Controller::state) is saved between two samples. A resumed run starts
+/// the law, restores the state and continues with 2.
 ///
 /// A law must be deterministic; use `libm` for sines and exponentials.
 pub trait Controller: Sized + 'static {
@@ -23,59 +23,59 @@ pub trait Controller: Sized + 'static {
     const NAME: &'static str;
     /// Summary in one sentence.
     const SUMMARY: &'static str;
-    /// Names of the plants it is made for; empty means any.
+    /// Names of the plants that it is made for; empty means any.
     const PLANTS: &'static [&'static str] = &[];
-    /// Parameters of the law, each with a default; mark those `tunable` that may change while it runs.
+    /// Parameters of the law, each with a default; mark those `tunable` that may change during a run.
     type Parameters: table::Parameters;
-    /// Model that the law has of the plant; [`Empty`](shared_types::table::Empty) if it has none.
+    /// The law's model of the plant; [`Empty`](shared_types::table::Empty) if it has none.
     type Model: table::Parameters;
-    /// The measured signals it needs, bound by name and unit.
+    /// Measured signals that the law needs, bound by name and unit.
     type Measured: Table;
-    /// The reference signals it needs, bound by name and unit.
+    /// Reference signals that the law needs, bound by name and unit.
     type Reference: Table;
-    /// The commands it gives.
+    /// Commands that the law sends.
     type Command: Table;
-    /// Inner quantities it shows, recorded beside the commands.
+    /// Internal signals that the law exposes, recorded beside the commands.
     type Internals: Table;
 
-    /// Returns what a checkpoint keeps of the law; `None`: a run of the law cannot be saved.
+    /// Returns the part of the law that a checkpoint keeps; `None` if a run of the law cannot be saved.
     #[must_use]
     fn state() -> Option<StateOf<Self>> {
         None
     }
 
-    /// Returns how the law takes new values of its `tunable` parameters while it runs; `None`: none of them
-    /// can be changed then.
+    /// Returns how the law applies new values of its `tunable` parameters during a run; `None` if none of them can be
+    /// changed.
     #[must_use]
     fn tuning() -> Option<Tuning<Self>> {
         None
     }
 
-    /// The law before its first sample.
+    /// Creates the law before its first sample.
     ///
     /// # Errors
-    /// If the parameters, each in its range, do not go together.
+    /// If the parameters, although each is in its range, are inconsistent.
     fn start(setup: &Setup<Self>) -> Result<Self, Invalid>;
 
-    /// The command that answers a sample.
+    /// Returns the command that answers a sample.
     fn step(&mut self, sample: &Sample<Self>) -> (Self::Command, Self::Internals);
 }
 
-/// Way in which a law takes new values of its parameters while it runs.
+/// Changes of a law's parameters during a run.
 pub struct Tuning<C: Controller> {
-    /// Sentence for whoever tunes the law: what its command does at a change.
+    /// Sentence for users on the behaviour of the command at a change.
     pub does: &'static str,
-    /// Takes the values, ahead of the [`step`](Controller::step) that they count from, without allocating.
-    /// [`start`](Controller::start) was asked before whether they go together.
+    /// Applies the values, before the [`step`](Controller::step) from which they count, without allocating.
+    /// [`start`](Controller::start) has already validated the combination.
     pub take: fn(&mut C, &Setup<C>, Transition),
 }
 
-/// Transition from parameters to new ones.
+/// Transition from old to new parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Transition {
     /// At least one value jumps.
     Step,
-    /// All values that change are on a ramp, at the first sample of which they are what they were.
+    /// All changing values are on a ramp, and still unchanged at its first sample.
     Ramp,
 }
 
@@ -84,13 +84,13 @@ pub enum Transition {
 pub struct Setup<C: Controller> {
     /// Parameters of the law.
     pub parameters: C::Parameters,
-    /// Model that the law has of the plant.
+    /// The law's model of the plant.
     pub model: C::Model,
-    /// Time between two samples that it sees, in s.
+    /// Time between two samples of the law, in s.
     pub period_s: f64,
 }
 
-/// Sample that a law sees at a step.
+/// Sample of a step, as seen by a law.
 #[derive(Clone, Copy, Debug)]
 pub struct Sample<C: Controller> {
     /// Simulated time of the sample in s.
@@ -99,22 +99,22 @@ pub struct Sample<C: Controller> {
     pub measured: C::Measured,
     /// Reference signals.
     pub reference: C::Reference,
-    /// True if every one of these signals is marked valid.
+    /// `true` if every one of these signals is marked valid.
     pub valid: bool,
-    /// For how many steps the plant has been holding the command that it applied last, because a
-    /// newer one came too late; 0 except in real time.
+    /// Number of steps for which the plant has held its last applied command, because a newer one was late; 0 except in
+    /// real time.
     pub held_steps: u32,
 }
 
-/// A law of any type, as rows of numbers in the order of its tables.
+/// Law of any type, as rows of numbers in the order of its tables.
 ///
-/// Every [`Controller`] is one. A law whose tables are known at run time alone implements it itself and
-/// becomes a [`LawKind`] by [`from_tables`](LawKind::from_tables).
+/// Every [`Controller`] implements it. A law whose tables are known only at run time implements it directly and becomes
+/// a [`LawKind`] by [`from_tables`](LawKind::from_tables).
 pub trait Law {
     /// Answers a sample: writes the command row and the row of internals.
     ///
     /// # Errors
-    /// Reason for which the law is lost: the controller gives up at this step and says it.
+    /// The reason why the law cannot continue: the controller aborts at this step with it.
     fn step(
         &mut self,
         sample: &Row<'_>,
@@ -122,7 +122,7 @@ pub trait Law {
         internals: &mut [f64],
     ) -> Result<(), Failure>;
 
-    /// Returns the law's state as it is now.
+    /// Returns the present state of the law.
     ///
     /// # Errors
     /// If it cannot be saved.
@@ -130,27 +130,27 @@ pub trait Law {
         Err(cannot_save())
     }
 
-    /// Puts a state back.
+    /// Restores a state.
     ///
     /// # Errors
-    /// If it is not one of this law.
+    /// If it is not a state of this law.
     fn restore(&mut self, _state: &State) -> Result<(), Invalid> {
         Err(cannot_save())
     }
 
-    /// Takes new values of the parameters, ahead of the step that they count from. Called only for a law
-    /// with tunable parameters.
+    /// Applies new values of the parameters, before the step from which they count. Called only for a law with tunable
+    /// parameters.
     fn retune(&mut self, _setup: &TunedRows<'_>, _transition: Transition) {}
 }
 
-/// Configuration of a law that is tuned, as rows in the order of its tables.
+/// Configuration of a tuned law, as rows in the order of its tables.
 #[derive(Clone, Copy, Debug)]
 pub struct TunedRows<'a> {
     /// Every parameter of the law.
     pub parameters: &'a [f64],
-    /// Model that the law has of the plant.
+    /// The law's model of the plant.
     pub model: &'a [f64],
-    /// Time between two samples that it sees, in s.
+    /// Time between two samples of the law, in s.
     pub period_s: f64,
 }
 
@@ -158,7 +158,7 @@ fn cannot_save() -> Invalid {
     Invalid("the law cannot save its state; it needs `Controller::state`".into())
 }
 
-/// A sample as rows.
+/// Sample as rows.
 #[derive(Clone, Copy, Debug)]
 pub struct Row<'a> {
     /// Simulated time in s.
@@ -167,10 +167,10 @@ pub struct Row<'a> {
     pub measured: &'a [f64],
     /// Reference signals in the law's order.
     pub reference: &'a [f64],
-    /// True if all of these signals are valid.
+    /// `true` if all of these signals are valid.
     pub valid: bool,
-    /// For how many steps the plant has been holding the command that it applied last, because a
-    /// newer one came too late; 0 except in real time.
+    /// Number of steps for which the plant has held its last applied command, because a newer one was late; 0 except in
+    /// real time.
     pub held_steps: u32,
 }
 
@@ -214,48 +214,48 @@ impl<C: Controller> Law for C {
     }
 }
 
-/// Configuration that a law of any type is started with.
+/// Configuration for starting a law of any type.
 #[derive(Clone, Copy, Debug)]
 pub struct Start<'a> {
     /// Every parameter by name.
     pub parameters: &'a Settings,
-    /// Model that the law has of the plant, by name.
+    /// The law's model of the plant, by name.
     pub model: &'a Settings,
-    /// Time between two samples that it sees, in s.
+    /// Time between two samples of the law, in s.
     pub period_s: f64,
-    /// The commands it is to give, in its order.
+    /// Commands to send, in the law's order.
     pub commands: &'a [Field],
 }
 
-/// Configuration of a law whose tables are known at run time, as rows in the order of its tables.
+/// Configuration of a law whose tables are known only at run time, as rows in the order of its tables.
 #[derive(Clone, Copy, Debug)]
 pub struct SetupRows<'a> {
     /// Parameters of the law.
     pub parameters: &'a [f64],
-    /// Model that the law has of the plant.
+    /// The law's model of the plant.
     pub model: &'a [f64],
-    /// Time between two samples that it sees, in s.
+    /// Time between two samples of the law, in s.
     pub period_s: f64,
-    /// The commands it is to give, in its order.
+    /// Commands to send, in the law's order.
     pub commands: &'a [Field],
 }
 
-/// Start of a law.
+/// Constructor of a law.
 pub type StartLaw = Box<dyn Fn(&Start<'_>) -> Result<Box<dyn Law>, Invalid> + Send + Sync>;
 
 /// Section of a scenario with a law's model of the plant.
 const MODEL: &str = "controller.model";
 
-/// A law that can be chosen by name: its description and how to start it.
+/// Law that can be selected by name: its description and constructor.
 pub struct LawKind {
-    /// Description of the law that `--describe` gives.
+    /// Description that `--describe` shows.
     pub description: LawDescription,
     /// Starts it.
     pub start: StartLaw,
 }
 
 impl LawKind {
-    /// The entry of a law type.
+    /// Creates the entry of a law type.
     #[must_use]
     pub fn of<C: Controller>() -> Self {
         let tuning = C::tuning();
@@ -299,7 +299,7 @@ impl LawKind {
     /// use shared_types::failure::Failure;
     /// use shared_types::table::Field;
     ///
-    /// /// A product of a row of gains and everything measured, as many signals as a file says.
+    /// /// Product of a row of gains and all measured signals, as many as a file lists.
     /// struct Gains(Vec<f64>);
     ///
     /// impl Law for Gains {
@@ -358,8 +358,7 @@ impl LawKind {
     /// ```
     ///
     /// # Errors
-    /// The first row that cannot be used, and what is wrong with it: a name, a unit, a text, a default or a
-    /// range.
+    /// The first unusable row, with its faulty name, unit, text, default or range.
     pub fn from_tables(
         description: LawDescription,
         start: impl Fn(&SetupRows<'_>) -> Result<Box<dyn Law>, Invalid> + Send + Sync + 'static,

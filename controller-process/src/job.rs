@@ -1,4 +1,4 @@
-//! The job: what a launcher tells a controller process to do. A JSON file in the session's folder.
+//! The job: a launcher's instructions to a controller process. A JSON file in the session's folder.
 
 use serde::{Deserialize, Serialize};
 use shared_types::checkpoint::Checkpoints;
@@ -20,36 +20,37 @@ pub struct Job {
     pub session: u64,
     /// Number of this controller in the session, from 1.
     pub epoch: u32,
-    /// Name of the plant that the law is made for, which chooses among laws of one name.
+    /// Name of the plant that the law is made for, which selects among laws of the same name.
     pub plant: String,
     /// Name of the law.
     pub law: String,
     /// Every parameter of the law.
     pub parameters: Settings,
-    /// Model that the law has of the plant.
+    /// The law's model of the plant.
     pub model: Settings,
-    /// Signals of the law that are bound under other names and units.
+    /// Signals of the law bound to other names and units.
     #[serde(default)]
     pub connections: Vec<Connection>,
     /// Exchange rate.
     pub rate: Rate,
-    /// The law runs at every n-th sample and holds its command between.
+    /// Ratio n of the law's period to the exchange period: the law runs at every n-th sample and holds its command in
+    /// between.
     pub rate_divisor: u32,
     /// Steps between a sample and the command that answers it: 0 or 1.
     pub command_delay_steps: u32,
-    /// True if the process is kept for another job after this one.
+    /// `true` if the process will receive another job after this one.
     #[serde(default)]
     pub is_kept: bool,
-    /// True if somebody starts the plant by hand: nothing limits the wait for it before the first sample.
+    /// `true` if the plant is started manually: the wait for it before the first sample is unlimited.
     #[serde(default)]
     pub is_plant_by_hand: bool,
-    /// Parameters as changes of the scenario will make them, for the law to judge at its start.
+    /// Parameters after each change of the scenario, which the law validates at its start.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub changes: Vec<Settings>,
-    /// Checkpoints that the controller writes and the one that it begins from.
+    /// Checkpoints that the controller writes, and the one that it resumes from.
     #[serde(default)]
     pub checkpoints: Checkpoints,
-    /// Settings that the controller's loop is to run with.
+    /// Real-time settings of the controller's loop.
     #[serde(default)]
     pub realtime: realtime::Settings,
     /// Time that the other side may take, in s.
@@ -62,8 +63,7 @@ pub struct Job {
 }
 
 impl Job {
-    /// Makes the job of a session's first controller, whose law has no parameters and runs at every
-    /// sample.
+    /// Creates the job of a session's first controller, whose law has no parameters and runs at every sample.
     #[must_use]
     pub fn new(session: u64, plant: &str, law: &str, rate: Rate, wait_limit_s: f64) -> Self {
         Self {

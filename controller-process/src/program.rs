@@ -1,6 +1,6 @@
 //! The controller process: a job, a runner and the wait loop.
 //!
-//! `main` of every controller binary is one call of [`run`] with the laws it can run.
+//! `main` of every controller binary is one call of [`run`] with the laws that it offers.
 
 use std::ffi::OsString;
 use std::path::Path;
@@ -26,8 +26,8 @@ use crate::job::{JOB_FILE, Job};
 use crate::laws::hold;
 use crate::runner::{End, Progress, Runner, choose};
 
-/// Runs a controller process that can run any of these laws, by what its arguments say. The process can
-/// run [`hold`] too, which fits every plant, unless a law of its own has that name.
+/// Runs a controller process that offers these laws, according to its arguments. It offers [`hold`] too, which suits
+/// every plant, unless one of the laws has that name.
 ///
 /// The origin is [`origin!`](macro@shared_types::origin), or a version alone.
 #[must_use]
@@ -35,8 +35,8 @@ pub fn run(program: &'static str, origin: impl Into<Origin>, laws: Vec<LawKind>)
     program::run(&of(program, origin, laws))
 }
 
-/// Does the same as [`run`] with arguments, of which the first is the program's own path, for a `main` that is not
-/// one of Rust; gives the exit code.
+/// Does the same as [`run`] with explicit arguments, the first being the program's own path, for a `main` that is not
+/// in Rust; returns the exit code.
 #[must_use]
 pub fn answer(
     arguments: Vec<OsString>,
@@ -48,7 +48,7 @@ pub fn answer(
     program::with_stack(|| program::answer(&program, arguments))
 }
 
-/// The program that [`run`] runs, for a `main` that adds to its description.
+/// Returns the program that [`run`] runs, for a `main` that adds to its description.
 #[must_use]
 pub fn of(program: &str, origin: impl Into<Origin>, laws: Vec<LawKind>) -> impl Program + Sync {
     ControllerProgram {
@@ -90,13 +90,13 @@ impl ControllerProgram {
     ) -> Result<End, String> {
         let (limit, settings) = (WaitLimit::from_seconds(job.wait_limit_s), job.realtime);
         let mut runner = self.runner(job, link)?;
-        // Threads that there are by now keep ordinary scheduling.
+        // Threads that exist by now keep ordinary scheduling.
         let report = apply(&settings);
         let told = session.write_file(realtime::CONTROLLER_FILE, &report);
         told.map_err(|e| e.to_string())?;
         drive(&mut runner, waiter(&report, limit), supervision).map_err(|e| e.to_string())?;
         let end = runner.end().cloned();
-        end.ok_or_else(|| "the run ended without saying how".into())
+        end.ok_or_else(|| "the run ended without a result".into())
     }
 }
 
@@ -140,7 +140,7 @@ impl Program for ControllerProgram {
                     FAILED
                 }
             };
-            // After any other end the plant may be stuck: whoever keeps both must see that a side ends.
+            // After any other end the plant may be stuck: a launcher of persistent sides must see that one ends.
             if !is_kept || !end.is_of_plant() || !supervision.next_job() {
                 return Ok(code);
             }
@@ -166,7 +166,7 @@ pub fn drive<L: Link>(
         if supervision.wants_stop() {
             runner.interrupt(&ControllerEvent::Stop)?;
         }
-        // Asked before the poll: what the plant sent before it ended still counts.
+        // Read before the poll: messages that the plant sent before its end still count.
         let peer_gone = supervision.is_peer_gone();
         match runner.poll()? {
             Progress::Busy => waiter.done(),
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn every_program_can_hold_and_none_twice() {
+    fn every_program_offers_hold_exactly_once() {
         let mut all = laws::all();
         let shipped: Vec<String> = names(&all).into_iter().map(str::to_owned).collect();
         assert_eq!(names(&with_hold(laws::all())), shipped);

@@ -1,8 +1,8 @@
 //! The runner: the controller's main loop.
 //!
-//! It joins a law with the controller's side of the lockstep protocol: binds the law's signals to
-//! the sample's by name, converts those that are connected under another unit, runs the law at its own rate, delays its command by a step if that is
-//! asked for, and answers every sample. Like the plant's engine it never blocks.
+//! It joins a law with the controller's side of the lockstep protocol: it binds the law's signals to the sample's by
+//! name, converts those connected with another unit, runs the law at its own rate, delays its command by a step if
+//! requested, and answers every sample. Like the plant's engine it never blocks.
 
 use hil_session::clock::monotonic_ns;
 use hil_session::thread::ThreadSampler;
@@ -28,33 +28,33 @@ use converted::Converted;
 use saved::SavedController;
 use tuning::{Found, Tuning, offered};
 
-/// Progress of the runner: the thing that it waits for, if it does.
+/// Result of a poll: progress, or the awaited event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// Progress was made; poll again, and any wait begins anew.
+    /// Progress was made; poll again and restart any wait.
     Busy,
-    /// The plant's next message or frame.
+    /// Awaiting the plant's next message or frame.
     Plant,
-    /// Next message or frame of a plant that has just said that it holds the run.
+    /// Awaiting the next message or frame of a plant that has just announced a hold.
     Held,
-    /// Nothing; the run is over.
+    /// The run is over.
     Over,
 }
 
 /// End of a run on this side.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum End {
-    /// All steps, confirmed by both sides.
+    /// All steps completed, confirmed by both sides.
     Completed {
         /// Number of steps.
         steps: u64,
     },
-    /// Before the last step.
+    /// Aborted before the last step.
     Aborted(Abort),
 }
 
 impl End {
-    /// Tells whether the plant ended the run: it was over, or left its range of validity.
+    /// Returns `true` if the plant ended the run: it was complete, or left its range of validity.
     #[must_use]
     pub const fn is_of_plant(&self) -> bool {
         use AbortCode::{Diverged, NotANumber};
@@ -76,50 +76,50 @@ pub struct Runner<'a, L> {
     kind: &'a LawKind,
     job: Job,
     hello: Hello,
-    /// The law until it is bound, if it has commands of its own.
+    /// Started law until it is bound, if it has commands of its own.
     started: Option<Box<dyn Law>>,
     bound: Option<Bound>,
     saves: Saves,
-    /// State that the run goes on from, if it does.
+    /// State to resume from, if any.
     saved: Option<SavedController>,
     end: Option<End>,
 }
 
-/// The law with its signals found and all space taken.
+/// Law with its signals resolved and all memory allocated.
 struct Bound {
     law: Box<dyn Law>,
-    /// Place of each measured signal of the law in the sample.
+    /// Index of each measured signal of the law in the sample.
     measured_places: Vec<usize>,
     reference_places: Vec<usize>,
     converted: Converted,
     sample: Vec<f64>,
     measured: Vec<f64>,
     reference: Vec<f64>,
-    /// The law's last answer: commands, then internals.
+    /// Last answer of the law: commands, then internals.
     answer: Vec<f64>,
-    /// The commands of the answer before, for a delayed command.
+    /// Commands of the previous answer, for a delayed command.
     previous: Vec<f64>,
-    /// Values of the frame that is sent.
+    /// Values of the frame to send.
     frame: Vec<f64>,
-    /// The step whose sample each of them was made of; before the first sample one period earlier.
+    /// Step of the sample that each of them is based on; before the first sample one period earlier.
     made: Made,
-    /// Step until which the last frame is sent again, as the runner was told to be late.
+    /// Step until which the last frame is repeated, by a directive to be late.
     late_until: Option<Step>,
-    /// Values of the frame that is sent at `late_until`.
+    /// Values of the frame to send at `late_until`.
     late: Vec<f64>,
-    /// The step of the last answer, and which were answered before it.
+    /// Step of the last answer, and the steps answered before it.
     last: Option<Step>,
     answered: Answered,
     sampler: ThreadSampler,
     tuning: Tuning,
-    /// Sample that waits for a message of the plant that comes before it.
+    /// Sample that waits for a preceding message of the plant.
     waiting: Option<Header>,
-    /// Time of the last answer in ns; before the first answer, time at which this [`Bound`] was made.
+    /// Time of the last answer in ns; before the first answer, time at which this [`Bound`] was created.
     sent_ns: u64,
 }
 
-/// The steps whose samples the command was made of: of the last answer, of the one before, of the
-/// frame that was sent last and of the late one.
+/// Steps of the samples on which commands are based: for the last answer, the previous one, the last frame sent and the
+/// late one.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Made {
     answer: i64,
@@ -128,7 +128,7 @@ struct Made {
     late: i64,
 }
 
-/// The law of this name that is made for this plant, or for any.
+/// Selects the law of this name that is made for this plant, or for any.
 ///
 /// # Errors
 /// If there is none.
@@ -154,21 +154,21 @@ fn start(kind: &LawKind, job: &Job, commands: &[Field]) -> Result<Box<dyn Law>, 
     })
 }
 
-/// Returns the time between two samples that the law sees.
+/// Returns the time between two samples of the law.
 fn period_s(job: &Job) -> f64 {
     f64::from(job.rate_divisor) / job.rate.hz()
 }
 
 impl<'a, L: Link> Runner<'a, L> {
-    /// Returns what the loop can sleep on while it waits.
+    /// Returns the sleeper for the loop's waits.
     pub fn sleeper(&self) -> Option<Box<dyn Sleeper>> {
         self.link.sleeper()
     }
 
-    /// A law that is about to say hello.
+    /// Creates a runner that is about to send hello.
     ///
     /// # Errors
-    /// If the job does not fit the law.
+    /// If the job does not match the law.
     pub fn new(kind: &'a LawKind, job: Job, link: L) -> Result<Self, Invalid> {
         let law = &kind.description;
         let checkpoints = &job.checkpoints;
@@ -200,14 +200,14 @@ impl<'a, L: Link> Runner<'a, L> {
             saved,
             job,
             hello,
-            // One that takes the commands of any plant is started anew when they are known.
+            // A law that takes the commands of any plant is started anew once they are known.
             started: law.commands.as_ref().map(|_| started),
             bound: None,
             end: None,
         })
     }
 
-    /// Says hello; call once, before polling.
+    /// Sends hello; call once, before polling.
     ///
     /// # Errors
     /// If the link failed.
@@ -220,7 +220,7 @@ impl<'a, L: Link> Runner<'a, L> {
         }
     }
 
-    /// Does what can be done now.
+    /// Does all that is possible now.
     ///
     /// # Errors
     /// If the link failed.
@@ -245,7 +245,7 @@ impl<'a, L: Link> Runner<'a, L> {
                     }
                     done
                 }
-                // Once frames flow, a refusal is the plant giving up before the first step.
+                // While frames flow, a refusal means that the plant aborts before the first step.
                 None if self.side.awaits_first() => self.greet()?,
                 None => false,
             },
@@ -257,8 +257,8 @@ impl<'a, L: Link> Runner<'a, L> {
         })
     }
 
-    /// Hears what the plant said of parameters before a sample; false if the sample is not to be answered
-    /// now: it waits until that came.
+    /// Processes the plant's parameter messages before a sample; returns `false` if the sample must wait for one that
+    /// has not arrived.
     fn hear(&mut self, header: &Header) -> Result<bool, LinkError> {
         let Some(bound) = &mut self.bound else {
             return Ok(true);
@@ -276,7 +276,7 @@ impl<'a, L: Link> Runner<'a, L> {
         Ok(found == Found::Here)
     }
 
-    /// Handles the wait limit, a death or a request to stop.
+    /// Handles a timeout, a death or a request to stop.
     ///
     /// # Errors
     /// If the link failed.
@@ -287,13 +287,13 @@ impl<'a, L: Link> Runner<'a, L> {
         }
     }
 
-    /// Returns true while the plant, started by hand, may be held in a debugger as long as somebody likes.
+    /// Returns `true` while the plant, started manually, may be stopped in a debugger for any length of time.
     #[must_use]
     pub const fn is_plant_in_hand(&self) -> bool {
         self.job.is_plant_by_hand && (self.bound.is_none() || self.side.awaits_first())
     }
 
-    /// Returns true while the plant may still be starting, after it was waited for so long.
+    /// Returns `true` while the plant may still be starting after this waiting time.
     #[must_use]
     pub fn is_plant_starting(&self, waited_ns: u64) -> bool {
         let limit = self.job.start_limit_s.map(WaitLimit::from_seconds);
@@ -301,14 +301,14 @@ impl<'a, L: Link> Runner<'a, L> {
         is_before && limit.is_some_and(|limit| waited_ns < limit.ns())
     }
 
-    /// Returns how the run ended; `None` until then.
+    /// Returns the end of the run; `None` until then.
     #[must_use]
     pub const fn end(&self) -> Option<&End> {
         self.end.as_ref()
     }
 
-    /// Before the first step: agree with the plant on what the frames carry; false if that came no
-    /// nearer.
+    /// Agrees with the plant on the content of the frames, before the first step; returns `false` if there was no
+    /// progress.
     fn greet(&mut self) -> Result<bool, LinkError> {
         let Some(bytes) = self.link.receive_control()? else {
             return Ok(false);
@@ -316,7 +316,7 @@ impl<'a, L: Link> Runner<'a, L> {
         let Ok(message) = Control::from_bytes(&bytes) else {
             return Ok(false);
         };
-        // The first sample may come after what is said of it.
+        // The first sample may follow the message that precedes it.
         if let (Control::Tuned(tuned), Some(bound)) = (&message, &mut self.bound) {
             bound.tuning.hear(tuned.clone());
             return Ok(false);
@@ -357,7 +357,7 @@ impl<'a, L: Link> Runner<'a, L> {
             ));
         }
         let (theirs, ours) = (welcome.first, self.job.checkpoints.first_step());
-        // One that takes over begins where the run is.
+        // A controller that takes over begins at the current step of the run.
         if theirs != ours && self.job.epoch == 1 {
             return Err(format!(
                 "the plant begins at step {theirs}, this controller's job at step {ours}"
@@ -416,7 +416,7 @@ impl<'a, L: Link> Runner<'a, L> {
         Ok(bound)
     }
 
-    /// Does what a frame of the plant asks for; false if it gets the run no further.
+    /// Processes a frame of the plant; returns `false` if it does not advance the run.
     fn take(&mut self, header: &Header) -> Result<bool, LinkError> {
         let received_ns = monotonic_ns();
         let before = self.side.standing();
@@ -462,13 +462,13 @@ impl<'a, L: Link> Runner<'a, L> {
         Ok(self.side.standing() != before)
     }
 
-    /// Ends for a reason of this side.
+    /// Ends the run because of a failure of this side.
     fn fail(&mut self, reason: String) -> Result<(), LinkError> {
         self.side.on(&ControllerEvent::Stop);
         self.abort(Abort::Failed(reason))
     }
 
-    /// Tells the plant and ends.
+    /// Informs the plant and ends the run.
     fn abort(&mut self, abort: Abort) -> Result<(), LinkError> {
         let header = Header {
             directive: abort.code() as u64,
@@ -482,7 +482,7 @@ impl<'a, L: Link> Runner<'a, L> {
     }
 }
 
-/// Saves the state before a sample; called while the plant makes it.
+/// Saves the state before a sample; called while the plant prepares it.
 fn save(bound: &Bound, saves: &mut Saves, step: Step) -> Result<(), String> {
     let saved = bound.save().map_err(|e| e.to_string())?;
     saves.write(step, &saved)

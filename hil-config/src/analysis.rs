@@ -1,8 +1,8 @@
-//! The analyses of a run while its records arrive: how a signal answers a step or follows a chirp,
-//! how soon a fault is found and overcome.
+//! Analyses of a run while its records arrive: a signal's response to a step or a chirp, and the time to detect and
+//! overcome a fault.
 //!
-//! Used by an [`Evaluation`](crate::evaluation::Evaluation). Taking a row allocates nothing, and
-//! memory does not grow with the run.
+//! Used by an [`Evaluation`](crate::evaluation::Evaluation). Processing a row allocates nothing, and memory use does
+//! not grow with the run.
 
 mod chirp;
 mod detection;
@@ -18,7 +18,7 @@ use detection::Detection;
 use frequency_response::FrequencyResponse;
 use step_response::StepResponse;
 
-/// An analysis going on.
+/// Analysis in progress.
 #[derive(Clone, Debug)]
 pub(crate) struct RunningAnalysis {
     name: String,
@@ -45,10 +45,10 @@ enum AnalysisState {
     },
 }
 
-/// Number of an analysis.
+/// Result of an analysis.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Figure {
-    /// Name, with the unit where it has one of its own.
+    /// Name, with a unit suffix if the figure has a unit of its own.
     pub name: &'static str,
     /// Unit.
     pub unit: String,
@@ -67,7 +67,7 @@ impl Figure {
 }
 
 impl RunningAnalysis {
-    /// An analysis before the first row.
+    /// Creates an analysis before its first row.
     ///
     /// # Errors
     /// If an expression names a signal that no column has.
@@ -103,7 +103,7 @@ impl RunningAnalysis {
         })
     }
 
-    /// Takes the row of a step. Steps must rise.
+    /// Processes the row of a step. Steps must rise.
     pub(crate) fn observe(&mut self, step: Step, rate: Rate, row: &[f64]) {
         match &mut self.work {
             AnalysisState::Step {
@@ -140,7 +140,7 @@ impl RunningAnalysis {
         }
     }
 
-    /// A fault takes hold at a step, whose row is still to come.
+    /// Records that a fault takes effect at a step whose row is still to come.
     pub(crate) fn fault(&mut self, event: u32, step: Step) {
         if let AnalysisState::Detection { detection, .. } = &mut self.work {
             detection.fault(event, step);
@@ -152,7 +152,7 @@ impl RunningAnalysis {
         &self.name
     }
 
-    /// Returns the figures from the rows so far.
+    /// Returns the figures of the rows so far.
     pub(crate) fn figures(&self) -> Vec<Figure> {
         match &self.work {
             AnalysisState::Step { response, .. } => response.figures(),

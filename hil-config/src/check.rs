@@ -1,10 +1,9 @@
-//! From what was written to what it means.
+//! From the text of a scenario to its meaning.
 //!
-//! [`Scenario::check`](crate::scenario::Scenario::check) is the way in. Each part of a scenario has
-//! its file below; a part that is wrong is reported and left out, and the others are checked as far
-//! as they can be without it. The order is that of the data: run, plant, law, stimuli, binding,
-//! expressions, faults. The faults and changes of values that a running run is asked for are
-//! [checked](RequestContext) by the same code.
+//! [`Scenario::check`](crate::scenario::Scenario::check) is the entry point. Each part of a scenario has its own file
+//! below; a faulty part is reported and omitted, and the others are checked as far as possible without it. The order
+//! follows the data: run, plant, law, stimuli, binding, expressions, faults. Faults and changes requested during a run
+//! are [checked](RequestContext) by the same code.
 
 mod analyses;
 mod belonging;
@@ -46,12 +45,12 @@ use run::Grid;
 
 pub(crate) use faults::{groups, unit_of};
 
-/// Run that faults and changes of values are asked for.
+/// Run for which faults and changes of values are requested.
 #[derive(Clone, Debug)]
 pub struct RequestContext {
     /// Plant.
     pub plant: PlantDescription,
-    /// The kinds of faults on signals, links and timing.
+    /// Fault kinds on signals, links and timing.
     pub kinds: Vec<FaultKindDescription>,
     /// The plant's healthy parameters.
     pub parameters: Settings,
@@ -63,14 +62,14 @@ pub struct RequestContext {
     pub rate: Rate,
     /// Number of steps of the whole run.
     pub steps: u64,
-    /// Names and numbers of the events there are, of the scenario and live ones.
+    /// Names and numbers of the existing events, those of the scenario and live ones.
     pub names: Vec<(String, u32)>,
-    /// The number of the first new event; all lower ones are taken.
+    /// Number of the first new event; all lower ones are in use.
     pub first_id: u32,
 }
 
 impl RequestContext {
-    /// Collects the facts of a plan and its faults.
+    /// Creates the context of a plan and its faults.
     #[must_use]
     pub fn of(plan: &Plan, plant: &PlantDescription, kinds: &[FaultKindDescription]) -> Self {
         let mut context = Self {
@@ -88,7 +87,7 @@ impl RequestContext {
         context
     }
 
-    /// Takes names and numbers of these events.
+    /// Registers the names and numbers of these events.
     pub fn note(&mut self, events: &[FaultEvent]) {
         for event in events {
             (self.names).extend(event.name.iter().map(|name| (name.clone(), event.id)));
@@ -105,10 +104,10 @@ impl RequestContext {
 
     /// Checks `[[faults]]` against the run, whose law has these internal signals.
     ///
-    /// An event without a trigger takes hold [at once](crate::plan::Trigger::Now).
+    /// An event without a trigger takes effect [at once](crate::plan::Trigger::Now).
     ///
     /// # Errors
-    /// With everything that is wrong.
+    /// All problems found.
     pub fn check(&self, toml: &str, internals: &[Field]) -> Result<Vec<FaultEvent>, Problems> {
         let scenario = Scenario::parse(toml, "request")?;
         let mut reader = Reader::new(scenario.sources.clone(), Vec::new());
@@ -143,18 +142,18 @@ impl RequestContext {
 }
 
 impl Scenario {
-    /// The programs that it names, before anything is known of them; what is wrong with a name is told
-    /// by the [check](Self::check).
+    /// Returns the programs named by the scenario, before their descriptions are known; faulty names are reported by
+    /// the [check](Self::check).
     #[must_use]
     pub fn programs(&self) -> Programs {
         let mut reader = Reader::new(self.sources.clone(), Vec::new());
         programs::check(&mut reader, &root(self), folder(self))
     }
 
-    /// Checks it against the plants, laws and kinds of faults there are.
+    /// Checks the scenario against the available plants, laws and fault kinds.
     ///
     /// # Errors
-    /// With everything that is wrong.
+    /// All problems found.
     pub fn check(
         &self,
         plants: &[PlantDescription],
@@ -175,7 +174,7 @@ fn check(
 ) -> Result<Plan, Problems> {
     let root = root(scenario);
     let plan = if root.table.get("schema").is_some() && reader.integer(&root, "schema").is_none() {
-        // Every key may mean something else there; more messages would only mislead.
+        // Every key may have another meaning there; further messages would only mislead.
         None
     } else {
         parts(&mut reader, &root, scenario, plants, laws, kinds)
@@ -183,7 +182,7 @@ fn check(
     reader.finish(plan)
 }
 
-/// The whole of a scenario.
+/// Returns the root table of a scenario.
 pub(crate) fn root(scenario: &Scenario) -> Section<'_> {
     const START: &Place = &Place {
         source: Sources::SCENARIO,
@@ -221,14 +220,14 @@ fn parts(
         .and_then(|section| plant::check(reader, section, plant));
 
     let controller_section = reader.section(root, "controller");
-    // The plant that chooses among laws of one name.
+    // Plant that selects among laws of the same name.
     let made_for = controller_section
         .as_ref()
         .and_then(|section| reader.text(section, "made_for"));
     let home = made_for.or(plant.map(|plant| plant.name.as_str()));
     let law = controller_section
         .as_ref()
-        // A name that cannot be read chooses none.
+        // An unreadable name selects none.
         .filter(|section| made_for.is_some() || section.table.get("made_for").is_none())
         .and_then(|section| controller::find(reader, section, laws, home, &scenario.advice.law));
     let folder = folder(scenario);
@@ -326,12 +325,12 @@ fn parts(
     })
 }
 
-/// Folder that the files named by a scenario are relative to.
+/// Returns the folder to which paths in a scenario are relative.
 fn folder(scenario: &Scenario) -> &Path {
     scenario.path.parent().unwrap_or(Path::new(""))
 }
 
-/// The scenario's name, which becomes part of folder names.
+/// Returns the scenario's name, which becomes part of folder names.
 fn name(reader: &mut Reader, root: &Section<'_>, scenario: &Scenario) -> String {
     let stem = scenario
         .path
@@ -344,7 +343,7 @@ fn name(reader: &mut Reader, root: &Section<'_>, scenario: &Scenario) -> String 
         let message = match written {
             Some(_) => format!("`name` is `{name}`"),
             None => {
-                format!("`name` is missing, and the file's name `{name}` cannot take its place")
+                format!("`name` is missing, and the file's name `{name}` cannot replace it")
             }
         };
         reader
@@ -354,10 +353,10 @@ fn name(reader: &mut Reader, root: &Section<'_>, scenario: &Scenario) -> String 
     name
 }
 
-/// Names that scenarios, studies and requirements can have.
+/// Rule for names of scenarios, studies and requirements.
 pub(crate) const TITLE: &str = "1 to 64 letters, digits, - and _";
 
-/// Returns true if a text can be the name of a scenario, a study or a requirement.
+/// Returns `true` if a text is a valid name of a scenario, a study or a requirement.
 pub(crate) fn is_title(name: &str) -> bool {
     let legal = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
     (1..=64).contains(&name.len()) && name.chars().all(legal)

@@ -1,36 +1,35 @@
-//! Conditions of faults while records arrive: whether an expression has held for long enough.
+//! Conditions of faults, evaluated as records arrive: has an expression held for long enough?
 //!
-//! Made by the plant from a [`Condition`] of a checked scenario and the columns of its records, then
-//! shown one record per step, in the loop: looking allocates nothing. Never looks at anything but
-//! the record.
+//! Made by the plant from a [`Condition`] of a checked scenario and the columns of its records, then fed one record per
+//! step, in the loop: evaluation allocates nothing and depends only on the record.
 
 use shared_types::table::canonical;
 
 use crate::expression::{Columns, Expression, ExpressionError, Group, Program};
 use crate::plan::Condition;
 
-/// A condition that is being watched.
+/// Condition under observation.
 #[derive(Clone, Debug)]
 pub struct Watch {
     expression: Program,
-    /// Of the derived signals that the expression needs: column and value.
+    /// Derived signals that the expression needs: column and program.
     derived: Vec<(usize, Program)>,
-    /// A record, then the derived signals; empty if none is needed.
+    /// Record followed by the derived signals; empty if none is needed.
     row: Vec<f64>,
-    /// Columns of a record.
+    /// Number of columns in a record.
     signals: usize,
-    /// For how many records in a row it must hold.
+    /// Number of consecutive records for which it must hold.
     records: u64,
-    /// For how many it has held.
+    /// Number of consecutive records for which it has held.
     held: u64,
 }
 
 impl Watch {
-    /// A condition before the first record. `derived` are the scenario's derived signals by name
-    /// and expression, each using only signals and earlier ones; `columns` are those of a record.
+    /// Creates a condition before the first record. `derived` are the scenario's derived signals by name and
+    /// expression, each using only signals and earlier ones; `columns` are those of a record.
     ///
     /// # Errors
-    /// If an expression does not follow the grammar or names a signal that there is not.
+    /// If an expression is malformed or names an unknown signal.
     pub fn new(
         condition: &Condition,
         derived: &[(String, String)],
@@ -43,7 +42,7 @@ impl Watch {
         }
         let mut wanted: Vec<String> = expression.signals().map(Into::into).collect();
         let mut needed = Vec::new();
-        // From the last to the first: what is needed only for another is known before it is met.
+        // From last to first, so that the users of a derived signal are seen before the signal itself.
         for (index, (name, text)) in derived.iter().enumerate().rev() {
             if wanted.contains(name) {
                 let signal = Expression::parse(text)?;
@@ -66,8 +65,8 @@ impl Watch {
         })
     }
 
-    /// Takes the next record's values; whether the expression has held long enough, this record
-    /// included. A value that does not exist does not hold.
+    /// Evaluates the next record; returns `true` if the expression has held for long enough, including this record. A
+    /// missing value counts as not holding.
     ///
     /// # Panics
     /// If the record does not have as many values as there are columns.
@@ -86,18 +85,18 @@ impl Watch {
         self.held >= self.records
     }
 
-    /// For how many records in a row it has held.
+    /// Returns the number of consecutive records for which it has held.
     #[must_use]
     pub const fn held(&self) -> u64 {
         self.held
     }
 
-    /// Goes on as if it had held for N records.
+    /// Continues as if it had held for N records.
     pub const fn go_on_from(&mut self, held: u64) {
         self.held = held;
     }
 
-    /// Forgets for how long it has held.
+    /// Resets the count of records.
     pub fn reset(&mut self) {
         self.held = 0;
     }

@@ -1,7 +1,6 @@
-//! Document: the scenario as a tree of values that remember where they stand.
+//! Document: the scenario as a tree of values with their places in the text.
 //!
-//! Made from TOML text; `--set` values are put into the same tree. Knows nothing of what the keys
-//! mean.
+//! Parsed from TOML text; `--set` values are added to the same tree. The meaning of the keys is unknown here.
 
 use std::collections::HashMap;
 
@@ -10,7 +9,7 @@ use toml::de::{DeTable, DeValue};
 
 use crate::source::Place;
 
-/// A value and its place.
+/// Value and its place.
 #[derive(Clone, Debug)]
 pub(crate) struct Node {
     /// The value.
@@ -19,7 +18,7 @@ pub(crate) struct Node {
     pub place: Place,
 }
 
-/// A value as written.
+/// Value as written.
 #[derive(Clone, Debug)]
 pub(crate) enum Value {
     /// Text.
@@ -28,7 +27,7 @@ pub(crate) enum Value {
     Integer(i64),
     /// Any other number.
     Float(f64),
-    /// A number that TOML can write and 64 bits cannot hold.
+    /// A number in valid TOML that exceeds 64 bits.
     TooLarge,
     /// `true` or `false`.
     Boolean(bool),
@@ -41,7 +40,7 @@ pub(crate) enum Value {
 }
 
 impl Value {
-    /// Names the type for messages.
+    /// Returns the name of the type in messages.
     pub(crate) const fn type_name(&self) -> &'static str {
         match self {
             Self::Text(_) => "text",
@@ -55,15 +54,15 @@ impl Value {
     }
 }
 
-/// A table in the order of the text.
+/// Table in the order of the text.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Table {
     entries: Vec<Entry>,
-    /// The place of each key.
+    /// Index of each key.
     places: HashMap<String, usize>,
 }
 
-/// A key and its value.
+/// Key and its value.
 #[derive(Clone, Debug)]
 pub(crate) struct Entry {
     /// The key.
@@ -75,17 +74,17 @@ pub(crate) struct Entry {
 }
 
 impl Table {
-    /// The entry of a key.
+    /// Returns the entry of a key.
     pub(crate) fn get(&self, key: &str) -> Option<&Entry> {
         self.places.get(key).map(|place| &self.entries[*place])
     }
 
-    /// Lists the entries.
+    /// Returns the entries.
     pub(crate) fn entries(&self) -> &[Entry] {
         &self.entries
     }
 
-    /// The entry of a key, or the one that is made for it.
+    /// Returns the entry of a key, creating it if needed.
     pub(crate) fn entry(&mut self, key: &str, new: impl FnOnce() -> Entry) -> &mut Entry {
         let place = match self.places.get(key) {
             Some(place) => *place,
@@ -101,7 +100,7 @@ impl Table {
         place
     }
 
-    /// Reads a document. The errors are those of the TOML syntax.
+    /// Parses a document. The errors are those of the TOML syntax.
     pub(crate) fn parse(text: &str, source: usize) -> Result<Self, Vec<toml::de::Error>> {
         let (document, errors) = DeTable::parse_recoverable(text);
         if errors.is_empty() {
@@ -113,7 +112,7 @@ impl Table {
 }
 
 impl Value {
-    /// Reads a single TOML value.
+    /// Parses a single TOML value.
     pub(crate) fn parse(text: &str, place: &Place) -> Option<Self> {
         let value = DeValue::parse(text).ok()?;
         let mut node = node(value, place.source, None);
@@ -137,7 +136,7 @@ fn table(table: DeTable<'_>, source: usize) -> Table {
             }
         })
         .collect();
-    // The parser's map is sorted by name; people expect their own order.
+    // The parser's map is sorted by name; users expect their own order.
     entries.sort_by_key(|entry| entry.key_place.span.start);
     let mut table = Table::default();
     for entry in entries {
@@ -168,7 +167,7 @@ fn node(value: Spanned<DeValue<'_>>, source: usize, key_place: Option<&Place>) -
                 .collect(),
         ),
         DeValue::Table(entries) => {
-            // A table under a key is known by its key; in a list it has only its own header.
+            // A table under a key takes the key's place; in a list it has only its own header.
             if let Some(key_place) = key_place {
                 place = key_place.clone();
             }
@@ -178,7 +177,7 @@ fn node(value: Spanned<DeValue<'_>>, source: usize, key_place: Option<&Place>) -
     Node { value, place }
 }
 
-/// Moves the places of a value that was parsed by itself to where it stands in its source.
+/// Shifts the places of a separately parsed value to its position in the source.
 fn shift(node: &mut Node, by: usize) {
     let moved = |place: &mut Place| {
         place.span.start += by;

@@ -1,8 +1,7 @@
-//! Derived signals, metrics and requirements while records arrive.
+//! Derived signals, metrics and requirements, computed as records arrive.
 //!
-//! Used by whoever reads the records of a run, live or from a file: made once from the plan and
-//! the columns of a record, then fed one row per step. Feeding allocates nothing, and memory does
-//! not grow with the run.
+//! Used by readers of a run's records, live or from a file: created once from the plan and the columns of a record,
+//! then fed one row per step. Feeding allocates nothing, and memory use does not grow with the run.
 
 use serde::Serialize;
 use shared_types::table::canonical;
@@ -17,14 +16,14 @@ use crate::requirements::{RequirementValue, Requirements};
 #[derive(Clone, Debug)]
 pub struct Evaluation {
     rate: Rate,
-    /// The row of a record, then the derived signals.
+    /// Row of a record followed by the derived signals.
     row: Vec<f64>,
     signals: usize,
     derived: Vec<Program>,
     metrics: Vec<RunningMetric>,
     analyses: Vec<RunningAnalysis>,
     requirements: Requirements,
-    /// The whole run.
+    /// Time span of the whole run.
     whole_s: [f64; 2],
 }
 
@@ -34,7 +33,7 @@ struct RunningMetric {
     unit: String,
     reductions: Vec<Reduction>,
     result: Program,
-    /// Values of the reductions in the present row.
+    /// Values of the reductions in the current row.
     values: Vec<f64>,
     windows: Vec<RunningWindow>,
 }
@@ -45,7 +44,7 @@ struct RunningWindow {
     accumulators: Vec<Accumulator>,
 }
 
-/// The value of a metric over a window.
+/// Value of a metric over a window.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MetricValue {
     /// Name.
@@ -56,13 +55,13 @@ pub struct MetricValue {
     pub window_s: [f64; 2],
     /// The value; NaN if it does not exist.
     pub value: f64,
-    /// Rows of the window that a reduction skipped because its value did not exist there; the
-    /// largest number of all its reductions.
+    /// Rows of the window that a reduction skipped because its value was missing there; the maximum over all its
+    /// reductions.
     pub skipped: u64,
 }
 
 impl Evaluation {
-    /// All of it before the first row; `columns` are those of the rows to come.
+    /// Creates the evaluation before the first row; `columns` are those of the rows to come.
     ///
     /// # Errors
     /// If an expression names a signal that no column has, or a requirement looks beyond the run.
@@ -99,12 +98,11 @@ impl Evaluation {
         })
     }
 
-    /// Takes the row of a step. Steps must rise. Signals at the places `invalid`, those that the record
-    /// marks so ([`Validity`](shared_types::record::Validity)), do not exist in it, whatever the row has
-    /// there.
+    /// Processes the row of a step. Steps must rise. Signals at the indices `invalid`, which the record marks as such
+    /// ([`Validity`](shared_types::record::Validity)), count as missing, whatever value the row has there.
     ///
     /// # Panics
-    /// If the row does not have as many numbers as there are columns, or has no such place.
+    /// If the row does not have as many numbers as there are columns, or lacks such an index.
     pub fn observe(&mut self, step: Step, row: &[f64], invalid: impl IntoIterator<Item = usize>) {
         self.row[..self.signals].copy_from_slice(row);
         for place in invalid {
@@ -122,34 +120,34 @@ impl Evaluation {
         self.requirements.observe(step, &self.row);
     }
 
-    /// A fault event takes hold at a step, whose row is still to come.
+    /// Records that a fault event takes effect at a step whose row is still to come.
     pub fn fault(&mut self, event: u32, step: Step) {
         for analysis in &mut self.analyses {
             analysis.fault(event, step);
         }
     }
 
-    /// Returns the result of each requirement, in the plan's order, from the rows so far.
+    /// Returns the result of each requirement for the rows so far, in the plan's order.
     #[must_use]
     pub fn requirements(&self) -> Vec<RequirementValue> {
         self.requirements.values()
     }
 
-    /// Between which two sizes the robustness of each requirement will be by the rows so far, in the
-    /// plan's order; infinite where they say nothing.
+    /// Returns bounds on the final robustness of each requirement, given the rows so far, in the plan's order; infinite
+    /// if unknown.
     #[must_use]
     pub fn bounds(&self) -> Vec<[f64; 2]> {
         self.requirements.bounds()
     }
 
-    /// The derived signals of the last row, in the plan's order.
+    /// Returns the derived signals of the last row, in the plan's order.
     #[must_use]
     pub fn derived(&self) -> &[f64] {
         &self.row[self.signals..]
     }
 
-    /// Every metric over every window, then the figures of every analysis, in the plan's order, from
-    /// the rows so far.
+    /// Returns every metric over every window, then the figures of every analysis, in the plan's order, for the rows so
+    /// far.
     #[must_use]
     pub fn results(&self) -> Vec<MetricValue> {
         let figures = self.analyses.iter().flat_map(|analysis| {

@@ -1,8 +1,8 @@
-//! Expressions over signals: one grammar for derived signals, metrics and conditions of faults.
+//! Expressions over signals: one grammar for derived signals, metrics and fault conditions.
 //!
-//! Read by the check, which resolves every name; computed by an
-//! [`Evaluation`](crate::evaluation::Evaluation) or a [`Watch`](crate::condition::Watch) while
-//! records arrive. Never allocates while computing, never looks at anything but a row of numbers.
+//! Parsed by the check, which resolves every name; computed by an [`Evaluation`](crate::evaluation::Evaluation) or a
+//! [`Watch`](crate::condition::Watch) as records arrive. Evaluation never allocates and depends on nothing but a row of
+//! numbers.
 //!
 //! ```text
 //! expression  = conjunction { "or" conjunction }
@@ -22,22 +22,21 @@
 //! reduction   = "max_abs" | "max" | "min" | "mean" | "rms" | "initial" | "final" | "integral"
 //! ```
 //!
-//! `measured` and `reference` are what the controller got; `sensed` and `stimulus` are the same
-//! signals before any fault. A `parameter` has its full name, as in
-//! `parameter.actuator1.bulk_modulus_pa`.
+//! `measured` and `reference` are the signals that the controller received; `sensed` and `stimulus` are the same
+//! signals before any fault. A `parameter` has its full name, as in `parameter.actuator1.bulk_modulus_pa`.
 //!
-//! Values of two known units are neither added nor compared; a plain number fits every unit, and so does a product
-//! or quotient of two quantities. A quantity times or by a plain number keeps its dimension. A number with a unit counts in coherent SI units: `5 cm` is 0.05 and fits what is in m.
+//! Values of different known units can be neither added nor compared; a plain number is compatible with every unit, and
+//! so is a product or quotient of two quantities. A quantity times or divided by a plain number keeps its dimension. A
+//! number with a unit counts in coherent SI units: `5 cm` is 0.05 and is compatible with signals in m.
 //!
-//! A comparison is 1 where it holds and 0 where not; every number but 0 counts as true.
+//! A comparison is 1 if it holds and 0 otherwise; every number but 0 counts as true.
 //!
-//! **A value that does not exist** is NaN, as the command in the final record, and so is the root
-//! of a negative number. Whatever is computed from it does not exist either, comparisons and
-//! `and`, `or`, `not`, `min`, `max` included. A reduction skips rows where its expression does not
-//! exist and counts them; over no row at all it does not exist itself.
+//! **A missing value** is NaN, like the command in the final record, and so is the root of a negative number. Any
+//! result computed from it is missing too, including comparisons and `and`, `or`, `not`, `min`, `max`. A reduction
+//! skips rows where its expression is missing and counts them; over no row at all its own result is missing.
 //!
-//! **Reductions** ([`ReductionKind`]) turn the rows of a window into one number. A metric needs at
-//! least one and may compute with them, as in `max(x) - min(x)`; a derived signal has none.
+//! **Reductions** ([`ReductionKind`]) turn the rows of a window into one number. A metric needs at least one and may
+//! compute with them, as in `max(x) - min(x)`; a derived signal has none.
 
 mod columns;
 pub(crate) mod cursor;
@@ -62,29 +61,29 @@ use program::{Op, Unary};
 use quantity::Quantity;
 pub(crate) use units::Unit;
 
-/// An expression, read but not yet bound to columns.
+/// Expression, parsed but not yet bound to columns.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expression {
     text: String,
-    /// In Polish order: operands first.
+    /// Operations in reverse Polish order: operands first.
     ops: Vec<Op>,
-    /// The signals it names.
+    /// Signals named in the expression.
     names: Vec<Name>,
-    /// The numbers with units in it.
+    /// Numbers with units in the expression.
     quantities: Box<[Quantity]>,
     reductions: Vec<Reduced>,
 }
 
-/// A signal's name in an expression.
+/// Signal name in an expression.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Name {
     path: String,
     span: Range<usize>,
-    /// True if the name stands inside a reduction.
+    /// `true` if the name stands inside a reduction.
     reduced: bool,
 }
 
-/// A reduction in an expression.
+/// Reduction in an expression.
 #[derive(Clone, Debug, PartialEq)]
 struct Reduced {
     kind: ReductionKind,
@@ -92,7 +91,7 @@ struct Reduced {
     span: Range<usize>,
 }
 
-/// An error in an expression.
+/// Error in an expression.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("column {column} of the expression: {message}")]
 pub struct ExpressionError {
@@ -100,9 +99,9 @@ pub struct ExpressionError {
     pub message: String,
     /// Column in the expression, in characters from 1.
     pub column: usize,
-    /// The bytes of the expression that are wrong.
+    /// Faulty bytes of the expression.
     pub span: Range<usize>,
-    /// Names that exist and are closest to an unknown one.
+    /// Existing names that are closest to an unknown one.
     pub nearest: Vec<String>,
 }
 
@@ -116,7 +115,7 @@ impl ExpressionError {
         }
     }
 
-    /// The same error where the expression is a part of a longer text, from byte `start` on.
+    /// Relocates the error if the expression is a part of a longer text, from byte `start` on.
     pub(crate) fn inside(self, text: &str, start: usize) -> Self {
         let span = self.span.start + start..self.span.end + start;
         Self {
@@ -133,20 +132,20 @@ impl std::fmt::Display for Expression {
 }
 
 impl Expression {
-    /// Reads an expression.
+    /// Parses an expression.
     ///
     /// # Errors
-    /// If it does not follow the grammar, reduces a reduction, or uses a signal beside reductions.
+    /// If it is malformed, reduces a reduction, or uses a signal beside reductions.
     pub fn parse(text: &str) -> Result<Self, ExpressionError> {
         parser::parse(text)
     }
 
-    /// The names of the signals in it.
+    /// Lists the signals named in the expression.
     pub fn signals(&self) -> impl Iterator<Item = &str> {
         self.names.iter().map(|name| name.path.as_str())
     }
 
-    /// The signal that it is, and whether it is its magnitude; `None` if it is anything else.
+    /// Returns the signal if the expression is a single signal or its magnitude, with `true` for a magnitude.
     #[must_use]
     pub fn plain_signal(&self) -> Option<(&str, bool)> {
         match *self.ops.as_slice() {
@@ -156,7 +155,7 @@ impl Expression {
         }
     }
 
-    /// Computes the value if the expression is made of numbers alone.
+    /// Computes the value if the expression consists of numbers only.
     #[must_use]
     pub fn constant(&self) -> Option<f64> {
         if !self.is_constant() {
@@ -166,24 +165,24 @@ impl Expression {
         Some(program.evaluate(&[]))
     }
 
-    /// Returns true if the expression is made of numbers alone.
+    /// Returns `true` if the expression consists of numbers only.
     pub(crate) fn is_constant(&self) -> bool {
         self.names.is_empty()
     }
 
-    /// Returns true if the expression is true or false, not a quantity.
+    /// Returns `true` if the expression is a truth value, not a quantity.
     pub(crate) fn is_truth(&self) -> bool {
         self.ops.last().is_some_and(|last| last.is_truth())
     }
 
-    /// The names that no column has, as many as are told.
+    /// Returns an error for each name that no column has, up to a limit.
     #[must_use]
     pub fn unknown_names(&self, columns: &Columns) -> Vec<ExpressionError> {
         let unknown = (self.names.iter()).filter_map(|name| self.column(name, columns).err());
         unknown.take(MOST_PROBLEMS + 1).collect()
     }
 
-    /// Lists where the names in it are aliases, with the names of their columns, in the order of the text.
+    /// Lists the aliases in the expression, with the names of their columns, in text order.
     pub(crate) fn aliases<'a>(
         &'a self,
         columns: &'a Columns,
@@ -197,10 +196,10 @@ impl Expression {
         aliases.into_iter()
     }
 
-    /// The expression with the names of columns in place of aliases, as recordings have them.
+    /// Replaces aliases by the names of their columns, which recordings use.
     ///
     /// # Errors
-    /// If the text grows beyond what is read.
+    /// If the text would exceed the maximum length.
     pub(crate) fn with_own_names(self, columns: &Columns) -> Result<Self, ExpressionError> {
         match replaced(&self.text, self.aliases(columns)) {
             Some(text) => Self::parse(&text),
@@ -211,21 +210,21 @@ impl Expression {
     /// Refuses reductions, which a derived signal cannot have.
     ///
     /// # Errors
-    /// If it has one.
+    /// If the expression has a reduction.
     pub fn refuse_reduction(&self) -> Result<(), ExpressionError> {
         match self.reductions.first() {
             None => Ok(()),
             Some(reduced) => Err(self.error(
                 reduced.span.clone(),
-                "a reduction needs a window and so belongs into [[metrics]]",
+                "a reduction needs a window and so belongs in [[metrics]]",
             )),
         }
     }
 
-    /// Refuses an expression without reductions, which a metric cannot be.
+    /// Refuses an expression without reductions, which a metric needs.
     ///
     /// # Errors
-    /// If it has none.
+    /// If the expression has no reduction.
     pub fn refuse_signal(&self) -> Result<(), ExpressionError> {
         if self.reductions.is_empty() {
             let message = "a metric needs a reduction, such as max_abs(..)";
@@ -234,7 +233,7 @@ impl Expression {
         Ok(())
     }
 
-    /// The expression of a derived signal, bound to columns.
+    /// Binds the expression of a derived signal to columns.
     ///
     /// # Errors
     /// If a name is unknown or the expression has reductions.
@@ -243,8 +242,7 @@ impl Expression {
         self.bind(&self.ops, columns)
     }
 
-    /// The expression of a metric, bound to columns: its reductions, and what is computed from
-    /// their results.
+    /// Binds the expression of a metric to columns: its reductions, and the computation on their results.
     ///
     /// # Errors
     /// If a name is unknown or the expression has no reduction.
@@ -303,7 +301,7 @@ impl Expression {
     }
 }
 
-/// A text with other words at some places of it, which follow each other; `None` if there are none.
+/// Replaces consecutive spans of a text; `None` if there are none.
 pub(crate) fn replaced<'a>(
     text: &str,
     words: impl Iterator<Item = (Range<usize>, &'a str)>,

@@ -1,26 +1,26 @@
 //! `--set KEY=VALUE`: one value of the scenario from the command line.
 //!
-//! A key is the path of a value, `faults[0].effects[1].speed_per_s`; tables on the way are made,
-//! entries of lists must exist. A value is TOML; what is no TOML value is text, so that
-//! `controller.law=pid` needs no quotes. The value remembers that it came from the flag.
+//! A key is the path of a value, `faults[0].effects[1].speed_per_s`; missing tables are created, list entries must
+//! exist. A value is TOML; anything that is not valid TOML is text, so that `controller.law=pid` needs no quotes. The
+//! value remembers that it came from the flag.
 
 use std::ops::Range;
 
 use crate::document::{Entry, Node, Table, Value};
 use crate::source::{Place, Sources};
 
-/// Error in a flag, with the bytes of the flag that are wrong.
+/// Error in a flag, with the faulty bytes of the flag.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct FlagError {
     pub message: String,
     pub span: Range<usize>,
-    /// The key up to there.
+    /// Key up to the error.
     pub key: String,
-    /// The source of an earlier flag that it contradicts.
+    /// Source of an earlier flag that conflicts with this one.
     pub earlier: Option<usize>,
 }
 
-/// Most parts of a key: no value lies so deep, and who goes down there must come up again.
+/// Maximum number of parts of a key: no value lies so deep, and nested values are processed recursively.
 const MOST_PARTS: usize = 32;
 
 /// Part of a key.
@@ -30,10 +30,10 @@ enum Part {
     Index(usize),
 }
 
-/// A part and its bytes in the flag.
+/// Part of a key and its bytes in the flag.
 type Placed = (Part, Range<usize>);
 
-/// Puts the value of a flag into the scenario.
+/// Sets the value of a flag in the scenario.
 pub(crate) fn apply(root: &mut Table, flag: &str, source: usize) -> Result<(), FlagError> {
     let Some((key, text)) = flag.split_once('=') else {
         return Err(error(0..flag.len(), "", "expected KEY=VALUE, found no `=`"));
@@ -41,7 +41,7 @@ pub(crate) fn apply(root: &mut Table, flag: &str, source: usize) -> Result<(), F
     let parts = parts(key)?;
     let start = key.len() + 1;
     if text.trim().is_empty() {
-        return Err(error(start..flag.len(), key, "no value behind the `=`"));
+        return Err(error(start..flag.len(), key, "no value after the `=`"));
     }
     let place = Place {
         source,
@@ -63,7 +63,7 @@ pub(crate) fn key_of(flag: &str) -> Option<&str> {
     flag.split_once('=').map(|(key, _)| key)
 }
 
-/// Checks the form of a flag, whatever scenario it is for.
+/// Checks the syntax of a flag, independently of any scenario.
 pub(crate) fn check(flag: &str) -> Result<(), String> {
     let found = flag
         .split_once('=')
@@ -71,7 +71,7 @@ pub(crate) fn check(flag: &str) -> Result<(), String> {
     let (key, value) = found?;
     parts(key).map_err(|error| error.message)?;
     match value.trim() {
-        "" => Err(format!("`{flag}` has no value behind the `=`")),
+        "" => Err(format!("`{flag}` has no value after the `=`")),
         _ => Ok(()),
     }
 }
@@ -85,7 +85,7 @@ fn error(span: Range<usize>, key: &str, message: impl Into<String>) -> FlagError
     }
 }
 
-/// The source of an earlier flag that a value, or a part of it, comes from.
+/// Returns the source of an earlier flag that set a value or a part of it.
 fn earlier(node: &Node, source: usize) -> Option<usize> {
     let own = node.place.source;
     if own != Sources::SCENARIO && own != source {
@@ -135,7 +135,7 @@ fn parts(key: &str) -> Result<Vec<Placed>, FlagError> {
     Ok(parts)
 }
 
-/// Puts a value at a path that begins with a key.
+/// Sets a value at a path that begins with a key.
 fn put(table: &mut Table, parts: &[Placed], value: Node, source: usize) -> Result<(), FlagError> {
     let Some(((Part::Key(name), span), rest)) = parts.split_first() else {
         unreachable!("a path begins with a key, and so does what follows a table")
@@ -162,7 +162,7 @@ fn put(table: &mut Table, parts: &[Placed], value: Node, source: usize) -> Resul
     put_below(&mut entry.node, name, rest, value, source)
 }
 
-/// Puts a value at the rest of a path, below the value that `name` has.
+/// Sets a value at the rest of a path, below the value of `name`.
 fn put_below(
     node: &mut Node,
     name: &str,
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn a_key_without_end_is_refused() {
+    fn an_endless_key_is_refused() {
         let key = vec!["a"; 100_000].join(".");
         let refused = parts(&key).expect_err("too deep");
         assert!(refused.message.contains("more than 32 parts"));
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_key_is_refused_where_it_stands() {
+    fn an_invalid_key_is_refused_at_its_place() {
         for (key, span) in [
             ("", 0..0),
             ("a..b", 2..2),

@@ -1,7 +1,7 @@
-//! Formulas of requirements: comparisons of expressions, joined by logic and by time.
+//! Formulas of requirements: comparisons of expressions, joined by logical and temporal operators.
 //!
-//! Read by the check; [`Monitors`](crate::monitor::Monitors) judge them while records arrive. Never
-//! computes anything itself. `docs/requirements.md` tells a user the same with examples.
+//! Parsed by the check; [`Monitors`](crate::monitor::Monitors) evaluate them as records arrive. Nothing is computed
+//! here. `docs/requirements.md` has the same for users, with examples.
 //!
 //! ```text
 //! formula     = disjunction [ "implies" formula ]
@@ -17,35 +17,35 @@
 //! time        = number [ unit of time ]
 //! ```
 //!
-//! A `sum` is one of the [expressions](crate::expression), without reductions.
+//! A `sum` is that of [expressions](crate::expression), without reductions.
 //!
-//! **Meaning** (Maler and Nickovic 2004, in discrete time). A formula holds or not at each step `k`;
-//! that of a requirement is judged at step 0.
+//! **Semantics** (Maler and Nickovic 2004, in discrete time). A formula is true or false at each step `k`; a
+//! requirement is evaluated at step 0.
 //!
 //! | formula | holds at step `k` if |
 //! |---|---|
 //! | `always[a,b] f` | `f` holds at each step of `k + a ..= k + b` |
-//! | `eventually[a,b] f` | it does at one of them |
+//! | `eventually[a,b] f` | `f` holds at one of them |
 //! | `f until[a,b] g` | `g` holds at one step `j` of them and `f` at each of `k .. j` |
 //! | `historically[a,b] f` | `f` holds at each step of `k - b ..= k - a` that the run has |
-//! | `once[a,b] f` | it does at one of them |
+//! | `once[a,b] f` | `f` holds at one of them |
 //! | `f since[a,b] g` | `g` holds at one step `j` of them and `f` at each after `j`, up to `k` |
 //! | `rise f` | `f` holds at `k` and did not at `k - 1`; not at step 0 |
-//! | `fall f` | the other way round |
+//! | `fall f` | `f` held at `k - 1` and does not at `k`; not at step 0 |
 //!
-//! **Robustness** (Donze and Maler 2010): a comparison has the distance of its two sides, with the
-//! sign that says whether it holds; `and` and `always` take the least, `or` and `eventually` the
-//! greatest, `not` turns the sign. Zero has a sign too: -0 where `x < 1` just fails at 1, +0 where
-//! `x <= 1` just holds. So the sign bit of the robustness *is* the verdict.
+//! **Robustness** (Donze and Maler 2010): a comparison has the distance of its two sides, positive if it holds and
+//! negative otherwise; `and` and `always` take the minimum, `or` and `eventually` the maximum, `not` changes the sign.
+//! Zero has a sign too: -0 where `x < 1` just fails at 1, +0 where `x <= 1` just holds. So the sign bit of the
+//! robustness *is* the verdict.
 //!
-//! **Time** is steps: the beginning of bounds rounds up, the end down. Without bounds `always`,
-//! `eventually` and `until` go as far as the run lets their operands be judged, and stand only where
-//! they are judged at step 0; the operators of the past begin at step 0. A formula that would look
-//! beyond the end of the run is refused, so no window is ever cut off there.
+//! **Time** is in steps: the beginning of bounds rounds up, the end down. Without bounds `always`, `eventually` and
+//! `until` extend as far as their operands can be evaluated within the run, and are allowed only where they are
+//! evaluated at step 0; past operators begin at step 0. A formula that would look beyond the end of the run is refused,
+//! so no window is ever truncated there.
 //!
-//! **What does not exist** (NaN) counts against the requirement: `not` is taken to the comparisons
-//! first (`not x < 1` is `x >= 1`), and a comparison without a value then fails by minus infinity.
-//! There is no formula that such a value could make hold.
+//! **Missing values** (NaN) count against the requirement: `not` is first pushed down to the comparisons (`not x < 1`
+//! becomes `x >= 1`), and a comparison with a missing value then fails by minus infinity. A missing value can make no
+//! formula hold.
 
 mod parser;
 
@@ -56,15 +56,15 @@ use crate::problem::MOST_PROBLEMS;
 
 pub(crate) use parser::is_operator;
 
-/// A formula, read but not yet bound to columns.
+/// Formula, parsed but not yet bound to columns.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Formula {
     text: String,
-    /// Operands before what is made of them; the last is the whole.
+    /// Nodes, operands before the operators that use them; the last is the whole formula.
     nodes: Vec<Node>,
 }
 
-/// A part of a formula; operands are places in its list.
+/// Node of a formula; operands are indices into its list.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Node {
     Comparison(Comparison),
@@ -75,7 +75,7 @@ pub(crate) enum Node {
     /// `always`, `eventually`, `historically`, `once`.
     Over {
         is_past: bool,
-        /// True if the operand must hold at every step of the window.
+        /// `true` if the operand must hold at every step of the window.
         every: bool,
         window: Window,
         operand: usize,
@@ -94,23 +94,23 @@ pub(crate) enum Node {
     },
 }
 
-/// A comparison of a formula as it is shown.
+/// Comparison of a formula, for display.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Compared<'a> {
-    /// Expression before the sign.
+    /// Expression before the relation.
     pub left: &'a Expression,
     /// `<`, `<=`, `>`, `>=`, `==` or `!=`.
     pub relation: &'static str,
-    /// Expression after the sign.
+    /// Expression after the relation.
     pub right: &'a Expression,
     /// First and last time in s at which it may count.
     pub window_s: [f64; 2],
-    /// True if the robustness of the formula falls where that of the comparison rises, as under `not`;
-    /// `None` if the robustness may do both, as under `rise`.
+    /// `true` if the robustness of the formula falls as that of the comparison rises, as under `not`; `None` if the
+    /// robustness may do both, as under `rise`.
     pub is_turned: Option<bool>,
 }
 
-/// Times at which a part of a formula may count, and the way in which the part counts.
+/// Times at which a part of a formula may count, and the direction in which it counts.
 #[derive(Clone, Copy, Debug)]
 struct Reach {
     from_s: f64,
@@ -135,7 +135,7 @@ impl Reach {
     }
 }
 
-/// Two expressions, compared.
+/// Comparison of two expressions.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Comparison {
     pub relation: Relation,
@@ -143,14 +143,14 @@ pub(crate) struct Comparison {
     pub right: FormulaSide,
 }
 
-/// An expression and where it begins in the formula.
+/// Expression with its offset in the formula.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct FormulaSide {
     pub expression: Expression,
     pub start: usize,
 }
 
-/// Relation by which two numbers are compared.
+/// Relation between two numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Relation {
     Less,
@@ -161,12 +161,12 @@ pub(crate) enum Relation {
     NotEqual,
 }
 
-/// The window of a temporal operator.
+/// Window of a temporal operator.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Window {
-    /// Begin and end in s; none: as far as the run goes.
+    /// Beginning and end in s; `None` extends as far as the run.
     pub bounds_s: Option<(f64, f64)>,
-    /// The operator with its bounds.
+    /// Operator with its bounds.
     pub span: Range<usize>,
 }
 
@@ -191,7 +191,7 @@ impl Relation {
         }
     }
 
-    /// The relation of all pairs of numbers that do not have this one.
+    /// Returns the relation of all pairs of numbers that do not have this one.
     pub(crate) const fn negated(self) -> Self {
         match self {
             Self::Less => Self::GreaterOrEqual,
@@ -211,15 +211,15 @@ impl std::fmt::Display for Formula {
 }
 
 impl Formula {
-    /// Reads a formula.
+    /// Parses a formula.
     ///
     /// # Errors
-    /// If it does not follow the grammar, or bounds are out of order.
+    /// If it is malformed, or bounds are out of order.
     pub fn parse(text: &str) -> Result<Self, ExpressionError> {
         parser::parse(text)
     }
 
-    /// The names that no column has, as many as are told.
+    /// Returns an error for each name that no column has, up to a limit.
     #[must_use]
     pub fn unknown_names(&self, columns: &Columns) -> Vec<ExpressionError> {
         let errors = self.sides().flat_map(|side| {
@@ -229,10 +229,10 @@ impl Formula {
         errors.take(MOST_PROBLEMS + 1).collect()
     }
 
-    /// The formula with the names of columns in place of aliases, as recordings have them.
+    /// Replaces aliases by the names of their columns, which recordings use.
     ///
     /// # Errors
-    /// If the text grows beyond what is read.
+    /// If the text would exceed the maximum length.
     pub(crate) fn with_own_names(self, columns: &Columns) -> Result<Self, ExpressionError> {
         let mut sides: Vec<_> = self.sides().collect();
         sides.sort_by_key(|side| side.start);
@@ -246,10 +246,10 @@ impl Formula {
         }
     }
 
-    /// The unit that all its comparisons have among these columns, if there is one.
+    /// Returns the unit that all its comparisons have in common among these columns, if there is one.
     ///
     /// # Errors
-    /// At the first sum or comparison of values of two known units.
+    /// The first sum or comparison of values of different known units.
     pub(crate) fn unit(&self, columns: &Columns) -> Result<Option<String>, ExpressionError> {
         let mut units = Vec::new();
         for node in &self.nodes {
@@ -277,10 +277,10 @@ impl Formula {
         Ok(unit.symbol().map(Into::into))
     }
 
-    /// Lists the comparisons, each with the time of a run of `end_s` at which it may count.
+    /// Lists the comparisons, each with the time span in a run of `end_s` in which it may count.
     #[must_use]
     pub fn comparisons(&self, end_s: f64) -> Vec<Compared<'_>> {
-        // Judged at step 0.
+        // Evaluated at step 0.
         let whole = Reach {
             from_s: 0.0,
             until_s: 0.0,
@@ -289,7 +289,7 @@ impl Formula {
         let mut reaches = vec![None; self.nodes.len()];
         reaches[self.nodes.len() - 1] = Some(whole);
         let mut compared = Vec::new();
-        // From the whole down to its operands.
+        // From the whole formula down to its operands.
         for (place, node) in self.nodes.iter().enumerate().rev() {
             let Some(reach) = reaches[place] else {
                 continue;
@@ -357,7 +357,7 @@ impl Formula {
         compared
     }
 
-    /// Lists the parts, operands before what is made of them.
+    /// Lists the nodes, operands first.
     pub(crate) fn nodes(&self) -> &[Node] {
         &self.nodes
     }
@@ -366,7 +366,7 @@ impl Formula {
         ExpressionError::new(&self.text, span, message)
     }
 
-    /// An error of an expression that begins at byte `start`.
+    /// Relocates an error of an expression that begins at byte `start`.
     pub(crate) fn inside(&self, error: ExpressionError, start: usize) -> ExpressionError {
         error.inside(&self.text, start)
     }

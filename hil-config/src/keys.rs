@@ -1,8 +1,7 @@
-//! Every key that a scenario may have: type, unit, range, default and meaning, written once.
+//! Every key of a scenario: type, unit, range, default and meaning, defined once.
 //!
-//! Reading, the JSON schema and `show` take what they need from these tables, so that none of them
-//! can say something else than the others. Parameters of plants and laws are not here: they come
-//! from the descriptions that the binaries give of themselves.
+//! The reader, the JSON schema and `show` are driven by these tables, so that they cannot disagree. Parameters of
+//! plants and laws are not here: they come from the binaries' descriptions.
 
 mod changes;
 mod faults;
@@ -28,10 +27,10 @@ pub(crate) use requirements::REQUIREMENT;
 pub(crate) use stimuli::{STIMULUS, WAVEFORMS};
 pub(crate) use study::{MOST_CASES, SPREADS, STUDY, VARY};
 
-/// Version of the scenario format that is understood.
+/// Supported version of the scenario format.
 pub(crate) const SCHEMA: i64 = 1;
 
-/// Largest number of steps of a run.
+/// Maximum number of steps of a run.
 pub(crate) const MAX_STEPS: u64 = 1 << 40;
 
 /// A key.
@@ -41,52 +40,52 @@ pub(crate) struct Key {
     pub name: &'static str,
     /// Kind of value that the key takes.
     pub kind: KeyKind,
-    /// True if the key must be there.
+    /// `true` if the key is required.
     pub required: bool,
     /// Meaning of the key.
     pub text: &'static str,
 }
 
-/// Kind of value that a key takes.
+/// Type of a key's value.
 #[derive(Debug)]
 pub(crate) enum KeyKind {
     /// A number.
     Number {
         /// Unit.
         unit: &'static str,
-        /// Smallest legal value.
+        /// Smallest valid value.
         min: f64,
-        /// Largest legal value.
+        /// Largest valid value.
         max: f64,
-        /// The value when the key is not there.
+        /// Default value.
         default: Option<f64>,
     },
     /// A whole number.
     Integer {
-        /// Smallest legal value.
+        /// Smallest valid value.
         min: i64,
-        /// Largest legal value.
+        /// Largest valid value.
         max: i64,
-        /// The value when the key is not there.
+        /// Default value.
         default: Option<i64>,
     },
     /// Text.
     Text {
-        /// All it may be; empty: anything.
+        /// Valid texts; empty means any.
         choices: &'static [&'static str],
-        /// The value when the key is not there.
+        /// Default value.
         default: Option<&'static str>,
     },
     /// True or false.
     Boolean {
-        /// The value when the key is not there.
+        /// Default value.
         default: bool,
     },
     /// A list of numbers.
     Numbers,
     /// A list of texts.
     Texts,
-    /// A list of numbers, of texts, or of true and false.
+    /// A list of numbers, of texts, or of booleans.
     Values,
     /// Two numbers.
     Pair,
@@ -94,13 +93,13 @@ pub(crate) enum KeyKind {
     Pairs,
     /// A name or number of a fault event.
     Event,
-    /// A table with these keys; some take further ones, which depend on other values.
+    /// A table with these keys; some tables have further keys, which depend on other values.
     Section(&'static [Key]),
-    /// A list of tables with these keys; some take further ones.
+    /// A list of tables with these keys; some tables have further keys.
     List(&'static [Key]),
     /// A table whose keys come from the description of a plant or law.
     Described,
-    /// A file, or one for each type of machine.
+    /// A file, or one per machine type.
     Program,
 }
 
@@ -122,14 +121,14 @@ impl Key {
     }
 }
 
-/// A kind of section, which has keys of its own.
+/// Kind of section with keys of its own.
 #[derive(Debug)]
 pub(crate) struct SectionKind {
     /// Value of its key `kind`.
     pub name: &'static str,
     /// Description of the kind.
     pub text: &'static str,
-    /// Keys of this kind alone.
+    /// Keys specific to this kind.
     pub keys: &'static [Key],
 }
 
@@ -167,7 +166,7 @@ const fn integer_or(min: i64, max: i64, default: i64) -> KeyKind {
     }
 }
 
-/// Text out of a list, by default the first.
+/// Returns the type of a text from a list, by default the first.
 const fn choice(choices: &'static [&'static str]) -> KeyKind {
     KeyKind::Text {
         choices,
@@ -180,12 +179,12 @@ pub(crate) const TEXT: KeyKind = KeyKind::Text {
     default: None,
 };
 
-/// Longest time in s that can be named: 2^40 steps at the lowest rate.
+/// Longest valid time in s: 2^40 steps at the lowest rate.
 const MAX_S: f64 = MAX_STEPS as f64 / Rate::MIN_HZ;
 
 const LENGTH: KeyKind = number("s", 1e-9, MAX_S);
 
-/// A table that names a file.
+/// Table that names a file.
 pub(crate) const FILE: &[Key] =
     &[Key::new("file", TEXT, "CSV file, relative to the scenario.").required()];
 
@@ -351,7 +350,7 @@ pub(crate) const PLANT: &[Key] = &[
     ),
 ];
 
-/// `[controller]`; besides these a table for every law.
+/// `[controller]`; in addition a table for every law.
 pub(crate) const CONTROLLER: &[Key] = &[
     Key::new("law", TEXT, "Name of the control law.").required(),
     Key::new(

@@ -1,8 +1,8 @@
-//! Faults and changes of values that are asked for while a run goes on: text to checked events.
+//! Faults and changes of values requested during a run: from text to checked events.
 //!
-//! Used by the plant's service for requests from a command line or a panel. Faults are the `[[faults]]` of a
-//! scenario and changes its `[[changes]]`, and are checked by the same code, in `check`; a problem becomes a
-//! refusal here. Reads no file: who asks puts tables of points inline.
+//! Used by the plant's service for requests from a command line or a panel. Faults are the `[[faults]]` of a scenario
+//! and changes its `[[changes]]`, checked by the same code, in `check`; a problem becomes a refusal here. Reads no
+//! file: requests contain tables of points inline.
 
 use shared_types::live::Refusal;
 

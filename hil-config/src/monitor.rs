@@ -1,19 +1,18 @@
-//! Requirements while records arrive: whether each formula holds at step 0, by how much, and which
-//! step says so.
+//! Monitoring of requirements as records arrive: the truth of each formula at step 0, its robustness, and the decisive
+//! step.
 //!
-//! Made from all [`Formula`]s of a run and the columns of a record by an
-//! [`Evaluation`](crate::evaluation::Evaluation), live or from a recording, then fed one row per
-//! step. Feeding allocates nothing; memory is fixed when monitors are made. Never looks back at a row.
+//! Created from all [`Formula`]s of a run and the columns of a record by an
+//! [`Evaluation`](crate::evaluation::Evaluation), live or from a recording, then fed one row per step. Feeding
+//! allocates nothing; memory is fixed on creation. Past rows are never revisited.
 //!
-//! 1. [`build`](Monitors::new) takes every `not` to the comparisons, turns bounds into steps, and finds
-//!    for each part of the formula at which steps its margin is wanted and how many steps later it
-//!    is known. Parts that are known at different times are joined through delays. Equal comparisons
-//!    of all formulas become one part, equal expressions one side.
-//! 2. At each row the sides and parts with something to do there, and no others, compute one value or
-//!    margin each, operands first; the lists of them change at few rows. A window of which only one
-//!    result is wanted keeps one number, others keep their steps.
-//! 3. As soon as no row to come can change it the [`Verdict`] is certain; when the last step that the
-//!    formula looks at has come, the robustness is known and nothing is computed any more.
+//! 1. [`build`](Monitors::new) pushes every `not` down to the comparisons, converts bounds into steps, and computes,
+//!    for each part of a formula, the steps whose margin is needed and the number of steps after which it is known.
+//!    Parts that are known at different times are joined through delays. Equal comparisons of all formulas become one
+//!    part, equal expressions one side.
+//! 2. At each row only the sides and parts that are due compute one value or margin each, operands first; the lists of
+//!    due parts change at few rows. A window with a single needed result keeps one number, others keep their steps.
+//! 3. As soon as no later row can change it the [`Verdict`] is certain; after the last step that the formula depends
+//!    on, the robustness is known and nothing is computed any more.
 
 mod build;
 mod context;
@@ -42,12 +41,12 @@ pub enum Verdict {
     Pass,
     /// Verdict that the requirement does not hold.
     Fail,
-    /// The run ended before that could be said.
+    /// Verdict left open because the run ended too early.
     Undecided,
 }
 
 impl Verdict {
-    /// Gives its word in files.
+    /// Returns the verdict's name in files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -58,52 +57,52 @@ impl Verdict {
     }
 }
 
-/// Formulas that are being judged.
+/// Formulas under evaluation.
 #[derive(Clone, Debug)]
 pub struct Monitors {
     /// Operands of the comparisons.
     sides: Vec<ComparedSide>,
-    /// The parts of all formulas, operands before what is made of them.
+    /// Parts of all formulas, operands first.
     parts: Vec<Part>,
-    /// The newest margin of each part.
+    /// Latest margin of each part.
     margins: Vec<Margin>,
-    /// Certainty of the only margin of each part; used of the deciding parts alone.
+    /// Certainty of the only margin of each part; used for the deciding parts only.
     certain: Vec<Option<bool>>,
-    /// The parts that verdicts hang on before they are computed, operands first.
+    /// Parts whose certainty decides verdicts early, operands first.
     deciding: Vec<usize>,
     judgements: Vec<Judgement>,
-    /// The rows at which each part looks.
+    /// Rows at which each part is active.
     spans: Vec<Span>,
-    /// The work that is due at the present row.
+    /// Work that is due at the current row.
     due: Due,
-    /// Rows so far.
+    /// Number of rows so far.
     rows: u64,
 }
 
-/// An expression that comparisons compare.
+/// Side of comparisons: an expression.
 #[derive(Clone, Debug)]
 struct ComparedSide {
-    /// Value in the present row.
+    /// Value in the current row.
     value: f64,
-    /// None if it is a number.
+    /// `None` for a constant.
     program: Option<Program>,
 }
 
-/// Judgement of a formula by the rows so far.
+/// Judgement of a formula for the rows so far.
 #[derive(Clone, Debug)]
 pub struct Judgement {
-    /// The part that is the whole formula.
+    /// Part that represents the whole formula.
     whole: usize,
     decided: Option<(bool, Step)>,
     judged: Option<Margin>,
 }
 
 impl Monitors {
-    /// Makes formulas ready for the first row.
+    /// Prepares formulas for the first row.
     ///
     /// # Errors
-    /// If a name is unknown, a formula looks beyond the end of the run, has a window without a
-    /// step, or would keep too many steps.
+    /// If a name is unknown, or a formula looks beyond the end of the run, has a window without a step, or would keep
+    /// too many steps.
     pub fn new<'a>(
         formulas: impl IntoIterator<Item = &'a Formula>,
         context: &FormulaContext<'_>,
@@ -132,7 +131,7 @@ impl Monitors {
         })
     }
 
-    /// Takes the row of a step. Steps must follow each other from 0; a row that was lost is all NaN.
+    /// Processes the row of a step. Steps must be consecutive from 0; a lost row is all NaN.
     ///
     /// # Panics
     /// If the row is shorter than the columns.
@@ -178,11 +177,11 @@ impl Monitors {
         }
     }
 
-    /// Finds what is certain and what is known after the row of a step.
+    /// Updates certainty and results after the row of a step.
     fn settle(&mut self, step: Step) {
         let row = step.0;
         for &at in &self.deciding {
-            // What is certain stays so.
+            // Certainty is permanent.
             if self.certain[at].is_none() {
                 let part = &self.parts[at];
                 self.certain[at] = if part.is_done(row) {
@@ -203,14 +202,14 @@ impl Monitors {
         }
     }
 
-    /// The judgement of each formula, in their order.
+    /// Returns the judgement of each formula, in their order.
     #[must_use]
     pub fn judgements(&self) -> &[Judgement] {
         &self.judgements
     }
 
-    /// Between which two sizes the robustness of each formula will be, whatever comes; infinite where
-    /// the rows so far say nothing. Of an `always` the second is the least margin so far.
+    /// Returns bounds on the final robustness of each formula, whatever rows follow; infinite if unknown. For an
+    /// `always` the second bound is the minimum margin so far.
     #[must_use]
     pub fn bounds(&self) -> Vec<[f64; 2]> {
         let last_row = self.rows.checked_sub(1);
@@ -226,7 +225,7 @@ impl Monitors {
         judgements.map(|one| bounds[one.whole]).collect()
     }
 
-    /// Bytes that they keep beside themselves, whatever comes.
+    /// Returns the heap memory in bytes, which stays constant.
     #[must_use]
     pub fn kept_bytes(&self) -> usize {
         self.parts.iter().map(Part::kept_bytes).sum()
@@ -234,7 +233,7 @@ impl Monitors {
 }
 
 impl Judgement {
-    /// The verdict so far.
+    /// Returns the verdict so far.
     #[must_use]
     pub const fn verdict(&self) -> Verdict {
         match self.decided {
@@ -244,7 +243,7 @@ impl Judgement {
         }
     }
 
-    /// The step whose row made the verdict certain.
+    /// Returns the step whose row made the verdict certain.
     #[must_use]
     pub const fn decided_at(&self) -> Option<Step> {
         match self.decided {
@@ -253,8 +252,8 @@ impl Judgement {
         }
     }
 
-    /// The robustness, when everything that the formula looks at has come; infinite if it hangs on a
-    /// value that does not exist. Its sign bit is the verdict.
+    /// Returns the robustness, once all rows that the formula depends on have arrived; infinite if it depends on a
+    /// missing value. Its sign bit is the verdict.
     #[must_use]
     pub const fn robustness(&self) -> Option<f64> {
         match self.judged {
@@ -263,15 +262,14 @@ impl Judgement {
         }
     }
 
-    /// The step whose comparison the robustness comes from: the worst for `always`, the best for
-    /// `eventually`.
+    /// Returns the step whose comparison determines the robustness: the worst for `always`, the best for `eventually`.
     #[must_use]
     pub fn judged_by(&self) -> Option<Step> {
         self.judged?.step().map(Step)
     }
 }
 
-/// Finds the parts with a single margin that make up a whole formula without a window, operands first.
+/// Returns the parts with a single margin that make up a whole formula without a window, operands first.
 fn deciding(parts: &[Part], judgements: &[Judgement]) -> Vec<usize> {
     let mut is_deciding = vec![false; parts.len()];
     for judgement in judgements {

@@ -1,7 +1,7 @@
-//! The plan: a scenario after every check, in values that the processes can use as they are.
+//! The plan: a fully checked scenario, in values that the processes can use directly.
 //!
-//! Made by [`Scenario::check`](crate::scenario::Scenario::check); read by the launcher and, in parts, by the plant. Nothing here
-//! can be out of range, unknown or unbound any more.
+//! Produced by [`Scenario::check`](crate::scenario::Scenario::check); used by the launcher and, in parts, by the plant.
+//! Nothing here can be out of range, unknown or unbound any more.
 
 mod analysis;
 mod change;
@@ -36,26 +36,26 @@ pub use plot::{Panel, Plot, Scale};
 pub use requirement::Requirement;
 pub use stimulus::{Stimulus, Sweep, Waveform};
 
-/// A checked scenario.
+/// Checked scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     /// Name.
     pub name: String,
-    /// Description of what the scenario shows; may be empty.
+    /// Purpose of the scenario; may be empty.
     pub description: String,
-    /// Duration, rate, clock.
+    /// Duration, rate and clock.
     pub run: Run,
-    /// Real-time settings that are asked of the system.
+    /// Real-time settings requested from the system.
     pub realtime: Realtime,
-    /// The plant.
+    /// Plant.
     pub plant: PlantPlan,
-    /// The controller.
+    /// Controller.
     pub controller: ControllerPlan,
     /// Reference signals of the rig.
     pub stimuli: Vec<Stimulus>,
-    /// Fault events in the order of the file.
+    /// Fault events in file order.
     pub faults: Vec<FaultEvent>,
-    /// Changes of values in the order of the file.
+    /// Changes of values in file order.
     pub changes: Vec<Change>,
     /// Derived signals, each using only signals and earlier ones.
     pub derived: Vec<Derived>,
@@ -65,32 +65,31 @@ pub struct Plan {
     pub analyses: Vec<Analysis>,
     /// Requirements that a run must meet to pass.
     pub requirements: Vec<Requirement>,
-    /// Plots that a report begins with.
+    /// First plots of a report.
     pub plots: Vec<Plot>,
     /// Contents of the panel beside the plots.
     pub panel: Panel,
-    /// Programs of its own.
+    /// Programs named by the scenario.
     pub programs: Programs,
 }
 
 impl Plan {
-    /// Returns `true` if the run follows a clock, or asks the system for real-time settings: its latency is then more
-    /// than the speed at which it happened to run.
+    /// Returns `true` if the run follows a clock, or requests real-time settings: its latency is then more than the
+    /// speed at which it happened to run.
     #[must_use]
     pub fn asks_for_timing(&self) -> bool {
         self.run.clock != Clock::Lockstep || self.realtime != Realtime::default()
     }
 }
 
-/// The programs that a scenario names, as absolute paths; a side without one has the program beside
-/// `hil`.
+/// Programs that a scenario names, by absolute path; a side without one uses the program beside `hil`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Programs {
     /// Program of the plant.
     pub plant: Option<PathBuf>,
     /// Program of the controller.
     pub controller: Option<ControllerProgram>,
-    /// Patterns of the plant's inner signals that are part of its truth, if it is an FMU.
+    /// Patterns of the plant's internal signals that are part of its truth, if it is an FMU.
     pub locals: Vec<String>,
     /// Permissions of the plant, if it is an FMU.
     pub plant_permissions: Permissions,
@@ -102,12 +101,12 @@ pub struct Programs {
     pub controller_settings: ModelSettings,
 }
 
-/// Permissions that a scenario gives to an FMU.
+/// Permissions granted to an FMU by a scenario.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Permissions {
     /// Permission to unpack to many times the archive's size.
     pub trust_archive: bool,
-    /// Permission to use a tool that is installed on this machine.
+    /// Permission to use a tool installed on this machine.
     pub allow_execution_tool: bool,
 }
 
@@ -115,13 +114,13 @@ impl Permissions {
     /// Names of the keys.
     pub const KEYS: [&str; 2] = ["trust_archive", "allow_execution_tool"];
 
-    /// The value of each key, in the order of [`Permissions::KEYS`].
+    /// Returns the value of each key, in the order of [`Permissions::KEYS`].
     #[must_use]
     pub const fn values(self) -> [bool; 2] {
         [self.trust_archive, self.allow_execution_tool]
     }
 
-    /// The permissions of which `is_given` returns true for the name of the key.
+    /// Creates the permissions for whose keys `is_given` returns `true`.
     pub fn of(mut is_given: impl FnMut(&'static str) -> bool) -> Self {
         let [trust_archive, allow_execution_tool] = Self::KEYS.map(&mut is_given);
         Self {
@@ -130,24 +129,24 @@ impl Permissions {
         }
     }
 
-    /// Names of the keys that are true.
+    /// Lists the keys that are `true`.
     pub fn given(self) -> impl Iterator<Item = &'static str> {
         let all = Self::KEYS.into_iter().zip(self.values());
         all.filter_map(|(key, is_given)| is_given.then_some(key))
     }
 }
 
-/// The controller program of a scenario.
+/// Controller program of a scenario.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ControllerProgram {
     /// The same file on every machine.
     One(PathBuf),
-    /// A file for each type of machine, by its name in `uname -m`.
+    /// A file per machine type, as printed by `uname -m`.
     ByMachine(BTreeMap<String, PathBuf>),
 }
 
 impl ControllerProgram {
-    /// The file for a type of machine, if there is one.
+    /// Returns the file for a machine type, if there is one.
     #[must_use]
     pub fn for_machine(&self, machine: &str) -> Option<&Path> {
         match self {
@@ -168,28 +167,27 @@ pub struct Run {
     pub seed: u64,
     /// Clock that releases a step.
     pub clock: Clock,
-    /// Policy for a step that is due before the step before it is done; not in lockstep.
+    /// Policy for an overrun; not in lockstep.
     pub overrun: OverrunPolicy,
-    /// In real time: share of its period within which the command of a step must be there.
+    /// In real time, the share of its period within which the command of a step must arrive.
     pub deadline: f64,
-    /// Action of the plant when its controller is lost.
+    /// Reaction of the plant to the loss of its controller.
     #[serde(default)]
     pub on_controller_loss: OnLoss,
 }
 
-/// Kind of clock: what releases a step.
+/// Kind of clock, which releases the steps.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Clock {
-    /// The command of the step before: as fast as both sides can.
+    /// The previous step's command: as fast as both sides can.
     Lockstep,
-    /// The command of the step before and the monotonic clock, `factor` times as fast as real time.
+    /// The previous step's command and the monotonic clock, `factor` times as fast as real time.
     Paced {
         /// Simulated seconds per second.
         factor: f64,
     },
-    /// The monotonic clock, which waits for nobody: a command that misses its deadline is replaced
-    /// by the newest there is.
+    /// The monotonic clock alone: a command that misses its deadline is replaced by the newest available.
     Realtime,
 }
 
@@ -205,36 +203,35 @@ impl Clock {
     }
 }
 
-/// Real-time settings that plant, controller and recorder ask of the system. Before a run starts it
-/// is not known if a core exists.
+/// Real-time settings of plant, controller and recorder. The existence of the cores is not checked before a run starts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Realtime {
-    /// The only core that the plant's loop may run on.
+    /// Only core that the plant's loop may run on.
     pub plant_core: Option<u32>,
-    /// The only core that the controller's loop may run on.
+    /// Only core that the controller's loop may run on.
     pub controller_core: Option<u32>,
-    /// The only core that the recorder may run on.
+    /// Only core that the recorder may run on.
     pub recorder_core: Option<u32>,
     /// `SCHED_FIFO` priority of both loops; 0 for ordinary scheduling.
     pub priority: u32,
-    /// True if memory that is there stays there.
+    /// `true` to lock memory once it is in use.
     pub lock_memory: bool,
-    /// True if memory is fetched before step 0.
+    /// `true` to fault in memory before step 0.
     pub prefault: bool,
-    /// Longest time in us that a core may need to wake up.
+    /// Longest allowed wake-up time of a core in us.
     pub dma_latency_us: Option<u32>,
-    /// Strategy by which each side waits for the other.
+    /// Waiting strategy of both sides.
     pub wait: WaitStrategy,
 }
 
 impl Realtime {
-    /// The plant's part.
+    /// Returns the plant's settings.
     #[must_use]
     pub const fn plant(&self) -> realtime::Settings {
         self.side(self.plant_core, self.controller_core)
     }
 
-    /// The controller's part.
+    /// Returns the controller's settings.
     #[must_use]
     pub const fn controller(&self) -> realtime::Settings {
         self.side(self.controller_core, self.plant_core)
@@ -252,102 +249,103 @@ impl Realtime {
     }
 }
 
-/// The plant of a plan.
+/// Plant of a plan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PlantPlan {
     /// Name of the model.
     pub model: String,
-    /// Integration steps in one exchange step.
+    /// Integration steps per exchange step.
     pub substeps: u32,
     /// Every parameter.
     pub parameters: Settings,
     /// Limits on truth signals that replace the model's own.
     pub limits: Vec<Limit>,
-    /// Every command as it is while the policy `safe-command` acts.
+    /// Every command, as applied under the policy `safe-command`.
     #[serde(default)]
     pub safe_command: Settings,
 }
 
-/// A range that a true signal must not leave.
+/// Range that a true signal must not leave.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Limit {
     /// Name of the truth signal.
     pub signal: String,
-    /// Smallest legal value.
+    /// Smallest valid value.
     #[serde(with = "shared_types::table::number")]
     pub min: f64,
-    /// Largest legal value.
+    /// Largest valid value.
     #[serde(with = "shared_types::table::number")]
     pub max: f64,
 }
 
-/// The controller of a plan.
+/// Controller of a plan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ControllerPlan {
     /// Name of the law.
     pub law: String,
-    /// Plant that the law is made for, which chooses among laws of one name: that of the plan, unless the
-    /// scenario says another.
+    /// Plant that the law is made for, which selects among laws of the same name: that of the plan, unless the scenario
+    /// names another.
     pub made_for: String,
-    /// Signals of the law that are bound under other names and units.
+    /// Signals of the law bound to other names and units.
     pub connections: Vec<Connection>,
     /// Every parameter of the law.
     pub parameters: Settings,
-    /// Parameters that the law believes the plant to have.
+    /// Plant parameters that the law assumes.
     pub model: Settings,
-    /// The law runs at every n-th sample and holds its command between, n at least 1.
+    /// Ratio n of the law's period to the exchange period: the law runs at every n-th sample and holds its command in
+    /// between, n at least 1.
     pub rate_divisor: u32,
     /// Steps between a sample and the command that answers it: 0, or 1 as on a real target.
     pub command_delay_steps: u32,
 }
 
-/// A derived signal.
+/// Derived signal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Derived {
     /// Name.
     pub name: String,
-    /// Unit: the one given, else that of the expression, else that of the name's ending, else `1`.
+    /// Unit: as given, or else that of the expression, or of the name's suffix, or `1`.
     pub unit: String,
     /// Value from signals and earlier derived ones.
     pub expression: Expression,
 }
 
-/// A metric: reductions of signals over windows.
+/// Metric: reductions of signals over windows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Metric {
     /// Name.
     pub name: String,
-    /// Unit: the one given, else that of the expression, else that of the name's ending, else `1`.
+    /// Unit: as given, or else that of the expression, or of the name's suffix, or `1`.
     pub unit: String,
-    /// The reductions and what is made of them.
+    /// Reductions and the computation on their results.
     pub expression: Expression,
-    /// Windows; none means the whole run. Both ends belong to a window.
+    /// Windows; none means the whole run. Both ends are included.
     pub windows: Vec<Window>,
-    /// Values that others published.
+    /// Values published by others.
     pub published: Vec<Published>,
-    /// Note for a reader of the comparison.
+    /// Note for readers of the comparison.
     pub published_note: Option<String>,
 }
 
-/// A value of a metric that others published, to be shown beside the run's own.
+/// Value of a metric published by others, shown beside the run's own.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Published {
-    /// The law that it was found with.
+    /// Law that it was obtained with.
     pub law: String,
-    /// The window in s.
+    /// Window in s.
     pub window_s: [f64; 2],
-    /// The value in the metric's unit.
+    /// Value in the metric's unit.
     pub value: f64,
-    /// Source in which the value stands.
+    /// Source of the value.
     pub source: String,
 }
 
-/// A window of steps, both ends included.
+/// Window of steps, both ends included.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Window {
-    /// Begin as asked for, in s.
+    /// Requested beginning in s.
     pub start_s: f64,
-    /// End as asked for, in s.
+    /// Requested end in s.
     pub end_s: f64,
     /// First step.
     pub first: Step,

@@ -1,8 +1,7 @@
-//! Problems of a scenario: everything that is wrong, where it stands and how to mend it.
+//! Problems of a scenario: each mistake, its place and its remedy.
 //!
-//! Made while a scenario is read and checked; shown by the launcher to a person
-//! ([`Problems`]' `Display`) or a machine (its list, which serialises). Nothing stops at the first
-//! problem.
+//! Collected while a scenario is read and checked; the launcher shows them to a person ([`Problems`]' `Display`) or a
+//! machine (the list, which serialises). Checking never stops at the first problem.
 
 use std::fmt;
 
@@ -10,11 +9,11 @@ use serde::Serialize;
 
 use crate::source::SourceLine;
 
-/// Prefix in the name of a source that is a flag and not a file.
+/// Prefix of a source name that denotes a flag instead of a file.
 pub(crate) const FLAG: &str = "--set ";
-/// Most problems that are told: a file of another kind may have a million, each with its line.
+/// Maximum number of problems reported: a file of another kind may have a million, each with its line.
 pub(crate) const MOST_PROBLEMS: usize = 100;
-/// Most names that are listed to choose from.
+/// Maximum number of alternatives listed.
 const MOST_LISTED: usize = 100;
 
 /// Kind of a problem.
@@ -25,9 +24,9 @@ pub enum ProblemKind {
     Unreadable,
     /// The text is not TOML, not a table of points or not a `--set KEY=VALUE`.
     Syntax,
-    /// A key that nothing asks for.
+    /// An unknown key.
     UnknownKey,
-    /// A key that must be there is not.
+    /// A missing required key.
     MissingKey,
     /// A value of the wrong type.
     WrongType,
@@ -37,37 +36,37 @@ pub enum ProblemKind {
     UnknownName,
     /// A name that is used twice.
     Duplicate,
-    /// Parts that do not go together.
+    /// Parts that contradict each other.
     Mismatch,
-    /// A signal that is needed and that nothing gives.
+    /// A required signal that nothing provides.
     Unbound,
     /// An error in an expression.
     Expression,
 }
 
-/// Mistake, with its place.
+/// Problem, with its place.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Problem {
     /// Kind of the problem.
     pub kind: ProblemKind,
-    /// The key, for example `faults[0].effects[1].speed_per_s`; empty for the whole scenario.
+    /// Key, for example `faults[0].effects[1].speed_per_s`; empty for the whole scenario.
     pub key: String,
-    /// Description of what is wrong.
+    /// Description of the problem.
     pub message: String,
-    /// Value that would be right: type, range and unit, or what there is to choose from.
+    /// Expected value: type, range and unit, or the alternatives.
     pub expected: Option<String>,
     /// Known names that are closest to the unknown one, best first.
     pub nearest: Vec<String>,
-    /// Way to mend the problem, if one is known.
+    /// Remedy, if one is known.
     pub help: Option<String>,
-    /// The file, or the `--set` flag, that it stands in.
+    /// File or `--set` flag that contains the problem.
     pub source: String,
-    /// The line; none if there is no text.
+    /// Line; `None` if there is no text.
     pub excerpt: Option<SourceLine>,
 }
 
 impl Problem {
-    /// Adds what would be right.
+    /// Adds the expected value.
     pub(crate) fn expected(&mut self, expected: impl Into<String>) -> &mut Self {
         self.expected = Some(expected.into());
         self
@@ -79,7 +78,7 @@ impl Problem {
         wanted: &str,
         known: impl IntoIterator<Item = &'a str>,
     ) -> &mut Self {
-        // Without its line it is one too many and not told.
+        // Without its line it is beyond the limit and not reported.
         if self.excerpt.is_none() {
             return self;
         }
@@ -90,7 +89,7 @@ impl Problem {
         self
     }
 
-    /// Adds the known names as what would be right, and those closest to an unknown one.
+    /// Adds the known names as the expected value, and those closest to an unknown one.
     pub(crate) fn one_of<'a>(
         &mut self,
         wanted: &str,
@@ -100,7 +99,7 @@ impl Problem {
             .nearest(wanted, known)
     }
 
-    /// Adds how to mend it, if there is something to say.
+    /// Adds the remedy, if there is one.
     pub(crate) fn help(&mut self, help: impl Into<String>) -> &mut Self {
         self.help = Some(help.into()).filter(|help| !help.is_empty());
         self
@@ -154,7 +153,7 @@ impl fmt::Display for Problem {
     }
 }
 
-/// Text on its way to a person: nothing from a file may steer the terminal.
+/// Text for display: nothing from a file may control the terminal.
 struct Printable<'a>(&'a str);
 
 impl fmt::Display for Printable<'_> {
@@ -165,7 +164,7 @@ impl fmt::Display for Printable<'_> {
     }
 }
 
-/// Everything that is wrong with a scenario, never empty.
+/// All problems of a scenario, never empty.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, thiserror::Error)]
 #[serde(transparent)]
 pub struct Problems(pub Vec<Problem>);
@@ -182,7 +181,7 @@ impl fmt::Display for Problems {
     }
 }
 
-/// Names as text: `` `a`, `b` ``, or `none`; of very many the first.
+/// Formats names as text: `` `a`, `b` ``, or `none`; of very many only the first.
 pub(crate) fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     let mut names = names.into_iter();
     let quoted = |name| format!("`{name}`");
@@ -199,7 +198,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_problem_shows_the_line_the_mark_and_the_way_out() {
+    fn a_problem_shows_the_line_the_mark_and_the_remedy() {
         let problem = Problem {
             kind: ProblemKind::OutOfRange,
             key: "run.rate_hz".into(),

@@ -1,23 +1,23 @@
-//! A number that a scenario may give: name, unit, range, default; and numbers as text.
+//! Number in a scenario: name, unit, range, default; and formatting of numbers.
 //!
-//! The common form of the scenario's own keys and of the parameters, sizes and speeds that plants
-//! and laws describe, so that all of them are checked and explained in one way.
+//! Common form of the scenario's own keys and of the parameters, sizes and speeds that plants and laws describe, so
+//! that all of them are checked and explained alike.
 
 use shared_types::number::{exact as number, unit_shown};
 use shared_types::table::Field;
 
-/// A number with its unit and range.
+/// Number with its unit and range.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Quantity<'a> {
-    /// The key.
+    /// Key.
     pub name: &'a str,
     /// Unit as text; `1` and the empty text mean none.
     pub unit: &'a str,
-    /// Smallest legal value.
+    /// Smallest valid value.
     pub min: f64,
-    /// Largest legal value.
+    /// Largest valid value.
     pub max: f64,
-    /// True if only whole numbers are legal.
+    /// `true` if only whole numbers are valid.
     pub whole: bool,
 }
 
@@ -34,7 +34,7 @@ impl<'a> From<&'a Field> for Quantity<'a> {
 }
 
 impl<'a> Quantity<'a> {
-    /// Makes any finite number of a unit.
+    /// Allows any finite number of a unit.
     pub(crate) const fn finite(unit: &'a str) -> Self {
         Self {
             name: "",
@@ -45,12 +45,12 @@ impl<'a> Quantity<'a> {
         }
     }
 
-    /// Returns true if a value is a number in the range. Infinity is legal where the range says so.
+    /// Returns `true` if a value is a number in the range. Infinity is valid where the range includes it.
     pub(crate) fn admits(&self, value: f64) -> bool {
         (self.min..=self.max).contains(&value) && !(self.whole && value.fract() != 0.0)
     }
 
-    /// Describes the value that is expected, for example `a number from 0 to 1000 in kg`.
+    /// Describes the expected value, for example `a number from 0 to 1000 in kg`.
     pub(crate) fn expected(&self) -> String {
         let range = self.range();
         let mut number = if self.whole {
@@ -68,7 +68,7 @@ impl<'a> Quantity<'a> {
         }
     }
 
-    /// The range as text; empty if every number is in it.
+    /// Formats the range; empty if it is unlimited.
     pub(crate) fn range(&self) -> String {
         match (self.min > f64::MIN, self.max < f64::MAX) {
             (true, true) => format!("from {} to {}", number(self.min), number(self.max)),
@@ -79,15 +79,15 @@ impl<'a> Quantity<'a> {
     }
 }
 
-/// Returns true if a column counts steps or bits, so that only whole numbers mean something. The
-/// column's unit says so, or the end of its name.
+/// Returns `true` if a column counts steps or bits, so that only whole numbers are meaningful, according to its unit or
+/// the suffix of its name.
 fn counts(field: &Field) -> bool {
     const COUNTED: [&str; 2] = ["steps", "bits"];
     let last = field.name.rsplit(['_', '.']).next();
     COUNTED.contains(&field.unit.as_str()) || last.is_some_and(|last| COUNTED.contains(&last))
 }
 
-/// A number as a TOML float, exact to the last bit.
+/// Formats a number as a TOML float, exact to the last bit.
 pub(crate) fn toml_float(value: f64) -> String {
     let text = number(value);
     let is_integer = text.bytes().all(|c| c.is_ascii_digit() || c == b'-');
@@ -99,7 +99,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ranges_are_told_by_the_ends_that_they_have() {
+    fn ranges_are_described_by_their_finite_ends() {
         let expected = |unit, min, max| {
             let any = Quantity::finite(unit);
             Quantity { min, max, ..any }.expected()

@@ -1,8 +1,7 @@
-//! Reading the tree of a scenario against the tables of [`keys`](crate::keys): types, ranges and
-//! unknown keys.
+//! Reader of a scenario's tree according to the tables of [`keys`](crate::keys): types, ranges and unknown keys.
 //!
-//! Used by every part of the [`check`](crate::check). A value that is not right is reported and
-//! read as nothing, so that the rest is still checked; whoever reads goes on with what it has.
+//! Used by every part of the [`check`](crate::check). A faulty value is reported and read as `None`, so that everything
+//! else is still checked.
 
 mod values;
 
@@ -14,24 +13,24 @@ use crate::problem::{MOST_PROBLEMS, Problem, ProblemKind, Problems, listed};
 use crate::quantity::Quantity;
 use crate::source::{Place, Sources};
 
-/// Longest message, in characters: a name in it may be as long as the file.
+/// Maximum length of a message, in characters: a name in it may be as long as the file.
 const LONGEST_MESSAGE: usize = 1000;
 
 /// Collects problems while a scenario is read.
 #[derive(Debug)]
 pub(crate) struct Reader {
-    /// All texts.
+    /// Sources of the scenario.
     pub sources: Sources,
-    /// Problems that were found so far.
+    /// Problems found so far.
     pub problems: Vec<Problem>,
-    /// The last one that is not told.
+    /// Last problem that exceeds the limit.
     untold: Option<Problem>,
 }
 
-/// A table of the scenario and the keys that it may have.
+/// Table of the scenario and its valid keys.
 #[derive(Clone, Debug)]
 pub(crate) struct Section<'a> {
-    /// The table.
+    /// Table.
     pub table: &'a Table,
     /// Keys.
     pub keys: &'static [Key],
@@ -42,7 +41,7 @@ pub(crate) struct Section<'a> {
 }
 
 impl<'a> Section<'a> {
-    /// The full name of one of its keys, for example `faults[0].at_s`.
+    /// Returns the full name of one of its keys, for example `faults[0].at_s`.
     pub(crate) fn path_of(&self, key: &str) -> String {
         if self.path.is_empty() {
             key.into()
@@ -51,14 +50,14 @@ impl<'a> Section<'a> {
         }
     }
 
-    /// The place of a key's value, or of the section if the key is not there.
+    /// Returns the place of a key's value, or of the section if the key is missing.
     pub(crate) fn place_of(&self, key: &str) -> &'a Place {
         self.table
             .get(key)
             .map_or(self.place, |entry| &entry.node.place)
     }
 
-    /// The same table, read by other keys.
+    /// Returns the same table, read with other keys.
     pub(crate) fn with_keys(&self, keys: &'static [Key]) -> Self {
         Self {
             keys,
@@ -75,7 +74,7 @@ impl<'a> Section<'a> {
 }
 
 impl Reader {
-    /// A reader of these texts, in which something may have been found already.
+    /// Creates a reader of these sources, with any problems found already.
     pub(crate) const fn new(sources: Sources, problems: Vec<Problem>) -> Self {
         Self {
             sources,
@@ -84,8 +83,8 @@ impl Reader {
         }
     }
 
-    /// Returns what was read, unless something is wrong with it: then every problem, in the order of
-    /// the text, other sources after the scenario.
+    /// Returns the result, or all problems if there are any, in the order of the text, other sources after the
+    /// scenario.
     pub(crate) fn finish<T>(self, read: Option<T>) -> Result<T, Problems> {
         let Self {
             sources,
@@ -104,7 +103,7 @@ impl Reader {
                     && self.untold.is_some()
                 {
                     last.help(format!(
-                        "there are more problems; {MOST_PROBLEMS} of them are told"
+                        "there are more problems; {MOST_PROBLEMS} of them are listed"
                     ));
                 }
                 Err(Problems(problems))
@@ -123,7 +122,7 @@ impl Reader {
         self.report(kind, section.path_of(key), section.place_of(key), message)
     }
 
-    /// Reports a text under a key that is not as it must be.
+    /// Reports an invalid text under a key.
     pub(crate) fn refuse(&mut self, section: &Section<'_>, key: &str, text: &str, expected: &str) {
         let message = format!("`{}` is `{text}`", section.path_of(key));
         self.report_at(section, key, ProblemKind::OutOfRange, message)
@@ -162,7 +161,7 @@ impl Reader {
         self.refuse_misplaced(section, further, &[], "");
     }
 
-    /// Does the same, and says of some other keys that they belong to another table.
+    /// Reports unknown keys, and for some of them the table that they belong to.
     pub(crate) fn refuse_misplaced(
         &mut self,
         section: &Section<'_>,
@@ -206,7 +205,7 @@ impl Reader {
         .one_of(&entry.key, known.iter().copied())
     }
 
-    /// The value of a key; a missing one is reported if it must be there.
+    /// Returns the value of a key; a missing required one is reported.
     fn value<'a>(&mut self, section: &Section<'a>, key: &Key) -> Option<&'a Node> {
         let entry = section.table.get(key.name);
         if entry.is_none() && key.required {
@@ -217,7 +216,7 @@ impl Reader {
         entry.map(|entry| &entry.node)
     }
 
-    /// Reports a key that must be there and is not.
+    /// Reports a missing required key.
     pub(crate) fn missing(&mut self, section: &Section<'_>, path: &str, expected: String) {
         self.report(
             ProblemKind::MissingKey,
@@ -239,7 +238,7 @@ impl Reader {
         .expected(expected);
     }
 
-    /// A table under one of the section's own keys; `None` if it is not there or no table.
+    /// Returns the table under one of the section's own keys; `None` if it is missing or not a table.
     pub(crate) fn section<'a>(
         &mut self,
         parent: &Section<'a>,
@@ -254,7 +253,7 @@ impl Reader {
         Some(self.table(parent, name)?.with_keys(keys))
     }
 
-    /// A table under any key; `None` if it is not there or no table.
+    /// Returns the table under any key; `None` if it is missing or not a table.
     pub(crate) fn table<'a>(&mut self, parent: &Section<'a>, name: &str) -> Option<Section<'a>> {
         let node = &parent.table.get(name)?.node;
         let Value::Table(table) = &node.value else {
@@ -269,7 +268,7 @@ impl Reader {
         })
     }
 
-    /// A section read by the keys of its `kind`, which must be one of these; and that kind.
+    /// Returns a section read with the keys of its `kind`, which must be one of these, and that kind.
     pub(crate) fn of_kind<'a>(
         &mut self,
         section: &Section<'a>,
@@ -289,7 +288,7 @@ impl Reader {
         Some((name, section.with_keys(keys)))
     }
 
-    /// The tables of a list under a key.
+    /// Returns the tables of a list under a key.
     pub(crate) fn list<'a>(
         &mut self,
         parent: &Section<'a>,
@@ -325,7 +324,7 @@ impl Reader {
     }
 }
 
-/// The beginning of a text that is too long to be told.
+/// Truncates a text that is too long for a message.
 fn clipped(mut text: String) -> String {
     if let Some((end, _)) = text.char_indices().nth(LONGEST_MESSAGE) {
         text.truncate(end);
@@ -334,7 +333,7 @@ fn clipped(mut text: String) -> String {
     text
 }
 
-/// A path without the indices, as a header has it.
+/// Returns a path without indices, as in a header.
 fn plain(path: &str) -> String {
     let mut inside = false;
     path.chars()
@@ -345,7 +344,7 @@ fn plain(path: &str) -> String {
         .collect()
 }
 
-/// Describes what a key takes, for messages and comments.
+/// Describes the value of a key, for messages and comments.
 pub(crate) fn describe(kind: &KeyKind) -> String {
     match *kind {
         KeyKind::Number { unit, min, max, .. } => {

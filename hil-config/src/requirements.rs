@@ -1,7 +1,7 @@
-//! All requirements of a run while records arrive.
+//! All requirements of a run, evaluated as records arrive.
 //!
-//! Part of an [`Evaluation`](crate::evaluation::Evaluation). A missing record counts as a row without
-//! values, on which no comparison holds.
+//! Part of an [`Evaluation`](crate::evaluation::Evaluation). A missing record counts as a row of missing values, on
+//! which no comparison holds.
 
 use serde::Serialize;
 use shared_types::time::{Rate, Step};
@@ -10,13 +10,13 @@ use crate::expression::{Columns, ExpressionError};
 use crate::monitor::{FormulaContext, Monitors, Verdict};
 use crate::plan::Plan;
 
-/// The requirements of a run.
+/// Requirements of a run.
 #[derive(Clone, Debug)]
 pub(crate) struct Requirements {
     rate: Rate,
-    /// The last step of the run.
+    /// Last step of the run.
     steps: u64,
-    /// The step of the next row.
+    /// Step of the next row.
     next: u64,
     missing: Vec<f64>,
     stated: Vec<Stated>,
@@ -40,19 +40,19 @@ pub struct RequirementValue {
     pub formula: String,
     /// Verdict on the requirement.
     pub verdict: Verdict,
-    /// By how much, in `unit`; its sign bit is the verdict. None if the run ended before all that
-    /// the formula looks at had come; infinite if it hangs on a value that does not exist.
+    /// Margin in `unit`; its sign bit is the verdict. `None` if the run ended before all the steps that the formula
+    /// depends on; infinite if it depends on a missing value.
     pub robustness: Option<f64>,
     /// Unit of the robustness.
     pub unit: String,
-    /// The time in s of the step that the robustness comes from.
+    /// Time in s of the step that determines the robustness.
     pub at_s: Option<f64>,
-    /// The time in s of the step that made the verdict certain.
+    /// Time in s of the step that made the verdict certain.
     pub decided_at_s: Option<f64>,
 }
 
 impl Requirements {
-    /// The requirements of a plan before the first row, whose columns include the derived signals.
+    /// Creates the requirements of a plan before the first row, whose columns include the derived signals.
     pub(crate) fn new(plan: &Plan, columns: &Columns) -> Result<Self, ExpressionError> {
         let context = FormulaContext::new(columns, &plan.derived, plan.run.rate, plan.run.steps);
         let stated = plan.requirements.iter().map(|requirement| Stated {
@@ -71,7 +71,7 @@ impl Requirements {
         })
     }
 
-    /// Takes the row of a step. Steps must rise.
+    /// Processes the row of a step. Steps must rise.
     pub(crate) fn observe(&mut self, step: Step, row: &[f64]) {
         while self.next < step.0 && self.next <= self.steps {
             self.monitors.observe(Step(self.next), &self.missing);
@@ -81,7 +81,7 @@ impl Requirements {
         self.next = step.0.saturating_add(1);
     }
 
-    /// Between which two sizes the robustness of each will be.
+    /// Returns bounds on the final robustness of each.
     pub(crate) fn bounds(&self) -> Vec<[f64; 2]> {
         self.monitors.bounds()
     }

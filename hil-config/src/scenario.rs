@@ -1,7 +1,7 @@
-//! A scenario as it was written: a file, and the `--set` values put over it.
+//! Scenario as written: a file, with `--set` values applied.
 //!
-//! The launcher reads one, applies its flags and has it [checked](Scenario::check) against the
-//! plants and laws that the binaries describe. Nothing in here is known to be right.
+//! The launcher reads one, applies its flags and has it [checked](Scenario::check) against the plants and laws that the
+//! binaries describe. Nothing in here has been validated.
 
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use crate::problem::{FLAG, Problem, ProblemKind, Problems};
 use crate::reader::Reader;
 use crate::source::{Place, Sources};
 
-/// A scenario as it was written.
+/// Scenario as written.
 #[derive(Clone, Debug)]
 pub struct Scenario {
     pub(crate) path: PathBuf,
@@ -23,13 +23,12 @@ pub struct Scenario {
     pub(crate) advice: Advice,
 }
 
-/// Help for whoever names a plant or a law that is not described: depends on the command and on what
-/// the command was given.
+/// Advice for an undescribed plant or law, depending on the command and its arguments.
 #[derive(Clone, Debug, Default)]
 pub struct Advice {
-    /// Advice for an unknown plant; nothing if empty.
+    /// Advice for an unknown plant; may be empty.
     pub plant: String,
-    /// Advice for an unknown law; nothing if empty.
+    /// Advice for an unknown law; may be empty.
     pub law: String,
 }
 
@@ -44,8 +43,8 @@ impl Scenario {
         Self::parse(&text, path)
     }
 
-    /// Reads the text of a scenario. `origin` is its file, which need not exist: messages name it,
-    /// the scenario's name comes from it, and tables of points are looked for beside it.
+    /// Parses the text of a scenario. `origin` is its file, which need not exist: it is named in messages, gives the
+    /// scenario its name, and its folder is searched for tables of points.
     ///
     /// # Errors
     /// If the text is not TOML.
@@ -74,7 +73,7 @@ impl Scenario {
         })
     }
 
-    /// The same with what helps whoever names an unknown plant or law.
+    /// Adds advice for an unknown plant or law.
     #[must_use]
     pub fn advise(self, advice: Advice) -> Self {
         Self { advice, ..self }
@@ -86,13 +85,13 @@ impl Scenario {
         &self.path
     }
 
-    /// The text of its file.
+    /// Returns the text of its file.
     #[must_use]
     pub fn text(&self) -> &str {
         self.sources.whole(Sources::SCENARIO)
     }
 
-    /// Lists the tables of points that it names, by their keys.
+    /// Lists the tables of points that it names, with their keys.
     #[must_use]
     pub fn files(&self) -> Vec<(String, String)> {
         let mut found = Vec::new();
@@ -100,8 +99,8 @@ impl Scenario {
         found
     }
 
-    /// Puts `KEY=VALUE` flags over it, one after the other; none may replace what an earlier one set.
-    /// Flags that cannot be applied are reported by the [check](Self::check), with everything else.
+    /// Applies `KEY=VALUE` flags in order; none may replace the value of an earlier one. Flags that cannot be applied
+    /// are reported by the [check](Self::check), with all other problems.
     #[must_use]
     pub fn set<S: AsRef<str>>(mut self, flags: &[S]) -> Self {
         for text in flags {
@@ -120,7 +119,7 @@ impl Scenario {
                         let message = format!("{message} `{earlier}`");
                         reader
                             .report(ProblemKind::Duplicate, error.key, &place, message)
-                            .help("leave one of them out");
+                            .help("omit one of them");
                     }
                     None => {
                         reader
@@ -135,7 +134,7 @@ impl Scenario {
     }
 }
 
-/// Makes the problem of a file that cannot be read.
+/// Creates the problem of an unreadable file.
 pub(crate) fn unreadable(what: &str, path: &Path, error: &std::io::Error) -> Problems {
     Problems(vec![Problem {
         kind: ProblemKind::Unreadable,
@@ -149,7 +148,7 @@ pub(crate) fn unreadable(what: &str, path: &Path, error: &std::io::Error) -> Pro
     }])
 }
 
-/// Advises on a file that is not there and that a scenario or study names.
+/// Advises on a missing file that a scenario or study names.
 pub(crate) fn advice_on_missing(folder: &Path, name: &str, owner: &str) -> String {
     let absolute = |path: &Path| {
         let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
@@ -161,11 +160,11 @@ pub(crate) fn advice_on_missing(folder: &Path, name: &str, owner: &str) -> Strin
     }
     let folder = absolute(&Path::new(".").join(folder));
     format!(
-        "paths in a {owner} begin at the folder of the {owner}, {folder}, so this one is {path}"
+        "paths in a {owner} are relative to the folder of the {owner}, {folder}, so this one is {path}"
     )
 }
 
-/// Finds every `file` below a table.
+/// Collects every `file` below a table.
 fn files(table: &Table, path: &str, found: &mut Vec<(String, String)>) {
     for entry in table.entries() {
         let path = match path {
@@ -191,34 +190,34 @@ fn files_in(value: &Value, path: &str, found: &mut Vec<(String, String)>) {
     }
 }
 
-/// Reads a text that ends: a pipe or a device may never, and nobody writes so large a scenario or
-/// table of points.
+/// Reads a text of limited size: a pipe or a device may be endless, and no sensible scenario or table of points is so
+/// large.
 ///
 /// # Errors
-/// If it cannot be read, is no regular file or text, or too large.
+/// If it cannot be read, is not a regular text file, or is too large.
 pub fn read_regular(path: &Path) -> std::io::Result<String> {
     const LARGEST: u64 = 16 << 20;
     const BYTE_ORDER_MARK: char = '\u{feff}';
     let found = std::fs::metadata(path)?;
-    // Reading a folder fails with a reason of its own.
+    // Reading a folder fails with an error of its own.
     let ends = found.is_dir() || (found.is_file() && found.len() <= LARGEST);
-    let refused = || std::io::Error::other("it is no regular file of at most 16 MiB");
+    let refused = || std::io::Error::other("it is not a regular file of at most 16 MiB");
     if !ends {
         return Err(refused());
     }
     let mut text = String::new();
-    // Files of the kernel say that they are empty and may go on for ever.
+    // Files in kernel file systems have size 0 and may be endless.
     let read = std::fs::File::open(path)?
         .take(LARGEST + 1)
         .read_to_string(&mut text)
         .map_err(|error| match error.kind() {
-            ErrorKind::InvalidData => std::io::Error::other("it is no text in UTF-8"),
+            ErrorKind::InvalidData => std::io::Error::other("it is not UTF-8 text"),
             _ => error,
         })?;
     if read as u64 > LARGEST {
         return Err(refused());
     }
-    // Spreadsheets and Windows editors begin a file with a mark.
+    // Spreadsheets and Windows editors begin a file with a byte order mark.
     if text.starts_with(BYTE_ORDER_MARK) {
         text.remove(0);
     }

@@ -1,7 +1,7 @@
-//! The scenario format as a JSON schema, for editors that complete and check TOML.
+//! JSON schema of the scenario format, for editors that complete and check TOML.
 //!
-//! Behind `hil config schema`. Made from the same tables as the check; the keys of plants and laws
-//! come from their descriptions.
+//! Implements `hil config schema`. Generated from the same tables as the check; the keys of plants and laws come from
+//! their descriptions.
 
 mod faults;
 
@@ -14,8 +14,8 @@ use crate::keys::{self, Key, KeyKind, METRICS, WAVEFORMS};
 use crate::quantity::Quantity;
 use crate::reader::describe;
 
-/// The JSON schema (draft 2020-12) of a scenario with these plants, laws and kinds of faults.
-/// Without plants or laws, the tables that only they can describe are left open.
+/// Returns the JSON schema (draft 2020-12) of a scenario with these plants, laws and fault kinds. Without plants or
+/// laws, the tables that depend on them accept any key.
 #[must_use]
 pub fn schema(
     plants: &[PlantDescription],
@@ -62,7 +62,7 @@ pub fn schema(
     root
 }
 
-/// The JSON schema (draft 2020-12) of a study.
+/// Returns the JSON schema (draft 2020-12) of a study.
 #[must_use]
 pub fn study() -> Value {
     let mut root = section(keys::STUDY);
@@ -76,7 +76,7 @@ pub fn study() -> Value {
     root
 }
 
-/// A table with known keys and no others.
+/// Returns the schema of a table with known keys and no others.
 fn section(keys: &[Key]) -> Value {
     let properties: Map<String, Value> = keys
         .iter()
@@ -181,7 +181,7 @@ fn field(field: &Field) -> Value {
     value
 }
 
-/// A table of parameters: groups as tables, and every last part alone.
+/// Returns the schema of a table of parameters: groups as tables, and every last part alone.
 fn described(fields: &[&Field]) -> Value {
     let mut root = json!({"type": "object", "properties": {}, "additionalProperties": false});
     let names = (fields.iter()).flat_map(|one| one.names().map(move |name| (*one, name)));
@@ -205,7 +205,7 @@ fn described(fields: &[&Field]) -> Value {
     root
 }
 
-/// Enters a field; where two share a key, the range becomes the union of both.
+/// Adds a field; if two share a key, the range becomes the union of both.
 fn offer(slot: &mut Value, one: &Field) {
     let new = field(one);
     if slot.is_null() {
@@ -245,7 +245,7 @@ fn limits(fields: &[&Field]) -> Value {
     json!({"properties": properties, "additionalProperties": false})
 }
 
-/// A stimulus: the common keys, and for each kind its own.
+/// Returns the schema of a stimulus: the common keys, and those of each kind.
 fn stimulus() -> Value {
     let kinds = WAVEFORMS.iter();
     of_kinds(
@@ -254,7 +254,7 @@ fn stimulus() -> Value {
     )
 }
 
-/// A metric: the common keys, and for each kind its own. Without a kind it is an expression.
+/// Returns the schema of a metric: the common keys, and those of each kind. Without a kind it is an expression.
 fn metric() -> Value {
     let kinds = METRICS.iter();
     let mut metric = of_kinds(
@@ -271,7 +271,7 @@ fn metric() -> Value {
     metric
 }
 
-/// A table whose keys depend on its `kind`: name, text and keys of each.
+/// Returns the schema of a table whose keys depend on its `kind`: name, text and keys of each.
 fn of_kinds<'a>(
     common: &[Key],
     kinds: impl Iterator<Item = (&'a str, &'a str, &'a [Key])>,
@@ -304,7 +304,7 @@ fn choices<'a>(given: impl Iterator<Item = &'a str>) -> Value {
     json!({"enum": names})
 }
 
-/// Puts the entries of one object over those of another.
+/// Merges the entries of one object into another, overriding its own.
 fn merge(into: &mut Value, from: Value) {
     if let (Value::Object(into), Value::Object(from)) = (into, from) {
         into.extend(from);

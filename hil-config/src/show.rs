@@ -1,8 +1,8 @@
-//! A plan as a complete scenario: every value that is in effect, with unit and range beside it.
+//! Formats a plan as a complete scenario: every effective value, with unit and range beside it.
 //!
-//! Behind `hil config show` and the `scenario.toml` of every run. The text can be run, and checks
-//! to the plan that it was made from. Needs the descriptions that the plan was checked against.
-//! Keys come in the order of the tables in `keys`, and one that has no value here is an error at once.
+//! Implements `hil config show` and writes the `scenario.toml` of every run. The text can be run, and checks to the
+//! original plan. Needs the descriptions that the plan was checked against. Keys follow the order of the tables in
+//! `keys`; a key that is not handled here fails at once.
 
 mod analyses;
 mod changes;
@@ -27,17 +27,17 @@ use crate::plan::{
 };
 use crate::quantity::{Quantity, toml_float};
 
-/// A plan cannot be shown.
+/// Plan that cannot be shown.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ShowError {
-    /// The plan speaks of something that no description has.
+    /// The plan refers to something without a description.
     #[error("there is no description of {0}; give those that the plan was checked against")]
     Undescribed(String),
-    /// A scenario has no word for a change at once.
-    #[error("change {0} is to be at once; give it the step at which it was")]
+    /// A scenario cannot express an immediate change.
+    #[error("change {0} is immediate; give it the step at which it took place")]
     NowChange(u32),
-    /// A scenario has no word for a fault that takes hold at once.
-    #[error("fault {0} takes hold at once; give it the step at which it did")]
+    /// A scenario cannot express an immediate fault.
+    #[error("fault {0} takes hold at once; give it the step at which it did so")]
     Now(u32),
 }
 
@@ -45,7 +45,7 @@ pub enum ShowError {
 #[derive(Debug)]
 enum Failure {
     Show(ShowError),
-    /// Writing to a string does not fail, but says that it might.
+    /// Formatting error, which writing to a string never causes.
     Format(fmt::Error),
 }
 
@@ -70,10 +70,10 @@ pub fn show(
     written(|text| write(text, plan, plants, laws, kinds))
 }
 
-/// Writes one event as `[[faults]]` of a scenario. An event that it waits for is named by number.
+/// Formats one event as `[[faults]]` of a scenario. An event that it waits for is named by number.
 ///
 /// # Errors
-/// If its kind is not described, or if it takes hold [at once](crate::plan::Trigger::Now).
+/// If its kind is not described, or if it takes effect [at once](crate::plan::Trigger::Now).
 pub fn fault_toml(
     event: &FaultEvent,
     plant: &PlantDescription,
@@ -161,8 +161,7 @@ fn each<T>(text: &mut String, all: &[T], write: impl Fn(&mut String, &T) -> Writ
     all.iter().try_for_each(|one| write(text, one))
 }
 
-/// Writes the keys of a table that take a value, in their order; `value` knows each of them and leaves out
-/// those that mean the same without.
+/// Writes the simple keys of a table, in order; `value` formats each of them and omits defaults.
 fn section(text: &mut String, keys: &[Key], value: impl Fn(&str) -> Option<String>) -> Written {
     let is_table = |key: &&Key| {
         matches!(
@@ -178,7 +177,7 @@ fn section(text: &mut String, keys: &[Key], value: impl Fn(&str) -> Option<Strin
     Ok(())
 }
 
-/// Ends at a key of the tables that nobody taught this module: the first scenario that is shown tells.
+/// Panics at a key that this module does not handle: the first scenario shown reveals it.
 fn forgotten(key: &str) -> ! {
     unreachable!("the value of the key `{key}` is not known here")
 }
@@ -259,7 +258,7 @@ fn plant_tables(text: &mut String, plan: &Plan, plant: &PlantDescription) -> Wri
     settings(text, "plant.safe_command", safe, &plant.commands)
 }
 
-/// A permission of an FMU, if it is given.
+/// Returns a permission of an FMU, if granted.
 fn permission(permissions: Permissions, key: &str) -> Option<String> {
     let is_given = permissions.given().any(|given| given == key);
     is_given.then(|| "true".into())
@@ -310,7 +309,7 @@ fn connection(text: &mut String, connection: &Connection) -> Written {
     })
 }
 
-/// A table of values in the order of the description.
+/// Writes a table of values in the order of the description.
 fn settings(text: &mut String, table: &str, values: &Settings, fields: &[Field]) -> Written {
     if fields.is_empty() {
         return Ok(());
@@ -403,10 +402,10 @@ fn metric(text: &mut String, metric: &Metric) -> Written {
     })
 }
 
-/// Writes the values of a waveform or profile as `key = value`, its kind first. The points of a table are
-/// among them, so that the text does not depend on another file.
+/// Formats the values of a waveform or profile as `key = value`, its kind first. Table points are included, so that the
+/// text does not depend on another file.
 fn entries(course: &impl Serialize) -> Vec<String> {
-    // Plain numbers and words can always be written.
+    // Plain numbers and words always serialise.
     let value = serde_json::to_value(course).unwrap_or_default();
     let entries = value.as_object().into_iter().flatten();
     let entries = entries.map(|(name, value)| format!("{name} = {}", toml_value(value)));
@@ -421,13 +420,13 @@ fn toml_value(value: &Value) -> String {
     }
 }
 
-/// An inline table.
+/// Formats an inline table.
 fn inline(entries: impl IntoIterator<Item = String>) -> String {
     let entries: Vec<String> = entries.into_iter().collect();
     format!("{{ {} }}", entries.join(", "))
 }
 
-/// A list of values that are TOML already.
+/// Formats a list of TOML values.
 fn array(values: impl Iterator<Item = String>) -> String {
     format!("[{}]", values.collect::<Vec<_>>().join(", "))
 }
@@ -440,12 +439,12 @@ fn strings(texts: &[String]) -> String {
     array(texts.iter().map(|text| string(text)))
 }
 
-/// A TOML string.
+/// Formats a TOML string.
 fn string(text: &str) -> String {
     toml::Value::from(text).to_string()
 }
 
-/// A TOML key, quoted if it must be.
+/// Formats a TOML key, quoted if necessary.
 fn key(name: &str) -> String {
     let bare = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
     if !name.is_empty() && name.chars().all(bare) {
@@ -455,13 +454,13 @@ fn key(name: &str) -> String {
     }
 }
 
-/// A name of several keys with dots between.
+/// Formats a dotted name of several keys.
 fn dotted(name: &str) -> String {
     let keys: Vec<String> = name.split('.').map(key).collect();
     keys.join(".")
 }
 
-/// Text that may stand behind a `#`: one line, no control characters.
+/// Formats the text of a `#` comment: one line, no control characters.
 fn comment(text: &str) -> String {
     text.split_whitespace()
         .collect::<Vec<_>>()

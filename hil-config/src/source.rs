@@ -1,17 +1,16 @@
-//! Texts that a scenario is made of, and places in them.
+//! Source texts of a scenario, and places in them.
 //!
-//! Used by everything that reports a problem: the scenario file, every `--set` value and every
-//! table of points is a source, and each value remembers the place it came from. Never interprets
-//! a text.
+//! Used by everything that reports a problem: the scenario file, every `--set` value and every table of points is a
+//! source, and each value remembers the place it came from. Never interprets a text.
 
 use std::ops::Range;
 
 use serde::Serialize;
 
-/// Longest line that is shown whole, in bytes.
+/// Longest line that is shown in full, in bytes.
 const LONGEST_LINE: usize = 400;
 
-/// A range of bytes in one of the [`Sources`].
+/// Range of bytes in one of the [`Sources`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Place {
     /// Index of the source.
@@ -20,14 +19,14 @@ pub(crate) struct Place {
     pub span: Range<usize>,
 }
 
-/// A named text.
+/// Named text.
 #[derive(Clone, Debug)]
 struct Source {
     name: String,
     text: String,
 }
 
-/// All texts of a scenario; the first is the scenario file.
+/// All sources of a scenario; the first is the scenario file.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Sources(Vec<Source>);
 
@@ -41,17 +40,17 @@ impl Sources {
         self.0.len() - 1
     }
 
-    /// The name of a source as messages show it.
+    /// Returns the name of a source, as shown in messages.
     pub(crate) fn name(&self, source: usize) -> &str {
         &self.0[source].name
     }
 
-    /// The whole text of a source.
+    /// Returns the whole text of a source.
     pub(crate) fn whole(&self, source: usize) -> &str {
         &self.0[source].text
     }
 
-    /// The text of a place.
+    /// Returns the text of a place.
     pub(crate) fn text(&self, place: &Place) -> &str {
         self.0[place.source]
             .text
@@ -59,10 +58,10 @@ impl Sources {
             .unwrap_or_default()
     }
 
-    /// The place of a part of a string value, `part` counted in bytes of the value.
+    /// Returns the place of a part of a string value, `part` in bytes of the value.
     ///
-    /// The value must stand in the text as it is. With escapes in it the two cannot be matched by
-    /// counting, and the place of the whole value is returned.
+    /// The value must stand in the text literally. If it has escapes, its bytes cannot be mapped by counting, and the
+    /// place of the whole value is returned.
     pub(crate) fn inside(&self, place: &Place, value: &str, part: Range<usize>) -> Place {
         match self.text(place).find(value) {
             Some(offset) if !value.is_empty() => {
@@ -76,7 +75,7 @@ impl Sources {
         }
     }
 
-    /// The line of a place, ready to be shown.
+    /// Returns the line of a place, ready for display.
     pub(crate) fn excerpt(&self, place: &Place) -> SourceLine {
         let text = &self.0[place.source].text;
         let start = floor_char_boundary(text, place.span.start);
@@ -84,7 +83,7 @@ impl Sources {
         let line_end = text[start..].find('\n').map_or(text.len(), |at| start + at);
         let end = floor_char_boundary(text, place.span.end.clamp(start, line_end));
         let column = text[line_start..start].chars().count() + 1;
-        // Of a line that no screen holds, what is around the mark.
+        // Of a line too long for any screen, only the surroundings of the mark.
         let (before, behind) = if line_end - line_start > LONGEST_LINE {
             let from = start.saturating_sub(LONGEST_LINE / 2);
             let from = if from > line_start { from } else { line_start };
@@ -116,7 +115,7 @@ fn floor_char_boundary(text: &str, at: usize) -> usize {
     at
 }
 
-/// The line that a problem is in.
+/// Line that contains a problem.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct SourceLine {
     /// Number of the line, from 1.
@@ -125,7 +124,7 @@ pub struct SourceLine {
     pub column: usize,
     /// Number of characters to mark, at least 1.
     pub width: usize,
-    /// The line itself; of a very long one, the part around the mark.
+    /// Line; of a very long one, the part around the mark.
     pub text: String,
     /// Column of the first character of `text`: 1, unless the line is very long.
     pub text_column: usize,
@@ -162,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_very_long_line_the_part_around_the_place_is_shown() {
+    fn a_very_long_line_is_shown_around_the_place() {
         let text = format!("{}µ = 1{}", "x".repeat(100_000), "y".repeat(100_000));
         let found = excerpt(&text, 100_000..150_000);
         assert_eq!((found.line, found.column), (1, 100_001));

@@ -1,8 +1,8 @@
-//! Studies: a scenario, what varies in it, how many cases, from which seed.
+//! Studies: a scenario, its varied values, the number of cases, and the seed.
 //!
-//! Read by `hil campaign`, which draws the values of each case and puts them over the scenario as `--set`
-//! does. Draws nothing, and knows neither plant nor law: whether a value fits the scenario shows when the
-//! scenario of a case is checked, and [`Study::at_home`] moves what is wrong with it to its place here.
+//! Read by `hil campaign`, which draws the values of each case and applies them to the scenario like `--set`. Draws
+//! nothing itself, and is independent of plants and laws: values are validated when the scenario of a case is checked,
+//! and [`Study::at_home`] maps the problems back to their places here.
 
 mod read;
 
@@ -15,15 +15,15 @@ use crate::reader::Reader;
 use crate::scenario::{Scenario, advice_on_missing};
 use crate::source::{Place, Sources};
 
-/// Most values that Sobol' points can have.
+/// Maximum number of values in Sobol' points.
 pub const MOST_SOBOL: usize = 64;
 
-/// A study that was checked as far as it can be without its scenario.
+/// Study that was checked as far as possible without its scenario.
 #[derive(Clone, Debug)]
 pub struct Study {
     /// Name, which becomes part of folder names.
     pub name: String,
-    /// Description of what it asks; may be empty.
+    /// Question that it answers; may be empty.
     pub description: String,
     /// Scenario, relative to the working directory.
     pub scenario: PathBuf,
@@ -33,15 +33,15 @@ pub struct Study {
     pub draws: u64,
     /// Seed of the draws.
     pub seed: u64,
-    /// Way in which values are drawn.
+    /// Sampling method.
     pub sampling: Sampling,
     /// Confidence of bounds.
     pub confidence: f64,
     /// Time in s after which a case counts as hung.
     pub case_limit_s: f64,
-    /// True if programs of their own are started anew for each case.
+    /// `true` to start the campaign's own programs anew for each case.
     pub fresh_processes: bool,
-    /// Varied values; each uses only earlier ones.
+    /// Varied values; each depends only on earlier ones.
     pub varied: Vec<Varied>,
     /// Versions compared on the same draws; at least one.
     pub variants: Vec<Variant>,
@@ -50,27 +50,27 @@ pub struct Study {
     /// Requirements on the whole campaign.
     pub goals: Vec<Goal>,
     sources: Sources,
-    /// Folder of the study, at which its paths begin.
+    /// Folder of the study, to which its paths are relative.
     folder: PathBuf,
     /// Places of the scenario and of flags, by their keys.
     homes: Vec<(String, Place)>,
 }
 
-/// Way in which values are drawn.
+/// Sampling method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sampling {
-    /// Each value of each draw by itself.
+    /// Independent draws of each value.
     Independent,
     /// Each value once from each of as many equally likely ranges as there are draws.
     LatinHypercube,
-    /// Points of Sobol's sequence, moved by a random shift.
+    /// Points of Sobol's sequence, displaced by a random shift.
     Sobol,
     /// Every combination.
     Grid,
 }
 
 impl Sampling {
-    /// Name in a study.
+    /// Returns the name in a study.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -82,16 +82,16 @@ impl Sampling {
     }
 }
 
-/// A varied value.
+/// Varied value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Varied {
     /// Name in expressions and tables.
     pub name: String,
-    /// Key of the scenario, as `--set` takes it; none for one that only expressions use.
+    /// Scenario key as for `--set`; `None` for a value that only expressions use.
     pub key: Option<String>,
     /// Distribution or set of its values.
     pub spread: Spread,
-    /// True if it takes whole numbers alone: uniform ones equally often, others rounded to the nearest.
+    /// `true` if it takes whole numbers only: uniform ones with equal probability, others rounded to the nearest.
     pub is_whole: bool,
 }
 
@@ -123,49 +123,49 @@ pub enum Spread {
         /// Range.
         within: [f64; 2],
     },
-    /// Choice among these values.
+    /// One of these values.
     Choice(Vec<Item>),
     /// Computed from values that are varied before it.
     Expression(Expression),
 }
 
-/// A value from a list.
+/// Value from a list.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Item {
-    /// A number, as TOML writes it.
+    /// Number, with its TOML text.
     Number(f64, String),
     /// A text.
     Text(String),
-    /// True or false.
+    /// Boolean.
     Flag(bool),
 }
 
-/// A version of the scenario.
+/// Version of the scenario.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Variant {
     /// Name.
     pub name: String,
-    /// Flags `KEY=VALUE` that make it.
+    /// Flags `KEY=VALUE` that define it.
     pub set: Vec<String>,
 }
 
-/// A correlation of two varied values.
+/// Correlation of two varied values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Correlation {
-    /// Places of both among the varied values, the smaller one first.
+    /// Indices of both among the varied values, the smaller one first.
     pub of: [usize; 2],
     /// Coefficient between the underlying normal values.
     pub coefficient: f64,
 }
 
-/// A requirement on the whole campaign.
+/// Requirement on the whole campaign.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Goal {
-    /// Requirement of the scenario; none for a case that passes.
+    /// Requirement of the scenario; `None` means that the case passes.
     pub requirement: Option<String>,
-    /// Variant; none for each of them.
+    /// Variant; `None` means each of them.
     pub variant: Option<String>,
-    /// Least probability.
+    /// Minimum probability.
     pub probability: f64,
     /// Confidence with which it must be shown.
     pub confidence: f64,
@@ -175,26 +175,26 @@ impl Study {
     /// Reads a study file.
     ///
     /// # Errors
-    /// With everything that is wrong.
+    /// All problems found.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, Problems> {
         read::file(path.as_ref())
     }
 
-    /// Reads the text of a study; `origin` is its file, which need not exist.
+    /// Parses the text of a study; `origin` is its file, which need not exist.
     ///
     /// # Errors
-    /// With everything that is wrong.
+    /// All problems found.
     pub fn parse(text: &str, origin: impl Into<PathBuf>) -> Result<Self, Problems> {
         read::text(text, origin.into())
     }
 
-    /// Returns its text.
+    /// Returns the text of the study.
     #[must_use]
     pub fn text(&self) -> &str {
         self.sources.whole(Sources::SCENARIO)
     }
 
-    /// Number of its cases: each draw for each variant.
+    /// Returns the number of cases: each draw for each variant.
     #[must_use]
     pub const fn cases(&self) -> u64 {
         self.draws * self.variants.len() as u64
@@ -203,12 +203,15 @@ impl Study {
     /// Reads the scenario.
     ///
     /// # Errors
-    /// If it cannot be read or is no TOML; a file that is not there is reported at its place in the study.
+    /// If it cannot be read or is not TOML; a missing file is reported at its place in the study.
     pub fn read_scenario(&self) -> Result<Scenario, Problems> {
         if self.scenario.exists() {
             return Scenario::read(&self.scenario);
         }
-        let (folder, message) = (&self.folder, "the scenario cannot be read: it is not there");
+        let (folder, message) = (
+            &self.folder,
+            "the scenario cannot be read: it does not exist",
+        );
         let name = self.scenario.strip_prefix(folder).unwrap_or(&self.scenario);
         let help = advice_on_missing(folder, &name.to_string_lossy(), "study");
         let problem = self.problem_of("scenario", message, &help);
@@ -218,13 +221,13 @@ impl Study {
         }]))
     }
 
-    /// Tells whether a key of the scenario has a value from here, whatever the case.
+    /// Returns `true` if the study sets a key of the scenario in every case.
     #[must_use]
     pub fn sets(&self, key: &str) -> bool {
         self.homes.iter().any(|(home, _)| home == key)
     }
 
-    /// Makes the problem of a scenario's case a problem of the study, if a flag of the study brought it about.
+    /// Maps a problem of a case's scenario to the study, if a flag of the study caused it.
     #[must_use]
     pub fn at_home(&self, problem: Problem) -> Problem {
         let Some(flag) = problem.source.strip_prefix(FLAG) else {
@@ -255,8 +258,7 @@ impl Study {
         }
     }
 
-    /// Makes a problem of a key that a variation has, or of `goals[0]` and its like, for whoever finds out later
-    /// that it cannot be as it is.
+    /// Creates a problem for the key of a variation, or for `goals[0]` and the like, on behalf of a later check.
     #[must_use]
     pub fn problem_of(&self, key: &str, message: &str, help: &str) -> Problem {
         let start = Place {
@@ -273,7 +275,7 @@ impl Study {
 }
 
 impl Item {
-    /// Writes it as `--set` takes it.
+    /// Formats the value as for `--set`.
     #[must_use]
     pub fn toml(&self) -> String {
         match self {

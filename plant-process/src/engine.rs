@@ -1,8 +1,8 @@
 //! The engine: the plant's main loop.
 //!
-//! It joins a model, its stimuli and faults with the plant's side of the lockstep protocol. It never
-//! blocks: [`Engine::poll`] does what can be done now and says what it waits for, so that one driver
-//! can wait in a process of its own and another can run both sides in one thread.
+//! It joins a model, its stimuli and faults with the plant's side of the lockstep protocol. It never blocks:
+//! [`Engine::poll`] does all that is possible now and returns what it waits for, so that one driver can wait in a
+//! separate process and another can run both sides in one thread.
 
 use std::sync::Arc;
 
@@ -35,25 +35,25 @@ use publisher::Publisher;
 use release::SentSample;
 use requests::Held;
 
-/// A step that no run reaches.
+/// Step beyond the end of any run.
 const NEVER: Step = Step(u64::MAX);
 
-/// Result of a poll: the engine got on, waits for something, or is done.
+/// Result of a poll: progress, the awaited event, or the end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// Progress of the run; poll again, and any wait begins anew.
+    /// Progress was made; poll again and restart any wait.
     Busy,
-    /// The controller's next message or frame.
+    /// Awaiting the controller's next message or frame.
     Controller,
-    /// The same, but no longer than until this time of the monotonic clock, in ns.
+    /// As [`Controller`](Self::Controller), but only until this time of the monotonic clock, in ns.
     ControllerUntil(u64),
-    /// This time of the monotonic clock, in ns.
+    /// Awaiting this time of the monotonic clock, in ns.
     Until(u64),
-    /// The recorder, which must not lose a record.
+    /// Awaiting the recorder, which must not lose a record.
     Recorder,
-    /// Somebody who resumes the run.
+    /// Paused until a request resumes the run.
     Held,
-    /// Nothing; the run is over.
+    /// The run is over.
     Over,
 }
 
@@ -67,26 +67,26 @@ pub struct Engine<L, S> {
     pacer: Option<Pacer>,
     queue: Arc<RequestQueue>,
     held: Option<Held>,
-    /// Number of notes put.
+    /// Number of marks set.
     marks: usize,
     rows: Rows,
-    /// The last step was measured and the final record is to be written.
+    /// Step count of a finished run whose final record is still to be written.
     ending: Option<Step>,
     timing: Timing,
     sampler: ThreadSampler,
     sample: SentSample,
     commands: Commands,
     handover: Handover,
-    /// The first step that is exchanged.
+    /// First step that is exchanged.
     first: Step,
     executed: u64,
     saves: Saves,
-    /// State that the run goes on from, until hello.
+    /// State to resume from, until hello.
     saved: Option<SavedPlant>,
     end: Option<RunEnd>,
 }
 
-/// The plant with everything around it that is stepped with it.
+/// The plant and everything that is stepped with it.
 struct Plant {
     description: PlantDescription,
     reference: Vec<Field>,
@@ -98,10 +98,10 @@ struct Plant {
 }
 
 impl<L: Link, S: RecordSink> Engine<L, S> {
-    /// A plant at its first step that waits for hello, with the kinds of faults that it may have.
+    /// Creates a plant at its first step, awaiting hello, with its available fault kinds.
     ///
     /// # Errors
-    /// If the job does not fit the plant, or the state that it is to go on from does not.
+    /// If the job or the state to resume from does not match the plant.
     pub fn new(
         kind: &PlantKind,
         faults: &[FaultKindEntry],
@@ -131,7 +131,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         let (first, name) = (checkpoints.first_step(), description.name.clone());
         if job.run.clock == Clock::Realtime && checkpoints.any() {
             return Err(Invalid(
-                "in real time a state depends on what came too late: it cannot be saved or gone on from".into(),
+                "in real time the state depends on late messages: it can be neither saved nor resumed from".into(),
             ));
         }
         let saved: Option<SavedPlant> = match &checkpoints.resume {
@@ -139,7 +139,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             None => None,
         };
         if let Some(saved) = &saved {
-            // First: a model takes whatever parameters it is given.
+            // First, as a model accepts any parameters.
             FaultLayer::check(&builder, &job.faults, &saved.faults)?;
             saved.restore_model(model.as_mut())?;
         }
@@ -190,7 +190,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         })
     }
 
-    /// Does what can be done now. The whole run is this function, called again and again.
+    /// Does all that is possible now. The whole run consists of repeated calls.
     ///
     /// # Errors
     /// If the link or the record stream failed.
@@ -217,7 +217,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
     }
 
-    /// Handles the wait limit, a death or a request to stop; returns true if another wait begins.
+    /// Handles a timeout, a death or a request to stop; returns `true` if another wait begins.
     ///
     /// # Errors
     /// If the link or the record stream failed.
@@ -228,7 +228,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(self.side.standing() != before)
     }
 
-    /// Carries out an answer of the protocol that any event may bring about.
+    /// Performs an action of the protocol that any event may cause.
     fn react(&mut self, action: &PlantAction) -> Result<(), LinkError> {
         match action {
             PlantAction::Abort(abort) => self.abort(abort),
@@ -238,7 +238,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
     }
 
-    /// The recorder took no record within the wait limit.
+    /// Ends the run because the recorder took no record within the wait limit.
     ///
     /// # Errors
     /// If the link or the record stream failed.
@@ -258,7 +258,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Arc::clone(&self.queue)
     }
 
-    /// Builder of faults for this run.
+    /// Returns the builder of faults for this run.
     #[must_use]
     pub fn builder(&self) -> Arc<FaultBuilder> {
         Arc::clone(&self.plant.builder)
@@ -270,7 +270,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.end.as_ref()
     }
 
-    /// Simulated seconds per second of the clock; `None` in lockstep.
+    /// Returns the simulated seconds per second of the clock; `None` in lockstep.
     const fn pace(&self) -> Option<f64> {
         match self.job.run.clock {
             Clock::Lockstep => None,
@@ -279,8 +279,8 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
     }
 
-    /// Publishes what observers await: the record of the step before, then changes of values, then
-    /// which faults took hold or ended at this step. False if the recorder has no room for all of it now.
+    /// Publishes the previous step's record, then changes of values, then the faults that began or ended at this step.
+    /// Returns `false` if the recorder has no room for all of it now.
     fn tell(&mut self) -> Result<bool, LinkError> {
         if !self.publisher.publish(&self.rows.record)? {
             return Ok(false);

@@ -1,7 +1,7 @@
-//! The validity guard: ends a run at the step at which the plant leaves the range where its
-//! equations mean something, and names the signal.
+//! The validity guard: ends a run at the step at which the plant leaves the range of validity of its equations, and
+//! names the signal.
 //!
-//! Called by the engine with every row that the plant gets or gives. It never corrects anything.
+//! Called by the engine with every row that enters or leaves the plant. It never corrects a value.
 
 use std::fmt;
 
@@ -14,7 +14,7 @@ use shared_types::table::Field;
 #[derive(Debug)]
 pub struct Guard {
     fields: Vec<Field>,
-    /// Least and greatest value of each, finite.
+    /// Smallest and largest value of each signal, finite.
     ranges: Vec<[f64; 2]>,
 }
 
@@ -26,7 +26,7 @@ pub(crate) struct Guards {
 }
 
 impl Guards {
-    /// Makes the guards of a plant whose truth has other limits here.
+    /// Creates the guards of a plant, with other limits for its truth if given.
     pub(crate) fn new(plant: &PlantDescription, limits: &[Limit]) -> Result<Self, Invalid> {
         Ok(Self {
             measured: Guard::new(&plant.measured, &[])?,
@@ -36,7 +36,7 @@ impl Guards {
     }
 }
 
-/// A signal outside its range, or not a finite number.
+/// Signal outside its range, or not a finite number.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OutOfRange {
     /// The signal.
@@ -72,7 +72,7 @@ impl fmt::Display for OutOfRange {
 }
 
 impl Guard {
-    /// The signals' own ranges, replaced where the scenario says so.
+    /// Combines the signals' own ranges with the scenario's limits, which override them.
     ///
     /// # Errors
     /// If a limit names no signal of the row.
@@ -96,10 +96,10 @@ impl Guard {
     /// Checks a row: finite and inside the limits.
     ///
     /// # Errors
-    /// The first signal that is not.
+    /// The first signal that violates them.
     #[inline]
     pub fn check(&self, row: &[f64]) -> Result<(), OutOfRange> {
-        // All of them, without a branch: at every step, and hardly ever one is bad.
+        // All of them, without a branch: called at every step, and hardly ever violated.
         let fits =
             |all, ([min, max], value): (&[f64; 2], &f64)| all & (min <= value) & (value <= max);
         if self.ranges.iter().zip(row).fold(true, fits) {
@@ -143,21 +143,21 @@ mod tests {
     fn the_signal_that_left_its_range_is_named() {
         let guard = guard(&[]).expect("legal");
         assert_eq!(guard.check(&[5.0, 2.0]), Ok(()));
-        let told = guard.check(&[5.0, -1.0]).unwrap_err().to_string();
-        assert_eq!(told, "pressure_pa = -1 Pa is outside 0 to 2 Pa");
+        let text = guard.check(&[5.0, -1.0]).unwrap_err().to_string();
+        assert_eq!(text, "pressure_pa = -1 Pa is outside 0 to 2 Pa");
     }
 
     #[test]
-    fn nothing_but_finite_numbers_passes() {
+    fn only_finite_numbers_pass() {
         let guard = guard(&[]).expect("legal");
         for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-            let told = guard.check(&[value, 1.0]).unwrap_err().to_string();
-            assert_eq!(told, format!("angle_rad = {value} is not a finite number"));
+            let text = guard.check(&[value, 1.0]).unwrap_err().to_string();
+            assert_eq!(text, format!("angle_rad = {value} is not a finite number"));
         }
     }
 
     #[test]
-    fn a_scenario_moves_the_limits() {
+    fn a_scenario_overrides_the_limits() {
         let limit = Limit {
             signal: "pressure_pa".into(),
             min: -5.0,

@@ -1,8 +1,7 @@
 //! Fixed-step integration: the classical Runge-Kutta method of order 4.
 //!
-//! Called by models inside [`Plant::advance`](crate::plant::Plant::advance). It never chooses a
-//! step size, never looks at an error and never allocates, so that a run takes the same path on
-//! every machine.
+//! Called by models inside [`Plant::advance`](crate::plant::Plant::advance). It never chooses a step size, estimates no
+//! error and never allocates, so that a run takes the same path on every machine.
 
 use std::ops::{Add, Mul};
 
@@ -10,7 +9,7 @@ use shared_types::time::Interval;
 
 /// Integrates `dx/dt = rates(t, x)` over an interval in its equal substeps.
 ///
-/// A model without a trick of its own needs nothing else:
+/// Most models need nothing else:
 ///
 /// ```
 /// use plant_process::integrate::integrate;
@@ -39,10 +38,10 @@ pub fn integrate<const N: usize>(
 /// `k1 = f(u(t), x)`, `k2 = f(u(t + h/2), x + h/2 k1)`, `k3 = f(u(t + h/2), x + h/2 k2)`,
 /// `k4 = f(u(t + h), x + h k3)`, `x += h/6 (k1 + 2 k2 + 2 k3 + k4)`
 /// (Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., table II.1.2).
-/// The local error is of order `h^5` where `f` is four times differentiable.
+/// The local error is of order `h^5` if `f` is four times differentiable.
 ///
-/// `inputs` are what depends on time alone, at the beginning, middle and end of the step: the method
-/// asks for no other times, and a costly input is evaluated once where the method needs it twice.
+/// `inputs` are the quantities that depend on time alone, at the beginning, middle and end of the step: the method
+/// needs no other times, and a costly input is evaluated once although the method uses it twice.
 ///
 /// A component of the state is a number, or several of them side by side.
 #[inline(always)]
@@ -65,7 +64,7 @@ pub fn rk4_step<const N: usize, Component, Input>(
     }
 }
 
-/// `x + k h`.
+/// Computes `x + k h`.
 #[inline]
 fn along<const N: usize, Component>(
     x: &[Component; N],
@@ -82,8 +81,7 @@ where
 mod tests {
     use super::*;
 
-    /// Error at 1 s of `x' = -x + cos t`, `x(0) = 0`, whose solution is
-    /// `(cos t + sin t - exp(-t)) / 2`.
+    /// Error at 1 s of `x' = -x + cos t`, `x(0) = 0`, whose solution is `(cos t + sin t - exp(-t)) / 2`.
     fn error_at_one_second(substeps: u32) -> f64 {
         let mut x = [0.0];
         let interval = Interval {
@@ -130,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn inputs_are_taken_at_begin_middle_and_end() {
+    fn inputs_are_evaluated_at_beginning_middle_and_end() {
         let mut asked = Vec::new();
         rk4_step(&mut [0.0], 1.0, &[1, 2, 3], |input, _| {
             asked.push(*input);

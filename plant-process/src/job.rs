@@ -1,4 +1,4 @@
-//! The job: what a launcher tells a plant process to do. A JSON file in the session's folder.
+//! The job: a launcher's instructions to a plant process. A JSON file in the session's folder.
 
 use hil_config::plan::{Change, FaultEvent, Plan, PlantPlan, Run, Stimulus};
 use serde::{Deserialize, Serialize};
@@ -30,27 +30,25 @@ pub struct Job {
     /// Changes of values of the scenario.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub changes: Vec<Change>,
-    /// Names and expressions of the scenario's derived signals, which conditions of faults may use.
+    /// Names and expressions of the scenario's derived signals, for conditions of faults.
     pub derived: Vec<(String, String)>,
-    /// Steps at which the controller of a run in real time was not in time, if such a run is
-    /// repeated; in order.
+    /// Steps at which the controller of a repeated real-time run was late, in order.
     #[serde(default)]
     pub missed: Vec<Missed>,
-    /// Law as the first controller's binary describes it; a controller that says other things at hello
-    /// is refused.
+    /// Law as described by the first controller's binary; a controller with a different hello is refused.
     #[serde(default)]
     pub law: Option<LawDescription>,
-    /// Hold before the first step at or after this time in s.
+    /// Pauses the run before the first step at or after this time in s.
     pub pause_at_s: Option<f64>,
-    /// True if a recorder must see every record: the loop then waits for the recorder.
+    /// `true` if a recorder must receive every record: the loop then waits for the recorder.
     pub observed: bool,
-    /// True if the process is kept for another job after this one. It takes no live requests then.
+    /// `true` if the process will receive another job after this one. It then serves no live requests.
     #[serde(default)]
     pub is_kept: bool,
-    /// True if somebody starts the controller by hand: nothing limits the wait for its hello.
+    /// `true` if the controller is started manually: the wait for its hello is unlimited.
     #[serde(default)]
     pub is_controller_by_hand: bool,
-    /// Checkpoints that the plant saves, and the one that it begins from.
+    /// Checkpoints that the plant saves, and the one that it resumes from.
     #[serde(default)]
     pub checkpoints: Checkpoints,
     /// Real-time settings of the plant's loop.
@@ -66,7 +64,7 @@ pub struct Job {
 }
 
 impl Job {
-    /// Makes the job of a plant without reference signals, faults and checkpoints.
+    /// Creates the job of a plant without reference signals, faults and checkpoints.
     #[must_use]
     pub fn new(session: u64, run: Run, plant: PlantPlan, wait_limit_s: f64) -> Self {
         Self {
@@ -91,7 +89,7 @@ impl Job {
         }
     }
 
-    /// Makes the job of a scenario's plant.
+    /// Creates the job of a scenario's plant.
     #[must_use]
     pub fn of(plan: &Plan, session: u64, wait_limit_s: f64) -> Self {
         Self {

@@ -1,22 +1,21 @@
-//! The plant emulator: what stands in for the hardware.
+//! The plant emulator, which replaces the hardware.
 //!
 //! One step, as [`engine`] runs it:
 //!
-//! 1. [`faults`] brings the parameters to step `k`.
+//! 1. [`faults`] advances the parameters to step `k`.
 //! 2. The [`plant`] is measured, [`stimulus`] gives the reference signals, and the sample is sent.
 //! 3. While the controller works, the record of step `k - 1` is published.
-//! 4. The command of step `k` comes; [`guard`] checks the truth that it meets.
-//! 5. The model in [`models`] is carried to step `k + 1` by [`integrate`]; [`rows`] notes the record.
+//! 4. The command of step `k` arrives; [`guard`] checks the truth under it.
+//! 5. [`integrate`] advances the model in [`models`] to step `k + 1`; [`rows`] writes the record.
 //!
-//! `checkpoint` is what is kept of all this when a run is to go on from a step another time. Requests
-//! from other terminals come in through [`live`], which checks or refuses faults, changes, marks and
-//! pauses, and wait in [`request_queue`]; `engine::requests` serves them. A change waits in [`tuning`],
-//! which makes its event when it takes hold. `engine::handover` carries out what is to happen when a
-//! controller is lost, and lets another take over. [`job`] is what is to be done, [`repeat`] a run in
-//! real time once more, in lockstep.
+//! `checkpoint` is the saved state from which a run can resume. Requests from other terminals arrive through [`live`],
+//! which checks or refuses faults, changes, marks and pauses, and wait in [`request_queue`]; `engine::requests` serves
+//! them. A change waits in [`tuning`], which creates its event when it takes effect. `engine::handover` applies the
+//! policy for a lost controller, and lets another take over. [`job`] is the description of the work, [`repeat`] the
+//! repetition of a real-time run in lockstep.
 //!
-//! [`program`] is the process around it; a user's own plant binary is a `main` of one line that
-//! calls [`program::run`]. Nothing here knows a control law.
+//! [`program`] is the process around it; a user's own plant binary is a `main` of one line that calls [`program::run`].
+//! No control law is known here.
 
 mod checkpoint;
 pub mod engine;

@@ -1,8 +1,8 @@
 //! The service: answers requests from other terminals while the plant runs.
 //!
-//! A thread of its own listens on the session's socket, checks what is asked against the plant as a
-//! scenario is checked, prepares faults with all the space they need, and puts requests into the
-//! [`request_queue`](crate::request_queue). It never touches the loop's state and the loop never waits for it.
+//! Its thread listens on the session's socket, checks requests against the plant like a scenario, prepares faults with
+//! all the memory they need, and puts requests into the [`request_queue`](crate::request_queue). It never touches the
+//! loop's state, and the loop never waits for it.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError};
@@ -29,25 +29,25 @@ use crate::plant::PlantKind;
 use crate::request_queue::{LoopRequest, RequestQueue};
 use crate::tuning::Offered;
 
-/// Limit for the loop to look at the queue, which it does before each step.
+/// Time within which the loop must check the queue, which it does before each step.
 const LOOP_LIMIT: Duration = Duration::from_secs(5);
-/// Time between two looks of the service for the loop's answer.
+/// Polling interval of the service for the loop's answer.
 const LOOK: Duration = Duration::from_micros(200);
-/// Limit for the answer of the controller's program on parameters: it is started for that.
+/// Time limit for the controller's program, which is started to validate parameters.
 const OBJECTION_LIMIT: Duration = Duration::from_secs(30);
-/// Most faults in one request: the loop takes them between two steps.
+/// Maximum number of faults in one request, as the loop admits them between two steps.
 const MOST_FAULTS: usize = 16;
 
 /// Context that requests are checked against.
 pub struct LiveContext {
     run: RequestContext,
     law: Option<LawDescription>,
-    /// True if every fault must be one that can be saved.
+    /// `true` if the state of every fault must be saveable.
     saves: bool,
 }
 
 impl LiveContext {
-    /// Collects all that a live fault may refer to in a job.
+    /// Collects everything in a job that a live fault may refer to.
     #[must_use]
     pub fn new(plant: &PlantKind, faults: &[FaultKindEntry], job: &Job) -> Self {
         let mut run = RequestContext {
@@ -71,26 +71,26 @@ impl LiveContext {
     }
 }
 
-/// Objections to parameters of the plant or the active law that do not go together. Neither side is started
-/// beside the one that runs in this process: a library may bear one of it.
+/// Validation of parameter combinations of the plant or the active law. Neither side is instantiated a second time in
+/// this process: a library may support only one instance.
 pub type Objections = Box<dyn FnMut(&ParameterQuestion) -> Result<(), String> + Send>;
 
-/// Objections of a session whose `hil` asks the programs.
+/// Returns the validation of a session whose `hil` runs the programs for it.
 #[must_use]
 pub fn objections_of(session: &SessionInfo) -> Objections {
     let session = session.clone();
     Box::new(move |question| {
         let answer =
             live::ask_at::<_, ParameterAnswer>(&session, OBJECTIONS, question, OBJECTION_LIMIT);
-        let answer = answer.map_err(|error| format!("it was not asked: {error}"))?;
+        let answer = answer.map_err(|error| format!("it could not be asked: {error}"))?;
         answer.objection.map_or(Ok(()), Err)
     })
 }
 
-/// Listens on the session's socket until what it gives is dropped.
+/// Listens on the session's socket until the returned value is dropped.
 ///
 /// # Errors
-/// If the socket cannot be made.
+/// If the socket cannot be created.
 pub fn serve(
     session: &SessionInfo,
     context: LiveContext,
@@ -105,7 +105,7 @@ pub fn serve(
         objections,
     };
     live::listen(session, SOCKET, move |client| {
-        // A client that went away needs no answer.
+        // A client that has gone needs no answer.
         let _ = live::answer(client, |request| match request {
             Ok(request) => service.respond(request),
             Err(refusal) => refused(refusal),
@@ -181,7 +181,7 @@ impl Service {
         let columns = Columns::from(layout);
         if events.is_empty() || events.len() > MOST_FAULTS {
             let count = events.len();
-            let message = format!("{count} faults in one request; 1 to {MOST_FAULTS} are taken");
+            let message = format!("{count} faults in one request; 1 to {MOST_FAULTS} are accepted");
             return refused(Refusal::new(message));
         }
         let armed = (events.iter())
@@ -211,7 +211,7 @@ impl Service {
         }
     }
 
-    /// A kind of fault that cannot be saved, in a run that makes checkpoints.
+    /// Returns a fault kind that cannot be saved, in a run that makes checkpoints.
     fn unsaveable<'a>(&self, events: &'a [FaultEvent]) -> Option<&'a str> {
         let saves = |event: &FaultEvent| {
             let kind = (self.context.run.kinds.iter()).find(|kind| kind.kind == event.kind);
@@ -240,10 +240,10 @@ impl Service {
         Ok(Response::Active { status, faults })
     }
 
-    /// Answers when the run is held again, or with where it is when that takes longer.
+    /// Answers when the run is held again, or, if that takes too long, with its current position.
     fn advance(&self, steps: u64) -> Result<Response, Refusal> {
         if steps == 0 {
-            return Err(Refusal::new("0 steps are none; at least 1"));
+            return Err(Refusal::new("0 steps were requested; at least 1 is needed"));
         }
         let until = self.request(|answer| LoopRequest::Advance(steps, answer))?;
         let until = until.map_err(Refusal::new)?;
@@ -275,7 +275,7 @@ impl Service {
         let text = text::line(text.trim());
         let count = text.chars().count();
         if count == 0 || count > LONGEST_MARK {
-            let message = format!("a mark of {count} characters; 1 to {LONGEST_MARK} are taken");
+            let message = format!("a mark of {count} characters; 1 to {LONGEST_MARK} are accepted");
             return Err(Refusal::new(message));
         }
         let step = self.request(|answer| LoopRequest::Mark(text, answer))?;
@@ -312,7 +312,7 @@ impl Service {
         let epoch = offered.epoch;
         let own = law_keys(&offered.law);
         if epoch == 0 && change.set.iter().any(|one| one.key.starts_with(&own)) {
-            let message = "there is no controller whose law could be tuned";
+            let message = "there is no controller to tune";
             return Err(one(Refusal::new(message)));
         }
         let asked = Some(Box::new(change.clone()));
@@ -346,7 +346,7 @@ impl Service {
         Ok(Response::Changed(self.changed(&change)))
     }
 
-    /// Parameters of the active law: as described, if that is its description, else those that it offers.
+    /// Returns the parameters of the active law: as described if the description matches, otherwise those of its hello.
     fn fields_of(&self, offered: &Offered) -> Vec<Field> {
         match &self.context.law {
             Some(law) if law.name == offered.law => law.parameters.clone(),
@@ -385,7 +385,7 @@ impl Service {
         })))
     }
 
-    /// Returns the layout of the records; waits for hello.
+    /// Returns the layout of the records; waits for hello, up to a limit.
     fn layout(&self) -> Result<&RecordLayout, Refusal> {
         let since = Instant::now();
         loop {
@@ -401,7 +401,7 @@ impl Service {
         }
     }
 
-    /// Asks the loop for an action.
+    /// Sends a request to the loop.
     fn request<T>(
         &self,
         request: impl FnOnce(std::sync::mpsc::Sender<T>) -> LoopRequest,
@@ -411,7 +411,7 @@ impl Service {
     }
 }
 
-/// Waits by looking: the loop then needs no system call to wake anybody.
+/// Waits by polling, so that the loop needs no system call to wake anybody.
 fn wait<T>(answered: &Receiver<T>) -> Result<T, Refusal> {
     let since = Instant::now();
     loop {
@@ -421,7 +421,7 @@ fn wait<T>(answered: &Receiver<T>) -> Result<T, Refusal> {
             Err(TryRecvError::Empty) if since.elapsed() > LOOP_LIMIT => {
                 let limit_s = LOOP_LIMIT.as_secs();
                 let message = format!(
-                    "the plant began no step for {limit_s} s; the request may still be taken: see `hil inject --active`"
+                    "the plant began no step for {limit_s} s; the request may still be executed: see `hil inject --active`"
                 );
                 return Err(Refusal::new(message));
             }

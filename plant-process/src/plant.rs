@@ -1,7 +1,7 @@
-//! `trait Plant`: what a model implements, and the row of numbers the engine sees of it.
+//! `trait Plant`: the interface of a model, and its view by the engine as rows of numbers.
 //!
-//! A model knows its equations, its parameters and the command it is given. It never knows the
-//! scenario, the link, the clock or a fault: a fault changes a parameter from outside.
+//! A model contains its equations, its parameters and the current command. It has no access to the scenario, the link,
+//! the clock or a fault: a fault changes a parameter from outside.
 
 use shared_types::describe::{FaultDescription, Invalid, PlantDescription, Settings};
 use shared_types::failure::Failure;
@@ -12,76 +12,75 @@ use shared_types::time::Interval;
 /// A plant, called in this order:
 ///
 /// 1. [`start`](Plant::start), once: the state at step 0.
-/// 2. At every step `k`: [`retune`](Plant::retune) if a fault or somebody moved a parameter, then
-///    [`measure`](Plant::measure) and, when the command of step `k` is there,
-///    [`truth`](Plant::truth), both of the state at step `k`.
+/// 2. At every step `k`: [`retune`](Plant::retune) if a fault or a request moved a parameter, then
+///    [`measure`](Plant::measure) and, when the command of step `k` has arrived, [`truth`](Plant::truth), both of the
+///    state at step `k`.
 /// 3. [`advance`](Plant::advance) with that command to step `k + 1`.
 /// 4. After the last step `measure` and `truth` once more.
 ///
-/// At a checkpoint what [`state`](Plant::state) tells is saved before step `k`. A run that goes on
-/// from there starts the plant, retunes it to the parameters of that step, puts the state back and
-/// goes on with 2.
+/// At a checkpoint the state defined by [`state`](Plant::state) is saved before step `k`. A resumed run starts the
+/// plant, retunes it to the parameters of that step, restores the state and continues with 2.
 ///
-/// It must be deterministic: no clock, no file, no random number, no hash-map order. Use `libm`
-/// for sines and exponentials, whose last bit otherwise depends on the machine.
+/// A plant must be deterministic: no clock, no file, no random number, no hash-map order. Use `libm` for sines and
+/// exponentials, whose last bit otherwise depends on the machine.
 pub trait Plant: Sized + 'static {
     /// Name in scenarios.
     const NAME: &'static str;
     /// Summary in one sentence.
     const SUMMARY: &'static str;
-    /// Parameters, each with a default; mark those open to faults `faultable`, and
-    /// others that may be changed while it runs `tunable`.
+    /// Parameters, each with a default; mark those open to faults `faultable`, and those that may be changed during a
+    /// run `tunable`.
     type Parameters: table::Parameters;
-    /// True state and outputs. A range on a signal is its limit of validity: outside it the run
-    /// ends as diverged, with the signal named.
+    /// True state and outputs. A range on a signal is its limit of validity: outside it the run ends as diverged, with
+    /// the signal named.
     type Truth: Table;
     /// Readings of the sensors.
     type Measured: Table;
-    /// The commands it takes.
+    /// Commands that the plant takes.
     type Command: Table;
 
-    /// Named faults besides those on single parameters.
+    /// Lists named faults in addition to those on single parameters.
     #[must_use]
     fn faults() -> Vec<FaultDescription> {
         Vec::new()
     }
 
-    /// Returns the part of the plant that a checkpoint keeps; `None`: a run of the plant cannot be saved.
+    /// Returns the part of the plant that a checkpoint keeps; `None` if a run of the plant cannot be saved.
     #[must_use]
     fn state() -> Option<StateOf<Self>> {
         None
     }
 
-    /// The plant at step 0.
+    /// Creates the plant at step 0.
     ///
     /// # Errors
-    /// If the parameters, each in its range, do not go together.
+    /// If the parameters, although each is in its range, are inconsistent.
     fn start(parameters: &Self::Parameters) -> Result<Self, Invalid>;
 
-    /// Takes new values of the parameters that are faultable or tunable.
+    /// Applies new values of the faultable and tunable parameters.
     fn retune(&mut self, parameters: &Self::Parameters);
 
     /// Returns the sensors' readings of the present state.
     fn measure(&self) -> Self::Measured;
 
-    /// The present truth; `time_s` is the simulated time and `command` the command being applied.
+    /// Returns the present truth; `time_s` is the simulated time and `command` the command being applied.
     fn truth(&self, time_s: f64, command: &Self::Command) -> Self::Truth;
 
     /// Integrates over one interval under a constant command.
     fn advance(&mut self, interval: &Interval, command: &Self::Command);
 }
 
-/// A plant of any type, as rows of numbers in the order of its tables, called in the order of [`Plant`].
+/// Plant of any type, as rows of numbers in the order of its tables, called in the order of [`Plant`].
 ///
-/// Every [`Plant`] is one. A plant whose tables are known at run time alone, because its equations are in
-/// another language or in a file, implements it itself and becomes a [`PlantKind`] by
+/// Every [`Plant`] implements it. A plant whose tables are known only at run time, because its equations are in another
+/// language or in a file, implements it directly and becomes a [`PlantKind`] by
 /// [`from_tables`](PlantKind::from_tables). A failure ends the run at that step with its reason.
 #[expect(
     clippy::missing_errors_doc,
     reason = "the trait says what a failure is"
 )]
 pub trait Model {
-    /// Takes a full row of parameters.
+    /// Applies a full row of parameters.
     fn retune(&mut self, parameters: &[f64]) -> Result<(), Failure>;
     /// Writes the measured row.
     fn measure(&mut self, measured: &mut [f64]) -> Result<(), Failure>;
@@ -90,15 +89,16 @@ pub trait Model {
     /// Integrates over one interval.
     fn advance(&mut self, interval: &Interval, command: &[f64]) -> Result<(), Failure>;
 
-    /// Checks that the model can be integrated over intervals of this length, in s. Called once, before all others.
+    /// Checks that the model can be integrated over intervals of this length, in s. Called once, before all other
+    /// methods.
     ///
     /// # Errors
-    /// If it cannot; the reason says over which it can.
+    /// If it cannot, with the possible lengths.
     fn check_period(&self, _period_s: f64) -> Result<(), Invalid> {
         Ok(())
     }
 
-    /// Returns the state as it is now.
+    /// Returns the present state.
     ///
     /// # Errors
     /// If it cannot be saved.
@@ -106,10 +106,10 @@ pub trait Model {
         Err(cannot_save())
     }
 
-    /// Puts a state back.
+    /// Restores a state.
     ///
     /// # Errors
-    /// If it is not one of this plant.
+    /// If it is not a state of this plant.
     fn restore(&mut self, _state: &State) -> Result<(), Invalid> {
         Err(cannot_save())
     }
@@ -153,19 +153,19 @@ impl<P: Plant> Model for P {
     }
 }
 
-/// Start of a plant from every parameter by name.
+/// Constructor of a plant from all parameters by name.
 pub type StartPlant = Box<dyn Fn(&Settings) -> Result<Box<dyn Model>, Invalid> + Send + Sync>;
 
-/// A plant that can be chosen by name: its description and how to start it.
+/// Plant that can be selected by name: its description and constructor.
 pub struct PlantKind {
     /// Description that `--describe` shows.
     pub description: PlantDescription,
-    /// Starts it from every parameter by name.
+    /// Starts it from all parameters by name.
     pub start: StartPlant,
 }
 
 impl PlantKind {
-    /// The entry of a plant type.
+    /// Creates the entry of a plant type.
     #[must_use]
     pub fn of<P: Plant>() -> Self {
         Self {
@@ -195,7 +195,7 @@ impl PlantKind {
     /// use shared_types::table::Field;
     /// use shared_types::time::Interval;
     ///
-    /// /// Tanks that drain, as many as a file says: `x' = -x / tau`.
+    /// /// Draining tanks, as many as a file lists: `x' = -x / tau`.
     /// struct Tanks { tau_s: Vec<f64>, level_m: Vec<f64> }
     ///
     /// impl Model for Tanks {
@@ -265,8 +265,7 @@ impl PlantKind {
     /// ```
     ///
     /// # Errors
-    /// The first row that cannot be used, and what is wrong with it: a name, a unit, a text, a default or a
-    /// range.
+    /// The first unusable row, with its faulty name, unit, text, default or range.
     pub fn from_tables(
         description: PlantDescription,
         start: impl Fn(&[f64]) -> Result<Box<dyn Model>, Invalid> + Send + Sync + 'static,

@@ -1,6 +1,6 @@
 //! The plant process: a job, an engine and the wait loop.
 //!
-//! `main` of every plant binary is one call of [`run`] with the plants it can be.
+//! `main` of every plant binary is one call of [`run`] with the plants that it offers.
 
 use std::ffi::OsString;
 use std::path::Path;
@@ -32,14 +32,14 @@ use crate::job::{JOB_FILE, Job};
 use crate::live::{self, LiveContext};
 use crate::plant::PlantKind;
 
-/// Time between two looks of a held run for leave to go on.
+/// Polling interval of a held run for its resumption.
 pub const HELD: Duration = Duration::from_millis(1);
 
-/// Longest sleep until it is looked again whether `hil` knows the controller that said hello.
+/// Longest sleep between checks if `hil` has recorded the controller that sent hello.
 const KNOWN_NS: u64 = 5_000_000;
 
-/// Runs a plant process that can be any of these plants, by what its arguments say. Its faults are
-/// those of the plants and the [built-in kinds](kinds::all).
+/// Runs a plant process that offers these plants, according to its arguments. Its faults are those of the plants and
+/// the [built-in kinds](kinds::all).
 ///
 /// The origin is [`origin!`](macro@shared_types::origin), or a version alone.
 #[must_use]
@@ -47,7 +47,7 @@ pub fn run(program: &'static str, origin: impl Into<Origin>, plants: Vec<PlantKi
     run_with_faults(program, origin, plants, kinds::all())
 }
 
-/// The same, with these kinds of faults: the built-in ones and one's own.
+/// Does the same with these fault kinds: the built-in ones and custom ones.
 #[must_use]
 pub fn run_with_faults(
     program: &'static str,
@@ -63,8 +63,8 @@ pub fn run_with_faults(
     })
 }
 
-/// Does the same as [`run`] with arguments, of which the first is the program's own path, for a `main` that is not
-/// one of Rust; gives the exit code.
+/// Does the same as [`run`] with explicit arguments, the first being the program's own path, for a `main` that is not
+/// in Rust; returns the exit code.
 #[must_use]
 pub fn answer(
     arguments: Vec<OsString>,
@@ -76,7 +76,7 @@ pub fn answer(
     program::with_stack(|| program::answer(&program, arguments))
 }
 
-/// The program that [`run`] runs, for a `main` that adds to its description.
+/// Returns the program that [`run`] runs, for a `main` that adds to its description.
 #[must_use]
 pub fn of(program: &str, origin: impl Into<Origin>, plants: Vec<PlantKind>) -> impl Program + Sync {
     PlantProgram {
@@ -105,7 +105,7 @@ impl PlantProgram {
         found.ok_or_else(|| format!("this binary has no plant `{model}`; see --describe"))
     }
 
-    /// Runs a job to its end; gives the exit code.
+    /// Runs a job to its end and returns the exit code.
     fn run(
         &self,
         job: Job,
@@ -126,12 +126,12 @@ impl PlantProgram {
                 Some(live::serve(session, context, queue, builder, objections)?)
             }
         };
-        // Threads that there are by now keep ordinary scheduling.
+        // Threads that exist by now keep ordinary scheduling.
         let report = apply(&settings);
         let told = session.write_file(realtime::PLANT_FILE, &report);
         told.map_err(|e| e.to_string())?;
         drive(&mut engine, waiter(&report, limit), supervision).map_err(|e| e.to_string())?;
-        let end = engine.end().ok_or("the run ended without saying how")?;
+        let end = engine.end().ok_or("the run ended without a result")?;
         if let Some(reason) = &end.reason {
             program::say(reason);
         }
@@ -190,10 +190,10 @@ impl Program for PlantProgram {
     }
 }
 
-/// Builds the engine of a job once, to see whether the job can be run.
+/// Builds the engine of a job once, to check that the job can be run.
 ///
 /// # Errors
-/// The reason for which it cannot.
+/// The reason why it cannot.
 pub fn check(kind: &PlantKind, faults: &[FaultKindEntry], job: Job) -> Result<(), String> {
     let (link, _) = shared_types::link::in_process::pair();
     let (sink, _) = shared_types::stream::in_process::pair();
@@ -221,13 +221,13 @@ pub fn drive<L: Link, S: RecordSink>(
             announced = supervision.expected();
             engine.expect(announced)?;
         }
-        // Asked before the poll: what the controller sent before it ended still counts.
+        // Read before the poll: messages that the controller sent before its end still count.
         let gone = supervision.gone();
         match engine.poll()? {
             Progress::Busy => waiter.done(),
             Progress::Over => return Ok(()),
             Progress::Until(target_ns) => {
-                // Against a clock a lost controller is not awaited, so that this is where its successor's end is seen.
+                // In real time a lost controller is not awaited, so this is where its successor's end is detected.
                 if let Some(epoch) = engine.candidate_gone(gone) {
                     engine.interrupt(&PlantEvent::PeerGone(epoch))?;
                     continue;
@@ -239,7 +239,7 @@ pub fn drive<L: Link, S: RecordSink>(
             waits @ (Progress::Controller | Progress::ControllerUntil(_)) => {
                 let deadline_ns = match waits {
                     Progress::ControllerUntil(deadline_ns) => deadline_ns,
-                    // Nothing rings when it becomes known who the controller is.
+                    // Nothing rings when the controller's identity is recorded.
                     _ if engine.is_greeting() => monotonic_ns() + KNOWN_NS,
                     _ => u64::MAX,
                 };
@@ -255,12 +255,12 @@ pub fn drive<L: Link, S: RecordSink>(
                 } else {
                     continue;
                 };
-                // The end of one that was announced is nothing that is awaited.
+                // The end of an announced controller is not an awaited event.
                 if engine.interrupt(&event)? {
                     waiter.done();
                 }
             }
-            // It gets a core even beside a loop of real-time priority, and its buffer outlasts a nap.
+            // The recorder gets a core even beside a loop of real-time priority, and its buffer outlasts a nap.
             Progress::Recorder => {
                 if waiter.sleep() {
                     engine.recorder_late()?;

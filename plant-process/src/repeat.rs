@@ -1,35 +1,35 @@
-//! A run in real time, repeated in lockstep: which samples its controller did not see, and
-//! which command each step had to do with.
+//! Repetition of a real-time run in lockstep: the samples that its controller missed, and the command that each step
+//! used.
 //!
-//! The engine asks it at each step. The controller answers the samples that it saw then, at once; its
-//! commands wait here until the step at which they were there in the repeated run.
+//! Consulted by the engine at each step. The controller answers the samples that it received in the original run, at
+//! once; its commands wait here until the step at which they had arrived in the original run.
 
 use serde::{Deserialize, Serialize};
 use shared_types::frame::Header;
 use shared_types::time::Step;
 
-/// A step of the repeated run at which its controller was not in time.
+/// Step of the original run at which its controller was late.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Missed {
     /// The step.
     pub step: u64,
-    /// Number of steps before this one at which the command was sent that this step had to do with.
+    /// Number of steps before this one at which the command used by this step was sent.
     pub held_steps: u32,
-    /// True if the step's sample was answered, at that step or later.
+    /// `true` if the step's sample was answered, at that step or later.
     pub answered: bool,
 }
 
-/// Commands that may wait: each answer can be overtaken by two at most before the plant takes one
+/// Maximum number of waiting commands: each answer can be overtaken by at most two before the plant takes one
 /// ([`Answered`](shared_types::directive::Answered)).
 const WAITING: usize = 4;
 
-/// The commands of a repeated run.
+/// Commands of a repeated run.
 #[derive(Debug)]
 pub(crate) struct Repetition {
     missed: Vec<Missed>,
     next: usize,
     waiting: [Waiting; WAITING],
-    /// Commands taken so far; the last one is in the place of its number.
+    /// Number of commands taken; each is stored at its number modulo the capacity.
     taken: usize,
 }
 
@@ -40,8 +40,7 @@ struct Waiting {
 }
 
 impl Repetition {
-    /// A repetition of a run that missed this, in the order of steps, whose command frames carry so
-    /// many values.
+    /// Creates the repetition of a run with these late steps, in order, and this number of values per command frame.
     pub(crate) fn new(missed: Vec<Missed>, values: usize) -> Self {
         let nothing = Waiting {
             header: Header::new(shared_types::frame::FrameKind::Command, Step(0)),
@@ -55,7 +54,7 @@ impl Repetition {
         }
     }
 
-    /// Returns true if the controller saw the sample of a step. Steps are asked for in order.
+    /// Returns `true` if the controller received the sample of a step. Steps are queried in order.
     pub(crate) fn is_seen(&mut self, step: Step) -> bool {
         while (self.missed.get(self.next)).is_some_and(|missed| missed.step < step.0) {
             self.next += 1;
@@ -73,10 +72,10 @@ impl Repetition {
             })
     }
 
-    /// Takes the answer to a step and puts into its place the command that the step had to do with.
+    /// Stores the answer to a step and replaces it by the command that the step used.
     ///
     /// # Errors
-    /// If there is no such command: what was missed does not fit together.
+    /// If there is no such command: the late steps are inconsistent.
     pub(crate) fn exchange(
         &mut self,
         step: Step,
@@ -102,7 +101,7 @@ impl Repetition {
             .find(|waiting| waiting.header.sequence > 0 && Some(waiting.header.step) == wanted);
         let found = found.ok_or_else(|| {
             format!(
-                "step {step} is to hold a command of {held_steps} steps before, which is not there"
+                "step {step} must use a command from {held_steps} steps before, which is missing"
             )
         })?;
         frame.copy_from_slice(&found.frame);
@@ -116,8 +115,8 @@ mod tests {
 
     use super::*;
 
-    /// Returns the commands that the steps of a repeated run had to do with; the command of step k is k.
-    /// Unseen samples are answered with -1.
+    /// Returns the commands used by the steps of a repeated run; the command of step k is k. Unseen samples are
+    /// answered with -1.
     fn repeated(missed: &[(u64, u32, bool)], steps: u64) -> Vec<Result<f64, String>> {
         let missed = missed.iter().map(|&(step, held_steps, answered)| Missed {
             step,
@@ -141,23 +140,23 @@ mod tests {
     }
 
     #[test]
-    fn a_late_command_comes_when_it_came() {
-        // The command of step 2 was there at step 4 only, the samples of 3 and 4 were not seen.
+    fn a_late_command_arrives_at_its_original_step() {
+        // The command of step 2 arrived at step 4 only; the samples of 3 and 4 were missed.
         let missed = [(2, 1, true), (3, 2, false), (4, 2, false)];
         let commands: Result<Vec<f64>, String> = repeated(&missed, 6).into_iter().collect();
         assert_eq!(commands, Ok(vec![0.0, 1.0, 1.0, 1.0, 2.0, 5.0]));
     }
 
     #[test]
-    fn answers_that_were_overtaken_are_not_applied() {
-        // 1 was late; then 2 and 3 were answered before the plant looked: 3 is what it found.
+    fn overtaken_answers_are_not_applied() {
+        // 1 was late; then 2 and 3 were answered before the plant polled: it received 3.
         let missed = [(1, 1, true), (2, 2, true)];
         let commands: Result<Vec<f64>, String> = repeated(&missed, 5).into_iter().collect();
         assert_eq!(commands, Ok(vec![0.0, 0.0, 0.0, 3.0, 4.0]));
     }
 
     #[test]
-    fn what_does_not_fit_together_is_refused() {
+    fn inconsistent_late_steps_are_refused() {
         assert!(repeated(&[(3, 9, true)], 4)[3].is_err());
         assert!(repeated(&[(1, 0, false)], 2)[1].is_err());
     }

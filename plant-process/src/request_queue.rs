@@ -1,8 +1,8 @@
-//! Requests from outside, which wait here until the loop has a moment.
+//! Queue of external requests, which wait here for the loop.
 //!
-//! The service thread of [`live`](crate::live) puts requests into it; the engine looks at one number
-//! before each step, the gate, and looks into the queue only when the step has reached
-//! it. The loop never waits for the queue, and the queue never touches the loop's state.
+//! The service thread of [`live`](crate::live) adds requests; the engine reads one number before each step, the gate,
+//! and opens the queue only when the step has reached it. The loop never waits for the queue, and the queue never
+//! touches the loop's state.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -20,48 +20,48 @@ use crate::tuning::Offered;
 
 /// Request to the loop.
 pub enum LoopRequest {
-    /// Take these faults, all or none.
+    /// Admit these faults, all or none.
     Admit(Vec<Box<ArmedFault>>, Sender<Result<Vec<Admitted>, String>>),
     /// End one fault or all; answered with those that ended and the first step without them.
     Clear(Option<u32>, Sender<(Vec<u32>, Step)>),
-    /// Show the faults.
+    /// List the faults.
     Show(Sender<Vec<FaultState>>),
-    /// Hold before the next step.
+    /// Pause before the next step.
     Pause(Sender<()>),
-    /// Go on.
+    /// Resume.
     Resume(Sender<()>),
-    /// Go on for N steps, then hold; refused unless the run is held.
+    /// Run N more steps, then pause; refused unless the run is paused.
     Advance(u64, Sender<Result<Step, String>>),
-    /// Show the newest record; `None` before the first.
+    /// Return the newest record; `None` before the first.
     Record(Sender<Option<Vec<u64>>>),
-    /// Take a change of values, checked for the controller of this epoch; answered with its number and step.
+    /// Accept a change of values, checked for the controller of this epoch; answered with its number and step.
     Change(Box<Change>, u32, Sender<Result<(u32, Step), String>>),
-    /// Show what can be changed, and what a change would make of it.
+    /// List the values that can be changed, and the results of a proposed change.
     Tunable(Option<Box<Change>>, Sender<Box<TuningShown>>),
-    /// Put a note before the next step.
+    /// Add a note before the next step.
     Mark(String, Sender<Result<Step, String>>),
 }
 
 /// Values that can be changed, at a step.
 #[derive(Clone, Debug)]
 pub struct TuningShown {
-    /// Values, changes that wait, and the number of those that the run can still take.
+    /// Values that can be changed.
     pub values: Vec<Tunable>,
-    /// Changes that wait.
+    /// Pending changes.
     pub waiting: Vec<Change>,
-    /// Number of changes that the run can still take.
+    /// Number of further changes that the run accepts.
     pub left: usize,
-    /// Parameters that the active law offers.
+    /// Tunable parameters of the active law.
     pub offered: Offered,
-    /// Settings of the plant and of the law as the change would make them.
+    /// Settings of the plant and of the law after the proposed change.
     pub plant_after: Vec<Settings>,
     /// Parameters of the law, as far as changes set them.
     pub law_after: Vec<Settings>,
 }
 
-/// Queue of requests. Shared between the loop and the service thread.
+/// Queue of requests, shared between the loop and the service thread.
 pub struct RequestQueue {
-    /// The loop may begin any step below this without looking into the queue.
+    /// First step that the loop must not begin without checking the queue.
     gate: AtomicU64,
     /// The next step.
     step: AtomicU64,
@@ -73,12 +73,12 @@ pub struct RequestQueue {
 
 struct Waiting {
     waiting: VecDeque<LoopRequest>,
-    /// The step before which the run is held.
+    /// Step before which the run is held.
     hold_at: Step,
 }
 
 impl RequestQueue {
-    /// Makes the queue of a run that is to be held before a step; [`Step`] of `u64::MAX` for never.
+    /// Creates the queue of a run that is to be held before a step; [`Step`] of `u64::MAX` for never.
     #[must_use]
     pub fn new(hold_at: Step) -> Self {
         Self {
@@ -94,15 +94,15 @@ impl RequestQueue {
         }
     }
 
-    /// For the loop: whether a step may begin without looking into the queue.
+    /// For the loop: returns `true` if a step may begin without checking the queue.
     #[must_use]
     pub fn is_open_for(&self, step: Step) -> bool {
         self.step.store(step.0, Ordering::Relaxed);
         step.0 < self.gate.load(Ordering::Acquire)
     }
 
-    /// For the loop: takes one request, if there is one and the queue is free. `None` also moves the
-    /// gate to where the run is to be held.
+    /// For the loop: takes one request, if there is one and the queue is not locked. `None` also moves the gate to the
+    /// step of the next hold.
     #[must_use]
     pub fn next_request(&self) -> Option<LoopRequest> {
         let mut requests = self.requests.try_lock().ok()?;
@@ -113,12 +113,12 @@ impl RequestQueue {
         request
     }
 
-    /// For the loop: holds the run before a step from now on.
+    /// For the loop: requests a hold before a step.
     pub fn hold_at(&self, step: Step) {
         self.lock().hold_at = step;
     }
 
-    /// For the loop: whether the run is to be held before a step; notes it for the outside.
+    /// For the loop: returns `true` if the run is held before a step, and publishes that status.
     #[must_use]
     pub fn holds(&self, step: Step) -> bool {
         let holds = step.0 >= self.lock().hold_at.0;
@@ -126,30 +126,30 @@ impl RequestQueue {
         holds
     }
 
-    /// For the loop: what the records hold is known.
+    /// For the loop: publishes the layout of the records.
     pub fn opened(&self, layout: &RecordLayout) {
         let _ = self.layout.set(layout.clone()); // a second controller has the same layout
     }
 
-    /// For the loop: the run is over, nobody takes requests any more.
+    /// For the loop: ends the service of requests, as the run is over.
     pub fn close(&self) {
         self.closed.store(true, Ordering::Release);
         self.lock().waiting.clear();
     }
 
-    /// Returns the layout of the records, once it is known.
+    /// Returns the layout of the records, once known.
     #[must_use]
     pub fn layout(&self) -> Option<&RecordLayout> {
         self.layout.get()
     }
 
-    /// Returns true if the run is over.
+    /// Returns `true` if the run is over.
     #[must_use]
     pub fn is_closed(&self) -> bool {
         self.closed.load(Ordering::Acquire)
     }
 
-    /// Tells if a request waits for the loop.
+    /// Returns `true` if a request waits for the loop.
     #[must_use]
     pub fn wants_attention(&self) -> bool {
         self.gate.load(Ordering::Acquire) == 0
@@ -167,7 +167,7 @@ impl RequestQueue {
         }
     }
 
-    /// Puts a request into the queue and gives where its answer will come.
+    /// Adds a request to the queue and returns the receiver of its answer.
     pub fn push<T>(&self, request: impl FnOnce(Sender<T>) -> LoopRequest) -> Receiver<T> {
         let (answer, answered) = channel();
         let mut requests = self.lock();
@@ -179,7 +179,7 @@ impl RequestQueue {
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, Waiting> {
-        // Nothing is left half done under this lock, so that a panic elsewhere does not matter.
+        // No operation under this lock can be left incomplete, so a panic elsewhere does not matter.
         self.requests.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -189,7 +189,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_open_gate_needs_no_look_and_a_request_closes_it() {
+    fn an_open_gate_needs_no_check_and_a_request_closes_it() {
         let queue = RequestQueue::new(Step(u64::MAX));
         assert!(queue.is_open_for(Step(7)) && queue.next_request().is_none());
         let answered = queue.push(LoopRequest::Pause);

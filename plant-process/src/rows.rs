@@ -1,6 +1,6 @@
-//! The numbers of the step in work, and the record that is made of them.
+//! Numbers of the current step, and the record built from them.
 //!
-//! Owned by the engine; all space is taken once, at hello.
+//! Owned by the engine; all memory is allocated once, at hello.
 
 use shared_types::describe::{Invalid, Settings};
 use shared_types::frame::{Header, VALIDITY_WORDS};
@@ -11,38 +11,38 @@ use shared_types::table::canonical;
 use shared_types::time::Step;
 use shared_types::zerocopy::IntoBytes;
 
-/// Rows of a plant and controller that agreed on their tables.
+/// Rows for the tables agreed on by a plant and a controller.
 #[derive(Debug, Default)]
 pub struct Rows {
     /// Measured, then reference signals.
     pub sample: Vec<f64>,
-    /// Readings of the sensors, before faults.
+    /// Sensor readings, before faults.
     pub sensed: Vec<f64>,
-    /// Reference signals before faults; made one step ahead.
+    /// Reference signals before faults; computed one step ahead.
     pub stimulus: Vec<f64>,
-    /// The step that they are of, once they are made.
+    /// Step of the computed reference signals.
     pub stimulus_of: Option<Step>,
-    /// The same, of the sample that was sent last.
+    /// Reference signals of the sample sent last.
     pub sent_stimulus: Vec<f64>,
-    /// The plant's faultable parameters as they act.
+    /// Effective values of the plant's faultable parameters.
     pub parameter: Vec<f64>,
-    /// Invalid bits of the sample that was sent last.
+    /// Invalid bits of the sample sent last.
     pub invalid: [u64; VALIDITY_WORDS],
-    /// Newest frame of the controller that was taken: its commands, then its internals.
+    /// Newest accepted frame of the controller: its commands, then its internals.
     pub frame: Vec<f64>,
     /// The plant's commands as sent.
     pub command: Vec<f64>,
-    /// Invalid bits of the plant's commands, as they were sent and then as the plant got them.
+    /// Invalid bits of the plant's commands, first as sent and then as received by the plant.
     pub command_invalid: [u64; VALIDITY_WORDS],
     /// The plant's commands as applied.
     pub applied: Vec<f64>,
     /// True state.
     pub truth: Vec<f64>,
-    /// The last record.
+    /// Last record.
     pub record: Vec<u64>,
     layout: RecordLayout,
     validity: Validity,
-    /// The values of the last record without those that it marks as invalid, if there are such.
+    /// Values of the last record with invalid ones replaced by NaN, if there are any.
     known: Vec<f64>,
     /// Signals of the frame, as agreed with the first controller.
     table: SignalTable,
@@ -50,15 +50,14 @@ pub struct Rows {
     commands: Vec<usize>,
     /// Index of the first internal in `frame`.
     internals: usize,
-    /// Newest frame of the active controller, taken or not.
+    /// Newest frame of the active controller, accepted or not.
     received: Vec<f64>,
-    /// For each signal of the frame where it stands in what is received, if it is there; `None` if all
-    /// stand where they do in the frame.
+    /// Index in the received frame of each signal, if it is there; `None` if all indices are unchanged.
     places: Option<Vec<Option<usize>>>,
 }
 
 impl Rows {
-    /// Rows for the tables agreed on, of a plant whose records have this layout.
+    /// Creates the rows for the agreed tables, of a plant whose records have this layout.
     #[must_use]
     pub fn new(layout: RecordLayout, welcome: &Welcome) -> Self {
         let bound = welcome.command.bind(SignalKind::Command, &layout.command);
@@ -76,7 +75,7 @@ impl Rows {
             applied: vec![0.0; layout.command.len()],
             truth: vec![0.0; layout.truth.len()],
             record: vec![0; layout.words()],
-            // The welcome exists because they bind.
+            // The welcome exists only because they bind.
             commands: bound.unwrap_or_default(),
             internals: welcome.command.len() - layout.internal.len(),
             table: welcome.command.clone(),
@@ -88,8 +87,8 @@ impl Rows {
         }
     }
 
-    /// Another controller sends commands from now on. Internals are found by name and unit; those that
-    /// it does not have become NaN, marked invalid.
+    /// Switches to the commands of another controller. Internals are matched by name and unit; missing ones become NaN,
+    /// marked invalid.
     pub fn rebind(&mut self, welcome: &Welcome) {
         let place = |signal: &Signal| {
             let bound = (welcome.command).bind(signal.kind, std::slice::from_ref(&signal.field));
@@ -100,12 +99,12 @@ impl Rows {
             (welcome.command != self.table).then(|| self.table.0.iter().map(place).collect());
     }
 
-    /// Buffer that a frame of the active controller is received in.
+    /// Returns the buffer for received frames of the active controller.
     pub fn receiver(&mut self) -> &mut [f64] {
         &mut self.received
     }
 
-    /// Makes the frame of what was received, and the header that goes with it.
+    /// Accepts the received frame and adapts its header.
     pub fn take_frame(&mut self, header: &mut Header) {
         let Some(places) = &self.places else {
             std::mem::swap(&mut self.frame, &mut self.received);
@@ -120,7 +119,7 @@ impl Rows {
         header.invalid = invalid;
     }
 
-    /// Returns true if what was received with `header` differs from the frame with the header `taken`.
+    /// Returns `true` if the frame received with `header` differs from the accepted one with the header `taken`.
     pub fn differs(&self, header: &Header, taken: &Header) -> bool {
         let differs = |(index, value): (usize, &f64)| {
             let place = (self.places.as_ref()).map_or(Some(index), |places| places[index]);
@@ -130,8 +129,8 @@ impl Rows {
         header.age_steps != taken.age_steps || self.frame.iter().enumerate().any(differs)
     }
 
-    /// Fills the frame with the plant's commands as they are set; all else is NaN. Gives the invalid
-    /// bits that go with it.
+    /// Fills the frame with these settings of the plant's commands; everything else is NaN. Returns the matching
+    /// invalid bits.
     pub fn fill_frame(&mut self, settings: &Settings) -> [u64; VALIDITY_WORDS] {
         self.frame.fill(f64::NAN);
         let mut invalid = [0; VALIDITY_WORDS];
@@ -145,10 +144,10 @@ impl Rows {
         invalid
     }
 
-    /// Puts back the last record of a run that goes on.
+    /// Restores the last record of a resumed run.
     ///
     /// # Errors
-    /// If it is not one of this layout.
+    /// If it does not have this layout.
     pub fn restore_record(&mut self, record: &[u64]) -> Result<(), Invalid> {
         if record.len() != self.record.len() {
             let (theirs, ours) = (record.len(), self.record.len());
@@ -160,7 +159,7 @@ impl Rows {
         Ok(())
     }
 
-    /// All signals of the record before a step, NaN where it marks them as invalid; `None` at step 0.
+    /// Returns all signals of the record before a step, NaN where marked invalid; `None` at step 0.
     pub fn last_values(&mut self, step: Step) -> Option<&[f64]> {
         if step.0 == 0 {
             return None;
@@ -175,7 +174,7 @@ impl Rows {
         Some(&self.known)
     }
 
-    /// Takes the plant's commands out of the frame, and their invalid bits out of its header.
+    /// Extracts the plant's commands from the frame, and their invalid bits from its header.
     pub fn take_command(&mut self, header: &Header) {
         self.command_invalid = [0; VALIDITY_WORDS];
         for (index, place) in self.commands.iter().enumerate() {
@@ -207,7 +206,7 @@ impl Rows {
         words.timing(timing);
     }
 
-    /// Writes the record after the last step: there is no command, only NaN marked invalid.
+    /// Writes the record after the last step: without a command, only NaN marked invalid.
     pub fn write_final_record(&mut self, step: Step, timing: &Timing) {
         let mut words = Words(&mut self.record);
         words.put(&[step.0]);
@@ -224,18 +223,18 @@ impl Rows {
     }
 }
 
-/// The value of a signal that stands here, if anywhere, and whether it is valid.
+/// Returns the value of a signal at this index, if any, and its validity.
 fn received(values: &[f64], header: &Header, place: Option<usize>) -> (f64, bool) {
     place.map_or((f64::NAN, false), |place| {
         (values[place], header.is_valid(place))
     })
 }
 
-/// Rest of a record that is still to be written.
+/// Part of a record that is still to be written.
 struct Words<'a>(&'a mut [u64]);
 
 impl<'a> Words<'a> {
-    /// The next `count` words, to write to.
+    /// Returns the next `count` words for writing.
     fn next(&mut self, count: usize) -> &'a mut [u64] {
         let (next, rest) = std::mem::take(&mut self.0).split_at_mut(count);
         self.0 = rest;
@@ -309,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn what_another_controller_sends_is_found_by_name() {
+    fn signals_of_another_controller_are_matched_by_name() {
         let mut rows = rows();
         rows.rebind(&welcome(2, &["drive_m"], &["other_m", "error_m"]));
         rows.receiver().copy_from_slice(&[1.0, 2.0, 3.0]);
@@ -337,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_received_and_not_taken_leaves_the_frame_and_is_compared_with_it() {
+    fn a_received_frame_can_be_compared_without_being_accepted() {
         for rebound in [false, true] {
             let mut rows = rows();
             if rebound {

@@ -1,8 +1,8 @@
-//! Stimuli: what the rig asks of the controlled system, as a function of time.
+//! Stimuli: the rig's reference signals as functions of time.
 //!
-//! Called by the engine at every step for every stimulus of the scenario. A stimulus knows nothing
-//! but time; it never looks at the plant, keeps no state and never allocates. Derivatives are
-//! exact: truncated Taylor arithmetic, no differences.
+//! Called by the engine at every step for every stimulus of the scenario. A stimulus depends on time alone; it has no
+//! access to the plant, keeps no state and never allocates. Derivatives are exact: truncated Taylor arithmetic, no
+//! differences.
 
 mod taylor;
 
@@ -68,16 +68,16 @@ pub fn evaluate(waveform: &Waveform, time_s: f64, row: &mut [f64]) {
     }
 }
 
-/// `amplitude sin(2 pi turns + phase)`.
+/// Computes `amplitude sin(2 pi turns + phase)`.
 ///
-/// Whole turns are taken off before the multiplication by 2 pi, which would otherwise round the
-/// angle of a long run more and more coarsely.
+/// Whole turns are removed before the multiplication by 2 pi, which would otherwise round the angle of a long run more
+/// and more coarsely.
 fn sine(turns: Taylor, phase_rad: f64, amplitude: f64) -> Taylor {
     let whole = turns.value().floor();
     ((turns + -whole) * TAU + phase_rad).sin() * amplitude
 }
 
-/// The turns of a [`Sweep`] until `d`, then on at `f1`.
+/// Returns the turns of a [`Sweep`] up to `d`, followed by a constant `f1`.
 fn chirp_turns(time_s: f64, sweep: Sweep, [f_0, f_1]: [f64; 2], duration_s: f64) -> Taylor {
     let d = duration_s;
     let t = Taylor::time(time_s);
@@ -90,14 +90,14 @@ fn chirp_turns(time_s: f64, sweep: Sweep, [f_0, f_1]: [f64; 2], duration_s: f64)
             if time_s < d {
                 (t * k).exp_m1() * (f_0 / k)
             } else {
-                // It ends at (f1 - f0) / k turns.
+                // The sweep ends at (f1 - f0) / k turns.
                 t * f_1 + ((f_1 - f_0) / k - f_1 * d)
             }
         }
     }
 }
 
-/// Value and slope to the right of a ramp, `since_s` after its begin.
+/// Returns value and slope to the right of a ramp, `since_s` after its beginning.
 fn ramp(since_s: f64, duration_s: f64, start: f64, end: f64) -> [f64; 2] {
     if since_s < 0.0 {
         [start, 0.0]
@@ -109,7 +109,7 @@ fn ramp(since_s: f64, duration_s: f64, start: f64, end: f64) -> [f64; 2] {
     }
 }
 
-/// Value and slope to the right of straight lines between points, found by bisection.
+/// Returns value and slope to the right of a linear interpolation between points, found by bisection.
 fn polyline(time_s: f64, times_s: &[f64], values: &[f64]) -> [f64; 2] {
     let after = times_s.partition_point(|&point_s| point_s <= time_s);
     if after == 0 {
@@ -133,8 +133,8 @@ mod tests {
         row
     }
 
-    /// Compares with numbers of 50 digits; the n-th derivative may be off by the rounding of a
-    /// quantity of size `amplitude (2 pi f)^n`.
+    /// Compares with numbers of 50 digits; the n-th derivative may be off by the rounding of a quantity of size
+    /// `amplitude (2 pi f)^n`.
     fn assert_close(row: &[f64], expected: &[f64; 6], amplitude: f64, frequency_hz: f64) {
         let mut scale = amplitude;
         for (n, (got, want)) in row.iter().zip(expected).enumerate() {
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn the_papers_command_keeps_its_digits_at_the_onset() {
+    fn the_papers_command_stays_accurate_at_the_onset() {
         // The same expression at t = 2^-10 s, where 1 - exp(-c t^3) is 9e-11.
         #[rustfmt::skip]
         let expected = [1.1428970040255548e-13, 4.681290265901886e-10, 1.4380826237158157e-06,
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn the_papers_command_is_that_of_50_digits_on_the_grid_of_a_run() {
+    fn the_papers_command_matches_50_digits_on_the_grid_of_a_run() {
         let file = include_str!("../../tests/golden/stimulus_paper.json");
         let file: serde_json::Value = serde_json::from_str(file).unwrap();
         let points = file["points"].as_array().unwrap();
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sine_is_as_exact_after_a_month_as_at_the_begin() {
+    fn a_sine_is_as_exact_after_a_month_as_at_the_beginning() {
         let waveform = Waveform::Sine {
             amplitude: 1.0,
             frequency_hz: 2.0,
@@ -300,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn a_chirp_has_no_jump_where_its_sweep_ends() {
+    fn a_chirp_is_continuous_at_the_end_of_its_sweep() {
         for chirp in [CHIRP, LOGARITHMIC_CHIRP] {
             let (before, at) = (row(&chirp, 8.0 - 1e-9), row(&chirp, 8.0));
             assert!((before[0] - at[0]).abs() < 1e-6);

@@ -1,10 +1,8 @@
-//! Values that change while a run goes on: changes that wait for their step, and the courses of all values
-//! that were changed.
+//! Values that change during a run: pending changes, and the courses of all changed values.
 //!
-//! The engine asks at each step whether there is something to do, which is one comparison as long as there
-//! is not. A change takes hold before the step is measured, all its keys at once. A parameter of the plant
-//! changes its base, on which faults act; one of the law is told to the controller; a reference signal leaves
-//! its stimulus until it is cleared.
+//! The engine checks at each step if there is work, which is one comparison in the common case. A change takes effect
+//! before the step is measured, all its keys at once. A plant parameter changes its healthy value, on which faults act;
+//! a law parameter is sent to the controller; a reference signal leaves its stimulus until it is cleared.
 
 mod saved;
 
@@ -21,36 +19,36 @@ use shared_types::tuning::{Course, Tuned};
 
 pub(crate) use saved::SavedTuning;
 
-/// A step that no run reaches.
+/// Step beyond the end of any run.
 const NEVER: Step = Step(u64::MAX);
-/// Most live changes that wait for their step.
+/// Maximum number of pending live changes.
 const MOST_WAITING: usize = 256;
 
-/// Changes of a run and the values that they made.
+/// Changes of a run and the resulting values.
 #[derive(Clone, Debug)]
 pub struct Tuning {
     rate: Rate,
     fields: Vec<Field>,
     originals: Settings,
-    /// Changes that have not begun, in the order in which they will.
+    /// Pending changes, in the order in which they will begin.
     waiting: VecDeque<Change>,
-    /// First step at which there is something to do.
+    /// First step at which there is work.
     next: Step,
-    /// Courses of the plant's parameters by their place, and those of its law by their full name.
+    /// Courses of the plant's parameters by index, and those of its law by full name.
     plant: BTreeMap<usize, Course>,
     law: BTreeMap<String, Course>,
-    /// Offer of the active law.
+    /// Tunable parameters of the active law.
     offered: Offered,
-    /// Number of messages that the law was to be told.
+    /// Number of messages for the law so far.
     number: u64,
     references: Vec<Reference>,
     told: VecDeque<Event>,
-    /// Number of changes that were taken, and of the last of them.
+    /// Number of accepted changes, which is also the number of the last one.
     taken: usize,
     last_id: u32,
 }
 
-/// Parameters that a law offers to be tuned.
+/// Tunable parameters offered by a law.
 #[derive(Clone, Debug, Default)]
 pub struct Offered {
     /// Number of the controller; 0 for none.
@@ -61,11 +59,11 @@ pub struct Offered {
     pub parameters: Vec<TunableParameter>,
 }
 
-/// A reference signal: where it is among all, and its course if it left its stimulus.
+/// Reference signal: its index among all, and its course if it has left its stimulus.
 #[derive(Clone, Debug)]
 struct Reference {
     key: String,
-    /// Further names of the signal.
+    /// Aliases of the signal.
     aliases: Vec<String>,
     unit: String,
     column: usize,
@@ -73,7 +71,7 @@ struct Reference {
     course: Option<Course>,
 }
 
-/// Gives a value a new course from a step on.
+/// Creates the course of a value from a step on.
 fn course(from: f64, to: f64, begin: Step, steps: u64) -> Course {
     Course {
         from,
@@ -84,7 +82,7 @@ fn course(from: f64, to: f64, begin: Step, steps: u64) -> Course {
 }
 
 impl Tuning {
-    /// The changes of a scenario, of a run that begins at a step.
+    /// Creates the changes of a scenario, for a run that begins at a step.
     #[must_use]
     pub fn new(
         rate: Rate,
@@ -137,14 +135,14 @@ impl Tuning {
         self.next = first.map_or(self.next, |first| first.min(self.next));
     }
 
-    /// Checks whether there is something to do at a step.
+    /// Returns `true` if there is work at a step.
     #[inline]
     #[must_use]
     pub fn is_due(&self, step: Step) -> bool {
         step >= self.next
     }
 
-    /// Takes a live change before a step.
+    /// Accepts a live change before a step.
     ///
     /// # Errors
     /// If its step is past, or there are too many.
@@ -158,12 +156,12 @@ impl Tuning {
         }
         if self.left() == 0 {
             return Err(format!(
-                "the run has had {MOST_CHANGES} changes, which is the most"
+                "the run has had {MOST_CHANGES} changes, which is the maximum"
             ));
         }
         if self.waiting.iter().filter(|change| change.live).count() >= MOST_WAITING {
             return Err(format!(
-                "{MOST_WAITING} changes wait for their step, which is the most"
+                "{MOST_WAITING} changes wait for their step, which is the maximum"
             ));
         }
         self.taken += 1;
@@ -175,7 +173,7 @@ impl Tuning {
         Ok((self.last_id, step))
     }
 
-    /// Takes a change as it was recorded.
+    /// Accepts a recorded change.
     pub fn repeat(&mut self, change: &ValueChange) {
         self.waiting.push_back(Change {
             id: change.id,
@@ -188,14 +186,14 @@ impl Tuning {
         self.sort();
     }
 
-    /// Number of changes that the run can still take.
+    /// Returns the number of further changes that the run accepts.
     #[must_use]
     pub fn left(&self) -> usize {
         MOST_CHANGES.saturating_sub(self.taken)
     }
 
-    /// Brings the values to a step; `stimulus` are the reference signals of the step as their stimuli say.
-    /// True if the law is to be told.
+    /// Advances the values to a step; `stimulus` are the reference signals of the step without changes. Returns `true`
+    /// if the law must be informed.
     pub fn advance(&mut self, step: Step, stimulus: &[f64]) -> bool {
         let mut moves_law = false;
         while let Some(change) = self.waiting.pop_front() {
@@ -216,7 +214,7 @@ impl Tuning {
         moves_law
     }
 
-    /// Takes a change that begins; true if it moves the law.
+    /// Begins a change; returns `true` if it affects the law.
     fn take(&mut self, change: Change, step: Step, stimulus: &[f64]) -> bool {
         let mut moves_law = false;
         let own = law_keys(&self.offered.law);
@@ -263,12 +261,12 @@ impl Tuning {
         (self.plant.get(&place)).map_or(original.unwrap_or(f64::NAN), |course| course.at(step))
     }
 
-    /// The bases of the plant's parameters that were changed, at a step.
+    /// Lists the changed healthy values of plant parameters, at a step.
     pub fn bases(&self, step: Step) -> impl Iterator<Item = (usize, f64)> {
         (self.plant.iter()).map(move |(place, course)| (*place, course.at(step)))
     }
 
-    /// Puts reference signals that left their stimulus into the row of a step.
+    /// Writes reference signals that have left their stimulus into the row of a step.
     pub fn overrule(&self, step: Step, row: &mut [f64]) {
         for signal in &self.references {
             let Some(course) = &signal.course else {
@@ -283,14 +281,14 @@ impl Tuning {
         }
     }
 
-    /// Number of messages that the law was to be told.
+    /// Returns the number of messages for the law so far.
     #[inline]
     #[must_use]
     pub const fn number(&self) -> u64 {
         self.number
     }
 
-    /// Message to the active law: all of its parameters that were changed.
+    /// Creates the message to the active law: all of its changed parameters.
     #[must_use]
     pub fn tuned(&self) -> Tuned {
         let own = law_keys(&self.offered.law);
@@ -306,8 +304,8 @@ impl Tuning {
         }
     }
 
-    /// Another law is active. Values that it was started with and the one before was not stay; the others are
-    /// as they were tuned.
+    /// Switches to another active law. Its parameters whose initial value differs from the previous controller's are
+    /// reset to that value; all others stay tuned.
     pub fn offer(&mut self, offered: Offered) {
         let before = std::mem::replace(&mut self.offered, offered);
         if before.law == self.offered.law {
@@ -322,35 +320,35 @@ impl Tuning {
         }
     }
 
-    /// There is no controller any more that could be tuned.
+    /// Records that there is no controller to tune.
     pub fn lose_controller(&mut self) {
         self.offered.epoch = 0;
     }
 
-    /// Offer of the active law.
+    /// Returns the tunable parameters of the active law.
     #[must_use]
     pub const fn offered(&self) -> &Offered {
         &self.offered
     }
 
-    /// Tells if there is an event for observers.
+    /// Returns `true` if there is an event for observers.
     #[must_use]
     pub fn has_events(&self) -> bool {
         !self.told.is_empty()
     }
 
-    /// Takes out the next event.
+    /// Takes the next event.
     pub fn next_event(&mut self) -> Option<Event> {
         self.told.pop_front()
     }
 
-    /// Changes that have not begun, in the order in which they will.
+    /// Returns the pending changes, in the order in which they will begin.
     #[must_use]
     pub const fn waiting(&self) -> &VecDeque<Change> {
         &self.waiting
     }
 
-    /// Everything that can be changed, as it is at a step, with the changes that begin there.
+    /// Lists everything that can be changed, as it is at a step, including the changes that begin there.
     #[must_use]
     pub fn tunable(&self, step: Step, stimulus: &[f64]) -> Vec<Tunable> {
         if self
@@ -403,7 +401,7 @@ impl Tuning {
         of_law.chain(of_plant).chain(signals).collect()
     }
 
-    /// Settings of the plant or the law as they will be once a change took hold, and after each later one.
+    /// Returns the settings of the plant or the law after a proposed change, and after each later one.
     #[must_use]
     pub fn settings_with(&self, change: &Change, prefix: &str) -> Vec<Settings> {
         let mut present = Settings::default();

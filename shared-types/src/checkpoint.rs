@@ -1,10 +1,8 @@
-//! Checkpoints: when each side of a run saves its state, and where it begins in a run that goes on
-//! from one.
+//! Checkpoints: the steps at which each side saves its state, and the step at which a resumed run starts.
 //!
-//! The launcher puts both into the jobs. Plant and controller each write their own file into the
-//! session's folder when they reach the step, before anything of that step happens; the launcher
-//! collects them. A side asks [`Saves`] at each step whether it is time, which is one comparison; only
-//! the step at which it is does more.
+//! The launcher puts both into the jobs. On reaching such a step, and before executing any of it, plant and controller
+//! each write a file into the session's folder; the launcher collects them. A side asks [`Saves`] at each step whether
+//! to save, which costs one comparison; only the steps that save do more.
 
 use std::fs;
 use std::io::Write;
@@ -18,47 +16,47 @@ use crate::side::Side;
 use crate::state::State;
 use crate::time::Step;
 
-/// First bytes of a state's file.
+/// Leading bytes of a state file.
 const MARK: &[u8] = b"hil state 1\n";
-/// A step that no run reaches.
+/// Step beyond the end of any run.
 const NEVER: Step = Step(u64::MAX);
 
-/// Checkpoints that a side writes and the one that it begins from, as its job says.
+/// Checkpoints that a side writes and the one that it resumes from, as given in its job.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Checkpoints {
-    /// The steps, before which the state is saved; rising.
+    /// Steps before which the state is saved, ascending.
     pub steps: Vec<Step>,
-    /// Folder for the saved states: the session's.
+    /// Folder for the saved states: the session's folder.
     pub folder: PathBuf,
-    /// The checkpoint that the run goes on from, if it does.
+    /// Checkpoint that the run resumes from, if any.
     pub resume: Option<Resume>,
 }
 
 impl Checkpoints {
-    /// Checks whether there is anything to save or to go on from.
+    /// Returns `true` if there is a state to save or to resume from.
     #[must_use]
     pub const fn any(&self) -> bool {
         !self.steps.is_empty() || self.resume.is_some()
     }
 
-    /// The first step that is exchanged.
+    /// Returns the first step that is exchanged.
     #[must_use]
     pub fn first_step(&self) -> Step {
         self.resume.as_ref().map_or(Step(0), |resume| resume.step)
     }
 }
 
-/// Start of a side in a run that goes on from a checkpoint.
+/// Starting point of a side in a resumed run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Resume {
     /// The first step that is exchanged.
     pub step: Step,
-    /// The file with this side's state before it.
+    /// File with this side's state before that step.
     pub state: PathBuf,
 }
 
-/// Head of a state's file; the state follows.
+/// Header of a state file, followed by the state.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct Head {
     /// Name of the plant or law.
@@ -66,19 +64,19 @@ struct Head {
     step: Step,
 }
 
-/// The checkpoints of a side that are still to come.
+/// Remaining checkpoints of a side.
 #[derive(Debug)]
 pub struct Saves {
     side: Side,
     /// Name of the plant or law.
     of: String,
     checkpoints: Checkpoints,
-    /// The next of them.
+    /// Step of the next checkpoint.
     next: Step,
 }
 
 impl Saves {
-    /// Takes the checkpoints of a job, for a side that runs the plant or law of this name.
+    /// Schedules the checkpoints of a job for a side that runs the named plant or law.
     #[must_use]
     pub fn new(side: Side, of: &str, checkpoints: Checkpoints) -> Self {
         let first = checkpoints.first_step();
@@ -99,17 +97,17 @@ impl Saves {
             .unwrap_or(NEVER);
     }
 
-    /// Checks whether the state before a step is to be saved.
+    /// Returns `true` if the state before a step must be saved.
     #[inline]
     #[must_use]
     pub fn are_due(&self, step: Step) -> bool {
         step == self.next
     }
 
-    /// Writes the state before a step, at once as seen by readers.
+    /// Writes the state before a step; the file appears atomically.
     ///
     /// # Errors
-    /// If it has no form as bytes or cannot be written.
+    /// If the state cannot be serialised or the file cannot be written.
     pub fn write<S: Serialize>(&mut self, step: Step, state: &S) -> Result<(), String> {
         self.look_beyond(step);
         let path = self.checkpoints.folder.join(self.side.file(step));
@@ -124,16 +122,16 @@ impl Saves {
 }
 
 impl Resume {
-    /// Reads the state of the plant or law of a name.
+    /// Reads the state of the named plant or law.
     ///
     /// # Errors
-    /// If the file cannot be read, or is not the state of that before that step.
+    /// If the file cannot be read, or belongs to another plant, law or step.
     pub fn read<S: DeserializeOwned>(&self, of: &str) -> Result<S, Invalid> {
         let shown = self.state.display();
         let bytes = fs::read(&self.state)
             .map_err(|error| Invalid(format!("cannot read {shown}: {error}")))?;
         let bytes = (bytes.strip_prefix(MARK))
-            .ok_or_else(|| Invalid(format!("{shown} is no state that this version wrote")))?;
+            .ok_or_else(|| Invalid(format!("{shown} is not a state written by this version")))?;
         let damaged = |error: &dyn std::fmt::Display| Invalid(format!("{shown}: {error}"));
         let (head, rest): (Head, _) =
             postcard::take_from_bytes(bytes).map_err(|error| damaged(&error))?;
@@ -182,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn each_step_that_was_asked_for_is_due_once() {
+    fn each_requested_step_is_due_once() {
         let folder = tempdir().expect("a folder");
         let mut saves = saves(&folder, None);
         let due = |saves: &Saves| (0..10).filter(|step| saves.are_due(Step(*step))).collect();
@@ -195,14 +193,14 @@ mod tests {
     }
 
     #[test]
-    fn a_side_that_begins_at_a_checkpoint_does_not_save_it_again() {
+    fn a_side_that_resumes_from_a_checkpoint_does_not_save_it_again() {
         let folder = tempdir().expect("a folder");
         let resumed = saves(&folder, Some(resume(&folder, 3)));
         assert!(!resumed.are_due(Step(3)) && resumed.are_due(Step(7)));
     }
 
     #[test]
-    fn what_was_saved_is_read_and_anything_else_refused_by_name() {
+    fn a_saved_state_is_read_back_and_any_other_file_is_refused_by_name() {
         let folder = tempdir().expect("a folder");
         saves(&folder, None)
             .write(Step(3), &[0.25, -0.0])
@@ -220,7 +218,7 @@ mod tests {
         assert!(refused(3, "pump").contains("of `tank` before step 3, not of `pump`"));
 
         let path = resume(&folder, 3).state;
-        let whole = fs::read(&path).expect("it is there");
+        let whole = fs::read(&path).expect("a saved state");
         for length in 0..whole.len() {
             fs::write(&path, &whole[..length]).expect("written");
             let told = refused(3, "tank");

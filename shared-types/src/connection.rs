@@ -1,8 +1,8 @@
-//! Connections: signals of a law that are bound to signals of a plant under other names and units.
+//! Connections: signals of a law bound to signals of a plant with other names and units.
 //!
-//! The wire, the recording and the faults have the plant's names and units, the law its own. A controller's runner
-//! renames the law's tables before hello and converts each row on its way in and out; neither the law nor the plant
-//! knows of it. Made by the check of a scenario's `[[connect]]` and carried by the controller's job.
+//! The wire, the recording and the faults use the plant's names and units; the law uses its own. A controller's runner
+//! renames the law's tables before hello and converts each incoming and outgoing row; neither law nor plant is aware of
+//! it. The connections are made by the check of a scenario's `[[connect]]` and passed on in the controller's job.
 
 use std::fmt;
 
@@ -14,10 +14,10 @@ use crate::number::exact;
 use crate::table::Field;
 use crate::units::Conversion;
 
-/// Binding of a signal of a law to a signal of a plant or of its rig.
+/// Binding between a signal of a law and a signal of a plant or its rig.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Connection {
-    /// Kind of both: measured, reference or command.
+    /// Kind of both signals: measured, reference or command.
     pub kind: SignalKind,
     /// Name in the law's table.
     pub law: String,
@@ -27,10 +27,10 @@ pub struct Connection {
     pub plant: String,
     /// Unit in the plant's table, or of the reference signal.
     pub plant_unit: String,
-    /// Conversion of what is sent into what is received: a command is sent by the law, all else to it.
+    /// Conversion from the sent to the received value: the law sends commands and receives all else.
     #[serde(flatten)]
     pub conversion: Conversion,
-    /// True if the scenario gives the conversion; false if it follows from the units.
+    /// `true` if the scenario states the conversion, `false` if it follows from the units.
     pub is_given: bool,
 }
 
@@ -40,7 +40,7 @@ impl Connection {
     }
 }
 
-/// `law measured.position_m [m] = 0.001 * plant measured.x [mm]`, the receiver in front.
+/// Formats as `law measured.position_m [m] = 0.001 * plant measured.x [mm]`, the receiver first.
 impl fmt::Display for Connection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let kind = self.kind.prefix();
@@ -64,7 +64,7 @@ impl fmt::Display for Connection {
     }
 }
 
-/// Gives the fields of one kind the names and units that the connections bind them to, in their order.
+/// Returns the fields of one kind with the names and units that the connections bind them to, order preserved.
 #[must_use]
 pub fn renamed(kind: SignalKind, fields: &[Field], connections: &[Connection]) -> Vec<Field> {
     let renamed = |field: &Field| {
@@ -77,7 +77,7 @@ pub fn renamed(kind: SignalKind, fields: &[Field], connections: &[Connection]) -
     fields.iter().map(renamed).collect()
 }
 
-/// Lists the conversions of fields of one kind that change a value, with the places of the fields.
+/// Lists the conversions of one kind that change a value, each with the index of its field.
 #[must_use]
 pub fn conversions(
     kind: SignalKind,
@@ -92,10 +92,10 @@ pub fn conversions(
 }
 
 impl LawDescription {
-    /// The law as it is on the wire: signals under the names and units that they are bound to.
+    /// Returns the law as seen on the wire: each signal under the name and unit it is bound to.
     ///
     /// # Errors
-    /// If the law does not have a signal that is to be bound, or would give one command twice.
+    /// If the law lacks a signal to be bound, or would send one command twice.
     pub fn connected(&self, connections: &[Connection]) -> Result<Self, Invalid> {
         let none = &[][..];
         for one in connections {
@@ -108,11 +108,11 @@ impl LawDescription {
             if !fields.iter().any(|field| one.is_of(one.kind, field)) {
                 let (kind, law, name) = (one.kind.prefix(), &self.name, &one.law);
                 return Err(Invalid(format!(
-                    "law `{law}` has no signal `{kind}.{name}` to be connected"
+                    "law `{law}` has no signal `{kind}.{name}` to connect"
                 )));
             }
         }
-        // A sensor may be read under two names, and is asked for once.
+        // A sensor may be bound under two names, but is requested once.
         let sensed = |kind, fields: &[Field]| {
             let mut once: Vec<Field> = Vec::with_capacity(fields.len());
             for field in renamed(kind, fields, connections) {
@@ -129,7 +129,7 @@ impl LawDescription {
             if before.into_iter().any(|other| other.name == field.name) {
                 let (law, name) = (&self.name, &field.name);
                 return Err(Invalid(format!(
-                    "law `{law}` would give the command `{name}` twice"
+                    "law `{law}` would send the command `{name}` twice"
                 )));
             }
         }
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_under_two_names_is_asked_for_once() {
+    fn a_sensor_under_two_names_is_requested_once() {
         let connections = [
             connection(SignalKind::Measured, ["a_m", "m", "x", "m"], 1.0, 0.0),
             connection(SignalKind::Measured, ["b_m", "m", "x", "m"], -1.0, 0.0),
@@ -223,22 +223,22 @@ mod tests {
     }
 
     #[test]
-    fn connections_that_the_law_cannot_have_are_refused() {
+    fn impossible_connections_of_a_law_are_refused() {
         for (kind, names, reason) in [
             (
                 SignalKind::Measured,
                 ["z", "m", "x", "m"],
-                "law `two` has no signal `measured.z` to be connected",
+                "law `two` has no signal `measured.z` to connect",
             ),
             (
                 SignalKind::Internal,
                 ["e_m", "m", "x", "m"],
-                "law `two` has no signal `internal.e_m` to be connected",
+                "law `two` has no signal `internal.e_m` to connect",
             ),
             (
                 SignalKind::Command,
                 ["c_m", "m", "d_m", "m"],
-                "law `two` would give the command `d_m` twice",
+                "law `two` would send the command `d_m` twice",
             ),
         ] {
             let refused = law().connected(&[connection(kind, names, 1.0, 0.0)]);
@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn a_connection_tells_what_is_received_of_what_is_sent() {
+    fn a_connection_prints_the_received_value_as_a_function_of_the_sent_one() {
         for (kind, names, factor, offset, told) in [
             (
                 SignalKind::Measured,

@@ -1,7 +1,7 @@
 //! Description of a plant or controller binary, its answer to `--describe`.
 //!
-//! The launcher checks scenarios against this, so that it can refuse an unknown key or a value out
-//! of range also for a model it has never seen. JSON on standard output; any language can write it.
+//! The launcher checks scenarios against it, and so can refuse an unknown key or an out-of-range value even for a model
+//! that it has never seen. JSON on standard output; programs in any language can write it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,8 +12,8 @@ use crate::layout::{MOST_FIELDS, Unusable, check_fields, check_title, is_line};
 use crate::origin::{Build, Origin};
 use crate::table::{Field, Table, number};
 
-/// Version of the protocol between launcher, plant and controller: description, job file, control
-/// messages, frames and records. Two sides with different versions refuse each other.
+/// Version of the protocol between launcher, plant and controller: description, job file, control messages, frames and
+/// records. Sides of different versions refuse each other.
 pub const PROTOCOL: u32 = 8;
 
 /// A binary's answer to `--describe`.
@@ -25,26 +25,25 @@ pub struct Description {
     pub program: String,
     /// Version of the program.
     pub version: String,
-    /// Source that it was built from; `None`: its build noted nothing.
+    /// Source that the binary was built from; `None` if its build recorded none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub build: Option<Build>,
-    /// The plants it can be; empty for a controller.
+    /// Plants it can simulate; empty for a controller.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub plants: Vec<PlantDescription>,
-    /// The laws it can run; empty for a plant.
+    /// Laws it can run; empty for a plant.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub laws: Vec<LawDescription>,
-    /// The kinds of faults that its plants share: those on signals, links and timing; empty for a
-    /// controller.
+    /// Fault kinds shared by its plants: those on signals, links and timing; empty for a controller.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub faults: Vec<FaultKindDescription>,
-    /// Facts of the model that the program runs, if another tool made it.
+    /// Facts about an imported model that the program runs, made by another tool.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub imported: Option<Box<Imported>>,
 }
 
 impl Description {
-    /// A description of a program of this origin, without plants and laws, to be filled.
+    /// Creates a description of a program of this origin, still without plants and laws.
     #[must_use]
     pub fn of_origin(program: &str, origin: Origin) -> Self {
         Self {
@@ -53,7 +52,7 @@ impl Description {
         }
     }
 
-    /// A description without plants and laws, to be filled.
+    /// Creates a description still without plants and laws.
     #[must_use]
     pub fn new(program: &str, version: &str) -> Self {
         Self {
@@ -68,17 +67,16 @@ impl Description {
         }
     }
 
-    /// Checks that everything in it has a name of its own that can be written down, and that tables have
-    /// no more columns than fit.
+    /// Checks that all names are unique and printable, and that no table exceeds its number of columns.
     ///
     /// # Errors
-    /// The first that does not, and what is wrong.
+    /// The first violation.
     pub fn check(&self) -> Result<(), String> {
         let mut names = BTreeSet::new();
         for plant in &self.plants {
             let name = shown("plant", &plant.name)?;
             if !names.insert(&plant.name) {
-                return Err(format!("{name} is there twice"));
+                return Err(format!("{name} is defined twice"));
             }
             plant.check(&self.faults)?;
         }
@@ -86,7 +84,7 @@ impl Description {
         for fault in &self.faults {
             let kind = shown("fault", &fault.kind)?;
             if !kinds.insert(&fault.kind) {
-                return Err(format!("{kind} is there twice"));
+                return Err(format!("{kind} is defined twice"));
             }
             check_tables(&kind, [("parameters", &fault.parameters, MOST_FIELDS)])?;
         }
@@ -96,7 +94,7 @@ impl Description {
                 .iter()
                 .any(|before| before.is_for_one_with(law))
             {
-                return Err(format!("{name} is there twice for one plant"));
+                return Err(format!("{name} is defined twice for one plant"));
             }
             law.check()?;
         }
@@ -104,13 +102,13 @@ impl Description {
     }
 }
 
-/// The name of a thing with what it is in front, if it can be shown.
+/// Returns the name prefixed with its category, provided that it is printable.
 fn shown(what: &str, name: &str) -> Result<String, String> {
     check_title(name).map_err(|wrong| format!("the name of a {what}: {wrong}"))?;
     Ok(format!("{what} `{name}`"))
 }
 
-/// Checks tables of which each may have N columns.
+/// Checks tables of at most N columns each.
 fn check_tables<const N: usize>(
     whose: &str,
     tables: [(&str, &[Field], usize); N],
@@ -131,22 +129,22 @@ pub struct PlantDescription {
     pub summary: String,
     /// Parameters with defaults and ranges.
     pub parameters: Vec<Field>,
-    /// True state and outputs, with the range outside which a run is ended as diverged.
+    /// True state and outputs, with the range beyond which a run ends as diverged.
     pub truth: Vec<Field>,
     /// Signals that the plant's sensors report.
     pub measured: Vec<Field>,
-    /// The commands it takes.
+    /// Commands that the plant takes.
     pub commands: Vec<Field>,
-    /// Named faults, besides those on single parameters.
+    /// Named faults, in addition to faults on single parameters.
     #[serde(default)]
     pub faults: Vec<FaultDescription>,
-    /// True if the plant's state can be saved, so that a run can go on from a checkpoint.
+    /// `true` if the plant's state can be saved, so that a run can resume from a checkpoint.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub saves: bool,
 }
 
 impl PlantDescription {
-    /// Checks names, units and texts of one plant beside kinds of faults that it shares.
+    /// Checks names, units and texts of one plant, and its fault kinds against the shared ones.
     fn check(&self, shared: &[FaultKindDescription]) -> Result<(), String> {
         let name = shown("plant", &self.name)?;
         check_tables(
@@ -162,7 +160,7 @@ impl PlantDescription {
         for fault in &self.faults {
             let kind = shown("fault", &fault.kind)?;
             if !kinds.insert(&fault.kind) {
-                return Err(format!("{kind} of {name} is there twice"));
+                return Err(format!("{kind} of {name} is defined twice"));
             }
             check_tables(&kind, [("sizes", &fault.sizes, MOST_FIELDS)])?;
         }
@@ -170,39 +168,39 @@ impl PlantDescription {
     }
 }
 
-/// A named fault of a plant: which faultable parameters it moves, and how.
+/// Named fault of a plant: the faultable parameters it moves, and how.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FaultDescription {
     /// Name, the scenario's `faults.kind`.
     pub kind: String,
     /// Summary in one sentence, with the equation's source.
     pub summary: String,
-    /// Equation of what happens, in plain text.
+    /// Equation of the effect, in plain text.
     pub equation: String,
-    /// Key of an effect that selects the target by number, for example `actuator`: `actuator = 1`
-    /// selects the parameter group `actuator1`. `None`: there is one target, the plant.
+    /// Key of an effect that selects the target by number, for example `actuator`: `actuator = 1` selects the parameter
+    /// group `actuator1`. `None` if the plant is the only target.
     #[serde(default)]
     pub selector: Option<String>,
-    /// Keys, units and ranges of the sizes of an effect; one with a default may be left out.
+    /// Keys, units and ranges of an effect's sizes; a size with a default may be omitted.
     pub sizes: Vec<Field>,
-    /// The parameters that are moved.
+    /// Parameters that the fault moves.
     pub moves: Vec<ParameterMove>,
-    /// Profile by which the sizes set in unless another one is given.
+    /// Profile by which the sizes set in unless the scenario gives another.
     pub profile: ProfileDescription,
 }
 
 /// Parameter that a plant's fault moves.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ParameterMove {
-    /// Last part of the name of the faultable parameter; without a selector, the whole name.
+    /// Last part of the faultable parameter's name; the whole name if there is no selector.
     pub parameter: String,
-    /// Operation by which the parameter is moved.
+    /// Operation that moves the parameter.
     pub operation: Operation,
     /// Amount by which the parameter is moved.
     pub by: MoveBy,
 }
 
-/// Operation by which an amount `a` with profile `g` moves a value `v`.
+/// Operation that moves a value `v` by an amount `a` under profile `g`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Operation {
@@ -218,17 +216,17 @@ pub enum Operation {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MoveBy {
-    /// The effect's size of this key.
+    /// Value of the effect's size with this key.
     Size(String),
-    /// Always this.
+    /// A constant.
     Constant(f64),
 }
 
-/// Profile by which a fault's sizes set in over time when nothing else is asked for.
+/// Default profile by which a fault's sizes set in over time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum ProfileDescription {
-    /// All at once.
+    /// Immediately.
     Step,
     /// `1 - exp(-speed t)`, with the key and range of the speed.
     Exponential {
@@ -237,29 +235,29 @@ pub enum ProfileDescription {
     },
 }
 
-/// A kind of fault that is not of a plant but of what is around it.
+/// Fault kind that acts on the surroundings of a plant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FaultKindDescription {
     /// Name, the scenario's `faults.kind`.
     pub kind: String,
     /// Summary in one sentence.
     pub summary: String,
-    /// Equation of what happens, in plain text.
+    /// Equation of the effect, in plain text.
     pub equation: String,
-    /// Things that a fault of this kind acts on.
+    /// Targets of this kind of fault.
     pub acts_on: ActsOn,
-    /// Keys, units and ranges of an effect. The unit `target` stands for that of the target. One
-    /// with a default may be left out.
+    /// Keys, units and ranges of an effect. The unit `target` stands for that of the target. A parameter with a default
+    /// may be omitted.
     pub parameters: Vec<Field>,
-    /// A list of numbers that an effect may or must give besides.
+    /// List of numbers that an effect may or must give in addition.
     #[serde(default)]
     pub list: Option<ListDescription>,
-    /// True if the state of such a fault can be saved, so that a run can go on from a checkpoint.
+    /// `true` if the state of such a fault can be saved, so that a run can resume from a checkpoint.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub saves: bool,
 }
 
-/// Things that a kind of fault acts on, which decide the targets that its effects may have.
+/// Things that a fault kind acts on, which determine the valid targets of its effects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ActsOn {
@@ -267,16 +265,16 @@ pub enum ActsOn {
     Signals,
     /// Signals and every faultable parameter of the plant, `parameter.x`.
     Numbers,
-    /// Frames that cross the link: `link.sample` (plant to controller) and `link.command` (back).
+    /// Frames on the link: `link.sample` (plant to controller) and `link.command` (back).
     Links,
-    /// The time that a side takes: `controller` and `plant`.
+    /// Computing time of a side: `controller` and `plant`.
     Sides,
-    /// The time that the controller takes: `controller`.
+    /// Computing time of the controller: `controller`.
     Controller,
 }
 
 impl ActsOn {
-    /// The class that the kind belongs to.
+    /// Returns the class of the fault kind.
     #[must_use]
     pub const fn class(self) -> &'static str {
         match self {
@@ -287,14 +285,14 @@ impl ActsOn {
     }
 }
 
-/// A list of numbers that belongs to an effect.
+/// List of numbers of an effect.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ListDescription {
     /// Key of the list.
     pub key: String,
     /// Description in one sentence.
     pub description: String,
-    /// Numbers in a row of the list: 1 for plain numbers, 2 for pairs.
+    /// Numbers per row of the list: 1 for plain numbers, 2 for pairs.
     pub columns: usize,
 }
 
@@ -305,29 +303,28 @@ pub struct LawDescription {
     pub name: String,
     /// Summary in one sentence.
     pub summary: String,
-    /// The plants it is made for; empty means any.
+    /// Plants that the law is made for; empty means any.
     #[serde(default)]
     pub plants: Vec<String>,
     /// Parameters of the law, the scenario's `[controller.<law>]`.
     pub parameters: Vec<Field>,
-    /// Model that the law has of the plant, the scenario's `[controller.model]`. A value that is not given
-    /// there is the scenario's parameter of the plant with the same name.
+    /// The law's model of the plant, the scenario's `[controller.model]`. A missing value defaults to the plant
+    /// parameter of the same name in the scenario.
     #[serde(default)]
     pub model: Vec<Field>,
-    /// Measured signals it needs.
+    /// Measured signals that the law needs.
     pub measured: Vec<Field>,
-    /// Reference signals it needs.
+    /// Reference signals that the law needs.
     pub reference: Vec<Field>,
-    /// The commands it gives; `None`: whatever the plant takes.
+    /// Commands that the law sends; `None` means the commands that the plant takes.
     pub commands: Option<Vec<Field>>,
-    /// Inner quantities it shows.
+    /// Internal signals that the law exposes.
     #[serde(default)]
     pub internals: Vec<Field>,
-    /// True if the law's state can be saved, so that a run can go on from a checkpoint.
+    /// `true` if the law's state can be saved, so that a run can resume from a checkpoint.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub saves: bool,
-    /// Sentence that says what the law does when a tunable parameter changes while it runs; empty if there
-    /// are none.
+    /// Sentence on the law's behaviour when a tunable parameter changes during a run; empty if none is tunable.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub tuning: String,
 }
@@ -338,13 +335,13 @@ impl LawDescription {
         (self.parameters.iter()).filter(|field| field.tunable)
     }
 
-    /// Tells whether the law is made for a plant of this name.
+    /// Returns `true` if the law is made for a plant of this name.
     #[must_use]
     pub fn suits(&self, plant: &str) -> bool {
         self.plants.is_empty() || self.plants.iter().any(|name| name == plant)
     }
 
-    /// Lists the commands of its frames under a plant, in order.
+    /// Lists the commands in the law's frames for a plant, in order.
     #[must_use]
     pub fn sent_commands<'d>(&'d self, plant: &'d PlantDescription) -> &'d [Field] {
         self.commands.as_deref().unwrap_or(&plant.commands)
@@ -354,20 +351,18 @@ impl LawDescription {
     fn check(&self) -> Result<(), String> {
         let name = shown("law", &self.name)?;
         if !is_line(&self.tuning) {
-            return Err(format!(
-                "{name} says on more than one line what it does when it is tuned"
-            ));
+            return Err(format!("{name} describes its tuning on more than one line"));
         }
         if self.tunable().next().is_some() == self.tuning.is_empty() {
             return Err(format!(
-                "{name} has tunable parameters if it says what it does when they change, and only then"
+                "{name} must describe its tuning if and only if it has tunable parameters"
             ));
         }
         let commands = self.commands.as_deref().unwrap_or_default();
         let (commanded, inner) = (commands.len(), self.internals.len());
         if commanded <= MAX_SIGNALS && commanded + inner > MAX_SIGNALS {
             return Err(format!(
-                "{name} has {commanded} commands and {inner} internals, and a frame carries {MAX_SIGNALS} of both at most"
+                "{name} has {commanded} commands and {inner} internals; a frame carries at most {MAX_SIGNALS} of both together"
             ));
         }
         check_tables(
@@ -383,7 +378,7 @@ impl LawDescription {
         )
     }
 
-    /// Checks whether a scenario could mean either of the two laws.
+    /// Returns `true` if a scenario could mean either of the two laws.
     fn is_for_one_with(&self, other: &Self) -> bool {
         let is_shared = self.plants.iter().any(|plant| other.plants.contains(plant));
         let is_for_any = self.plants.is_empty() || other.plants.is_empty();
@@ -391,22 +386,22 @@ impl LawDescription {
     }
 }
 
-/// Values by name, as a job file carries them: of parameters, safe commands or sizes of faults. Those of a
-/// process's loop are [`realtime::Settings`](crate::realtime::Settings).
+/// Values by name as in a job file: parameters, safe commands or fault sizes. Settings of a process's loop are
+/// [`realtime::Settings`](crate::realtime::Settings).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Settings(pub BTreeMap<String, Setting>);
 
-/// Value in a job file; infinities travel as text.
+/// Value in a job file; infinities are written as text.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Setting(#[serde(with = "number")] pub f64);
 
-/// A row cannot be made from settings, because one of them is missing.
+/// Missing setting, without which a row cannot be built.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("parameter `{key}` is missing from the job; a scenario sets it under this key")]
 pub struct MissingSetting {
-    /// The key in a scenario.
+    /// Key in the scenario.
     pub key: String,
 }
 
@@ -422,13 +417,13 @@ impl Settings {
         self.0.insert(name.into(), Setting(value));
     }
 
-    /// Reads a value.
+    /// Returns the value of a name, if set.
     #[must_use]
     pub fn get(&self, name: &str) -> Option<f64> {
         self.0.get(name).map(|setting| setting.0)
     }
 
-    /// The settings of a table's row.
+    /// Returns the settings of a table's row.
     #[must_use]
     pub fn of<T: Table>(table: &T) -> Self {
         let mut settings = Self::default();
@@ -438,7 +433,7 @@ impl Settings {
         settings
     }
 
-    /// The row of a table, whose settings a scenario has in `section`, for example `plant.parameters`.
+    /// Builds the row of a table, whose settings stand in the scenario's `section`, for example `plant.parameters`.
     ///
     /// # Errors
     /// If a column of the table has no setting.
@@ -446,7 +441,7 @@ impl Settings {
         Ok(T::from_row(&self.row(&T::fields(), section)?))
     }
 
-    /// The row of a table of these columns, as [`to_table`](Self::to_table).
+    /// Builds a row of these columns, like [`to_table`](Self::to_table).
     ///
     /// # Errors
     /// If a column has no setting.
@@ -459,7 +454,7 @@ impl Settings {
     }
 }
 
-/// A combination of parameters that a model or law cannot work with, found at its start.
+/// Combination of parameters that a model or law cannot work with, detected at its start.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct Invalid(pub String);

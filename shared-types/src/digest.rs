@@ -1,11 +1,10 @@
-//! The digest of a run: one hash over everything that must repeat, nothing that may not.
+//! The digest of a run: one hash over everything that must be reproducible and nothing else.
 //!
-//! For each record in order: the changes of values and the fault events that take hold at its step, then
-//! the record's words up to the timing (step, validity, truth, measured, reference, command, applied,
-//! internals), all little-endian. An event is the byte length of its text as a 64-bit word and the text: of a
-//! fault `step kind target parameter course`, of a change `step change ramp_steps` and, each with a space in
-//! front, `key=value` for every key and `clear:key` for every reference signal that follows its stimulus
-//! again. Any reader of a recording can recompute it.
+//! For each record in order: the value changes and fault events that take effect at its step, then the record's words
+//! up to the timing (step, validity, truth, measured, reference, command, applied, internals), all little-endian. An
+//! event is the byte length of its text as a 64-bit word followed by the text: for a fault `step kind target parameter
+//! course`; for a change `step change ramp_steps` and, each preceded by a space, `key=value` for every key and
+//! `clear:key` for every reference signal that follows its stimulus again. Any reader of a recording can recompute it.
 
 use zerocopy::IntoBytes;
 
@@ -15,7 +14,7 @@ use crate::record::{ChangedValue, Event, FaultBegun, ValueChange};
 /// Bytes hashed at once: small pieces cost several times as much.
 const BATCH: usize = 1 << 16;
 
-/// A digest in the making.
+/// Digest under construction.
 #[derive(Clone, Debug)]
 pub struct Digest {
     hasher: blake3::Hasher,
@@ -32,8 +31,7 @@ impl Default for Digest {
 }
 
 impl Digest {
-    /// Takes in a fault event; it comes before the record of its step. One that costs time and
-    /// changes nothing else does not count.
+    /// Adds a fault event, which precedes the record of its step. A fault that only costs time does not count.
     pub fn fault(&mut self, fault: &FaultBegun) {
         if fault.wall_only {
             return;
@@ -49,7 +47,7 @@ impl Digest {
         self.text(&format!("{step} {kind} {target} {parameter} {canonical}"));
     }
 
-    /// Takes in a change of values; it comes before the record of its step.
+    /// Adds a change of values, which precedes the record of its step.
     pub fn change(&mut self, change: &ValueChange) {
         let mut text = format!("{} change {}", change.step, change.ramp_steps);
         for ChangedValue { key, value, .. } in &change.set {
@@ -61,7 +59,7 @@ impl Digest {
         self.text(&text);
     }
 
-    /// Takes in an event, if it counts.
+    /// Adds an event, unless it is irrelevant to the digest.
     pub fn event(&mut self, event: &Event) {
         match event {
             Event::Fault(taken) => self.fault(taken),
@@ -75,7 +73,7 @@ impl Digest {
         self.pending.extend(text.as_bytes());
     }
 
-    /// Takes in the hashed words of a record.
+    /// Adds the hashed words of a record.
     pub fn record(&mut self, hashed: &[u64]) {
         self.pending.extend(hashed.as_bytes());
         if self.pending.len() >= BATCH {
@@ -86,7 +84,7 @@ impl Digest {
         }
     }
 
-    /// The digest as hexadecimal text.
+    /// Returns the digest as hexadecimal text.
     #[must_use]
     pub fn finish(mut self) -> String {
         self.hasher.update(&self.pending);
@@ -105,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn batches_do_not_show() {
+    fn batching_does_not_change_the_digest() {
         let records: Vec<[u64; 3]> = (0..10_000).map(|k| [k, k * k, !k]).collect();
         let whole = records.as_flattened().as_bytes();
         assert_eq!(of(&records), blake3::hash(whole).to_hex().as_str());
@@ -120,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn a_change_counts_by_its_step_its_ramp_and_its_values() {
+    fn a_change_counts_with_its_step_ramp_and_values() {
         let change = ValueChange {
             id: 1,
             step: 2,

@@ -1,32 +1,31 @@
-//! Directives that the plant's engine and the controller's runner give each other about timing in the headers
-//! of frames; a law never sees it.
+//! Timing directives that the plant's engine and the controller's runner exchange in frame headers; a law never sees
+//! them.
 
 use crate::time::Step;
 
-/// Orders to the runner for one sample: what a fault of timing asks for, or what happened in the run that is
-/// repeated. 0 as long as there is nothing to obey.
+/// Instructions to the runner for one sample, from a timing fault or from the run being repeated. 0 means none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Directive {
-    /// Busy for so long before it answers, in ns; at most 4.29 s.
+    /// Extra busy time before the answer, in ns; at most 4.29 s.
     pub busy_ns: u32,
-    /// The command of this sample takes effect N steps later. Until then the last command is
-    /// sent again, and no sample is looked at. At most 2^31 - 1.
+    /// Delay in steps until the command of this sample takes effect. Until then the runner repeats the last command and
+    /// ignores samples. At most 2^31 - 1.
     pub late_steps: u32,
-    /// In the run that is repeated this sample was not received: what was sent last is sent again.
+    /// `true` if the repeated run did not receive this sample: the last command is sent again.
     pub unseen: bool,
 }
 
 const UNSEEN: u64 = 1 << 63;
 
 impl Directive {
-    /// The word in the header.
+    /// Encodes the directive as a header word.
     #[must_use]
     pub const fn to_wire(self) -> u64 {
         let unseen = if self.unseen { UNSEEN } else { 0 };
         unseen | (self.late_steps as u64) << 32 & !UNSEEN | self.busy_ns as u64
     }
 
-    /// Reads the directive from a word of a header.
+    /// Decodes the directive from a header word.
     #[must_use]
     #[inline]
     pub const fn from_wire(word: u64) -> Self {
@@ -40,10 +39,9 @@ impl Directive {
 
 /// Samples that a controller answered before the one that a command answers.
 ///
-/// In lockstep it answers every sample. In real time it may miss some, and some of its commands
-/// may be replaced before the plant has seen them, never more than two in a row: one that was in
-/// work when the plant looked, and one for each sample since. So the last two answers before a
-/// command complete the list of all.
+/// In lockstep it answers every sample. In real time it may miss some, and some of its commands may be replaced before
+/// the plant has seen them, never more than two in a row: one in progress when the plant polled, and one for each
+/// sample since. The last two answers before a command therefore complete the list of all.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Answered {
     /// Steps from the sample answered last to the one that the command answers; 0 for none.
@@ -53,13 +51,13 @@ pub struct Answered {
 }
 
 impl Answered {
-    /// The word in the header.
+    /// Encodes the answered samples as a header word.
     #[must_use]
     pub const fn to_wire(self) -> u64 {
         (self.last_but_one_steps as u64) << 32 | self.last_steps as u64
     }
 
-    /// Reads the answered samples from a word of a header.
+    /// Decodes the answered samples from a header word.
     #[must_use]
     #[inline]
     pub const fn from_wire(word: u64) -> Self {
@@ -69,7 +67,7 @@ impl Answered {
         }
     }
 
-    /// The steps answered before a command, the latest first.
+    /// Lists the steps answered before a command, latest first.
     pub fn steps(self, command: Step) -> impl Iterator<Item = Step> {
         let before = |step: Step, steps: u32| {
             let before = step.0.checked_sub(u64::from(steps)).map(Step);
@@ -95,7 +93,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_command_tells_the_two_answers_before_it() {
+    fn a_command_names_the_two_answers_before_it() {
         let told = |answered: Answered, at| {
             let answered = Answered::from_wire(answered.to_wire());
             (answered.steps(Step(at)).map(|step| step.0)).collect::<Vec<_>>()

@@ -1,10 +1,10 @@
-//! Failure of a plant or a law while it runs.
+//! Failure of a plant or law during a run.
 //!
-//! Returned by plants and laws whose equations are elsewhere, in C or in a file, through the rows of
-//! `plant_process::plant::Model` and `controller_process::controller::Law`. One that is written in Rust as
-//! `Plant` or `Controller` never fails: its ranges of validity say where it ends.
+//! Returned by plants and laws whose equations live elsewhere, in C or in a file, through the rows of
+//! `plant_process::plant::Model` and `controller_process::controller::Law`. A `Plant` or `Controller` written in Rust
+//! never fails: its ranges of validity limit it.
 
-/// Failure that ends a run, with its reason. It is as large as a pointer, so that passing none costs nothing.
+/// Failure that ends a run, with its reason. It has the size of a pointer, so that returning none costs nothing.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}", .0.reason)]
 pub struct Failure(Box<Cause>);
@@ -16,13 +16,13 @@ struct Cause {
 }
 
 impl Failure {
-    /// Failure of a plant that left the range where its equations mean something: its run ends as diverged.
+    /// Creates the failure of a plant that left its range of validity: the run ends as diverged.
     #[must_use]
     pub fn diverged(reason: impl Into<String>) -> Self {
         Self::of(true, reason.into())
     }
 
-    /// Failure of a plant or law that is lost and can do no further step: its side of the run fails.
+    /// Creates the failure of a plant or law that can do no further step: its side of the run fails.
     #[must_use]
     pub fn lost(reason: impl Into<String>) -> Self {
         Self::of(false, reason.into())
@@ -35,7 +35,7 @@ impl Failure {
         }))
     }
 
-    /// Tells whether the equations ended, rather than the program that has them.
+    /// Returns `true` if the equations diverged; `false` if the program that runs them failed.
     #[must_use]
     pub fn is_divergence(&self) -> bool {
         self.0.is_divergence
@@ -47,9 +47,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_failure_is_as_large_as_a_pointer() {
+    fn a_failure_has_the_size_of_a_pointer() {
         assert_eq!(size_of::<Result<(), Failure>>(), size_of::<usize>());
-        let told = Failure::lost("the library is gone").to_string();
-        assert_eq!(told, "the library is gone");
+        let message = Failure::lost("the library is gone").to_string();
+        assert_eq!(message, "the library is gone");
     }
 }

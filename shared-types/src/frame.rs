@@ -1,7 +1,7 @@
-//! The frame: the one form in which a sample or a command crosses the link.
+//! The frame: the common form of samples and commands on the link.
 //!
-//! A check sum, a header and a row of `f64` that a [`SignalTable`](crate::layout::SignalTable) describes.
-//! Links copy frames; the lockstep machines look at headers only.
+//! A checksum, a header and a row of `f64` described by a [`SignalTable`](crate::layout::SignalTable). Links copy
+//! frames; the lockstep machines look at headers only.
 
 use std::mem::offset_of;
 
@@ -11,10 +11,10 @@ use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 use crate::table::canonical;
 use crate::time::Step;
 
-/// Most signals that one frame can carry.
+/// Maximum number of signals in one frame.
 pub const MAX_SIGNALS: usize = 512;
 
-/// Words of validity bits in a header, one bit a signal.
+/// Words of validity bits in a header, one bit per signal.
 pub const VALIDITY_WORDS: usize = MAX_SIGNALS / 64;
 
 /// Purpose of a frame.
@@ -25,18 +25,18 @@ pub enum FrameKind {
     Sample = 1,
     /// Controller to plant: command and internals that answer the sample of the same step.
     Command = 2,
-    /// Plant to controller: `step` is the number of steps exchanged, there are no more.
+    /// Plant to controller: no more steps; `step` is the number of steps exchanged.
     End = 3,
-    /// Controller to plant: `step` steps were executed here too.
+    /// Controller to plant: confirms that `step` steps were executed here too.
     EndConfirmed = 4,
-    /// Either way: the sender gives up; `directive` says why ([`AbortCode`](crate::lockstep::AbortCode)).
+    /// Either way: the sender aborts; `directive` is the reason ([`AbortCode`](crate::lockstep::AbortCode)).
     Abort = 5,
-    /// Plant to controller: the sample of `step` comes later, wait anew. Sent while a run is paused.
+    /// Plant to controller: the sample of `step` is delayed, restart the wait. Sent while a run is paused.
     Hold = 6,
 }
 
 impl FrameKind {
-    /// The kind of a number on the wire.
+    /// Decodes a kind from its wire number.
     #[must_use]
     #[inline]
     pub const fn from_wire(number: u16) -> Option<Self> {
@@ -52,7 +52,7 @@ impl FrameKind {
     }
 }
 
-/// The header of a frame: 152 bytes, little-endian, no padding.
+/// Frame header: 152 bytes, little-endian, no padding.
 ///
 /// A [`Frame`] carries only as many words of validity bits as its values need.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout)]
@@ -62,50 +62,50 @@ pub struct Header {
     pub session: u64,
     /// Hash of the two signal tables agreed at hello.
     pub layout: u64,
-    /// The step.
+    /// Step.
     pub step: u64,
-    /// Counts the frames of this sender from 1.
+    /// Sequence number of the sender's frames, from 1.
     pub sequence: u64,
     /// Simulated time in ns.
     pub time_ns: u64,
-    /// Time that the sender spent on this frame's content, in ns of the monotonic clock.
+    /// Time that the sender spent on the content of this frame, in ns of the monotonic clock.
     pub work_ns: u64,
-    /// In a sample what the controller's runner is to do, never for a law
-    /// ([`Directive`](crate::directive::Directive)); in a command which samples were answered before
-    /// it ([`Answered`](crate::directive::Answered)); in an abort the reason.
+    /// In a sample, instructions to the controller's runner, never to a law
+    /// ([`Directive`](crate::directive::Directive)); in a command, the samples answered before it
+    /// ([`Answered`](crate::directive::Answered)); in an abort, the reason.
     pub directive: u64,
     /// Statistics of the sender's thread ([`ThreadStatistics`](crate::thread::ThreadStatistics)).
     pub surroundings: u64,
-    /// In a sample: number of messages with changed parameters of the law that come before it
-    /// ([`Tuned`](crate::tuning::Tuned)); 0 as long as none was changed.
+    /// In a sample, the number of preceding messages with changed law parameters ([`Tuned`](crate::tuning::Tuned)); 0
+    /// while none has changed.
     pub tuning: u64,
-    /// Number of the controller in the session: 1 for the first, one more for each that replaces it.
+    /// Number of the controller in the session: 1 for the first, incremented at each replacement.
     pub epoch: u32,
     /// Age of the content in steps.
     pub age_steps: u32,
-    /// In a sample: for how many steps the plant has been holding the command that it applied last,
-    /// because a newer one missed its deadline; 0 while the controller is in time.
+    /// In a sample, the number of steps for which the plant has held the last applied command because a newer one
+    /// missed its deadline; 0 while the controller is in time.
     pub held_steps: u32,
     /// [`FrameKind`] as a number.
     pub kind: u16,
-    /// Number of values that mean something; the rest is zero.
+    /// Number of values in use; the rest are zero.
     pub count: u16,
     /// Bit `i % 64` of word `i / 64` set: signal `i` is invalid. Bits beyond `count` mean nothing.
     pub invalid: [u64; VALIDITY_WORDS],
 }
 
-/// Bytes of a header in front of its validity bits.
+/// Bytes of a header before its validity bits.
 const HEAD_BYTES: usize = offset_of!(Header, invalid);
 /// `HEAD_BYTES` in words.
 const HEAD_WORDS: usize = word(HEAD_BYTES);
 
-/// Index of the word of a header that holds the byte at an offset.
+/// Returns the index of the header word that contains the byte at an offset.
 const fn word(offset: usize) -> usize {
     offset / size_of::<u64>()
 }
 
 impl Header {
-    /// A header of a kind at a step, all else zero.
+    /// Creates a header of a kind at a step, all else zero.
     #[must_use]
     #[inline]
     pub const fn new(kind: FrameKind, step: Step) -> Self {
@@ -128,14 +128,14 @@ impl Header {
         }
     }
 
-    /// The kind, if it is one.
+    /// Returns the kind, or `None` if it is unknown.
     #[must_use]
     #[inline]
     pub const fn kind(&self) -> Option<FrameKind> {
         FrameKind::from_wire(self.kind)
     }
 
-    /// Checks whether signal `index` is valid.
+    /// Returns `true` if signal `index` is valid.
     #[must_use]
     #[inline]
     pub const fn is_valid(&self, index: usize) -> bool {
@@ -143,20 +143,20 @@ impl Header {
     }
 }
 
-/// A frame: a check sum, a [`Header`] up to the last word of validity bits that its values need, and the values.
+/// A frame: a checksum, a [`Header`] up to the last word of validity bits that its values need, and the values.
 ///
-/// `WORDS` is [`words`] of the number of values that there is room for. The check sum is rapidhash (version 3,
-/// 64 bits, standard seed) over header and values, not over unused room.
+/// `WORDS` is [`words`] of the number of values that fit. The checksum is rapidhash (version 3, 64 bits, standard seed)
+/// over header and values, not over unused room.
 ///
-/// Any bytes of its size are one, as they come from memory that another process writes to;
-/// [`Frame::open`] says whether to believe it.
+/// Any bytes of the right size are a frame, as they come from memory that another process writes to; [`Frame::open`]
+/// decides if it is valid.
 #[derive(Clone, Copy, Debug, FromBytes, IntoBytes, Immutable, KnownLayout)]
 #[repr(C)]
 pub struct Frame<const WORDS: usize> {
     words: [u64; WORDS],
 }
 
-// `sealed` and `count` read and write words of several fields.
+// `sealed` and `count` read and write words that hold several fields.
 const _: () = assert!(
     cfg!(target_endian = "little")
         && HEAD_BYTES.is_multiple_of(8)
@@ -173,25 +173,25 @@ pub const fn words(values: usize) -> usize {
     1 + HEAD_WORDS + values.div_ceil(64) + values
 }
 
-/// Reason for which a frame is not taken.
+/// Reason why a frame is rejected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FrameError {
-    /// Check sum that is wrong.
-    #[error("its check sum is wrong")]
+    /// Wrong checksum.
+    #[error("its checksum is wrong")]
     Corrupt,
     /// Frame of another session.
     #[error("it belongs to another session")]
     Session,
-    /// Frame written by or for another controller of this session.
+    /// Frame from or for another controller of this session.
     #[error("it belongs to another epoch")]
     Epoch,
-    /// Layout of the signals that is not the one agreed.
-    #[error("its signals are laid out otherwise")]
+    /// Signal layout that differs from the agreed one.
+    #[error("its signal layout is not the one agreed on")]
     Layout,
-    /// Number of values that is not the one agreed.
-    #[error("its number of values is not the one agreed")]
+    /// Number of values that differs from the agreed one.
+    #[error("its number of values is not the one agreed on")]
     Count,
-    /// Kind that is unknown.
+    /// Unknown kind.
     #[error("its kind is unknown")]
     Kind,
 }
@@ -211,7 +211,7 @@ impl FrameIdentity {
     /// Checks that a header belongs here and carries `count` values if its kind carries any.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// The first mismatch.
     #[inline]
     pub fn check(&self, header: &Header, count: usize) -> Result<(), FrameError> {
         let kind = header.kind().ok_or(FrameError::Kind)?;
@@ -239,30 +239,30 @@ impl<const WORDS: usize> Default for Frame<WORDS> {
 }
 
 impl<const WORDS: usize> Frame<WORDS> {
-    /// Reads words as a frame, without judging them.
+    /// Interprets words as a frame, without checking them.
     #[must_use]
     #[inline]
     pub fn from_words(words: &[u64; WORDS]) -> &Self {
         zerocopy::transmute_ref!(words)
     }
 
-    /// Returns the frame as words, for a medium that carries words.
+    /// Returns the words of the frame.
     #[must_use]
     #[inline]
     pub const fn into_words(self) -> [u64; WORDS] {
         self.words
     }
 
-    /// Number of the frame in its sender's order; 0 if nothing was ever sent.
+    /// Returns the frame's sequence number; 0 if nothing was ever sent.
     #[must_use]
     pub const fn sequence(&self) -> u64 {
         self.words[1 + word(offset_of!(Header, sequence))]
     }
 
-    /// A frame of these values, sealed and summed. Values become [`canonical`].
+    /// Creates a sealed frame of these values, with its checksum. Values are made [`canonical`].
     ///
     /// # Panics
-    /// If there are more values than it has room for; the size class is chosen at hello so that they fit.
+    /// If there are more values than fit; the size class is chosen at hello so that they do.
     #[must_use]
     pub fn sealed(header: &Header, values: &[f64], identity: FrameIdentity) -> Self {
         let mut frame = Self::default();
@@ -271,7 +271,7 @@ impl<const WORDS: usize> Frame<WORDS> {
         let (head, invalid) = head.split_at_mut(HEAD_WORDS);
         head.as_mut_bytes()
             .copy_from_slice(&header.as_bytes()[..HEAD_BYTES]);
-        // Whole words: a sum that reads one which was written in parts waits for it (store forwarding).
+        // Whole words: a checksum over a word that was written in parts would stall on store forwarding.
         head[word(offset_of!(Header, session))] = identity.session;
         head[word(offset_of!(Header, layout))] = identity.layout;
         head[word(offset_of!(Header, epoch))] =
@@ -290,30 +290,30 @@ impl<const WORDS: usize> Frame<WORDS> {
         frame
     }
 
-    /// Inverts one bit, as noise on a wire does. Bits count from the check sum's first; beyond the room they begin
-    /// again.
+    /// Inverts one bit, as noise on a wire does. Bits count from the start of the checksum and wrap around at the
+    /// frame's end.
     pub fn flip(&mut self, bit: u64) {
         let bit = bit % (64 * WORDS as u64);
         self.words[(bit / 64) as usize] ^= 1 << (bit % 64);
     }
 
-    /// Bits of check sum, header and values that mean something.
+    /// Number of significant bits of checksum, header and values.
     #[must_use]
     pub fn bits(&self) -> u64 {
         64 * words(self.count()).min(WORDS) as u64
     }
 
-    /// Number of values, as the header says.
+    /// Number of values, according to the header.
     fn count(&self) -> usize {
         (self.words[1 + word(offset_of!(Header, count))] >> 48) as usize
     }
 
     /// Checks the frame and copies its values out.
     ///
-    /// A frame of a kind that carries no values leaves `values` as they were.
+    /// A frame of a kind without values leaves `values` unchanged.
     ///
     /// # Errors
-    /// What is wrong with it; `values` are then untouched.
+    /// The first mismatch; `values` is then unchanged.
     pub fn open(&self, identity: FrameIdentity, values: &mut [f64]) -> Result<Header, FrameError> {
         let count = self.count();
         let content = self.words.get(1..words(count)).ok_or(FrameError::Count)?;
@@ -335,7 +335,7 @@ impl<const WORDS: usize> Frame<WORDS> {
     }
 }
 
-/// The sizes that frames come in.
+/// Size classes of frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum SizeClass {
     /// Up to 16 values.
@@ -353,7 +353,7 @@ pub enum SizeClass {
 }
 
 impl SizeClass {
-    /// The smallest class for N values; `None` beyond [`MAX_SIGNALS`].
+    /// Returns the smallest class for N values; `None` beyond [`MAX_SIGNALS`].
     #[must_use]
     pub const fn for_count(count: usize) -> Option<Self> {
         Some(match count {
@@ -383,7 +383,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_opens_to_what_was_sealed() {
+    fn a_frame_opens_to_the_sealed_values() {
         let mut values = [0.0; 3];
         let header = frame(&[1.0, -2.0, 3.5])
             .open(IDENTITY, &mut values)
@@ -392,7 +392,7 @@ mod tests {
     }
 
     #[test]
-    fn every_single_flipped_bit_is_found() {
+    fn every_single_bit_flip_is_detected() {
         let frame = frame(&[1.0, -2.0, 3.5]);
         assert_eq!(frame.bits(), 64 * (1 + 11 + 1 + 3));
         for bit in 0..frame.bits() {
@@ -407,7 +407,7 @@ mod tests {
     }
 
     #[test]
-    fn validity_bits_of_all_values_cross_and_no_others() {
+    fn exactly_the_validity_bits_of_the_values_cross() {
         for count in [0, 1, 64, 65, 128, 129, 511, 512] {
             let header = Header {
                 invalid: [u64::MAX; VALIDITY_WORDS],
@@ -425,7 +425,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_of_others_are_named_and_refused() {
+    fn foreign_frames_are_refused_with_their_reason() {
         let frame = frame(&[1.0]);
         let mut out = [0.0];
         for (identity, error) in [
@@ -457,7 +457,7 @@ mod tests {
     }
 
     #[test]
-    fn an_untouched_segment_is_not_a_frame() {
+    fn zeroed_memory_is_not_a_frame() {
         assert_eq!(
             Frame::<{ words(16) }>::default().open(IDENTITY, &mut [0.0]),
             Err(FrameError::Corrupt)

@@ -1,8 +1,8 @@
-//! Hello: what both sides tell each other before step 0, and the agreement that comes of it.
+//! Hello: the exchange of both sides before step 0, and the resulting agreement.
 //!
-//! The controller says what it wants and gives, the plant what it has. Signals are bound by name
-//! and unit: what is sent too much is ignored, what is missing is refused with the nearest names.
-//! So a plant may gain a sensor without breaking a controller.
+//! The controller states its needs and its commands, the plant its signals. Signals are bound by name and unit: surplus
+//! signals are ignored; missing ones are refused with the nearest names. A plant may therefore gain a sensor without
+//! breaking a controller.
 
 use serde::{Deserialize, Serialize};
 
@@ -20,26 +20,26 @@ use crate::tuning::Tuned;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "message", rename_all = "kebab-case")]
 pub enum Control {
-    /// Controller to plant, first: who I am and what I need.
+    /// Controller to plant, first: identity and needs.
     Hello(Hello),
-    /// Plant to controller: agreed; open the frames.
+    /// Plant to controller: accepted; open the frames.
     Welcome(Box<Welcome>),
-    /// Plant to controller: no, and why.
+    /// Plant to controller: refused, with the reason.
     Refusal {
         /// Reason for the refusal.
         reason: String,
     },
-    /// Controller to plant: the frames are open, step 0 may come.
+    /// Controller to plant: the frames are open, step 0 may follow.
     Ready {
         /// The epoch that was welcomed.
         epoch: u32,
     },
-    /// Plant to controller, while frames flow: parameters of the law that were changed.
+    /// Plant to controller, during the run: law parameters that were changed.
     Tuned(Tuned),
 }
 
 impl Control {
-    /// The message as bytes.
+    /// Serialises the message.
     ///
     /// # Panics
     /// Never: these types always serialise.
@@ -48,16 +48,16 @@ impl Control {
         serde_json::to_vec(self).expect("plain data serialises")
     }
 
-    /// The message of bytes.
+    /// Parses a message.
     ///
     /// # Errors
-    /// What is wrong with them.
+    /// The parse error.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
         serde_json::from_slice(bytes).map_err(|e| e.to_string())
     }
 }
 
-/// Description that a controller gives of itself.
+/// Self-description of a controller.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Hello {
     /// [`PROTOCOL`] of the controller.
@@ -66,31 +66,31 @@ pub struct Hello {
     pub session: u64,
     /// Name of the law.
     pub law: String,
-    /// Measured signals it needs.
+    /// Measured signals that the law needs.
     pub measured: Vec<Field>,
-    /// Reference signals it needs.
+    /// Reference signals that the law needs.
     pub reference: Vec<Field>,
-    /// Commands it gives; `None`: whatever the plant takes.
+    /// Commands that the law sends; `None` means the commands that the plant takes.
     pub commands: Option<Vec<Field>>,
-    /// Inner quantities it shows.
+    /// Internal signals that the law exposes.
     pub internals: Vec<Field>,
-    /// Parameters of the law that can be changed while it runs, each with its value at the start.
+    /// Parameters of the law that can be changed during the run, each with its initial value.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub tunable: Vec<TunableParameter>,
 }
 
-/// Parameter of a law that can be changed while it runs.
+/// Law parameter that can be changed during the run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TunableParameter {
     /// Name, unit, range and description.
     #[serde(flatten)]
     pub field: Field,
-    /// Value that the law was started with.
+    /// Initial value.
     #[serde(with = "number")]
     pub value: f64,
 }
 
-/// Answer of the plant to a hello that it accepts.
+/// The plant's answer to an accepted hello.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Welcome {
     /// [`PROTOCOL`] of the plant.
@@ -99,16 +99,16 @@ pub struct Welcome {
     pub session: u64,
     /// Number of this controller in the session, from 1.
     pub epoch: u32,
-    /// Hash of the two tables.
+    /// Hash of the two signal tables.
     pub layout: u64,
     /// Exchange rate in Hz.
     pub rate: Rate,
     /// Number of steps.
     pub steps: u64,
-    /// The first of them that is exchanged: not 0 in a run that goes on from a checkpoint.
+    /// First step that is exchanged; not 0 in a run resumed from a checkpoint.
     #[serde(default, skip_serializing_if = "is_start")]
     pub first: Step,
-    /// The plant does not wait for commands: samples may be replaced before they are received.
+    /// `true` if the plant does not wait for commands: samples may be replaced before they are received.
     pub against_clock: bool,
     /// Signals of a sample frame, in order.
     pub sample: SignalTable,
@@ -130,7 +130,7 @@ impl Welcome {
     /// Checks the welcome against the hello that it answers.
     ///
     /// # Errors
-    /// What does not fit.
+    /// The first mismatch.
     pub fn check(&self, hello: &Hello) -> Result<(), Refused> {
         if self.protocol != PROTOCOL {
             return Err(Refused::Protocol {
@@ -149,7 +149,7 @@ impl Welcome {
 }
 
 impl Hello {
-    /// Makes the greeting of a law that needs no signals, shows nothing and takes the commands of any plant.
+    /// Creates the greeting of a law that needs no signals, exposes none and takes the commands of any plant.
     #[must_use]
     pub fn new(session: u64, law: &str) -> Self {
         Self {
@@ -164,7 +164,7 @@ impl Hello {
         }
     }
 
-    /// Makes the greeting of a law with its defaults, as it is on the wire.
+    /// Creates the greeting of a law with its defaults, as sent on the wire.
     #[must_use]
     pub fn of(law: &LawDescription, session: u64) -> Self {
         Self {
@@ -184,10 +184,10 @@ impl Hello {
         }
     }
 
-    /// Checks that its names can be written down and told apart.
+    /// Checks that the names are printable and unique.
     ///
     /// # Errors
-    /// The first that cannot.
+    /// The first name that is not.
     fn check(&self) -> Result<(), Refused> {
         let unusable = |kind| move |why| Refused::Unusable { kind, why };
         check_title(&self.law).map_err(unusable("law"))?;
@@ -195,7 +195,7 @@ impl Hello {
             check_fields(fields, MAX_SIGNALS).map_err(unusable(kind.prefix()))?;
         }
         check_fields(&self.tunable_fields(), MOST_FIELDS).map_err(unusable("tunable"))?;
-        // As a table of parameters says: within its range, which a value that is no number is not.
+        // As in any parameter table: within the range, which NaN is not.
         let wrong = self.tunable.iter().find(|one| !one.field.admits(one.value));
         wrong.map_or(Ok(()), |one| {
             let (name, value) = (&one.field.name, one.value);
@@ -209,22 +209,21 @@ impl Hello {
         (self.tunable.iter()).map(|one| one.field.clone()).collect()
     }
 
-    /// Checks it against what the binary said of its law before, when it was asked with `--describe`.
+    /// Checks the hello against the law's earlier `--describe`.
     ///
     /// # Errors
-    /// The first thing that is otherwise.
+    /// The first difference.
     pub fn check_described(&self, law: &LawDescription) -> Result<(), Refused> {
         let described = Self::of(law, self.session);
         let otherwise = |what| Err(Refused::Otherwise(what));
         if self.law != described.law {
             let (said, described) = (&self.law, &described.law);
-            return otherwise(format!(
-                "law {said:?}, and its --describe says {described:?}"
-            ));
+            return otherwise(format!("law {said:?}; its --describe says {described:?}"));
         }
         if self.commands.is_some() != described.commands.is_some() {
             return otherwise(
-                "commands of its own or of the plant, and its --describe the other".into(),
+                "commands of its own but those of the plant in its --describe, or the reverse"
+                    .into(),
             );
         }
         let both = self.tables().into_iter().zip(described.tables());
@@ -251,7 +250,7 @@ impl Hello {
 }
 
 impl SignalTable {
-    /// Checks that a frame carries it, and that its names can be written down and told apart.
+    /// Checks that the signals fit into a frame, and that their names are printable and unique.
     fn check(&self) -> Result<(), Refused> {
         for kind in [
             SignalKind::Measured,
@@ -272,10 +271,10 @@ impl SignalTable {
     }
 }
 
-/// Reason for which two sides do not come together.
+/// Reason why two sides cannot agree.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Refused {
-    /// Versions of the protocol that differ.
+    /// Different protocol versions.
     #[error("protocol {theirs} on the other side, {ours} here; use binaries of one version")]
     Protocol {
         /// Version of the other side.
@@ -283,25 +282,25 @@ pub enum Refused {
         /// Version of this side.
         ours: u32,
     },
-    /// Sessions that differ.
+    /// Different sessions.
     #[error("the other side belongs to another session")]
     Session,
-    /// A table and its hash do not go together.
-    #[error("the tables do not have the layout hash that came with them")]
+    /// Table that does not match its hash.
+    #[error("the tables do not match their layout hash")]
     Layout,
-    /// Names, units or descriptions of the other side that cannot be used.
+    /// Unusable names, units or descriptions of the other side.
     #[error("{kind}: {why}")]
     Unusable {
         /// Kind of the signals, or `law` for the name of the law.
         kind: &'static str,
-        /// Reason for which one of them cannot be used.
+        /// Reason why one of them is unusable.
         why: Unusable,
     },
-    /// More signals go in one direction than a frame carries.
+    /// More signals in one direction than a frame can carry.
     #[error("{0} signals in one direction; a frame carries at most {most}", most = MAX_SIGNALS)]
     Many(usize),
-    /// The controller says other things than its binary did.
-    #[error("at hello it says {0}")]
+    /// Hello that differs from the binary's description.
+    #[error("its hello says {0}")]
     Otherwise(String),
     /// Signals without a counterpart.
     #[error("{}", list(signals))]
@@ -331,9 +330,9 @@ pub struct Offer<'a> {
     pub rate: Rate,
     /// Number of steps.
     pub steps: u64,
-    /// The first of them that is exchanged.
+    /// First step that is exchanged.
     pub first: Step,
-    /// True if the plant does not wait for commands.
+    /// `true` if the plant does not wait for commands.
     pub against_clock: bool,
     /// Measured signals.
     pub measured: &'a [Field],
@@ -343,10 +342,10 @@ pub struct Offer<'a> {
     pub commands: &'a [Field],
 }
 
-/// Agrees with a controller or says why not.
+/// Agrees with a controller, or refuses it.
 ///
 /// # Errors
-/// What stands against it, every unbound signal in one go.
+/// The reason for the refusal, with all unbound signals at once.
 pub fn agree(hello: &Hello, offer: &Offer<'_>) -> Result<Welcome, Refused> {
     if hello.protocol != PROTOCOL {
         return Err(Refused::Protocol {

@@ -1,8 +1,7 @@
-//! Messages and frames that are passed over, counted by reason.
+//! Ignored messages and frames, counted by reason.
 //!
-//! [Links](crate::link) count frames that fail a check, the plant's [lockstep machine](crate::lockstep)
-//! and its engine count what comes out of turn. The counts say afterwards what a peer did wrong and
-//! never decide anything in a run.
+//! [Links](crate::link) count frames that fail a check; the plant's [lockstep machine](crate::lockstep) and its engine
+//! count messages that are out of turn. The counts help to diagnose a peer afterwards and never influence a run.
 
 use std::collections::BTreeMap;
 use std::ops::Add;
@@ -11,29 +10,29 @@ use serde::{Deserialize, Serialize};
 
 use crate::frame::FrameError;
 
-/// Reason why a message or frame is passed over.
+/// Reason why a message or frame is ignored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Reason {
-    /// Frame with a wrong check sum.
+    /// Frame with a wrong checksum.
     Corrupt,
     /// Frame of another session.
     Session,
     /// Frame or message of another epoch.
     Epoch,
-    /// Frame whose signals are laid out otherwise.
+    /// Frame with another signal layout.
     Layout,
-    /// Frame with another number of values than agreed.
+    /// Frame whose number of values differs from the agreed one.
     Count,
-    /// Frame of no known kind.
+    /// Frame of an unknown kind.
     Kind,
-    /// Command that is no newer than one taken before.
+    /// Command that is no newer than an accepted one.
     Repeated,
-    /// Command of a step that was executed without it, too late to be kept.
+    /// Command for a step that was executed without it, too late to be kept.
     Late,
     /// Frame of a controller that counts as lost.
     Lost,
-    /// Control message that nothing asked for.
+    /// Unsolicited control message.
     OutOfTurn,
     /// Control message that cannot be decoded.
     Unreadable,
@@ -71,26 +70,26 @@ impl From<FrameError> for Reason {
     }
 }
 
-/// Number of messages and frames that were passed over for each [`Reason`].
+/// Number of ignored messages and frames for each [`Reason`].
 ///
-/// In files a table of the reasons that occurred.
+/// Serialised as a table of the reasons that occurred.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(from = "BTreeMap<Reason, u64>", into = "BTreeMap<Reason, u64>")]
 pub struct Ignored([u64; Reason::ALL.len()]);
 
 impl Ignored {
-    /// Counts one more.
+    /// Increments the count of a reason.
     pub fn count(&mut self, reason: impl Into<Reason>) {
         self.0[reason.into() as usize] += 1;
     }
 
-    /// Number for one reason.
+    /// Returns the count of one reason.
     #[must_use]
     pub const fn of(&self, reason: Reason) -> u64 {
         self.0[reason as usize]
     }
 
-    /// Number for all reasons.
+    /// Returns the total over all reasons.
     #[must_use]
     pub const fn total(&self) -> u64 {
         let (mut total, mut index) = (0_u64, 0);
@@ -101,7 +100,7 @@ impl Ignored {
         total
     }
 
-    /// Tells if nothing was passed over.
+    /// Returns `true` if nothing was ignored.
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.total() == 0

@@ -1,7 +1,6 @@
-//! Layout of the signals: the tables of both directions, how they are bound by name and unit at
-//! hello, and the layout of a record.
+//! Signal layout: the tables of both directions, their binding by name and unit at hello, and the layout of a record.
 //!
-//! Written once before step 0; after that only positions and the layout hash are used.
+//! Fixed before step 0; from then on only positions and the layout hash are used.
 
 use std::collections::BTreeSet;
 
@@ -10,18 +9,18 @@ use xxhash_rust::xxh3::Xxh3Default;
 
 use crate::table::{Field, nearest};
 
-/// Most columns of a table that no frame carries.
+/// Maximum number of columns of a table that is not sent in frames.
 pub const MOST_FIELDS: usize = 4096;
-/// Most bytes of a name.
+/// Maximum length of a name in bytes.
 pub(crate) const LONGEST_NAME: usize = 256;
-/// Most bytes of a unit.
+/// Maximum length of a unit in bytes.
 const LONGEST_UNIT: usize = 64;
-/// Most bytes of a description.
+/// Maximum length of a description in bytes.
 const LONGEST_DESCRIPTION: usize = 4096;
-/// Row of characters that parts the schema of a recording.
+/// Row of characters that separates the sections of a recording's schema.
 const RULER: &str = "========";
 
-/// The signals of one direction, in the order of the wire.
+/// Signals of one direction, in wire order.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct SignalTable(pub Vec<Signal>);
@@ -29,14 +28,14 @@ pub struct SignalTable(pub Vec<Signal>);
 /// A signal on the wire.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Signal {
-    /// Kind of the signal, which says whose it is.
+    /// Kind of the signal, which determines its owner.
     pub kind: SignalKind,
     /// Name, unit and description.
     #[serde(flatten)]
     pub field: Field,
 }
 
-/// Kind of a signal, which says whose it is; also its prefix in expressions and recordings.
+/// Kind of a signal, which determines its owner; also its prefix in expressions and recordings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum SignalKind {
@@ -44,16 +43,16 @@ pub enum SignalKind {
     Truth,
     /// Value that a sensor reports.
     Measured,
-    /// Value that the rig asks for.
+    /// Value that the rig requests.
     Reference,
-    /// Value that the controller asks for.
+    /// Value that the controller requests.
     Command,
-    /// Value that the controller shows of itself.
+    /// Internal value that the controller exposes.
     Internal,
 }
 
 impl SignalKind {
-    /// The prefix in expressions.
+    /// Returns the prefix in expressions.
     #[must_use]
     pub const fn prefix(self) -> &'static str {
         match self {
@@ -66,25 +65,25 @@ impl SignalKind {
     }
 }
 
-/// A wanted signal that the other side does not send.
+/// Required signal that the other side does not send.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unbound {
-    /// There is no signal of that name.
+    /// No signal has that name.
     #[error("no signal `{wanted}`{}", hint(nearest))]
     Missing {
-        /// Name that is wanted.
+        /// Required name.
         wanted: String,
-        /// Names that come close.
+        /// Similar names.
         nearest: Vec<String>,
     },
-    /// Signal that is there in another unit.
-    #[error("signal `{name}` is wanted in `{wanted}` and sent in `{sent}`")]
+    /// The signal exists, but in another unit.
+    #[error("signal `{name}` is needed in `{wanted}`, but sent in `{sent}`")]
     Unit {
         /// The signal.
         name: String,
-        /// Unit wanted.
+        /// Required unit.
         wanted: String,
-        /// Unit sent.
+        /// Unit that is sent.
         sent: String,
     },
 }
@@ -98,7 +97,7 @@ fn hint(nearest: &[String]) -> String {
 }
 
 impl SignalTable {
-    /// A table of one kind.
+    /// Creates a table of signals of one kind.
     #[must_use]
     pub fn of(kind: SignalKind, fields: &[Field]) -> Self {
         let signal = |field: &Field| Signal {
@@ -115,29 +114,29 @@ impl SignalTable {
         self
     }
 
-    /// Number of signals.
+    /// Returns the number of signals.
     #[must_use]
     pub fn len(&self) -> usize {
         self.0.len()
     }
 
-    /// Checks whether the table has no signals.
+    /// Returns `true` if the table has no signals.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// The fields of one kind, in order.
+    /// Returns the fields of one kind, in order.
     #[must_use]
     pub fn fields(&self, kind: SignalKind) -> Vec<Field> {
         let of_kind = self.0.iter().filter(|signal| signal.kind == kind);
         of_kind.map(|signal| signal.field.clone()).collect()
     }
 
-    /// Finds the places in this table of the wanted signals of one kind, by name and unit.
+    /// Finds the positions of required signals of one kind in this table, by name and unit.
     ///
     /// # Errors
-    /// Every signal that is not there.
+    /// Every signal that is missing or has another unit.
     pub fn bind(&self, kind: SignalKind, wanted: &[Field]) -> Result<Vec<usize>, Vec<Unbound>> {
         let mut places = Vec::with_capacity(wanted.len());
         let mut unbound = Vec::new();
@@ -172,29 +171,29 @@ impl SignalTable {
     }
 }
 
-/// Reason for which a table of another process cannot be used: its columns must be written in expressions and
-/// in the schema of a recording, and be told apart there.
+/// Reason why a table of another process is unusable: its columns must be printable and unique, both in expressions and
+/// in the schema of a recording.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unusable {
-    /// A name is none.
-    #[error("{0:?} is no name of letters, digits and _, with a dot after a group")]
+    /// Invalid name.
+    #[error("{0:?} is not a name of letters, digits and _, with a dot after a group")]
     Name(String),
-    /// A unit would not be read as it was written.
-    #[error("{unit:?} is no unit, that of `{name}`")]
+    /// Unit that could not be read back as written.
+    #[error("`{name}` has the invalid unit {unit:?}")]
     Unit {
         /// The column.
         name: String,
         /// Unit of the column.
         unit: String,
     },
-    /// A description would not be read as it was written.
-    #[error("the description of `{0}` is too long or has characters that are none to read")]
+    /// Description that could not be read back as written.
+    #[error("the description of `{0}` is too long or has unprintable characters")]
     Description(String),
-    /// Two columns have one name.
-    #[error("`{0}` is there twice")]
+    /// Duplicate column name.
+    #[error("`{0}` is defined twice")]
     Twice(String),
-    /// There are too many columns.
-    #[error("there are {count}, and {most} is the most")]
+    /// Too many columns.
+    #[error("there are {count}; at most {most} are allowed")]
     Many {
         /// Number of columns.
         count: usize,
@@ -203,16 +202,16 @@ pub enum Unusable {
     },
 }
 
-/// Checks whether a text can be shown on one line.
+/// Returns `true` if a text can be shown on one line.
 #[must_use]
 pub fn is_line(text: &str) -> bool {
     !text.contains(|c: char| c.is_control() || matches!(c, '\u{2028}' | '\u{2029}'))
 }
 
-/// Checks a name of a model, a law or a kind of fault.
+/// Checks the name of a model, a law or a kind of fault.
 ///
 /// # Errors
-/// If it cannot be shown.
+/// If the name is not printable.
 pub fn check_title(name: &str) -> Result<(), Unusable> {
     if name.is_empty() || name.len() > LONGEST_NAME || !is_line(name) {
         return Err(Unusable::Name(beginning(name)));
@@ -220,10 +219,10 @@ pub fn check_title(name: &str) -> Result<(), Unusable> {
     Ok(())
 }
 
-/// Checks the columns of a table that may have N.
+/// Checks the columns of a table with at most N columns.
 ///
 /// # Errors
-/// The first thing that is wrong.
+/// The first violation.
 pub fn check_fields(fields: &[Field], most: usize) -> Result<(), Unusable> {
     let count = fields.len();
     if count > most {
@@ -266,33 +265,31 @@ pub fn check_fields(fields: &[Field], most: usize) -> Result<(), Unusable> {
     Ok(())
 }
 
-/// Returns a signal's name as the schema of a recording has it: with `_` for each dot, which the
-/// schema's language does not allow in a name.
+/// Returns a signal's name as written in the schema of a recording, whose syntax allows no dots: each becomes `_`.
 #[must_use]
 pub fn schema_name(name: &str) -> String {
     name.replace('.', "_")
 }
 
-/// Checks whether a text is a name, or the part of a name before or after a dot.
+/// Returns `true` if a text is a name, or a part of one before or after a dot.
 #[must_use]
 pub fn is_name(text: &str) -> bool {
     let is_first = |c: char| c.is_ascii_alphabetic() || c == '_';
     text.starts_with(is_first) && (text.chars()).all(|c| is_first(c) || c.is_ascii_digit())
 }
 
-/// The beginning of a text that may have any length.
+/// Truncates a text of unknown length for display.
 fn beginning(text: &str) -> String {
     text.chars().take(80).collect()
 }
 
-/// The first thing in which columns that were said differ from those that were described: their
-/// number, a name or a unit.
+/// Describes the first difference between the columns of a hello and of its description: number, name or unit.
 #[must_use]
 pub fn difference(what: &str, said: &[Field], described: &[Field]) -> Option<String> {
     if said.len() != described.len() {
         let (said, described) = (said.len(), described.len());
         return Some(format!(
-            "{said} {what} signals, and its --describe says {described}"
+            "{said} {what} signals; its --describe says {described}"
         ));
     }
     let is_other = |(said, described): &(&Field, &Field)| {
@@ -304,13 +301,13 @@ pub fn difference(what: &str, said: &[Field], described: &[Field]) -> Option<Str
         format!("{name:?} in {unit:?}")
     };
     Some(format!(
-        "the {what} signal {}, and its --describe says {}",
+        "the {what} signal {}; its --describe says {}",
         shown(said),
         shown(described)
     ))
 }
 
-/// The hash that guards a link: kind, name and unit of every signal of both directions, in order.
+/// Hash that guards a link: kind, name and unit of every signal of both directions, in order.
 #[must_use]
 pub fn layout_hash(sample: &SignalTable, command: &SignalTable) -> u64 {
     let mut hash = Xxh3Default::new();
@@ -343,7 +340,7 @@ mod tests {
     }
 
     #[test]
-    fn signals_bind_by_kind_and_name_in_the_order_wanted() {
+    fn signals_bind_by_kind_and_name_in_the_requested_order() {
         let wanted = [field("rate_radps", "rad/s"), field("angle_rad", "rad")];
         assert_eq!(sample().bind(SignalKind::Measured, &wanted), Ok(vec![1, 0]));
         assert_eq!(
@@ -362,12 +359,12 @@ mod tests {
         );
         assert_eq!(
             unbound[1].to_string(),
-            "signal `rate_radps` is wanted in `deg/s` and sent in `rad/s`"
+            "signal `rate_radps` is needed in `deg/s`, but sent in `rad/s`"
         );
     }
 
     #[test]
-    fn columns_that_cannot_be_written_down_are_refused_by_name() {
+    fn unprintable_columns_are_refused_by_name() {
         let sound = [field("a.b_m", "m"), field("_c2", "rad/s2")];
         assert_eq!(check_fields(&sound, 2), Ok(()));
         let many = Unusable::Many { count: 2, most: 1 };
@@ -406,7 +403,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_said_otherwise_than_described_is_named() {
+    fn the_first_difference_from_the_description_is_named() {
         let (one, two) = (field("a_m", "m"), field("b_m", "m"));
         let described = [one.clone(), two.clone()];
         let differs = |said: &[Field]| difference("internal", said, &described);
@@ -416,15 +413,15 @@ mod tests {
         for (said, wanted) in [
             (
                 vec![one.clone()],
-                "1 internal signals, and its --describe says 2",
+                "1 internal signals; its --describe says 2",
             ),
             (
                 vec![two.clone(), one.clone()],
-                "the internal signal \"b_m\" in \"m\", and its --describe says \"a_m\" in \"m\"",
+                "the internal signal \"b_m\" in \"m\"; its --describe says \"a_m\" in \"m\"",
             ),
             (
                 vec![field("a_m", "m\n"), two],
-                "the internal signal \"a_m\" in \"m\\n\", and its --describe says \"a_m\" in \"m\"",
+                "the internal signal \"a_m\" in \"m\\n\"; its --describe says \"a_m\" in \"m\"",
             ),
         ] {
             assert_eq!(differs(&said).as_deref(), Some(wanted));

@@ -2,31 +2,29 @@
 //!
 //! One step, and where its parts live:
 //!
-//! 1. A plant's signals are a [`mod@table`]; what it can be asked is its [`describe`] answer.
-//! 2. Before step 0 both sides say [`hello`] and agree on a [`layout`].
+//! 1. A plant's signals are a [`mod@table`]; its parameters and faults stand in its [`describe`] answer.
+//! 2. Before step 0 both sides exchange a [`hello`] and agree on a [`layout`].
 //! 3. The [`pacer`] releases step `k` of [`time`].
-//! 4. The sample crosses the [`link`] as a [`frame`]; the command comes back the same way. Who may
-//!    send what and when is decided by the [`lockstep`] machines. [`wait`] has the strategies and limits of waits.
-//! 5. The plant publishes the [`record`] of the step on the [`stream`], from which the [`digest`]
-//!    is made.
+//! 4. The sample crosses the [`link`] as a [`frame`]; the command comes back the same way. The [`lockstep`] machines
+//!    decide which side may send what and when; [`wait`] has the strategies and limits of waits.
+//! 5. The plant publishes the [`record`] of the step on the [`stream`]; the [`digest`] is computed from it.
 //!
 //! Around the step:
 //!
-//! - Sides: a [`side`] is the plant's or the controller's. Each tells the [`mod@origin`] of its program. [`realtime`] is
-//!   what a loop can be asked to run with and what it was granted, [`thread`] what was seen of its thread.
-//! - Requests: [`live`] has what another terminal asks of a running plant, and the answers. [`tuning`] is how values
-//!   change on the way, and [`directive`] what a fault of timing tells a runner.
-//! - State: a [`checkpoint`] keeps the [`state`] of both sides before a step, so that a run can go on from there.
+//! - Sides: a [`side`] is the plant's or the controller's; each program prints its [`mod@origin`]. [`realtime`] has the
+//!   requested and granted settings of a loop, [`thread`] the statistics of its thread.
+//! - Requests: [`live`] lets another terminal talk to a session while it runs. [`tuning`] changes values during a run,
+//!   and [`directive`] carries the instructions of a timing fault to a runner.
+//! - State: a [`checkpoint`] keeps the [`state`] of both sides before a step, so that a run can resume there.
 //!   [`random`] gives each consumer of random numbers a stream of its own.
-//! - Names and numbers: [`spelling`] gives foreign names, such as `der(x)`, the one name that they have here.
-//!   [`units`] reads units as text and converts between those of one dimension. A [`connection`] binds a law's signal
-//!   to a plant's of another name and unit. [`number`] writes numbers with their units, and [`text`] makes what others
-//!   say fit to be shown.
-//! - Mistakes: [`ignored`] counts what peers said in vain. A [`failure`] ends a plant or a law that is not written in
-//!   Rust.
-//! - Tests: [`conformance`](mod@conformance) is for whoever writes another link or record stream.
+//! - Names and numbers: [`spelling`] maps foreign names, such as `der(x)`, to valid ones. [`units`] parses units and
+//!   converts between those of one dimension. A [`connection`] binds a law's signal to a plant's signal of another name
+//!   and unit. [`number`] formats numbers with their units, and [`text`] makes foreign text safe to display.
+//! - Mistakes: [`ignored`] counts rejected messages of peers. A [`failure`] ends a plant or a law that is not written
+//!   in Rust.
+//! - Tests: [`conformance`](mod@conformance) checks further implementations of links and record streams.
 //!
-//! No model, law, scenario or file of a recording is known here, and nothing asks the operating system for more than a
+//! No model, law, scenario or recording file is known here, and nothing here calls the operating system for more than a
 //! file: sessions, processes, clocks, waits and shared memory are in `hil-session`.
 
 extern crate self as shared_types; // the names that `table!` writes must hold in here too

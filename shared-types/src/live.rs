@@ -1,6 +1,7 @@
-//! Requests to a running plant: what another terminal asks and what it is answered.
+//! Requests to a running plant from another terminal, and their responses.
 //!
-//! Each is one line of JSON. Nothing here opens a socket.
+//! The plant listens on a socket in the session's private folder, on its own thread; `hil` sends requests. One line of
+//! JSON each way. The loop only reads one atomic.
 
 use serde::{Deserialize, Serialize};
 
@@ -15,60 +16,60 @@ pub use crate::record::ChangedValue;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "request", rename_all = "kebab-case")]
 pub enum Request {
-    /// Asks to take these faults, all or none.
+    /// Requests these faults, all or none.
     Inject {
-        /// `[[faults]]` as a scenario has them.
+        /// `[[faults]]` as in a scenario.
         toml: String,
     },
-    /// Asks to end faults.
+    /// Ends faults.
     Clear {
         /// Number of the fault; all if `None`.
         id: Option<u32>,
     },
-    /// Asks for the faults of the run.
+    /// Lists the faults of the run.
     Active,
-    /// Asks for the faults that are possible.
+    /// Lists the faults that are possible.
     Possible,
-    /// Asks where the run is.
+    /// Requests the status of the run.
     Status,
-    /// Asks to hold before the next step.
+    /// Pauses the run before the next step.
     Pause,
-    /// Asks to go on.
+    /// Resumes a paused run.
     Resume,
-    /// Asks to go on for N steps, then hold.
+    /// Runs N more steps, then pauses.
     Advance {
         /// Number of steps, at least 1.
         steps: u64,
     },
-    /// Asks for the newest record.
+    /// Requests the newest record.
     Record,
-    /// Asks to put a note before the next step.
+    /// Adds a note at the next step.
     Mark {
         /// Text of the note, one line.
         text: String,
     },
-    /// Asks to change values at one step, all or none.
+    /// Changes values at one step, all or none.
     Set(ChangeRequest),
-    /// Asks for everything that can be changed while the run goes on, with its value.
+    /// Lists everything that can be changed during the run, with its value.
     Tunable,
 }
 
-/// Values to change while a run goes on, all at one step.
+/// Values to change during a run, all at one step.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ChangeRequest {
-    /// New values, by the keys that a scenario has: `controller.pid.proportional_n_per_m`,
-    /// `plant.parameters.mass_kg`, `reference.position_m`. The last part of a parameter's name sets all
-    /// that end so, as in a scenario.
+    /// New values by scenario key: `controller.pid.proportional_n_per_m`, `plant.parameters.mass_kg`,
+    /// `reference.position_m`. The last part of a parameter's name sets every parameter with that ending, as in a
+    /// scenario.
     #[serde(default)]
     pub set: Vec<NewValue>,
-    /// Reference signals that follow their stimulus again: `reference.position_m`.
+    /// Reference signals that return to their stimulus: `reference.position_m`.
     #[serde(default)]
     pub clear: Vec<String>,
-    /// Simulated time in s at or after which the change begins; `None`: at the next step.
+    /// Simulated time in s at or after which the change begins; `None` means the next step.
     #[serde(default)]
     pub at_s: Option<f64>,
-    /// Time in s that the values take from what they are at the beginning; `None`: none.
+    /// Duration in s of the ramp from the current values; `None` means a step change.
     #[serde(default)]
     pub ramp_s: Option<f64>,
 }
@@ -77,34 +78,34 @@ pub struct ChangeRequest {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NewValue {
-    /// The key.
+    /// Scenario key.
     pub key: String,
-    /// The value, in the unit of the key.
+    /// Value, in the unit of the key.
     #[serde(with = "number")]
     pub value: f64,
 }
 
-/// Answer to a request.
+/// Response to a request.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "response", rename_all = "kebab-case")]
 pub enum Response {
-    /// The faults were taken.
+    /// Faults were accepted.
     Injected {
-        /// Each, in the order asked.
+        /// Accepted faults, in the order requested.
         faults: Vec<Injected>,
     },
     /// Faults that ended.
     Cleared {
         /// Numbers of the faults.
         ids: Vec<u32>,
-        /// The first step without them.
+        /// First step without them.
         step: u64,
     },
-    /// The faults of the run.
+    /// Faults of the run.
     Active {
         /// Status of the run.
         status: Status,
-        /// Each, in the order of their numbers.
+        /// Faults in the order of their numbers.
         faults: Vec<FaultState>,
     },
     /// Faults that are possible.
@@ -118,91 +119,90 @@ pub enum Response {
         /// Words of the record.
         words: Vec<u64>,
     },
-    /// Note that was put.
+    /// Note was added.
     Marked {
         /// Step of the note.
         step: u64,
         /// Simulated time of that step in s.
         at_s: f64,
     },
-    /// The change was taken.
+    /// Change was accepted.
     Changed(Changed),
     /// Everything that can be changed.
     Tunable(Box<Tunables>),
-    /// No, and nothing was changed.
+    /// Request was refused; nothing changed.
     Refused {
-        /// Problems and what would be possible, one entry for each thing that is wrong.
+        /// Problems and possible alternatives, one entry per problem.
         problems: Vec<Refusal>,
     },
 }
 
-/// A fault that was taken.
+/// Accepted fault.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Injected {
     /// Number of the fault.
     pub id: u32,
     /// Kind of the fault.
     pub kind: String,
-    /// The step at which it takes hold; `None` as long as that depends on the run.
+    /// Step at which it takes effect; `None` while that depends on the run.
     pub effective_step: Option<u64>,
-    /// The simulated time of that step in s.
+    /// Simulated time of that step in s.
     pub effective_at_s: Option<f64>,
     /// Condition that the fault waits for, if the step is not known.
     pub waits_for: Option<String>,
 }
 
-/// A fault of the run, live or of the scenario.
+/// Fault of the run, from a live request or from the scenario.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FaultState {
     /// Number of the fault.
     pub id: u32,
     /// Kind of the fault.
     pub kind: String,
-    /// Source of the fault, the one who asked for it: `scenario` or `cli`.
+    /// Origin of the fault: `scenario` or `cli`.
     pub source: String,
     /// `waiting`, `active` or `ended`.
     pub state: String,
-    /// Condition that the fault waits for, if it does.
+    /// Condition that the fault waits for, if any.
     pub waits_for: Option<String>,
     /// Effects of the fault.
     pub effects: Vec<FaultEffectSize>,
 }
 
-/// A change that was taken.
+/// Accepted change.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Changed {
     /// Number of the change in the run, from 1; those of the scenario come first.
     pub id: u32,
-    /// The step at which it takes hold.
+    /// Step at which it takes effect.
     pub step: u64,
     /// Simulated time of that step in s.
     pub at_s: f64,
-    /// Steps until the values are reached; 0: at once.
+    /// Steps until the values are reached; 0 means at once.
     pub ramp_steps: u64,
-    /// Each key by its full name, in the order of the names.
+    /// Each key by its full name, sorted by name.
     pub set: Vec<ChangedValue>,
-    /// Reference signals that follow their stimulus again.
+    /// Reference signals that return to their stimulus.
     pub clear: Vec<String>,
 }
 
-/// Everything that can be changed while a run goes on.
+/// Everything that can be changed during a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tunables {
     /// Status of the run.
     pub status: Status,
-    /// Parameters of the law, of the plant, then reference signals.
+    /// Parameters of the law, parameters of the plant, then reference signals.
     pub values: Vec<Tunable>,
-    /// Changes that were taken and have not begun, in the order in which they will.
+    /// Accepted changes that have not begun, in the order in which they will begin.
     pub waiting: Vec<Changed>,
-    /// Words of the active law on what it does when a parameter changes; empty without a law that can be
-    /// tuned.
+    /// Sentence on the active law's behaviour when a parameter changes; empty without a tunable law.
     pub law_does: String,
-    /// Number of changes that the run can still take.
+    /// Number of further changes that the run accepts.
     pub left: u32,
 }
 
 impl Tunables {
-    /// Keys under further names of their variables, each with the key itself.
+    /// Returns each alias of a variable with its key.
     #[must_use]
     pub fn aliases(&self) -> Vec<(String, String)> {
         let pairs = self.values.iter().flat_map(|one| {
@@ -213,43 +213,43 @@ impl Tunables {
     }
 }
 
-/// A value that can be changed while a run goes on.
+/// Value that can be changed during a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tunable {
     /// Full name: `controller.pid.proportional_n_per_m`, `plant.parameters.mass_kg`,
     /// `reference.position_m`.
     pub key: String,
-    /// Full names under further names of the variable.
+    /// Full names built from the variable's aliases.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub aliases: Vec<String>,
     /// Unit of the value.
     pub unit: String,
     /// Description in one sentence.
     pub description: String,
-    /// Smallest legal value.
+    /// Smallest valid value.
     #[serde(with = "number")]
     pub min: f64,
-    /// Largest legal value.
+    /// Largest valid value.
     #[serde(with = "number")]
     pub max: f64,
-    /// Value at the next step, before faults; during a ramp one on the way.
+    /// Value at the next step, before faults; during a ramp the intermediate value.
     #[serde(with = "number")]
     pub value: f64,
-    /// Value that was reached, or will be at the end of a ramp; of a reference signal that follows its
-    /// stimulus the same as `value`.
+    /// Value reached, or to be reached at the end of a ramp; equals `value` for a reference signal that follows its
+    /// stimulus.
     #[serde(with = "number")]
     pub target: f64,
-    /// Value without any change; of a reference signal that of its stimulus at the next step.
+    /// Value without any change; for a reference signal, that of its stimulus at the next step.
     #[serde(with = "number")]
     pub original: f64,
-    /// First step at which a ramp under way has its target.
+    /// First step at which the current ramp has reached its target.
     #[serde(default)]
     pub until_step: Option<u64>,
-    /// True if a change acts on it; a reference signal then does not follow its stimulus.
+    /// `true` while a change acts on it; a reference signal then does not follow its stimulus.
     pub is_changed: bool,
 }
 
-/// Status of a run: where it is.
+/// Status of a run: its position in time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Status {
     /// The next step.
@@ -258,7 +258,7 @@ pub struct Status {
     pub time_s: f64,
     /// Steps of the whole run.
     pub steps: u64,
-    /// True if the run holds before the next step.
+    /// `true` if the run is paused before the next step.
     pub paused: bool,
 }
 
@@ -267,30 +267,30 @@ pub struct Status {
 pub struct Possible {
     /// Steps per second.
     pub rate: Rate,
-    /// The plant with its own faults, its signals and parameters.
+    /// Plant with its own faults, its signals and parameters.
     pub plant: PlantDescription,
-    /// The reference signals.
+    /// Reference signals.
     pub reference: Vec<Field>,
-    /// The kinds of faults on signals, links and timing.
+    /// Fault kinds on signals, links and timing.
     pub kinds: Vec<FaultKindDescription>,
 }
 
-/// Something that is wrong with a request.
+/// Problem with a request.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Refusal {
-    /// The key that it is about, for example `faults[0].kind`; may be empty.
+    /// Key concerned, for example `faults[0].kind`; may be empty.
     pub key: String,
-    /// Message that says what is wrong.
+    /// Description of the problem.
     pub message: String,
-    /// Alternatives that are possible instead.
+    /// Valid alternatives.
     pub expected: Option<String>,
-    /// Names that exist and are closest to an unknown one.
+    /// Existing names closest to an unknown one.
     #[serde(default)]
     pub nearest: Vec<String>,
 }
 
 impl Refusal {
-    /// Something wrong that is about no key.
+    /// Creates a problem that concerns no key.
     #[must_use]
     pub fn new(message: impl Into<String>) -> Self {
         Self {
@@ -302,16 +302,16 @@ impl Refusal {
     }
 }
 
-/// Parameters of the plant or the active law that a change would make: do they go together?
+/// Parameters of the plant or the active law after a proposed change, to be validated together.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ParameterQuestion {
     /// Number of the controller; 0 for the plant.
     pub epoch: u32,
-    /// Values by name, of the parameters that were changed.
+    /// Values of the changed parameters by name.
     pub parameters: Settings,
 }
 
-/// Answer to a [`ParameterQuestion`]: `None` if the parameters go together, else the objection.
+/// Answer to a [`ParameterQuestion`]: `None` if the combination is valid, otherwise the objection.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ParameterAnswer {
     /// Objection of the plant or the law.

@@ -1,16 +1,16 @@
-//! Numbers as people read them, with their units.
+//! Numbers in human-readable form, with their units.
 //!
-//! Every message, table, report and reference page writes its numbers here: [`exact`] where a number
-//! is repeated that somebody gave or has to give, [`short`] where it is looked at. Times of the
-//! computer itself, which range from ns to s, have units of their own.
+//! Every message, table, report and reference page formats its numbers here: with [`exact`] where a user's number is
+//! repeated or must be copied, with [`short`] for display. Durations measured by the computer, which range from ns to
+//! s, have units of their own.
 
-/// A number as people write it, exact to the last bit: `0.1`, `80`, `2.8e7`, `inf`, `nan`.
+/// Formats a number exactly, to the last bit: `0.1`, `80`, `2.8e7`, `inf`, `nan`.
 #[must_use]
 pub fn exact(value: f64) -> String {
     if value.is_nan() {
         return "nan".into();
     }
-    // Debug writes the shortest text that reads back the same, but many zeros before an exponent.
+    // `Debug` prints the shortest text that reads back the same, but many zeros before an exponent.
     let text = format!("{value:?}");
     let exponent = format!("{value:e}");
     if value.abs() >= 1e6 && exponent.len() < text.len() {
@@ -19,8 +19,8 @@ pub fn exact(value: f64) -> String {
     text.strip_suffix(".0").map_or(text.clone(), Into::into)
 }
 
-/// A number with five significant digits and no needless zeros, with an exponent below 0.001 and from
-/// a million on; between 100,000 and that no digit in front of the point is lost.
+/// Formats a number with five significant digits and no trailing zeros, with an exponent below 0.001 and from a million
+/// on; between 100,000 and a million all digits before the point are kept.
 #[must_use]
 pub fn short(value: f64) -> String {
     let text = if (1e5..1e6).contains(&value.abs()) {
@@ -36,20 +36,20 @@ pub fn short(value: f64) -> String {
     }
 }
 
-/// A count of things, `1 record` or `2 records`; `thing` is one whose plural ends with s.
+/// Formats a count, `1 record` or `2 records`; `thing` is a noun whose plural ends in s.
 #[must_use]
 pub fn counted(count: u64, thing: &str) -> String {
     let s = if count == 1 { "" } else { "s" };
     format!("{count} {thing}{s}")
 }
 
-/// A number as [`exact`] writes it, with its unit; `1` and the empty text are none.
+/// Formats a number as [`exact`] does, followed by its unit, unless that is `1` or empty.
 #[must_use]
 pub fn exact_in(value: f64, unit: &str) -> String {
     with_unit(exact(value), unit)
 }
 
-/// A number as [`short`] writes it, with its unit; `1` and the empty text are none.
+/// Formats a number as [`short`] does, followed by its unit, unless that is `1` or empty.
 #[must_use]
 pub fn short_in(value: f64, unit: &str) -> String {
     with_unit(short(value), unit)
@@ -62,7 +62,7 @@ fn with_unit(number: String, unit: &str) -> String {
     }
 }
 
-/// A unit as it stands behind a number: that of a pure number is empty.
+/// Returns a unit as displayed after a number: empty for a dimensionless one.
 #[must_use]
 pub fn unit_shown(unit: &str) -> &str {
     if unit == "1" { "" } else { unit }
@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pure_number_has_no_unit() {
+    fn a_dimensionless_number_has_no_unit() {
         assert_eq!(exact_in(80.0, "N/m"), "80 N/m");
         assert_eq!(short_in(0.048_417, "1"), "0.048417");
         assert_eq!(short_in(5.0, ""), "5");

@@ -1,28 +1,28 @@
-//! Origin of a program: its version and the source that it was built from, which `--describe` tells.
+//! Origin of a program: its version and source, printed by `--describe`.
 //!
-//! A program whose package has a build script that calls `hil_origin::note` passes [`origin!`](macro@crate::origin) to its
-//! `program::run`; any other one passes its version.
+//! A program whose package has a build script that calls `hil_origin::note` passes [`origin!`](macro@crate::origin) to
+//! its `program::run`; any other program passes its version.
 
 use std::borrow::Cow;
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// Origin of a program, as its `main` passes it on.
+/// Origin of a program, as passed by its `main`.
 #[derive(Clone, Debug)]
 pub struct Origin {
     /// Version of the program.
     pub version: Cow<'static, str>,
-    /// Source of the program, if its build noted it.
+    /// Source of the program, if its build recorded it.
     pub source: Option<Source>,
 }
 
-/// Source of a program, as its build script noted it.
+/// Source of a program, as recorded by its build script.
 #[derive(Clone, Copy, Debug)]
 pub struct Source {
-    /// Commits of the repositories, the program's own first and joined by `+`; `None`: the build found none.
+    /// Commits of the repositories, the program's own first and joined by `+`; `None` if the build found none.
     pub commit: Option<&'static str>,
-    /// True if sources of the program were changed since, or were in no commit of their repository.
+    /// `true` if sources of the program differed from the commit, or were untracked.
     pub modified: bool,
     /// Content of the lock file.
     pub lock: Option<&'static [u8]>,
@@ -46,15 +46,15 @@ impl From<String> for Origin {
     }
 }
 
-/// Source of a program, as its description has it.
+/// Source of a program, as in its description.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Build {
-    /// Commits of the repositories that its sources are in, the program's own first and joined by `+`; `unknown` is
-    /// a source in no commit. `None`: the build found no commit.
+    /// Commits of the repositories of its sources, the program's own first and joined by `+`; `unknown` stands for a
+    /// source without a commit. `None` if the build found no commit.
     pub commit: Option<String>,
-    /// True if sources of the program were changed since the commit.
+    /// `true` if sources of the program differed from the commit.
     pub modified: bool,
-    /// Hash of the lock file, BLAKE3.
+    /// BLAKE3 hash of the lock file.
     pub lock_blake3: Option<String>,
 }
 
@@ -70,7 +70,7 @@ impl From<Source> for Build {
 }
 
 impl Build {
-    /// Checks whether both were built from the same source: known commits without changes, and the same lock file.
+    /// Returns `true` if both were built from the same source: known commits without changes, and the same lock file.
     #[must_use]
     pub fn is_of_source_of(&self, other: &Self) -> bool {
         let is_known = |commit: &String| !commit.split('+').any(|one| one == "unknown");
@@ -97,7 +97,7 @@ impl fmt::Display for Build {
     }
 }
 
-/// Origin of the program of the package that names it, as its build script noted it by `hil_origin::note`.
+/// Origin of the program of the calling package, as recorded by its build script with `hil_origin::note`.
 #[macro_export]
 macro_rules! origin {
     () => {
@@ -110,7 +110,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_is_known_and_unchanged_is_of_one_source() {
+    fn only_known_and_unchanged_sources_count_as_the_same() {
         let build = |commit: Option<&'static str>, modified, lock| {
             Build::from(Source {
                 commit,
@@ -135,7 +135,7 @@ mod tests {
         ] {
             assert!(!unknown.is_of_source_of(&unknown.clone()), "{unknown}");
         }
-        // The published test vector of BLAKE3 for no input.
+        // The published test vector of BLAKE3 for empty input.
         let empty = build(None, false, Some(b""));
         let hash = "af1349b9f5f9a1a6a0404dea36dcc9499bcb25c9adc112b7cc9a93cae41f3262";
         assert_eq!(empty.lock_blake3.as_deref(), Some(hash));

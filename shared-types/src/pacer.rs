@@ -1,33 +1,32 @@
-//! The pacer: when a step may begin, until when its command must be there, and what becomes of the
-//! grid when the plant falls behind.
+//! The pacer: the start time of each step, the deadline of its command, and the fate of the grid when the plant falls
+//! behind.
 //!
-//! In lockstep a step begins at once. Otherwise it begins on a grid of the monotonic clock that is
-//! computed from the step, so that nothing accumulates. The engine tells the pacer the time and
-//! asks; the pacer itself never looks at a clock.
+//! In lockstep a step begins at once. Otherwise it begins on a grid of the monotonic clock that is computed from the
+//! step number, so that no error accumulates. The engine passes the current time to the pacer, which never reads a
+//! clock.
 
 use serde::{Deserialize, Serialize};
 
 use crate::time::{Rate, Step};
 
-/// Policy for a step that is due before the one before it is done.
+/// Policy for an overrun: a step that is due before the previous one is done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OverrunPolicy {
-    /// The grid stays. Late steps begin at once, one after the other, until none is late.
+    /// Keep the grid. Late steps begin at once, one after the other, until none is late.
     #[default]
     CatchUp,
-    /// The grid stays, and the late step begins at its next point: simulated time loses whole
-    /// periods, every step has a whole one.
+    /// Keep the grid; the late step begins at the next grid point. Simulated time loses whole periods, and every step
+    /// has a full one.
     Skip,
-    /// The late step begins at once and the grid goes on from there: simulated time loses what was
-    /// late.
+    /// Shift the grid: the late step begins at once, and simulated time loses the delay.
     Stretch,
-    /// The run ends.
+    /// End the run.
     Abort,
 }
 
 impl OverrunPolicy {
-    /// All of them.
+    /// All policies.
     pub const ALL: [Self; 4] = [Self::CatchUp, Self::Skip, Self::Stretch, Self::Abort];
 
     /// Returns the name in a scenario.
@@ -42,22 +41,22 @@ impl OverrunPolicy {
     }
 }
 
-/// Counts of the steps to which something happened.
+/// Counts of the steps at which some event occurred.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Streaks {
-    /// Steps that it happened to.
+    /// Number of steps.
     pub count: u64,
-    /// Most in a row.
+    /// Longest unbroken sequence.
     pub longest: u64,
-    /// The first of them.
+    /// First step.
     pub first_step: Option<u64>,
-    /// The last of them, and how many before it in a row.
+    /// Last step, and the length of the sequence that it ended.
     #[serde(skip)]
     last: Option<(u64, u64)>,
 }
 
 impl Streaks {
-    /// Notes a step to which the counted thing happened; steps come in order.
+    /// Counts a step at which the event occurred; steps come in order.
     pub fn note(&mut self, step: Step) {
         let before = match self.last {
             Some((last, before)) if last + 1 == step.0 => before + 1,
@@ -72,14 +71,14 @@ impl Streaks {
     }
 }
 
-/// Makes the release time of every step.
+/// Computes the release time of every step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pacer {
     rate: Rate,
     policy: OverrunPolicy,
     /// `None` in lockstep.
     grid: Option<Grid>,
-    /// The next step was looked at and its overrun, if it was one, dealt with.
+    /// Next step, if its release time was already requested and its overrun handled.
     seen: Option<Step>,
     overruns: Streaks,
 }
@@ -93,8 +92,8 @@ struct Grid {
 }
 
 impl Grid {
-    /// Returns the time at which a step is due, also of a step before the first on this grid: a late answer
-    /// may belong to one.
+    /// Returns the time at which a step is due, even a step before the first one on this grid: a late answer may belong
+    /// to one.
     fn due_ns(&self, rate: Rate, step: Step) -> u64 {
         let (step_ns, first_ns) = (rate.nanoseconds(step), rate.nanoseconds(self.first));
         let away_ns = (step_ns.abs_diff(first_ns) as f64 / self.factor + 0.5) as u64;
@@ -106,21 +105,21 @@ impl Grid {
     }
 }
 
-/// A step was due so long before the one before it was done, in ns, and the policy is to end the run.
+/// Overrun under the policy to end the run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "step {step} was due {:.3} ms before the step before it was done, and the policy for overruns is `abort`",
+    "step {step} was due {:.3} ms before the previous step was done, and the overrun policy is `abort`",
     *late_ns as f64 / 1e6
 )]
 pub struct Overrun {
     /// The step.
     pub step: Step,
-    /// Time by which the step is late, in ns.
+    /// Delay of the step, in ns.
     pub late_ns: u64,
 }
 
 impl Pacer {
-    /// Every step is released at once.
+    /// Creates a pacer that releases every step at once.
     #[must_use]
     pub const fn lockstep(rate: Rate) -> Self {
         Self {
@@ -137,7 +136,7 @@ impl Pacer {
         }
     }
 
-    /// Step 0 is released at `start_ns` and simulated time runs `factor` times as fast as the clock.
+    /// Creates a pacer that releases step 0 at `start_ns` and runs simulated time `factor` times as fast as the clock.
     #[must_use]
     pub const fn paced(rate: Rate, start_ns: u64, factor: f64, policy: OverrunPolicy) -> Self {
         Self {
@@ -151,7 +150,7 @@ impl Pacer {
         }
     }
 
-    /// From here on the grid is such that `step` was due at `due_ns`.
+    /// Re-anchors the grid such that `step` was due at `due_ns`.
     pub const fn anchor(&mut self, step: Step, due_ns: u64) {
         if let Some(grid) = &mut self.grid {
             grid.start_ns = due_ns;
@@ -159,18 +158,18 @@ impl Pacer {
         }
     }
 
-    /// The run was held for so long: all that is due is due so much later.
+    /// Delays all further steps by the time for which the run was held.
     pub const fn delay(&mut self, held_ns: u64) {
         if let Some(grid) = &mut self.grid {
             grid.start_ns += held_ns;
         }
     }
 
-    /// Returns the time at which a step may begin, in ns of the monotonic clock; 0 for at once. Ask when
-    /// everything before the step is done: a step that is due already is an overrun.
+    /// Returns the time at which a step may begin, in ns of the monotonic clock; 0 for at once. Call it when the
+    /// previous step is done: a step that is already due is an overrun.
     ///
     /// # Errors
-    /// If it is one and the run is to end for it.
+    /// If it is an overrun and the policy is to end the run.
     #[inline]
     pub fn release_ns(&mut self, step: Step, now_ns: u64) -> Result<u64, Overrun> {
         let Some(grid) = self.grid else {
@@ -202,7 +201,7 @@ impl Pacer {
         self.grid.map_or(0, |grid| grid.due_ns(self.rate, step))
     }
 
-    /// The end of a share of a step's period; in lockstep never.
+    /// Returns the end of a share of a step's period; in lockstep never.
     #[must_use]
     #[inline]
     pub fn deadline_ns(&self, step: Step, share: f64) -> u64 {
@@ -213,7 +212,7 @@ impl Pacer {
         grid.due_ns(self.rate, step) + (share * period_ns + 0.5) as u64
     }
 
-    /// Steps that were due before the one before them was done.
+    /// Returns the counts of overruns.
     #[must_use]
     pub const fn overruns(&self) -> Streaks {
         self.overruns
@@ -233,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn lockstep_never_holds_a_step_back() {
+    fn lockstep_never_delays_a_step() {
         let mut pacer = Pacer::lockstep(rate(10.0));
         assert_eq!(pacer.release_ns(Step(1_000_000), 5), Ok(0));
         assert_eq!(pacer.deadline_ns(Step(7), 0.5), u64::MAX);
@@ -241,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_before_the_grid_was_moved_was_due_as_far_before() {
+    fn a_step_before_the_grid_moved_keeps_its_distance() {
         for policy in [OverrunPolicy::Skip, OverrunPolicy::Stretch] {
             let mut pacer = paced(1000.0, 10_000_000, policy);
             assert_eq!(pacer.release_ns(Step(3), 16_000_000), Ok(16_000_000));
@@ -268,9 +267,8 @@ mod tests {
         assert_eq!(third.due_ns(Step(3 * 3600)), 3_600_000_000_000);
     }
 
-    /// An hour at 1 kHz on a simulated clock: each step wakes up late, works for a while, and now
-    /// and then takes far too long. The n-th of `n` steps begins when the grid says, whatever
-    /// happened before.
+    /// An hour at 1 kHz on a simulated clock: each step wakes up late, works for a while, and occasionally takes far
+    /// too long. Step n of N begins where the grid puts it, regardless of earlier delays.
     #[test]
     fn an_hour_of_late_wake_ups_and_long_steps_leaves_the_grid_where_it_was() {
         let (mut pacer, mut now_ns) = (paced(1000.0, 500, OverrunPolicy::CatchUp), 500);
@@ -303,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn each_policy_does_with_a_late_step_what_it_says() {
+    fn each_policy_handles_a_late_step_as_documented() {
         // Steps of 1 ms; step 1 is done at 5.25 ms, so that step 2 is 3.25 ms late.
         let table = [
             (OverrunPolicy::CatchUp, Ok(2_000_000), 3_000_000),
@@ -333,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_that_is_asked_for_again_is_late_once() {
+    fn a_step_that_is_requested_again_counts_as_late_once() {
         let mut pacer = paced(1000.0, 0, OverrunPolicy::Stretch);
         assert_eq!(pacer.release_ns(Step(1), 900_000), Ok(1_000_000));
         // The wait for it ended late: it begins late, which is no overrun.
@@ -357,9 +355,9 @@ mod tests {
     }
 
     #[test]
-    fn a_run_goes_on_at_its_pace_from_where_it_was_held() {
+    fn a_run_resumes_its_pace_after_a_hold() {
         let mut pacer = Pacer::paced(rate(1000.0), 7, 2.0, OverrunPolicy::Abort);
-        // Step 100 is due at 50 ms; it is held from 49.9 ms to 60 ms: 0.1 ms are still to wait.
+        // Step 100 is due at 50 ms; it is held from 49.9 ms to 60 ms, with 0.1 ms left to wait.
         assert_eq!(pacer.release_ns(Step(100), 49_900_007), Ok(50_000_007));
         pacer.delay(10_100_000);
         assert_eq!(pacer.release_ns(Step(100), 60_000_007), Ok(60_100_007));

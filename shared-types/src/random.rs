@@ -1,18 +1,17 @@
-//! Random streams: one for each consumer, keyed by the run's seed and the consumer's path.
+//! Random streams: one per consumer, keyed by the run's seed and the consumer's path.
 //!
-//! Adding a consumer does not change the numbers of another, and the numbers are the same on every
-//! machine.
+//! Adding a consumer does not change the numbers of another, and the numbers are the same on every machine.
 
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
-/// A stream of random numbers.
+/// Stream of random numbers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RandomStream(Pcg64);
 
 impl RandomStream {
-    /// The stream of a consumer, for example `noise/measured.surface_angle_rad`.
+    /// Creates the stream of a consumer, for example `noise/measured.surface_angle_rad`.
     #[must_use]
     pub fn new(seed: u64, path: &str) -> Self {
         let mut hasher = blake3::Hasher::new();
@@ -23,12 +22,12 @@ impl RandomStream {
         Self(Pcg64::from_seed(key))
     }
 
-    /// Uniform in [0, 1), with 53 random bits.
+    /// Draws a uniform number in [0, 1), with 53 random bits.
     pub fn uniform(&mut self) -> f64 {
         (self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Normal with mean 0 and standard deviation 1 (Box and Muller 1958, cosine branch).
+    /// Draws a normal number with mean 0 and standard deviation 1 (Box and Muller 1958, cosine branch).
     pub fn normal(&mut self) -> f64 {
         let radius = (-2.0 * libm::log(1.0 - self.uniform())).sqrt();
         radius * libm::cos(std::f64::consts::TAU * self.uniform())

@@ -1,22 +1,21 @@
 //! The record: everything about one step, as one row of 64-bit words.
 //!
-//! The plant publishes a record after each step; recorder, digest, metrics and viewers read records
-//! and the [`RecordLayout`] and nothing else. The first part is the same in every repetition of a
-//! run and is what the [digest](crate::digest) covers; the second part is measured time.
+//! The plant publishes a record after each step; recorder, digest, metrics and viewers use records and the
+//! [`RecordLayout`] and nothing else. The first part is identical in every repetition of a run and is covered by the
+//! [digest](crate::digest); the second part is measured time.
 //!
 //! | words | content |
 //! |---|---|
 //! | 1 | step |
 //! | one for each 64 sample signals, at least 1 | invalid bits of measured and reference |
-//! | one for each 64 command signals, at least 1 | invalid bits of commands, as the plant got them, and of internals |
+//! | one for each 64 command signals, at least 1 | invalid bits of commands, as received by the plant, and of internals |
 //! | truth, measured, reference, command, applied, internal | `f64` each |
 //! | sensed, stimulus, parameter | `f64` each, outside the digest |
 //! | 14 | [`Timing`], outside the digest |
 //!
-//! `measured` and `reference` are what the controller got, faults of signals and of the link
-//! included; `sensed` and `stimulus` are the same signals before any fault. `command` is what the
-//! controller sent, `applied` what the plant made of it. `parameter` are the plant's faultable
-//! parameters as they act.
+//! `measured` and `reference` are the values that the controller received, including faults of signals and link;
+//! `sensed` and `stimulus` are the same signals before any fault. `command` is as sent by the controller, `applied` as
+//! used by the plant. `parameter` are the effective values of the plant's faultable parameters.
 
 mod event;
 
@@ -36,11 +35,11 @@ pub use event::{
     ValueChange,
 };
 
-/// Version of records and of the recording made of them.
+/// Version of records and of recordings.
 pub const RECORD_VERSION: u32 = 4;
 
-/// The groups of signals in a record, in order; also the prefixes in expressions. The digest covers
-/// the first [`HASHED_GROUPS`].
+/// Signal groups of a record, in order; also the prefixes in expressions. The digest covers the first
+/// [`HASHED_GROUPS`].
 pub const GROUPS: [&str; 9] = [
     "truth",
     "measured",
@@ -53,8 +52,8 @@ pub const GROUPS: [&str; 9] = [
     "parameter",
 ];
 
-/// The groups of signals that the digest covers; the others follow from them and the scenario, and
-/// show what would be there without faults.
+/// Number of signal groups that the digest covers; the others follow from them and the scenario, and show the values
+/// without faults.
 pub const HASHED_GROUPS: usize = 6;
 
 /// Layout of a record: the signals that it holds.
@@ -66,13 +65,13 @@ pub struct RecordLayout {
     pub measured: Vec<Field>,
     /// Signals sent to the controller as reference.
     pub reference: Vec<Field>,
-    /// The commands of the plant: as the controller sent them and, again, as they were applied.
+    /// Commands of the plant, recorded twice: as sent by the controller and as applied.
     pub command: Vec<Field>,
-    /// Signals that the controller showed of itself.
+    /// Internal signals that the controller exposed.
     pub internal: Vec<Field>,
-    /// Commands and internals in a command frame, which the validity bits count; internals are the last.
+    /// Number of commands and internals in a command frame, as counted by the validity bits; internals come last.
     pub command_signals: usize,
-    /// Place of each of the plant's commands in a command frame.
+    /// Position of each of the plant's commands in a command frame.
     #[serde(default)]
     pub command_places: Vec<usize>,
     /// The plant's faultable parameters.
@@ -89,20 +88,20 @@ pub struct Timing {
     pub time_ns: u64,
     /// Number of the controller that answered.
     pub epoch: u64,
-    /// Steps since the sample was taken that the controller got.
+    /// Age in steps of the sample that the controller received.
     pub sample_age_steps: u64,
     /// Steps since the applied command was computed.
     pub command_age_steps: u64,
-    /// Monotonic clock when the record was made, in ns.
+    /// Monotonic clock at publication, in ns.
     pub published_ns: u64,
-    /// From sending the sample to having its command, in ns; of a command that came late, at the step
-    /// at which it came, from when its sample was due; 0 where none came.
+    /// Time from sending the sample to receiving its command, in ns; for a late command, from its sample's due time,
+    /// recorded at the step of its arrival; 0 without a command.
     pub round_trip_ns: u64,
-    /// The controller's part of that, in ns by its own clock.
+    /// The controller's share of the round trip, in ns of its own clock.
     pub controller_ns: u64,
-    /// The plant's integration of the step before, in ns.
+    /// Duration of the plant's previous integration step, in ns.
     pub plant_ns: u64,
-    /// Time by which the sample was sent later than due, in ns; 0 where nothing is due.
+    /// Delay of the sample beyond its due time, in ns; 0 in lockstep.
     pub late_ns: u64,
     /// Steps since the one for which the applied command was sent: 0 unless this step's command was missed.
     pub held_steps: u64,
@@ -112,8 +111,7 @@ pub struct Timing {
     pub plant_surroundings: u64,
     /// Statistics of the controller's thread.
     pub controller_surroundings: u64,
-    /// Directive that the controller's runner got with the sample
-    /// ([`Directive`](crate::directive::Directive)).
+    /// Directive that the controller's runner received with the sample ([`Directive`](crate::directive::Directive)).
     pub directive: u64,
 }
 
@@ -138,10 +136,10 @@ impl Timing {
     /// Number of words.
     pub const WORDS: usize = size_of::<Self>() / size_of::<u64>();
 
-    /// Returns `true` for the record after the last step, to which no sample and no command belong.
+    /// Returns `true` for the record after the last step, which has neither sample nor command.
     ///
-    /// Every other record has the round trip of its command, or holds an older command, or is that of the step at
-    /// which a plant that lost its controller takes the safe command, which no controller sent.
+    /// Every other record has the round trip of its command, or holds an older command, or belongs to the step at which
+    /// a plant without a controller applies the safe command, which no controller sent.
     #[must_use]
     pub const fn is_final(&self) -> bool {
         self.round_trip_ns == 0 && self.held_steps == 0 && self.epoch > 0
@@ -149,8 +147,7 @@ impl Timing {
 }
 
 impl RecordLayout {
-    /// Makes the layout for a plant with these reference signals, under a controller with these command
-    /// frames.
+    /// Creates the layout for a plant with these reference signals and a controller with these command frames.
     #[must_use]
     pub fn of(plant: &PlantDescription, reference: Vec<Field>, command: &SignalTable) -> Self {
         Self {
@@ -160,7 +157,7 @@ impl RecordLayout {
             command: plant.commands.clone(),
             internal: command.fields(SignalKind::Internal),
             command_signals: command.len(),
-            // Those of a controller that does not send them all are refused at hello.
+            // A controller that does not send them all is refused at hello.
             command_places: (command.bind(SignalKind::Command, &plant.commands))
                 .unwrap_or_default(),
             parameter: (plant.parameters.iter())
@@ -170,7 +167,7 @@ impl RecordLayout {
         }
     }
 
-    /// The first thing in which a layout that was said differs from this one, which was described.
+    /// Describes the first difference between a layout at hello and this one, which was described.
     #[must_use]
     pub fn difference(&self, said: &Self) -> Option<String> {
         let both = [
@@ -188,18 +185,18 @@ impl RecordLayout {
             let ((signals, places), (our_signals, our_places)) = (of(said), of(self));
             if signals != our_signals {
                 return Some(format!(
-                    "{signals} signals in command frames, and --describe says {our_signals}"
+                    "{signals} signals in command frames; its --describe says {our_signals}"
                 ));
             }
             (places != our_places).then(|| {
                 format!(
-                    "commands at {places:?} of their frames, and --describe says {our_places:?}"
+                    "commands at {places:?} of their frames; its --describe says {our_places:?}"
                 )
             })
         })
     }
 
-    /// The fields of each group, in the order of [`GROUPS`].
+    /// Returns the fields of each group, in the order of [`GROUPS`].
     #[must_use]
     pub fn groups(&self) -> [&[Field]; GROUPS.len()] {
         [
@@ -215,34 +212,33 @@ impl RecordLayout {
         ]
     }
 
-    /// Words of validity bits of the sample frame.
+    /// Returns the number of validity words of the sample frame.
     #[must_use]
     pub fn sample_validity_words(&self) -> usize {
         validity_words(self.measured.len() + self.reference.len())
     }
 
-    /// Words of validity bits of the command frame.
+    /// Returns the number of validity words of the command frame.
     #[must_use]
     pub fn command_validity_words(&self) -> usize {
         validity_words(self.command_signals)
     }
 
-    /// Number of signals.
+    /// Returns the number of signals.
     #[must_use]
     #[inline]
     pub fn values(&self) -> usize {
         self.groups().iter().map(|group| group.len()).sum()
     }
 
-    /// Returns the place at which the signals begin.
+    /// Returns the word at which the signals begin.
     #[must_use]
     #[inline]
     pub fn values_start(&self) -> usize {
         1 + self.sample_validity_words() + self.command_validity_words()
     }
 
-    /// Finds the bits for the validity of each signal, by the signal's place among the
-    /// [values](RecordView::values).
+    /// Returns the validity bit of each signal, by the signal's index among the [values](RecordView::values).
     #[must_use]
     pub fn validity(&self) -> Validity {
         let [truth, measured, reference, command, applied, internal, ..] =
@@ -261,11 +257,11 @@ impl RecordLayout {
         let all = marks(sample, 0..measured + reference, truth)
             .chain(commands.map(|(bit, value)| (answer, *bit, value)))
             .chain(marks(answer, internals, first_internal));
-        // A layout that somebody says may have bits that no record has.
+        // A layout from another process may have bits that no record has.
         Validity::new(all.filter(|(first, bit, _)| first + bit / 64 < self.values_start()))
     }
 
-    /// Words that the digest covers, from the first.
+    /// Returns the number of leading words that the digest covers.
     #[must_use]
     #[inline]
     pub fn hashed_words(&self) -> usize {
@@ -273,7 +269,7 @@ impl RecordLayout {
         self.values_start() + hashed.iter().map(|group| group.len()).sum::<usize>()
     }
 
-    /// Words of a record.
+    /// Returns the number of words of a record.
     #[must_use]
     #[inline]
     pub fn words(&self) -> usize {
@@ -302,12 +298,12 @@ fn validity_words(signals: usize) -> usize {
     signals.div_ceil(64).clamp(1, VALIDITY_WORDS)
 }
 
-/// Bits of a record that mark signals as invalid: those that did not come, so that their value is an older
-/// one or none at all.
+/// Bits of a record that mark signals as invalid: signals that did not arrive, so that their value is an older one or
+/// none at all.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Validity {
     bits: Vec<Bit>,
-    /// The words that have such bits.
+    /// Range of words that contain such bits.
     words: Range<usize>,
 }
 
@@ -319,8 +315,8 @@ struct Bit {
 }
 
 impl Validity {
-    /// Of each signal the word of a record from which its bit is counted, the bit, and the place of the
-    /// signal's value among those that are judged.
+    /// Collects for each signal the word of a record from which its bit is counted, the bit, and the index of the
+    /// signal's value among the checked ones.
     pub fn new(bits: impl Iterator<Item = (usize, usize, usize)>) -> Self {
         let bits: Vec<Bit> = bits
             .map(|(first, bit, value)| Bit {
@@ -336,10 +332,10 @@ impl Validity {
         }
     }
 
-    /// The places of the signals that a record marks as invalid; nearly always there is none.
+    /// Returns the indices of the signals that a record marks as invalid; nearly always none.
     ///
     /// # Panics
-    /// If the record has not all words that have such bits.
+    /// If the record is too short for the validity words.
     pub fn invalid<'a>(&'a self, record: &'a [u64]) -> impl Iterator<Item = usize> + 'a {
         let is_any = record[self.words.clone()].iter().any(|bits| *bits != 0);
         let bits = if is_any { &self.bits[..] } else { &[] };
@@ -348,7 +344,7 @@ impl Validity {
     }
 }
 
-/// A record, taken apart.
+/// Decoded record.
 #[derive(Clone, Copy, Debug)]
 pub struct RecordView<'a> {
     /// The step.
@@ -400,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn a_record_is_as_long_as_its_parts() {
+    fn the_length_of_a_record_is_the_sum_of_its_parts() {
         let layout = layout();
         assert_eq!(layout.values_start(), 1 + 2 + 1);
         assert_eq!(layout.values(), 3 + 60 + 5 + 2 + 2 + 1 + 60 + 5 + 4);

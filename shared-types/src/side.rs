@@ -1,14 +1,14 @@
-//! Sides of a run: one plant and one controller, each a process of its own as a rule.
+//! Sides of a run: one plant and one controller, normally a process each.
 //!
-//! Named by whoever must tell them apart: links, checkpoints, starts by hand, faults of timing. Holds nothing of a
-//! side, which the [lockstep machines](crate::lockstep) do.
+//! Used wherever the two must be distinguished: links, checkpoints, manual starts, timing faults. A mere label; the
+//! [lockstep machines](crate::lockstep) implement the sides.
 
 use crate::time::Step;
 
 /// A side of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// The plant, with its faults.
+    /// Plant, with its faults.
     Plant,
     /// The controller.
     Controller,
@@ -18,7 +18,7 @@ impl Side {
     /// Both sides.
     pub const ALL: [Self; 2] = [Self::Plant, Self::Controller];
 
-    /// In one word.
+    /// Returns the side's name in one word.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -27,7 +27,7 @@ impl Side {
         }
     }
 
-    /// Name of the side's [checkpoint](crate::checkpoint) in the session's folder.
+    /// Returns the name of the side's [checkpoint](crate::checkpoint) file in the session's folder.
     #[must_use]
     pub fn file(self, step: Step) -> String {
         format!("checkpoint-{step}-{}.state", self.name())

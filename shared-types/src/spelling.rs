@@ -1,52 +1,52 @@
-//! Spelling of foreign names: any text as a legal name of a signal, and back.
+//! Spelling of foreign names: maps any text to a valid signal name, and back.
 //!
-//! Names of FMUs and C programs, such as `der(x)`, `a.b[1]`, `'quoted name'` or `φ`, cannot stand in expressions
-//! and in the schema of a recording. [`spelled`] gives each the one name that it has here, and [`foreign`]
-//! returns the text of such a name. Called by shells of foreign programs, once at the start.
+//! Names from FMUs and C programs, such as `der(x)`, `a.b[1]`, `'quoted name'` or `φ`, cannot be used in expressions
+//! and in the schema of a recording. [`spelled`] maps each to its unique valid name, and [`foreign`] maps such a name
+//! back. Called by shells of foreign programs, once at the start.
 //!
 //! | foreign | here |
 //! |---|---|
-//! | a legal name without `__` | itself |
+//! | a valid name without `__` | itself |
 //! | `der(x)` | `der__x` |
 //! | `a.b[1]`, `a[1,2]` | `a.b__1`, `a__1_2` |
 //! | `a name` | `a__name` |
 //! | `'a name'`, a whole name or the part after a dot | `q__a__name` |
 //! | any other character | `__uHEX_`, its Unicode number: `a-b` is `a__u2d_b` |
 //!
-//! A text whose name in this form would be read as another text has every character that is not plain
-//! written as `__uHEX_`. No two texts share a name, since [`foreign`] reads each name back.
+//! If the name in this form would be read back as another text, every character that is not plain is written as
+//! `__uHEX_` instead. No two texts share a name, since [`foreign`] reads each name back.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use crate::layout::{LONGEST_NAME, schema_name};
 
-/// Begin of the name of a derivative, `der(..)`.
+/// Prefix of the name of a derivative, `der(..)`.
 const DERIVATIVE: &str = "der__";
-/// Begin of a part of a name in quotes.
+/// Prefix of a quoted part of a name.
 const QUOTED: &str = "q__";
-/// Begin of a character by its number.
+/// Prefix of a character given by its number.
 const NUMBERED: &str = "__u";
 /// Name of the empty text.
 const EMPTY: &str = "__u_";
 
-/// Reason for which a foreign name cannot be used.
+/// Reason why a foreign name is unusable.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unspellable {
-    /// Name that is too long when spelled.
+    /// Name whose spelling is too long.
     #[error(
-        "the name {begin:?}.. has {bytes} bytes when it is spelled with letters, digits and _, and {most} is the most",
+        "the name {begin:?}.. has {bytes} bytes when spelled with letters, digits and _; at most {most} are allowed",
         most = LONGEST_NAME
     )]
     Long {
-        /// Begin of the foreign name.
+        /// Beginning of the foreign name.
         begin: String,
         /// Length of its spelling.
         bytes: usize,
     },
-    /// Two names that a recording cannot tell apart, since its schema has `_` for each dot.
+    /// Two names that coincide in a recording, whose schema has `_` for each dot.
     #[error(
-        "the names {one:?} and {other:?} are one in a recording, whose columns have _ for a dot; rename one of them"
+        "the names {one:?} and {other:?} coincide in a recording, whose columns have _ for a dot; rename one of them"
     )]
     Alike {
         /// A foreign name.
@@ -56,10 +56,10 @@ pub enum Unspellable {
     },
 }
 
-/// Spells a foreign name as a legal name of a signal.
+/// Spells a foreign name as a valid signal name.
 ///
 /// # Errors
-/// If the name would be too long.
+/// If the spelling would be too long.
 pub fn spelled(foreign: &str) -> Result<String, Unspellable> {
     let readable = readable(foreign);
     let name = if is_legal(&readable) && read(&readable) == foreign {
@@ -76,10 +76,10 @@ pub fn spelled(foreign: &str) -> Result<String, Unspellable> {
     Ok(name)
 }
 
-/// Spells the names of one table, each for itself.
+/// Spells the names of one table, each independently.
 ///
 /// # Errors
-/// If a name would be too long, is there twice, or cannot be told apart from another in a recording.
+/// If a name would be too long, is a duplicate, or coincides with another in a recording.
 pub fn spelled_all<S: AsRef<str>>(foreign: &[S]) -> Result<Vec<String>, Unspellable> {
     let mut columns: BTreeMap<String, &str> = BTreeMap::new();
     let mut names = Vec::with_capacity(foreign.len());
@@ -94,14 +94,14 @@ pub fn spelled_all<S: AsRef<str>>(foreign: &[S]) -> Result<Vec<String>, Unspella
     Ok(names)
 }
 
-/// The foreign name that is spelled so; `None` if no name is.
+/// Returns the foreign name with this spelling; `None` if there is none.
 #[must_use]
 pub fn foreign(name: &str) -> Option<String> {
     let text = read(name);
     (spelled(&text).as_deref() == Ok(name)).then_some(text)
 }
 
-/// The short form, which need not be read back as the same text.
+/// Returns the short form, which is not always read back as the same text.
 fn readable(foreign: &str) -> String {
     let (mut inner, mut order) = (foreign, 0);
     while let Some(rest) = (inner.strip_prefix("der(")).and_then(|rest| rest.strip_suffix(')')) {
@@ -138,21 +138,21 @@ fn readable_part(part: &str) -> String {
     name
 }
 
-/// The indices that a text begins with, `1,2` of `[1,2]`, and what comes after them.
+/// Splits a text into its leading indices, `1,2` of `[1,2]`, and the rest.
 fn indices(text: &str) -> Option<(&str, &str)> {
     let (indices, after) = text.strip_prefix('[')?.split_once(']')?;
     let is_whole = indices.split(',').all(is_index);
     is_whole.then_some((indices, after))
 }
 
-/// Checks whether a text is a whole number without a zero in front.
+/// Returns `true` if a text is a whole number without a leading zero.
 fn is_index(text: &str) -> bool {
     let digits = !text.is_empty() && text.bytes().all(|c| c.is_ascii_digit());
     digits && (text == "0" || !text.starts_with('0'))
 }
 
-/// The long form, which is always read back as the same text: letters and digits, dots and `_` between
-/// them, and everything else by number.
+/// Returns the long form, which is always read back as the same text: letters, digits, and dots and `_` between them
+/// stay; everything else is written by number.
 fn plain(foreign: &str) -> String {
     if foreign.is_empty() {
         return EMPTY.into();
@@ -226,7 +226,7 @@ fn read_part(part: &str) -> String {
     text
 }
 
-/// Length of the indices `1_2` that a text begins with.
+/// Returns the length of the leading indices `1_2` of a text.
 fn spelled_indices(text: &str) -> usize {
     let digits = |text: &str| text.bytes().take_while(u8::is_ascii_digit).count();
     let mut length = digits(text);
@@ -239,7 +239,7 @@ fn spelled_indices(text: &str) -> usize {
     length
 }
 
-/// The character that a text begins with by its number, and what comes after it.
+/// Splits a text into its leading character, given by number, and the rest.
 fn numbered(text: &str) -> Option<(char, &str)> {
     let (hex, after) = text.strip_prefix(NUMBERED)?.split_once('_')?;
     let is_hex = |c: u8| c.is_ascii_digit() || (b'a'..=b'f').contains(&c);

@@ -1,34 +1,33 @@
-//! State as bytes: what a checkpoint keeps of a plant, a law or a fault.
+//! State as bytes: the part of a plant, a law or a fault that a checkpoint keeps.
 //!
-//! A model says once what of it is its state, with [`StateOf`]; engine and runner save and restore it
-//! without knowing what it is. The form is postcard's: every number keeps its bits, also those of a NaN.
-//! The bytes do not say what they mean: only the binary that wrote them can read them, which the launcher
-//! makes sure of. Nothing here is called in an ordinary step.
+//! A model declares its state once, with [`StateOf`]; engine and runner save and restore it as opaque bytes. The format
+//! is postcard's: every number keeps its bits, including those of a NaN. The bytes are not self-describing: only the
+//! binary that wrote them can read them, which the launcher ensures. An ordinary step calls nothing here.
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::describe::Invalid;
 
-/// A state as bytes.
+/// State as bytes.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct State(Vec<u8>);
 
 impl State {
-    /// The bytes of a value.
+    /// Serialises a value.
     ///
     /// # Errors
-    /// If the value is of a kind that has no such form, for example a list of unknown length.
+    /// If the value has no such form, for example a sequence of unknown length.
     pub fn of<T: Serialize>(value: &T) -> Result<Self, Invalid> {
         let bytes = postcard::to_allocvec(value);
         (bytes.map(Self)).map_err(|error| Invalid(format!("the state cannot be written: {error}")))
     }
 
-    /// The value of the bytes, all of them.
+    /// Deserialises a value from all of the bytes.
     ///
     /// # Errors
-    /// If they are not those of such a value.
+    /// If they are not such a value.
     pub fn read<T: DeserializeOwned>(&self) -> Result<T, Invalid> {
         let (value, rest) = postcard::take_from_bytes(&self.0)
             .map_err(|error| Invalid(format!("the state cannot be read: {error}")))?;
@@ -36,13 +35,11 @@ impl State {
             Ok(value)
         } else {
             let bytes = rest.len();
-            Err(Invalid(format!(
-                "the state has {bytes} bytes more than it should"
-            )))
+            Err(Invalid(format!("the state has {bytes} surplus bytes")))
         }
     }
 
-    /// The bytes.
+    /// Returns the bytes.
     #[must_use]
     pub fn as_bytes(&self) -> &[u8] {
         &self.0
@@ -58,11 +55,11 @@ impl From<Vec<u8>> for State {
 type Save<T> = Box<dyn Fn(&T) -> Result<State, Invalid>>;
 type Restore<T> = Box<dyn Fn(&mut T, &State) -> Result<(), Invalid>>;
 
-/// State of a `T`: the part of the `T` that is saved, and the way to put that part back.
+/// State of a `T`: the part of the `T` that is saved, and the way to restore it.
 ///
-/// State is everything that the next step depends on and that neither the parameters nor the step tell.
-/// A value that follows from parameters is no state: a restored `T` was started with the parameters, and
-/// told those that faults have moved, before its state is put back.
+/// State is everything that the next step depends on and that follows neither from the parameters nor from the step
+/// number. A value that follows from parameters is not state: before its state is restored, a `T` was started with the
+/// parameters and received those that faults have moved.
 ///
 /// ```
 /// use shared_types::state::StateOf;
@@ -82,7 +79,7 @@ pub struct StateOf<T> {
 }
 
 impl<T: 'static> StateOf<T> {
-    /// A state of one value, which may be a tuple of several.
+    /// Declares a state of one value, which may be a tuple.
     #[must_use]
     pub fn new<S>(save: fn(&T) -> S, restore: fn(&mut T, S)) -> Self
     where
@@ -97,7 +94,7 @@ impl<T: 'static> StateOf<T> {
         }
     }
 
-    /// A state as of [`new`](Self::new), where not every value fits what it is put back into.
+    /// Declares a state as [`new`](Self::new) does, if restoring may reject a value.
     #[must_use]
     pub fn checked<S>(save: fn(&T) -> S, restore: fn(&mut T, S) -> Result<(), Invalid>) -> Self
     where
@@ -109,13 +106,13 @@ impl<T: 'static> StateOf<T> {
         }
     }
 
-    /// No state: all that it does follows from parameters and the step.
+    /// Declares that there is no state: everything follows from parameters and the step number.
     #[must_use]
     pub fn none() -> Self {
         Self::new(|_| (), |_, ()| ())
     }
 
-    /// The state as it is now.
+    /// Saves the present state.
     ///
     /// # Errors
     /// As [`State::of`].
@@ -123,10 +120,10 @@ impl<T: 'static> StateOf<T> {
         (self.save)(whole)
     }
 
-    /// Puts a state back.
+    /// Restores a state.
     ///
     /// # Errors
-    /// If it is not one of this `T`, with these parameters.
+    /// If it is not a state of this `T` with these parameters.
     pub fn restore(&self, whole: &mut T, state: &State) -> Result<(), Invalid> {
         (self.restore)(whole, state)
     }
@@ -159,7 +156,7 @@ mod tests {
         let state = State::of(&[1.5, 2.5]).expect("a form");
         let cut = State::from(state.as_bytes()[..15].to_vec());
         assert!(cut.read::<[f64; 2]>().is_err());
-        let told = state.read::<[f64; 1]>().expect_err("8 bytes are left");
-        assert!(told.0.contains("8 bytes more"), "{told}");
+        let error = state.read::<[f64; 1]>().expect_err("8 bytes are left");
+        assert!(error.0.contains("8 bytes more"), "{error}");
     }
 }

@@ -1,9 +1,9 @@
-//! Tables: what a row of numbers means.
+//! Tables: the meaning of a row of numbers.
 //!
-//! The wire carries plain `f64` rows. A table gives each column a name with its unit, and, for a
-//! parameter, a default and a range. Inside a model the same row is a struct, declared with
-//! [`table!`](crate::table!), so that equations read `measured.surface_angle_rad` while everything
-//! around the model (binding, recording, faults, expressions, plots) reads the table.
+//! The wire carries plain `f64` rows. A table gives each column a name with its unit, and, for a parameter, a default
+//! and a range. Inside a model the same row is a struct, declared with [`table!`](crate::table!), so that equations
+//! read `measured.surface_angle_rad` while everything around the model (binding, recording, faults, expressions, plots)
+//! uses the table.
 
 #[doc(hidden)]
 pub mod flag;
@@ -18,47 +18,46 @@ use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
 pub use names::{derivative_of, listed, near, nearest, unit_of_name};
 
-/// Column: a signal or a parameter.
+/// Column of a table: a signal or a parameter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Field {
-    /// Name with its unit at the end, for example `surface_angle_rad`; a field of a group has the
-    /// group in front, for example `actuator1.piston_mass_kg`.
+    /// Name ending in its unit, for example `surface_angle_rad`; the name of a group's field is prefixed with the
+    /// group, for example `actuator1.piston_mass_kg`.
     pub name: String,
-    /// Further names of the same variable, which count wherever a name is written; tables and recordings
-    /// have [`name`](Self::name) alone.
+    /// Aliases of the same variable, valid wherever a name is written; tables and recordings use [`name`](Self::name)
+    /// only.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub aliases: Vec<String>,
     /// Unit as text, for example `rad`, `m/s`, `1`.
     pub unit: String,
     /// Description in one sentence.
     pub description: String,
-    /// The value it has when nothing else is said; none for signals.
+    /// Default value; none for signals.
     #[serde(
         with = "number::option",
         default,
         skip_serializing_if = "Option::is_none"
     )]
     pub default: Option<f64>,
-    /// Smallest legal value.
+    /// Smallest valid value.
     #[serde(with = "number", default = "lowest")]
     pub min: f64,
-    /// Largest legal value.
+    /// Largest valid value.
     #[serde(with = "number", default = "highest")]
     pub max: f64,
-    /// True if a fault may change the value while the plant runs.
+    /// `true` if a fault may change the value during a run.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub faultable: bool,
-    /// True if the value may be set anew while the plant or the law runs; of a plant's parameters those open
-    /// to faults may be too.
+    /// `true` if the value may be changed during a run; parameters of a plant may be open to faults as well.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub tunable: bool,
-    /// True if the value is a difference, as of two temperatures: units convert it without their zeros.
+    /// `true` if the value is a difference, for example of two temperatures: units convert it without their offsets.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub is_difference: bool,
 }
 
 impl Field {
-    /// A column without default and range.
+    /// Creates a column without default and range.
     #[must_use]
     pub fn signal(name: &str, unit: &str, description: &str) -> Self {
         Self {
@@ -75,7 +74,7 @@ impl Field {
         }
     }
 
-    /// All names: that of the column, then its aliases.
+    /// Lists all names: the column's own, then its aliases.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         std::iter::once(&self.name)
             .chain(&self.aliases)
@@ -88,7 +87,7 @@ impl Field {
         self.names().any(|one| one == name)
     }
 
-    /// Checks whether a value is a number inside the range. Infinity is legal where the range says so.
+    /// Returns `true` if a value is a number inside the range. Infinity is valid where the range includes it.
     #[must_use]
     #[inline]
     pub fn admits(&self, value: f64) -> bool {
@@ -104,18 +103,17 @@ fn highest() -> f64 {
     f64::INFINITY
 }
 
-/// A struct of `f64` columns without padding, tied to its fields. Declare it with
-/// [`table!`](crate::table!).
+/// Struct of `f64` columns without padding, tied to its fields. Declare it with [`table!`](crate::table!).
 pub trait Table:
     Copy + FromBytes + IntoBytes + Immutable + KnownLayout + std::fmt::Debug + 'static
 {
     /// Number of columns.
     const LEN: usize = size_of::<Self>() / size_of::<f64>();
 
-    /// The columns, in the order of memory.
+    /// Returns the columns, in memory order.
     fn fields() -> Vec<Field>;
 
-    /// The row as numbers.
+    /// Returns the row as numbers.
     fn row(&self) -> &[f64] {
         if Self::LEN == 0 {
             return &[]; // a struct without fields is not aligned as f64
@@ -123,7 +121,7 @@ pub trait Table:
         <[f64]>::ref_from_bytes(self.as_bytes()).expect("a table is made of f64 only")
     }
 
-    /// The row as numbers, to write to.
+    /// Returns the row as mutable numbers.
     fn row_mut(&mut self) -> &mut [f64] {
         if Self::LEN == 0 {
             return &mut [];
@@ -131,7 +129,7 @@ pub trait Table:
         <[f64]>::mut_from_bytes(self.as_mut_bytes()).expect("a table is made of f64 only")
     }
 
-    /// The struct of a row.
+    /// Builds the struct from a row.
     ///
     /// # Panics
     /// If the row does not have [`Table::LEN`] numbers.
@@ -140,18 +138,16 @@ pub trait Table:
     }
 }
 
-/// Declares a [`Table`]: a `repr(C)` struct of `f64` whose names, units and descriptions are the
-/// table's.
+/// Declares a [`Table`]: a `repr(C)` struct of `f64` with the table's names, units and descriptions.
 ///
-/// A signal is `name: "unit"`, optionally with its range of validity (`in min..=max`, used by the
-/// engine's guard). A parameter has a default and a range, and may be open to faults, or to be set anew
-/// while the run goes on: `name: "unit" = default in min..=max [faultable]`, `[tunable]`, or both, as
-/// `[faultable, tunable]`. Numbers other than plain literals stand in parentheses. The description is
-/// the doc comment.
+/// A signal is `name: "unit"`, optionally with its range of validity (`in min..=max`, used by the engine's guard). A
+/// parameter has a default and a range, and may be open to faults or to changes during a run: `name: "unit" = default
+/// in min..=max [faultable]`, `[tunable]`, or both, as `[faultable, tunable]`. Numbers other than plain literals need
+/// parentheses. The description is the doc comment.
 ///
 /// ```
 /// shared_types::table! {
-///     /// What the teaching plant can be told.
+///     /// Parameters of the teaching plant.
 ///     pub struct Parameters {
 ///         /// Mass m.
 ///         mass_kg: "kg" = 1.0 in 1e-3..=1e3,
@@ -164,8 +160,8 @@ pub trait Table:
 /// assert_eq!(Parameters::fields()[1].name, "stiffness_n_per_m");
 /// ```
 ///
-/// A group of tables has types in place of units; its columns carry the group's name in front,
-/// and a default other than the type's follows `=`:
+/// A group of tables has types in place of units; its columns are prefixed with the group's name, and a default other
+/// than the type's follows `=`:
 ///
 /// ```
 /// # shared_types::table! { /// One.
@@ -174,9 +170,9 @@ pub trait Table:
 /// shared_types::table! {
 ///     /// Two actuators.
 ///     pub struct Pair {
-///         /// The first.
+///         /// First actuator.
 ///         actuator1: Actuator,
-///         /// The second, heavier.
+///         /// Second, heavier actuator.
 ///         actuator2: Actuator = Actuator { mass_kg: 60.0 },
 ///     }
 /// }
@@ -185,13 +181,13 @@ pub trait Table:
 /// assert_eq!(Pair::fields()[1].default, Some(60.0));
 /// ```
 ///
-/// A row with a mistake is an error of the compiler that points at the row: a range that begins above
-/// its end, a default outside its range, an unknown flag, no description, no unit, a negative number
-/// without parentheses, no default where other rows have one.
+/// A mistake in a row is a compile error that points at the row: a range that begins above its end, a default outside
+/// its range, an unknown flag, no description, no unit, a negative number without parentheses, no default where other
+/// rows have one.
 ///
 /// ```compile_fail
 /// shared_types::table! {
-///     /// What the plant can be told.
+///     /// Parameters of the plant.
 ///     pub struct Parameters {
 ///         /// Mass m.
 ///         mass_kg: "kg" = 1.0 in 1e3..=1e-3,
@@ -200,7 +196,7 @@ pub trait Table:
 /// ```
 #[macro_export]
 macro_rules! table {
-    // The checks of a row. What is passed on as `tt` or `expr` keeps its place in the source.
+    // Checks of the row. Tokens passed on as `tt` or `expr` keep their place in the source.
     (@row $name:ident $docs:tt $unit:tt $default:tt $min:tt $max:tt) => {
         $crate::table!(@described $name $docs $unit);
         $crate::table!(@measured $docs $unit);
@@ -378,15 +374,15 @@ macro_rules! table {
     };
 }
 
-/// A table whose every row has a default, so that a scenario need not set it.
+/// Table in which every row has a default, so that a scenario need not set it.
 #[diagnostic::on_unimplemented(
-    message = "`{Self}` is no table of parameters: a parameter has a default",
+    message = "`{Self}` is not a table of parameters: a parameter needs a default",
     label = "a row of it has no default",
     note = "write each row as `name: \"unit\" = default in min..=max`"
 )]
 pub trait Parameters: Table + Default {}
 
-/// Adds a group's columns with the group's name in front and the group's own defaults.
+/// Appends a group's columns, prefixed with the group's name and with the group's own defaults.
 #[doc(hidden)]
 pub fn push_group<T: Table>(fields: &mut Vec<Field>, group: &str, defaults: &T) {
     for (field, &default) in T::fields().into_iter().zip(defaults.row()) {
@@ -399,11 +395,11 @@ pub fn push_group<T: Table>(fields: &mut Vec<Field>, group: &str, defaults: &T) 
 }
 
 crate::table! {
-    /// A table without columns, for a law without internals or without parameters.
+    /// Table without columns, for a law without internals or without parameters.
     pub struct Empty {}
 }
 
-/// The one form of every number that enters a frame or a record: one NaN, no negative zero.
+/// Returns the canonical form of a number in a frame or record: one NaN, no negative zero.
 #[must_use]
 #[inline]
 pub fn canonical(value: f64) -> f64 {

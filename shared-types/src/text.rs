@@ -1,23 +1,23 @@
-//! Text of others, made fit to be shown.
+//! Foreign text, made safe to display.
 //!
-//! What a plant, a controller or a file says may hold what a terminal obeys instead of showing: it
-//! could clear the screen, write over a verdict, fill the clipboard. Whatever is decoded from them
-//! passes here; [`record`](crate::record) does so by its types.
+//! Text from a plant, a controller or a file may contain control sequences that a terminal executes: they could clear
+//! the screen, overwrite a verdict, fill the clipboard. Everything decoded from such sources passes through here;
+//! [`record`](crate::record) ensures it by its types.
 
 use std::borrow::Cow;
 
 use serde::{Deserialize, Deserializer};
 
-/// Longest [`line()`], in characters.
+/// Maximum length of a [`line()`], in characters.
 const LONGEST_LINE: usize = 4000;
 
-/// Returns true if a terminal obeys a character instead of showing it, line ends and tabulators excepted.
+/// Returns `true` if a terminal executes a character instead of displaying it, except line ends and tabs.
 #[must_use]
 pub fn is_unprintable(c: char) -> bool {
     c.is_control() && !matches!(c, '\n' | '\t')
 }
 
-/// Replaces the characters that a terminal obeys.
+/// Replaces the characters that a terminal executes.
 #[must_use]
 pub fn printable(text: &str) -> Cow<'_, str> {
     if text.contains(is_unprintable) {
@@ -27,7 +27,7 @@ pub fn printable(text: &str) -> Cow<'_, str> {
     }
 }
 
-/// Makes one line of a text, printable and not too long for a row of a table.
+/// Turns a text into one printable line that fits into a table row.
 #[must_use]
 pub fn line(text: &str) -> String {
     let is_fit = !text.contains(char::is_control) && text.len() <= LONGEST_LINE;
@@ -51,7 +51,7 @@ pub fn line(text: &str) -> String {
 /// Deserialises a text as a [`line()`].
 ///
 /// # Errors
-/// If there is no text.
+/// If the value is not a text.
 pub fn line_of<'de, D: Deserializer<'de>>(from: D) -> Result<String, D::Error> {
     String::deserialize(from).map(|text| line(&text))
 }
@@ -59,16 +59,16 @@ pub fn line_of<'de, D: Deserializer<'de>>(from: D) -> Result<String, D::Error> {
 /// Deserialises a list of texts, each as a [`line()`].
 ///
 /// # Errors
-/// If there is no such list.
+/// If the value is not a list of texts.
 pub fn lines_of<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<String>, D::Error> {
     let texts = Vec::<String>::deserialize(from)?;
     Ok(texts.iter().map(|text| line(text)).collect())
 }
 
-/// Deserialises a text that may be missing as a [`line()`].
+/// Deserialises an optional text as a [`line()`].
 ///
 /// # Errors
-/// If there is something else.
+/// If the value is anything else.
 pub fn line_if_any<'de, D: Deserializer<'de>>(from: D) -> Result<Option<String>, D::Error> {
     let text = Option::<String>::deserialize(from)?;
     Ok(text.map(|text| line(&text)))
@@ -79,7 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_text_of_others_does_nothing_to_a_terminal() {
+    fn foreign_text_has_no_effect_on_a_terminal() {
         assert_eq!(printable("a\tb\nµm/s²"), "a\tb\nµm/s²");
         assert_eq!(
             printable("\u{1b}[31mm\r\u{7}"),
@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_is_one_and_ends() {
+    fn a_line_is_single_and_limited() {
         assert_eq!(line("a µ"), "a µ");
         assert_eq!(
             line("it failed\nverdict\tpass\u{1b}]52;c;eA==\u{7}\n"),

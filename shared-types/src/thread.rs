@@ -1,26 +1,25 @@
-//! Statistics of a thread while it worked: on which core it ran, how often it was switched out,
-//! how many pages it faulted in.
+//! Statistics of a working thread: its core, its context switches, its page faults.
 //!
-//! Samples, commands and records carry what was found last as one word, which is called `surroundings` there. Nothing
-//! here looks at a thread.
+//! Samples, commands and records carry the latest statistics as one word, called `surroundings` there. Nothing here
+//! samples a thread: `hil-session` does.
 
 const COUNT_BITS: u32 = 24;
 /// Counts that fit a word; they begin anew beyond.
 const COUNT: u64 = (1 << COUNT_BITS) - 1;
 
-/// Statistics of a thread, found at one look. The counts begin anew after 2^24.
+/// Statistics of a thread, from one sample. The counts wrap around at 2^24.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ThreadStatistics {
-    /// The core that the thread ran on.
+    /// Core that the thread ran on.
     pub core: u16,
-    /// Context switches of the thread so far, its own and those forced on it.
+    /// Context switches of the thread so far, voluntary and involuntary.
     pub switches: u32,
     /// Page faults of the thread so far.
     pub faults: u32,
 }
 
 impl ThreadStatistics {
-    /// Keeps a core and two counts, of which the last 24 bits stay.
+    /// Samples the calling thread.
     #[must_use]
     pub const fn new(core: u16, switches: u64, faults: u64) -> Self {
         Self {
@@ -30,7 +29,7 @@ impl ThreadStatistics {
         }
     }
 
-    /// Returns the statistics as one word.
+    /// Encodes the statistics as one word.
     #[must_use]
     #[inline]
     pub const fn to_wire(self) -> u64 {
@@ -39,7 +38,7 @@ impl ThreadStatistics {
             | self.faults as u64 & COUNT
     }
 
-    /// Reads the statistics from a word.
+    /// Decodes the statistics from a word.
     #[must_use]
     #[inline]
     pub const fn from_wire(word: u64) -> Self {
@@ -50,7 +49,7 @@ impl ThreadStatistics {
         }
     }
 
-    /// Switches and faults since an earlier look at the same thread.
+    /// Returns the switches and faults since an earlier sample of the same thread.
     #[must_use]
     pub fn since(self, earlier: Self) -> (u32, u32) {
         let count = |now: u32, then: u32| now.wrapping_sub(then) & COUNT as u32;
@@ -66,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn statistics_survive_the_wire_and_counts_begin_anew() {
+    fn statistics_survive_the_wire_and_counts_wrap_around() {
         let before = ThreadStatistics {
             core: 511,
             switches: (1 << 24) - 1,

@@ -1,7 +1,7 @@
-//! Integer time: steps, and the one place where they become seconds.
+//! Integer time: steps, and their only conversion to seconds.
 //!
-//! Used by everything that knows time. Seconds exist only inside equations and are always computed
-//! from a step, never accumulated.
+//! Used by everything that handles time. Seconds exist only inside equations and are always computed from a step, never
+//! accumulated.
 
 use crate::number::{exact, exact_in};
 use serde::{Deserialize, Serialize};
@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 pub struct Step(pub u64);
 
 impl Step {
-    /// The step after this one.
+    /// Returns the step after this one.
     #[must_use]
     pub const fn next(self) -> Self {
         Self(self.0 + 1)
@@ -27,7 +27,7 @@ impl std::fmt::Display for Step {
     }
 }
 
-/// The exchange rate of a run, which turns steps into time and back.
+/// Exchange rate of a run, which converts steps into time and back.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "f64", into = "f64")]
 pub struct Rate {
@@ -40,7 +40,7 @@ impl Rate {
     /// Highest accepted rate in Hz: a step of one microsecond.
     pub const MAX_HZ: f64 = 1e6;
 
-    /// A rate in Hz; `None` outside [`Rate::MIN_HZ`] to [`Rate::MAX_HZ`].
+    /// Creates a rate in Hz; `None` outside [`Rate::MIN_HZ`] to [`Rate::MAX_HZ`].
     #[must_use]
     pub fn new(hz: f64) -> Option<Self> {
         (Self::MIN_HZ..=Self::MAX_HZ)
@@ -48,31 +48,31 @@ impl Rate {
             .then_some(Self { hz })
     }
 
-    /// The rate in Hz.
+    /// Returns the rate in Hz.
     #[must_use]
     pub const fn hz(self) -> f64 {
         self.hz
     }
 
-    /// The length of one step in seconds.
+    /// Returns the length of one step in seconds.
     #[must_use]
     pub fn period_s(self) -> f64 {
         1.0 / self.hz
     }
 
-    /// The simulated time of a step in seconds, `step / rate_hz`.
+    /// Returns the simulated time of a step in seconds, `step / rate_hz`.
     #[must_use]
     #[inline]
     pub fn seconds(self, step: Step) -> f64 {
         step.0 as f64 / self.hz
     }
 
-    /// The simulated time of a step in nanoseconds, rounded to the nearest; at most what 64 bits hold,
-    /// 584 years.
+    /// Returns the simulated time of a step in nanoseconds, rounded to the nearest and saturating at the limit of 64
+    /// bits, 584 years.
     #[must_use]
     #[inline]
     pub fn nanoseconds(self, step: Step) -> u64 {
-        // Whole seconds and the rest apart: 2^40 steps of a microsecond leave a double's 53 bits.
+        // Whole seconds and the rest apart: 2^40 steps of a microsecond exceed the 53 bits of a double.
         let whole = (self.seconds(step)) as u64;
         let rest_s = (step.0 as f64 - whole as f64 * self.hz) / self.hz;
         let rest_ns = rest_s * 1e9 + 0.5;
@@ -84,8 +84,8 @@ impl Rate {
         }
     }
 
-    /// The first step whose time is not before `at_s`, saturating at 0 for negative times and at the
-    /// last step that there is for times beyond it.
+    /// Returns the first step whose time is not before `at_s`, saturating at 0 for negative times and at the largest
+    /// step for times beyond it.
     #[must_use]
     pub fn step_at_or_after(self, at_s: f64) -> Step {
         if at_s > self.seconds(Step(u64::MAX)) {
@@ -101,7 +101,7 @@ impl Rate {
         step
     }
 
-    /// The last step whose time is not after `at_s`; `None` for negative times.
+    /// Returns the last step whose time is not after `at_s`; `None` for negative times.
     #[must_use]
     pub fn step_at_or_before(self, at_s: f64) -> Option<Step> {
         let after = self.step_at_or_after(at_s);
@@ -113,9 +113,9 @@ impl Rate {
     }
 }
 
-/// A number that is no rate.
+/// Number that is not a valid rate.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("{} is no rate: from {} to {}",
+#[error("{} is not a valid rate: expected {} to {}",
     exact_in(*.0, "Hz"),
     exact(Rate::MIN_HZ),
     exact_in(Rate::MAX_HZ, "Hz"))]
@@ -135,19 +135,19 @@ impl From<Rate> for f64 {
     }
 }
 
-/// Exchange interval, from a step to the next, as an integrator sees it.
+/// Exchange interval, from one step to the next, as seen by an integrator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
-    /// Simulated time at its begin in seconds.
+    /// Simulated time at its beginning in seconds.
     pub start_s: f64,
     /// Length of the interval in seconds.
     pub length_s: f64,
-    /// Number of equal integration steps to take inside it, at least 1.
+    /// Number of equal integration steps inside it, at least 1.
     pub substeps: u32,
 }
 
 impl Interval {
-    /// The length of one integration step in seconds.
+    /// Returns the length of one integration step in seconds.
     #[must_use]
     pub fn substep_s(&self) -> f64 {
         self.length_s / f64::from(self.substeps)
@@ -159,7 +159,7 @@ mod tests {
     use super::*;
 
     fn rate(hz: f64) -> Rate {
-        Rate::new(hz).expect("a legal rate")
+        Rate::new(hz).expect("a valid rate")
     }
 
     #[test]
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn a_number_that_is_no_rate_is_refused_where_it_is_read() {
+    fn an_invalid_rate_is_refused_when_deserialised() {
         for text in ["0", "-1000", "1e-4", "1e308"] {
             let refused = serde_json::from_str::<Rate>(text).expect_err(text);
             assert!(refused.to_string().contains("no rate"), "{refused}");

@@ -1,11 +1,10 @@
-//! Values that change while a run goes on: the course of one from what it was to what it is to be, and what
-//! the plant tells the controller of those of its law.
+//! Values that change during a run: the course of one value from old to new, and the messages by which the plant passes
+//! the law's values to the controller.
 //!
-//! The plant decides when a change begins. A message with the courses of all parameters of the law that were
-//! ever changed goes ahead of the first sample that they count for, and each sample says how many such
-//! messages there have been ([`Header::tuning`](crate::frame::Header::tuning)). The runner answers a sample
-//! only with the courses of that number, whichever of the two comes first; a message that is lost among
-//! newer ones costs nothing but the samples between them.
+//! The plant decides when a change begins. A message with the courses of all law parameters changed so far precedes the
+//! first sample that it applies to, and each sample carries the number of such messages so far
+//! ([`Header::tuning`](crate::frame::Header::tuning)). The runner answers a sample only with the courses of that
+//! number, whichever of the two arrives first; if newer messages overtake one, only the samples between them are lost.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,8 +13,8 @@ use crate::time::Step;
 
 /// Course of a value.
 ///
-/// `from + (to - from) (k - begin) / steps` at step k of the ramp, `from` before and `to` after it. Without
-/// steps, or if an end is infinite, it is `to` from its begin on.
+/// `from + (to - from) (k - begin) / steps` at step k of the ramp, `from` before and `to` after it. With zero steps, or
+/// if an end is infinite, it is `to` from its beginning on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Course {
     /// Value before.
@@ -26,12 +25,12 @@ pub struct Course {
     pub to: f64,
     /// First step of the change.
     pub begin: Step,
-    /// Steps from the beginning to the end.
+    /// Number of steps from the beginning to the end.
     pub steps: u64,
 }
 
 impl Course {
-    /// The value at a step.
+    /// Returns the value at a step.
     #[must_use]
     pub fn at(&self, step: Step) -> f64 {
         let Some(since) = step.0.checked_sub(self.begin.0) else {
@@ -41,11 +40,11 @@ impl Course {
             return self.to;
         }
         let share = since as f64 / self.steps as f64;
-        // Not by the difference, which may be more than the largest number.
+        // Avoids the difference, which may exceed the largest number.
         self.from * (1.0 - share) + self.to * share
     }
 
-    /// The slope to the right of a step, in units a step.
+    /// Returns the slope to the right of a step, in units per step.
     #[must_use]
     pub fn slope_at(&self, step: Step) -> f64 {
         let goes = self.is_ramp() && step >= self.begin && !self.is_over(step);
@@ -55,19 +54,19 @@ impl Course {
         }
     }
 
-    /// Checks whether the value takes time to change.
+    /// Returns `true` if the value takes time to change.
     #[must_use]
     pub const fn is_ramp(&self) -> bool {
         self.steps > 0 && self.from.is_finite() && self.to.is_finite()
     }
 
-    /// Checks whether the value is the same from a step on.
+    /// Returns `true` if the value is constant from a step on.
     #[must_use]
     pub const fn is_over(&self, step: Step) -> bool {
         step.0 >= self.end().0
     }
 
-    /// First step at which the value is what it is to be.
+    /// Returns the first step at which the value has reached its target.
     #[must_use]
     pub const fn end(&self) -> Step {
         match self.is_ramp() {
@@ -77,12 +76,12 @@ impl Course {
     }
 }
 
-/// Parameters of a law that were changed so far, all of them.
+/// All law parameters that have been changed so far.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Tuned {
     /// Number of the message in the run, from 1.
     pub number: u64,
-    /// Each parameter by its place in what the hello offered to be tuned.
+    /// Course of each parameter, by its index among the tunable ones of the hello.
     pub courses: Vec<(u32, Course)>,
 }
 
@@ -111,14 +110,14 @@ mod tests {
     }
 
     #[test]
-    fn without_steps_it_is_there_at_once() {
+    fn without_steps_the_value_changes_at_once() {
         let step = course(2.0, 4.0, 0);
         assert_eq!([9, 10].map(|k| step.at(Step(k))), [2.0, 4.0]);
         assert!(step.is_over(Step(10)) && step.slope_at(Step(10)) == 0.0);
     }
 
     #[test]
-    fn no_ramp_leads_from_or_to_the_infinite_or_out_of_range() {
+    fn no_ramp_leads_to_or_from_infinity_or_out_of_range() {
         for (from, to) in [(f64::INFINITY, 1.0), (1.0, f64::INFINITY)] {
             let jump = course(from, to, 4);
             assert_eq!([9, 10, 12].map(|k| jump.at(Step(k))), [from, to, to]);

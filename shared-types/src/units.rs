@@ -1,12 +1,12 @@
 //! Units as text, reduced to base units, and conversions between units of one dimension.
 //!
-//! `N.m`, `N m` and `kg m2/s2` are one unit in three texts, `mm` is m with a factor and `degC` is K with a zero of
-//! its own. Called where a scenario is checked, never by a loop: a loop has the [`Conversion`] alone.
+//! `N.m`, `N m` and `kg m2/s2` are one unit in three texts, `mm` is m with a factor and `degC` is K with an offset.
+//! Called when a scenario is checked, never by a loop, which only has the [`Conversion`].
 //!
-//! Base units are those of SI (BIPM, *The International System of Units*, 9th edition, tables 2 to 8), and rad,
-//! which is kept apart from 1: an angle for a number, or rad/s for Hz, would hide a factor of 2 pi.
-//! No crate fits: `uom` knows units when it is compiled, `octofhir-ucum` has the codes of UCUM, whose `degC` and
-//! `rpm` have other names, and `rink-core` is a calculator with a dictionary.
+//! Base units are those of SI (BIPM, *The International System of Units*, 9th edition, tables 2 to 8), and rad, which
+//! is kept apart from 1: converting an angle into a plain number, or rad/s into Hz, would hide a factor of 2 pi. No
+//! crate fits: `uom` needs the units at compile time, `octofhir-ucum` uses the codes of UCUM, in which `degC` and `rpm`
+//! have other names, and `rink-core` is a calculator with a dictionary.
 
 mod symbols;
 
@@ -19,11 +19,11 @@ use symbols::{Known, known};
 
 pub use symbols::symbol_of_word;
 
-/// Longest text that is read.
+/// Maximum length of a unit's text.
 const LONGEST: usize = 64;
 /// Largest exponent, in halves.
 const LARGEST_EXPONENT: i32 = 64;
-/// The base units, in the order of exponents.
+/// Base units, in the order of exponents.
 const BASE: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
 
 /// A unit, reduced to base units.
@@ -38,45 +38,43 @@ pub struct Unit {
     denominator: f64,
     /// Exponent of pi, in halves.
     half_turns: i32,
-    /// The value in base units at 0, in this unit: 273.15 for degC.
+    /// Offset of the unit's zero, in this unit: 273.15 for degC.
     zero: f64,
 }
 
-/// Reason for which a text is no unit that can be reduced.
+/// Reason why a text cannot be reduced to base units.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unreadable {
-    /// A symbol that is none here.
-    #[error("`{0}` is no unit that is known here{near}", near = symbols::near(.0))]
+    /// Unknown symbol.
+    #[error("`{0}` is not a known unit{near}", near = symbols::near(.0))]
     Symbol(String),
-    /// Product behind a quotient without parentheses.
-    #[error(
-        "`{0}` can be read in two ways; write a denominator of two units in parentheses, as in J/(kg K)"
-    )]
+    /// Product after a quotient without parentheses.
+    #[error("`{0}` is ambiguous; write a denominator of two units in parentheses, as in J/(kg K)")]
     Ambiguous(String),
-    /// Text that is no product of units.
-    #[error("`{0}` is no product of units with exponents, such as kg m2/s2 or N.m")]
+    /// Text that is not a product of units.
+    #[error("`{0}` is not a product of units with exponents, such as kg m2/s2 or N.m")]
     Form(String),
 }
 
 /// Conversion of a value: `received = factor * sent + offset`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Conversion {
-    /// Factor of the value that is sent.
+    /// Factor of the sent value.
     #[serde(with = "number")]
     pub factor: f64,
-    /// Value that is added, in the unit of the receiver.
+    /// Offset, in the receiver's unit.
     #[serde(with = "number")]
     pub offset: f64,
 }
 
 impl Conversion {
-    /// The conversion that changes no bit.
+    /// Conversion that changes no bit.
     pub const IDENTITY: Self = Self {
         factor: 1.0,
         offset: 0.0,
     };
 
-    /// Checks whether the conversion changes no bit.
+    /// Returns `true` if the conversion changes no bit.
     #[must_use]
     pub fn is_identity(&self) -> bool {
         *self == Self::IDENTITY
@@ -102,10 +100,10 @@ impl Unit {
         zero: 0.0,
     };
 
-    /// Reads a unit. The empty text is 1.
+    /// Parses a unit. The empty text is 1.
     ///
     /// # Errors
-    /// If it is none, or not known here.
+    /// If the text is not a unit, or an unknown one.
     pub fn parse(text: &str) -> Result<Self, Unreadable> {
         if text.trim().is_empty() {
             return Ok(Self::ONE);
@@ -122,7 +120,7 @@ impl Unit {
         }
     }
 
-    /// The unit in base units without its factor, for example `kg m2/s2`.
+    /// Formats the unit in base units without its factor, for example `kg m2/s2`.
     #[must_use]
     pub fn base(&self) -> String {
         let side = |sign: i32| {
@@ -152,7 +150,8 @@ impl Unit {
         }
     }
 
-    /// The coherent SI unit of the same dimension: its own symbol, such as `N` or `Hz`, or else [`base`](Self::base).
+    /// Returns the coherent SI unit of the same dimension: its own symbol, such as `N` or `Hz`, or else
+    /// [`base`](Self::base).
     #[must_use]
     pub fn coherent(&self) -> String {
         let mut symbols = Known::ALL.iter().filter(|known| {
@@ -164,7 +163,7 @@ impl Unit {
             .map_or_else(|| self.base(), |known| known.symbol.into())
     }
 
-    /// Returns `true` if a value in this unit is the value in base units.
+    /// Returns `true` if values in this unit equal those in base units.
     #[must_use]
     pub fn is_coherent(&self) -> bool {
         let one = Self {
@@ -174,7 +173,7 @@ impl Unit {
         *self == one
     }
 
-    /// Returns `true` if the unit is that of a plain number or a part of one, as 1 and %.
+    /// Returns `true` if the unit is a plain number or a fraction of one, such as 1 and %.
     #[must_use]
     pub fn is_plain(&self) -> bool {
         self.halves == [0; 8]
@@ -189,7 +188,7 @@ impl Unit {
     /// Converts a value in this unit into base units.
     #[must_use]
     pub fn in_base_units(&self, value: f64) -> f64 {
-        // Divided, not multiplied by a part: 200 ms are the same number as 0.2 s.
+        // Divided, not multiplied by a fraction: 200 ms are the same number as 0.2 s.
         let value = (value + self.zero) * self.numerator / self.denominator;
         match self.half_turns {
             0 => value,
@@ -198,13 +197,13 @@ impl Unit {
         }
     }
 
-    /// Lists the symbols that can be read, each with every prefix that it takes.
+    /// Lists the known symbols, each with every prefix that it takes.
     #[must_use]
     pub fn symbols() -> Vec<String> {
         symbols::all().collect()
     }
 
-    /// The conversion of a value in this unit into another; `None` if their dimensions differ.
+    /// Returns the conversion of a value in this unit into another; `None` if their dimensions differ.
     #[must_use]
     pub fn conversion_to(&self, other: &Self) -> Option<Conversion> {
         if self.halves != other.halves {
@@ -236,7 +235,7 @@ impl Unit {
             return Some(*other);
         }
         let mut unit = *self;
-        // A difference of temperatures in a product: degC/s is K/s.
+        // A temperature in a product is a difference: degC/s is K/s.
         unit.zero = 0.0;
         for (mine, theirs) in unit.halves.iter_mut().zip(other.halves) {
             *mine += theirs * halves / 2;
@@ -265,7 +264,7 @@ fn power_of_pi(halves: i32) -> f64 {
     power(std::f64::consts::PI, halves)
 }
 
-/// `base` to `halves / 2`.
+/// Computes `base` to the power of `halves / 2`.
 fn power(base: f64, halves: i32) -> f64 {
     let root = if halves % 2 == 0 { 1.0 } else { base.sqrt() };
     (0..halves / 2).fold(root, |product, _| product * base)
@@ -281,7 +280,7 @@ impl Parser<'_> {
         Unreadable::Form(self.text.into())
     }
 
-    /// Units side by side, up to a closing parenthesis or the end.
+    /// Parses adjacent units, up to a closing parenthesis or the end.
     fn product(&mut self) -> Result<Unit, Unreadable> {
         self.skip_spaces();
         let (first, halves) = self.factor()?;
@@ -310,7 +309,7 @@ impl Parser<'_> {
         }
     }
 
-    /// A unit and its exponent in halves.
+    /// Parses a unit and its exponent in halves.
     fn factor(&mut self) -> Result<(Unit, i32), Unreadable> {
         if let Some(rest) = self.rest.strip_prefix("sqrt(") {
             self.rest = rest;
@@ -341,7 +340,7 @@ impl Parser<'_> {
         Ok(unit)
     }
 
-    /// Whole number behind a unit, with or without `^`; 1 if there is none.
+    /// Parses a whole number after a unit, with or without `^`; 1 if there is none.
     fn exponent(&mut self) -> Result<i32, Unreadable> {
         const RAISED: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
         let (is_needed, rest) = match self.rest.strip_prefix('^') {

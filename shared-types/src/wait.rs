@@ -1,5 +1,5 @@
-//! Contract of a wait: its strategy, its limit, and the place where a waiter sleeps. It knows no clock and no system
-//! call; the waiter itself is not part of the contract.
+//! Contract of a wait: its strategy, its limit, and where a waiter sleeps. No clock and no system call is used here; the
+//! waiter itself is in `hil-session`.
 
 use std::fmt;
 
@@ -9,19 +9,19 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum WaitStrategy {
-    /// Poll, then give the core away or sleep, by what the waits before have shown.
+    /// Poll, then yield the core or sleep, as learned from previous waits.
     #[default]
     Hybrid,
-    /// Never give the core away: for a core that nobody else needs.
+    /// Never yield the core: for a core that nobody else needs.
     Spin,
-    /// Give the core away after each poll: for a core that both sides have to themselves.
+    /// Yield the core after each poll: for a core that both sides have to themselves.
     Yield,
-    /// Sleep until the other side sends: for more runs at a time than cores.
+    /// Sleep until the other side sends: for more simultaneous runs than cores.
     Sleep,
 }
 
 impl WaitStrategy {
-    /// All of them.
+    /// All strategies.
     pub const ALL: [Self; 4] = [Self::Hybrid, Self::Spin, Self::Yield, Self::Sleep];
 
     /// Name in scenarios, on command lines and in summaries.
@@ -36,14 +36,14 @@ impl WaitStrategy {
     }
 }
 
-/// Time that a peer that lives may take, the scenario's and command line's `wait_limit`.
+/// Time that a live peer may take, `wait_limit` in scenarios and on the command line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WaitLimit {
     ns: u64,
 }
 
 impl WaitLimit {
-    /// A limit in seconds; infinity for no limit.
+    /// Creates a limit in seconds; infinity for no limit.
     #[must_use]
     pub fn from_seconds(limit_s: f64) -> Self {
         // The cast saturates: beyond 584 years is for ever.
@@ -52,29 +52,29 @@ impl WaitLimit {
         }
     }
 
-    /// The limit in ns.
+    /// Returns the limit in ns.
     #[must_use]
     #[inline]
     pub const fn ns(self) -> u64 {
         self.ns
     }
 
-    /// The limit in ms.
+    /// Returns the limit in ms.
     #[must_use]
     pub const fn ms(self) -> u64 {
         self.ns / 1_000_000
     }
 }
 
-/// Place where a waiter sleeps until the other side's send wakes it.
+/// Sleeper that the other side's send wakes.
 pub trait Sleeper: fmt::Debug {
-    /// Says that this side is about to sleep: a send after this ends the sleep or keeps it from beginning. A
-    /// send before does not, so the waiter looks once more in between. Returns the argument of `sleep`.
+    /// Announces a sleep: any later send ends the sleep or prevents it. An earlier send does not, so the waiter polls
+    /// once more in between. Returns the argument for `sleep`.
     fn announce(&self) -> u32;
 
-    /// Sleeps until the other side sends, `ns` at most; may end for no reason.
+    /// Sleeps until the other side sends, at most for `ns`; may wake spuriously.
     fn sleep(&self, announced: u32, ns: u64);
 
-    /// Says that this side is awake.
+    /// Cancels the announcement: this side is awake.
     fn retire(&self);
 }

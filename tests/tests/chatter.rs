@@ -103,8 +103,7 @@ fn a_hello_said_for_ever_ends_with_the_wait_limit() {
 #[test]
 fn a_second_answer_that_is_not_the_first_is_named() {
     let rig = Rig::new();
-    let twice =
-        "controller broke the protocol at step 100: it answered step 99 twice, and not the same";
+    let twice = "controller broke the protocol at step 100: it answered step 99 twice, with different commands";
     let run = chats(&rig, "contradicts", "abort", "lockstep").expect(3);
     assert_told(&run.summary()["reason"], twice);
     let run = chats(&rig, "contradicts", "safe-command", "lockstep").expect(0);

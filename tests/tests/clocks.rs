@@ -164,7 +164,7 @@ fn the_policy_abort_ends_a_run_with_the_step_that_was_late() {
     let paced = "--clock paced --set run.overrun=abort";
     run(&rig, &busy("plant"), paced).expect(3).says(&[
         "was due",
-        "before the step before it was done",
+        "before the previous step was done",
         "`abort`",
     ]);
     let real = "--clock realtime --set run.overrun=abort";

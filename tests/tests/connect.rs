@@ -276,7 +276,7 @@ fn mistakes_of_connections_start_nothing() {
         (
             "\"command.f\"",
             "\"command.g\"",
-            "`command.g` is no signal of plant `slider`",
+            "`command.g` is not a signal of plant `slider`",
         ),
     ] {
         let wrong = scenario(&rig, "wrong.toml", &SLIDER.replace(from, to));

@@ -223,26 +223,26 @@ fn a_description_that_cannot_be_written_down_is_refused_before_anything_starts()
         ("--controller-bin", "\"e m\" is no name", |all| {
             shows(all)[0]["name"] = "e m".into();
         }),
-        ("--controller-bin", "is no unit", |all| {
+        ("--controller-bin", "has the invalid unit", |all| {
             shows(all)[0]["unit"] = "m\nfloat64 x".into();
         }),
-        ("--controller-bin", "is there twice", |all| {
+        ("--controller-bin", "is defined twice", |all| {
             let name = shows(all)[0]["name"].clone();
             shows(all)[1]["name"] = name;
         }),
-        ("--controller-bin", "is there twice", |all| {
+        ("--controller-bin", "is defined twice", |all| {
             let law = all["laws"][0].clone();
             all["laws"].as_array_mut().expect("a list").push(law);
         }),
-        ("--plant-bin", "is there twice", |all| {
+        ("--plant-bin", "is defined twice", |all| {
             let plant = all["plants"][0].clone();
             all["plants"].as_array_mut().expect("a list").push(plant);
         }),
-        ("--plant-bin", "is there twice", |all| {
+        ("--plant-bin", "is defined twice", |all| {
             let name = all["plants"][0]["truth"][0]["name"].clone();
             all["plants"][0]["truth"][1]["name"] = name;
         }),
-        ("--plant-bin", "is no name", |all| {
+        ("--plant-bin", "is not a name", |all| {
             all["plants"][0]["measured"][0]["name"] = "2x".into();
         }),
     ];

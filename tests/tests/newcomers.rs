@@ -221,9 +221,9 @@ fn a_missing_scenario_of_a_study_is_answered_with_its_folder() {
     let path = rig.path("sub/nope.toml").canonicalize();
     assert!(path.is_err());
     let parts = [
-        "the scenario cannot be read: it is not there",
+        "the scenario cannot be read: it does not exist",
         "sub/study.toml:2:12",
-        "paths in a study begin at the folder of the study, /",
+        "paths in a study are relative to the folder of the study, /",
         "/sub/nope.toml",
     ];
     refused(run, "campaign check", &parts);

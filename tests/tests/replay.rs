@@ -356,7 +356,7 @@ fn what_cannot_be_replayed_is_refused_before_anything_starts() {
         ),
         (vec![folder, "--tolerance", "-1"], "at least 0"),
         (vec![folder, "--wait-limit", "0"], "above 0"),
-        (vec![folder, "--session", "NO"], "no session name"),
+        (vec![folder, "--session", "NO"], "is not a session name"),
     ] {
         rig.hil(&[&["replay"], &arguments[..]].concat())
             .expect(2)

@@ -151,7 +151,7 @@ fn what_is_wrong_is_refused_by_name_and_changes_nothing() {
         ("controller.nrsc.x=1", "there is no"),
         (
             "plant.parameters.initial_position_m=0.1",
-            "cannot be changed while the run goes on",
+            "cannot be changed during the run",
         ),
         ("plant.parameters.mass_kg=0", "out of range"),
         ("plant.parameters.mass_kg=nan", "not a number"),

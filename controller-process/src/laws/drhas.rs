@@ -1,4 +1,4 @@
-//! Parts that all laws for the hydraulic plant `drhas` have in common: the plant's name and the commands.
+//! Common parts of all laws for the hydraulic plant `drhas`: the plant's name and the commands.
 //!
 //! Used by the `pid` for that plant and by the backstepping laws.
 
@@ -6,7 +6,7 @@
 pub const PLANT: &str = "drhas";
 
 shared_types::table! {
-    /// The currents of the two servo valves.
+    /// Currents of the two servo valves.
     pub struct Command {
         /// Current of the servo valve of actuator 1, u_1.
         actuator1_valve_current_a: "A",

@@ -1,8 +1,8 @@
-//! `hold`: gives every command of the plant one constant value, whatever the sample says.
+//! `hold`: sets every command of the plant to one constant value, regardless of the sample.
 //!
-//! For open-loop runs, for a first try of an own plant and as the other side of a latency
-//! measurement. It is the one law that fits any plant, so it implements [`Law`] on rows and has no
-//! command table of its own. A value that jumps while it runs is reached within 0.1 s, in a straight line.
+//! For open-loop runs, for a first try of your own plant and as the peer in a latency measurement. It is the one law
+//! for any plant, so it implements [`Law`] on rows and has no command table of its own. A value that jumps during a run
+//! is reached within 0.1 s, in a straight line.
 
 use serde::{Deserialize, Serialize};
 use shared_types::describe::{Invalid, LawDescription};
@@ -32,9 +32,9 @@ pub struct Hold {
 /// State that the law keeps from sample to sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct HoldState {
-    /// Command given last, if any was.
+    /// Last command, if any.
     last: Option<f64>,
-    /// The value jumped since then.
+    /// `true` if the value has jumped since then.
     jumped: bool,
     transfer: Transfer,
 }
@@ -71,7 +71,7 @@ impl Law for Hold {
     }
 }
 
-/// The entry of `hold` in the list of laws.
+/// Returns the entry of `hold` in the list of laws.
 #[must_use]
 pub fn kind() -> LawKind {
     LawKind {
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_that_jumps_is_reached_in_a_straight_line_and_one_on_a_ramp_is_followed() {
+    fn a_jump_is_approached_in_a_straight_line_and_a_ramp_is_followed() {
         let mut law = Hold {
             value: 8.0,
             period_s: 0.025,
@@ -156,7 +156,7 @@ mod tests {
             };
             law.retune(&setup, transition);
         };
-        // Nothing was commanded: there is nothing to go on from.
+        // No command yet: there is nothing to continue from.
         retune(&mut law, 4.0, Transition::Step);
         assert_eq!([step(&mut law), step(&mut law)], [4.0, 4.0]);
         retune(&mut law, 0.0, Transition::Step);

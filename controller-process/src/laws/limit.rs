@@ -1,9 +1,9 @@
 //! The limit of a command, used by every law that has one.
 
-/// The limit of a command that has none.
+/// Limit of an unlimited command.
 pub(super) const UNLIMITED: f64 = f64::INFINITY;
 
-/// A value held within `[-limit, limit]`; what is not a number stays so, for the plant's guard.
+/// Clamps a value to `[-limit, limit]`; NaN stays NaN, for the plant's guard.
 pub(super) fn limited(value: f64, limit: f64) -> f64 {
     if value > limit {
         limit
@@ -19,7 +19,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_limit_cuts_both_signs_and_nothing_else() {
+    fn a_limit_clamps_both_signs_and_nothing_else() {
         assert_eq!(
             [-3.0, -1.0, 1.5, 2.5].map(|v| limited(v, 2.0)),
             [-2.0, -1.0, 1.5, 2.0]

@@ -1,8 +1,8 @@
-//! The laws that the controller can run, one folder or file per law.
+//! The built-in laws, one folder or file per law.
 //!
-//! [`all`] is what the runner and `--describe` read; nothing else lists the laws. A law is pure
-//! arithmetic on its configuration and the sample: it knows no clock, no file and no random number.
-//! Each keeps its command continuous where its parameters jump while it runs.
+//! The runner and `--describe` use [`all`], the only list of the laws. A law is pure arithmetic on its configuration
+//! and the sample: no clock, no file and no random number. Each keeps its command continuous if its parameters jump
+//! during a run.
 //!
 //! | law | plant | file |
 //! |---|---|---|
@@ -20,8 +20,7 @@ mod transfer;
 
 use crate::controller::LawKind;
 
-/// Every law that can be chosen by name. Two laws may share a name if they are for different
-/// plants.
+/// Returns every law that can be selected by name. Two laws may share a name if they are for different plants.
 #[must_use]
 pub fn all() -> Vec<LawKind> {
     vec![
@@ -45,7 +44,7 @@ mod tests {
     use crate::controller::{Law, Row, Start};
 
     #[test]
-    fn a_name_and_a_plant_choose_one_law() {
+    fn a_name_and_a_plant_select_one_law() {
         let laws = all();
         for plant in ["drhas", "spring-mass"] {
             let names: Vec<&str> = laws
@@ -59,7 +58,7 @@ mod tests {
         }
     }
 
-    /// Takes a step with a random sample, now and then not valid; returns command and internals.
+    /// Takes a step with a random sample, occasionally invalid; returns command and internals.
     fn step(
         law: &mut dyn Law,
         description: &LawDescription,
@@ -94,12 +93,12 @@ mod tests {
     }
 
     #[test]
-    fn every_law_goes_on_from_any_sample_bit_by_bit() {
+    fn every_law_resumes_from_any_sample_bit_by_bit() {
         for kind in all() {
             let description = &kind.description;
             let (name, mut parameters) = (&description.name, Settings::default());
             for field in &description.parameters {
-                // Integrals and derivatives remember; the paper's gains have none.
+                // Integrals and derivatives have memory; the paper's gains use none.
                 let value = match field
                     .name
                     .split(['.', '_'])

@@ -1,7 +1,7 @@
-//! PID: the core that the laws named `pid` share, and those laws, one file per plant.
+//! PID: the core shared by the laws named `pid`, and those laws, one file per plant.
 //!
-//! [`Pid`] turns an error into a command, once per sample. It has no units and knows no plant: the
-//! laws in [`drhas`] and [`spring_mass`] name the signals, the units and the gains.
+//! [`Pid`] turns an error into a command, once per sample. It has no units and is independent of the plant: the laws in
+//! [`drhas`] and [`spring_mass`] define the signals, the units and the gains.
 
 pub mod drhas;
 pub mod spring_mass;
@@ -12,7 +12,7 @@ use super::limit::limited;
 use super::transfer::Transfer;
 use crate::controller::Transition;
 
-/// Sentence on a gain of the laws named `pid` that changes while they run.
+/// Sentence on the effect of changing a gain of the laws named `pid` during a run.
 pub const TUNING: &str = "The command goes on from what the old gains would have given: the integral takes up the difference; without an integral gain it fades within 0.1 s after a jump.";
 
 /// Gains, in units of the command per unit of the error (and per second or times second).
@@ -30,14 +30,14 @@ pub struct Gains {
 
 /// PID loop.
 ///
-/// `u = k_p e + k_i integral(e) + k_d de/dt`, held within the limit. The integral is the sum of
-/// trapezoids and starts at 0, the derivative is the backward difference and is 0 at the first
-/// sample. While the command is at its limit the integral does not move further into it
-/// (conditional integration), so that it leaves the limit as soon as the error turns.
+/// `u = k_p e + k_i integral(e) + k_d de/dt`, clamped to the limit. The integral is the sum of trapezoids and starts at
+/// 0, the derivative is the backward difference and is 0 at the first sample. While the command is at its limit the
+/// integral does not move further into it (conditional integration), so that it leaves the limit as soon as the error
+/// changes sign.
 #[derive(Clone, Copy, Debug)]
 pub struct Pid {
     gains: Gains,
-    /// Gains before a change that the next sample brings about, and whether they jump.
+    /// Gains before a change that takes effect at the next sample, and its transition.
     former: Option<(Gains, Transition)>,
     period_s: f64,
     state: PidState,
@@ -51,13 +51,13 @@ pub struct PidState {
     /// Samples without a valid error since the last valid one.
     missed: u32,
     command: f64,
-    /// The gains changed while there was no valid error.
+    /// `true` if the gains changed while there was no valid error.
     changed: bool,
     transfer: Transfer,
 }
 
 impl Pid {
-    /// A loop before its first sample; its command is 0 until then.
+    /// Creates a loop before its first sample; its command is 0 until then.
     #[must_use]
     pub fn new(gains: Gains, period_s: f64) -> Self {
         Self {
@@ -68,12 +68,12 @@ impl Pid {
         }
     }
 
-    /// Takes other gains, from the next update on.
+    /// Applies other gains, from the next update on.
     ///
-    /// The command of that update is what the old gains give, within the new limit: the integral becomes
-    /// `(u_old - k_p e - k_d de/dt) / k_i`. Without an integral gain the difference fades, if the gains jump.
+    /// The command of that update is that of the old gains, within the new limit: the integral becomes `(u_old - k_p e
+    /// - k_d de/dt) / k_i`. Without an integral gain the difference fades, if the gains jump.
     pub fn retune(&mut self, gains: Gains, transition: Transition) {
-        // Before the first sample there is no command to go on from.
+        // Before the first sample there is no command to continue from.
         if self.state.last_error.is_some() {
             let before = self.former.map_or(self.gains, |(before, _)| before);
             self.former = Some((before, transition));
@@ -81,19 +81,19 @@ impl Pid {
         self.gains = gains;
     }
 
-    /// Returns the state that the loop keeps.
+    /// Returns the state of the loop.
     #[must_use]
     pub const fn state(&self) -> PidState {
         self.state
     }
 
-    /// Goes on with what it remembered.
+    /// Restores a saved state.
     pub const fn restore(&mut self, state: PidState) {
         self.state = state;
         self.former = None;
     }
 
-    /// The command that answers an error.
+    /// Returns the command that answers an error.
     pub fn update(&mut self, error: f64) -> f64 {
         if self.former.is_some() || self.state.changed {
             return self.change_over(error);
@@ -103,7 +103,7 @@ impl Pid {
         self.state.command
     }
 
-    /// Answers an error so that the command goes on from the gains before, or from the one that was held.
+    /// Answers an error such that the command continues from the previous gains, or from the held command.
     fn change_over(&mut self, error: f64) -> f64 {
         let gains = self.gains;
         let (former, transition) = self.former.take().unwrap_or((gains, Transition::Step));
@@ -133,7 +133,7 @@ impl Pid {
         self.state.command
     }
 
-    /// The command without what is left of a change, within the limit as far as the integral goes.
+    /// Returns the command without the remainder of a change, within the limit as far as the integral is concerned.
     fn answer(&mut self, error: f64) -> f64 {
         let state = &mut self.state;
         let elapsed_s = f64::from(state.missed.saturating_add(1)) * self.period_s;
@@ -159,8 +159,8 @@ impl Pid {
         rest + k_i * state.integral
     }
 
-    /// The command when the sample is not valid: the last one. Integral and derivative bridge the
-    /// gap at the next valid sample.
+    /// Returns the command for an invalid sample: the last one. Integral and derivative bridge the gap at the next
+    /// valid sample.
     pub fn hold(&mut self) -> f64 {
         self.state.changed |= self.former.take().is_some();
         self.state.missed = self.state.missed.saturating_add(1);
@@ -180,8 +180,8 @@ mod tests {
         limit: f64::INFINITY,
     };
 
-    /// Largest deviation from `error_at` over 5 s of the loop around `n` integrators in a row,
-    /// which are exact under a held command; the error starts at 1.
+    /// Largest deviation from `error_at` over 5 s of the loop around `n` cascaded integrators, which are exact under a
+    /// held command; the error starts at 1.
     fn deviation(gains: Gains, period_s: f64, n: usize, error_at: fn(f64) -> f64) -> f64 {
         let mut pid = Pid::new(gains, period_s);
         let (mut position, mut velocity) = (0.0, 0.0);
@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn the_command_leaves_its_limit_as_soon_as_the_error_turns() {
+    fn the_command_leaves_its_limit_as_soon_as_the_error_changes_sign() {
         let gains = Gains {
             proportional: 1.0,
             integral: 10.0,
@@ -276,7 +276,7 @@ mod tests {
         assert_eq!((pid.update(3.0), pid.update(-3.0)), (1.0, -1.0));
     }
 
-    /// The commands of a loop for errors, whose gains are others from the sample `at` on.
+    /// Returns a loop's commands for errors, with other gains from the sample `at` on.
     fn retuned(before: Gains, after: Gains, at: usize, errors: &[f64]) -> Vec<f64> {
         let mut pid = Pid::new(before, 0.025);
         let answers = errors.iter().enumerate().map(|(k, error)| {
@@ -296,7 +296,7 @@ mod tests {
     };
 
     #[test]
-    fn a_change_of_gains_leaves_the_command_what_the_old_ones_give() {
+    fn a_change_of_gains_leaves_the_command_at_that_of_the_old_gains() {
         let errors = [1.0, 0.75, 0.25, -0.5, 0.5, 1.5];
         let other = Gains {
             proportional: -7.0,
@@ -311,8 +311,8 @@ mod tests {
             unchanged[..4],
             "to the last bit, the change included"
         );
-        // From there on u' = u + k_p de + k_i area + k_d d(de/dt) with the new gains alone:
-        // de = 1, area = 0 and 0.025, rates 40 after -30 and 40 after 40.
+        // From there on u' = u + k_p de + k_i area + k_d d(de/dt) with the new gains alone: de = 1, area = 0 and 0.025,
+        // rates 40 after -30 and 40 after 40.
         let wanted = changed[3] - 7.0 * 1.0 + 0.0 + 3.0 * (40.0 + 30.0);
         assert!(
             (changed[4] - wanted).abs() < 1e-12,
@@ -328,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn gains_on_a_ramp_never_jump_and_come_to_where_they_are_to_be() {
+    fn gains_on_a_ramp_never_jump_and_reach_their_target() {
         let mut pid = Pid::new(WITH_INTEGRAL, 0.025);
         let before = [pid.update(1.0), pid.update(1.0)];
         for k in 1..=10 {
@@ -337,7 +337,7 @@ mod tests {
                 ..WITH_INTEGRAL
             };
             pid.retune(gains, Transition::Ramp);
-            // The error stands still: only the integral moves, by k_i e T.
+            // The error is constant: only the integral moves, by k_i e T.
             let wanted = before[1] + 8.0 * 0.025 * f64::from(k);
             assert!((pid.update(1.0) - wanted).abs() < 1e-12, "{k}");
         }
@@ -353,7 +353,7 @@ mod tests {
         // 90 to 30 at e = 0.5: u = 15 + 30 (1 - j / 4) at the samples after the change, 25 ms apart.
         let commands = retuned(gains(90.0), gains(30.0), 2, &[0.5; 8]);
         assert_eq!(commands, [45.0, 45.0, 45.0, 37.5, 30.0, 22.5, 15.0, 15.0]);
-        // An integral gain that goes away leaves its part, which fades likewise.
+        // A removed integral gain leaves its part, which fades likewise.
         let commands = retuned(WITH_INTEGRAL, gains(2.0), 2, &[1.0; 7]);
         let part = 8.0 * 0.05;
         let wanted = [1.0, 0.75, 0.5, 0.25, 0.0].map(|share| 2.0 + part * share);
@@ -377,7 +377,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lower_limit_counts_at_once_and_winds_nothing_up() {
+    fn a_lower_limit_applies_at_once_without_windup() {
         let gains = |limit| Gains {
             derivative: 0.0,
             limit,
@@ -390,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn a_change_beside_samples_that_are_not_valid_goes_on_from_the_command_held() {
+    fn a_change_during_invalid_samples_continues_from_the_held_command() {
         let mut pid = Pid::new(WITH_INTEGRAL, 0.025);
         pid.update(1.0);
         let held = pid.update(1.0);
@@ -403,7 +403,7 @@ mod tests {
     }
 
     #[test]
-    fn a_change_before_the_first_sample_is_no_change() {
+    fn a_change_before_the_first_sample_needs_no_transition() {
         let mut pid = Pid::new(WITH_INTEGRAL, 0.025);
         let gains = Gains {
             proportional: 5.0,
@@ -414,7 +414,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_that_are_not_valid_hold_the_command_and_are_bridged() {
+    fn invalid_samples_hold_the_command_and_are_bridged() {
         let gains = Gains {
             integral: 4.0,
             derivative: 1.0,

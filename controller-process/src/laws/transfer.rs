@@ -1,28 +1,28 @@
-//! Transfer that keeps a command continuous where parameters jump and no integral takes up the difference.
+//! Transfer that keeps a command continuous if parameters jump and no integral absorbs the difference.
 //!
-//! Used by the laws of this folder at the sample of such a change. A law that has an integral re-initialises
-//! that instead ([`pid`](super::pid)); parameters on a ramp need neither.
+//! Used by the laws of this folder at the sample of such a change. A law with an integral re-initialises that instead
+//! ([`pid`](super::pid)); parameters on a ramp need neither.
 
 use serde::{Deserialize, Serialize};
 
 /// Time within which the difference fades.
 pub(super) const TRANSFER_S: f64 = 0.1;
 
-/// Difference between a command before a change and after it, on its way to 0.
+/// Decaying difference between the commands before and after a change.
 ///
-/// `u = u_new + d (1 - j / n)` at the j-th of the n samples of [`TRANSFER_S`] from the change on, with
-/// `d = u_old - u_new` at the change itself, where u is u_old to the last bit.
+/// `u = u_new + d (1 - j / n)` at the j-th of the n samples of [`TRANSFER_S`] from the change on, with `d = u_old -
+/// u_new` at the change itself, where u is u_old to the last bit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Transfer {
     difference: f64,
-    /// Samples of the whole, and those that are left.
+    /// Total number of samples, and the number left.
     samples: u32,
     left: u32,
 }
 
 impl Transfer {
-    /// Begins at a sample whose command was `old` and would be `new`, which is of no use unless both are
-    /// finite; gives the command.
+    /// Begins at a sample whose command was `old` and would be `new`, provided that both are finite; returns the
+    /// command.
     pub(super) fn begin(&mut self, old: f64, new: f64, period_s: f64) -> f64 {
         let difference = old - new;
         if !difference.is_finite() || difference == 0.0 {
@@ -40,7 +40,7 @@ impl Transfer {
         old
     }
 
-    /// The difference that is left at the next sample.
+    /// Returns the remaining difference at the next sample.
     pub(super) fn next(&mut self) -> f64 {
         if self.left == 0 {
             return 0.0;
@@ -64,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_left_of_what_is_no_number() {
+    fn a_nan_starts_no_transfer() {
         let mut transfer = Transfer::default();
         for (old, new) in [(f64::INFINITY, 1.0), (f64::NAN, 1.0), (2.0, 2.0)] {
             assert_eq!(transfer.begin(old, new, 0.01), new);
@@ -73,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn a_law_that_is_slower_than_that_has_one_sample_of_it() {
+    fn a_slower_law_has_a_transfer_of_one_sample() {
         let mut transfer = Transfer::default();
         assert_eq!(transfer.begin(3.0, 1.0, 5.0), 3.0);
         assert_eq!(transfer.next(), 0.0);

@@ -1,6 +1,7 @@
-//! Answers of the bound law: which command the frame of a step carries, and how old it is.
+//! Answers of the bound law: the command in the frame of each step, and its age.
 //!
-//! Called by the runner for every sample that its side of the protocol takes. Sends nothing and knows no link.
+//! Called by the runner for every sample accepted by its side of the protocol. Sends nothing and is independent of the
+//! link.
 
 use hil_session::clock::monotonic_ns;
 use shared_types::directive::{Answered, Directive};
@@ -13,7 +14,7 @@ use crate::controller::Row;
 use crate::job::Job;
 
 impl Bound {
-    /// Fills the frame that answers a sample; gives the age of its command in steps.
+    /// Fills the frame that answers a sample; returns the age of its command in steps.
     pub(super) fn answer(
         &mut self,
         step: Step,
@@ -33,7 +34,7 @@ impl Bound {
         Ok((step.0 as i64 - self.made.frame) as u32)
     }
 
-    /// Notes that a step is answered, if its sample was seen; gives which were before.
+    /// Records that a step is answered, if its sample was received; returns the steps answered before.
     pub(super) fn note(&mut self, step: Step, is_seen: bool) -> Answered {
         if !is_seen {
             return self.answered;
@@ -45,14 +46,14 @@ impl Bound {
         self.answered
     }
 
-    /// Returns what happened to this thread, as one word.
+    /// Samples the statistics of this thread, as one word.
     pub(super) fn look(&mut self, answered_ns: u64) -> u64 {
         let cycle_ns = answered_ns - self.sent_ns;
         self.sent_ns = answered_ns;
         self.sampler.after(cycle_ns)
     }
 
-    /// Takes a sample and what its header says about timing.
+    /// Processes a sample and the timing directive in its header.
     fn take(&mut self, step: Step, header: &Header, job: &Job) -> Result<(), Failure> {
         let commands = self.previous.len();
         self.previous.copy_from_slice(&self.answer[..commands]);
@@ -83,7 +84,7 @@ impl Bound {
         Ok(())
     }
 
-    /// Checks whether the law runs at a step: at the first sample of each period that it gets.
+    /// Returns `true` if the law runs at a step: at the first sample received in each of its periods.
     fn is_due(&self, step: Step, job: &Job) -> bool {
         let period = |step: Step| step.0 / u64::from(job.rate_divisor);
         self.last.is_none_or(|last| period(step) != period(last))

@@ -1,4 +1,4 @@
-//! The runner against a plant that never falls silent: only a hold is a reason to wait longer.
+//! The runner against a plant that never falls silent: only a hold extends a wait.
 
 use std::sync::mpsc;
 use std::time::Duration;
@@ -11,16 +11,16 @@ use shared_types::wait::WaitLimit;
 use super::tests::{greeted, job, kind};
 use super::*;
 
-/// Much longer than any limit here, for a machine that is busy.
+/// Much longer than any limit here, for a busy machine.
 const WATCHDOG: Duration = Duration::from_secs(20);
 const WAIT_LIMIT_S: f64 = 0.1;
 
-/// A controller's end of a link whose other end says the same thing whenever it has nothing to say.
+/// A controller's end of a link whose other end repeats one message whenever it has no other.
 struct Echo {
     inner: InProcessLink,
     message: Option<Vec<u8>>,
     frame: Option<Header>,
-    /// Repetitions left: a hold, which lets go of the wait, is not for ever.
+    /// Repetitions left, so that a hold, which restarts the wait, ends eventually.
     left: u64,
 }
 
@@ -59,7 +59,7 @@ impl Link for Echo {
     }
 }
 
-/// Drives a runner to its end, or stops it when it does not come to one; gives why it ended.
+/// Drives a runner to its end, or stops it if it does not end; returns the reason.
 fn ends(runner: &mut Runner<'_, Echo>) -> String {
     let supervision = Supervision::new();
     let (over, is_over) = mpsc::channel::<()>();
@@ -80,7 +80,7 @@ fn ends(runner: &mut Runner<'_, Echo>) -> String {
 }
 
 #[test]
-fn messages_that_are_no_welcome_do_not_put_off_the_limit_of_hello() {
+fn messages_other_than_welcome_do_not_extend_the_limit_of_hello() {
     let ready = Control::Ready { epoch: 1 }.to_bytes();
     for message in [ready, b"good morning".to_vec()] {
         let (_plant, inner) = pair();
@@ -93,7 +93,7 @@ fn messages_that_are_no_welcome_do_not_put_off_the_limit_of_hello() {
 }
 
 #[test]
-fn messages_do_not_put_off_the_limit_of_the_first_sample() {
+fn messages_do_not_extend_the_limit_of_the_first_sample() {
     let kind = kind();
     let (_plant, mut runner) = greeted(&kind, job(1, 0), Echo::of);
     runner.link.message = Some(b"good morning".to_vec());
@@ -102,7 +102,7 @@ fn messages_do_not_put_off_the_limit_of_the_first_sample() {
 }
 
 #[test]
-fn an_old_sample_repeated_for_ever_does_not_put_off_the_limit() {
+fn an_endlessly_repeated_old_sample_does_not_extend_the_limit() {
     let kind = kind();
     let (mut plant, mut runner) = greeted(&kind, job(1, 0), Echo::of);
     let sample = Header::new(FrameKind::Sample, Step(0));
@@ -114,11 +114,11 @@ fn an_old_sample_repeated_for_ever_does_not_put_off_the_limit() {
 }
 
 #[test]
-fn a_hold_puts_off_the_limit_for_as_long_as_it_is_said() {
+fn a_hold_extends_the_limit_for_as_long_as_it_is_repeated() {
     let kind = kind();
     let (_plant, mut runner) = greeted(&kind, job(1, 0), Echo::of);
     runner.link.frame = Some(Header::new(FrameKind::Hold, Step(0)));
-    // A poll that brings a hold is no pause: these take no time.
+    // A poll that receives a hold is no pause: these take no time.
     let since_ns = monotonic_ns();
     let mut held = 0_u64;
     while monotonic_ns() - since_ns < 300_000_000 {

@@ -1,13 +1,13 @@
-//! Values of the law's rows that are converted on their way in and out.
+//! Conversion of values in the law's incoming and outgoing rows.
 //!
-//! Made when the law is bound; allocates nothing in a step, and touches no value whose conversion would change no bit.
+//! Created when the law is bound; allocates nothing in a step, and skips values whose conversion would change no bit.
 
 use shared_types::connection::{Connection, conversions};
 use shared_types::describe::LawDescription;
 use shared_types::layout::SignalKind;
 use shared_types::units::Conversion;
 
-/// The signals of each row of the law whose values are converted, by place.
+/// Indices of the signals to convert in each row of the law.
 #[derive(Clone, Debug)]
 pub(super) struct Converted {
     measured: Vec<(usize, Conversion)>,
@@ -16,7 +16,7 @@ pub(super) struct Converted {
 }
 
 impl Converted {
-    /// Finds the conversions of a law by its connections.
+    /// Collects the conversions of a law from its connections.
     pub(super) fn of(law: &LawDescription, connections: &[Connection]) -> Self {
         let commands = law.commands.as_deref().unwrap_or_default();
         Self {
@@ -26,13 +26,13 @@ impl Converted {
         }
     }
 
-    /// Converts what the law receives.
+    /// Converts the signals that the law receives.
     pub(super) fn sample(&self, measured: &mut [f64], reference: &mut [f64]) {
         convert(measured, &self.measured);
         convert(reference, &self.reference);
     }
 
-    /// Converts what the law sends.
+    /// Converts the commands that the law sends.
     pub(super) fn command(&self, command: &mut [f64]) {
         convert(command, &self.command);
     }

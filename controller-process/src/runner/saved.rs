@@ -1,7 +1,7 @@
-//! State of the controller in a checkpoint: the law and the commands that are still to be sent.
+//! State of the controller in a checkpoint: the law and its pending commands.
 //!
-//! The runner saves it between two samples and begins with it in a run that goes on. What is not
-//! here follows from the job or is written by every sample before it is read.
+//! The runner saves it between two samples and starts from it in a resumed run. All other data follows from the job or
+//! is written by every sample before it is read.
 
 use serde::{Deserialize, Serialize};
 use shared_types::describe::Invalid;
@@ -12,7 +12,7 @@ use shared_types::time::Step;
 use super::tuning::SavedTuning;
 use super::{Bound, Made};
 
-/// The controller's state between two samples.
+/// State of the controller between two samples.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct SavedController {
     pub(super) law: State,
@@ -22,13 +22,13 @@ pub(super) struct SavedController {
     made: Made,
     late_until: Option<Step>,
     last: Option<Step>,
-    /// Answered samples as on the wire.
+    /// Answered samples, encoded as on the wire.
     answered: u64,
     tuning: SavedTuning,
 }
 
 impl Bound {
-    /// Returns the state of the law and of the commands still to be sent.
+    /// Returns the state of the law and of the pending commands.
     pub(super) fn save(&self) -> Result<SavedController, Invalid> {
         Ok(SavedController {
             law: self.law.save()?,
@@ -43,7 +43,7 @@ impl Bound {
         })
     }
 
-    /// Puts a state back.
+    /// Restores a saved state.
     pub(super) fn restore(&mut self, saved: SavedController) -> Result<(), Invalid> {
         let rows = [
             (&mut self.answer, saved.answer),

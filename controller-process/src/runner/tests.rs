@@ -1,4 +1,4 @@
-//! The runner against a plant's end of a link that the test holds in its own hands.
+//! The runner against a plant's end of a link that the test drives directly.
 
 use shared_types::hello::{Offer, agree};
 use shared_types::link::in_process::{InProcessLink, pair};
@@ -20,7 +20,7 @@ shared_types::table! {
 shared_types::table! {
     /// Command.
     struct Command {
-        /// Ten times the position seen.
+        /// Ten times the received position.
         force_n: "N",
     }
 }
@@ -28,16 +28,16 @@ shared_types::table! {
 shared_types::table! {
     /// Internals.
     struct Internals {
-        /// Number of times that the law was asked.
+        /// Number of calls of the law.
         calls: "1",
         /// Validity of the sample.
         valid: "1",
-        /// The time it was told.
+        /// Simulated time that it received.
         time_s: "s",
     }
 }
 
-/// Shows everything that it sees.
+/// Exposes all its inputs.
 struct Witness {
     calls: f64,
 }
@@ -86,7 +86,7 @@ pub(super) fn job(rate_divisor: u32, command_delay_steps: u32) -> Job {
     }
 }
 
-/// The plant's end after hello, which has a signal too many in front.
+/// Greets the runner from the plant's end, with a surplus signal in front.
 fn greet<L: Link>(runner: &mut Runner<'_, L>, plant: &mut InProcessLink, rate_hz: f64) {
     runner.begin().expect("begins");
     let bytes = plant.receive_control().expect("polls").expect("a hello");
@@ -120,7 +120,7 @@ fn greet<L: Link>(runner: &mut Runner<'_, L>, plant: &mut InProcessLink, rate_hz
     runner.poll().expect("polls");
 }
 
-/// A runner behind hello, on a link that is made of one end of a pair, and the plant at the other end.
+/// Creates a runner past hello, on a link made from one end of a pair, with the plant at the other end.
 pub(super) fn greeted<L: Link>(
     kind: &LawKind,
     job: Job,
@@ -132,7 +132,7 @@ pub(super) fn greeted<L: Link>(
     (plant, runner)
 }
 
-/// Sends a sample and polls once; gives the answer and its values.
+/// Sends a sample and polls once; returns the answer and its values.
 fn answer(
     (plant, runner): &mut (InProcessLink, Runner<'_, InProcessLink>),
     sample: &Header,
@@ -145,12 +145,12 @@ fn answer(
     (header.expect("an answer"), frame)
 }
 
-/// Sends positions 1, 2, 3 .. and gives force, calls and age of each answer.
+/// Sends positions 1, 2, 3 .. and returns force, calls and age of each answer.
 fn answers(job: Job, steps: u64) -> Vec<(f64, f64, u32)> {
     directed(job, steps, |_| Directive::default())
 }
 
-/// Sends positions as [`answers`] does, with a directive in each sample; gives the same.
+/// Sends positions like [`answers`], with a directive in each sample; returns the same.
 fn directed(job: Job, steps: u64, directive: fn(u64) -> Directive) -> Vec<(f64, f64, u32)> {
     let kind = kind();
     let mut ends = greeted(&kind, job, |link| link);
@@ -176,7 +176,7 @@ fn each_sample_is_answered_from_its_own_signals() {
 }
 
 #[test]
-fn a_delayed_command_is_that_of_the_sample_before() {
+fn a_delayed_command_is_that_of_the_previous_sample() {
     assert_eq!(
         answers(job(1, 1), 3),
         [(0.0, 1.0, 1), (10.0, 2.0, 1), (20.0, 3.0, 1)]
@@ -214,7 +214,7 @@ fn late_by_two_at_one_and_two(step: u64) -> Directive {
 
 #[test]
 fn a_late_command_takes_effect_steps_later_and_the_last_is_sent_until_then() {
-    // Told at step 1; at step 2 it is late already and looks at nothing.
+    // Directed at step 1; at step 2 it is late already and ignores the sample.
     let expected = [
         (10.0, 1.0, 0),
         (10.0, 1.0, 1),
@@ -227,7 +227,7 @@ fn a_late_command_takes_effect_steps_later_and_the_last_is_sent_until_then() {
 
 #[test]
 fn a_late_slow_law_misses_its_turn() {
-    // The turn at step 2 is missed; what step 1 would have sent, made at step 0, comes at step 3.
+    // Its sample at step 2 is missed; the command for step 1, made at step 0, is sent at step 3.
     let expected = [
         (10.0, 1.0, 0),
         (10.0, 1.0, 1),
@@ -239,7 +239,7 @@ fn a_late_slow_law_misses_its_turn() {
 }
 
 #[test]
-fn a_busy_controller_answers_the_same_and_takes_the_time() {
+fn a_busy_controller_gives_the_same_answer_later() {
     let kind = kind();
     let mut ends = greeted(&kind, job(1, 0), |link| link);
     let busy = Directive {
@@ -256,7 +256,7 @@ fn a_busy_controller_answers_the_same_and_takes_the_time() {
 }
 
 #[test]
-fn a_hold_is_told_and_the_sample_is_still_awaited() {
+fn a_hold_is_reported_and_the_sample_still_awaited() {
     let kind = kind();
     let mut ends = greeted(&kind, job(1, 0), |link| link);
     let (plant, runner) = &mut ends;
@@ -270,7 +270,7 @@ fn a_hold_is_told_and_the_sample_is_still_awaited() {
 }
 
 #[test]
-fn a_law_hears_of_an_invalid_signal_and_only_of_its_own() {
+fn a_law_is_informed_of_its_own_invalid_signals_only() {
     let kind = kind();
     let mut ends = greeted(&kind, job(1, 0), |link| link);
     for (step, invalid, valid) in [(0, 0b00, 1.0), (1, 0b01, 1.0), (2, 0b10, 0.0)] {
@@ -294,7 +294,7 @@ fn a_plant_at_another_rate_is_refused() {
 }
 
 #[test]
-fn the_law_that_suits_the_plant_is_chosen() {
+fn the_law_that_suits_the_plant_is_selected() {
     let law = |plants: &[&str]| {
         let mut kind = LawKind::of::<Witness>();
         kind.description.plants = plants.iter().map(|&name| name.into()).collect();
@@ -338,7 +338,7 @@ impl Law for Fails {
 }
 
 #[test]
-fn a_law_that_fails_gives_up_at_its_step_with_its_reason() {
+fn a_failing_law_aborts_at_its_step_with_its_reason() {
     let kind = LawKind::from_tables(kind().description, |_| Ok(Box::new(Fails(0))));
     let kind = kind.expect("sound tables");
     let mut ends = greeted(&kind, job(1, 0), |link| link);
@@ -352,8 +352,8 @@ fn a_law_that_fails_gives_up_at_its_step_with_its_reason() {
     let Some(End::Aborted(abort)) = runner.end() else {
         panic!("it went on");
     };
-    let told = "the law failed at step 1: the library is gone";
-    assert_eq!(*abort, Abort::Failed(told.into()));
+    let reason = "the law failed at step 1: the library is gone";
+    assert_eq!(*abort, Abort::Failed(reason.into()));
 }
 
 mod tuning;

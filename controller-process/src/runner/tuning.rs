@@ -1,8 +1,8 @@
-//! Parameters of the law that change while it runs: what the plant told of them, and when the law gets them.
+//! Parameters of the law that change during a run: the plant's messages about them, and their application.
 //!
-//! A sample says how many messages of the plant come before it. The runner answers it with the courses of
-//! that number and evaluates them at the sample's own step, so the numbers do not depend on when a message
-//! came, and a law that missed steps finds the values of the step that it sees.
+//! A sample carries the number of messages that precede it. The runner answers it with the courses of that number and
+//! evaluates them at the sample's own step, so the values do not depend on when a message arrived, and a law that
+//! missed steps gets the values of its sample's step.
 
 use std::collections::VecDeque;
 
@@ -14,35 +14,35 @@ use shared_types::tuning::{Course, Tuned};
 
 use crate::controller::{Law, Transition, TunedRows};
 
-/// Messages that wait for their sample; the plant sends one a step at most.
+/// Maximum number of messages waiting for their sample; the plant sends at most one per step.
 const MOST: usize = 64;
 
-/// Parameters of the law as they are, and as they will be.
+/// Present and future parameters of the law.
 #[derive(Debug)]
 pub(super) struct Tuning {
-    /// Place of each tunable parameter in the row.
+    /// Index of each tunable parameter in the row.
     places: Vec<usize>,
-    /// Every parameter as the law was started, and as it has it.
+    /// Every parameter, as the law was started and as it is now.
     started: Vec<f64>,
     parameters: Vec<f64>,
     model: Vec<f64>,
     period_s: f64,
-    /// Courses that count.
+    /// Courses in force.
     state: Tuned,
     /// Messages of later samples, by rising number.
     waiting: VecDeque<Tuned>,
-    /// The law may not have what the courses say at its next sample.
+    /// `true` if the law's parameters may differ from the courses at its next sample.
     is_due: bool,
 }
 
-/// Answer to the question for the courses of a number.
+/// Result of a search for the courses of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Found {
-    /// Courses that count from now on.
+    /// The courses are now in force.
     Here,
-    /// Message that has not come.
+    /// The message has not arrived.
     Missing,
-    /// Message that was lost, as newer ones came; a newer sample follows.
+    /// The message was lost, as newer ones arrived; a newer sample follows.
     Lost,
 }
 
@@ -50,14 +50,14 @@ pub(super) enum Found {
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct SavedTuning {
     number: u64,
-    /// Place, from, to, begin and steps of each.
+    /// Index, from, to, begin and steps of each.
     courses: Vec<(u32, f64, f64, u64, u64)>,
     parameters: Vec<f64>,
     is_due: bool,
 }
 
 impl Tuning {
-    /// Begins with the values of a job.
+    /// Starts with the values of a job.
     pub(super) fn new(
         law: &LawDescription,
         parameters: &Settings,
@@ -65,7 +65,7 @@ impl Tuning {
         period_s: f64,
     ) -> Self {
         let row = |fields: &[shared_types::table::Field], settings: &Settings| {
-            // The law was started from them: none is missing.
+            // The law was started from them, so none is missing.
             let value = |field: &shared_types::table::Field| settings.get(&field.name);
             let values = fields.iter().map(|field| value(field).unwrap_or(f64::NAN));
             values.collect::<Vec<f64>>()
@@ -84,13 +84,13 @@ impl Tuning {
         }
     }
 
-    /// The number whose courses count.
+    /// Returns the number of the courses in force.
     #[inline]
     pub(super) const fn number(&self) -> u64 {
         self.state.number
     }
 
-    /// Takes a message of the plant. One with a parameter that the law does not offer counts as never come.
+    /// Stores a message of the plant. A message about a parameter that the law does not offer is ignored.
     pub(super) fn hear(&mut self, tuned: Tuned) {
         let is_known = |(place, _): &(u32, Course)| (*place as usize) < self.places.len();
         let newest = self
@@ -105,7 +105,7 @@ impl Tuning {
         }
     }
 
-    /// Makes the courses of a number count, if they came.
+    /// Puts the courses of a number in force, if they have arrived.
     pub(super) fn find(&mut self, number: u64) -> Found {
         while let Some(first) = self.waiting.front() {
             if first.number > number {
@@ -123,7 +123,7 @@ impl Tuning {
         Found::Missing
     }
 
-    /// Gives the law what its parameters are at a step, if it has others.
+    /// Updates the law's parameters to those of a step, if they differ.
     #[inline]
     pub(super) fn apply(&mut self, step: Step, law: &mut dyn Law) {
         if self.is_due {
@@ -139,7 +139,7 @@ impl Tuning {
             let (value, is_on_ramp) = match course {
                 Some((_, course)) => (
                     course.at(step),
-                    // A law that missed some of it jumps: it has what was before the beginning.
+                    // A law that missed a part of it jumps: its values are from before the beginning.
                     course.is_ramp() && step.0 <= course.end().0,
                 ),
                 None => (self.started[place], false),
@@ -189,10 +189,10 @@ impl Tuning {
         }
     }
 
-    /// Puts a state back, and the parameters into the law; its own state is to be put back after that.
+    /// Restores a saved state and passes the parameters to the law, whose own state must be restored afterwards.
     ///
     /// # Errors
-    /// If it is not one of this law.
+    /// If it is not a state of this law.
     pub(super) fn restore(
         &mut self,
         saved: &SavedTuning,
@@ -226,7 +226,7 @@ impl Tuning {
     }
 }
 
-/// Lists the parameters of a law that can be changed, each as a job sets it.
+/// Lists the tunable parameters of a law, with their values in a job.
 pub(super) fn offered(law: &LawDescription, parameters: &Settings) -> Vec<TunableParameter> {
     let offered = law.tunable().filter_map(|field| {
         Some(TunableParameter {

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use crate::plan::{FrequencyResponsePlan, Sweep};
 
-/// A rising chirp. Turns count from its begin; [`Sweep`] has the formulas.
+/// Rising chirp. Turns count from its beginning; [`Sweep`] has the formulas.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Chirp {
     start_hz: f64,
@@ -15,9 +15,9 @@ pub(super) struct Chirp {
 /// Course of the frequency over the sweep.
 #[derive(Clone, Copy, Debug)]
 enum Course {
-    /// By N Hz in a second.
+    /// Rises by N Hz per second.
     Linear(f64),
-    /// By `e^k` in a second.
+    /// Rises by a factor of `e^k` per second.
     Logarithmic(f64),
 }
 
@@ -34,22 +34,22 @@ impl Chirp {
         }
     }
 
-    /// Frequency at its begin.
+    /// Returns the initial frequency.
     pub(super) const fn start_hz(&self) -> f64 {
         self.start_hz
     }
 
-    /// True while the sweep lasts.
+    /// Returns `true` during the sweep.
     pub(super) fn wants(&self, time_s: f64) -> bool {
         time_s <= self.duration_s
     }
 
-    /// All its turns.
+    /// Returns the total number of turns.
     pub(super) fn turns(&self) -> f64 {
         self.turns_at(self.duration_s)
     }
 
-    /// Counts the turns until a time.
+    /// Returns the number of turns up to a time.
     pub(super) fn turns_at(&self, time_s: f64) -> f64 {
         let (f_0, t) = (self.start_hz, time_s);
         match self.course {
@@ -58,7 +58,7 @@ impl Chirp {
         }
     }
 
-    /// Counts the turns until the chirp has a frequency.
+    /// Returns the number of turns up to a frequency.
     pub(super) fn turns_to(&self, frequency_hz: f64) -> f64 {
         let (f_0, f) = (self.start_hz, frequency_hz);
         match self.course {
@@ -76,7 +76,7 @@ impl Chirp {
         }
     }
 
-    /// Returns the mean frequency over the time between two numbers of turns.
+    /// Returns the mean frequency between two numbers of turns.
     pub(super) fn mean_frequency_hz(&self, from_turns: f64, until_turns: f64) -> f64 {
         let (from, until) = (
             self.frequency_hz(from_turns),
@@ -88,7 +88,7 @@ impl Chirp {
         }
     }
 
-    /// Returns the angular frequency at a time in rad/s, and the first three derivatives of that.
+    /// Returns the angular frequency at a time in rad/s, and its first three derivatives.
     pub(super) fn angular(&self, time_s: f64) -> [f64; 4] {
         match self.course {
             Course::Linear(slope) => [self.start_hz + slope * time_s, slope, 0.0, 0.0],

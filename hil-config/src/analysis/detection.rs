@@ -1,23 +1,23 @@
-//! Detection and accommodation: the time until a fault is found and overcome.
+//! Detection and accommodation: the time until a fault is detected and overcome.
 
 use shared_types::time::{Rate, Step};
 
 use super::Figure;
 use crate::plan::DetectionPlan;
 
-/// The score of an alarm.
+/// Performance of an alarm.
 ///
-/// An alarm is given when its expression has held for a while: V_3 passes V_r for an instant also
-/// without a fault (paper, remark 16).
+/// An alarm is raised once its expression has held for a while: V_3 exceeds V_r for an instant even without a fault
+/// (paper, remark 16).
 ///
-/// - time to detect: from the step at which the fault takes hold to the first alarm that begins at it
-///   or later, its while included;
-/// - missed: 1 if there was none, 0 if there was one;
-/// - false alarms: how many began before the fault, also one that still stands when it takes hold;
-/// - time to recover: from the fault to the step from which on `recovered` holds to the end;
-/// - peak and RMS of the effect: its largest size and its root mean square, from the fault on.
+/// - time to detect: from the step at which the fault takes effect to the first alarm that begins then or later,
+///   including its hold time;
+/// - missed: 1 if there was no such alarm, 0 otherwise;
+/// - false alarms: number of alarms that began before the fault, including one still active when it takes effect;
+/// - time to recover: from the fault to the step from which `recovered` holds until the end;
+/// - peak and RMS of the effect: its largest magnitude and its root mean square, from the fault on.
 ///
-/// Without the fault nothing but the false alarms exists.
+/// Without the fault only the false alarms are defined.
 #[derive(Clone, Debug)]
 pub(super) struct Detection {
     rate: Rate,
@@ -26,13 +26,13 @@ pub(super) struct Detection {
     tells_recovery: bool,
     effect_unit: Option<String>,
     onset: Option<Step>,
-    /// Records in a row at which the alarm held.
+    /// Consecutive records at which the alarm held.
     held: u64,
-    /// The first of them was before the fault.
+    /// `true` if the first of them was before the fault.
     is_older: bool,
     false_alarms: u64,
     detected: Option<Step>,
-    /// The step after the last at which it had not recovered.
+    /// Step after the last one without recovery.
     recovered: Option<Step>,
     is_recovered: bool,
     peak: f64,
@@ -61,7 +61,7 @@ impl Detection {
         }
     }
 
-    /// An event takes hold at a step, whose row is still to come.
+    /// Records that an event takes effect at a step whose row is still to come.
     pub(super) fn fault(&mut self, event: u32, step: Step) {
         if self.onset.is_none() && self.fault.is_none_or(|wanted| wanted == event) {
             (self.onset, self.recovered) = (Some(step), Some(step));
@@ -69,7 +69,7 @@ impl Detection {
         }
     }
 
-    /// Takes a row. Values that do not exist (NaN) are passed over.
+    /// Processes a row. Missing values (NaN) are skipped.
     pub(super) fn take(&mut self, step: Step, alarm: f64, recovered: f64, effect: f64) {
         let mut is_given = false;
         if !alarm.is_nan() {
@@ -136,8 +136,7 @@ mod tests {
     use super::*;
     use crate::expression::Expression;
 
-    /// Figures of a run at 10 Hz in which event 2 takes hold at step 20 of 100; an alarm must hold for
-    /// 3 records.
+    /// Figures of a run at 10 Hz in which event 2 takes effect at step 20 of 100; an alarm must hold for 3 records.
     fn figures(
         fault: Option<u32>,
         alarm: impl Fn(u64) -> bool,
@@ -156,7 +155,7 @@ mod tests {
             if step == 20 {
                 detection.fault(2, Step(20));
             }
-            // The effect is 9 before the fault, then 1 and -7 in turns.
+            // The effect is 9 before the fault, then alternates between 1 and -7.
             let effect = if step < 20 {
                 9.0
             } else {
@@ -178,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_is_found_by_the_first_alarm_that_begins_after_it() {
+    fn a_fault_is_detected_by_the_first_alarm_that_begins_after_it() {
         type Alarm = fn(u64) -> bool;
         let cases: [(Alarm, f64, f64, f64); 8] = [
             // Two records are too few; then steps 32 to 34.
@@ -193,9 +192,9 @@ mod tests {
             ),
             // It ends at step 40 and begins anew at step 50.
             (|step| (10..40).contains(&step) || step >= 50, 3.2, 0.0, 1.0),
-            // Begun before the fault and given at it.
+            // Begun before the fault and raised at it.
             (|step| (18..=20).contains(&step), f64::NAN, 1.0, 1.0),
-            // Begun before the fault and too short to be given.
+            // Begun before the fault and too short to be raised.
             (|step| step == 19 || step == 20, f64::NAN, 1.0, 0.0),
             // Begun with the fault.
             (|step| (20..=22).contains(&step), 0.2, 0.0, 0.0),
@@ -209,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn recovery_counts_from_the_fault_and_must_last() {
+    fn recovery_counts_from_the_fault_and_must_persist() {
         let recovers = |recovered: fn(u64) -> bool| figures(None, |_| false, recovered)[3];
         assert_eq!(recovers(|_| true), 0.0);
         assert_eq!(recovers(|step| step >= 30), 1.0);
@@ -218,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn the_effect_is_that_since_the_fault() {
+    fn the_effect_counts_from_the_fault_on() {
         let found = figures(Some(2), |_| false, |_| true);
         // Steps 20 to 100: 41 times 1 and 40 times 49.
         assert_eq!(found[4..], [7.0, ((41.0 + 40.0 * 49.0) / 81.0_f64).sqrt()]);

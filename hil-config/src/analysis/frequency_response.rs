@@ -7,34 +7,33 @@ use super::chirp::Chirp;
 use super::low_end::LowEnd;
 use crate::plan::FrequencyResponsePlan;
 
-/// Ratio of the last to the first frequency of a point, where a whole number of turns allows it.
+/// Ratio of the last to the first frequency of a point, if a whole number of turns allows it.
 const RATIO: f64 = 1.01;
 
-/// The answer to a chirp of phase `phi(t)`.
+/// Response to a chirp of phase `phi(t)`.
 ///
-/// Over whole turns, as many as raise the frequency by a hundredth and at least one, input and output
-/// are each fitted by least squares with `a sin(phi) + b cos(phi) + c`; the ratio of their `a + j b` is
-/// the response at the mean frequency of these turns. Right as far as the signals are in the steady
-/// state of each frequency: a resonance must have died away before the sweep has left it. The response
-/// at the first frequency comes from the [low end](LowEnd).
+/// Over whole turns, at least one and as many as raise the frequency by a hundredth, input and output are each fitted
+/// by least squares with `a sin(phi) + b cos(phi) + c`; the ratio of their `a + j b` is the response at the mean
+/// frequency of these turns. Accurate as far as the signals are in the steady state of each frequency: a resonance must
+/// have decayed before the sweep has left it. The response at the first frequency comes from the [low end](LowEnd).
 ///
-/// - low-frequency gain: that at the first frequency;
-/// - bandwidth: where the gain first falls below `1 / sqrt(2)` of that (-3 dB);
-/// - peak gain, as a multiple of the low-frequency gain, and its frequency, from the parabola through
-///   the largest gain and its neighbours;
+/// - low-frequency gain: the gain at the first frequency;
+/// - bandwidth: the frequency at which the gain first falls below `1 / sqrt(2)` of that (-3 dB);
+/// - peak gain, as a multiple of the low-frequency gain, and its frequency, from the parabola through the largest gain
+///   and its neighbours;
 /// - the frequency at which the output first lags by 90 degrees.
 ///
-/// Between points the logarithm of the gain, and the phase, are straight lines over frequency.
+/// Between points the logarithm of the gain, and the phase, are interpolated linearly over frequency.
 #[derive(Clone, Debug)]
 pub(super) struct FrequencyResponse {
     chirp: Chirp,
     low_end: LowEnd,
     points: Vec<Point>,
-    /// The point of the last sample.
+    /// Index of the last sample's point.
     at: usize,
 }
 
-/// The sums of the fits over one point's turns.
+/// Sums of the fits over one point's turns.
 #[derive(Clone, Debug, Default)]
 struct Point {
     /// First and last turn.
@@ -56,12 +55,12 @@ struct Sums {
     value_cos: f64,
 }
 
-/// The response at a frequency.
+/// Response at a frequency.
 #[derive(Clone, Copy, Debug)]
 struct Response {
     frequency_hz: f64,
     gain: f64,
-    /// In rad, without jumps from point to point; negative where the output lags.
+    /// Unwrapped phase in rad; negative where the output lags.
     phase_rad: f64,
 }
 
@@ -92,12 +91,12 @@ impl FrequencyResponse {
         }
     }
 
-    /// Returns true if a time lies in the sweep.
+    /// Returns `true` if a time lies in the sweep.
     pub(super) fn wants(&self, time_s: f64) -> bool {
         self.chirp.wants(time_s)
     }
 
-    /// Takes a sample of the sweep; times rise. One that does not exist is passed over.
+    /// Processes a sample of the sweep; times rise. A missing sample is skipped.
     pub(super) fn take(&mut self, time_s: f64, input: f64, output: f64) {
         if !(input.is_finite() && output.is_finite()) {
             return;
@@ -113,7 +112,7 @@ impl FrequencyResponse {
         }
     }
 
-    /// The response at the first frequency, then that of each point.
+    /// Returns the response at the first frequency, followed by that of each point.
     fn responses(&self) -> Vec<Response> {
         let low = self.low_end.response().map(|(real, imaginary)| Response {
             frequency_hz: self.chirp.start_hz(),
@@ -164,8 +163,8 @@ impl FrequencyResponse {
     }
 }
 
-/// The frequency from which on something holds, `part` of the way from the response before to the first
-/// at which it does; NaN if it never does.
+/// Interpolates the frequency at which a condition first holds, `part` of the way from the preceding response; NaN if
+/// it never holds.
 fn first_hz(
     responses: &[Response],
     holds: impl Fn(&Response) -> bool,
@@ -182,7 +181,7 @@ fn first_hz(
     }
 }
 
-/// The largest gain and its frequency; NaN of none.
+/// Returns the largest gain and its frequency; NaN for no responses.
 fn peak(responses: &[Response]) -> (f64, f64) {
     let more = |best: usize, now: usize| {
         let is_more = responses[now].gain > responses[best].gain;
@@ -197,7 +196,7 @@ fn peak(responses: &[Response]) -> (f64, f64) {
     if largest == 0 || largest + 1 == responses.len() {
         return (gain, frequency_hz);
     }
-    // z = c x + d x^2, with x and z counted from the largest.
+    // z = c x + d x^2, with x and z relative to the largest.
     let from_largest = |of: &Response| (of.frequency_hz - frequency_hz, of.gain - gain);
     let (a, z_a) = from_largest(&responses[largest - 1]);
     let (b, z_b) = from_largest(&responses[largest + 1]);
@@ -226,7 +225,7 @@ impl Point {
         }
     }
 
-    /// Gain and phase; `None` if there was too little to fit.
+    /// Returns gain and phase; `None` if there were too few samples to fit.
     fn response(&self) -> Option<(f64, f64)> {
         let (a, b) = self.fit(&self.input)?;
         let (c, d) = self.fit(&self.output)?;
@@ -237,7 +236,7 @@ impl Point {
         (square > 0.0 && gain.is_finite()).then(|| (gain, libm::atan2(imaginary, real)))
     }
 
-    /// a and b of `a sin + b cos + c`, by the normal equations without their means.
+    /// Returns a and b of `a sin + b cos + c`, by the normal equations with means removed.
     fn fit(&self, sums: &Sums) -> Option<(f64, f64)> {
         let n = self.rows;
         let without_mean = |products: f64, one: f64, other: f64| products - one * other / n;
@@ -247,7 +246,7 @@ impl Point {
         let vs = without_mean(sums.value_sin, sums.value, self.sin);
         let vc = without_mean(sums.value_cos, sums.value, self.cos);
         let determinant = ss * cc - sc * sc;
-        // Far from it for the eight samples and more of a turn.
+        // Far from singular for the eight samples or more of a turn.
         (n >= 4.0 && determinant > 1e-6 * n * n).then(|| {
             (
                 (vs * cc - vc * sc) / determinant,
@@ -298,7 +297,7 @@ mod tests {
         values(&response)
     }
 
-    /// The chirp at a time, by its own formula.
+    /// Value of the chirp at a time, by its own formula.
     fn wave(sweep: Sweep, [f_0, f_1]: [f64; 2], d: f64, t: f64) -> f64 {
         let turns = match sweep {
             Sweep::Linear => f_0 * t + 0.5 * (f_1 - f_0) * t * t / d,
@@ -310,8 +309,8 @@ mod tests {
         libm::sin(2.0 * PI * turns)
     }
 
-    /// The teaching plant's loop, `m = 1`, `c = 2`, `k = 100`, under its `pid` with 300, 2000 and 30:
-    /// `(k_d s^2 + k_p s + k_i) / (m s^3 + (c + k_d) s^2 + (k + k_p) s + k_i)`, lowest power first.
+    /// Closed loop of the teaching plant, `m = 1`, `c = 2`, `k = 100`, under its `pid` with 300, 2000 and 30: `(k_d s^2
+    /// + k_p s + k_i) / (m s^3 + (c + k_d) s^2 + (k + k_p) s + k_i)`, lowest power first.
     const NUMERATOR: [f64; 3] = [2000.0, 300.0, 30.0];
     const DENOMINATOR: [f64; 4] = [2000.0, 400.0, 32.0, 1.0];
 
@@ -324,7 +323,7 @@ mod tests {
         size(&NUMERATOR) / size(&DENOMINATOR)
     }
 
-    /// Computes low-frequency gain, bandwidth, peak and frequency of the peak, from the formula alone.
+    /// Computes low-frequency gain, bandwidth, peak and frequency of the peak from the formula alone.
     fn loop_figures(start_hz: f64) -> [f64; 4] {
         let low = loop_gain(start_hz);
         let grid = || (0..100_000).map(|k| start_hz + 1e-4 * f64::from(k));
@@ -340,8 +339,8 @@ mod tests {
         [low, bandwidth_hz, loop_gain(peak_hz) / low, peak_hz]
     }
 
-    /// Figures of a sweep of the loop from rest, integrated in steps of 1 ms by the classic Runge-Kutta
-    /// method; its state is the input behind `1 / DENOMINATOR`, and two derivatives of that.
+    /// Figures of a sweep of the loop from rest, integrated in steps of 1 ms by the classic Runge-Kutta method; its
+    /// state is the input filtered by `1 / DENOMINATOR`, and two derivatives of that.
     fn swept(sweep: Sweep, span_hz: [f64; 2], duration_s: f64) -> Vec<f64> {
         let rates = |x: [f64; 3], r: f64| {
             let [a, b, c, _] = DENOMINATOR;
@@ -367,7 +366,7 @@ mod tests {
         values(&response)
     }
 
-    /// By how much each of the first four figures is off, as a part of it.
+    /// Relative errors of the first four figures.
     fn errors(sweep: Sweep, span_hz: [f64; 2], duration_s: f64) -> Vec<f64> {
         let found = swept(sweep, span_hz, duration_s);
         let pairs = found.iter().zip(loop_figures(span_hz[0]));
@@ -375,7 +374,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sweep_of_400_s_finds_the_loop_of_the_teaching_plant_within_half_a_percent() {
+    fn a_sweep_of_400_s_identifies_the_loop_of_the_teaching_plant_within_half_a_percent() {
         for span_hz in [
             [0.05, 10.0],
             [0.1, 20.0],
@@ -392,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shorter_sweep_errs_no_more_than_the_page_says() {
+    fn a_shorter_sweep_errs_no_more_than_documented() {
         for (sweep, duration_s, largest) in [
             (Sweep::Linear, 25.0, 0.04),
             (Sweep::Linear, 100.0, 0.007),
@@ -454,7 +453,7 @@ mod tests {
     }
 
     #[test]
-    fn a_signal_that_does_not_exist_has_no_figures() {
+    fn a_missing_signal_has_no_figures() {
         let found = figures(f64::NAN, |_| (1.0, 0.0));
         assert!(found.iter().all(|figure| figure.is_nan()));
     }

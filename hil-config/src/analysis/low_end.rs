@@ -1,32 +1,31 @@
-//! The response at the beginning of a sweep, where one turn may span several times the first frequency.
+//! Response at the beginning of a sweep, where one turn may span several times the first frequency.
 
 use std::f64::consts::PI;
 
 use super::chirp::Chirp;
 
-/// Share by which the frequency may rise over the turns that are fitted, if there are enough of them.
+/// Ratio by which the frequency may rise over the fitted turns, if there are enough of them.
 const RISE: f64 = 1.2;
-/// Turns at least.
+/// Minimum number of turns.
 const TURNS: f64 = 2.0;
 /// A constant, and `x` with its first four derivatives.
 const TERMS: usize = 6;
 
-/// A fit over the first turns of a chirp `x = sin(phi(t))`.
+/// Fit over the first turns of a chirp `x = sin(phi(t))`.
 ///
-/// A stable system of transfer function `H(s) = h_0 + h_1 s + h_2 s^2 + ..` answers with
-/// `h_0 x + h_1 x' + h_2 x'' + ..`, however fast the frequency rises. Input and output are fitted so by
-/// least squares up to `h_4`, with a constant more; the ratio of their `H(j 2 pi f_0)` is the response at
-/// the first frequency. Over a narrow band the terms are a parabola through the real part and a straight
-/// line through the imaginary part, so that they need not be a good series around 0.
+/// A stable system of transfer function `H(s) = h_0 + h_1 s + h_2 s^2 + ..` responds with `h_0 x + h_1 x' + h_2 x'' +
+/// ..`, however fast the frequency rises. Input and output are each fitted with this series up to `h_4` plus a
+/// constant, by least squares; the ratio of their `H(j 2 pi f_0)` is the response at the first frequency. Over a narrow
+/// band the terms are a parabola through the real part and a straight line through the imaginary part, so the series
+/// need not converge well around 0.
 ///
-/// The first turn, in which the system still leaves its rest, is left out where the frequency hardly
-/// rises in it.
+/// The first turn, in which the system still leaves its rest, is skipped if the frequency hardly rises in it.
 #[derive(Clone, Debug)]
 pub(super) struct LowEnd {
     chirp: Chirp,
     /// First and last turn.
     turns: [f64; 2],
-    /// Angular frequency that derivatives are counted in.
+    /// Angular frequency that scales the derivatives.
     scale_radps: f64,
     products: [[f64; TERMS]; TERMS],
     input: [f64; TERMS],
@@ -53,7 +52,7 @@ impl LowEnd {
         }
     }
 
-    /// Takes a sample that exists, with the turns at its time and the sine and cosine of its phase.
+    /// Processes an existing sample, with the turns at its time and the sine and cosine of its phase.
     pub(super) fn take(
         &mut self,
         time_s: f64,
@@ -66,7 +65,7 @@ impl LowEnd {
             return;
         }
         let scale = self.scale_radps;
-        // Time in 1 / scale.
+        // Time in units of 1 / scale.
         let mut unit = 1.0;
         let [w, w_1, w_2, w_3] = self.chirp.angular(time_s).map(|derivative| {
             unit *= scale;
@@ -90,7 +89,7 @@ impl LowEnd {
         }
     }
 
-    /// Real and imaginary part of the response at the first frequency; `None` if there was too little
+    /// Returns the real and imaginary part of the response at the first frequency; `None` if there were too few samples
     /// to fit.
     pub(super) fn response(&self) -> Option<(f64, f64)> {
         let (a, b) = self.part(&self.input)?;
@@ -100,7 +99,7 @@ impl LowEnd {
         (square > 0.0).then(|| ((c * a + d * b) / square, (d * a - c * b) / square))
     }
 
-    /// Real and imaginary part of a fitted signal over the chirp at the first frequency.
+    /// Returns the real and imaginary part of a fitted signal relative to the chirp at the first frequency.
     fn part(&self, values: &[f64; TERMS]) -> Option<(f64, f64)> {
         let [_, h_0, h_1, h_2, h_3, h_4] = solved(self.products, *values)?;
         let w = 2.0 * PI * self.chirp.start_hz() / self.scale_radps;
@@ -112,8 +111,8 @@ impl LowEnd {
     }
 }
 
-/// The solution of symmetric normal equations, by elimination from the largest diagonal on; `None` if
-/// they have no single one.
+/// Solves symmetric normal equations by elimination, largest diagonal element first; `None` if the solution is not
+/// unique.
 fn solved(mut a: [[f64; TERMS]; TERMS], mut b: [f64; TERMS]) -> Option<[f64; TERMS]> {
     let largest = (0..TERMS).fold(
         0.0,

@@ -3,15 +3,15 @@
 use super::Figure;
 use crate::plan::StepResponsePlan;
 
-/// Begin and end of the rise, as parts of the step.
+/// Beginning and end of the rise, as fractions of the step.
 const RISE: [f64; 2] = [0.1, 0.9];
 
-/// The answer to a step from `y_0` to `y_1`, as `p(t) = (y(t) - y_0) / (y_1 - y_0)`, which goes from
-/// 0 to 1. Between two samples the signal is a straight line.
+/// Response to a step from `y_0` to `y_1`, as `p(t) = (y(t) - y_0) / (y_1 - y_0)`, which goes from 0 to 1. The signal
+/// is interpolated linearly between samples.
 ///
 /// - rise time: from the first `p = 0.1` to the first `p = 0.9`;
-/// - overshoot: `max p - 1`, 0 if `p` never passes 1, and the time of that peak since the step;
-/// - settling time: since the step, from when on `|p - 1|` stays within the band;
+/// - overshoot: `max p - 1`, 0 if `p` never exceeds 1, and the time of that peak since the step;
+/// - settling time: from the step until `|p - 1|` stays within the band;
 /// - steady-state error: `y - y_1` at the end.
 #[derive(Clone, Debug)]
 pub(super) struct StepResponse {
@@ -24,7 +24,7 @@ pub(super) struct StepResponse {
     last: Option<(f64, f64)>,
     /// Times at which the rise began and ended.
     risen_s: [Option<f64>; 2],
-    /// The highest value and its time.
+    /// Largest value and its time.
     peak: (f64, f64),
     settling: Settling,
 }
@@ -51,14 +51,14 @@ impl StepResponse {
         }
     }
 
-    /// Takes a sample; one that does not exist, or comes before the step, is passed over.
+    /// Processes a sample; a missing one, or one before the step, is skipped.
     pub(super) fn take(&mut self, time_s: f64, value: f64) {
         let part = (value - self.initial) / (self.wanted - self.initial);
         if time_s < self.at_s || !part.is_finite() {
             return;
         }
         let before = self.last.replace((time_s, part));
-        // When a level between the last two samples was passed.
+        // Time at which a level between the last two samples was crossed.
         let crossed_s = |level: f64| match before {
             Some((before_s, before)) if before != part => {
                 before_s + (level - before) / (part - before) * (time_s - before_s)
@@ -118,7 +118,7 @@ mod tests {
     use super::*;
     use crate::expression::Expression;
 
-    /// Figures of a signal that is sampled at 10 kHz for 10 s, with its step at 1 s.
+    /// Figures of a signal sampled at 10 kHz for 10 s, with its step at 1 s.
     fn figures(initial: f64, wanted: f64, signal: impl Fn(f64) -> f64) -> Vec<f64> {
         let mut response = StepResponse::new(&StepResponsePlan {
             signal: Expression::parse("y").expect("an expression"),
@@ -164,14 +164,14 @@ mod tests {
         let pi = std::f64::consts::PI;
         close(found[1], libm::exp(-pi * z / (1.0 - z * z).sqrt()), 1e-7);
         close(found[2], pi / w_d, 1e-4); // the nearest sample
-        // y(t w) is 0.1, 0.9 and for the last time 0.98 or 1.02 there, by scipy.optimize.brentq.
+        // y(t w) reaches 0.1, 0.9 and for the last time 0.98 or 1.02 there, by scipy.optimize.brentq.
         let [begun, ended, settled] = [0.4882292958073818, 2.1258022431357295, 8.076348973927997];
         close(found[0], (ended - begun) / w, 1e-7);
         close(found[3], settled / w, 1e-7);
     }
 
     #[test]
-    fn a_signal_that_never_comes_near_has_no_rise_and_does_not_settle() {
+    fn a_signal_that_never_approaches_has_no_rise_and_does_not_settle() {
         let found = figures(0.0, 1.0, |_| 0.5);
         assert!(found[0].is_nan() && found[3].is_nan());
         assert_eq!((found[1], found[4]), (0.0, -0.5));
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn one_that_leaves_the_band_again_is_not_settled() {
+    fn a_signal_that_leaves_the_band_again_is_not_settled() {
         let found = figures(0.0, 1.0, |t| if t > 8.0 { 1.03 } else { 1.0 });
         assert!(found[3].is_nan());
         let found = figures(0.0, 1.0, |t| if t < 8.0 { 1.03 } else { 1.0 });

@@ -1,4 +1,4 @@
-//! `[[metrics]]` of the kinds that analyse: what they look at, and the stimulus or fault they need.
+//! `[[metrics]]` that are analyses: their signals, and the stimulus or fault that they need.
 
 use shared_types::number::exact as number;
 
@@ -13,10 +13,10 @@ use crate::plan::{
 use crate::problem::{ProblemKind, listed};
 use crate::reader::{Reader, Section};
 
-/// Samples that a turn of a chirp must have, so that sine and cosine can be told apart with noise.
+/// Samples needed per turn of a chirp to separate sine and cosine despite noise.
 const SAMPLES_PER_TURN: f64 = 8.0;
 
-/// Context of analyses; `None` for each part that is not right itself.
+/// Context of analyses; `None` for each part that is itself faulty.
 pub(super) struct AnalysisContext<'a> {
     pub(super) columns: Option<&'a Columns>,
     pub(super) grid: Option<Grid>,
@@ -24,7 +24,7 @@ pub(super) struct AnalysisContext<'a> {
     pub(super) faults: Option<&'a [FaultEvent]>,
 }
 
-/// The analyses that are right; the others are reported.
+/// Returns the valid analyses and reports the others.
 pub(super) fn check(
     reader: &mut Reader,
     analysed: &[Analysed<'_>],
@@ -146,16 +146,16 @@ impl AnalysisContext<'_> {
             Some(format!("the chirp `{target}` does not rise"))
         } else if end_hz > highest_hz {
             Some(format!(
-                "the chirp `{target}` ends at {} Hz; with this rate of exchange no more than {} Hz can be told",
+                "the chirp `{target}` ends at {} Hz; with this exchange rate no more than {} Hz can be analysed",
                 number(end_hz),
                 number(highest_hz)
             ))
         } else if duration_s > grid.end_s() {
             Some(format!(
-                "the chirp `{target}` goes on after the end of the run"
+                "the chirp `{target}` extends beyond the end of the run"
             ))
         } else if turns < 2.0 {
-            Some(format!("the chirp `{target}` makes less than two turns"))
+            Some(format!("the chirp `{target}` has less than two turns"))
         } else {
             None
         };
@@ -199,7 +199,7 @@ impl AnalysisContext<'_> {
         let records = self.grid?.rate.step_at_or_after(held_s?).0;
         Some(DetectionPlan {
             alarm: alarm?,
-            // From the first to the last of them lies that time.
+            // That time spans the first to the last of them.
             records: records + 1,
             fault: fault?,
             recovered: recovered?,
@@ -226,7 +226,7 @@ impl AnalysisContext<'_> {
         signals::unit(reader, section, known, "")
     }
 
-    /// The stimulus that is named, or the only one of its kind.
+    /// Finds the stimulus by name, or the only one of its kind.
     fn stimulus(
         &self,
         reader: &mut Reader,
@@ -273,7 +273,7 @@ impl AnalysisContext<'_> {
         found.copied()
     }
 
-    /// The number of the fault event that is meant; `Some(None)` if none is named.
+    /// Returns the number of the intended fault event; `Some(None)` if none is named.
     fn fault(&self, reader: &mut Reader, section: &Section<'_>) -> Option<Option<u32>> {
         let Some(entry) = section.table.get("fault") else {
             return Some(None);

@@ -1,5 +1,5 @@
-//! Keys at a wrong place, as `kp` at the top of a scenario: the full key of what has such a name, or what else it
-//! is. Looks at keys that are refused anyway, so that no right scenario depends on it.
+//! Misplaced keys, such as `kp` at the top of a scenario: suggests the full key with that name, or explains the name.
+//! Only examines keys that are refused anyway, so that no valid scenario depends on it.
 
 use shared_types::describe::{FaultKindDescription, LawDescription, PlantDescription};
 use shared_types::table::nearest;
@@ -10,7 +10,7 @@ use crate::plan::Stimulus;
 use crate::problem::ProblemKind;
 use crate::reader::Reader;
 
-/// Most names that are given.
+/// Maximum number of suggestions.
 const MOST: usize = 3;
 
 /// Parts of a scenario that names may belong to.
@@ -21,7 +21,7 @@ pub(super) struct Owners<'a> {
     pub(super) kinds: &'a [FaultKindDescription],
 }
 
-/// Thing that has a name.
+/// Meaning of a name.
 #[derive(Clone)]
 enum Owned {
     /// Value with this full key.
@@ -30,7 +30,7 @@ enum Owned {
     Other(String),
 }
 
-/// Gives unknown keys of the scenario, of its plant and of its controller the names that they come close to.
+/// Adds suggestions to the unknown keys of the scenario, its plant and its controller.
 pub(super) fn advise(reader: &mut Reader, root: &Table, owners: &Owners<'_>) {
     let names = names(owners);
     for problem in &mut reader.problems {
@@ -73,7 +73,7 @@ pub(super) fn advise(reader: &mut Reader, root: &Table, owners: &Owners<'_>) {
     }
 }
 
-/// Returns the last name of a key, or of the only value below it, as `kp` of `controller.parameters.kp`.
+/// Returns the last name of a key, or of the only value below it, such as `kp` of `controller.parameters.kp`.
 fn leaf(root: &Table, key: &str) -> String {
     let mut parts = key.split('.');
     let mut name = parts.next().unwrap_or_default();
@@ -94,7 +94,7 @@ fn leaf(root: &Table, key: &str) -> String {
     name.to_owned()
 }
 
-/// Lists the last names of everything that has one.
+/// Lists the last names of all named things.
 fn names(owners: &Owners<'_>) -> Vec<(String, Owned)> {
     let tables: [(&str, &[Key]); 4] = [
         ("run", RUN),
@@ -141,7 +141,7 @@ fn names(owners: &Owners<'_>) -> Vec<(String, Owned)> {
     let shared = owners.kinds.iter().map(|kind| kind.kind.as_str());
     for kind in own.chain(shared) {
         let advice = format!(
-            "`{kind}` is a kind of fault: a [[faults]] with kind = \"{kind}\" brings it about, and hil inject while the run goes on"
+            "`{kind}` is a kind of fault: a [[faults]] with kind = \"{kind}\" causes it, and hil inject does so during the run"
         );
         all.push((kind.into(), Owned::Other(advice)));
     }

@@ -1,7 +1,7 @@
-//! Binding: every signal that law and plant need is given, by name and unit.
+//! Binding: every signal that law and plant need must be provided, by name and unit.
 //!
-//! The same binding is made again between the processes, from their own tables; here it is told
-//! before anything is started, with the line of the scenario and what would give the signal.
+//! The processes repeat the same binding from their own tables; here it is checked before anything is started, so that
+//! the message has the line of the scenario and a way to provide the signal.
 
 use shared_types::connection::Connection;
 use shared_types::describe::{LawDescription, PlantDescription};
@@ -14,7 +14,7 @@ use crate::plan::Stimulus;
 use crate::problem::{ProblemKind, listed};
 use crate::reader::{Reader, Section};
 
-/// Reports every signal that the law or the plant needs and nothing gives.
+/// Reports every needed signal of law and plant that nothing provides.
 pub(super) fn check(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -43,8 +43,7 @@ pub(super) fn check(
     }
 }
 
-/// Connects signals of which one side has the name that is an alias on the other, so that the processes bind them
-/// by the names of the columns.
+/// Connects signals whose name on one side is an alias on the other, so that the processes bind them by column names.
 pub(super) fn by_aliases(
     law: &LawDescription,
     plant: &PlantDescription,
@@ -70,7 +69,7 @@ pub(super) fn by_aliases(
             let Some(other) = of_plant.iter().find(is_one) else {
                 continue;
             };
-            // A command has one sender.
+            // A command has a single sender.
             let is_given = kind == SignalKind::Command
                 && (all().any(|one| one.plant == other.name)
                     || commands.iter().any(|one| one.name == other.name));
@@ -112,7 +111,7 @@ fn bind_reference(
     let mut reported: Vec<&str> = Vec::new();
     for field in missing {
         let (target, _) = target_of(field, &law.reference);
-        // One message for a target: its derivatives come and go with it.
+        // One message per target: its derivatives come with it.
         if reported.contains(&target.name.as_str()) {
             continue;
         }
@@ -135,7 +134,7 @@ fn bind_reference(
             order => format!(" with its first {order} derivatives"),
         };
         let help = format!(
-            "a [[stimuli]] with target = \"{}\" and a kind of {} gives it{needs}",
+            "a [[stimuli]] with target = \"{}\" and a kind of {} provides it{needs}",
             target.name,
             listed(kinds)
         );
@@ -151,8 +150,8 @@ fn bind_reference(
     }
 }
 
-/// The signal that a reference signal is a derivative of, and its order; itself with order 0 if it
-/// is none.
+/// Returns the signal of which a reference signal is a derivative, and the order; the signal itself with order 0 if it
+/// is not a derivative.
 fn target_of<'f>(field: &'f Field, all: &'f [Field]) -> (&'f Field, usize) {
     for order in 1..=5 {
         let is_target = |target: &&Field| {
@@ -180,12 +179,12 @@ fn unbound(
     let message = match other_unit {
         Some(other) => {
             let other = &other.unit;
-            format!("{asks} `{name}` in {unit}, and {gives} gives it in {other}")
+            format!("{asks} `{name}` in {unit}, but {gives} provides it in {other}")
         }
         None if gives == "a stimulus" => {
-            format!("{asks} `{name}` in {unit}, which no stimulus gives")
+            format!("{asks} `{name}` in {unit}, which no stimulus provides")
         }
-        None => format!("{asks} `{name}` in {unit}, which {gives} does not give"),
+        None => format!("{asks} `{name}` in {unit}, which {gives} does not provide"),
     };
     let problem = reader.report_at(section, "law", ProblemKind::Unbound, message);
     if other_unit.is_none() {

@@ -1,7 +1,7 @@
-//! `[[changes]]`: values that change while the run goes on.
+//! `[[changes]]`: values that change during the run.
 //!
-//! The same code checks the changes of a scenario and those that are asked for while a run goes on.
-//! Combinations of parameters are judged by the side that knows them, as at the start of a run.
+//! The same code checks the changes of a scenario and those requested during a run. Combinations of parameters are
+//! validated by the side that knows them, as at the start of a run.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -23,24 +23,24 @@ use crate::quantity::{Quantity, toml_float};
 use crate::reader::{Reader, Section};
 use crate::scenario::Scenario;
 
-/// Context that changes are checked against. A part that is `None` is not right itself; whatever depends on
-/// that part is then not checked.
+/// Context that changes are checked against. A part that is `None` is itself faulty; anything that depends on it is not
+/// checked.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ChangeContext<'a> {
-    /// The plant.
+    /// Plant.
     pub plant: Option<&'a PlantDescription>,
-    /// The law's name and its parameters.
+    /// Name and parameters of the law.
     pub law: Option<(&'a str, &'a [Field])>,
-    /// The reference signals.
+    /// Reference signals.
     pub stimuli: Option<&'a [Stimulus]>,
-    /// The steps of the run.
+    /// Steps of the run.
     pub grid: Option<Grid>,
 }
 
-/// A key that can be named, and whether it can be changed.
+/// Known key, with a flag for keys that can be changed.
 struct Known {
     key: String,
-    /// The key under further names of its variable.
+    /// Further keys, by the aliases of the variable.
     aliases: Vec<String>,
     field: Field,
     is_tunable: bool,
@@ -68,7 +68,7 @@ impl Known {
     }
 }
 
-/// The changes that are right; the others are reported.
+/// Returns the valid changes and reports the others.
 pub(crate) fn check(
     reader: &mut Reader,
     root: &Section<'_>,
@@ -89,7 +89,7 @@ pub(crate) fn check(
     changes.collect::<Vec<_>>().into_iter().flatten().collect()
 }
 
-/// A change that is asked for while the run goes on, if it is right.
+/// Returns a live change, if it is valid.
 fn live(
     reader: &mut Reader,
     root: &Section<'_>,
@@ -104,13 +104,13 @@ fn live(
     })
 }
 
-/// Every key that can be changed, with its further names; `None` if some are not known.
+/// Lists every key that can be changed, with its aliases; `None` if some are unknown.
 pub(super) fn tunable(context: &ChangeContext<'_>) -> Option<Vec<(String, Vec<String>)>> {
     let tunable = known(context)?.into_iter().filter(|one| one.is_tunable);
     Some(tunable.map(|one| (one.key, one.aliases)).collect())
 }
 
-/// All keys; `None` if some are not known.
+/// Lists all keys; `None` if some are unknown.
 fn known(context: &ChangeContext<'_>) -> Option<Vec<Known>> {
     let (law, parameters) = context.law?;
     let group = law_keys(law);
@@ -155,7 +155,7 @@ fn change(
     let (set, clear) = (set.unwrap_or_default(), clear.unwrap_or_default());
     if set.is_empty() && clear.is_empty() {
         let message = match section.path.as_str() {
-            "" => "nothing is to be changed".into(),
+            "" => "the change is empty".into(),
             path => format!("`{path}` changes nothing"),
         };
         reader
@@ -169,7 +169,7 @@ fn change(
         return None;
     }
     if let Some(both) = set.iter().find(|one| clear.contains(&one.key)) {
-        let message = format!("`{}` is set and cleared at once", both.key);
+        let message = format!("`{}` is both set and cleared", both.key);
         reader.report_at(section, "clear", ProblemKind::Duplicate, message);
         return None;
     }
@@ -177,7 +177,7 @@ fn change(
     let no_way = match set.iter().find(is_endless) {
         Some(one) => Some(format!("no ramp leads `{}` to {}", one.key, one.value)),
         None if ramp_s.is_some() && set.is_empty() => Some(
-            "a reference signal follows its stimulus at once: there is no value for a ramp".into(),
+            "a reference signal returns to its stimulus at once: a ramp has no end value".into(),
         ),
         None => None,
     };
@@ -212,7 +212,7 @@ fn change(
     })
 }
 
-/// The values of a table by full names; of two keys that mean a name the longer one counts.
+/// Returns the values of a table by full name; of two keys for one name the longer one counts.
 fn values(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -223,7 +223,7 @@ fn values(
     collect(set.table, "", &[], &mut leaves);
     let mut found: BTreeMap<String, (Written, ChangedValue)> = BTreeMap::new();
     for (name, entry) in leaves {
-        // As it was typed, where it was.
+        // As typed, at its place.
         let path = match section.path.as_str() {
             "" => name.clone(),
             _ => set.path_of(&name),
@@ -279,7 +279,7 @@ fn is_short_form(key: &str, written: &str) -> bool {
     })
 }
 
-/// Length of the group in front of a parameter of a law.
+/// Returns the length of the group before a law parameter.
 fn key_group(key: &str) -> usize {
     let mut dots = key.match_indices('.').map(|(place, _)| place + 1);
     dots.nth(1).unwrap_or(0)
@@ -301,7 +301,7 @@ fn unknown(
         count => format!("one of {count} keys, which `hil get --tunable` lists"),
     };
     let message = match is_there {
-        true => format!("`{name}` cannot be changed while the run goes on"),
+        true => format!("`{name}` cannot be changed during the run"),
         false => format!("there is no `{name}` to change"),
     };
     reader
@@ -310,7 +310,7 @@ fn unknown(
         .nearest(name, names.iter().copied());
 }
 
-/// The keys of reference signals that are to follow their stimulus again.
+/// Lists the reference signals that return to their stimulus.
 fn cleared(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -325,7 +325,7 @@ fn cleared(
         if let Some(signal) = signals.iter().find(|one| one.is_called(text)) {
             clear.push(signal.key.clone());
         } else {
-            let message = format!("`{text}` has no stimulus that it could follow again");
+            let message = format!("`{text}` has no stimulus to return to");
             reader
                 .report(ProblemKind::UnknownName, path, place, message)
                 .one_of(text, signals.iter().map(|one| one.key.as_str()));
@@ -337,11 +337,11 @@ fn cleared(
 }
 
 impl RequestContext {
-    /// Checks a change that is to have a number, against the run and its law as it is then: the law's name
-    /// and the parameters that it offers.
+    /// Checks a change that receives this number, against the run and its present law, given by name and tunable
+    /// parameters.
     ///
     /// # Errors
-    /// With everything that is wrong.
+    /// All problems found.
     pub fn check_change(
         &self,
         request: &ChangeRequest,
@@ -362,7 +362,7 @@ impl RequestContext {
     }
 }
 
-/// A request as the table that a scenario has for a change.
+/// Formats a request as the table that a scenario has for a change.
 fn toml(request: &ChangeRequest) -> String {
     let mut text = String::new();
     let number = toml_float;

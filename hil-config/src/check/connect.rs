@@ -1,4 +1,4 @@
-//! `[[connect]]`: signals of the law that are bound to signals of the plant under other names and units.
+//! `[[connect]]`: signals of the law bound to signals of the plant with other names and units.
 
 use shared_types::connection::Connection;
 use shared_types::describe::{LawDescription, PlantDescription};
@@ -9,11 +9,11 @@ use shared_types::units::{Conversion, Unit};
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
 
-/// Text of what a scenario can say where the units do not tell.
+/// Advice for a scenario whose units do not determine the conversion.
 const GIVE_FACTOR: &str =
-    "give `factor` and, if need be, `offset`: received = factor * sent + offset";
+    "give `factor` and, if needed, `offset`: received = factor * sent + offset";
 
-/// The kinds of signals that cross the link.
+/// Kinds of signals that cross the link.
 const KINDS: [SignalKind; 3] = [
     SignalKind::Measured,
     SignalKind::Reference,
@@ -23,16 +23,16 @@ const KINDS: [SignalKind; 3] = [
 /// Both ends of connections.
 pub(super) struct Ends<'a> {
     pub(super) law: &'a LawDescription,
-    /// All laws there are: connections of another law may stand in the scenario too, so that the law can be
-    /// changed by one flag.
+    /// All available laws: connections of other laws may stand in the scenario too, so that one flag can switch the
+    /// law.
     pub(super) laws: &'a [LawDescription],
     pub(super) plant: &'a PlantDescription,
-    /// The reference signals; none if a stimulus is not right.
+    /// Reference signals; `None` if a stimulus is faulty.
     pub(super) reference: Option<&'a [Field]>,
 }
 
 impl Ends<'_> {
-    /// The signals of a kind that the plant or its rig has, if they are known.
+    /// Returns the signals of a kind of the plant or its rig, if known.
     fn of_plant(&self, kind: SignalKind) -> Option<&[Field]> {
         match kind {
             SignalKind::Measured => Some(&self.plant.measured),
@@ -42,7 +42,7 @@ impl Ends<'_> {
     }
 }
 
-/// The signals of a kind that a law has under names of its own.
+/// Returns the signals of a kind that a law names itself.
 fn of_law(law: &LawDescription, kind: SignalKind) -> &[Field] {
     match kind {
         SignalKind::Measured => &law.measured,
@@ -51,7 +51,7 @@ fn of_law(law: &LawDescription, kind: SignalKind) -> &[Field] {
     }
 }
 
-/// The connections of the law; `None` if one of them is not right.
+/// Returns the connections of the law; `None` if one of them is faulty.
 pub(super) fn check(
     reader: &mut Reader,
     sections: &[Section<'_>],
@@ -90,7 +90,7 @@ pub(super) fn check(
     (reader.problems.len() == problems).then_some(connections)
 }
 
-/// A connection; `None` if it is not right, or of another law.
+/// Returns a connection; `None` if it is faulty or belongs to another law.
 fn connection(reader: &mut Reader, section: &Section<'_>, ends: &Ends<'_>) -> Option<Connection> {
     let law = signal(reader, section, "law");
     let plant = signal(reader, section, "plant");
@@ -142,7 +142,7 @@ fn connection(reader: &mut Reader, section: &Section<'_>, ends: &Ends<'_>) -> Op
                         section,
                         "factor",
                         ProblemKind::OutOfRange,
-                        "a factor of 0 leaves nothing of the signal",
+                        "a factor of 0 removes the signal",
                     )
                     .expected("a factor other than 0");
                 return None;
@@ -158,7 +158,7 @@ fn connection(reader: &mut Reader, section: &Section<'_>, ends: &Ends<'_>) -> Op
                     ProblemKind::MissingKey,
                     "an `offset` without a `factor`",
                 )
-                .expected("both, or none where the units tell");
+                .expected("both, or neither if the units determine the conversion");
             return None;
         }
         (None, None) => None,
@@ -180,7 +180,7 @@ fn connection(reader: &mut Reader, section: &Section<'_>, ends: &Ends<'_>) -> Op
     })
 }
 
-/// The kind and name under a key.
+/// Returns the kind and name under a key.
 fn signal<'a>(
     reader: &mut Reader,
     section: &Section<'a>,
@@ -210,7 +210,7 @@ fn unknown(
         ("plant", "reference") => "the scenario's [[stimuli]]".to_owned(),
         _ => format!("{whose} `{of}`"),
     };
-    let message = format!("`{kind}.{name}` is no signal of {owner}");
+    let message = format!("`{kind}.{name}` is not a signal of {owner}");
     let paths: Vec<String> = (fields.iter().map(|field| &field.name))
         .map(|name| format!("{kind}.{name}"))
         .collect();
@@ -220,7 +220,7 @@ fn unknown(
         .one_of(&format!("{kind}.{name}"), paths());
 }
 
-/// The conversion that follows from both units.
+/// Derives the conversion from both units.
 fn by_units(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -252,7 +252,7 @@ fn by_units(
                         false => (received, sent),
                     };
                     format!(
-                        "{names}: `{}` is declared as a difference (relativeQuantity) and `{}` is not, so the zeros of the units may count or not",
+                        "{names}: `{}` is declared as a difference (relativeQuantity) and `{}` is not, so it is unclear if the offsets of the units apply",
                         one.name, other.name
                     )
                 }

@@ -1,4 +1,4 @@
-//! `[controller]`: law, its parameters, its model of the plant, its rate.
+//! `[controller]`: the law, its parameters, its model of the plant, its rate.
 
 use std::collections::BTreeMap;
 
@@ -14,8 +14,8 @@ use crate::problem::{ProblemKind, listed};
 use crate::quantity::Quantity;
 use crate::reader::{Reader, Section};
 
-/// The law of a name for a plant. Laws for different plants may share a name; if none fits the
-/// plant, any of that name.
+/// Finds the law of a name for a plant. Laws for different plants may share a name; if none is made for the plant, any
+/// of that name is returned.
 fn law_for<'d>(
     laws: &'d [LawDescription],
     name: &str,
@@ -29,7 +29,7 @@ fn fits(law: &LawDescription, plant: Option<&str>) -> bool {
     plant.is_none_or(|plant| law.suits(plant))
 }
 
-/// The description of the law that is asked for, made for a plant of this name.
+/// Finds the description of the requested law, made for a plant of this name.
 pub(super) fn find<'d>(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -89,7 +89,7 @@ pub(super) fn check(
     let rate_divisor = rate_divisor(reader, section, grid);
     let model_section = reader.section(section, "model");
 
-    // Another law's model may stand here too, so that the law can be changed by one flag.
+    // Another law's model may stand here too, so that one flag can switch the law.
     let mut known: Vec<Field> = law.map(|law| law.model.clone()).unwrap_or_default();
     for field in laws.iter().flat_map(|law| &law.model) {
         if known.iter().all(|other| other.name != field.name) {
@@ -156,7 +156,7 @@ pub(super) fn check(
     })
 }
 
-/// Checks the tables of all laws, `[controller.<law>]`; the values by law.
+/// Checks the tables of all laws, `[controller.<law>]`, and returns their values by law.
 fn law_tables<'d>(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -210,7 +210,7 @@ fn rate_divisor(reader: &mut Reader, section: &Section<'_>, grid: Option<Grid>) 
             "rate_hz",
             ProblemKind::Mismatch,
             format!(
-                "`controller.rate_hz` is {}, no whole fraction of `run.rate_hz` = {}",
+                "`controller.rate_hz` is {}, not a whole fraction of `run.rate_hz` = {}",
                 number(rate_hz),
                 number(run_hz)
             ),

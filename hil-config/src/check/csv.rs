@@ -1,8 +1,7 @@
-//! Files of numbers beside a scenario: rows of numbers with commas between, a name for each column
-//! in the first line, blank lines and lines that begin with `#` left out.
+//! CSV files beside a scenario: rows of numbers separated by commas, column names in the first line; blank lines and
+//! lines that begin with `#` are skipped.
 //!
-//! Used for points of stimuli and profiles and for the lists of faults; what the numbers mean is
-//! their business.
+//! Used for points of stimuli and profiles and for the lists of faults, which interpret the numbers.
 
 use std::io::ErrorKind;
 use std::path::Path;
@@ -12,14 +11,14 @@ use crate::reader::{Reader, Section};
 use crate::scenario::{advice_on_missing, read_regular};
 use crate::source::Place;
 
-/// Layout that a file must have.
+/// Required layout of a file.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Layout {
-    /// The first line; without one, the first line may be anything that is no number.
+    /// First line; without one, the first line may be anything that is not a number.
     pub header: Option<&'static str>,
-    /// Numbers in a row.
+    /// Numbers per row.
     pub columns: usize,
-    /// Word for a row in messages; with an `s` the word means several rows.
+    /// Word for a row in messages; its plural ends in `s`.
     pub row: &'static str,
 }
 
@@ -39,12 +38,11 @@ impl Layout {
     }
 }
 
-/// Error in a row, and what would be right.
+/// Error in a row, and the expected content.
 pub(super) type BadRow = (String, &'static str);
 
-/// Reads the file that a section's `file` names, row by row. The first bad line ends the reading: a
-/// file of another kind would otherwise give thousands of messages. Without a folder files are
-/// refused.
+/// Reads the file named by a section's `file`, row by row. Reading stops at the first bad line: a file of another kind
+/// would otherwise give thousands of messages. Without a folder files are refused.
 pub(super) fn read(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -67,7 +65,7 @@ pub(super) fn read(
         Err(error) => {
             let (reason, help) = match error.kind() {
                 ErrorKind::NotFound => (
-                    "it is not there".into(),
+                    "it does not exist".into(),
                     advice_on_missing(folder, name, "scenario"),
                 ),
                 _ => (error.to_string(), String::new()),
@@ -95,7 +93,7 @@ pub(super) fn read(
     None
 }
 
-/// Error in a line, with the place of the line.
+/// Error in a line, with the line's place.
 struct BadLine {
     start: usize,
     length: usize,

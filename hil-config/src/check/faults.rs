@@ -1,8 +1,8 @@
-//! `[[faults]]`: events, when they take hold and end, and what they do to which target.
+//! `[[faults]]`: events, when they take effect and end, and their effects on targets.
 //!
-//! The same code checks the faults of a scenario and those that are asked for while a run goes on;
-//! what differs is in the [`EventContext`]. Events are read in two rounds: first names and triggers, which
-//! refer to each other, then ends and effects, which must fit into the time that is left.
+//! The same code checks the faults of a scenario and those requested during a run; the [`EventContext`] holds the
+//! differences. Events are read in two passes: first names and triggers, which refer to each other, then ends and
+//! effects, which must fit into the remaining time.
 
 mod effect;
 mod end;
@@ -32,21 +32,21 @@ pub(crate) use effect::unit_of;
 use kind::FaultKind;
 pub(crate) use target::groups;
 
-/// Context that faults are checked against. A part that is `None` is not right itself; whatever
-/// depends on that part is then not checked.
+/// Context that faults are checked against. A part that is `None` is itself faulty; anything that depends on it is not
+/// checked.
 #[derive(Debug)]
 pub(crate) struct EventContext<'a> {
-    /// The plant.
+    /// Plant.
     pub plant: Option<&'a PlantDescription>,
-    /// The kinds of faults that are not the plant's own.
+    /// Fault kinds other than the plant's own.
     pub kinds: &'a [FaultKindDescription],
     /// The plant's healthy parameters.
     pub healthy: Option<&'a Settings>,
-    /// The reference signals.
+    /// Reference signals.
     pub reference: Option<&'a [Field]>,
     /// Columns that expressions may name: a record's signals and every derived one.
     pub columns: Option<&'a Columns>,
-    /// The steps of the run.
+    /// Steps of the run.
     pub grid: Option<Grid>,
     /// Origin of the events: a scenario or a command line.
     pub origin: Origin<'a>,
@@ -57,14 +57,14 @@ pub(crate) struct EventContext<'a> {
 pub(crate) enum Origin<'a> {
     /// A scenario in this folder.
     Scenario {
-        /// The folder, for files of points.
+        /// Folder for files of points.
         folder: &'a Path,
     },
-    /// A command line, while the run goes on.
+    /// A command line, during the run.
     Live {
-        /// Names and numbers of the events there are.
+        /// Names and numbers of the existing events.
         names: &'a [(String, u32)],
-        /// The number of the first new event.
+        /// Number of the first new event.
         first_id: u32,
     },
 }
@@ -84,7 +84,7 @@ impl<'a> Origin<'a> {
         }
     }
 
-    /// Returns the folder in which files are looked for, if they are.
+    /// Returns the folder of files, unless files are refused.
     const fn folder(self) -> Option<&'a Path> {
         match self {
             Self::Scenario { folder } => Some(folder),
@@ -93,7 +93,7 @@ impl<'a> Origin<'a> {
     }
 }
 
-/// The events that are right; the others are reported.
+/// Returns the valid events and reports the others.
 pub(crate) fn check(
     reader: &mut Reader,
     root: &Section<'_>,
@@ -124,7 +124,7 @@ pub(crate) fn check(
     events.into_iter().map(|(event, _)| event).collect()
 }
 
-/// The tables of an event's effects, at least one.
+/// Returns the tables of an event's effects, at least one.
 fn effects<'a>(reader: &mut Reader, section: &Section<'a>) -> Vec<Section<'a>> {
     let effects = reader.list(section, "effects");
     if let Some(entry) = section.table.get("effects")
@@ -139,11 +139,11 @@ fn effects<'a>(reader: &mut Reader, section: &Section<'a>) -> Vec<Section<'a>> {
     effects
 }
 
-/// Facts of an event that are known when the rest of the event is checked.
+/// Facts of an event that are known when its remaining keys are checked.
 struct Event<'a> {
     context: &'a EventContext<'a>,
     trigger: Option<&'a Trigger>,
-    /// The first step at which it could take hold.
+    /// First step at which it could take effect.
     earliest: Option<u64>,
 }
 

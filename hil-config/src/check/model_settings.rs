@@ -1,6 +1,6 @@
 //! Settings of an FMU: tolerance, times, initial values, texts and sizes of arrays.
 //!
-//! Read before anything is known of the FMU: `hil-fmu` checks the names, and which values each may have.
+//! Read before the FMU is known: `hil-fmu` checks names and values.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,7 +13,7 @@ use crate::problem::ProblemKind;
 use crate::quantity::Quantity;
 use crate::reader::{Reader, Section};
 
-/// The settings in `[plant]` or `[controller]`.
+/// Returns the settings in `[plant]` or `[controller]`.
 pub(super) fn check(reader: &mut Reader, section: &Section<'_>, folder: &Path) -> ModelSettings {
     let initial = values(reader, section, "initial", initial_value);
     let texts = values(reader, section, "texts", |reader, path, node| {
@@ -53,7 +53,7 @@ fn initial_value(reader: &mut Reader, path: &str, node: &Node) -> Option<f64> {
     }
 }
 
-/// The values of a table by the full names of variables, dotted, quoted or in nested tables.
+/// Returns the values of a table by the full names of variables, dotted, quoted or in nested tables.
 fn values<T>(
     reader: &mut Reader,
     section: &Section<'_>,

@@ -1,4 +1,4 @@
-//! `[panel]`: signals and keys that exist.
+//! `[panel]`: existing signals and keys.
 
 use super::changes::{self, ChangeContext};
 use crate::expression::Columns;
@@ -6,8 +6,8 @@ use crate::plan::Panel;
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
 
-/// The panel; what is wrong with it is reported. Names are looked up as far as all that may be named is known; a
-/// pattern may match nothing, as with another law.
+/// Returns the panel and reports its problems. Names are looked up if all valid names are known; a pattern may match
+/// nothing, for example with another law.
 pub(super) fn check(
     reader: &mut Reader,
     root: &Section<'_>,
@@ -41,7 +41,7 @@ pub(super) fn check(
         &section,
         "readings",
         signals,
-        "is no signal of this run",
+        "is not a signal of this run",
         own,
     );
     let tune = names(
@@ -49,7 +49,7 @@ pub(super) fn check(
         &section,
         "tune",
         own_keys,
-        "cannot be changed while this run goes on",
+        "cannot be changed during this run",
         own_key,
     );
     let inject = names(reader, &section, "inject", None, "", str::to_owned);

@@ -1,7 +1,7 @@
 //! Tables whose keys come from a description: parameters of plants and laws.
 //!
-//! A key is a full name, dotted, quoted or as nested tables, or its last part alone, which sets every
-//! parameter that ends so unless one has exactly that name. The longer key wins, whatever the order.
+//! A key is a full name, dotted, quoted or as nested tables, or only its last part, which sets every parameter with
+//! that ending unless one has exactly that name. The longer key wins, whatever the order.
 
 use std::collections::BTreeMap;
 
@@ -14,11 +14,10 @@ use crate::problem::{ProblemKind, listed};
 use crate::quantity::Quantity;
 use crate::reader::{Reader, Section};
 
-/// More names than this are not listed in a message.
+/// Maximum number of names that a message lists.
 pub(super) const LISTED: usize = 12;
 
-/// The values that a section gives, by full name. `owner` is named in messages, for example
-/// ``plant `drhas` ``.
+/// Returns the values in a section, by full name. `owner` is named in messages, for example ``plant `drhas` ``.
 pub(super) fn given(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -64,10 +63,10 @@ pub(super) fn given(
         .collect()
 }
 
-/// Value of a variable with the key that it was given under.
+/// Value of a variable, with its key.
 pub(super) struct Written {
     key: String,
-    /// Number of parts of the key; of a full name more than any.
+    /// Number of parts of the key; a full name has more than any.
     parts: usize,
     value: f64,
 }
@@ -85,7 +84,7 @@ impl Written {
         }
     }
 
-    /// Returns `true` if this counts and not the earlier one: the longer key does.
+    /// Returns `true` if this value overrides the earlier one: the longer key does.
     ///
     /// # Errors
     /// If two names of one variable give it two values.
@@ -104,7 +103,7 @@ impl Written {
     }
 }
 
-/// All values: given, else `fallback`, else the field's default. A field without any is reported.
+/// Returns all values: given, else `fallback`, else the field's default. A field without any is reported.
 pub(super) fn complete(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -129,7 +128,7 @@ pub(super) fn complete(
     settings
 }
 
-/// Returns what a key names: the one with exactly that name, or else all whose last parts it is.
+/// Returns what a key names: the item of exactly that name, or else all items with that ending.
 pub(super) fn named<'a, T, N: Iterator<Item = &'a str>>(
     all: &'a [T],
     names: impl Fn(&'a T) -> N,
@@ -151,8 +150,8 @@ pub(super) fn is_named(name: &str, key: &str) -> bool {
     rest.is_some_and(|rest| rest.is_empty() || rest.ends_with('.'))
 }
 
-/// Every value below a table with its dotted key. A table that is empty counts as a value unless a
-/// field has its name in front.
+/// Collects every value below a table with its dotted key. An empty table counts as a value unless it is the group of a
+/// field.
 pub(super) fn collect<'a>(
     table: &'a Table,
     prefix: &str,

@@ -12,7 +12,7 @@ use crate::problem::ProblemKind;
 use crate::quantity::Quantity;
 use crate::reader::{Reader, Section};
 
-/// The description of the model that is asked for.
+/// Finds the description of the requested model.
 pub(super) fn find<'d>(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -74,7 +74,7 @@ pub(super) fn check(
     })
 }
 
-/// Every command of the plant: as written, else 0.
+/// Returns every command of the plant: as written, else 0.
 fn safe_command(
     reader: &mut Reader,
     section: Option<&Section<'_>>,
@@ -108,7 +108,7 @@ fn safe_command(
     commands
 }
 
-/// The values of a section by the full names of signals, dotted, quoted or in nested tables.
+/// Returns the values of a section by the full names of signals, dotted, quoted or in nested tables.
 fn leaves<'a>(section: Option<&Section<'a>>, fields: &[Field]) -> Vec<(String, &'a Entry)> {
     let mut leaves = Vec::new();
     if let Some(section) = section {

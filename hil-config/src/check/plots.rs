@@ -1,4 +1,4 @@
-//! `[[plots]]`: signals that exist.
+//! `[[plots]]`: existing signals.
 
 use std::collections::BTreeSet;
 
@@ -9,8 +9,8 @@ use crate::plan::{Plot, Scale};
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
 
-/// The plots that are right; the others are reported. Without columns, because plant, law or stimuli
-/// are not right themselves, names of signals are not looked up.
+/// Returns the valid plots and reports the others. Without columns, because plant, law or stimuli are faulty, names of
+/// signals are not looked up.
 pub(super) fn check(
     reader: &mut Reader,
     root: &Section<'_>,
@@ -62,11 +62,11 @@ fn signals(
             continue;
         };
         are_known = false;
-        let message = format!("`{path}` is `{name}`, which is no signal of this run");
+        let message = format!("`{path}` is `{name}`, which is not a signal of this run");
         let problem = reader.report(ProblemKind::UnknownName, path, place, message);
         problem.nearest = columns.nearest(name);
         if name.starts_with("internal.") {
-            problem.help("if only some laws show it, name them in `laws`");
+            problem.help("if only some laws have it, name them in `laws`");
         }
     }
     let own = |name| columns.map_or(name, |columns| columns.own_name(name));
@@ -83,7 +83,7 @@ fn laws(
         return Some(Vec::new());
     }
     let names = reader.texts(section, "laws")?;
-    // Two plants may each have a law of one name.
+    // Two plants may each have a law of the same name.
     let known: BTreeSet<&str> = all_laws.iter().map(|law| law.name.as_str()).collect();
     let mut are_known = true;
     for (path, place, name) in &names {
@@ -91,7 +91,7 @@ fn laws(
             continue;
         }
         are_known = false;
-        let message = format!("`{path}` is `{name}`, which is no law");
+        let message = format!("`{path}` is `{name}`, which is not a law");
         reader
             .report(ProblemKind::UnknownName, path, place, message)
             .one_of(name, known.iter().copied());

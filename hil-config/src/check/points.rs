@@ -1,5 +1,4 @@
-//! Points over time, of a stimulus or a profile of kind `table`: a CSV file, or two lists in the
-//! scenario itself.
+//! Points over time, of a stimulus or a profile of kind `table`: a CSV file, or two lists in the scenario itself.
 
 use std::path::Path;
 
@@ -19,7 +18,7 @@ const FILE: csv::Layout = csv::Layout {
     row: "point",
 };
 
-/// The points of a section, which is that of `what`. Without a folder files are refused.
+/// Returns the points of a section, which describes `what`. Without a folder files are refused.
 pub(super) fn check(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -50,24 +49,24 @@ pub(super) fn check(
     }
 }
 
-/// Span of time in which a table counts: from 0 to an end, on its own scale.
+/// Time span in which a table has an effect: from 0 to an end, on its own scale.
 pub(super) struct Span {
     end_s: f64,
-    /// Words for it, behind "the table goes from 3 to 4 s and".
+    /// Description of the span, to follow "the table goes from 3 to 4 s and".
     words: String,
 }
 
 impl Span {
-    /// The span of a run that ends at a time.
+    /// Returns the span of a run that ends at a time.
     pub(super) fn of_run(end_s: f64) -> Self {
         let words = format!("the run from 0 to {} s", number(end_s));
         Self { end_s, words }
     }
 
-    /// The span of an effect that is followed by at most `left_s` of the run.
+    /// Returns the span of an effect that is followed by at most `left_s` of the run.
     pub(super) fn of_effect(left_s: f64) -> Self {
         let words = format!(
-            "counts from the begin of the effect, after which the run goes on for at most {} s",
+            "counts from the beginning of the effect, after which the run lasts for at most {} s",
             number(left_s)
         );
         Self {
@@ -77,7 +76,7 @@ impl Span {
     }
 }
 
-/// Refuses a table that begins after the end of a span or ends before its beginning: it would be one value.
+/// Refuses a table that begins after the end of a span or ends before its beginning: it would be a constant.
 pub(super) fn refuse_outside(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -93,7 +92,7 @@ pub(super) fn refuse_outside(
         None => "time_s",
     };
     let message = format!(
-        "the table goes from {} to {} s and {}, so nothing of it takes effect",
+        "the table goes from {} to {} s and {}, so it has no effect",
         number(first),
         number(last),
         span.words

@@ -1,4 +1,4 @@
-//! `plant.program` and `controller.program`: the programs that the scenario brings with it.
+//! `plant.program` and `controller.program`: programs that come with the scenario.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -10,8 +10,7 @@ use crate::plan::{ControllerProgram, Permissions, Programs};
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section, describe};
 
-/// The programs that are named, each as an absolute path. Whoever starts them checks that the files
-/// exist.
+/// Returns the programs by absolute path. Their existence is checked when they are started.
 pub(super) fn check(reader: &mut Reader, root: &Section<'_>, folder: &Path) -> Programs {
     let entry = |table: &str| entry_of(root, table, "program");
     let mut file = |path: &str, node: &Node| file(reader, folder, path, node);
@@ -56,7 +55,7 @@ pub(super) fn check(reader: &mut Reader, root: &Section<'_>, folder: &Path) -> P
     }
 }
 
-/// A section that may be there, without a word if it is none.
+/// Returns an optional section, without reporting an invalid one.
 fn section_of<'a>(
     root: &Section<'a>,
     table: &'static str,
@@ -74,7 +73,7 @@ fn section_of<'a>(
     })
 }
 
-/// The value of a key that is true or false; false if it is neither, which is reported.
+/// Returns the value of a boolean key; `false` for anything else, which is reported.
 fn flag(reader: &mut Reader, path: &str, node: &Node) -> bool {
     let Value::Boolean(value) = node.value else {
         let expected = describe(&crate::keys::KeyKind::Boolean { default: false });
@@ -84,7 +83,7 @@ fn flag(reader: &mut Reader, path: &str, node: &Node) -> bool {
     value
 }
 
-/// The value of a key of a table, if both are there.
+/// Returns the value of a key in a table, if both exist.
 fn entry_of<'a>(root: &Section<'a>, table: &str, key: &str) -> Option<&'a Node> {
     let Value::Table(table) = &root.table.get(table)?.node.value else {
         return None;
@@ -92,7 +91,7 @@ fn entry_of<'a>(root: &Section<'a>, table: &str, key: &str) -> Option<&'a Node> 
     Some(&table.get(key)?.node)
 }
 
-/// Texts of a list, at least one.
+/// Returns the texts of a list, at least one.
 fn texts(reader: &mut Reader, path: &str, node: &Node) -> Vec<String> {
     let expected = describe(&crate::keys::KeyKind::Texts);
     let items = match &node.value {
@@ -107,7 +106,7 @@ fn texts(reader: &mut Reader, path: &str, node: &Node) -> Vec<String> {
     texts.map(str::to_owned).collect()
 }
 
-/// The file of a key.
+/// Returns the file under a key.
 pub(super) fn file(reader: &mut Reader, folder: &Path, path: &str, node: &Node) -> Option<PathBuf> {
     let expected = describe(match path {
         "controller.program" => &crate::keys::KeyKind::Program,
@@ -117,7 +116,7 @@ pub(super) fn file(reader: &mut Reader, folder: &Path, path: &str, node: &Node) 
     match std::path::absolute(folder.join(text)) {
         Ok(file) if !text.is_empty() => Some(file),
         _ => {
-            let message = format!("`{path}` is `{text}`, which names no file");
+            let message = format!("`{path}` is `{text}`, which is not a file name");
             reader
                 .report(ProblemKind::OutOfRange, path, &node.place, message)
                 .expected("a file, relative to the scenario");

@@ -1,5 +1,5 @@
-//! `[realtime]`: what is asked of the system. Whether this machine has the cores is not looked at: a
-//! scenario may be checked on another one than it runs on.
+//! `[realtime]`: settings requested from the system. The existence of the cores is not checked: a scenario may be
+//! checked on another machine than it runs on.
 
 use shared_types::wait::WaitStrategy;
 
@@ -7,7 +7,7 @@ use crate::plan::Realtime;
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
 
-/// The settings; those of a scenario without the section ask for nothing.
+/// Returns the settings; without the section nothing is requested.
 pub(super) fn check(reader: &mut Reader, root: &Section<'_>) -> Option<Realtime> {
     let Some(section) = reader.section(root, "realtime") else {
         return Some(Realtime::default());
@@ -43,12 +43,12 @@ pub(super) fn check(reader: &mut Reader, root: &Section<'_>) -> Option<Realtime>
     Some(realtime)
 }
 
-/// Their ranges begin at 0 and end far below.
+/// Ranges begin at 0 and end far below the limit.
 fn as_u32(value: i64) -> u32 {
     u32::try_from(value).unwrap_or(u32::MAX)
 }
 
-/// Refuses settings with which one would keep the other from its core.
+/// Refuses settings under which one side would keep the other from its core.
 fn refuse_blocking(reader: &mut Reader, section: &Section<'_>, realtime: &Realtime) {
     let mut mismatch = |key, message: String, expected| {
         (reader.report_at(section, key, ProblemKind::Mismatch, message)).expected(expected);
@@ -58,7 +58,7 @@ fn refuse_blocking(reader: &mut Reader, section: &Section<'_>, realtime: &Realti
     {
         mismatch(
             "wait",
-            format!("plant and controller share core {core} and neither would give it away"),
+            format!("plant and controller share core {core} and neither would yield it"),
             "`yield` or `hybrid`, or a core for each side",
         );
     }
@@ -73,7 +73,7 @@ fn refuse_blocking(reader: &mut Reader, section: &Section<'_>, realtime: &Realti
                 "core {core} belongs to a loop of priority {}",
                 realtime.priority
             ),
-            "a core without one: the recorder has ordinary priority and would hardly ever run",
+            "another core: the recorder has ordinary priority and would hardly ever run",
         );
     }
 }

@@ -12,8 +12,8 @@ use crate::plan::{Derived, Requirement};
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
 
-/// The requirements that are right; the others are reported. Without columns, because plant, law or
-/// stimuli are not right themselves, names are not looked up, and without a grid windows are not.
+/// Returns the valid requirements and reports the others. Without columns, because plant, law or stimuli are faulty,
+/// names are not looked up, and without a grid windows are not.
 pub(super) fn check(
     reader: &mut Reader,
     root: &Section<'_>,
@@ -45,7 +45,7 @@ pub(super) fn check(
     requirements
 }
 
-/// A name that is one and that no requirement before has.
+/// Returns a valid name that no earlier requirement has.
 fn name<'a>(
     reader: &mut Reader,
     section: &Section<'a>,

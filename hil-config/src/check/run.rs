@@ -10,7 +10,7 @@ use crate::plan::{Clock, Run};
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
 
-/// The steps of a run and their times: what the rest of a scenario must fit into.
+/// Steps of a run and their times, into which the rest of a scenario must fit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Grid {
     /// Exchange rate.
@@ -20,13 +20,13 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// The time of the final record.
+    /// Returns the time of the final record.
     pub(super) fn end_s(&self) -> f64 {
         self.rate.seconds(Step(self.steps))
     }
 }
 
-/// The grid, which the rest needs even if seed or clock are wrong, and the whole.
+/// Returns the grid, which the other parts need even if seed or clock are faulty, and the whole section.
 pub(super) fn check(reader: &mut Reader, root: &Section<'_>) -> (Option<Grid>, Option<Run>) {
     let Some(section) = reader.section(root, "run") else {
         return (None, None);
@@ -70,7 +70,7 @@ pub(super) fn check(reader: &mut Reader, root: &Section<'_>) -> (Option<Grid>, O
     (grid, run())
 }
 
-/// The number of steps of a duration, which must be whole.
+/// Returns the number of steps of a duration, which must be whole.
 fn steps(reader: &mut Reader, section: &Section<'_>, duration_s: f64, rate: Rate) -> Option<u64> {
     let exact = duration_s * rate.hz();
     let product = format!(
@@ -86,8 +86,8 @@ fn steps(reader: &mut Reader, section: &Section<'_>, duration_s: f64, rate: Rate
         return None;
     }
     let whole = exact.round();
-    // Decimal durations and rates are not exact in binary: allow for the rounding of the product,
-    // far below anything that a person would write on purpose.
+    // Decimal durations and rates are not exact in binary: allow for rounding of the product, far below any intended
+    // fraction.
     if whole >= 1.0 && (exact - whole).abs() <= 1e-9 + 1e-15 * whole {
         return Some(whole as u64);
     }

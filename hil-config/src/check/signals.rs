@@ -15,17 +15,16 @@ use crate::plan::{Derived, Metric, Published, Window};
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
 
-/// A metric whose kind is an analysis, to be checked when stimuli and faults are.
+/// Metric whose kind is an analysis, to be checked once stimuli and faults have been.
 pub(super) struct Analysed<'a> {
     pub(super) name: &'a str,
     pub(super) kind: &'a str,
-    /// Read by the keys of its kind.
+    /// Section, read according to the keys of its kind.
     pub(super) section: Section<'a>,
 }
 
-/// The derived signals and metrics that are right; the others are reported. Without columns,
-/// because plant, law or stimuli are not right themselves, names are not looked up. Every derived
-/// signal with a name becomes a column.
+/// Returns the valid derived signals and metrics and reports the others. Without columns, because plant, law or stimuli
+/// are faulty, names are not looked up. Every named derived signal becomes a column.
 pub(super) fn check<'a>(
     reader: &mut Reader,
     root: &Section<'a>,
@@ -119,7 +118,7 @@ pub(super) fn check<'a>(
     (derived, metrics, analysed)
 }
 
-/// The expression over signals under a key of a section.
+/// Reads the expression over signals under a key of a section.
 pub(super) fn signal(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -130,7 +129,7 @@ pub(super) fn signal(
     expression(reader, section, key, columns, &later, Use::Signal)
 }
 
-/// A name that is one and that nothing before has.
+/// Returns a valid name that nothing earlier has.
 fn name<'a>(
     reader: &mut Reader,
     section: &Section<'a>,
@@ -138,7 +137,8 @@ fn name<'a>(
 ) -> Option<&'a str> {
     let name = reader.text(section, "name")?;
     if !is_name(name) || is_reserved(name) || is_operator(name) {
-        let expected = "a name of letters, digits and _ that is no function, for example error_m";
+        let expected =
+            "a name of letters, digits and _ that is not a function, for example error_m";
         reader.refuse(section, "name", name, expected);
         return None;
     }
@@ -150,8 +150,8 @@ fn name<'a>(
     Some(name)
 }
 
-/// The unit under the key `unit`, or that of the expression among these columns, or that of a name's
-/// ending, or none.
+/// Returns the unit under the key `unit`, or else that of the expression among these columns, or else that of the
+/// name's suffix.
 pub(super) fn unit(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -164,14 +164,14 @@ pub(super) fn unit(
     Some(implied_unit(known, name).unwrap_or_else(|| "1".into()))
 }
 
-/// The unit that is not written down: that of the expression, or that of the name's ending.
+/// Returns the unit implied by the expression or the name's suffix.
 pub(super) fn implied_unit(known: Option<(&Expression, &Columns)>, name: &str) -> Option<String> {
     let unit = known_unit(known);
     let symbol = unit.as_ref().and_then(Unit::symbol);
     symbol.or_else(|| unit_of_name(name)).map(Into::into)
 }
 
-/// The unit of an expression among these columns, as far as it is known.
+/// Returns the unit of an expression among these columns, as far as it is known.
 fn known_unit<'a>(known: Option<(&'a Expression, &'a Columns)>) -> Option<Unit<'a>> {
     known.and_then(|(expression, columns)| expression.unit(columns).ok())
 }
@@ -181,7 +181,7 @@ fn known_unit<'a>(known: Option<(&'a Expression, &'a Columns)>) -> Option<Unit<'
 enum Use {
     /// A value at every step.
     Signal,
-    /// A value for a window.
+    /// A value per window.
     Metric,
 }
 
@@ -210,7 +210,7 @@ fn expression(
             errors.extend(expression.unit(known).err());
         }
     }
-    // What kind of expression it is can be told without columns.
+    // The kind of expression is known without columns.
     let misused = match usage {
         Use::Signal => expression.refuse_reduction(),
         Use::Metric => expression.refuse_signal(),
@@ -281,7 +281,7 @@ fn windows(reader: &mut Reader, section: &Section<'_>, grid: Option<Grid>) -> Op
     windows.into_iter().collect()
 }
 
-/// The published values that are right; each must belong to a window of its metric.
+/// Returns the valid published values; each must belong to a window of its metric.
 fn published(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -322,7 +322,7 @@ fn window_s(
     let (start_s, end_s) = reader.pair(&path, &found.node, "s")?;
     let is_one = |window: &Window| window.start_s == start_s && window.end_s == end_s;
     if !windows?.iter().any(is_one) {
-        let message = format!("`{path}` is none of the metric's windows");
+        let message = format!("`{path}` is not one of the metric's windows");
         reader
             .report(ProblemKind::OutOfRange, &path, &found.node.place, message)
             .expected("one of `windows_s`");

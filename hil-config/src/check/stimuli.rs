@@ -15,7 +15,7 @@ use crate::plan::{Stimulus, Sweep, Waveform};
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
 
-/// The stimuli; `None` if one of them is not right.
+/// Returns the stimuli; `None` if one of them is faulty.
 pub(super) fn check(
     reader: &mut Reader,
     root: &Section<'_>,
@@ -32,7 +32,7 @@ pub(super) fn check(
             let fields = stimulus.fields();
             let again = fields.iter().find(|field| given.contains(&field.name));
             if let Some(field) = again {
-                let message = format!("two stimuli give the reference signal `{}`", field.name);
+                let message = format!("two stimuli provide the reference signal `{}`", field.name);
                 reader.report_at(section, "target", ProblemKind::Duplicate, message);
             }
             given.extend(fields.into_iter().map(|field| field.name));
@@ -81,7 +81,7 @@ fn target<'a>(reader: &mut Reader, section: &Section<'a>) -> Option<&'a str> {
     None
 }
 
-/// The unit: written, or what the law expects, or that of the name's ending.
+/// Returns the unit: as written, or expected by the law, or of the name's suffix.
 fn unit(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -123,7 +123,7 @@ fn waveform(
 ) -> Option<Waveform> {
     let kinds = WAVEFORMS.iter().map(|kind| (kind.name, kind.keys));
     let (name, section) = &reader.of_kind(section, "stimulus", kinds)?;
-    // All numbers are read before any is missed, so that every problem is reported.
+    // All numbers are read before a missing one is reported, so that every problem is.
     let mut number = |name| reader.number(section, name);
     let waveform = match *name {
         "paper" => {
@@ -189,7 +189,7 @@ fn waveform(
     Some(waveform)
 }
 
-/// The sweep of this name; a logarithmic one needs a ratio of frequencies.
+/// Returns the sweep of this name; a logarithmic one needs a ratio of frequencies.
 fn sweep_between(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -213,7 +213,7 @@ fn sweep_between(
     None
 }
 
-/// A time that must not lie behind the end of the run, where it would have no effect.
+/// Refuses a time after the end of the run, where it would have no effect.
 fn in_run(
     reader: &mut Reader,
     section: &Section<'_>,

@@ -1,14 +1,14 @@
-//! The names of the numbers in a row.
+//! Names of the numbers in a row.
 //!
-//! Filled by the check from descriptions and by the launcher from the layout of a record; in a
-//! record the groups follow each other in the order of [`Group`].
+//! Filled by the check from descriptions and by the launcher from the layout of a record; in a record the groups follow
+//! each other in the order of [`Group`].
 
 use std::collections::{HashMap, HashSet};
 
 use shared_types::record::RecordLayout;
 use shared_types::table::{nearest, unit_of_name};
 
-/// Kind of a signal, and the first part of its name in expressions.
+/// Group of a signal, the first part of its name in expressions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Group {
     /// True state of the plant, `truth.x`.
@@ -17,24 +17,24 @@ pub enum Group {
     Measured,
     /// Reference signals of the rig, `reference.x`.
     Reference,
-    /// The command as the controller sent it, `command.x`.
+    /// Command as sent by the controller, `command.x`.
     Command,
-    /// The command as the plant applied it, `applied.x`.
+    /// Command as applied by the plant, `applied.x`.
     Applied,
-    /// Inner quantities of the law, `internal.x`.
+    /// Internal signals of the law, `internal.x`.
     Internal,
-    /// Readings that the plant's sensors would give without faults, `sensed.x`.
+    /// Sensor readings without faults, `sensed.x`.
     Sensed,
-    /// Reference signals of the rig without faults, `stimulus.x`.
+    /// Reference signals without faults, `stimulus.x`.
     Stimulus,
-    /// The plant's faultable parameters as they act, `parameter.x`.
+    /// Effective values of the plant's faultable parameters, `parameter.x`.
     Parameter,
-    /// Computed from the others, `x`.
+    /// Derived from the others, `x`.
     Derived,
 }
 
 impl Group {
-    /// Every group, in the order of a record.
+    /// Every group, in record order.
     pub const ALL: [Self; 10] = [
         Self::Truth,
         Self::Measured,
@@ -48,7 +48,7 @@ impl Group {
         Self::Derived,
     ];
 
-    /// The first part of a name; empty for derived signals.
+    /// Returns the first part of a name; empty for derived signals.
     #[must_use]
     pub const fn prefix(self) -> &'static str {
         match self {
@@ -70,13 +70,13 @@ impl Group {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Columns {
     names: Vec<String>,
-    /// The unit of each; empty if it is not known.
+    /// Unit of each column; empty if unknown.
     units: Vec<String>,
-    /// Columns without a unit whose values a factor may have converted to one.
+    /// Columns without a unit whose values may have been converted by a factor.
     converted: HashSet<usize>,
-    /// The first column of each name.
+    /// First column of each name.
     places: HashMap<String, usize>,
-    /// Columns by further names of their signals.
+    /// Columns by the aliases of their signals.
     aliases: HashMap<String, usize>,
 }
 
@@ -99,7 +99,7 @@ impl From<&RecordLayout> for Columns {
 }
 
 impl Columns {
-    /// Columns whose names are whole already.
+    /// Creates columns from complete names.
     pub(crate) fn named(names: Vec<String>) -> Self {
         let mut columns = Self::default();
         names.into_iter().for_each(|name| columns.add(name, ""));
@@ -113,12 +113,12 @@ impl Columns {
         self.units.push(unit.into());
     }
 
-    /// Adds a column, whose unit is that of the name's ending.
+    /// Adds a column with the unit of its name's suffix.
     pub fn push(&mut self, group: Group, name: &str) {
         self.push_with_unit(group, name, unit_of_name(name).unwrap_or_default());
     }
 
-    /// Adds a column of this unit; `1` is that of a plain number.
+    /// Adds a column with this unit; `1` means dimensionless.
     pub fn push_with_unit(&mut self, group: Group, name: &str, unit: &str) {
         let name = match group {
             Group::Derived => name.into(),
@@ -127,38 +127,39 @@ impl Columns {
         self.add(name, if unit == "1" { "" } else { unit });
     }
 
-    /// Adds a derived signal without a unit, whose values a factor may have converted to one.
+    /// Adds a derived signal without a unit, whose values may have been converted by a factor.
     pub(crate) fn push_converted(&mut self, name: &str) {
         self.converted.insert(self.len());
         self.push_with_unit(Group::Derived, name, "");
     }
 
-    /// Number of columns.
+    /// Returns the number of columns.
     #[must_use]
     pub fn len(&self) -> usize {
         self.names.len()
     }
 
-    /// Returns true if there is no column.
+    /// Returns `true` if there are no columns.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.names.is_empty()
     }
 
-    /// The names, in order.
+    /// Lists the names, in order.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.names.iter().map(String::as_str)
     }
 
-    /// The index of a name as expressions write it, for example `truth.surface_angle_rad`; an alias counts as well.
+    /// Returns the index of a name as written in expressions, for example `truth.surface_angle_rad`; aliases count as
+    /// well.
     #[must_use]
     pub fn index_of(&self, path: &str) -> Option<usize> {
         let place = self.places.get(path).or_else(|| self.aliases.get(path));
         place.copied()
     }
 
-    /// The column's own name for any name of its signal, which is all that a recording has; a name that is none as
-    /// it is.
+    /// Returns the column's own name for any name of its signal; recordings have no other. An unknown name is returned
+    /// unchanged.
     #[must_use]
     pub fn own_name<'a>(&'a self, path: &'a str) -> &'a str {
         let place = self
@@ -168,7 +169,7 @@ impl Columns {
         place.map_or(path, |&place| &self.names[place])
     }
 
-    /// The further names of signals, each with the column's own name, in alphabetical order.
+    /// Lists the aliases of signals, each with the column's own name, in alphabetical order.
     #[must_use]
     pub fn aliases(&self) -> Vec<(String, String)> {
         let aliases = (self.aliases.iter())
@@ -179,24 +180,24 @@ impl Columns {
         aliases
     }
 
-    /// The unit of a signal, if it is known.
+    /// Returns the unit of a signal, if known.
     pub(super) fn unit_of(&self, path: &str) -> Option<&str> {
         let unit = &self.units[self.index_of(path)?];
         (!unit.is_empty()).then_some(unit)
     }
 
-    /// Returns `true` if a factor may have converted a signal to a unit that is not known.
+    /// Returns `true` if a factor may have converted a signal to an unknown unit.
     pub(super) fn is_converted(&self, path: &str) -> bool {
         (self.index_of(path)).is_some_and(|place| self.converted.contains(&place))
     }
 
-    /// Returns true if the first part of a name is one that exists.
+    /// Returns `true` if the first part of a name is an existing group.
     pub(super) fn has_prefix(&self, prefix: &str) -> bool {
         Group::ALL.iter().any(|group| group.prefix() == prefix)
     }
 
-    /// Names closest to an unknown one. Where there are names of its kind, only those; else names of
-    /// other kinds that end alike come first.
+    /// Returns the names closest to an unknown one: those of its group if there are any; otherwise those of other
+    /// groups, the ones with the same ending first.
     pub(crate) fn nearest(&self, path: &str) -> Vec<String> {
         let names = self.names.iter().map(String::as_str);
         let owned = |found: Vec<&str>| found.into_iter().map(Into::into).collect::<Vec<String>>();

@@ -1,6 +1,6 @@
-//! Cursor over the words of a text, for both parsers.
+//! Cursor over the tokens of a text, used by both parsers.
 //!
-//! Reads on word by word, limits the nesting and words the errors; knows no grammar.
+//! Advances token by token, limits the nesting and formats the errors; independent of any grammar.
 
 use std::ops::Range;
 
@@ -10,18 +10,18 @@ use super::{ExpressionError, quantity, spellings};
 /// Deepest nesting of parentheses, calls, signs and operators.
 const NESTING: usize = 64;
 
-/// Place in a text that is split into words.
+/// Position in a text that is split into tokens.
 pub(crate) struct Cursor<'a> {
     pub text: &'a str,
-    /// Words; the last one is [`TokenKind::End`].
+    /// Tokens; the last one is [`TokenKind::End`].
     pub tokens: Vec<Token>,
-    /// Index of the next word.
+    /// Index of the next token.
     pub at: usize,
     nesting: usize,
 }
 
 impl<'a> Cursor<'a> {
-    /// Stands before the first word.
+    /// Creates a cursor at the first token.
     pub(crate) fn new(text: &'a str) -> Result<Self, ExpressionError> {
         Ok(Self {
             text,
@@ -35,7 +35,7 @@ impl<'a> Cursor<'a> {
         &self.tokens[self.at]
     }
 
-    /// Takes the next word; the end is never left.
+    /// Takes the next token; never advances past the end.
     pub(crate) fn next(&mut self) -> Token {
         let token = self.peek().clone();
         if token.kind != TokenKind::End {
@@ -65,7 +65,7 @@ impl<'a> Cursor<'a> {
         Err(self.unexpected(self.peek(), wanted))
     }
 
-    /// Refuses words behind the last rule.
+    /// Refuses tokens after the last rule.
     pub(crate) fn expect_end(&self) -> Result<(), ExpressionError> {
         match self.peek().kind {
             TokenKind::End => Ok(()),
@@ -73,7 +73,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// Goes one level deeper; deep nesting must not exhaust the stack.
+    /// Enters a nesting level; deep nesting must not exhaust the stack.
     pub(crate) fn nest(&mut self) -> Result<(), ExpressionError> {
         if self.nesting == NESTING {
             let message = format!("nesting deeper than {NESTING} levels");
@@ -83,7 +83,7 @@ impl<'a> Cursor<'a> {
         Ok(())
     }
 
-    /// Comes back from one level deeper.
+    /// Leaves a nesting level.
     pub(crate) const fn leave(&mut self) {
         self.nesting -= 1;
     }
@@ -101,7 +101,7 @@ impl<'a> Cursor<'a> {
         )
     }
 
-    /// Finds the likely meaning of a name at a wrong place: an operator of another language, or a unit.
+    /// Guesses the meaning of a misplaced name: an operator of another language, or a unit.
     fn advice(&self, token: &Token) -> Option<String> {
         let TokenKind::Name(name) = &token.kind else {
             return None;

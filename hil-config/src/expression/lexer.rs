@@ -1,11 +1,11 @@
-//! Words of an expression.
+//! Tokens of an expression.
 
 use std::ops::Range;
 
 use super::quantity::{self, Quantity};
 use super::{ExpressionError, spellings};
 
-/// A word and its bytes.
+/// Token and its bytes.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Token {
     pub kind: TokenKind,
@@ -24,7 +24,7 @@ pub(crate) enum TokenKind {
     End,
 }
 
-/// Operators of formulas in front of their operand.
+/// Prefix operators of formulas.
 pub(crate) const PREFIXES: [&str; 6] = [
     "always",
     "eventually",
@@ -33,15 +33,15 @@ pub(crate) const PREFIXES: [&str; 6] = [
     "rise",
     "fall",
 ];
-/// Words that end a comparison of a formula.
+/// Words that end a comparison in a formula.
 pub(crate) const JOINTS: [&str; 5] = ["and", "or", "implies", "until", "since"];
 
-/// Longer ones first, so that `<=` is not read as `<`.
+/// Longer symbols first, so that `<=` is not read as `<`.
 const SYMBOLS: [&str; 15] = [
     "<=", ">=", "==", "!=", "<", ">", "+", "-", "*", "/", "(", ")", "[", "]", ",",
 ];
 
-/// Splits an expression into words; the last one is [`TokenKind::End`].
+/// Splits an expression into tokens; the last one is [`TokenKind::End`].
 pub(crate) fn tokens(text: &str) -> Result<Vec<Token>, ExpressionError> {
     let mut tokens = Vec::new();
     let mut at = 0;
@@ -87,7 +87,7 @@ pub(crate) fn tokens(text: &str) -> Result<Vec<Token>, ExpressionError> {
     Ok(tokens)
 }
 
-/// Returns `true` if an operand is expected behind these words.
+/// Returns `true` if an operand is expected after these tokens.
 fn expects_operand(words: &[Token]) -> bool {
     let Some(last) = words.last() else {
         return true;
@@ -106,7 +106,7 @@ fn starts_name(c: char) -> bool {
     c.is_ascii_alphabetic() || c == '_'
 }
 
-/// A number at this place, with its unit if one follows, and its length.
+/// Reads a number, with its unit if one follows, and its length.
 fn number(text: &str, at: usize) -> Result<(TokenKind, usize), ExpressionError> {
     let rest = &text[at..];
     let digits = quantity::number_length(rest);
@@ -122,7 +122,7 @@ fn number(text: &str, at: usize) -> Result<(TokenKind, usize), ExpressionError> 
         if unit.has_own_zero() {
             let kelvin = unit.in_base_units(written);
             let message = format!(
-                "`{}` counts from a zero of its own; write a plain number, in the unit of the signal, or `{kelvin:?} K`",
+                "`{}` has an offset from absolute zero; write a plain number, in the unit of the signal, or `{kelvin:?} K`",
                 &rest[..end]
             );
             return Err(ExpressionError::new(text, span, message));
@@ -149,7 +149,7 @@ fn number(text: &str, at: usize) -> Result<(TokenKind, usize), ExpressionError> 
     }
 }
 
-/// Length of what was meant as a number: digits, points, letters, and an exponent with its sign.
+/// Returns the length of a presumed number: digits, points, letters, and an exponent with its sign.
 fn meant_length(text: &str) -> usize {
     let mut last = ' ';
     text.find(|c: char| {
@@ -167,7 +167,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_names_and_symbols_are_told_apart() {
+    fn numbers_names_and_symbols_are_distinguished() {
         let kinds: Vec<TokenKind> = tokens("1.5e-3<=truth.x_m-2")
             .expect("reads")
             .into_iter()
@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn times_are_in_seconds_and_the_same_numbers_as_written_in_seconds() {
+    fn times_with_units_equal_the_same_times_in_seconds() {
         for (text, time_s) in [
             ("7s", 7.0),
             ("200ms", 0.2),
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_word_is_refused_where_it_stands() {
+    fn an_invalid_token_is_refused_at_its_place() {
         for (text, span) in [
             ("1 + 2x", 4..6),
             ("1e999", 0..5),

@@ -1,5 +1,4 @@
-//! From words to operations in Polish order, by recursive descent: one function per rule of the
-//! grammar.
+//! Recursive-descent parser from tokens to operations in reverse Polish order: one function per rule of the grammar.
 
 use std::ops::Range;
 
@@ -9,7 +8,7 @@ use super::program::{Binary, Op, STACK, Unary, needed_stack};
 use super::quantity::Quantity;
 use super::{Expression, ExpressionError, Name, Reduced, ReductionKind, spellings};
 
-/// Words with a meaning of their own.
+/// Reserved words.
 const WORDS: [&str; 3] = ["and", "or", "not"];
 
 const COMPARISONS: [(&str, Binary); 6] = [
@@ -21,13 +20,13 @@ const COMPARISONS: [(&str, Binary); 6] = [
     ("!=", Binary::NotEqual),
 ];
 
-/// The functions of expressions.
+/// Lists the functions of expressions.
 pub(crate) fn functions() -> impl Iterator<Item = &'static str> {
     let reductions = ReductionKind::ALL.iter().map(|kind| kind.name());
     ["abs", "sqrt"].into_iter().chain(reductions)
 }
 
-/// Returns true if a name means something in an expression and so cannot be a derived signal's.
+/// Returns `true` if a name is reserved in expressions and so cannot name a derived signal.
 pub(crate) fn is_reserved(name: &str) -> bool {
     WORDS.contains(&name)
         || matches!(name, "abs" | "sqrt")
@@ -205,7 +204,7 @@ impl Parser<'_> {
         Ok(())
     }
 
-    /// A call behind its opening parenthesis.
+    /// Parses a call after its opening parenthesis.
     fn call(&mut self, name: &str, span: Range<usize>) -> Parsed {
         let (first_op, first_name) = (self.ops.len(), self.names.len());
         let first_reduction = self.reductions.len();

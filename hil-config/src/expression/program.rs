@@ -1,13 +1,13 @@
-//! A bound expression as a short list of operations on a stack.
+//! Bound expression as a short list of operations on a stack.
 //!
-//! Evaluated once per record for every derived signal and reduction. The stack has a fixed size
-//! that the parser has checked, so nothing is allocated.
+//! Evaluated once per record for every derived signal and reduction. The parser has checked the needed stack size
+//! against a fixed maximum, so nothing is allocated.
 
-/// Number of values that may wait for their operator.
+/// Maximum number of values waiting for their operator.
 pub(super) const STACK: usize = 32;
 
-/// Operation. Names, quantities and reductions are indices into the expression and are replaced by
-/// [`Op::Load`] and [`Op::Constant`] when it is bound.
+/// Operation. Names, quantities and reductions are indices into the expression, replaced by [`Op::Load`] and
+/// [`Op::Constant`] on binding.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Op {
     Constant(f64),
@@ -45,23 +45,23 @@ pub(super) enum Binary {
     Or,
 }
 
-/// Height that the stacks of nearly all expressions have at most: a stack costs the time to clear it.
+/// Stack height that suffices for nearly all expressions: clearing a stack takes time.
 const LOW: usize = 4;
 
-/// A bound expression.
+/// Expression bound to columns.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Program {
     shape: Shape,
 }
 
-/// Shape of a program. What most expressions are needs no stack and takes a fraction of the time.
+/// Shape of a program. The most common shapes need no stack and take a fraction of the time.
 #[derive(Clone, Debug, PartialEq)]
 enum Shape {
     Constant(f64),
     Load(usize),
     Unary(Unary, usize),
     Binary(Binary, usize, usize),
-    /// Operations on a stack that is low.
+    /// Operations on a low stack.
     Low(Vec<Op>),
     High(Vec<Op>),
 }
@@ -123,7 +123,7 @@ fn evaluate_on<const HEIGHT: usize>(mut stack: [f64; HEIGHT], ops: &[Op], row: &
     stack[0]
 }
 
-/// The largest number of values on the stack at any time.
+/// Returns the largest number of values on the stack at any time.
 pub(super) fn needed_stack(ops: &[Op]) -> usize {
     let (mut height, mut highest) = (0_usize, 0_usize);
     for op in ops {
@@ -140,7 +140,7 @@ pub(super) fn needed_stack(ops: &[Op]) -> usize {
 }
 
 impl Op {
-    /// Returns true if the result of the operation is true or false.
+    /// Returns `true` if the operation yields a truth value.
     pub(super) fn is_truth(&self) -> bool {
         match self {
             Self::Constant(_)
@@ -190,7 +190,7 @@ impl Binary {
             Self::Subtract => a - b,
             Self::Multiply => a * b,
             Self::Divide => a / b,
-            // A comparison of NaN would be false; what does not exist must stay so.
+            // A comparison with NaN would be false, but the result must stay missing.
             _ if a.is_nan() || b.is_nan() => f64::NAN,
             Self::Min if b < a => b,
             Self::Min => a,

@@ -1,8 +1,8 @@
 //! Numbers with units: `5 cm`, `2%`, `500 ms`.
 //!
-//! A number with a unit counts in coherent SI units, so `5 cm` is 0.05, whatever it is compared with; the check of
-//! units refuses it beside a signal in another unit. Never looks at a signal: a formula has one meaning for the
-//! check, the plant and every reader of a recording.
+//! A number with a unit counts in coherent SI units, so `5 cm` is 0.05 in any comparison; the unit check refuses it
+//! beside a signal in another unit. Independent of the signals: a formula has one meaning for the check, the plant and
+//! every reader of a recording.
 //!
 //! A unit follows its number with or without a space. A `/` belongs to the unit only without spaces around it and
 //! before another unit: `5 m/s` is a speed, `5 m / s` a quotient.
@@ -11,12 +11,12 @@ use std::ops::Range;
 
 use shared_types::units::{Unit, Unreadable};
 
-/// A number with a unit.
+/// Number with a unit.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Quantity {
-    /// Number as it is written.
+    /// Number as written.
     pub written: f64,
-    /// Unit as it is written.
+    /// Unit as written.
     pub unit: Unit,
     /// Unit as text.
     pub symbol: String,
@@ -27,17 +27,17 @@ pub(crate) struct Quantity {
 }
 
 impl Quantity {
-    /// The value in coherent SI units.
+    /// Returns the value in coherent SI units.
     pub(crate) fn value(&self) -> f64 {
         self.unit.in_base_units(self.written)
     }
 
-    /// The value in s of a time.
+    /// Returns the value in s if it is a time.
     pub(crate) fn time_s(&self) -> Option<f64> {
         (self.unit.coherent() == "s").then(|| self.value())
     }
 
-    /// Advice to write the symbol without its spaces, if that is a unit of time.
+    /// Returns advice to write the symbol without spaces, if that makes it a unit of time.
     pub(crate) fn joined_time(&self) -> Option<String> {
         let symbol: String = self.symbol.split(' ').collect();
         let unit = Unit::parse(&symbol).ok()?;
@@ -46,7 +46,7 @@ impl Quantity {
     }
 }
 
-/// Length of the number at the beginning of a text, without what follows: digits, a point, an exponent.
+/// Returns the length of a leading number: digits, a point, an exponent.
 pub(super) fn number_length(text: &str) -> usize {
     let digits = |text: &str| text.bytes().take_while(u8::is_ascii_digit).count();
     let mut length = digits(text);
@@ -62,7 +62,7 @@ pub(super) fn number_length(text: &str) -> usize {
     length
 }
 
-/// The longest unit at the beginning of a text, and its length; `None` if none stands there.
+/// Returns the longest leading unit of a text and its length; `None` if there is none.
 pub(super) fn unit(text: &str) -> Option<(Unit, usize)> {
     let (mut unit, mut length) = (None, 0);
     let mut end = factor_length(text);
@@ -87,7 +87,7 @@ pub(super) fn unit(text: &str) -> Option<(Unit, usize)> {
     Some((unit?, length))
 }
 
-/// Reads the word at the beginning of a text as a unit, to learn why it is none.
+/// Parses the leading word of a text as a unit, to find out why it is invalid.
 pub(super) fn unreadable(text: &str) -> Option<Unreadable> {
     match factor_length(text) {
         0 => None,
@@ -95,7 +95,7 @@ pub(super) fn unreadable(text: &str) -> Option<Unreadable> {
     }
 }
 
-/// The unit that words behind a number are if written together, as `cm` for `c m`.
+/// Returns the unit that consecutive words form if written together, such as `cm` for `c m`.
 pub(super) fn joined<'a>(words: impl Iterator<Item = &'a str>) -> Option<String> {
     let mut symbol = String::new();
     let mut together = words.map(|word| {
@@ -105,7 +105,7 @@ pub(super) fn joined<'a>(words: impl Iterator<Item = &'a str>) -> Option<String>
     together.find(|symbol| Unit::parse(symbol).is_ok())
 }
 
-/// Length of a symbol with its exponent, or of a parenthesis or root of units; 0 if neither stands here.
+/// Returns the length of a symbol with its exponent, or of a parenthesis or root of units; 0 for anything else.
 fn factor_length(text: &str) -> usize {
     let word = if text.starts_with('(') {
         0
@@ -131,7 +131,7 @@ fn factor_length(text: &str) -> usize {
     }
 }
 
-/// Length of the parenthesis that a text begins with; 0 if it is longer than any unit.
+/// Returns the length of a leading parenthesis; 0 if it is longer than any unit.
 fn parenthesis_length(text: &str) -> usize {
     const LONGEST: usize = 64;
     let mut depth = 0_usize;

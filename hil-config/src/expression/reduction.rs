@@ -4,7 +4,7 @@ use shared_types::time::{Rate, Step};
 
 use super::Program;
 
-/// Kind of a reduction: the way in which the rows of a window become one number.
+/// Kind of a reduction, which turns the rows of a window into one number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReductionKind {
     /// Largest magnitude.
@@ -21,7 +21,7 @@ pub enum ReductionKind {
     Initial,
     /// Value in the last row.
     Final,
-    /// Integral over time by trapezoids, in the value's unit times seconds.
+    /// Integral over time by the trapezoidal rule, in the value's unit times seconds.
     Integral,
 }
 
@@ -58,20 +58,20 @@ impl ReductionKind {
     }
 }
 
-/// A reduction bound to columns: what is reduced, and how.
+/// Reduction bound to columns: its kind and its expression.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reduction {
     /// Kind of the reduction.
     pub kind: ReductionKind,
-    /// The value of a row.
+    /// Value of a row.
     pub program: Program,
 }
 
-/// A reduction under way over one window.
+/// Reduction in progress over one window.
 #[derive(Clone, Copy, Debug)]
 pub struct Accumulator {
     kind: ReductionKind,
-    /// The result so far; for sums see [`Sum`].
+    /// Intermediate result; for sums see [`Sum`].
     value: f64,
     sum: Sum,
     last: Option<(Step, f64)>,
@@ -80,7 +80,7 @@ pub struct Accumulator {
 }
 
 impl Accumulator {
-    /// A reduction before its first row.
+    /// Creates a reduction before its first row.
     #[must_use]
     pub fn new(kind: ReductionKind) -> Self {
         Self {
@@ -93,7 +93,7 @@ impl Accumulator {
         }
     }
 
-    /// Takes the value of the next row; NaN is skipped and counted.
+    /// Processes the value of the next row; NaN is skipped and counted.
     pub fn take(&mut self, step: Step, rate: Rate, value: f64) {
         if value.is_nan() {
             self.skipped += 1;
@@ -120,7 +120,7 @@ impl Accumulator {
         self.rows += 1;
     }
 
-    /// The result over the rows taken so far; NaN over none.
+    /// Returns the result over the rows so far; NaN over none.
     #[must_use]
     pub fn result(&self) -> f64 {
         if self.rows == 0 {
@@ -134,15 +134,14 @@ impl Accumulator {
         }
     }
 
-    /// Number of rows whose value did not exist.
+    /// Returns the number of rows whose value was missing.
     #[must_use]
     pub const fn skipped(&self) -> u64 {
         self.skipped
     }
 }
 
-/// A sum that keeps what rounding loses (Neumaier 1974), so that the mean of a day at 10 kHz is as
-/// good as that of a second.
+/// Compensated sum (Neumaier 1974), so that the mean of a day at 10 kHz is as accurate as that of a second.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sum {
     sum: f64,
@@ -161,7 +160,7 @@ impl Sum {
     }
 
     fn total(&self) -> f64 {
-        // What an infinite sum lost is not a number.
+        // The compensation of an infinite sum is not a number.
         if self.sum.is_finite() {
             self.sum + self.lost
         } else {
@@ -204,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn over_no_row_nothing_exists() {
+    fn every_reduction_over_no_rows_is_missing() {
         for kind in ReductionKind::ALL {
             assert!(reduce(kind, &[]).is_nan());
             assert!(reduce(kind, &[f64::NAN]).is_nan());
@@ -212,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_mean_loses_nothing() {
+    fn a_long_mean_stays_accurate() {
         let rate = Rate::new(10.0).expect("a rate");
         let mut mean = Accumulator::new(ReductionKind::Mean);
         mean.take(Step(0), rate, 1e16);

@@ -1,8 +1,8 @@
-//! Spellings of other languages: what a symbol, operator or function is called here.
+//! Spellings of other languages: the equivalents of foreign symbols, operators and functions.
 //!
-//! Asked where a text is refused anyway, so that no name of a signal is ever taken for one of them.
+//! Consulted only for a text that is refused anyway, so that no signal name is mistaken for one of them.
 
-/// Symbols of other languages and their names here; longer ones first.
+/// Symbols of other languages and their equivalents; longer ones first.
 const SYMBOLS: [(&str, &str); 20] = [
     ("&&", "and"),
     ("||", "or"),
@@ -26,7 +26,7 @@ const SYMBOLS: [(&str, &str); 20] = [
     ("=", "=="),
 ];
 
-/// Operators and words of other languages and their names here.
+/// Operators and words of other languages and their equivalents.
 const OPERATORS: [(&str, &str); 24] = [
     ("G", "always"),
     ("globally", "always"),
@@ -54,7 +54,7 @@ const OPERATORS: [(&str, &str); 24] = [
     ("IMPLIES", "implies"),
 ];
 
-/// Functions of other languages and their names here.
+/// Functions of other languages and their equivalents.
 const FUNCTIONS: [(&str, &str); 13] = [
     ("average", "mean"),
     ("avg", "mean"),
@@ -71,7 +71,7 @@ const FUNCTIONS: [(&str, &str); 13] = [
     ("root", "sqrt"),
 ];
 
-/// Figures of ready-made analyses, without their units, and the kind of metric that has them.
+/// Figures of predefined analyses, without their units, and the metric kind that provides them.
 const FIGURES: [(&str, &str); 16] = [
     ("rise_time", "step-response"),
     ("overshoot", "step-response"),
@@ -91,8 +91,8 @@ const FIGURES: [(&str, &str); 16] = [
     ("rms_effect", "detection"),
 ];
 
-/// The message for a symbol of another language at the beginning of a text, and the length that it speaks of.
-/// Bars are those of a magnitude where an operand is expected.
+/// Returns the message for a leading symbol of another language, and the length of the text concerned. Bars denote a
+/// magnitude where an operand is expected.
 pub(super) fn of_symbol(text: &str, expects_operand: bool) -> Option<(usize, String)> {
     if text.starts_with("!=") || text.starts_with("==") {
         return None;
@@ -123,8 +123,8 @@ pub(super) fn of_symbol(text: &str, expects_operand: bool) -> Option<(usize, Str
     ))
 }
 
-/// The magnitude between bars at the beginning of a text, as a call of `abs`, and its length. Bars may stand inside
-/// bars: behind an operand a bar closes, elsewhere it opens.
+/// Converts a leading magnitude between bars into a call of `abs`, and returns its length. Bars may be nested: after an
+/// operand a bar closes, elsewhere it opens.
 fn magnitude(text: &str) -> Option<(usize, String)> {
     text.strip_prefix('|')?;
     let mut call = String::new();
@@ -154,7 +154,7 @@ fn magnitude(text: &str) -> Option<(usize, String)> {
     None
 }
 
-/// Returns `true` if a text ends with a number, a name or a closing parenthesis, and not with a word that joins.
+/// Returns `true` if a text ends with a number, a name or a closing parenthesis, but not with a conjunction.
 fn ends_operand(text: &str) -> bool {
     let text = text.trim_end();
     let is_of_word = |c: char| c.is_alphanumeric() || matches!(c, '_' | '.' | '%' | '\u{b0}');
@@ -165,12 +165,12 @@ fn ends_operand(text: &str) -> bool {
     }
 }
 
-/// The name here of an operator of another language.
+/// Returns the equivalent of an operator of another language.
 pub(crate) fn of_operator(name: &str) -> Option<&'static str> {
     named(&OPERATORS, name)
 }
 
-/// The message for a function of another language, or a figure of an analysis.
+/// Returns the message for a function of another language, or a figure of an analysis.
 pub(crate) fn of_function(name: &str) -> Option<String> {
     if let Some(known) = named(&FUNCTIONS, name) {
         return Some(format!("unknown function `{name}`; write `{known}(..)`"));

@@ -1,4 +1,4 @@
-//! The units of what an expression computes, as far as they are known.
+//! Units of expressions, as far as they are known.
 
 mod agreement;
 
@@ -12,30 +12,30 @@ use super::quantity::Quantity;
 use super::{Columns, Expression, ExpressionError, Name, Reduced, ReductionKind};
 use agreement::{Agreement, agreement, may_convert, refuse_converted};
 
-/// The unit of a value, as far as it is known.
+/// Unit of a value, as far as it is known.
 #[derive(Clone, Debug)]
 pub(crate) enum Unit<'a> {
-    /// A plain number, which fits every unit.
+    /// Plain number, compatible with every unit.
     Number {
-        /// True of the number 1 as it stands, which as a factor takes the unit away on purpose.
+        /// `true` for a literal 1, which as a factor removes the unit on purpose.
         is_one: bool,
     },
-    /// That of a value which may count in another unit than SI's, such as a derived signal without a unit that a
-    /// factor scales: fits everything but a number with a unit.
+    /// Value that may be in another unit than SI's, such as a derived signal without a unit that a factor scales:
+    /// compatible with everything but a number with a unit.
     Converted {
-        /// The part that a factor or another unit stands at.
+        /// Part that a factor or another unit applies to.
         source: Source<'a>,
     },
-    /// Nothing: that of a product or quotient of two quantities, of a truth, or of a signal that has none.
+    /// Unknown: a product or quotient of two quantities, a truth value, or a signal without a unit.
     Unknown,
-    /// A unit.
+    /// Known unit.
     Known {
         symbol: Cow<'a, str>,
-        /// The first part of the expression that has it.
+        /// First part of the expression with this unit.
         source: Source<'a>,
-        /// True if the value counts in it: neither scaled by a number nor added to a value of unknown unit.
+        /// `true` if the value is in this unit: neither scaled by a number nor added to a value of unknown unit.
         is_whole: bool,
-        /// True if a number that may be a conversion scales a signal: the dimension is known, and no more.
+        /// `true` if a possible conversion factor scales a signal: only the dimension is known.
         is_scaled: bool,
     },
 }
@@ -43,11 +43,11 @@ pub(crate) enum Unit<'a> {
 /// Number that multiplies or divides a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Scale {
-    /// The factor `1`, which takes the unit away.
+    /// Factor `1`, which removes the unit.
     One,
-    /// A number that may be a conversion, such as 1000 from m to mm.
+    /// Number that may be a conversion, such as 1000 from m to mm.
     Number,
-    /// A quantity without dimension, such as 2%, which converts nothing.
+    /// Dimensionless quantity, such as 2%, which is no conversion.
     Part,
 }
 
@@ -64,12 +64,11 @@ pub(crate) enum Source<'a> {
     Signal(&'a Name),
     /// A number with a unit.
     Quantity(&'a Quantity),
-    /// An integral: its unit is shown, but not held against that of signals, as J and W s are one.
+    /// An integral: its unit is displayed, but not compared with that of signals, as J and W s are equal.
     Integral,
 }
 
-/// Two known units that do not go together, with the places of the parts that have them, in bytes of
-/// their expressions.
+/// Two incompatible known units, with the places of the parts that have them, in bytes of their expressions.
 pub(crate) struct Mixed {
     pub(crate) message: String,
     pub(crate) first: Range<usize>,
@@ -77,7 +76,7 @@ pub(crate) struct Mixed {
 }
 
 impl Source<'_> {
-    /// The place in its expression; none of an integral.
+    /// Returns the place in its expression; `None` for an integral.
     fn span(&self) -> Option<Range<usize>> {
         match self {
             Self::Signal(name) => Some(name.span.clone()),
@@ -86,7 +85,7 @@ impl Source<'_> {
         }
     }
 
-    /// The part as text.
+    /// Returns the part as text.
     fn text(&self) -> String {
         match self {
             Self::Signal(name) => name.path.clone(),
@@ -97,7 +96,7 @@ impl Source<'_> {
 }
 
 impl<'a> Unit<'a> {
-    /// The unit of a number with a unit: coherent, because that is what its value counts in.
+    /// Creates the unit of a number with a unit: the coherent one, in which its value counts.
     fn of_quantity(quantity: &'a Quantity) -> Self {
         let symbol = match quantity.unit.is_coherent() {
             true => quantity.symbol.as_str().into(),
@@ -111,7 +110,7 @@ impl<'a> Unit<'a> {
         }
     }
 
-    /// The unit, if it is that of the whole value.
+    /// Returns the unit, if it applies to the whole value.
     pub(crate) fn symbol(&self) -> Option<&str> {
         match self {
             Self::Known {
@@ -123,10 +122,10 @@ impl<'a> Unit<'a> {
         }
     }
 
-    /// The unit of two that are `joined`, as in "added".
+    /// Returns the common unit of two values that are `joined`, as in "added".
     ///
     /// # Errors
-    /// If two are known and differ.
+    /// If both are known and differ.
     pub(crate) fn with(self, other: Self, joined: &str) -> Result<Self, Mixed> {
         refuse_converted(&self, &other)?;
         let (a, b) = match (self, other) {
@@ -187,7 +186,7 @@ impl<'a> Unit<'a> {
         }
     }
 
-    /// The unit of a product: that of one factor if the other is a plain number.
+    /// Returns the unit of a product: that of one factor if the other is a plain number.
     fn times(self, other: Self) -> Result<Self, Mixed> {
         match (self, other) {
             (Self::Number { is_one }, unit) | (unit, Self::Number { is_one }) => {
@@ -201,7 +200,7 @@ impl<'a> Unit<'a> {
         }
     }
 
-    /// The unit of a quotient: that of the dividend if the divisor is a plain number.
+    /// Returns the unit of a quotient: that of the dividend if the divisor is a plain number.
     fn per(self, divisor: &Self) -> Result<Self, Mixed> {
         match divisor.scale() {
             Some(scale) => Ok(self.scaled(scale)),
@@ -209,10 +208,10 @@ impl<'a> Unit<'a> {
         }
     }
 
-    /// The unit of a product or quotient of two values that are no plain numbers.
+    /// Returns the unit of a product or quotient of two values, neither a plain number.
     ///
     /// # Errors
-    /// If a number with a unit stands beside a value that does not count in SI units.
+    /// If a number with a unit is combined with a value that is not in SI units.
     fn of_two(&self, other: &Self, joined: &str) -> Result<Self, Mixed> {
         refuse_converted(self, other)?;
         for (one, other) in [(self, other), (other, self)] {
@@ -240,7 +239,7 @@ impl<'a> Unit<'a> {
         Ok(Self::Unknown)
     }
 
-    /// The way in which the value scales another one; `None` if it may have a unit.
+    /// Returns how the value scales another one; `None` if it may have a unit.
     fn scale(&self) -> Option<Scale> {
         match self {
             Self::Number { is_one } => Some(Scale::by_number(*is_one)),
@@ -255,7 +254,7 @@ impl<'a> Unit<'a> {
         }
     }
 
-    /// The unit of the value times a number.
+    /// Returns the unit of the value times a number.
     fn scaled(self, by: Scale) -> Self {
         match (self, by) {
             (Self::Number { .. }, _) => Self::Number { is_one: false },
@@ -281,13 +280,13 @@ impl<'a> Unit<'a> {
         }
     }
 
-    /// Returns `true` if the value may count in another unit than its signals.
+    /// Returns `true` if the value may be in another unit than its signals.
     pub(crate) const fn is_converted(&self) -> bool {
         let is_scaled = matches!(self, Self::Known { is_scaled, .. } if *is_scaled);
         is_scaled || matches!(self, Self::Converted { .. })
     }
 
-    /// The unit of the integral over time.
+    /// Returns the unit of the integral over time.
     fn times_s(self) -> Self {
         match self {
             Self::Known {
@@ -307,11 +306,11 @@ impl<'a> Unit<'a> {
 }
 
 impl Expression {
-    /// The unit of its value among these columns. An integral over time has that of its expression times
-    /// s, every other reduction that of its expression.
+    /// Returns the unit of its value among these columns. An integral over time has that of its expression times s,
+    /// every other reduction that of its expression.
     ///
     /// # Errors
-    /// If it adds, subtracts or compares values of two known units.
+    /// If it adds, subtracts or compares values of different known units.
     pub(crate) fn unit<'a>(&'a self, columns: &'a Columns) -> Result<Unit<'a>, ExpressionError> {
         self.unit_of_ops(&self.ops, columns)
     }
@@ -397,7 +396,7 @@ impl Expression {
     }
 }
 
-/// A unit times the second.
+/// Multiplies a unit by the second.
 fn times_s(unit: &str) -> String {
     if let Some(rest) = unit.strip_suffix("/s2") {
         format!("{rest}/s")

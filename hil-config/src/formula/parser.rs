@@ -1,6 +1,6 @@
-//! From words to the parts of a formula, by recursive descent: one function per rule of the grammar.
+//! Recursive-descent parser from tokens to the nodes of a formula: one function per rule of the grammar.
 //!
-//! What stands on the sides of a comparison is read by the parser of expressions.
+//! The sides of a comparison are parsed by the expression parser.
 
 use std::ops::Range;
 
@@ -12,7 +12,7 @@ use crate::expression::lexer::{JOINTS, PREFIXES, Token, TokenKind};
 use crate::expression::spellings;
 use crate::expression::{Expression, ExpressionError, functions, is_reserved};
 
-/// Returns true if a name is an operator of formulas and so cannot be a signal's.
+/// Returns `true` if a name is a formula operator and so cannot be a signal's.
 pub(crate) fn is_operator(name: &str) -> bool {
     PREFIXES.contains(&name) || JOINTS.contains(&name)
 }
@@ -35,7 +35,7 @@ struct Parser<'a> {
     nodes: Vec<Node>,
 }
 
-/// The place of what was read among the parts.
+/// Index of the parsed node.
 type Parsed = Result<usize, ExpressionError>;
 
 impl Parser<'_> {
@@ -75,8 +75,7 @@ impl Parser<'_> {
         let reach = self.operand()?;
         let next = self.words.peek().span.clone();
         if self.accept_chain().is_some() {
-            let message =
-                "two of `until` and `since` in a row; say by parentheses what belongs together";
+            let message = "two of `until` and `since` in a row; group them by parentheses";
             return Err(self.words.error(next, message));
         }
         Ok(self.push(Node::Chain {
@@ -87,7 +86,7 @@ impl Parser<'_> {
         }))
     }
 
-    /// Accepts `until` or `since`; returns true for `since`, and the place of the word.
+    /// Accepts `until` or `since`; returns `true` for `since`, and the place of the word.
     fn accept_chain(&mut self) -> Option<(bool, Range<usize>)> {
         let span = self.words.peek().span.clone();
         if self.words.accept_word("until") {
@@ -137,7 +136,7 @@ impl Parser<'_> {
         }))
     }
 
-    /// Refuses an operator of another language, unless it may be the name of a signal.
+    /// Refuses an operator of another language, unless it may be a signal name.
     fn refuse_foreign(&self, token: &Token, word: &str) -> Result<(), ExpressionError> {
         let begins_operand = match &self.words.tokens[self.words.at + 1].kind {
             TokenKind::Symbol(symbol) => matches!(*symbol, "(" | "["),
@@ -169,7 +168,7 @@ impl Parser<'_> {
         Ok(inner)
     }
 
-    /// Returns true if the parenthesis here belongs to an expression: what follows its end goes on with one.
+    /// Returns `true` if the parenthesis here belongs to an expression: an operator of expressions follows its end.
     fn opens_expression(&self) -> bool {
         let mut depth = 0_usize;
         for (at, token) in self.words.tokens.iter().enumerate().skip(self.words.at) {
@@ -214,12 +213,12 @@ impl Parser<'_> {
                 let words = self.words.text[side.start..end].trim_end();
                 let begin = side.start + words.len() - words.trim_start().len();
                 let span = begin..side.start + words.len();
-                let message = "it is true or false, and so cannot be compared; join comparisons by `and`, `or` and `implies`";
+                let message = "a truth value cannot be compared; join comparisons by `and`, `or` and `implies`";
                 return Err(self.words.error(span, message));
             }
         }
         if left.expression.is_constant() && right.expression.is_constant() {
-            let message = "it compares numbers and no signal, and so says nothing of a run";
+            let message = "it compares numbers and no signal, and so does not depend on the run";
             return Err(self.words.error(span, message));
         }
         self.words.at = end;
@@ -231,7 +230,7 @@ impl Parser<'_> {
         Ok(self.push(node))
     }
 
-    /// The first word behind the comparison that begins here.
+    /// Returns the first token after the comparison that begins here.
     fn end_of_comparison(&self) -> usize {
         let mut depth = 0_usize;
         for (at, token) in self.words.tokens.iter().enumerate().skip(self.words.at) {
@@ -257,7 +256,7 @@ impl Parser<'_> {
         Ok(FormulaSide { expression, start })
     }
 
-    /// Returns the error of words that compare nothing.
+    /// Returns the error for tokens without a comparison.
     fn no_comparison(&self, words: Range<usize>, span: Range<usize>) -> ExpressionError {
         let first = &self.words.tokens[words.start];
         let follows = &self.words.tokens[words.start + 1].kind;
@@ -278,11 +277,11 @@ impl Parser<'_> {
             error.nearest = nearest(name, known).into_iter().map(Into::into).collect();
             return error;
         }
-        let message = "a requirement is made of comparisons, such as `abs(error_m) < 0.01`";
+        let message = "a requirement consists of comparisons, such as `abs(error_m) < 0.01`";
         self.words.error(span, message)
     }
 
-    /// Bounds, if they come; `word` is the operator that they belong to.
+    /// Parses optional bounds; `word` is the operator that they belong to.
     fn window(&mut self, word: Range<usize>) -> Result<Window, ExpressionError> {
         let open = self.words.peek().span.clone();
         if !self.words.accept("[") {
@@ -338,7 +337,7 @@ impl Parser<'_> {
     }
 }
 
-/// The first operator of another language that stands between two operands.
+/// Returns the first operator of another language between two operands.
 fn foreign_joint(words: &[Token]) -> Option<&Token> {
     let ends_operand = |token: &Token| match &token.kind {
         TokenKind::Number(_) | TokenKind::Quantity(_) | TokenKind::Symbol(")") => true,
@@ -351,7 +350,7 @@ fn foreign_joint(words: &[Token]) -> Option<&Token> {
     Some(&pair[1])
 }
 
-/// The comparisons among words that stand in no parentheses.
+/// Lists the relations among tokens outside parentheses.
 fn relations(words: &[Token]) -> Vec<(Relation, Range<usize>)> {
     let mut found = Vec::new();
     let mut depth = 0_usize;

@@ -1,4 +1,4 @@
-//! `[[changes]]`: the keys of a change of values while the run goes on.
+//! `[[changes]]`: the keys of a change of values during the run.
 
 use super::{Key, KeyKind, LENGTH, MAX_S, number};
 
@@ -15,7 +15,7 @@ pub(crate) const CHANGE: &[Key] = &[
     CLEAR,
 ];
 
-/// Keys of a change that is asked of a running run: without a time it begins at once.
+/// Keys of a change requested during a run: without a time it begins at once.
 pub(crate) const LIVE_CHANGE: &[Key] = &[
     Key::new(
         "at_s",

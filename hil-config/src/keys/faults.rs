@@ -6,7 +6,7 @@ use super::{
     Key, KeyKind, LENGTH, MAX_S, MAX_STEPS, SectionKind, TEXT, integer, number, number_or,
 };
 
-/// A number of steps or times, with no default.
+/// Returns the type of a number of steps or times, without a default.
 const fn count(min: i64) -> KeyKind {
     integer(min, MAX_STEPS as i64)
 }
@@ -97,10 +97,10 @@ pub(crate) const FAULT: &[Key] = &[
     .required(),
 ];
 
-/// The keys that say when an event takes hold.
+/// Keys that trigger an event.
 pub(crate) const TRIGGERS: [&str; 4] = ["at_s", "at_step", "when", "after"];
 
-/// All that is asked of a running run at once.
+/// Faults of one request during a run.
 pub(crate) const REQUEST: &[Key] = &[Key::new(
     "faults",
     KeyKind::List(FAULT),
@@ -108,7 +108,7 @@ pub(crate) const REQUEST: &[Key] = &[Key::new(
 )
 .required()];
 
-/// `[[faults.effects]]`; besides these the keys of the kind of fault.
+/// `[[faults.effects]]`; in addition the keys of the fault kind.
 pub(crate) const EFFECT: &[Key] = &[
     Key::new(
         "profile",
@@ -127,7 +127,7 @@ pub(crate) const EFFECT: &[Key] = &[
     ),
 ];
 
-/// The target of a kind of fault that is not of the plant.
+/// Target of a fault kind other than the plant's own.
 pub(crate) const TARGET: &[Key] = &[Key::new(
     "target",
     TEXT,
@@ -135,10 +135,10 @@ pub(crate) const TARGET: &[Key] = &[Key::new(
 )
 .required()];
 
-/// `profile`; besides this the keys of the kind in [`PROFILES`].
+/// `profile`; in addition the keys of the kind in [`PROFILES`].
 pub(crate) const PROFILE: &[Key] = &[Key::new("kind", TEXT, "Kind of profile.").required()];
 
-/// The courses of an effect's size.
+/// Courses of an effect's size.
 pub(crate) const PROFILES: &[SectionKind] = &[
     SectionKind {
         name: "step",
@@ -211,7 +211,7 @@ mod tests {
     use crate::plan::Profile;
 
     #[test]
-    fn the_profiles_are_named_as_in_the_plan() {
+    fn profile_names_match_those_in_the_plan() {
         let points = || vec![1.0];
         let profiles = [
             Profile::Step,

@@ -2,7 +2,7 @@
 
 use super::{Key, KeyKind, MAX_S, SectionKind, TEXT, number, number_or};
 
-/// `[[metrics]]`; besides these the keys of the kind in [`METRICS`].
+/// `[[metrics]]`; in addition the keys of the kind in [`METRICS`].
 pub(crate) const METRIC: &[Key] = &[
     Key::new(
         "name",
@@ -22,7 +22,7 @@ pub(crate) const METRIC: &[Key] = &[
 
 const ANY: KeyKind = number("", f64::MIN, f64::MAX);
 
-/// The kinds of metrics.
+/// Kinds of metrics.
 pub(crate) const METRICS: &[SectionKind] = &[
     SectionKind {
         name: "expression",

@@ -1,4 +1,4 @@
-//! Keys of `[plant]` and `[controller]` that only a model of another tool has, an FMU.
+//! Keys of `[plant]` and `[controller]` for imported models, that is FMUs.
 
 use super::{Key, KeyKind, number};
 

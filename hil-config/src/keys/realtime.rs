@@ -2,11 +2,11 @@
 
 use super::{Key, KeyKind, choice, integer, integer_or};
 
-/// Highest number of a core that Linux can be asked for.
+/// Highest core number that Linux accepts.
 const MAX_CORE: i64 = 1023;
 /// Highest priority: 99 is for the kernel's own threads.
 const MAX_PRIORITY: i64 = 98;
-/// Longest latency in us that makes a difference: no processor sleeps so deep.
+/// Longest latency in us that makes a difference: no processor has a slower wake-up.
 const MAX_LATENCY_US: i64 = 1_000_000;
 
 const CORE: KeyKind = integer(0, MAX_CORE);

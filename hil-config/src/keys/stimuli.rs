@@ -4,7 +4,7 @@ use shared_types::time::Rate;
 
 use super::{Key, KeyKind, LENGTH, MAX_S, TEXT, choice, number, number_or};
 
-/// `[[stimuli]]`; besides these the keys of the kind in [`WAVEFORMS`].
+/// `[[stimuli]]`; in addition the keys of the kind in [`WAVEFORMS`].
 pub(crate) const STIMULUS: &[Key] = &[
     Key::new(
         "target",
@@ -20,12 +20,12 @@ pub(crate) const STIMULUS: &[Key] = &[
     ),
 ];
 
-/// A kind of waveform.
+/// Kind of waveform.
 #[derive(Debug)]
 pub(crate) struct WaveformKind {
     /// The stimulus' `kind`.
     pub name: &'static str,
-    /// Time derivatives that are sent with the signal.
+    /// Number of time derivatives that are sent with the signal.
     pub derivatives: usize,
     /// Description of the waveform.
     pub text: &'static str,
@@ -37,7 +37,7 @@ const ANY: KeyKind = number("", f64::MIN, f64::MAX);
 const ANY_OR_ZERO: KeyKind = number_or("", f64::MIN, f64::MAX, 0.0);
 const FREQUENCY: KeyKind = number("Hz", 0.0, Rate::MAX_HZ);
 
-/// The waveforms of stimuli.
+/// Waveforms of stimuli.
 pub(crate) const WAVEFORMS: &[WaveformKind] = &[
     WaveformKind {
         name: "paper",
@@ -132,7 +132,7 @@ mod tests {
     use crate::plan::{Sweep, Waveform};
 
     #[test]
-    fn the_waveforms_have_the_derivatives_that_the_plan_says() {
+    fn waveforms_have_as_many_derivatives_as_in_the_plan() {
         let [paper, step, ramp, sine, chirp, table] = WAVEFORMS else {
             panic!("six kinds");
         };

@@ -4,7 +4,7 @@ use super::{
     Key, KeyKind, SectionKind, TEXT, VERSION, choice, integer, integer_or, number, number_or,
 };
 
-/// Most cases of a campaign.
+/// Maximum number of cases in a campaign.
 pub(crate) const MOST_CASES: i64 = 100_000_000;
 
 const ANY: f64 = f64::MAX;

@@ -1,7 +1,7 @@
-//! From formulas to the parts that judge them.
+//! From formulas to the parts that evaluate them.
 //!
-//! Called once, by [`Monitors::new`](super::Monitors::new). Works from the operands up: what each part
-//! computes and how many rows later; then from the whole down: which of its steps are wanted.
+//! Called once, by [`Monitors::new`](super::Monitors::new). Works from the operands up, to determine each part's
+//! computation and its delay in rows; then from the whole formula down, to determine which steps are needed.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -13,18 +13,18 @@ use super::{ComparedSide, FormulaContext, draft};
 use crate::expression::{ExpressionError, Program};
 use crate::formula::{self, Comparison, Formula, Node};
 
-/// Most margins that a formula may keep: 64 MiB of them.
+/// Maximum number of margins that a formula may keep: 64 MiB of them.
 const MOST_KEPT: u64 = 1 << 22;
 
-/// The parts of formulas, operands before what is made of them, and what they compare.
+/// Parts of formulas, operands first, and the sides that they compare.
 #[derive(Default)]
 pub(super) struct Built {
     pub drafts: Vec<Draft>,
-    /// The part that is the whole of each formula.
+    /// Part that represents each whole formula.
     pub wholes: Vec<usize>,
     /// Operands of the comparisons, each expression once.
     pub sides: Vec<ComparedSide>,
-    /// The place of each expression.
+    /// Index of each expression.
     places: HashMap<String, usize>,
 }
 
@@ -56,10 +56,10 @@ impl Built {
         Err(formula.error(0..formula.to_string().len(), message))
     }
 
-    /// Finds the place of an expression among the sides.
+    /// Returns the index of an expression among the sides.
     fn side(&mut self, program: Program, constant: Option<f64>) -> usize {
         let next = self.sides.len();
-        // Equal operations on equal columns; its text may have other spaces.
+        // Keyed by operations and columns, as equal expressions may differ in spaces.
         let place = *(self.places.entry(format!("{program:?}"))).or_insert(next);
         if place == next {
             self.sides.push(match constant {
@@ -81,26 +81,26 @@ struct Builder<'a> {
     formula: &'a Formula,
     context: &'a FormulaContext<'a>,
     built: &'a mut Built,
-    /// The drafts of each node and of its opposite: what `rise` and `until` need twice is made once.
+    /// Drafts of each node and of its negation: parts that `rise` and `until` need twice are created once.
     known: Vec<[Option<usize>; 2]>,
 }
 
 type Drafted = Result<usize, ExpressionError>;
 
-/// A node whose part is wanted.
+/// Node whose part is needed.
 #[derive(Clone, Copy, Debug)]
 struct Wanted {
     node: usize,
-    /// True of the part of the node, false of that of its opposite.
+    /// `true` for the part of the node, `false` for that of its negation.
     holds: bool,
-    /// True of a part that is judged at step 0 only.
+    /// `true` for a part that is evaluated at step 0 only.
     at_start: bool,
 }
 
 impl Builder<'_> {
-    /// The part of a formula whose last node this is.
+    /// Drafts the part of a formula that ends with this node.
     ///
-    /// Operands come first, from a stack of its own: a chain of `and` is as deep as it is long.
+    /// Operands come first, using an explicit stack: a chain of `and` is as deep as it is long.
     fn draft(&mut self, node: usize) -> Drafted {
         let whole = Wanted {
             node,
@@ -133,7 +133,7 @@ impl Builder<'_> {
         self.known(wanted).expect("operands are drafted first")
     }
 
-    /// The operands of a node, a single one twice; none of a comparison.
+    /// Returns the operands of a node, a single one twice; `None` for a comparison.
     fn operands(&self, wanted: Wanted) -> Option<[Wanted; 2]> {
         let Wanted {
             holds, at_start, ..
@@ -150,14 +150,14 @@ impl Builder<'_> {
             Node::Implies(a, b) => [of(a, !holds, at_start), of(b, holds, at_start)],
             Node::Over { operand, .. } => [of(operand, holds, false); 2],
             Node::Chain { hold, reach, .. } => [hold, reach].map(|node| of(node, holds, false)),
-            // `rise f` is `f and once[1 step] not f`, whose opposite turns all of it.
+            // `rise f` is `f and once[1 step] not f`; its negation negates every part.
             Node::Edge { rises, operand } => {
                 [rises == holds, rises != holds].map(|holds| of(operand, holds, false))
             }
         })
     }
 
-    /// The part of a node whose operands are drafted.
+    /// Creates the part of a node whose operands are drafted.
     fn join_operands(&mut self, wanted: Wanted) -> Drafted {
         let Wanted {
             node,
@@ -215,7 +215,7 @@ impl Builder<'_> {
         Ok(self.built.side(program, side.expression.constant()))
     }
 
-    /// `and`, or else `or`.
+    /// Creates `and`, or `or` if `and` is `false`.
     fn join(&mut self, a: usize, b: usize, and: bool) -> usize {
         let Built { drafts, .. } = &*self.built;
         let delay = drafts[a].delay.max(drafts[b].delay);
@@ -246,8 +246,8 @@ impl Builder<'_> {
         )
     }
 
-    /// `until` and `since` over a window that does not begin at the step itself need what holds to
-    /// hold over the gap.
+    /// For a window that does not begin at the current step, `until` and `since` also require the first operand to hold
+    /// over the gap.
     fn chain(
         &mut self,
         is_past: bool,
@@ -309,7 +309,7 @@ impl Builder<'_> {
         Ok(self.push(task, delay.saturating_add_signed(end), until))
     }
 
-    /// The same part, known N rows after each step.
+    /// Delays a part, so that it is known N rows after each step.
     fn delayed(&mut self, operand: usize, delay: u64) -> usize {
         let Draft {
             delay: own, until, ..

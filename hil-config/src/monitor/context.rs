@@ -1,7 +1,7 @@
-//! Signals, rate and end of the run that formulas are bound to.
+//! Signals, rate and end of the run to which formulas are bound.
 //!
-//! Made once for all formulas of a run, by the check and by its
-//! [`Requirements`](crate::requirements); knows no formula itself.
+//! Created once for all formulas of a run, by the check and by its [`Requirements`](crate::requirements); independent
+//! of any formula.
 
 use std::collections::HashSet;
 
@@ -12,19 +12,19 @@ use crate::expression::{Columns, Expression};
 use crate::formula::Window;
 use crate::plan::Derived;
 
-/// Signals, rate and end of the run that formulas are bound to.
+/// Signals, rate and end of the run to which formulas are bound.
 #[derive(Clone, Debug)]
 pub struct FormulaContext<'a> {
     pub(super) columns: &'a Columns,
-    /// The derived signals that do not exist in the last row, because they use a command.
+    /// Derived signals that are missing in the last row, because they use a command.
     without_end: HashSet<&'a str>,
     rate: Rate,
-    /// The last step of the run, whose row has no command.
+    /// Last step of the run, whose row has no command.
     pub(super) steps: u64,
 }
 
 impl<'a> FormulaContext<'a> {
-    /// The context of a run to step `steps`. The columns are those of a row with the derived signals.
+    /// Creates the context of a run up to step `steps`. The columns are those of a row with the derived signals.
     #[must_use]
     pub fn new(columns: &'a Columns, derived: &'a [Derived], rate: Rate, steps: u64) -> Self {
         let mut context = Self {
@@ -44,7 +44,7 @@ impl<'a> FormulaContext<'a> {
         context
     }
 
-    /// True of an expression without a value in the last row.
+    /// Returns `true` if an expression has no value in the last row.
     pub(super) fn is_without_end(&self, expression: &Expression) -> bool {
         expression
             .signals()
@@ -54,8 +54,8 @@ impl<'a> FormulaContext<'a> {
             })
     }
 
-    /// Begin and end of a window from the step that is judged, in steps, or the reason why it has none.
-    /// `until` is the last step at which its operands can be judged.
+    /// Returns the beginning and end of a window relative to the evaluated step, in steps, or the reason for their
+    /// refusal. `until` is the last step at which the operands can be evaluated.
     pub(super) fn offsets(
         &self,
         window: &Window,
@@ -70,7 +70,7 @@ impl<'a> FormulaContext<'a> {
             if at_start {
                 return Ok((0, until as i64));
             }
-            let message = "without bounds it goes as far as the run does, which only an outermost operator can; give it bounds, such as [0s,1s]";
+            let message = "without bounds it extends to the end of the run, as only an outermost operator can; give it bounds, such as [0s,1s]";
             return Err(message.into());
         };
         let rate = self.rate;
@@ -80,7 +80,7 @@ impl<'a> FormulaContext<'a> {
             let message = format!("no step lies in this window; steps are {period_s} s apart");
             return Err(message);
         };
-        // Longer than any run: kept from overflowing, and refused where it matters.
+        // Longer than any run: clamped against overflow, and refused where it matters.
         let steps = |step: Step| step.0.min(1 << 41) as i64;
         let (first, last) = (steps(first), steps(last));
         if is_past {
@@ -90,19 +90,19 @@ impl<'a> FormulaContext<'a> {
         }
     }
 
-    /// Explains that a window goes further than its operands can be judged.
+    /// Explains that a window extends beyond the steps at which its operands can be evaluated.
     pub(super) fn beyond_the_run(&self, until: u64) -> String {
         let Self { rate, steps, .. } = self;
         let last_s = number(rate.seconds(Step(until)));
         let why = if until == *steps {
             format!("the run ends at {last_s} s")
         } else if until + 1 == *steps {
-            format!("there is a command for the last time at {last_s} s, a step before the end")
+            format!("the last command is at {last_s} s, a step before the end")
         } else {
-            format!("what is inside looks ahead itself and can be judged until {last_s} s only")
+            format!("its operand looks ahead itself and can be evaluated until {last_s} s only")
         };
         format!(
-            "the window reaches too far: {why}; shorten it, or leave out the bounds of an outermost operator to go as far as the run does"
+            "the window reaches too far: {why}; shorten it, or omit the bounds of an outermost operator to extend it to the end of the run"
         )
     }
 }

@@ -1,6 +1,6 @@
-//! Parts before they work: tasks, and the steps of each that are wanted.
+//! Drafts of parts: tasks, and the needed steps of each.
 //!
-//! Made by [`build`](super::build) for all formulas together; becomes the [`Part`]s and [`Span`]s of
+//! Created by [`build`](super::build) for all formulas together; turned into the [`Part`]s and [`Span`]s of
 //! [`Monitors`](super::Monitors). Comparisons that formulas share become one part.
 
 use std::collections::{HashMap, VecDeque};
@@ -10,14 +10,14 @@ use super::margin::{Choice, Margin};
 use super::part::{Chained, Comparison, Delay, Growing, Join, Part, PartWork};
 use super::window::{Chain, Extreme, Taking};
 
-/// A part to be.
+/// Draft of a part.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Draft {
     pub task: Task,
     pub delay: u64,
-    /// The last step at which it can be judged.
+    /// Last step at which it can be evaluated.
     pub until: u64,
-    /// First and last step at which it is wanted.
+    /// First and last needed step.
     pub wanted: Option<(u64, u64)>,
 }
 
@@ -31,27 +31,27 @@ pub(super) enum Task {
     },
     Window {
         kind: WindowKind,
-        /// The least of what the formula says, the greatest of its opposite, or for
-        /// [`WindowKind::Extreme`] what is chosen.
+        /// Minimum for the formula itself, maximum for its negation; for [`WindowKind::Extreme`] the extremum to take.
         choice: Choice,
-        /// Begin and end from the step that is judged.
+        /// Beginning and end relative to the evaluated step.
         begin: i64,
         end: i64,
-        /// Number of rows by which a step of the operands is taken later than its own row.
+        /// Number of rows by which a step of the operands is delayed.
         delay: u64,
     },
 }
 
-/// Kind of window: what the window does with its operands.
+/// Kind of window, that is, the operation on its operands.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum WindowKind {
-    /// `always` and `historically` choose the least margin, `eventually` and `once` the greatest.
+    /// `always` and `historically` take the minimum margin, `eventually` and `once` the maximum.
     Extreme(usize),
     Until(Chained),
     Since(Chained),
 }
 
-/// Finds which steps are wanted of the parts of one formula, which begin at a place and end with the whole.
+/// Computes, for each part of one formula, the steps whose margin is needed; `begin` is the first part, the last is the
+/// whole.
 pub(super) fn want(drafts: &mut [Draft], begin: usize) {
     let whole = drafts.len() - 1;
     drafts[whole].want((0, 0));
@@ -71,16 +71,16 @@ pub(super) fn want(drafts: &mut [Draft], begin: usize) {
     }
 }
 
-/// Makes the parts of all formulas, the rows at which each part looks, and the part of each draft.
+/// Builds the parts of all formulas, the active rows of each part, and the part of each draft.
 pub(super) fn parts(drafts: &[Draft]) -> (Vec<Part>, Vec<Span>, Vec<usize>) {
     let (mut parts, mut spans, mut places) = (Vec::new(), Vec::new(), Vec::new());
     let mut shared = HashMap::new();
-    // Three are one stage: joins, windows that grow, and all others.
+    // Each stage has three groups: joins, growing windows, and all others.
     let mut stages: Vec<usize> = Vec::new();
     for draft in drafts {
         let next = parts.len();
         let place = match draft.task {
-            // The margin of a single step is kept for the verdict, and so by one formula alone.
+            // The margin of a single step is kept for the verdict, and so cannot be shared between formulas.
             Task::Comparison(comparison) if !draft.is_single() => {
                 *shared.entry(comparison).or_insert(next)
             }
@@ -112,7 +112,7 @@ pub(super) fn parts(drafts: &[Draft]) -> (Vec<Part>, Vec<Span>, Vec<usize>) {
     (parts, spans, places)
 }
 
-/// The steps of its operands that a window takes for these of its own.
+/// Returns the operand steps from which a window computes these steps of its own.
 fn taken((first, last): (u64, u64), begin: i64, end: i64) -> Option<(u64, u64)> {
     Some((
         first.saturating_add_signed(begin),
@@ -156,7 +156,7 @@ impl Draft {
         match (self.task, self.wanted) {
             (Task::Delay { by, .. }, Some((first, last))) => by.min(last - first + 1),
             (Task::Window { .. }, _) => {
-                // Two for each step of each operand: two stacks, or one queue with rows.
+                // Two per step of each operand: two stacks, or one queue with rows.
                 let each = 2 * self.operands().into_iter().flatten().count() as u64;
                 self.slides().unwrap_or(0).saturating_mul(each)
             }
@@ -164,12 +164,12 @@ impl Draft {
         }
     }
 
-    /// Returns true if one of its margins is wanted.
+    /// Returns `true` if only one of its margins is needed.
     fn is_single(&self) -> bool {
         self.wanted.is_some_and(|(first, last)| first == last)
     }
 
-    /// First and last row that it looks at, if any.
+    /// Returns the first and last row at which it is active, if any.
     fn rows(&self) -> Option<(u64, u64)> {
         let (first, last) = self.wanted?;
         let gives_from = first + self.delay;
@@ -188,7 +188,7 @@ impl Draft {
         Some((from, last + self.delay))
     }
 
-    /// Rows at which a window takes its steps; none if it is no window.
+    /// Returns the rows at which a window takes its steps; `None` if it is not a window.
     fn taking(&self) -> Option<Taking> {
         let Task::Window {
             begin, end, delay, ..
@@ -203,7 +203,7 @@ impl Draft {
         })
     }
 
-    /// Makes the part; `places` has that of each draft before.
+    /// Builds the part; `places` maps earlier drafts to parts.
     fn part(&self, places: &[usize]) -> Part {
         let (first, last) = self.wanted.unwrap_or_default();
         let slides = self.slides();

@@ -1,41 +1,40 @@
-//! The work that is due at a row, in lists that change at few rows.
+//! Work that is due at a row, in lists that change at few rows.
 //!
-//! Part of [`Monitors`](super::Monitors). What is in no list is not evaluated; nothing is in a list
-//! twice.
+//! Part of [`Monitors`](super::Monitors). Only listed items are evaluated, and each is listed once.
 
 use super::ComparedSide;
 use super::part::{Comparison, Growing, Join, Part, PartWork};
 
-/// Rows at which a part looks. Ordered by stage: parts look at parts of earlier stages and at those of
-/// their own that come before them in the lists.
+/// Rows at which a part is active. Ordered by stage: parts use parts of earlier stages and those of their own that come
+/// before them in the lists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Span {
     pub stage: usize,
     pub part: usize,
     pub from: u64,
-    /// The last row.
+    /// Last row.
     pub until: u64,
 }
 
-/// The work that is due.
+/// Work that is due.
 #[derive(Clone, Debug)]
 pub(super) struct Due {
-    /// Expressions, by place.
+    /// Indices of expressions.
     pub sides: Vec<usize>,
-    /// Comparisons with the place of each among the parts.
+    /// Comparisons with the index of each among the parts.
     pub comparisons: Vec<(usize, Comparison)>,
     pub joins: Vec<(usize, Join)>,
     pub growing: Vec<(usize, Growing)>,
-    /// Other parts, by place.
+    /// Indices of other parts.
     pub others: Vec<usize>,
-    /// The end of each stage among the joins, the windows that grow, and the others.
+    /// End of each stage among the joins, the growing windows, and the others.
     pub stages: Vec<[usize; 3]>,
-    /// The next row at which that changes, or at which a part is done.
+    /// Next row at which the lists change, or at which a part is done.
     pub turns_at: u64,
 }
 
 impl Due {
-    /// Makes empty lists with room for all parts.
+    /// Creates empty lists with room for all parts.
     pub(super) fn new(parts: usize, spans: &[Span]) -> Self {
         let stages = spans.last().map_or(0, |span| span.stage + 1);
         Self {
@@ -49,7 +48,7 @@ impl Due {
         }
     }
 
-    /// Finds what is due from this row on, and until when.
+    /// Determines the work that is due from this row on, and the row at which it changes.
     pub(super) fn turn(
         &mut self,
         row: u64,
@@ -86,7 +85,7 @@ impl Due {
     fn add(&mut self, place: usize, part: &Part) {
         match &part.work {
             PartWork::Comparison(comparison) => {
-                // Formulas that share it may have spans that overlap.
+                // Formulas that share it may have overlapping spans.
                 if self
                     .comparisons
                     .last()
@@ -113,14 +112,13 @@ mod tests {
     use crate::formula::Formula;
     use crate::monitor::{FormulaContext, Monitors};
 
-    /// The last step of the run.
+    /// Last step of the run.
     const END: u64 = 30;
 
     /// First and last step of each window.
     type Windows = &'static [(u64, u64)];
 
-    /// Formulas over `a`, `b` and `abs(a - b)`, with the steps at which each looks at these three; a step
-    /// is 100 ms.
+    /// Formulas over `a`, `b` and `abs(a - b)`, with the steps at which each uses these three; a step is 100 ms.
     const FORMULAS: [(&str, [Windows; 3]); 7] = [
         ("always[1s,2s] truth.a < 1", [&[(10, 20)], &[], &[]]),
         ("always[0s,500ms](2 > truth.a)", [&[(0, 5)], &[], &[]]),
@@ -155,7 +153,7 @@ mod tests {
             let evaluated = monitors.due.sides.iter();
             let mut evaluated: Vec<f64> = evaluated.map(|at| monitors.sides[*at].value).collect();
             evaluated.sort_unstable_by(f64::total_cmp);
-            // By their values on the row, in order.
+            // Identified by their values at the row, in order.
             let expected = [(2, 2.0), (0, 3.0), (1, 5.0)]
                 .into_iter()
                 .filter(|(which, _)| {
@@ -166,7 +164,7 @@ mod tests {
                 });
             let expected: Vec<f64> = expected.map(|(_, value)| value).collect();
             assert_eq!(evaluated, expected, "at step {step}");
-            // No comparison twice either.
+            // Comparisons are not repeated either.
             let compared = monitors.due.comparisons.iter();
             let different: HashSet<_> = compared.map(|(_, comparison)| comparison).collect();
             assert_eq!(

@@ -1,31 +1,31 @@
-//! By how much something holds or fails, and which step says so.
+//! Margin by which a formula holds or fails, and the decisive step.
 
-/// Bounds of a size that may be any.
+/// Bounds of an unknown size.
 pub(super) const ANY: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
-/// The smaller of two sizes.
+/// Returns the smaller of two sizes.
 pub(super) const fn smaller(a: f64, b: f64) -> f64 {
     if b < a { b } else { a }
 }
 
-/// The larger of two sizes.
+/// Returns the larger of two sizes.
 pub(super) const fn larger(a: f64, b: f64) -> f64 {
     if b > a { b } else { a }
 }
 
-/// A robustness with the step whose comparison it comes from, as one number that is ordered like both:
-/// by size, -0 below +0, and of equal sizes by step. One order of all margins makes least and greatest
-/// distributive, so that any way to compute a formula finds the same step.
+/// Robustness combined with the step of its comparison in one number, ordered by size, -0 below +0, and for equal sizes
+/// by step. With this total order minimum and maximum are distributive, so that any way to compute a formula yields the
+/// same step.
 ///
-/// The upper half is the size as [`f64::total_cmp`] orders it, the lower half the step. A size is never
-/// NaN: what does not exist fails by minus infinity. The sign is the verdict, so -0 fails and +0 holds.
+/// The upper half is the size in the order of [`f64::total_cmp`], the lower half the step. A size is never NaN: a
+/// missing value fails by minus infinity. The sign is the verdict, so -0 fails and +0 holds.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub(super) struct Margin(i128);
 
-/// Choice of one of two margins.
+/// Selection of the minimum or maximum of two margins.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Choice {
-    /// All bits set for the greatest: with all bits of margins turned it is the least.
+    /// All bits set for the maximum: inverting all bits of the margins turns it into the minimum.
     mask: i64,
 }
 
@@ -35,11 +35,11 @@ impl Margin {
     /// Below every other: `eventually` over nothing.
     pub(super) const BOTTOM: Self = Self(!Self::TOP.0);
 
-    /// Makes the margin of a size, or if all bits of `turned` are set of its opposite.
+    /// Creates the margin of a size or, if all bits of `turned` are set, of its negation.
     #[inline]
     pub(super) const fn new(size: f64, turned: i64, step: u64) -> Self {
         let bits = size.to_bits() as i64;
-        // As `f64::total_cmp` does; with all bits turned it is the opposite's.
+        // As in `f64::total_cmp`; with all bits inverted it is the negation's.
         let ordered = bits ^ (((bits >> 63) as u64) >> 1) as i64;
         Self(((ordered ^ turned) as i128) << 64 | step as i128)
     }
@@ -58,7 +58,7 @@ impl Margin {
         }
     }
 
-    /// The step, or none of a margin over nothing.
+    /// Returns the step, or `None` for a margin over nothing.
     pub(super) const fn step(self) -> Option<u64> {
         let step = self.0 as u64;
         if step == u64::MAX { None } else { Some(step) }
@@ -79,36 +79,36 @@ impl Choice {
     pub(super) const LEAST: Self = Self { mask: 0 };
     pub(super) const GREATEST: Self = Self { mask: -1 };
 
-    /// Gives the choice of the formula, or of its opposite.
+    /// Creates the choice of the formula, or of its negation.
     pub(super) const fn least_if(least: bool) -> Self {
         if least { Self::LEAST } else { Self::GREATEST }
     }
 
-    /// Gives what is chosen of nothing.
+    /// Returns the choice among no margins.
     pub(super) const fn none(self) -> Margin {
         self.turn(Margin::TOP)
     }
 
-    /// Turns the order of margins if the greatest is chosen, so that the least is the one to choose; a
-    /// second turn gives the margin back.
+    /// Inverts the order of margins if the maximum is chosen, so that the minimum can be taken; a second call restores
+    /// the margin.
     #[inline]
     pub(super) const fn turn(self, margin: Margin) -> Margin {
         Margin(margin.0 ^ self.mask as i128)
     }
 
-    /// Returns true if the first is chosen.
+    /// Returns `true` if the first margin is chosen.
     #[inline]
     pub(super) fn prefers(self, a: Margin, b: Margin) -> bool {
         self.turn(a) < self.turn(b)
     }
 
-    /// Returns true if the first is not chosen, whatever the steps are.
+    /// Returns `true` if the first margin is not chosen, regardless of the steps.
     #[inline]
     pub(super) const fn is_worse(self, a: Margin, b: Margin) -> bool {
         (a.0 >> 64) as i64 ^ self.mask > (b.0 >> 64) as i64 ^ self.mask
     }
 
-    /// Gives the bounds of a size whose turned size has these.
+    /// Returns the bounds of a size from those of its inversion.
     pub(super) fn turn_bounds(self, [low, high]: [f64; 2]) -> [f64; 2] {
         if self == Self::LEAST {
             [low, high]

@@ -1,45 +1,45 @@
-//! A part of a formula at work: one margin for each row.
+//! Part of a formula in operation: one margin per row.
 //!
-//! Made by [`draft`](super::draft), called by [`Monitors`](super::Monitors) at the rows at which the part
-//! is [due](super::due::Due) and no others.
+//! Built by [`draft`](super::draft), called by [`Monitors`](super::Monitors) only at the rows at which the part is
+//! [due](super::due::Due).
 
 use super::ComparedSide;
 use super::margin::{self, Choice, Margin, larger, smaller};
 use super::window::{Chain, Extreme, Since, Until};
 use crate::formula::Relation;
 
-/// A part of a formula.
+/// Part of a formula.
 #[derive(Clone, Debug)]
 pub(super) struct Part {
     pub work: PartWork,
-    /// True if only one margin of the part is wanted.
+    /// `true` if only one margin of the part is needed.
     pub is_single: bool,
-    /// The row at which every margin that is wanted was computed.
+    /// Row at which the last needed margin was computed.
     pub done_at: u64,
 }
 
-/// Work of a part. Operands are places among the parts before it.
+/// Operation of a part. Operands are indices of earlier parts.
 #[derive(Clone, Debug)]
 pub(super) enum PartWork {
     Comparison(Comparison),
     Join(Join),
     Growing(Growing),
-    /// An operand that is known earlier than what it is joined with.
+    /// Operand that is known earlier than its counterpart in a join.
     Delay(Delay),
-    /// A window of `always` and its like that slides.
+    /// Sliding window of `always` and similar operators.
     Extreme(usize, Extreme),
     Until(Chained, Chain<Until>),
     Since(Chained, Chain<Since>),
 }
 
-/// A comparison of two sides, as one of `left < right` and `left == right` or the opposite of one.
+/// Comparison of two sides, `left < right` or `left == right`, or the negation of one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Comparison {
-    /// The sign bit of `left == right`, which fails by the distance, whichever side is the larger.
+    /// Sign bit of `left == right`, which fails by the distance, whichever side is the larger.
     sign: u64,
-    /// All bits set of the opposite.
+    /// All bits set for the negation.
     turned: i64,
-    /// Places among the sides.
+    /// Indices of the sides.
     pub left: usize,
     pub right: usize,
 }
@@ -52,27 +52,27 @@ pub(super) struct Join {
     pub b: usize,
 }
 
-/// A window of `always` and its like that only grows. Its own margin is what it came to so far.
+/// Growing window of `always` and similar operators. Its own margin is the result so far.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Growing {
     pub choice: Choice,
     pub operand: usize,
 }
 
-/// The operands of `until` and `since`.
+/// Operands of `until` and `since`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Chained {
     pub hold: usize,
     pub reach: usize,
 }
 
-/// A ring of the margins that are not given yet.
+/// Ring buffer of delayed margins.
 #[derive(Clone, Debug)]
 pub(super) struct Delay {
     pub operand: usize,
-    /// The last row at which it takes a margin of the operand.
+    /// Last row at which it takes a margin of the operand.
     pub takes_until: u64,
-    /// The first row at which it gives one.
+    /// First row at which it returns one.
     pub gives_from: u64,
     pub kept: Vec<Margin>,
     pub next_in: usize,
@@ -80,7 +80,7 @@ pub(super) struct Delay {
 }
 
 impl Part {
-    /// The margin before the first row.
+    /// Returns the margin before the first row.
     pub(super) fn first_margin(&self) -> Margin {
         match self.work {
             PartWork::Growing(window) => window.choice.none(),
@@ -88,14 +88,14 @@ impl Part {
         }
     }
 
-    /// Returns true if every margin that is wanted was computed.
+    /// Returns `true` if every needed margin was computed.
     #[inline]
     pub(super) const fn is_done(&self, row: u64) -> bool {
         row >= self.done_at
     }
 
-    /// Looks at a row; `operands` are the newest margins of the parts before, `own` becomes its own.
-    /// Returns true if a margin became certain before it is computed.
+    /// Processes a row; `operands` are the latest margins of the earlier parts, `own` receives its own. Returns `true`
+    /// if a margin became certain before it is computed.
     #[inline]
     pub(super) fn observe(&mut self, row: u64, operands: &[Margin], own: &mut Margin) -> bool {
         match &mut self.work {
@@ -116,7 +116,7 @@ impl Part {
         false
     }
 
-    /// The operands that it joins or delays, whose margins it has.
+    /// Returns the operands that it joins or delays, whose margins it shares.
     pub(super) const fn joined(&self) -> [Option<usize>; 2] {
         match self.work {
             PartWork::Join(Join { a, b, .. }) => [Some(a), Some(b)],
@@ -125,11 +125,11 @@ impl Part {
         }
     }
 
-    /// Certainty of its only margin before the margin is computed; `of` has that of each part before and
-    /// `own` is its margin so far.
+    /// Returns the early certainty of its only margin; `of` has that of each earlier part and `own` is its margin so
+    /// far.
     pub(super) fn certain(&self, of: &[Option<bool>], own: Margin) -> Option<bool> {
         match &self.work {
-            // What is least fails as soon as one fails, what is greatest holds as soon as one holds.
+            // A minimum fails as soon as one operand fails, a maximum holds as soon as one holds.
             PartWork::Join(Join { choice, a, b }) => {
                 let one = Some(*choice == Choice::GREATEST);
                 if of[*a] == one || of[*b] == one {
@@ -148,8 +148,7 @@ impl Part {
         }
     }
 
-    /// Between which two sizes its only margin will be, before that is computed; `of` are those of
-    /// each part before and `own` is its margin so far.
+    /// Returns early bounds on its only margin; `of` are those of each earlier part and `own` is its margin so far.
     pub(super) fn bounds(&self, of: &[[f64; 2]], own: Margin) -> [f64; 2] {
         match &self.work {
             PartWork::Growing(Growing { choice, .. }) => {
@@ -170,7 +169,7 @@ impl Part {
         }
     }
 
-    /// Bytes that it keeps beside itself.
+    /// Returns its heap memory in bytes.
     pub(super) fn kept_bytes(&self) -> usize {
         match &self.work {
             PartWork::Comparison(_) | PartWork::Join(_) | PartWork::Growing(_) => 0,
@@ -186,14 +185,14 @@ impl Part {
 
 impl Comparison {
     pub(super) fn new(relation: Relation, left: usize, right: usize) -> Self {
-        // The size is that of `left >= right` or `left == right`, turned or not.
+        // The size is that of `left >= right` or `left == right`, negated or not.
         let (is_equality, is_turned) = match relation {
             Relation::Less | Relation::Greater => (false, true),
             Relation::LessOrEqual | Relation::GreaterOrEqual => (false, false),
             Relation::Equal => (true, false),
             Relation::NotEqual => (true, true),
         };
-        // `a > b` is `b < a`, and `a <= b` the opposite of that.
+        // `a > b` is `b < a`, and `a <= b` is the negation of that.
         let (left, right) = match relation {
             Relation::Greater | Relation::LessOrEqual => (right, left),
             _ => (left, right),
@@ -206,7 +205,7 @@ impl Comparison {
         }
     }
 
-    /// Gives the distance of both sides, with the sign that says whether they have the relation.
+    /// Returns the distance of both sides, positive if the relation holds.
     #[inline]
     pub(super) fn margin(self, sides: &[ComparedSide], step: u64) -> Margin {
         let (a, b) = (sides[self.left].value, sides[self.right].value);
@@ -217,10 +216,10 @@ impl Comparison {
         self.margin_of(difference, step)
     }
 
-    /// Gives the margin without a branch: which comparison comes next is nothing that a processor could foresee.
+    /// Computes the margin without branches, as the processor could not predict the order of comparisons.
     #[inline]
     fn margin_of(self, difference: f64, step: u64) -> Margin {
-        // The sum is no negative zero: of equal sides `==` and `>=` hold, `!=` and `<` fail.
+        // The sum is never negative zero: of equal sides `==` and `>=` hold, `!=` and `<` fail.
         let size = f64::from_bits(difference.to_bits() | self.sign) + 0.0;
         Margin::new(size, self.turned, step)
     }
@@ -245,11 +244,11 @@ impl Join {
 }
 
 impl Growing {
-    /// Takes the operand's step of a row; `own` is the margin so far. Returns true if what the window
-    /// comes to became certain.
+    /// Processes the operand's step of a row; `own` is the margin so far. Returns `true` if the window's result became
+    /// certain.
     #[inline]
     pub(super) fn observe(self, operand: Margin, own: &mut Margin) -> bool {
-        // Of most steps the size alone tells that they change nothing.
+        // For most steps the size alone shows that they change nothing.
         if self.choice.is_worse(operand, *own) || !self.choice.prefers(operand, *own) {
             return false;
         }
@@ -259,7 +258,7 @@ impl Growing {
 }
 
 impl Delay {
-    /// Gives the margin that is wanted and keeps the operand's newest.
+    /// Returns the delayed margin and stores the operand's latest.
     #[inline]
     fn observe(&mut self, row: u64, operands: &[Margin], own: &mut Margin) {
         let last = self.kept.len() - 1;

@@ -1,36 +1,35 @@
-//! The windows of temporal operators: what their steps come to, in constant time for each step.
+//! Windows of temporal operators, evaluated in constant time per step.
 //!
-//! Of `always` and its like a window keeps the steps that can still become its least margin. Of `until`
-//! and `since` steps in a row are a [`Stretch`], and two stretches in a row are one again: a window that
-//! only grows is one stretch, one that slides is a queue of two stacks (Tangwongsan, Hirzel and
-//! Schneider 2015, section 2), in which each step is pushed once, turned over once and taken away once.
+//! For `always` and similar operators a window keeps the steps that can still become its minimum margin. For `until`
+//! and `since` consecutive steps are combined into a [`Stretch`], and two consecutive stretches into one: a growing
+//! window is a single stretch, a sliding one is a queue of two stacks (Tangwongsan, Hirzel and Schneider 2015, section
+//! 2), in which each step is pushed, moved and popped once.
 
 use std::collections::VecDeque;
 
 use super::margin::{self, Choice, Margin, larger};
 
-/// A window that slides, of `always`, `eventually`, `historically` or `once`.
+/// Sliding window of `always`, `eventually`, `historically` or `once`.
 #[derive(Clone, Debug)]
 pub(super) struct Extreme {
     pub choice: Choice,
     pub taking: Taking,
-    /// The steps that no later one is as good as, each with the row at which it was taken, in both their
-    /// orders. Never more than the capacity that the window was made with.
+    /// Steps that no later one dominates, each with the row at which it was taken, ordered by row and by margin alike.
+    /// Never more than the initial capacity.
     pub candidates: VecDeque<(u64, Margin)>,
 }
 
 /// Rows at which the steps of a window are taken.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Taking {
-    /// The first row at which a step of the operands is taken.
+    /// First row at which a step of the operands is taken.
     pub from: u64,
     /// Number of rows for which a step stays in the window after the row at which it was taken.
     pub stays: u64,
 }
 
 impl Extreme {
-    /// Takes the operand's step of this row, if it is one of the window's, and gives what the window
-    /// comes to.
+    /// Takes the operand's step of this row, if it belongs to the window, and returns the window's result.
     #[inline]
     pub(super) fn observe(&mut self, row: u64, operand: Margin) -> Margin {
         let Self {
@@ -38,7 +37,7 @@ impl Extreme {
             taking,
             candidates,
         } = self;
-        // Rows follow each other, so no more than one leaves.
+        // Rows are consecutive, so at most one step leaves.
         if candidates
             .front()
             .is_some_and(|(taken, _)| taken + taking.stays < row)
@@ -57,42 +56,42 @@ impl Extreme {
     }
 }
 
-/// Result of some steps in a row.
+/// Combined result of consecutive steps.
 pub(super) trait Stretch: Copy {
-    /// Of no step.
+    /// Result of no steps.
     const NONE: Self;
 
-    /// Of one step, at which `f` and `g` have these margins.
+    /// Creates the result of one step, at which `f` and `g` have these margins.
     fn new(hold: Margin, reach: Margin) -> Self;
 
-    /// This stretch and the one after it.
+    /// Combines this stretch with the following one.
     fn then(self, later: Self) -> Self;
 
-    /// Returns the operator's margin of the stretch.
+    /// Returns the operator's margin over the stretch.
     fn margin(self) -> Margin;
 
-    /// Returns true if the operator holds whatever comes after, false if it fails whatever comes.
+    /// Returns `true` if the operator holds whatever follows, `false` if it fails whatever follows.
     fn certain(self) -> Option<bool>;
 
-    /// Between which two sizes the operator's margin will be, whatever comes after.
+    /// Returns bounds on the operator's margin, whatever follows.
     fn bounds(self) -> [f64; 2];
 }
 
 /// `f until g` from the first step of the stretch on.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Until {
-    /// The least margin of `f`.
+    /// Minimum margin of `f`.
     hold: Margin,
-    /// The greatest, over all steps, of the margin of `g` there and of `f` before.
+    /// Maximum, over all steps, of the margin of `g` there and of `f` before.
     reach: Margin,
 }
 
 /// `f since g` at the last step of the stretch.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Since {
-    /// The least margin of `f`.
+    /// Minimum margin of `f`.
     hold: Margin,
-    /// The greatest, over all steps, of the margin of `g` there and of `f` after.
+    /// Maximum, over all steps, of the margin of `g` there and of `f` after.
     reach: Margin,
 }
 
@@ -118,7 +117,7 @@ impl Stretch for Until {
     }
 
     fn certain(self) -> Option<bool> {
-        // Reached; or not, and what must hold until then has failed.
+        // `g` was reached; or it was not, and `f` has already failed.
         if self.reach.holds() {
             Some(true)
         } else {
@@ -127,7 +126,7 @@ impl Stretch for Until {
     }
 
     fn bounds(self) -> [f64; 2] {
-        // What comes reaches no further than what must hold until then.
+        // Later steps cannot exceed the margin of `f` so far.
         let (reach, hold) = (self.reach.size(), self.hold.size());
         [reach, larger(reach, hold)]
     }
@@ -163,38 +162,38 @@ impl Stretch for Since {
     }
 }
 
-/// The window of `until` or `since`.
+/// Window of `until` or `since`.
 #[derive(Clone, Debug)]
 pub(super) struct Chain<S> {
-    /// The greatest of the opposites, in which least and greatest change places.
+    /// Maximum for the negation, in which minimum and maximum swap.
     pub choice: Choice,
     pub taking: Taking,
     pub steps: Steps<S>,
 }
 
-/// The steps of a window.
+/// Steps of a window.
 #[derive(Clone, Debug)]
 pub(super) enum Steps<S> {
-    /// Window that only grows.
+    /// Growing window.
     Growing(S),
-    /// Window that slides.
+    /// Sliding window.
     Sliding(Sliding<S>),
 }
 
-/// A window that slides. Its contents never exceed the capacity that the window was made with.
+/// Sliding window. Its contents never exceed the initial capacity.
 #[derive(Clone, Debug)]
 pub(super) struct Sliding<S> {
-    /// The row at which the oldest step in it was taken.
+    /// Row at which the oldest step in it was taken.
     oldest: u64,
-    /// For each of the older steps what it and all after it in this stack come to, the oldest on top.
+    /// Combined result of each older step and all later ones in this stack, the oldest on top.
     front: Vec<S>,
-    /// The newer steps, the newest on top, and what they come to.
+    /// Newer steps, the newest on top, and their combined result.
     back: Vec<S>,
     back_total: S,
 }
 
 impl<S: Stretch> Chain<S> {
-    /// A window before its first step, of which at most `slides` stay if steps ever leave it.
+    /// Creates a window before its first step, keeping at most `slides` steps if steps ever leave it.
     pub(super) fn new(choice: Choice, taking: Taking, slides: Option<u64>) -> Self {
         let steps = match slides {
             None => Steps::Growing(S::NONE),
@@ -212,8 +211,7 @@ impl<S: Stretch> Chain<S> {
         }
     }
 
-    /// Takes the operands' step of this row, if it is one of the window's, and gives what the window
-    /// comes to.
+    /// Takes the operands' step of this row, if it belongs to the window, and returns the window's result.
     pub(super) fn observe(&mut self, row: u64, hold: Margin, reach: Margin) -> Margin {
         let Self {
             choice,
@@ -248,7 +246,7 @@ impl<S: Stretch> Chain<S> {
         }
     }
 
-    /// Bytes that it keeps.
+    /// Returns its heap memory in bytes.
     pub(super) fn kept_bytes(&self) -> usize {
         match &self.steps {
             Steps::Growing(_) => 0,
@@ -260,7 +258,7 @@ impl<S: Stretch> Chain<S> {
 }
 
 impl<S: Stretch> Sliding<S> {
-    /// Forgets the steps taken before a row, takes the next, if any, and gives the stretch of all.
+    /// Drops the steps taken before a row, adds the next, if any, and returns the combined stretch.
     fn observe(&mut self, from: u64, step: Option<S>) -> S {
         while self.oldest < from {
             self.drop_oldest();

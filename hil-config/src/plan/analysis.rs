@@ -1,11 +1,11 @@
-//! Ready-made analyses: several figures of one thing that no single reduction gives.
+//! Predefined analyses: several figures that no single reduction gives.
 
 use shared_types::time::Step;
 
 use super::Sweep;
 use crate::expression::Expression;
 
-/// An analysis; each of its figures is a metric `name.figure`.
+/// Analysis; each of its figures is a metric `name.figure`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Analysis {
     /// Name.
@@ -21,7 +21,7 @@ pub enum AnalysisKind {
     StepResponse(StepResponsePlan),
     /// Response of a signal to a chirp.
     FrequencyResponse(FrequencyResponsePlan),
-    /// Times until a fault is found and overcome.
+    /// Times until a fault is detected and overcome.
     Detection(DetectionPlan),
 }
 
@@ -40,32 +40,32 @@ impl AnalysisKind {
 /// Response of a signal to a step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StepResponsePlan {
-    /// The signal.
+    /// Signal under analysis.
     pub signal: Expression,
     /// Unit.
     pub unit: String,
-    /// The stimulus that steps.
+    /// Stimulus of kind step.
     pub stimulus: String,
     /// Time at which the stimulus steps, in s.
     pub at_s: f64,
-    /// The signal's value before it.
+    /// Value of the signal before the step.
     pub initial: f64,
-    /// The value that the signal is to settle at.
+    /// Final value of the signal.
     pub wanted: f64,
-    /// Half the width of the band in which it counts as settled, as a part of the step.
+    /// Half-width of the settling band, as a fraction of the step.
     pub band: f64,
-    /// The last step that is looked at.
+    /// Last analysed step.
     pub last: Step,
 }
 
 /// Response of a signal to a chirp.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrequencyResponsePlan {
-    /// The signal that is followed.
+    /// Input signal.
     pub input: Expression,
-    /// The signal that follows.
+    /// Output signal.
     pub output: Expression,
-    /// The stimulus that sweeps.
+    /// Stimulus of kind chirp.
     pub stimulus: String,
     /// Frequency at the beginning of the run in Hz.
     pub start_hz: f64,
@@ -73,18 +73,18 @@ pub struct FrequencyResponsePlan {
     pub end_hz: f64,
     /// Length of the sweep in s.
     pub duration_s: f64,
-    /// Course of the frequency's rise.
+    /// Course of the frequency.
     pub sweep: Sweep,
 }
 
-/// Times until a fault is found and overcome.
+/// Times until a fault is detected and overcome.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DetectionPlan {
     /// Expression that holds while the law sees a fault.
     pub alarm: Expression,
-    /// For how many records in a row it must hold to count as an alarm, at least 1.
+    /// Number of consecutive records at which it must hold to count as an alarm, at least 1.
     pub records: u64,
-    /// The event that is to be found; the first that takes hold, if none is named.
+    /// Event to detect; the first that takes effect if none is named.
     pub fault: Option<u32>,
     /// Expression that holds while the fault is overcome.
     pub recovered: Option<Expression>,

@@ -1,44 +1,43 @@
-//! Changes of values while a run goes on.
+//! Changes of values during a run.
 
 use serde::{Deserialize, Serialize};
 use shared_types::describe::Settings;
 use shared_types::record::ChangedValue;
 use shared_types::time::Step;
 
-/// Prefix of the plant's parameters among the keys of changes.
+/// Prefix of plant parameters in the keys of changes.
 pub const PLANT_KEYS: &str = "plant.parameters.";
-/// Prefix of reference signals among the keys of changes.
+/// Prefix of reference signals in the keys of changes.
 pub const REFERENCE_KEYS: &str = "reference.";
 
-/// Prefix of the parameters of a law among the keys of changes.
+/// Returns the prefix of a law's parameters in the keys of changes.
 #[must_use]
 pub fn law_keys(law: &str) -> String {
     format!("controller.{law}.")
 }
 
-/// Values that change at one step, all together.
+/// Values that change together at one step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Change {
-    /// Number in the order of the file, from 1; a live change's is the next free one.
+    /// Number in file order, from 1; a live change has the next free one.
     pub id: u32,
-    /// First step of the change; `None`: the next that begins, only live.
+    /// First step of the change; `None`, for live changes only, means the next step to begin.
     pub step: Option<Step>,
-    /// Steps until the values are reached; 0: at once.
+    /// Steps until the values are reached; 0 means at once.
     #[serde(default)]
     pub ramp_steps: u64,
-    /// True if it was asked for while the run went on.
+    /// `true` if it was requested during the run.
     #[serde(default)]
     pub live: bool,
-    /// New values by the full names of their keys, in the order of the names.
+    /// New values by the full names of their keys, sorted by name.
     #[serde(default)]
     pub set: Vec<ChangedValue>,
-    /// Keys of reference signals that follow their stimulus again, in order.
+    /// Keys of reference signals that return to their stimulus, in order.
     #[serde(default)]
     pub clear: Vec<String>,
 }
 
-/// Lists the settings that changes make of others, one after the other: of the parameters whose keys have a
-/// prefix.
+/// Lists the successive settings of the parameters with this key prefix after each change.
 #[must_use]
 pub fn settings_after(changes: &[Change], prefix: &str, start: &Settings) -> Vec<Settings> {
     let mut in_order: Vec<&Change> = changes.iter().collect();

@@ -4,19 +4,19 @@ use serde::{Deserialize, Serialize};
 use shared_types::describe::{Operation, Settings};
 use shared_types::time::Step;
 
-/// Event whose effects all take hold at the same step, apart from a wanted skew.
+/// Event whose effects all take effect at the same step, apart from an intended skew.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FaultEvent {
-    /// Number in the order of the file, from 1; a live event's is the next free one.
+    /// Number in file order, from 1; a live event has the next free one.
     pub id: u32,
-    /// The name that later events refer to, if it has one.
+    /// Name that later events refer to, if any.
     #[serde(default)]
     pub name: Option<String>,
     /// Kind, for example `leakage`.
     pub kind: String,
-    /// Source that asked for the fault.
+    /// Origin of the fault.
     pub source: FaultSource,
-    /// Trigger that makes the event take hold.
+    /// Trigger of the event.
     pub trigger: Trigger,
     /// Ends of the event, of which the first counts.
     #[serde(default)]
@@ -25,17 +25,17 @@ pub struct FaultEvent {
     pub effects: Vec<FaultEffect>,
 }
 
-/// Source that asked for a fault.
+/// Origin of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FaultSource {
     /// The scenario.
     Scenario,
-    /// A command line, while the run went on.
+    /// A command line, during the run.
     Cli,
 }
 
-/// Trigger that makes an event take hold.
+/// Trigger of an event.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Trigger {
@@ -43,14 +43,14 @@ pub enum Trigger {
     Step {
         /// The step.
         step: Step,
-        /// The time asked for in s, which the step is at or after.
+        /// Requested time in s; the step is the first not before it.
         at_s: f64,
     },
-    /// At the next step that begins; only live.
+    /// At the next step to begin; live only.
     Now,
     /// Condition: an expression has held for a while.
     Condition(Condition),
-    /// Number of steps after another event took hold.
+    /// Number of steps after another event took effect.
     After {
         /// The other event's number.
         event: u32,
@@ -59,38 +59,37 @@ pub enum Trigger {
     },
 }
 
-/// An expression that must hold. The expression is computed from the last complete record, so its
-/// value at step k acts at step k + 1.
+/// Expression that must hold. It is computed from the last complete record, so its value at step k acts at step k + 1.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Condition {
-    /// The expression; it holds where it exists and is not 0.
+    /// Expression; it holds where its value exists and is not 0.
     pub expression: String,
-    /// For how many records in a row, at least 1.
+    /// Number of consecutive records, at least 1.
     pub records: u64,
 }
 
-/// End of an event: the first of what is given; never, if nothing is.
+/// End of an event: the first of the given ones; never, if there is none.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct FaultEnd {
-    /// At this step, which is healthy again.
+    /// This step, which is healthy again.
     pub step: Option<Step>,
-    /// Each effect after N steps of its own.
+    /// N steps after the beginning of each effect.
     pub after_steps: Option<u64>,
-    /// Each effect after it acted N times: runs of steps at which it changed a number, single
-    /// steps at which it struck a message or cost time.
+    /// N actions of each effect: sequences of steps at which it changed a number, or single steps at which it hit a
+    /// message or cost time.
     pub occurrences: Option<u64>,
-    /// Condition: an expression has held for a while since the event took hold.
+    /// Condition: an expression has held for a while since the event took effect.
     pub condition: Option<Condition>,
 }
 
 /// Effect of an event.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FaultEffect {
-    /// The target as scenarios name it: `actuator1`, `measured.surface_angle_rad`,
-    /// `parameter.actuator1.bulk_modulus_pa`, `link.sample`, `controller`.
+    /// Target as scenarios name it: `actuator1`, `measured.surface_angle_rad`, `parameter.actuator1.bulk_modulus_pa`,
+    /// `link.sample`, `controller`.
     pub target: String,
-    /// Steps from the event's step to the one at which this effect takes hold.
+    /// Steps between the event and the beginning of this effect.
     pub skew_steps: u64,
     /// Course of the size.
     pub profile: Profile,
@@ -104,16 +103,16 @@ pub struct FaultEffect {
 pub enum FaultAction {
     /// Moves parameters of the plant: one of the plant's own faults.
     Move {
-        /// Sizes as they were written, by key: for showing them again.
+        /// Sizes as written, by key, for display.
         sizes: Settings,
-        /// The parameters.
+        /// Moves of the parameters.
         moves: Vec<Move>,
     },
-    /// Whatever the kind does to its target.
+    /// Action specific to the fault kind.
     Kind {
         /// Parameters by key.
         parameters: Settings,
-        /// List, rows one after another; empty if it has none.
+        /// Concatenated rows of the list; empty if there is none.
         list: Vec<f64>,
     },
 }
@@ -123,13 +122,13 @@ pub enum FaultAction {
 pub struct Move {
     /// Full name of the parameter.
     pub parameter: String,
-    /// Operation by which the parameter is moved.
+    /// Operation that moves the parameter.
     pub operation: Operation,
-    /// By how much, in the parameter's unit unless it is a factor.
+    /// Amount, in the parameter's unit unless it is a factor.
     pub by: f64,
 }
 
-/// The course of an effect's size: the factor g(t), t from the step at which it takes hold.
+/// Course of an effect's size: the factor g(t), with t from the beginning of the effect.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Profile {
@@ -154,7 +153,7 @@ pub enum Profile {
     Intermittent {
         /// Period in s, above 0.
         period_s: f64,
-        /// The part, above 0 and at most 1.
+        /// Active share of the period, above 0 and at most 1.
         duty: f64,
     },
     /// `sin(2 pi f t + phase)`.
@@ -164,7 +163,7 @@ pub enum Profile {
         /// Phase in rad.
         phase_rad: f64,
     },
-    /// Straight lines between points, constant before the first and after the last.
+    /// Linear interpolation between points, constant before the first and after the last.
     Table {
         /// Times in s, strictly rising.
         time_s: Vec<f64>,

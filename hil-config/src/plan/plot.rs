@@ -1,30 +1,30 @@
-//! Plots: signals worth looking at.
+//! Plots of signals.
 
-/// A plot over simulated time. Nothing of a run depends on it.
+/// Plot over simulated time. No run depends on it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plot {
     /// Heading.
     pub title: String,
     /// Signals as expressions name them, at least one.
     pub signals: Vec<String>,
-    /// The laws that it is for; empty: all. Only with these its signals are known to be there.
+    /// Laws that it is for; empty means all. Only these laws are known to have its signals.
     pub laws: Vec<String>,
     /// Vertical axis.
     pub scale: Scale,
-    /// Values of level lines, in the unit of the signals.
+    /// Values of horizontal lines, in the unit of the signals.
     pub lines: Vec<f64>,
 }
 
-/// Contents of a panel beside the plots. Nothing of a run depends on it.
+/// Contents of a panel beside the plots. No run depends on it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Panel {
     /// Width of the time axis in s.
     pub window_s: f64,
-    /// Names and patterns of signals; empty: the first of the plots.
+    /// Names and patterns of signals; empty means the first of the plots.
     pub readings: Vec<String>,
-    /// Names and patterns of keys that can be changed; empty: all.
+    /// Names and patterns of tunable keys; empty means all.
     pub tune: Vec<String>,
-    /// Faults, in the words of `hil inject`.
+    /// Faults, each as an argument of `hil inject`.
     pub inject: Vec<String>,
 }
 
@@ -61,7 +61,7 @@ impl Scale {
 }
 
 impl Plot {
-    /// Returns true if the plot is for a law.
+    /// Returns `true` if the plot is for a law.
     #[must_use]
     pub fn is_for(&self, law: &str) -> bool {
         self.laws.is_empty() || self.laws.iter().any(|one| one == law)

@@ -1,4 +1,4 @@
-//! The records of a run by its plan: the descriptions that the plan is for, and the signals that follow.
+//! Records of a run according to its plan: the matching descriptions, and the resulting signals.
 
 use shared_types::describe::{LawDescription, PlantDescription};
 use shared_types::layout::{SignalKind, SignalTable};
@@ -15,8 +15,8 @@ impl Plan {
         plants.iter().find(|plant| plant.name == self.plant.model)
     }
 
-    /// Finds the law of the plan among these, of its name and made for its plant, and gives it as it is on
-    /// the wire: its signals as the plan [connects](shared_types::connection::Connection) them.
+    /// Finds the law of the plan among these, by its name and plant, and returns it as seen on the wire: with its
+    /// signals as the plan [connects](shared_types::connection::Connection) them.
     #[must_use]
     pub fn law_among(&self, laws: &[LawDescription]) -> Option<LawDescription> {
         let plan = &self.controller;
@@ -30,7 +30,7 @@ impl Plan {
         self.stimuli.iter().flat_map(Stimulus::fields).collect()
     }
 
-    /// Gives each derived signal's name and the text of its expression.
+    /// Returns each derived signal's name and the text of its expression.
     #[must_use]
     pub fn derived_texts(&self) -> Vec<(String, String)> {
         (self.derived.iter())
@@ -38,7 +38,7 @@ impl Plan {
             .collect()
     }
 
-    /// Leaves out everything but what its signals are made of.
+    /// Drops everything except the sources of its signals.
     #[must_use]
     pub fn without_judgement(self) -> Self {
         Self {
@@ -49,7 +49,7 @@ impl Plan {
         }
     }
 
-    /// Describes the records of a run of its plant under its law as it is on the wire.
+    /// Returns the record layout of a run of its plant and its law as seen on the wire.
     #[must_use]
     pub fn record_layout(&self, plant: &PlantDescription, law: &LawDescription) -> RecordLayout {
         let command = SignalTable::of(SignalKind::Command, law.sent_commands(plant))
@@ -59,7 +59,7 @@ impl Plan {
 }
 
 impl Columns {
-    /// Names the columns of a record of this plant and stimuli and a law that shows these internals.
+    /// Names the columns of a record of this plant, these stimuli and a law with these internal signals.
     #[must_use]
     pub fn of(plant: &PlantDescription, stimuli: &[Stimulus], internals: &[Field]) -> Self {
         let reference = stimuli.iter().flat_map(Stimulus::fields).collect();

@@ -2,7 +2,7 @@
 
 use crate::formula::Formula;
 
-/// A requirement.
+/// Requirement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Requirement {
     /// Name.
@@ -11,7 +11,6 @@ pub struct Requirement {
     pub description: String,
     /// Formula that must hold at step 0.
     pub formula: Formula,
-    /// Unit of the robustness: the one given, else the one that all signals have by their names,
-    /// else empty.
+    /// Unit of the robustness: as given, or else the one that all signals have by their names, or empty.
     pub unit: String,
 }

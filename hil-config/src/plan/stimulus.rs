@@ -1,14 +1,14 @@
-//! Courses of the reference signals.
+//! Waveforms of reference signals.
 
 use serde::{Deserialize, Serialize};
 use shared_types::table::{Field, derivative_of};
 
-/// A reference signal with the derivatives its waveform has.
+/// Reference signal with the derivatives that its waveform has.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Stimulus {
     /// Name of the reference signal.
     pub target: String,
-    /// Further names of the reference signal: those that the law has for it.
+    /// Aliases of the reference signal, taken from the law.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub aliases: Vec<String>,
     /// Unit.
@@ -18,7 +18,7 @@ pub struct Stimulus {
 }
 
 impl Stimulus {
-    /// The reference signals it makes: the target and its derivatives in rising order.
+    /// Returns the reference signals: the target and its derivatives in rising order.
     #[must_use]
     pub fn fields(&self) -> Vec<Field> {
         let mut fields = vec![Field {
@@ -34,7 +34,7 @@ impl Stimulus {
     }
 }
 
-/// The course of a reference signal. Sizes are in the target's unit.
+/// Waveform of a reference signal. Sizes are in the target's unit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Waveform {
@@ -53,12 +53,12 @@ pub enum Waveform {
         at_s: f64,
         /// Value before.
         before: f64,
-        /// Value from then on.
+        /// Value after.
         after: f64,
     },
-    /// `start` until `at_s`, then a constant slope until `end`, then `end`.
+    /// `start` until `at_s`, then a constant slope up to `end`, then `end`.
     Ramp {
-        /// Begin in s.
+        /// Beginning in s.
         at_s: f64,
         /// Length in s, above 0.
         duration_s: f64,
@@ -78,8 +78,8 @@ pub enum Waveform {
         /// Offset.
         offset: f64,
     },
-    /// `offset + amplitude sin(2 pi n(t))`: a sweep from f0 to f1 in `duration_s`, then on at f1 without
-    /// a jump in phase. [`Sweep`] has the turns n.
+    /// `offset + amplitude sin(2 pi n(t))`: a sweep from f0 to f1 in `duration_s`, then constant f1 without a phase
+    /// jump. [`Sweep`] has the turns n.
     Chirp {
         /// Amplitude.
         amplitude: f64,
@@ -95,7 +95,7 @@ pub enum Waveform {
         #[serde(default, skip_serializing_if = "Sweep::is_linear")]
         sweep: Sweep,
     },
-    /// Straight lines between points, constant before the first and after the last.
+    /// Linear interpolation between points, constant before the first and after the last.
     Table {
         /// Times in s, strictly rising.
         time_s: Vec<f64>,
@@ -104,15 +104,14 @@ pub enum Waveform {
     },
 }
 
-/// Course of a chirp's frequency from f0 to f1 in d, and the turns that the chirp has made at t.
+/// Course of a chirp's frequency from f0 to f1 in d, and the number of turns at time t.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sweep {
     /// `f0 + (f1 - f0) t / d`; `n = f0 t + (f1 - f0) t^2 / (2 d)`.
     #[default]
     Linear,
-    /// `f0 e^(k t)` with `k = ln(f1 / f0) / d`; `n = f0 (e^(k t) - 1) / k`. Both frequencies are above 0
-    /// and differ.
+    /// `f0 e^(k t)` with `k = ln(f1 / f0) / d`; `n = f0 (e^(k t) - 1) / k`. Both frequencies are above 0 and differ.
     Logarithmic,
 }
 
@@ -136,8 +135,8 @@ impl Sweep {
 }
 
 impl Waveform {
-    /// Returns the number of time derivatives that are sent with the signal: those that exist
-    /// everywhere, and for straight lines the slope to the right.
+    /// Returns the number of time derivatives that are sent with the signal: those that exist everywhere, and for
+    /// linear interpolation the slope to the right.
     #[must_use]
     pub const fn derivatives(&self) -> usize {
         match self {

@@ -1,4 +1,4 @@
-//! Values of keys: numbers in their range, truth values, texts and lists of them.
+//! Values of keys: numbers in their range, booleans, texts and lists of them.
 
 use shared_types::number::exact as number;
 use shared_types::text::is_unprintable;
@@ -11,7 +11,7 @@ use crate::quantity::Quantity;
 use crate::source::Place;
 
 impl Reader {
-    /// A number of the section's own keys, or its default.
+    /// Returns a number of the section's own keys, or its default.
     pub(crate) fn number(&mut self, section: &Section<'_>, name: &str) -> Option<f64> {
         let key = section.key(name);
         let KeyKind::Number {
@@ -31,7 +31,7 @@ impl Reader {
         self.quantity(&section.path_of(name), node, &quantity)
     }
 
-    /// A number of the section's own keys that may be left out; the outer `None` if it is there and wrong.
+    /// Returns an optional number of the section's own keys; the outer `None` for a faulty one.
     pub(crate) fn optional_number(
         &mut self,
         section: &Section<'_>,
@@ -43,7 +43,7 @@ impl Reader {
         }
     }
 
-    /// A number that must be there, by a description.
+    /// Returns a required number, according to a description.
     pub(crate) fn described_number(
         &mut self,
         section: &Section<'_>,
@@ -59,7 +59,7 @@ impl Reader {
         }
     }
 
-    /// A number in its range.
+    /// Returns a number in its range.
     pub(crate) fn quantity(
         &mut self,
         path: &str,
@@ -94,7 +94,7 @@ impl Reader {
         None
     }
 
-    /// A whole number, or its default.
+    /// Returns a whole number, or its default.
     pub(crate) fn integer(&mut self, section: &Section<'_>, name: &str) -> Option<i64> {
         let key = section.key(name);
         let KeyKind::Integer { min, max, default } = key.kind else {
@@ -121,7 +121,7 @@ impl Reader {
         None
     }
 
-    /// True or false, or its default.
+    /// Returns a boolean, or its default.
     pub(crate) fn boolean(&mut self, section: &Section<'_>, name: &str) -> Option<bool> {
         let key = section.key(name);
         let KeyKind::Boolean { default } = key.kind else {
@@ -137,7 +137,7 @@ impl Reader {
         Some(value)
     }
 
-    /// Text, or its default.
+    /// Returns a text, or its default.
     pub(crate) fn text<'a>(&mut self, section: &Section<'a>, name: &str) -> Option<&'a str> {
         let key = section.key(name);
         let KeyKind::Text { choices, default } = key.kind else {
@@ -162,7 +162,7 @@ impl Reader {
         None
     }
 
-    /// Texts of a list, at least one, each with its path and place.
+    /// Returns the texts of a list, at least one, each with its path and place.
     pub(crate) fn texts<'a>(
         &mut self,
         section: &Section<'a>,
@@ -198,7 +198,7 @@ impl Reader {
         texts.into_iter().collect()
     }
 
-    /// Text that a terminal can show.
+    /// Returns a text without control characters.
     pub(crate) fn printable<'a>(
         &mut self,
         path: &str,
@@ -222,7 +222,7 @@ impl Reader {
         Some(text)
     }
 
-    /// Numbers of a list, any finite ones.
+    /// Returns a list of finite numbers.
     pub(crate) fn numbers(&mut self, path: &str, node: &Node) -> Option<Vec<f64>> {
         let Value::List(items) = &node.value else {
             self.wrong_type(path, node, "a list of numbers");
@@ -237,7 +237,7 @@ impl Reader {
         values.into_iter().collect()
     }
 
-    /// A pair `[first, second]` with the first not above the second; each may be infinite.
+    /// Returns a pair `[first, second]` with the first not above the second; each may be infinite.
     pub(crate) fn pair(&mut self, path: &str, node: &Node, unit: &str) -> Option<(f64, f64)> {
         let expected = "a pair of numbers, the smaller one first";
         let Value::List(items) = &node.value else {

@@ -1,4 +1,4 @@
-//! `[[faults]]`: what an effect may have depends on the event's kind.
+//! `[[faults]]`: the schema of an effect depends on the event's kind.
 
 use serde_json::{Map, Value, json};
 use shared_types::describe::{
@@ -11,7 +11,7 @@ use super::{choices, field, merge, of_kinds, offer, section};
 use crate::check::{groups, unit_of};
 use crate::keys;
 
-/// Completes the table of an event with the kinds that there are.
+/// Completes the table of an event with the available kinds.
 pub(super) fn complete(
     event: &mut Value,
     plants: &[PlantDescription],
@@ -57,7 +57,7 @@ pub(super) fn complete(
         .collect();
 }
 
-/// An effect with the keys that all have.
+/// Returns the schema of an effect with the keys common to all.
 fn effect(text: &str) -> Value {
     let mut effect = section(keys::EFFECT);
     effect["description"] = json!(text);
@@ -76,7 +76,7 @@ fn effect(text: &str) -> Value {
     effect
 }
 
-/// Puts in what a fault of a plant has.
+/// Adds the keys of a plant fault.
 fn of_plant(effect: &mut Value, plant: &PlantDescription, fault: &FaultDescription) {
     let properties = &mut effect["properties"];
     if let Some(selector) = &fault.selector {
@@ -116,7 +116,7 @@ fn of_kind(plants: &[PlantDescription], kind: &FaultKindDescription) -> Value {
     effect
 }
 
-/// The targets of a kind. Which reference signals there are is up to the scenario.
+/// Returns the schema of a kind's targets. Reference signals depend on the scenario.
 fn target(plants: &[PlantDescription], acts_on: ActsOn) -> Value {
     let fields = |prefix: &'static str, all: fn(&PlantDescription) -> Vec<&str>| {
         let names = plants.iter().flat_map(all);
@@ -151,7 +151,7 @@ fn target(plants: &[PlantDescription], acts_on: ActsOn) -> Value {
         }
         _ => known,
     };
-    target["description"] = json!("What it acts on.");
+    target["description"] = json!("Target of the effect.");
     target["type"] = json!("string");
     target
 }

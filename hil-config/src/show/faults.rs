@@ -1,6 +1,6 @@
 //! Fault events as `[[faults]]`.
 //!
-//! Times are written in seconds as long as they lead back to the same step, else in steps.
+//! Times are written in seconds if they convert back to the same step, otherwise in steps.
 
 use std::fmt::Write;
 
@@ -17,15 +17,15 @@ use crate::check::unit_of;
 use crate::plan::{Condition, FaultAction, FaultEffect, FaultEnd, FaultEvent, Profile, Trigger};
 use crate::quantity::toml_float;
 
-/// Context that events are shown with.
+/// Context in which events are shown.
 pub(super) struct Look<'a> {
-    /// The plant.
+    /// Plant.
     pub plant: &'a PlantDescription,
-    /// The kinds of faults that are not the plant's own.
+    /// Fault kinds other than the plant's own.
     pub kinds: &'a [FaultKindDescription],
     /// Steps per second.
     pub rate: Rate,
-    /// Events whose names `after` may use.
+    /// Events that `after` may refer to by name.
     pub others: &'a [FaultEvent],
 }
 
@@ -123,7 +123,7 @@ impl<'a> Look<'a> {
         }
     }
 
-    /// A number of steps as their time, which reads back as the same number.
+    /// Writes a number of steps as time, which reads back as the same number.
     fn steps(&self, text: &mut String, key: &str, steps: u64) -> Written {
         let time_s = toml_float(self.rate.seconds(Step(steps)));
         let unit = if steps == 1 { "step" } else { "steps" };
@@ -137,7 +137,7 @@ impl<'a> Look<'a> {
         }
         let skew_s = self.rate.seconds(Step(steps));
         let exact = match event.trigger {
-            // It counts from the time asked for, which may lie before the step.
+            // Counts from the requested time, which may lie before the step.
             Trigger::Step { step, at_s } if self.leads_to(at_s, step) => {
                 self.leads_to(at_s + skew_s, Step(step.0 + steps))
             }
@@ -179,7 +179,7 @@ impl<'a> Look<'a> {
     }
 }
 
-/// The step of an effect, where it is known.
+/// Returns the step of an effect, if known.
 fn effect_step(event: &FaultEvent, effect: &FaultEffect) -> Option<Step> {
     match event.trigger {
         Trigger::Step { step, .. } => Some(Step(step.0 + effect.skew_steps)),
@@ -187,7 +187,7 @@ fn effect_step(event: &FaultEvent, effect: &FaultEffect) -> Option<Step> {
     }
 }
 
-/// An effect of a fault of the plant.
+/// Writes an effect of a plant fault.
 fn moves(
     text: &mut String,
     effect: &FaultEffect,
@@ -213,7 +213,7 @@ fn moves(
     Ok(())
 }
 
-/// Values in the order of their descriptions.
+/// Writes values in the order of their descriptions.
 fn settings(text: &mut String, values: &Settings, fields: &[Field]) -> Written {
     for field in fields {
         let value = (values.get(&field.name))

@@ -6,7 +6,7 @@ use shared_types::describe::ModelSettings;
 
 use super::{Written, key, string, toml_float};
 
-/// The value of a key that is a number, if it is given.
+/// Returns the value of a numeric key, if given.
 pub(super) fn number(settings: &ModelSettings, key: &str) -> Option<String> {
     let value = match key {
         "tolerance" => settings.tolerance,
@@ -16,7 +16,7 @@ pub(super) fn number(settings: &ModelSettings, key: &str) -> Option<String> {
     value.map(toml_float)
 }
 
-/// The tables of a side.
+/// Writes the tables of a side.
 pub(super) fn tables(text: &mut String, side: &str, settings: &ModelSettings) -> Written {
     let ModelSettings {
         initial,

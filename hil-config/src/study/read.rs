@@ -1,4 +1,4 @@
-//! Reading of a study: from text to checked values, or everything that is wrong with it.
+//! Reader of studies: from text to checked values, or all problems.
 
 mod spread;
 
@@ -111,11 +111,11 @@ struct Homes {
 }
 
 impl Homes {
-    /// Takes a key that nothing else may set; those of variants may be set by each of them.
+    /// Claims a key that nothing else may set; keys of variants may be set by each of them.
     fn take(&mut self, reader: &mut Reader, key: &str, place: &Place, allowed: &[String]) {
         let is_taken = self.all.iter().any(|(known, _)| known == key);
         if is_taken && !allowed.iter().any(|one| one == key) {
-            let message = format!("`{key}` has a value from this study already");
+            let message = format!("`{key}` is already set by this study");
             reader.report(ProblemKind::Duplicate, key, place, message);
         }
         self.all.push((key.into(), place.clone()));
@@ -227,7 +227,7 @@ fn name(
     } else if TAKEN.contains(&name) {
         format!("`{name}` is a column of every table of results")
     } else if others.iter().any(|other| other.name == name) {
-        format!("another value that varies has the name `{name}`")
+        format!("another varied value has the name `{name}`")
     } else {
         return Some(name.into());
     };
@@ -290,7 +290,7 @@ fn correlations(
                             ProblemKind::UnknownName,
                             path.clone(),
                             place,
-                            format!("`{name}` is no normal or lognormal value"),
+                            format!("`{name}` is not a normal or lognormal value"),
                         )
                         .one_of(name, known.iter().copied());
                 }
@@ -314,7 +314,7 @@ fn correlations(
         }
         if matches!(sampling, Sampling::LatinHypercube | Sampling::Grid) {
             let message = format!(
-                "correlations do not go with sampling = \"{}\"",
+                "correlations are not possible with sampling = \"{}\"",
                 sampling.name()
             );
             reader
@@ -382,7 +382,7 @@ fn goals(
     all
 }
 
-/// Returns the number of draws, which a grid has of itself.
+/// Returns the number of draws, which a grid determines by itself.
 fn draws(
     reader: &mut Reader,
     root: &Section<'_>,
@@ -397,7 +397,7 @@ fn draws(
     let most = MOST_CASES.cast_unsigned();
     let draws = match (sampling, given) {
         (Sampling::Grid, Some(_)) => {
-            let message = "a grid has as many cases as points; `cases` says something else";
+            let message = "a grid has as many cases as points; `cases` contradicts that";
             reader
                 .report_at(root, "cases", ProblemKind::OutOfRange, message)
                 .help("leave out `cases`, or choose another sampling");

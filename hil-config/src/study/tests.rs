@@ -84,7 +84,7 @@ values = ["x", "y", "z", "w"]
 }
 
 #[test]
-fn who_names_a_value_with_a_mistake_has_made_none() {
+fn using_a_faulty_value_is_not_reported_as_another_mistake() {
     let text = "cases = 1\n[[vary]]\nkey = \"a.n\"\nkind = \"normal\"\nmean = nan\ndeviation = 1\n\
                 [[vary]]\nkey = \"a.b\"\nkind = \"expression\"\nexpression = \"2 * n\"\n";
     let told = refused(text);
@@ -95,7 +95,7 @@ fn who_names_a_value_with_a_mistake_has_made_none() {
 }
 
 #[test]
-fn each_mistake_is_told_with_its_place_and_the_nearest_name() {
+fn each_mistake_is_reported_with_its_place_and_the_nearest_name() {
     let uniform = "[[vary]]\nkey = \"a.b\"\nkind = \"uniform\"\nmin = 0\nmax = 1\n";
     let normal = "[[vary]]\nkey = \"a.n\"\nkind = \"normal\"\nmean = 0\ndeviation = 1\n";
     for (text, told) in [
@@ -111,11 +111,11 @@ fn each_mistake_is_told_with_its_place_and_the_nearest_name() {
         ),
         (
             format!("cases = 1\n{uniform}{uniform}"),
-            "`a.b` has a value from this study already",
+            "`a.b` is already set by this study",
         ),
         (
             format!("cases = 1\nset = [\"a.b=3\"]\n{uniform}"),
-            "`a.b` has a value from this study already",
+            "`a.b` is already set by this study",
         ),
         ("cases = 1\nset = [\"a.b\"]\n".into(), "`a.b` has no `=`"),
         (
@@ -152,7 +152,7 @@ fn each_mistake_is_told_with_its_place_and_the_nearest_name() {
             format!(
                 "cases = 1\n{normal}{uniform}[[correlate]]\nnames = [\"n\", \"b\"]\ncoefficient = 0.5\n"
             ),
-            "`b` is no normal or lognormal value",
+            "`b` is not a normal or lognormal value",
         ),
         (
             "cases = 1\nsampling = \"sobol\"\n[[goals]]\nprobability = 0.9\n".into(),
@@ -171,14 +171,14 @@ fn each_mistake_is_told_with_its_place_and_the_nearest_name() {
                 "cases = 1\n{}whole = true\n",
                 uniform.replace("min = 0", "min = 0.5")
             ),
-            "`vary[0].min` is 0.5, and only whole numbers are wanted",
+            "`vary[0].min` is 0.5, but only whole numbers are valid",
         ),
         (
             format!(
                 "cases = 1\n{}points = 3\nwhole = true\n",
                 uniform.replace("uniform", "grid")
             ),
-            "a point of the grid is 0.5, and only whole numbers are wanted",
+            "a point of the grid is 0.5, but only whole numbers are valid",
         ),
         (
             "cases = 1\n[[vary]]\nkey = \"a.b\"\nkind = \"list\"\nvalues = [1, 2]\nwhole = true\n"
@@ -197,7 +197,7 @@ fn each_mistake_is_told_with_its_place_and_the_nearest_name() {
 }
 
 #[test]
-fn a_problem_of_a_case_is_told_at_the_variation_that_brought_it_about() {
+fn a_problem_of_a_case_is_reported_at_the_variation_that_caused_it() {
     let study = study(
         "cases = 1\n[[vary]]\nkey = \"run.duraton_s\"\nkind = \"uniform\"\nmin = 0\nmax = 1\n",
     );
@@ -221,7 +221,7 @@ fn a_problem_of_a_case_is_told_at_the_variation_that_brought_it_about() {
 }
 
 #[test]
-fn a_grid_of_whole_numbers_has_them_as_they_are_and_others_are_told_about_it() {
+fn a_grid_takes_whole_numbers_and_advice_is_given_for_others() {
     let grid = "[[vary]]\nname = \"n\"\nkey = \"run.seed\"\nkind = \"grid\"\nmin = 1\nmax = 1000\npoints = 4\nscale = \"log\"\n";
     let whole = study(&format!("sampling = \"grid\"\n{grid}whole = true\n"));
     let Spread::Choice(items) = &whole.varied[0].spread else {

@@ -1,4 +1,4 @@
-//! Ready-made analyses: what a scenario may ask for, and that an evaluation feeds them.
+//! Predefined analyses: valid uses, and their evaluation.
 
 use hil_config::evaluation::Evaluation;
 use hil_config::expression::Columns;
@@ -57,7 +57,7 @@ effect = "truth.velocity_mps"
 "#;
 
 #[test]
-fn each_analysis_is_fed_with_its_signals_and_its_fault() {
+fn each_analysis_receives_its_signals_and_its_fault() {
     let plan = plan(TEXT);
     let laws = descriptions::laws();
     let hold = laws.iter().find(|law| law.name == "hold").expect("hold");
@@ -92,7 +92,7 @@ fn each_analysis_is_fed_with_its_signals_and_its_fault() {
         ("follow.low_frequency_gain", "1", 0.5),
         ("follow.bandwidth_hz", "Hz", f64::NAN),
         ("follow.peak_gain", "1", 1.0),
-        // Turned by 180 degrees at every frequency, forward or back.
+        // Shifted by 180 degrees at every frequency, forward or back.
         ("follow.peak_frequency_hz", "Hz", f64::INFINITY),
         ("follow.phase_lag_90_frequency_hz", "Hz", f64::INFINITY),
         ("found.time_to_detect_s", "s", 0.1),
@@ -111,7 +111,7 @@ fn each_analysis_is_fed_with_its_signals_and_its_fault() {
 }
 
 #[test]
-fn what_is_shown_checks_to_the_same_plan() {
+fn a_shown_plan_checks_to_the_same_plan() {
     let first = plan(&TEXT.replace("end_hz = 5.0", "end_hz = 5.0\nsweep = \"logarithmic\""));
     let (plants, laws, kinds) = (
         descriptions::plants(),
@@ -132,7 +132,7 @@ fn what_is_shown_checks_to_the_same_plan() {
 }
 
 #[test]
-fn what_cannot_be_analysed_is_refused_with_its_place() {
+fn an_impossible_analysis_is_refused_with_its_place() {
     let cases = [
         (
             "kind = \"detection\"",

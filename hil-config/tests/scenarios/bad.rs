@@ -1,5 +1,4 @@
-//! Wrong scenarios: each gives one problem, in the place that is marked, and says what is wrong
-//! and what would be right.
+//! Faulty scenarios: each has one problem, at the marked place, and is refused with the problem and its remedy.
 
 use std::collections::BTreeSet;
 
@@ -8,11 +7,10 @@ use hil_config::scenario::Scenario;
 
 use crate::{BASE, base_with, check, descriptions, parse, problems};
 
-/// Marks the expected place in the text of a case; taken out before the text is read.
+/// Marks the expected place in the text of a case; removed before parsing.
 const MARK: char = '^';
 
-/// Text that stands in the base, text that stands there in its place, and what is found: the sort of
-/// problem and pieces of its text.
+/// Text of the base, its replacement, and the expected problem: its kind and pieces of its text.
 type Case = (
     &'static str,
     &'static str,
@@ -66,7 +64,7 @@ const CASES: &[Case] = &[
     ("dma_latency_us = 20", "dma_latency_us = ^-1", OutOfRange, &["`realtime.dma_latency_us` is -1", "from 0 to"]),
     ("wait = \"spin\"", "wait = ^\"nap\"", UnknownName, &["`realtime.wait` is `nap`", "`hybrid`, `spin`, `yield`, `sleep`"]),
     ("controller_core = 3\nrecorder_core = 0\npriority = 80\nlock_memory = true\nprefault = false\ndma_latency_us = 20\nwait = \"spin\"", "controller_core = 2\nwait = ^\"spin\"", Mismatch, &["plant and controller share core 2", "`yield` or `hybrid`"]),
-    ("recorder_core = 0", "recorder_core = ^3", Mismatch, &["core 3 belongs to a loop of priority 80", "a core without one"]),
+    ("recorder_core = 0", "recorder_core = ^3", Mismatch, &["core 3 belongs to a loop of priority 80", "another core"]),
     ("[realtime]\nplant_core = 2\ncontroller_core = 3\nrecorder_core = 0\npriority = 80\nlock_memory = true\nprefault = false\ndma_latency_us = 20\nwait = \"spin\"", "^[[realtime]]\npriority = 80", WrongType, &["`realtime` is a list", "a table"]),
     // [plant]
     ("model = \"drhas\"", "^moddel = 1\nmodel = \"drhas\"", UnknownKey, &["`moddel` in `plant`", "nearest: `model`"]),
@@ -90,7 +88,7 @@ const CASES: &[Case] = &[
     ("\"lockstep\"", "\"lockstep\"\non_controller_loss = ^\"restart\"", UnknownName, &["`run.on_controller_loss` is `restart`", "`abort`, `hold`, `safe-command`, `wait-for-restart`"]),
     // [controller]
     ("law = \"ftsc\"", "law = ^\"ftcs\"", UnknownName, &["unknown law `ftcs`", "`ftsc`, `hold`, `nrsc`, `pid`", "nearest: `ftsc`"]),
-    ("rate_hz = 500", "rate_hz = ^300", Mismatch, &["`controller.rate_hz` is 300, no whole fraction of `run.rate_hz` = 1000", "250 and 333."]),
+    ("rate_hz = 500", "rate_hz = ^300", Mismatch, &["`controller.rate_hz` is 300, not a whole fraction of `run.rate_hz` = 1000", "250 and 333."]),
     ("rate_hz = 500", "rate_hz = ^2000", Mismatch, &["the highest is 1000"]),
     ("command_delay_steps = 1", "command_delay_steps = ^2", OutOfRange, &["from 0 to 1"]),
     ("gain_per_s = 10.0", "gain_per_s = ^-10.0", OutOfRange, &["`controller.ftsc.gain_per_s` is -10", "in 1/s"]),
@@ -99,7 +97,7 @@ const CASES: &[Case] = &[
     ("surface.inertia_kg_m2 = 13.0", "surface.^inertia_kg_m3 = 13.0", UnknownKey, &["the model of a law has no parameter `surface.inertia_kg_m3`"]),
     // [[stimuli]]
     ("target = \"load_n\"", "target = ^\"load n\"", OutOfRange, &["`stimuli[1].target` is `load n`"]),
-    ("target = \"load_n\"", "target = ^\"surface_angle_rad\"", Duplicate, &["two stimuli give the reference signal `surface_angle_rad`"]),
+    ("target = \"load_n\"", "target = ^\"surface_angle_rad\"", Duplicate, &["two stimuli provide the reference signal `surface_angle_rad`"]),
     ("target = \"load_n\"", "target = ^\"surface_angle_d1_radps\"", Duplicate, &["`surface_angle_d1_radps`"]),
     ("target = \"load_n\"", "target = ^\"load\"", MissingKey, &["the unit of `load` is not known"]),
     ("kind = \"step\"", "kind = ^\"setp\"", UnknownName, &["unknown kind of stimulus `setp`", "`paper`, `step`, `ramp`, `sine`, `chirp`, `table`", "nearest: `step`"]),
@@ -124,14 +122,14 @@ const CASES: &[Case] = &[
     ("[[faults.effects]]\nactuator = 1\ncoefficient_m3ps_per_sqrt_pa = 5e-7\nspeed_per_s = 10.0", "^[[faults.effects]]\nactuator = 1\ncoefficient_m3ps_per_sqrt_pa = 5e-7", MissingKey, &["`faults[0].effects[0].speed_per_s` is missing", "from 0 to 1e6 in 1/s"]),
     // [[derived]]
     ("[[metrics]]\nname = \"max_abs_error_rad\"", "[[derived]]\nname = ^\"error_rad\"\nexpression = \"1\"\n\n[[metrics]]\nname = \"max_abs_error_rad\"", Duplicate, &["already named `error_rad`"]),
-    ("[[metrics]]\nname = \"max_abs_error_rad\"", "[[derived]]\nname = ^\"max\"\nexpression = \"1\"\n\n[[metrics]]\nname = \"max_abs_error_rad\"", OutOfRange, &["`derived[2].name` is `max`", "that is no function"]),
+    ("[[metrics]]\nname = \"max_abs_error_rad\"", "[[derived]]\nname = ^\"max\"\nexpression = \"1\"\n\n[[metrics]]\nname = \"max_abs_error_rad\"", OutOfRange, &["`derived[2].name` is `max`", "that is not a function"]),
     ("truth.surface_angle_rad - reference", "^truth.surface_angel_rad - reference", Expression, &["unknown signal `truth.surface_angel_rad`", "column 1 of the expression", "nearest: `truth.surface_angle_rad`"]),
     ("truth.surface_angle_rad - reference", "truth.surface_angle_rad - ^reverence", Expression, &["column 27 of the expression: unknown kind of signal `reverence`", "`reference.surface_angle_rad`"]),
     ("abs(error_rad) > 0.1", "abs(^error_m) > 0.1", Expression, &["column 5 of the expression: unknown derived signal `error_m`", "nearest: `error_rad`"]),
     ("abs(error_rad) > 0.1", "abs(^large) > 0.1", Expression, &["unknown derived signal `large`", "only those above it"]),
     ("abs(error_rad) > 0.1", "abs(error_rad ^error_rad) > 0.1", Expression, &["column 15 of the expression: expected `,` or `)`, found `error_rad`"]),
     ("mean(large) / 1\"", "mean(large) / ^\"", Expression, &["column 15 of the expression: expected a number, a signal or `(`, found the end"]),
-    ("abs(error_rad) > 0.1 and not internal.fault_detected > 0", "^max_abs(error_rad) > 0.1", Expression, &["belongs into [[metrics]]"]),
+    ("abs(error_rad) > 0.1 and not internal.fault_detected > 0", "^max_abs(error_rad) > 0.1", Expression, &["belongs in [[metrics]]"]),
     ("abs(error_rad) > 0.1", "1 < 2 ^< 3", Expression, &["two comparisons in a row"]),
     ("abs(error_rad) > 0.1", "1 ^$ 2", Expression, &["unexpected '$'"]),
     ("abs(error_rad) > 0.1", "^sign(error_rad)", Expression, &["unknown function `sign`"]),
@@ -147,7 +145,7 @@ const CASES: &[Case] = &[
     ("[1.0, 2]]", "^[2, 1]]", OutOfRange, &["the smaller one first"]),
     ("[1.0, 2]]", "^[1.0001, 1.0002]]", OutOfRange, &["no step lies in", "0.001 s apart"]),
     ("[1.0, 2]]", "^1.0]", WrongType, &["`metrics[0].windows_s[1]` is a number"]),
-    ("[1.0, 2]]", "[1.0, 2]]\npublished = [{ law = \"a\", window_s = ^[0, 2], value = 1, source = \"b\" }]", OutOfRange, &["`metrics[0].published[0].window_s` is none of the metric's windows"]),
+    ("[1.0, 2]]", "[1.0, 2]]\npublished = [{ law = \"a\", window_s = ^[0, 2], value = 1, source = \"b\" }]", OutOfRange, &["`metrics[0].published[0].window_s` is not one of the metric's windows"]),
     ("[1.0, 2]]", "[1.0, 2]]\npublished = [^{ law = \"a\", value = 1, source = \"b\" }]", MissingKey, &["`metrics[0].published[0].window_s` is missing", "two numbers"]),
     ("[1.0, 2]]", "[1.0, 2]]\npublished = [{ law = \"a\", window_s = [0, 1], value = ^nan, source = \"b\" }]", OutOfRange, &["`metrics[0].published[0].value` is not a number"]),
     ("[1.0, 2]]", "[1.0, 2]]\npublished = [{ law = \"a\", window_s = [0, 1], value = 1, source = \"b\", ^sauce = 1 }]", UnknownKey, &["nearest: `source`"]),
@@ -156,7 +154,7 @@ const CASES: &[Case] = &[
     ("[plant.limits]\nsurface_angle_rad = [-0.4, 0.4]", "^[[plant.limits]]", WrongType, &["`plant.limits` is a list", "a table"]),
 ];
 
-/// Line and column of the mark, and the text without it.
+/// Returns the text without the mark, and the line and column of the mark.
 fn marked(text: &str) -> (String, usize, usize) {
     let at = text.find(MARK).expect("a mark");
     let before = &text[..at];
@@ -174,13 +172,13 @@ pub(crate) fn assert_found(problem: &Problem, kind: ProblemKind, pieces: &[&str]
 }
 
 #[test]
-fn each_wrong_scenario_is_told_with_its_place_and_what_would_be_right() {
+fn each_faulty_scenario_is_refused_with_its_place_and_the_expected_value() {
     for (from, to, kind, pieces) in CASES {
         assert_one_problem(&base_with(from, to), *kind, pieces);
     }
 }
 
-/// Finds one thing wrong with a text, at its mark.
+/// Checks that a text has exactly one problem, at its mark.
 pub(crate) fn assert_one_problem(text: &str, kind: ProblemKind, pieces: &[&str]) {
     let (text, line, column) = marked(text);
     let Err(Problems(found)) = check(&text) else {
@@ -246,7 +244,7 @@ fn an_empty_scenario_lacks_its_sections_and_nothing_else() {
 }
 
 #[test]
-fn a_name_that_the_file_cannot_give_must_be_written() {
+fn a_name_that_cannot_come_from_the_file_is_required() {
     let text = BASE.replace("name = \"base\"\n", "");
     let scenario = Scenario::parse(&text, "folder/my run.toml").expect("TOML");
     let found = scenario
@@ -256,7 +254,7 @@ fn a_name_that_the_file_cannot_give_must_be_written() {
             &descriptions::kinds(),
         )
         .expect_err("no name");
-    assert_found(&found.0[0], OutOfRange, &["`my run` cannot take its place"]);
+    assert_found(&found.0[0], OutOfRange, &["`my run` cannot replace it"]);
 }
 
 #[test]
@@ -285,7 +283,7 @@ controller.law = \"ftsc\"
 }
 
 #[test]
-fn signals_that_nothing_gives_are_named_with_unit_and_remedy() {
+fn unbound_signals_are_named_with_unit_and_remedy() {
     let text = base_with("law = \"ftsc\"", "law = \"strange\"")
         .replace(
             "[controller.pid]",
@@ -316,7 +314,7 @@ fn signals_that_nothing_gives_are_named_with_unit_and_remedy() {
             "law `strange` does not give",
         ],
         &[
-            "law `strange` needs the reference signal `wind_mps` in m/s, which no stimulus gives",
+            "law `strange` needs the reference signal `wind_mps` in m/s, which no stimulus provides",
             "a [[stimuli]] with target = \"wind_mps\"",
         ],
     ];
@@ -346,7 +344,7 @@ fn a_waveform_without_the_derivatives_that_a_law_needs_is_refused() {
 }
 
 #[test]
-fn a_parameter_without_default_must_be_given() {
+fn a_parameter_without_default_is_required() {
     let text = base_with("law = \"ftsc\"", "law = \"strange\"");
     let found = problems(&text);
     let missing: Vec<&Problem> = found.iter().filter(|p| p.kind == MissingKey).collect();
@@ -359,7 +357,7 @@ fn a_parameter_without_default_must_be_given() {
 }
 
 #[test]
-fn a_nominal_value_that_a_law_cannot_believe_is_refused() {
+fn a_nominal_value_outside_the_laws_range_is_refused() {
     let text = base_with("law = \"ftsc\"", "law = \"strange\"")
         .replace("surface.inertia_kg_m2 = 13.0", "");
     let found = problems(&text);

@@ -1,5 +1,4 @@
-//! Wrong faults: each gives one problem, in the place that is marked, and says what is wrong and
-//! what would be right.
+//! Faulty fault events: each has one problem, at the marked place, and is refused with the problem and its remedy.
 
 use hil_config::problem::ProblemKind;
 
@@ -11,14 +10,14 @@ use ProblemKind::{
     WrongType,
 };
 
-/// Begin of the cases: each case replaces the keys of the event, or those of its effect.
+/// Beginning of the cases: each case replaces the keys of the event, or those of its effect.
 const EVENT: &str = "kind = \"bias\"\nat_s = 0.5\n";
 const EFFECT: &str = "target = \"measured.surface_angle_rad\"\nbias = 0.1\n";
 
-/// The keys of an event, and what is found: the sort of problem and pieces of its text.
+/// Keys of an event, and the expected problem: its kind and pieces of its text.
 type Case = (&'static str, ProblemKind, &'static [&'static str]);
 
-/// The kind of an event, the keys of its effect, and what is found.
+/// Kind of an event, the keys of its effect, and the expected problem.
 type EffectCase = (
     &'static str,
     &'static str,
@@ -44,17 +43,17 @@ const EVENTS: &[Case] = &[
     ("kind = \"bias\"\nat_step = ^2000", OutOfRange, &["at step 2000 the run is over", "a step from 0 to 1999, which is at 1.999 s"]),
     ("kind = \"bias\"\nat_step = ^1.5", WrongType, &["`faults[0].at_step` is a number", "a whole number from 0"]),
     ("kind = \"bias\"\nat_step = ^-1", OutOfRange, &["`faults[0].at_step` is -1"]),
-    ("kind = \"bias\"\nat_s = 0.5\nfor_s = ^0.1", Mismatch, &["`faults[0].for_s` belongs to `when`, which is not there"]),
+    ("kind = \"bias\"\nat_s = 0.5\nfor_s = ^0.1", Mismatch, &["`faults[0].for_s` belongs to `when`, which is missing"]),
     ("kind = \"bias\"\nat_s = 0.5\ndelay_s = ^0.1", Mismatch, &["`faults[0].delay_s` belongs to `after`"]),
     ("kind = \"bias\"\nat_s = 0.5\ndelay_steps = ^1", Mismatch, &["`faults[0].delay_steps` belongs to `after`"]),
     ("kind = \"bias\"\nwhen = \"^truth.surface_angel_rad > 0\"", Expression, &["unknown signal `truth.surface_angel_rad`", "nearest: `truth.surface_angle_rad`"]),
     ("kind = \"bias\"\nwhen = \"large and ^parameter.actuator1.leakage > 0\"", Expression, &["unknown signal `parameter.actuator1.leakage`", "nearest: `parameter.actuator1.leakage_coefficient_m3ps_per_sqrt_pa`"]),
     ("kind = \"bias\"\nwhen = \"^bulk_modulus_pa > 0\"", Expression, &["nearest: `parameter.actuator1.bulk_modulus_pa`, `parameter.actuator2.bulk_modulus_pa`"]),
     ("kind = \"bias\"\nwhen = \"^actuator2.bulk_modulus_pa > 0\"", Expression, &["unknown kind of signal `actuator2`", "nearest: `parameter.actuator2.bulk_modulus_pa`"]),
-    ("kind = \"bias\"\nwhen = \"^max_abs(error_rad) > 1\"", Expression, &["belongs into [[metrics]]"]),
+    ("kind = \"bias\"\nwhen = \"^max_abs(error_rad) > 1\"", Expression, &["belongs in [[metrics]]"]),
     ("kind = \"bias\"\nwhen = \"error_rad >^\"", Expression, &["found the end"]),
     ("kind = \"bias\"\nwhen = ^1", WrongType, &["`faults[0].when` is a number"]),
-    ("kind = \"bias\"\nwhen = \"large\"\nfor_s = ^2", OutOfRange, &["must hold for 2000 records in a row", "a time below 2 in s"]),
+    ("kind = \"bias\"\nwhen = \"large\"\nfor_s = ^2", OutOfRange, &["must hold for 2000 consecutive records", "a time below 2 in s"]),
     ("kind = \"bias\"\nwhen = \"large\"\nfor_s = ^-1", OutOfRange, &["`faults[0].for_s` is -1"]),
     ("kind = \"bias\"\nafter = ^\"jam\"", UnknownName, &["there is no fault event `jam`", "a number from 1 to 1"]),
     ("kind = \"bias\"\nafter = ^0", UnknownName, &["there is no fault event 0", "a number from 1 to 1"]),
@@ -64,7 +63,7 @@ const EVENTS: &[Case] = &[
     // Ends
     ("kind = \"bias\"\nat_s = 0.5\nduration_s = ^0", OutOfRange, &["`faults[0].duration_s` is 0", "in s"]),
     ("kind = \"bias\"\nat_s = 0.5\nduration_steps = ^0", OutOfRange, &["`faults[0].duration_steps` is 0", "a whole number from 1"]),
-    ("kind = \"bias\"\nat_s = 0.5\nduration_s = 1\nduration_steps = ^1", Duplicate, &["`faults[0].duration_steps` says again what `duration_s` says"]),
+    ("kind = \"bias\"\nat_s = 0.5\nduration_s = 1\nduration_steps = ^1", Duplicate, &["`faults[0].duration_steps` repeats `duration_s`"]),
     ("kind = \"bias\"\nat_s = 0.5\nend_s = ^2.1", OutOfRange, &["at 2.1 s the run is over", "from 0 to 2 in s, step 2000"]),
     ("kind = \"bias\"\nat_s = 0.5\nend_step = ^2001", OutOfRange, &["at step 2001 the run is over"]),
     ("kind = \"bias\"\nat_s = 0.5\nend_s = ^0.5", Mismatch, &["the fault would end at 0.5 s, and takes hold at 0.5 s"]),
@@ -79,7 +78,7 @@ const EFFECTS: &[EffectCase] = &[
     // Targets of numbers
     ("bias", "target = ^\"measured.surface_angel_rad\"\nbias = 1", UnknownName, &["plant `drhas` has no signal `measured.surface_angel_rad`", "one of `measured.surface_angle_rad`", "nearest: `measured.surface_angle_rad`"]),
     ("bias", "target = ^\"command.surface_angle_rad\"\nbias = 1", UnknownName, &["plant `drhas` has no signal `command.surface_angle_rad`", "`command.actuator1_valve_current_a`, `command.actuator2_valve_current_a`"]),
-    ("bias", "target = ^\"reference.wind_mps\"\nbias = 1", UnknownName, &["no stimulus gives the reference signal `wind_mps`", "`reference.load_n`"]),
+    ("bias", "target = ^\"reference.wind_mps\"\nbias = 1", UnknownName, &["no stimulus provides the reference signal `wind_mps`", "`reference.load_n`"]),
     ("bias", "target = ^\"surface_angle_rad\"\nbias = 1", UnknownName, &["unknown target `surface_angle_rad`", "a signal (measured.x, reference.x, command.x) or a faultable parameter (parameter.x)", "nearest: `measured.surface_angle_rad`, `reference.surface_angle_rad`"]),
     ("bias", "target = ^\"truth.surface_angle_rad\"\nbias = 1", UnknownName, &["unknown target `truth.surface_angle_rad`", "nearest: `measured.surface_angle_rad`, `reference.surface_angle_rad`"]),
     ("bias", "target = ^\"parameter.actuator1.bulk_modulus\"\nbias = 1", UnknownName, &["plant `drhas` has no parameter `actuator1.bulk_modulus`", "nearest: `parameter.actuator1.bulk_modulus_pa`"]),
@@ -129,17 +128,17 @@ const EFFECTS: &[EffectCase] = &[
     ("dropout", "target = \"reference.load_n\"\nprofile = { kind = ^\"table\" }", Mismatch, &["a profile of kind `table` needs its points once"]),
     ("dropout", "target = \"reference.load_n\"\nprofile = { kind = \"table\", time_s = ^[1, 1], values = [1, 2] }", Mismatch, &["time 1 follows time 1"]),
     // The run ends 1.5 s after the event.
-    ("dropout", "target = \"reference.load_n\"\nprofile = { kind = \"table\", time_s = ^[1.6, 2], values = [1, 0] }", OutOfRange, &["the table goes from 1.6 to 2 s and counts from the begin of the effect, after which the run goes on for at most 1.5 s", "so nothing of it takes effect"]),
-    ("dropout", "target = \"reference.load_n\"\nskew_s = 1\nprofile = { kind = \"table\", time_s = ^[0.6, 2], values = [1, 0] }", OutOfRange, &["goes on for at most 0.5 s"]),
+    ("dropout", "target = \"reference.load_n\"\nprofile = { kind = \"table\", time_s = ^[1.6, 2], values = [1, 0] }", OutOfRange, &["the table goes from 1.6 to 2 s and counts from the beginning of the effect, after which the run lasts for at most 1.5 s", "so it has no effect"]),
+    ("dropout", "target = \"reference.load_n\"\nskew_s = 1\nprofile = { kind = \"table\", time_s = ^[0.6, 2], values = [1, 0] }", OutOfRange, &["lasts for at most 0.5 s"]),
     ("dropout", "target = \"reference.load_n\"\nprofile = { kind = \"table\", time_s = ^[-2, -1], values = [1, 0] }", OutOfRange, &["the table goes from -2 to -1 s"]),
     // Skew
     ("dropout", "target = \"reference.load_n\"\nskew_s = ^1.5", OutOfRange, &["`faults[0].effects[0].skew_s`: at 2 s the run is over", "a skew to at most 1.999 s, step 1999"]),
     ("dropout", "target = \"reference.load_n\"\nskew_steps = ^1500", OutOfRange, &["`faults[0].effects[0].skew_steps`: at 2 s the run is over"]),
-    ("dropout", "target = \"reference.load_n\"\nskew_s = 0\nskew_steps = ^0", Duplicate, &["`faults[0].effects[0].skew_steps` says again what `skew_s` says"]),
+    ("dropout", "target = \"reference.load_n\"\nskew_s = 0\nskew_steps = ^0", Duplicate, &["`faults[0].effects[0].skew_steps` repeats `skew_s`"]),
 ];
 
 #[test]
-fn each_wrong_event_is_told_with_its_place_and_what_would_be_right() {
+fn each_faulty_event_is_refused_with_its_place_and_the_expected_value() {
     for (event, kind, pieces) in EVENTS {
         let text = format!("[[faults]]\n{event}\n[[faults.effects]]\n{EFFECT}");
         assert_one_problem(&base_with_faults(&text), *kind, pieces);
@@ -147,7 +146,7 @@ fn each_wrong_event_is_told_with_its_place_and_what_would_be_right() {
 }
 
 #[test]
-fn each_wrong_effect_is_told_with_its_place_and_what_would_be_right() {
+fn each_faulty_effect_is_refused_with_its_place_and_the_expected_value() {
     for (fault, effect, kind, pieces) in EFFECTS {
         let event = format!(
             "[[faults]]
@@ -164,13 +163,13 @@ at_s = 0.5"
 }
 
 #[test]
-fn what_is_missing_is_told_where_its_table_begins() {
+fn a_missing_key_is_reported_where_its_table_begins() {
     for (event, effect, pieces) in [
         (
             "^[[faults]]\nkind = \"bias\"",
             format!("[[faults.effects]]\n{EFFECT}"),
             &[
-                "`faults[0]` does not say when it takes hold",
+                "`faults[0]` has no trigger",
                 "one of `at_s`, `at_step`, `when`, `after`",
             ][..],
         ),
@@ -208,7 +207,7 @@ fn what_is_missing_is_told_where_its_table_begins() {
     }
 }
 
-/// Faults of several events: keys of each event, and the effect of all.
+/// Formats faults of several events: the keys of each event, and a common effect.
 fn events(keys: &[&str]) -> String {
     let text: Vec<String> = keys
         .iter()
@@ -218,7 +217,7 @@ fn events(keys: &[&str]) -> String {
 }
 
 #[test]
-fn events_that_wait_for_each_other_are_told_once() {
+fn events_that_wait_for_each_other_are_reported_once() {
     let text = events(&[
         "after = \"c\"",
         "name = \"b\"\nafter = ^3",
@@ -246,7 +245,7 @@ fn an_event_after_another_must_fit_into_the_run() {
         &text,
         OutOfRange,
         &[
-            "`faults[2].delay_steps`: at 2 s, the first time that this could be, the run is over",
+            "`faults[2].delay_steps`: at 2 s, the earliest possible time, the run is over",
             "by 1.999 s, step 1999",
         ],
     );
@@ -255,7 +254,7 @@ fn an_event_after_another_must_fit_into_the_run() {
 }
 
 #[test]
-fn two_events_have_two_names() {
+fn two_events_with_the_same_name_are_refused() {
     let text = events(&["name = \"a\"\nat_s = 1.5", "name = ^\"a\"\nat_s = 1"]);
     assert_one_problem(&text, Duplicate, &["already named `a`"]);
 }
@@ -279,7 +278,7 @@ fn effects_that_leave_a_range_together_are_refused() {
         "from 0 to 0.001",
     ];
     assert_found(&found[0], OutOfRange, &pieces);
-    // One that ends may be over before the other begins.
+    // An effect that ends may be over before the other begins.
     let apart = [leak(1.0, 6e-4, ""), leak(0.5, 7e-4, "duration_s = 0.5")].concat();
     assert!(crate::check(&base_with_faults(&apart)).is_ok());
     // The other actuator has a coefficient of its own.
@@ -289,7 +288,7 @@ fn effects_that_leave_a_range_together_are_refused() {
 }
 
 #[test]
-fn faults_of_a_plant_that_is_not_known_are_checked_as_far_as_they_can_be() {
+fn faults_of_an_unknown_plant_are_checked_as_far_as_possible() {
     let text = events(&["at_s = 0.5"]).replace("\"drhas\"", "\"dhras\"");
     let text = text.replace("kind = \"bias\"", "kind = \"leakage\"\nfor_s = 1");
     let found = problems(&text);
@@ -298,7 +297,7 @@ fn faults_of_a_plant_that_is_not_known_are_checked_as_far_as_they_can_be() {
 }
 
 #[test]
-fn the_cases_are_right_without_what_is_wrong_with_them() {
+fn the_cases_are_valid_without_their_mistakes() {
     let text = format!("[[faults]]\n{EVENT}[[faults.effects]]\n{EFFECT}");
     assert_eq!(crate::plan(&base_with_faults(&text)).faults.len(), 1);
 }

@@ -1,4 +1,4 @@
-//! Requirements that cannot be: what is wrong, where, and what would be right.
+//! Faulty requirements, each refused with the problem, its place and the expected text.
 
 use hil_config::formula::Formula;
 use hil_config::problem::ProblemKind;
@@ -8,7 +8,7 @@ use crate::base_with;
 
 const FORMULA: &str = "always(abs(truth.surface_angle_rad) < 0.2)";
 
-/// A formula with `^` before its first wrong byte, and what is said of it.
+/// Formula with `^` before its first faulty byte, and pieces of the message.
 type Case = (&'static str, &'static [&'static str]);
 
 /// The base runs for 2 s at 1 kHz.
@@ -21,13 +21,13 @@ const CASES: &[Case] = &[
     ("error_rad < 2 or ^eventualy(error_rad < 1)", &["unknown operator `eventualy`", "nearest: `eventually`"]),
     ("^sign(error_rad) < 1", &["unknown function `sign`"]),
     ("always(error_rad ^$ 1)", &["unexpected '$'"]),
-    ("always[0s,^1hx](error_rad < 1)", &["`1hx` is not a number: `hx` is no unit that is known here"]),
+    ("always[0s,^1hx](error_rad < 1)", &["`1hx` is not a number: `hx` is not a known unit"]),
     ("always[0s,^5 m](error_rad < 1)", &["expected a time of at least 0", "minutes are `min`", "found `5 m`"]),
-    ("error_rad < 5 ^metres", &["found `metres`", "`metres` is no unit that is known here"]),
+    ("error_rad < 5 ^metres", &["found `metres`", "`metres` is not a known unit"]),
     ("error_rad < 5 ^c m", &["found `c`; the unit `cm` is written without a space"]),
     ("error_rad < 5 ^k rad / s", &["found `k`; the unit `krad` is written without a space"]),
-    ("error_rad < 1 ^kn", &["`kn` is no unit that is known here; nearest: `kN`"]),
-    ("error_rad < ^1kn", &["`kn` is no unit that is known here; nearest: `kN`"]),
+    ("error_rad < 1 ^kn", &["`kn` is not a known unit; nearest: `kN`"]),
+    ("error_rad < ^1kn", &["`kn` is not a known unit; nearest: `kN`"]),
     ("error_rad < 1 ^mpa", &["nearest: `MPa`, `mPa`"]),
     ("error_rad < 1 ^Seconds", &["nearest: `s`"]),
     ("always[0 ^sec,1s](error_rad < 1)", &["found `sec`", "nearest: `s`"]),
@@ -59,7 +59,7 @@ const CASES: &[Case] = &[
     ("^if error_rad < 1 then error_rad > 0", &["unknown operator `if`; write `a implies b` for `if a then b`"]),
     ("^settling_time(error_rad) < 1", &["a figure of a metric; write a [[metrics]] with kind = \"step-response\""]),
     ("^average(error_rad) < 1", &["unknown function `average`; write `mean(..)`"]),
-    ("^max_abs(error_rad) < 1", &["belongs into [[metrics]]"]),
+    ("^max_abs(error_rad) < 1", &["belongs in [[metrics]]"]),
     // Grammar
     (" ^", &["expected a comparison, found the end"]),
     ("always ^", &["expected a comparison, found the end"]),
@@ -67,13 +67,13 @@ const CASES: &[Case] = &[
     ("error_rad < 1^)", &["expected an operator or the end, found `)`"]),
     ("error_rad < 1 and ^", &["expected a comparison, found the end"]),
     ("error_rad <^", &["expected a number, a signal or `(`, found the end"]),
-    ("^error_rad", &["made of comparisons"]),
-    ("always(^abs(error_rad))", &["made of comparisons"]),
+    ("^error_rad", &["consists of comparisons"]),
+    ("always(^abs(error_rad))", &["consists of comparisons"]),
     ("1 < 2 ^< 3", &["two comparisons in a row; join them by `and`"]),
-    ("error_rad < 1 until[0,1] error_rad < 2 ^until[0,1] error_rad < 3", &["say by parentheses"]),
+    ("error_rad < 1 until[0,1] error_rad < 2 ^until[0,1] error_rad < 3", &["group them by parentheses"]),
     ("always[0s,1s](^1 < 2)", &["compares numbers and no signal"]),
-    ("^(error_rad < 1) < 2", &["true or false, and so cannot be compared", "`and`"]),
-    ("0 < ^(not error_rad < 1)", &["true or false, and so cannot be compared"]),
+    ("^(error_rad < 1) < 2", &["a truth value cannot be compared", "`and`"]),
+    ("0 < ^(not error_rad < 1)", &["a truth value cannot be compared"]),
     ("not ^and 1 < 2", &["expected a comparison, found `and`"]),
     ("^error_rad < 2s", &["`error_rad` is in rad and `2s` in s, which cannot be compared", "a plain number fits every unit"]),
     // Bounds
@@ -82,17 +82,17 @@ const CASES: &[Case] = &[
     ("always[0s,1s^(error_rad < 1)", &["expected `]`, found `(`"]),
     ("always^[1s,500ms](error_rad < 1)", &["the window ends before it begins"]),
     ("^always[100us,900us](error_rad < 1)", &["no step lies in this window", "0.001 s apart"]),
-    ("^always[0s,2.001s](error_rad < 1)", &["reaches too far", "the run ends at 2 s", "leave out the bounds"]),
-    ("^always[0s,2s](abs(command.actuator1_valve_current_a) < 1)", &["a command for the last time at 1.999 s"]),
-    ("^eventually[0s,2s](large > 0)", &["a command for the last time at 1.999 s"]),
-    ("^always[0s,1.5s] eventually[0s,1s](error_rad < 1)", &["what is inside looks ahead itself and can be judged until 1 s only"]),
+    ("^always[0s,2.001s](error_rad < 1)", &["reaches too far", "the run ends at 2 s", "omit the bounds"]),
+    ("^always[0s,2s](abs(command.actuator1_valve_current_a) < 1)", &["the last command is at 1.999 s"]),
+    ("^eventually[0s,2s](large > 0)", &["the last command is at 1.999 s"]),
+    ("^always[0s,1.5s] eventually[0s,1s](error_rad < 1)", &["its operand looks ahead itself and can be evaluated until 1 s only"]),
     ("error_rad < 1 ^until[1s,3s] error_rad > 0", &["the run ends at 2 s"]),
     ("always[0s,1s] ^eventually(error_rad < 1)", &["only an outermost operator can", "[0s,1s]"]),
     ("once(^always(error_rad < 1))", &["only an outermost operator can"]),
 ];
 
 #[test]
-fn each_wrong_formula_is_told_with_its_place_and_what_would_be_right() {
+fn each_faulty_formula_is_refused_with_its_place_and_the_expected_text() {
     for (formula, pieces) in CASES {
         let text = base_with(FORMULA, formula);
         assert_one_problem(&text, ProblemKind::Expression, pieces);
@@ -100,7 +100,7 @@ fn each_wrong_formula_is_told_with_its_place_and_what_would_be_right() {
 }
 
 #[test]
-fn names_are_told_apart_and_can_be_those_of_files() {
+fn names_are_unique_and_valid_as_file_names() {
     for (from, to, kind, pieces) in [
         (
             "\"stays-small\"",
@@ -154,8 +154,8 @@ fn a_formula_that_would_keep_millions_of_numbers_is_refused() {
 }
 
 #[test]
-fn each_comparison_is_told_with_the_time_at_which_it_may_count() {
-    // Of a run of 20 s.
+fn each_comparison_is_listed_with_the_time_at_which_it_may_count() {
+    // In a run of 20 s.
     for (formula, expected) in [
         ("a < 1", vec![("a", "<", Some(1.0), [0.0, 0.0])]),
         (
@@ -204,7 +204,7 @@ fn each_comparison_is_told_with_the_time_at_which_it_may_count() {
 }
 
 #[test]
-fn a_negation_turns_the_margin_of_a_comparison_round() {
+fn a_negation_reverses_the_margin_of_a_comparison() {
     for (formula, expected) in [
         (
             "always(a < 1) and eventually(b > 2)",

@@ -1,4 +1,4 @@
-//! Formulas as long and as deep as they may be, on a stack far smaller than any thread's.
+//! Formulas of maximum length and depth, on a stack far smaller than any thread's.
 
 use std::thread;
 
@@ -7,15 +7,15 @@ use hil_config::formula::Formula;
 use hil_config::monitor::{FormulaContext, Monitors, Verdict};
 use shared_types::time::{Rate, Step};
 
-/// A quarter of what a thread has; the rest belongs to whoever calls. The deepest formula takes about half of
-/// it: what the compiler puts into one function, and so what a level takes, differs from build to build.
+/// A quarter of a thread's stack; the rest belongs to the caller. The deepest formula takes about half of it: how much
+/// the compiler puts into one function, and so the size of a level, differs between builds.
 const STACK_BYTES: usize = 512 << 10;
 /// Operands of a chain.
 const MANY: usize = 100_000;
 /// The last step of the run.
 const STEPS: u64 = 3;
 
-/// Runs something on a small stack, whose end would be that of the whole test.
+/// Runs a function on a small stack, whose overflow would abort the whole test.
 fn on_a_small_stack(run: impl FnOnce() + Send + 'static) {
     let thread = thread::Builder::new().stack_size(STACK_BYTES);
     let run = thread.spawn(run).expect("a thread");
@@ -28,7 +28,7 @@ fn columns() -> Columns {
     columns
 }
 
-/// A formula after rows in which the signal is the number of the step.
+/// Evaluates a formula on rows in which the signal is the step number.
 fn judged(text: &str) -> Monitors {
     let formula = Formula::parse(text).expect("reads");
     assert_eq!(formula.to_string(), text);
@@ -45,9 +45,9 @@ fn judged(text: &str) -> Monitors {
 }
 
 #[test]
-fn chains_of_any_length_are_judged() {
+fn chains_of_any_length_are_evaluated() {
     on_a_small_stack(|| {
-        // `x < k` has the margin k at step 0: the least is 1 and the greatest that of the last.
+        // `x < k` has the margin k at step 0: the minimum is 1 and the maximum that of the last.
         let terms = |joint: &str| {
             let terms: Vec<String> = (1..=MANY).map(|k| format!("truth.x < {k}")).collect();
             terms.join(joint)
@@ -59,7 +59,7 @@ fn chains_of_any_length_are_judged() {
         assert_eq!(any.judgements()[0].robustness(), Some(MANY as f64));
         let none = judged(&format!("not ({})", terms(" or ")));
         assert_eq!(none.judgements()[0].robustness(), Some(-(MANY as f64)));
-        // At step 3 the first comparison fails by 2; the chain is then not judged at step 0 only.
+        // At step 3 the first comparison fails by 2; the chain is then not evaluated at step 0 only.
         let always = judged(&format!("always ({})", terms(" and ")));
         assert_eq!(always.judgements()[0].robustness(), Some(-2.0));
         assert_eq!(always.judgements()[0].judged_by(), Some(Step(3)));
@@ -68,10 +68,10 @@ fn chains_of_any_length_are_judged() {
 }
 
 #[test]
-fn of_equal_margins_in_a_chain_the_earliest_step_is_named() {
+fn the_earliest_of_equal_margins_in_a_chain_is_named() {
     on_a_small_stack(|| {
         let some = |window: &str| format!("eventually{window} truth.x >= 0 ");
-        // Each operand comes to its greatest margin, 2, at its last step but the one to 0.1 s.
+        // Each operand reaches its maximum margin, 2, at its last step except the one at 0.1 s.
         let chain = format!(
             "{}and {}",
             some("[0.2s,0.2s]"),
@@ -91,7 +91,7 @@ fn of_equal_margins_in_a_chain_the_earliest_step_is_named() {
 }
 
 #[test]
-fn the_deepest_formulas_are_judged_and_deeper_ones_refused_where_they_go_too_deep() {
+fn the_deepest_formulas_are_evaluated_and_deeper_ones_refused_at_their_place() {
     on_a_small_stack(|| {
         let deep = |open: &str, inner: &str, close: &str, levels: usize| {
             format!("{}{inner}{}", open.repeat(levels), close.repeat(levels))
@@ -129,7 +129,7 @@ fn the_deepest_formulas_are_judged_and_deeper_ones_refused_where_they_go_too_dee
 #[test]
 fn sums_of_any_length_are_computed_from_left_to_right() {
     on_a_small_stack(|| {
-        // Each addition of 1 to 2^53 is lost, and none of those before it.
+        // Each addition of 1 to 2^53 is lost, and none before.
         let ones = vec!["1"; MANY].join(" + ");
         let sum = Expression::parse(&format!("{ones} + 9007199254740992{}", " + 1".repeat(MANY)));
         let sum = sum.expect("reads");

@@ -24,7 +24,7 @@ fn watch(expression: &str, records: u64, derived: &[(&str, &str)]) -> Watch {
 }
 
 #[test]
-fn a_condition_is_met_from_the_record_on_at_which_it_has_held_long_enough() {
+fn a_condition_is_met_once_it_has_held_long_enough() {
     let mut watch = watch("truth.a > 0", 3, &[]);
     let met: Vec<bool> = [1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0, -1.0, 1.0]
         .map(|a| watch.observe(&[a, 0.0]))
@@ -36,7 +36,7 @@ fn a_condition_is_met_from_the_record_on_at_which_it_has_held_long_enough() {
 }
 
 #[test]
-fn what_does_not_exist_does_not_hold() {
+fn a_missing_value_does_not_hold() {
     let mut watch = watch("truth.a > 0", 2, &[]);
     assert!(!watch.observe(&[1.0, 0.0]));
     assert!(!watch.observe(&[f64::NAN, 0.0]));
@@ -45,7 +45,7 @@ fn what_does_not_exist_does_not_hold() {
 }
 
 #[test]
-fn a_condition_that_was_reset_must_hold_anew() {
+fn a_reset_condition_must_hold_anew() {
     let mut watch = watch("truth.a", 2, &[]);
     assert!(!watch.observe(&[1.0, 0.0]));
     watch.reset();
@@ -54,7 +54,7 @@ fn a_condition_that_was_reset_must_hold_anew() {
 }
 
 #[test]
-fn a_condition_uses_the_derived_signals_that_it_names_and_those_that_they_use() {
+fn a_condition_uses_derived_signals_directly_and_transitively() {
     let derived = [
         ("twice", "2 * truth.a"),
         ("unused", "1 / truth.gone"), // of another record: never looked at
@@ -68,7 +68,7 @@ fn a_condition_uses_the_derived_signals_that_it_names_and_those_that_they_use() 
 }
 
 #[test]
-fn a_name_that_no_record_has_is_refused() {
+fn an_unknown_name_is_refused() {
     let condition = |expression: &str| Condition {
         expression: expression.into(),
         records: 1,
@@ -83,7 +83,7 @@ fn a_name_that_no_record_has_is_refused() {
 }
 
 #[test]
-fn a_watch_can_go_to_the_loops_thread() {
+fn a_watch_can_be_sent_to_the_loops_thread() {
     fn is_send<T: Send>(_: &T) {}
     is_send(&watch("1", 1, &[]));
 }

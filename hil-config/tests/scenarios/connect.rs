@@ -97,7 +97,7 @@ fn connections(plan: &Plan) -> Vec<String> {
 }
 
 #[test]
-fn units_give_the_conversion_of_each_direction() {
+fn units_determine_the_conversion_in_each_direction() {
     let plan = plan(TEXT);
     assert_eq!(
         connections(&plan),
@@ -116,7 +116,7 @@ fn units_give_the_conversion_of_each_direction() {
 }
 
 #[test]
-fn a_factor_that_is_given_counts_whatever_the_units_are() {
+fn an_explicit_factor_overrides_the_units() {
     let text = TEXT.replace(
         "plant = \"measured.s\"",
         "plant = \"measured.odd\"\nfactor = -0.004\noffset = 0.5",
@@ -131,7 +131,7 @@ fn a_factor_that_is_given_counts_whatever_the_units_are() {
 }
 
 #[test]
-fn what_is_shown_of_connections_means_the_same() {
+fn shown_connections_mean_the_same() {
     for text in [
         TEXT.to_owned(),
         TEXT.replace(
@@ -153,8 +153,8 @@ fn what_is_shown_of_connections_means_the_same() {
 }
 
 #[test]
-fn connections_of_another_law_wait_for_it() {
-    // The law changes by one flag.
+fn connections_of_another_law_take_effect_with_it() {
+    // One flag switches the law.
     let scenario = Scenario::parse(TEXT, "slider.toml").expect("TOML");
     let scenario = scenario.set(&["controller.law=hold"]);
     let plan = scenario.check(&plants(), &laws(), &descriptions::kinds());
@@ -181,7 +181,7 @@ fn a_sensor_may_be_read_under_two_names() {
     );
 }
 
-/// Text that stands in the scenario, text in its place, and what is found.
+/// Text of the scenario, its replacement, and the expected problem.
 type Case = (
     &'static str,
     &'static str,
@@ -194,25 +194,25 @@ const CASES: &[Case] = &[
     ("made_for = \"spring-mass\"\n", "", Mismatch, &["law `pid` is not made for plant `slider`", "made for `drhas`", "`made_for`"]),
     ("made_for = \"spring-mass\"", "made_for = \"sprin-mass\"", Mismatch, &["law `pid` is not made for plant `sprin-mass`"]),
     ("made_for = \"spring-mass\"", "made_for = 3", ProblemKind::WrongType, &["`controller.made_for` is a number"]),
-    ("law = \"measured.position_m\"", "law = \"measured.positon_m\"", UnknownName, &["`measured.positon_m` is no signal of law `pid`", "nearest: `measured.position_m`"]),
-    ("plant = \"measured.s\"", "plant = \"measured.t\"", UnknownName, &["`measured.t` is no signal of plant `slider`", "one of `measured.s`, `measured.der__s`, `measured.odd`"]),
-    ("plant = \"reference.goal_mm\"", "plant = \"reference.gaol_mm\"", UnknownName, &["`reference.gaol_mm` is no signal of the scenario's [[stimuli]]", "nearest: `reference.goal_mm`"]),
+    ("law = \"measured.position_m\"", "law = \"measured.positon_m\"", UnknownName, &["`measured.positon_m` is not a signal of law `pid`", "nearest: `measured.position_m`"]),
+    ("plant = \"measured.s\"", "plant = \"measured.t\"", UnknownName, &["`measured.t` is not a signal of plant `slider`", "one of `measured.s`, `measured.der__s`, `measured.odd`"]),
+    ("plant = \"reference.goal_mm\"", "plant = \"reference.gaol_mm\"", UnknownName, &["`reference.gaol_mm` is not a signal of the scenario's [[stimuli]]", "nearest: `reference.goal_mm`"]),
     ("plant = \"measured.s\"", "plant = \"command.F\"", Mismatch, &["a measured signal of the law cannot be a command signal of the plant", "expected: measured.NAME"]),
     ("plant = \"measured.s\"", "plant = \"truth.s\"", OutOfRange, &["`connect[0].plant` is `truth.s`", "measured.NAME, reference.NAME or command.NAME"]),
     ("plant = \"measured.s\"", "plant = \"s\"", OutOfRange, &["`connect[0].plant` is `s`"]),
     ("plant = \"measured.s\"\n", "", MissingKey, &["`connect[0].plant` is missing"]),
-    ("plant = \"measured.s\"", "plant = \"measured.der__s\"", Mismatch, &["`der__s` in mm/s and `position_m` in m have different dimensions, m/s and m", "give `factor` and, if need be, `offset`: received = factor * sent + offset"]),
-    ("plant = \"measured.s\"", "plant = \"measured.odd\"", Mismatch, &["`odd` in turns and `position_m` in m cannot be converted: `turns` is no unit that is known here", "give `factor`"]),
-    ("plant = \"measured.s\"", "plant = \"measured.s\"\nfactor = 0", OutOfRange, &["a factor of 0 leaves nothing of the signal"]),
+    ("plant = \"measured.s\"", "plant = \"measured.der__s\"", Mismatch, &["`der__s` in mm/s and `position_m` in m have different dimensions, m/s and m", "give `factor` and, if needed, `offset`: received = factor * sent + offset"]),
+    ("plant = \"measured.s\"", "plant = \"measured.odd\"", Mismatch, &["`odd` in turns and `position_m` in m cannot be converted: `turns` is not a known unit", "give `factor`"]),
+    ("plant = \"measured.s\"", "plant = \"measured.s\"\nfactor = 0", OutOfRange, &["a factor of 0 removes the signal"]),
     ("plant = \"measured.s\"", "plant = \"measured.s\"\nfactor = inf", OutOfRange, &["`connect[0].factor`"]),
     ("plant = \"measured.s\"", "plant = \"measured.s\"\noffset = 1", MissingKey, &["an `offset` without a `factor`"]),
     ("plant = \"measured.s\"", "plant = \"measured.s\"\nunit = \"m\"", UnknownKey, &["unknown key `unit` in `connect[0]`"]),
     ("plant = \"command.F\"\n", "plant = \"command.F\"\n[[connect]]\nlaw = \"measured.position_m\"\nplant = \"measured.odd\"\nfactor = 1\n", Duplicate, &["`measured.position_m` of the law is connected twice"]),
-    ("[[connect]]\nlaw = \"command.force_n\"\nplant = \"command.F\"\n", "", Unbound, &["plant `slider` needs the command `F` in kN, which law `pid` does not give", "[[connect]]"]),
+    ("[[connect]]\nlaw = \"command.force_n\"\nplant = \"command.F\"\n", "", Unbound, &["plant `slider` needs the command `F` in kN, which law `pid` does not provide", "[[connect]]"]),
 ];
 
 #[test]
-fn each_wrong_connection_is_told_with_what_would_be_right() {
+fn each_faulty_connection_is_refused_with_the_expected_value() {
     for (from, to, kind, pieces) in CASES {
         assert_eq!(TEXT.matches(from).count(), 1, "`{from}` stands once");
         let text = TEXT.replacen(from, to, 1);
@@ -223,7 +223,7 @@ fn each_wrong_connection_is_told_with_what_would_be_right() {
 }
 
 #[test]
-fn a_command_is_given_once() {
+fn a_command_may_be_sent_only_once() {
     let two = TEXT
         .replace(
             "law = \"pid\"\nmade_for = \"spring-mass\"",
@@ -238,7 +238,7 @@ fn a_command_is_given_once() {
     assert_found(
         &found[0],
         Duplicate,
-        &["law `both` would give the command `F` twice"],
+        &["law `both` would send the command `F` twice"],
     );
     let one = "[[connect]]\nlaw = \"command.F\"\nplant = \"command.F\"\n";
     let found = problems(&(two + one + other));

@@ -1,5 +1,5 @@
-//! Descriptions as binaries would give them, written by hand: a part of the hydraulic plant, the
-//! teaching plant and laws for both.
+//! Descriptions as binaries would give them, written by hand: a part of the hydraulic plant, the teaching plant and
+//! laws for both.
 
 use shared_types::describe::{
     ActsOn, FaultDescription, FaultKindDescription, LawDescription, ListDescription, MoveBy,
@@ -167,7 +167,7 @@ fn list(key: &str, columns: usize) -> Option<ListDescription> {
     })
 }
 
-/// Kinds of every class, with every form of parameter.
+/// Fault kinds of every class, with every form of parameter.
 pub(crate) fn kinds() -> Vec<FaultKindDescription> {
     vec![
         kind(
@@ -271,7 +271,7 @@ pub(crate) fn laws() -> Vec<LawDescription> {
         commands: Some(signals(&[("force_n", "N")])),
         ..law("pid", &["spring-mass"])
     };
-    // A law that fits no plant by its signals.
+    // A law whose signals match no plant.
     let strange = LawDescription {
         parameters: vec![Field {
             default: None,

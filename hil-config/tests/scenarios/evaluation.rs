@@ -49,7 +49,7 @@ fn columns() -> Columns {
     Columns::of(&plants[1], &[], &hold.internals)
 }
 
-/// Rows 0 to 10; the command of the last one does not exist.
+/// Rows 0 to 10; the last one has no command.
 fn run(position_m: impl Fn(u64) -> f64, force_n: impl Fn(u64) -> f64) -> Vec<MetricValue> {
     let columns = columns();
     let mut evaluation = Evaluation::new(&plan(TEXT), &columns).expect("known names");
@@ -89,7 +89,7 @@ fn metrics_reduce_exactly_the_rows_of_their_windows() {
 }
 
 #[test]
-fn a_metric_over_rows_without_a_value_does_not_exist() {
+fn a_metric_over_rows_without_a_value_is_missing() {
     let results = run(|_| 0.0, |_| f64::NAN);
     assert!(results[3].value.is_nan());
     assert_eq!(results[3].skipped, 11);
@@ -114,7 +114,7 @@ proptest! {
 }
 
 #[test]
-fn a_signal_that_is_marked_invalid_does_not_exist() {
+fn a_signal_marked_as_invalid_is_missing() {
     let text = format!(
         "{TEXT}
 [[metrics]]
@@ -137,7 +137,7 @@ formula = \"always(truth.position_m < 100 or measured.position_m < 100)\"
         let mut evaluation = Evaluation::new(&plan(&text), &columns).expect("known names");
         for k in 0..=10 {
             let mut row = vec![0.0; columns.len()];
-            // What an invalid signal keeps is any value.
+            // An invalid signal may have any value.
             row[measured] = if invalid.contains(&k) { 50.0 } else { k as f64 };
             let missing = invalid.contains(&k).then_some(measured);
             evaluation.observe(Step(k), &row, missing);

@@ -1,4 +1,4 @@
-//! Expressions against an evaluator of another kind: a tree walked by recursion.
+//! Expressions against an independent evaluator: a recursive tree walk.
 
 use hil_config::expression::{Columns, Expression, Group};
 use proptest::prelude::*;
@@ -22,7 +22,7 @@ enum Tree {
 }
 
 impl Tree {
-    /// Returns the strength with which the outermost operator binds, by the grammar.
+    /// Returns the binding strength of the outermost operator, by the grammar.
     fn strength(&self) -> u32 {
         match self {
             Self::Two("or", ..) => 1,
@@ -61,7 +61,7 @@ impl Tree {
         }
     }
 
-    /// The value; `None` is one that does not exist.
+    /// Computes the value; `None` for a missing one.
     fn value(&self, row: &[f64]) -> Option<f64> {
         let truth = |holds| if holds { 1.0 } else { 0.0 };
         let value = match self {
@@ -147,7 +147,7 @@ proptest! {
         let program = expression.compile_signal(&columns()).expect("known names");
         let found = program.evaluate(&row);
         match tree.value(&row) {
-            // -0.0 and 0.0 are the same here.
+            // -0.0 and 0.0 are equal here.
             Some(expected) => prop_assert_eq!(found, expected, "{}", text),
             None => prop_assert!(found.is_nan(), "{} is {}", text, found),
         }
@@ -190,7 +190,7 @@ fn the_grammar_binds_as_documented() {
 }
 
 #[test]
-fn what_does_not_exist_stays_so() {
+fn a_missing_value_stays_missing() {
     for text in [
         "command.b",
         "command.b > 0",
@@ -211,7 +211,7 @@ fn what_does_not_exist_stays_so() {
 }
 
 #[test]
-fn deep_and_wide_expressions_are_refused_before_they_can_harm() {
+fn too_deep_and_too_wide_expressions_are_refused() {
     let deep =
         |open: &str, close: &str, n: usize| format!("{}1{}", open.repeat(n), close.repeat(n));
     assert!(Expression::parse(&deep("(", ")", 60)).is_ok());
@@ -235,7 +235,7 @@ fn deep_and_wide_expressions_are_refused_before_they_can_harm() {
 }
 
 #[test]
-fn a_bare_name_of_a_signal_is_answered_with_its_full_name() {
+fn a_bare_signal_name_is_refused_with_its_full_name() {
     let expression = Expression::parse("1 + a").expect("reads");
     let errors = expression.unknown_names(&columns());
     assert_eq!(errors.len(), 1);

@@ -1,4 +1,4 @@
-//! Right faults and what they mean.
+//! Valid faults and their meaning.
 
 use std::fs;
 
@@ -22,12 +22,12 @@ fn settings(values: &[(&str, f64)]) -> Settings {
     settings
 }
 
-/// The events of the base with other faults.
+/// Returns the events of the base with these faults.
 pub(crate) fn faults(text: &str) -> Vec<FaultEvent> {
     plan(&base_with_faults(text)).faults
 }
 
-/// The first event with these keys.
+/// Returns the first event with these keys.
 pub(crate) fn event(keys: &str) -> FaultEvent {
     let other = format!("[[faults]]\nname = \"other\"\nkind = \"bias\"\nat_s = 0.1\n{EFFECT}\n");
     faults(&format!(
@@ -36,7 +36,7 @@ pub(crate) fn event(keys: &str) -> FaultEvent {
     .remove(0)
 }
 
-/// The only effect of an event of a kind at 0.5 s.
+/// Returns the only effect of an event of this kind at 0.5 s.
 fn effect(kind: &str, keys: &str) -> FaultEffect {
     let text = format!("[[faults]]\nkind = \"{kind}\"\nat_s = 0.5\n[[faults.effects]]\n{keys}");
     faults(&text).remove(0).effects.remove(0)
@@ -50,7 +50,7 @@ fn condition(expression: &str, records: u64) -> Condition {
 }
 
 #[test]
-fn an_event_takes_hold_when_it_says() {
+fn an_event_takes_effect_at_its_trigger() {
     let step = |step, at_s| Trigger::Step {
         step: Step(step),
         at_s,
@@ -76,7 +76,7 @@ fn an_event_takes_hold_when_it_says() {
 }
 
 #[test]
-fn an_event_ends_when_it_says() {
+fn an_event_ends_at_its_first_end() {
     for (keys, expected) in [
         ("", FaultEnd::default()),
         (
@@ -165,7 +165,7 @@ fn a_kind_acts_on_every_target_of_its_class() {
 }
 
 #[test]
-fn what_a_kind_is_not_told_has_its_default() {
+fn omitted_parameters_of_a_kind_have_their_defaults() {
     let action = |parameters: &[(&str, f64)], list: &[f64]| FaultAction::Kind {
         parameters: settings(parameters),
         list: list.to_vec(),
@@ -248,7 +248,7 @@ fn a_fault_without_a_selector_acts_on_the_plant() {
 }
 
 #[test]
-fn a_fault_whose_parameters_the_plant_does_not_open_is_refused() {
+fn a_fault_on_parameters_that_are_not_faultable_is_refused() {
     let mut plants = descriptions::plants();
     for field in &mut plants[1].parameters {
         field.faultable = false;
@@ -301,7 +301,7 @@ fn a_profile_replaces_that_of_the_plants_fault() {
             expected
         );
     }
-    // A sine leads below the healthy 0, so it is asked of a signal.
+    // A sine would fall below the healthy 0, so a signal is the target.
     let sine = "target = \"reference.load_n\"\nprofile = { kind = \"sine\", frequency_hz = 2 }";
     let expected = Profile::Sine {
         frequency_hz: 2.0,
@@ -311,7 +311,7 @@ fn a_profile_replaces_that_of_the_plants_fault() {
 }
 
 #[test]
-fn a_skew_counts_from_the_time_asked_for() {
+fn a_skew_counts_from_the_requested_time() {
     for (trigger, skew, expected) in [
         ("at_s = 0.0005", "skew_s = 0.0005", 0), // 1 ms is step 1, as is 0.5 ms
         ("at_s = 0.0005", "skew_s = 0.0006", 1),
@@ -329,7 +329,7 @@ fn a_skew_counts_from_the_time_asked_for() {
 }
 
 #[test]
-fn numbers_of_a_file_stand_beside_the_scenario() {
+fn numbers_can_come_from_a_file_beside_the_scenario() {
     let read = |effect: &str, csv: &str| {
         let folder = tempfile::tempdir().expect("a folder");
         fs::write(folder.path().join("x.csv"), csv).expect("a file");

@@ -1,4 +1,4 @@
-//! Faults that are shown mean the same again.
+//! Shown faults keep their meaning.
 
 use hil_config::plan::{FaultEvent, FaultSource, Plan, Trigger};
 use hil_config::show::{ShowError, fault_toml, show};
@@ -38,7 +38,7 @@ fn an_event_is_shown_with_what_it_waits_for() {
 }
 
 #[test]
-fn events_that_are_written_one_by_one_mean_the_same() {
+fn events_written_one_by_one_mean_the_same() {
     let text = "[[faults]]\nkind = \"burst\"\nname = \"b\"\nat_s = 0.5\neffects = [{ actuator = 1 }, { actuator = 2, skew_s = 0.0005 }]\n\
          [[faults]]\nkind = \"bias\"\nafter = \"b\"\neffects = [{ target = \"measured.surface_angle_rad\", bias = 1 }]\n";
     let expected = faults(text);
@@ -108,7 +108,7 @@ fn profile() -> impl Strategy<Value = String> {
     kind.prop_map(|kind| format!("profile = {{ {kind} }}\n"))
 }
 
-/// Kind and keys of an effect, without its profile.
+/// Generates kind and keys of an effect, without its profile.
 fn fault() -> impl Strategy<Value = (&'static str, String)> {
     let any = -1e3..1e3_f64;
     let target = prop::sample::select(vec![
@@ -183,7 +183,7 @@ skew_steps = 7
 
 proptest! {
     #[test]
-    fn no_change_of_right_faults_makes_the_check_panic(
+    fn no_change_of_valid_faults_makes_the_check_panic(
         cut in 0..ALL.len(), length in 0..40_usize, put in "[\\[\\]=.\"a-z0-9 \n{},#-]{0,12}",
     ) {
         prop_assert!(check(&base_with_faults(ALL)).is_ok());
@@ -202,7 +202,7 @@ proptest! {
         rate_hz in prop::sample::select(vec![1000.0, 999.9, 3333.3, 700.0]),
         steps in 9000..20_000_u64,
     ) {
-        // Below its healthy 0 a leak is refused.
+        // A leak below its healthy 0 is refused.
         prop_assume!(!(profile.contains("sine") && keys.starts_with("actuator")));
         let own_speed = if kind == "leakage" { "speed_per_s = 2.5\n" } else { "" };
         let text = format!(

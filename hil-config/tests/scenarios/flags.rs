@@ -21,7 +21,7 @@ fn set(flags: &[&str]) -> hil_config::plan::Plan {
 }
 
 #[test]
-fn a_flag_is_as_if_it_stood_in_the_file() {
+fn a_flag_acts_like_a_line_of_the_file() {
     let cases = [
         ("run.seed=9", "seed = 7", "seed = 9"),
         (
@@ -49,7 +49,7 @@ fn a_flag_is_as_if_it_stood_in_the_file() {
 }
 
 #[test]
-fn a_flag_makes_the_tables_on_its_way() {
+fn a_flag_creates_missing_tables() {
     let found = set(&["plant.parameters.actuator1.piston_mass_kg=61"]);
     assert_eq!(
         found.plant.parameters.get("actuator1.piston_mass_kg"),
@@ -62,7 +62,7 @@ fn a_flag_makes_the_tables_on_its_way() {
 }
 
 #[test]
-fn the_law_changes_by_one_flag() {
+fn one_flag_switches_the_law() {
     let without = ["derived[1].expression=error_rad > 0"];
     let found = set(&["controller.law=pid", without[0]]);
     assert_eq!(found.controller.law, "pid");
@@ -116,7 +116,7 @@ fn a_flag_may_change_a_part_of_what_an_earlier_one_set() {
 }
 
 #[test]
-fn a_wrong_flag_is_named_with_the_column_of_what_is_wrong() {
+fn a_faulty_flag_is_reported_with_the_column_of_the_mistake() {
     let cases = [
         (
             "run.rate_hz=0",
@@ -213,7 +213,7 @@ fn a_wrong_flag_is_named_with_the_column_of_what_is_wrong() {
 }
 
 #[test]
-fn a_name_at_a_wrong_place_is_answered_with_the_key_or_the_table_that_it_belongs_to() {
+fn a_misplaced_name_is_answered_with_its_key_or_table() {
     for (flag, nearest, help) in [
         (
             "piston_mass_kg=1",
@@ -252,7 +252,7 @@ fn a_name_at_a_wrong_place_is_answered_with_the_key_or_the_table_that_it_belongs
 }
 
 #[test]
-fn wrong_flags_and_a_wrong_file_are_reported_together() {
+fn faulty_flags_and_a_faulty_file_are_reported_together() {
     let text = BASE.replace("seed = 7", "seed = -7");
     let found = parse(&text)
         .expect("TOML")

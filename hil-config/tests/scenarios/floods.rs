@@ -1,4 +1,4 @@
-//! Texts in which more is wrong than anybody reads, or which would steer the terminal that shows them.
+//! Texts with more mistakes than anybody reads, or with control sequences for the terminal.
 
 use hil_config::problem::Problems;
 
@@ -9,7 +9,7 @@ fn refused(text: &str) -> Problems {
 }
 
 #[test]
-fn of_very_many_problems_the_first_are_told_and_that_there_are_more() {
+fn very_many_problems_are_truncated_with_a_note() {
     for (count, told, more) in [
         (99, 99, false),
         (100, 100, false),
@@ -50,7 +50,7 @@ fn a_problem_in_a_very_long_line_shows_the_part_around_it() {
 }
 
 #[test]
-fn a_name_as_long_as_a_file_is_told_by_its_begin() {
+fn a_name_as_long_as_a_file_is_truncated() {
     let name = "x".repeat(5 << 20);
     let told = refused(&format!("schema = 1\n{name} = 1\n")).to_string();
     assert!(told.contains("unknown key `xxx"), "{}", &told[..200]);
@@ -58,7 +58,7 @@ fn a_name_as_long_as_a_file_is_told_by_its_begin() {
 }
 
 #[test]
-fn nothing_in_a_text_steers_the_terminal() {
+fn no_text_controls_the_terminal() {
     let odd = r#""\u001b[2J\u0007\r\n0""#;
     for text in [
         base_with("seed = 7", &format!("{odd} = 7")),

@@ -1,4 +1,4 @@
-//! Right scenarios and what they mean.
+//! Valid scenarios and their meaning.
 
 use hil_config::formula::Formula;
 use hil_config::plan::{
@@ -17,7 +17,7 @@ fn rate(hz: f64) -> Rate {
 }
 
 #[test]
-fn the_base_means_what_it_says() {
+fn the_base_has_the_documented_meaning() {
     let Plan {
         name,
         description,
@@ -161,9 +161,9 @@ fn the_base_means_what_it_says() {
 }
 
 #[test]
-fn a_law_believes_the_nominal_plant_unless_told_otherwise() {
+fn a_law_assumes_the_nominal_plant_unless_set_otherwise() {
     let model = plan(BASE).controller.model;
-    // Told; from the plant's parameters; from the law, because the plant has no such parameter.
+    // Set explicitly; from the plant's parameters; from the law, because the plant has no such parameter.
     assert_eq!(model.get("surface.inertia_kg_m2"), Some(13.0));
     assert_eq!(model.get("actuator2.piston_mass_kg"), Some(60.0));
     assert_eq!(model.get("friction_n"), Some(0.5));
@@ -217,7 +217,7 @@ fn parameters_may_stand_in_nested_tables() {
 }
 
 #[test]
-fn what_is_not_written_has_its_default() {
+fn omitted_keys_have_their_defaults() {
     let text = "
 schema = 1
 [run]
@@ -259,7 +259,7 @@ fn a_pace_is_used_by_the_paced_clock() {
 }
 
 #[test]
-fn a_fault_between_two_steps_takes_hold_at_the_later_one() {
+fn a_fault_between_two_steps_takes_effect_at_the_later_one() {
     let text = base_with("at_s = 1.0", "at_s = 1.0001");
     let trigger = Trigger::Step {
         step: Step(1001),
@@ -343,7 +343,7 @@ proptest! {
     }
 
     #[test]
-    fn no_change_of_a_right_scenario_makes_the_check_panic(
+    fn no_change_of_a_valid_scenario_makes_the_check_panic(
         cut in 0..BASE.len(), length in 0..40_usize, put in "[\\[\\]=.\"a-z0-9 \n{},#-]{0,12}",
     ) {
         let mut text = BASE.to_owned();
@@ -383,7 +383,7 @@ fn a_metric_has_the_unit_of_its_expression_and_an_integral_that_of_the_area() {
             "integral(truth.actuator1_leakage_flow_m3ps) + integral(truth.actuator2_leakage_flow_m3ps)",
             "m3",
         ),
-        // What is multiplied or mixed is not told by its names, only by its own.
+        // For products and mixtures the signals' names determine no unit, only the metric's own.
         ("power_n", "2 * max_abs(truth.surface_angle_rad)", "N"),
         (
             "odd_s",

@@ -14,11 +14,11 @@ use crate::{BASE, base_with, base_with_faults, descriptions, parse};
 const FEW: usize = 500;
 /// Parts of the larger scenario, as a multiple of `FEW`.
 const TIMES: usize = 40;
-/// Most of what the larger one may cost, in the smaller one's; 40 would be in proportion, what no longer
-/// fits into caches costs twice that, and if every part looked at all others it would be 1600.
+/// Maximum cost ratio of the larger scenario to the smaller one; 40 would be proportional, cache misses double that,
+/// and comparing every part with all others would cost 1600 times as much.
 const MOST: f64 = 160.0;
 
-/// Returns the processor time of this thread, which a busy machine does not change.
+/// Returns the processor time of this thread, which does not depend on the machine's load.
 fn spent() -> Duration {
     let time = clock_gettime(ClockId::ThreadCPUTime);
     Duration::new(time.tv_sec.unsigned_abs(), time.tv_nsec as u32)
@@ -30,7 +30,7 @@ fn check(text: &str, flags: &[String]) -> Result<Plan, Problems> {
     scenario.check(&plants, &laws, &descriptions::kinds())
 }
 
-/// Checks a scenario and makes ready to evaluate a run of it, and gives how much that took.
+/// Checks a scenario and prepares its evaluation; returns the time taken.
 fn cost(input: impl Fn(usize) -> (String, Vec<String>), count: usize, is_right: bool) -> Duration {
     let (text, flags) = input(count);
     let since = spent();
@@ -51,13 +51,13 @@ fn cost(input: impl Fn(usize) -> (String, Vec<String>), count: usize, is_right: 
     spent() - since
 }
 
-/// Joins a text for each number up to a count.
+/// Concatenates a text for each number up to a count.
 fn many(count: usize, one: impl Fn(usize) -> String) -> String {
     (0..count).map(one).collect()
 }
 
-/// Checks that one try of five is in proportion: neighbours that take caches and memory make some dearer, and
-/// none that looks at all others cheap.
+/// Checks that at least one of five tries is proportional: other processes that occupy caches and memory make some
+/// tries dearer, but none makes a quadratic check cheap.
 fn is_near_linear(what: &str, is_right: bool, input: impl Fn(usize) -> (String, Vec<String>)) {
     let ratio = || {
         let few = cost(&input, FEW, is_right);
@@ -212,7 +212,7 @@ fn very_many_flags_cost_in_proportion() {
 }
 
 #[test]
-fn of_very_many_names_the_first_are_listed() {
+fn only_the_first_of_very_many_names_are_listed() {
     let faults: String = (0..150)
         .map(|n| format!("[[faults]]\nname = \"f{n}\"\nkind = \"leakage\"\nat_s = 1.0\n"))
         .collect();
@@ -229,7 +229,7 @@ fn of_very_many_names_the_first_are_listed() {
 }
 
 #[test]
-fn events_that_wait_for_each_other_are_told_once_and_those_behind_them_not() {
+fn events_that_wait_for_each_other_are_reported_once_without_their_followers() {
     let event = |name: &str, after: &str| {
         format!(
             "[[faults]]\nname = \"{name}\"\nkind = \"leakage\"\nafter = \"{after}\"\n\
@@ -251,6 +251,6 @@ fn events_that_wait_for_each_other_are_told_once_and_those_behind_them_not() {
         ("faults[4].after", "`e` waits for itself"),
     ];
     assert_eq!(told, expected);
-    // One of a kind, and the base as it is, are right.
+    // Unique names, and the base as it is, are valid.
     assert!(check(&base_with("seed = 7", "seed = 8"), &[]).is_ok());
 }

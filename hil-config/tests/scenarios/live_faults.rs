@@ -1,4 +1,4 @@
-//! Faults that are asked for while a run goes on.
+//! Faults requested during a run.
 
 use hil_config::live_requests::RequestContext;
 use hil_config::plan::{FaultEvent, FaultSource, Trigger};
@@ -12,7 +12,7 @@ use crate::{BASE, descriptions, plan};
 
 const BIAS: &str = "effects = [{ target = \"measured.surface_angle_rad\", bias = 0.1 }]";
 
-/// Asks the base's run, which has the events 1, `leak`, and 2.
+/// Requests faults from the base's run, which has the events 1, `leak`, and 2.
 fn ask(toml: &str) -> Result<Vec<FaultEvent>, Vec<Problem>> {
     let (plants, kinds) = (descriptions::plants(), descriptions::kinds());
     let context = RequestContext {
@@ -29,7 +29,7 @@ fn refused(toml: &str) -> Vec<Problem> {
 }
 
 #[test]
-fn a_live_event_is_that_of_a_scenario_but_for_number_and_source() {
+fn a_live_event_equals_a_scenarios_except_for_number_and_source() {
     let begin = BASE.find("[[faults]]").expect("faults");
     let end = BASE.find("[[derived]]").expect("what follows them");
     let expected = FaultEvent {
@@ -41,19 +41,19 @@ fn a_live_event_is_that_of_a_scenario_but_for_number_and_source() {
 }
 
 #[test]
-fn an_event_without_a_trigger_takes_hold_at_once() {
+fn an_event_without_a_trigger_takes_effect_at_once() {
     let text = format!("[[faults]]\nkind = \"bias\"\n{BIAS}\n");
     let events = ask(&[text.as_str(), &text].concat()).expect("right");
     let found: Vec<(u32, &Trigger)> = events.iter().map(|e| (e.id, &e.trigger)).collect();
     assert_eq!(found, [(3, &Trigger::Now), (4, &Trigger::Now)]);
-    // So much later it is over in any case.
+    // With this delay it is over in any case.
     let late = refused(&text.replace("bias = 0.1", "bias = 0.1, skew_s = 2"));
     assert_eq!(late.len(), 1, "{late:?}");
     assert_found(&late[0], ProblemKind::OutOfRange, &["the run is over"]);
 }
 
 #[test]
-fn every_trigger_of_a_scenario_is_there() {
+fn every_trigger_of_a_scenario_is_available() {
     let step = Trigger::Step {
         step: Step(500),
         at_s: 0.5,
@@ -112,7 +112,7 @@ fn new_events_may_wait_for_each_other() {
 }
 
 #[test]
-fn each_wrong_request_is_refused_with_what_would_be_right() {
+fn each_faulty_request_is_refused_with_the_expected_value() {
     let one = |keys: &str| format!("[[faults]]\nkind = \"bias\"\n{keys}\n{BIAS}");
     for (text, kind, pieces) in [
         (
@@ -178,7 +178,7 @@ fn each_wrong_request_is_refused_with_what_would_be_right() {
 }
 
 #[test]
-fn a_problem_is_answered_with_its_key_and_what_is_possible() {
+fn a_problem_is_answered_with_its_key_and_the_alternatives() {
     let found = refused(&format!("[[faults]]\nkind = \"bais\"\n{BIAS}"));
     let refusal = Refusal::from(&found[0]);
     assert_eq!(refusal.key, "faults[0].kind");

@@ -1,4 +1,4 @@
-//! Scenarios through the public interface: right ones, wrong ones, and what is made of them.
+//! Scenarios through the public interface: valid ones, faulty ones, and their results.
 
 mod analyses;
 mod bad;
@@ -31,7 +31,7 @@ use hil_config::plan::Plan;
 use hil_config::problem::{Problem, Problems};
 use hil_config::scenario::Scenario;
 
-/// A scenario that is right and uses every part of the format.
+/// Valid scenario that uses every part of the format.
 const BASE: &str = r#"schema = 1
 name = "base"
 description = "every part of the format"
@@ -158,12 +158,12 @@ fn check(text: &str) -> Result<Plan, Problems> {
     )
 }
 
-/// The plan of a text that must be right.
+/// Returns the plan of a valid text.
 fn plan(text: &str) -> Plan {
     check(text).unwrap_or_else(|problems| panic!("{problems}\n{text}"))
 }
 
-/// The problems of a text that must be wrong.
+/// Returns the problems of a faulty text.
 fn problems(text: &str) -> Vec<Problem> {
     match check(text) {
         Ok(_) => panic!("nothing found wrong in\n{text}"),
@@ -171,14 +171,14 @@ fn problems(text: &str) -> Vec<Problem> {
     }
 }
 
-/// The base with other faults.
+/// Returns the base with other faults.
 fn base_with_faults(faults: &str) -> String {
     let begin = BASE.find("[[faults]]").expect("faults");
     let end = BASE.find("[[derived]]").expect("what follows them");
     format!("{}{faults}\n{}", &BASE[..begin], &BASE[end..])
 }
 
-/// The base with one piece of text in place of another.
+/// Returns the base with one piece of text replaced.
 fn base_with(from: &str, to: &str) -> String {
     assert_eq!(BASE.matches(from).count(), 1, "`{from}` stands once");
     BASE.replacen(from, to, 1)

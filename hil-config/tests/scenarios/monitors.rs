@@ -1,7 +1,7 @@
-//! Monitors against the definitions: every formula judged by recursion over its windows.
+//! Monitors against the definitions: every formula evaluated by recursion over its windows.
 //!
-//! The judge below knows nothing of delays, windows that slide or shared parts. It takes a formula as
-//! the tables of `docs/requirements.md` define it, at any step, and looks at whole traces.
+//! The reference below has no delays, sliding windows or shared parts. It evaluates a formula as defined by the tables
+//! of `docs/requirements.md`, at any step, with access to whole traces.
 
 mod definitions;
 
@@ -28,7 +28,7 @@ fn monitor(text: &str, end: u64) -> Result<Monitors, String> {
 }
 
 #[test]
-fn ten_thousand_random_formulas_are_judged_as_the_definitions_say() {
+fn ten_thousand_random_formulas_are_evaluated_as_defined() {
     let mut draws = Draws(2010);
     let mut judged = 0;
     let (mut passed, mut early, mut without_value, mut too_long) = (0, 0, 0, 0);
@@ -56,7 +56,7 @@ fn ten_thousand_random_formulas_are_judged_as_the_definitions_say() {
         let mut bounds = [f64::NEG_INFINITY, f64::INFINITY];
         for (k, row) in (0..).zip(&trace.rows) {
             monitor.observe(Step(k), row);
-            // What is promised of the robustness is kept, and each row promises no less.
+            // Bounds on the robustness hold, and each row can only narrow them.
             let [low, high] = monitor.bounds()[0];
             let is_kept = bounds[0] <= low && low <= size && size <= high && high <= bounds[1];
             assert!(is_kept, "{text} at {k}: {low} to {high} for {size}");
@@ -66,7 +66,7 @@ fn ten_thousand_random_formulas_are_judged_as_the_definitions_say() {
             );
             narrowed +=
                 u32::from(monitor.judgements()[0].robustness().is_none() && high < f64::INFINITY);
-            // Once certain it is the verdict that the whole run gives.
+            // Once certain, the verdict is that of the whole run.
             if monitor.judgements()[0].verdict() != Verdict::Undecided {
                 assert_eq!(
                     monitor.judgements()[0].verdict(),
@@ -91,7 +91,7 @@ fn ten_thousand_random_formulas_are_judged_as_the_definitions_say() {
         passed += u32::from(is_true);
         without_value += u32::from(size == f64::NEG_INFINITY);
     }
-    // The cases are not all of one sort.
+    // The cases are diverse.
     assert!((2_000..8_000).contains(&passed), "{passed} pass");
     assert!(early > 5_000, "{early} rows between certainty and the end");
     assert!(narrowed > 5_000, "{narrowed} bounds before the end");
@@ -100,7 +100,7 @@ fn ten_thousand_random_formulas_are_judged_as_the_definitions_say() {
 }
 
 #[test]
-fn formulas_that_share_comparisons_are_judged_as_the_definitions_say() {
+fn formulas_that_share_comparisons_are_evaluated_as_defined() {
     let mut draws = Draws(2015);
     let (columns, rate) = (columns(), Rate::new(10.0).expect("a rate"));
     let mut judged = 0;
@@ -146,7 +146,7 @@ fn formulas_that_share_comparisons_are_judged_as_the_definitions_say() {
     }
 }
 
-/// Feeds one signal and gives the monitor at the end.
+/// Feeds one signal and returns the monitor at the end.
 fn watched(text: &str, values: &[f64]) -> Monitors {
     let end = values.len() as u64 - 1;
     let mut monitor = monitor(text, end).unwrap_or_else(|error| panic!("{text}: {error}"));
@@ -201,7 +201,7 @@ fn a_formula_has_the_robustness_of_a_calculation_by_hand() {
 }
 
 #[test]
-fn operators_bind_as_the_grammar_says() {
+fn operators_bind_according_to_the_grammar() {
     let [a, b, c] = ["truth.a < 1", "truth.b < 1", "command.c < 1"];
     let mut draws = Draws(7);
     for (bare, grouped) in [
@@ -258,7 +258,7 @@ fn operators_bind_as_the_grammar_says() {
 }
 
 #[test]
-fn a_verdict_comes_as_soon_as_it_is_certain_and_the_robustness_with_the_last_step() {
+fn a_verdict_is_given_once_certain_and_the_robustness_at_the_last_step() {
     let a = [0.0, 1.0, 3.0, 2.0, 5.0, 4.0];
     let (pass, fail) = (Verdict::Pass, Verdict::Fail);
     for (text, verdict, decided_at) in [
@@ -336,7 +336,7 @@ fn bounds_of_a_robustness_close_as_rows_come() {
 }
 
 #[test]
-fn a_run_that_ends_early_leaves_undecided_what_was_not_certain() {
+fn a_run_that_ends_early_leaves_uncertain_verdicts_undecided() {
     let mut passing = monitor("always[0s,1s](truth.a < 3)", 20).expect("right");
     let mut failing = monitor("always[0s,1s](truth.a < 0)", 20).expect("right");
     for k in 0..5 {
@@ -355,7 +355,7 @@ fn a_run_that_ends_early_leaves_undecided_what_was_not_certain() {
 }
 
 #[test]
-fn no_formula_passes_on_a_value_that_does_not_exist() {
+fn no_formula_passes_on_a_missing_value() {
     let a = [1.0, f64::NAN, 1.0, 1.0];
     for text in [
         "always(truth.a > 0)",
@@ -376,7 +376,7 @@ fn no_formula_passes_on_a_value_that_does_not_exist() {
         );
         assert_eq!(monitor.judgements()[0].judged_by(), Some(Step(1)), "{text}");
     }
-    // What does exist may still carry an alternative.
+    // An existing value may still satisfy an alternative.
     assert_eq!(
         watched("always(truth.a > 0 or truth.b < 1)", &a).judgements()[0].verdict(),
         Verdict::Pass

@@ -87,7 +87,7 @@ fn a_wrong_line_is_named_with_file_and_number() {
 }
 
 #[test]
-fn a_missing_file_is_named_where_the_scenario_asks_for_it() {
+fn a_missing_file_is_reported_at_its_key() {
     let found = with_file(None).expect_err("no file");
     assert_eq!(found.len(), 1);
     assert_eq!(found[0].kind, ProblemKind::Unreadable);
@@ -123,7 +123,7 @@ fn wrong_points_in_the_scenario_are_refused() {
 }
 
 #[test]
-fn a_profile_that_the_record_stream_has_no_room_for_is_refused() {
+fn a_profile_too_large_for_the_record_stream_is_refused() {
     let with_points = |count: usize| {
         let times: Vec<String> = (0..count).map(|i| format!("{}.0", i)).collect();
         let fault = format!(
@@ -144,7 +144,7 @@ fn a_profile_that_the_record_stream_has_no_room_for_is_refused() {
 }
 
 #[test]
-fn a_list_that_the_record_stream_has_no_room_for_is_refused() {
+fn a_list_too_large_for_the_record_stream_is_refused() {
     let with_rows = |count: usize| {
         let fault = format!(
             "{}\n[[faults]]\nkind = \"late\"\nat_s = 0.5\n[[faults.effects]]\n\
@@ -194,16 +194,16 @@ fn a_table_outside_the_run_is_refused_with_both_times() {
 }
 
 #[test]
-fn a_missing_file_is_answered_with_the_folder_that_its_path_begins_at() {
+fn a_missing_file_is_reported_with_the_folder_of_its_path() {
     let problems = with_file(None).expect_err("no file");
     let message = problems[0].to_string();
     let help = problems[0].help.as_deref().expect("advice");
     assert!(
-        message.contains("cannot be read: it is not there"),
+        message.contains("cannot be read: it does not exist"),
         "{message}"
     );
     assert!(
-        help.contains("paths in a scenario begin at the folder of the scenario, /"),
+        help.contains("paths in a scenario are relative to the folder of the scenario, /"),
         "{help}"
     );
     assert!(help.ends_with("/points/x.csv"), "{help}");

@@ -9,20 +9,20 @@ use hil_config::show::show;
 
 use crate::{BASE, base_with, descriptions, parse, plan, problems};
 
-/// The base with programs named in both tables.
+/// Returns the base with programs named in both tables.
 fn naming(plant: &str, controller: &str) -> String {
     let text = base_with("substeps = 2", &format!("substeps = 2\nprogram = {plant}"));
     let law = "law = \"ftsc\"";
     text.replacen(law, &format!("{law}\nprogram = {controller}"), 1)
 }
 
-/// A path from the folder of the scenario, as the tests name it.
+/// Returns a path from the folder of the scenario, as the tests name it.
 fn beside(path: &str) -> PathBuf {
     std::path::absolute(Path::new("folder").join(path)).expect("a folder")
 }
 
 #[test]
-fn a_program_is_found_from_the_folder_of_the_scenario() {
+fn a_program_is_relative_to_the_folder_of_the_scenario() {
     let text = naming("\"target/plant\"", "\"/opt/laws\"");
     let programs = Programs {
         plant: Some(beside("target/plant")),
@@ -35,7 +35,7 @@ fn a_program_is_found_from_the_folder_of_the_scenario() {
 }
 
 #[test]
-fn inner_signals_of_a_plant_are_patterns() {
+fn internal_signals_of_a_plant_are_selected_by_patterns() {
     let with =
         |locals: &str| base_with("substeps = 2", &format!("substeps = 2\nlocals = {locals}"));
     let plan = plan(&with("[\"der(*)\", \"x?\"]"));
@@ -96,7 +96,7 @@ fn a_controller_may_have_a_program_for_each_type_of_machine() {
 }
 
 #[test]
-fn what_names_no_program_is_refused_where_it_stands() {
+fn an_invalid_program_is_refused_at_its_place() {
     for (plant, controller, key, kind) in [
         ("3", "\"a\"", "plant.program", ProblemKind::WrongType),
         (
@@ -131,7 +131,7 @@ fn what_names_no_program_is_refused_where_it_stands() {
             panic!("{found:?}")
         };
         assert_eq!((found.key.as_str(), found.kind), (key, kind));
-        // Before the check the wrong one counts as not named.
+        // Before the check a faulty one counts as missing.
         let programs = parse(&text).expect("TOML").programs();
         assert!(programs.plant.is_none() || programs.controller.is_none());
     }
@@ -150,7 +150,7 @@ fn programs_are_shown_with_their_whole_path() {
 }
 
 #[test]
-fn an_unknown_name_is_told_with_the_advice_that_was_given_and_no_other() {
+fn an_unknown_name_is_reported_with_exactly_the_given_advice() {
     let text =
         base_with("model = \"drhas\"", "model = \"x\"").replace("law = \"ftsc\"", "law = \"y\"");
     let help = |advice: Advice| {

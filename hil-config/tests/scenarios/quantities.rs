@@ -7,7 +7,7 @@ use shared_types::units::Unit;
 use crate::units::text;
 use crate::{check, plan};
 
-/// Derived signals with the names of units.
+/// Derived signals named like units.
 fn columns() -> Columns {
     let mut columns = Columns::default();
     for name in ["s", "m", "x"] {
@@ -16,7 +16,7 @@ fn columns() -> Columns {
     columns
 }
 
-/// The value where `s` is 2, `m` is 3 and `x` is 5.
+/// Evaluates an expression with `s` = 2, `m` = 3 and `x` = 5.
 fn value(text: &str) -> f64 {
     let program = Expression::parse(text)
         .and_then(|expression| expression.compile_signal(&columns()))
@@ -82,7 +82,7 @@ fn signals_with_the_names_of_units_stay_signals() {
 }
 
 #[test]
-fn every_unit_that_is_known_can_stand_behind_a_number() {
+fn every_known_unit_can_follow_a_number() {
     let symbols = Unit::symbols();
     assert!(symbols.len() > 700, "{}", symbols.len());
     for symbol in symbols {
@@ -98,7 +98,10 @@ fn every_unit_that_is_known_can_stand_behind_a_number() {
             let read = Expression::parse(&text);
             if conversion.offset != 0.0 {
                 let error = read.expect_err(&text).to_string();
-                assert!(error.contains("zero of its own"), "{text}: {error}");
+                assert!(
+                    error.contains("offset from absolute zero"),
+                    "{text}: {error}"
+                );
                 continue;
             }
             let expected = match text.as_str() {
@@ -137,7 +140,7 @@ fn a_window_means_the_same_with_every_spelling_of_its_times() {
 }
 
 #[test]
-fn a_number_with_a_unit_fits_signals_of_its_dimension() {
+fn a_number_with_a_unit_is_compatible_with_signals_of_its_dimension() {
     for (place, expression) in [
         ("DERIVED", "truth.position_m - 5 cm"),
         ("DERIVED", "max(truth.position_m, 5 cm) + 1"),
@@ -159,7 +162,7 @@ fn a_number_with_a_unit_fits_signals_of_its_dimension() {
 }
 
 #[test]
-fn a_number_with_another_unit_is_refused_with_what_to_write() {
+fn an_incompatible_unit_is_refused_with_a_suggestion() {
     for (place, expression, pieces) in [
         (
             "DERIVED",
@@ -203,7 +206,7 @@ fn a_number_with_another_unit_is_refused_with_what_to_write() {
 }
 
 #[test]
-fn a_signal_in_another_unit_of_the_dimension_is_answered_with_its_plain_number() {
+fn a_quantity_beside_a_signal_in_a_scaled_unit_is_answered_with_a_plain_number() {
     let text = text("FORMULA", "always(way_m < 5 cm)")
         .replace("name = \"way_m\"", "name = \"way_m\"\nunit = \"mm\"");
     let message = check(&text).expect_err("mm").to_string();

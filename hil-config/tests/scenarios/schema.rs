@@ -1,16 +1,16 @@
-//! The JSON schema, against what the check accepts.
+//! The JSON schema, compared with the check.
 
 use hil_config::schema::schema;
 use serde_json::{Value, json};
 
 use crate::{BASE, descriptions};
 
-/// Every key of a TOML value that the schema does not offer, by path. Alternatives are all tried.
+/// Collects every key of a TOML value that the schema does not offer, by path. All alternatives are tried.
 fn unknown_keys(schema: &Value, value: &toml::Value, path: &str, unknown: &mut Vec<String>) {
     match value {
         toml::Value::Table(table) => {
             if let Some(kinds) = schema["oneOf"].as_array() {
-                // An alternative that does not need its kind stands for those without.
+                // An alternative whose kind is optional applies to tables without one.
                 let kind = table.get("kind").and_then(toml::Value::as_str);
                 let needs_kind = |one: &Value| {
                     let needed = one["required"].as_array().into_iter().flatten();
@@ -43,7 +43,7 @@ fn unknown_keys(schema: &Value, value: &toml::Value, path: &str, unknown: &mut V
     }
 }
 
-/// A schema with what its rules say of a table of this kind.
+/// Returns a schema with its rules for a table of this kind applied.
 fn with_rules(schema: &Value, table: &toml::Table) -> Value {
     let mut schema = schema.clone();
     let rules = schema["allOf"].take();
@@ -71,7 +71,7 @@ fn effects(schema: &Value, kind: &str) -> Value {
 }
 
 #[test]
-fn the_schema_offers_every_key_of_a_right_scenario_and_no_other() {
+fn the_schema_offers_exactly_the_keys_of_valid_scenarios() {
     let schema = schema(
         &descriptions::plants(),
         &descriptions::laws(),
@@ -90,7 +90,7 @@ fn the_schema_offers_every_key_of_a_right_scenario_and_no_other() {
 }
 
 #[test]
-fn the_schema_knows_ranges_defaults_and_names() {
+fn the_schema_has_ranges_defaults_and_names() {
     let schema = schema(
         &descriptions::plants(),
         &descriptions::laws(),
@@ -122,14 +122,14 @@ fn the_schema_knows_ranges_defaults_and_names() {
         at(&format!("{realtime}/wait/enum")),
         json!(["hybrid", "spin", "yield", "sleep"])
     );
-    // Both laws named pid.
+    // Two laws are called pid.
     let pid = "/properties/controller/properties/pid/properties";
     assert_eq!(at(&format!("{pid}/gain_a_per_m/default")), 90.0);
     assert_eq!(at(&format!("{pid}/gain_n_per_m/default")), 300.0);
 }
 
 #[test]
-fn the_schema_knows_what_the_effects_of_each_kind_have() {
+fn the_schema_has_the_keys_of_each_kinds_effects() {
     let schema = schema(
         &descriptions::plants(),
         &descriptions::laws(),
@@ -183,7 +183,7 @@ fn the_schema_knows_what_the_effects_of_each_kind_have() {
 }
 
 #[test]
-fn without_descriptions_their_tables_stay_open() {
+fn without_descriptions_their_tables_accept_any_key() {
     let schema = schema(&[], &[], &[]);
     let parameters = &schema["properties"]["plant"]["properties"]["parameters"];
     assert_eq!(parameters["type"], "object");

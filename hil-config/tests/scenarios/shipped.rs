@@ -1,7 +1,7 @@
-//! The scenarios of the repository.
+//! Scenarios of the repository.
 //!
-//! Checked here against descriptions written by hand, whose names are those of the real plants;
-//! what the real binaries say of them is the business of the workspace's own tests.
+//! Checked here against descriptions written by hand, whose names are those of the real plants; the descriptions of the
+//! real binaries are checked by the workspace's own tests.
 
 use std::path::PathBuf;
 
@@ -22,7 +22,7 @@ fn shipped(name: &str, flags: &[&str]) -> Result<Plan, Problems> {
 }
 
 #[test]
-fn the_papers_scenarios_are_right_with_every_law() {
+fn the_papers_scenarios_are_valid_with_every_law() {
     for file in ["severe-leakage.toml", "slight-leakage.toml"] {
         for law in ["ftsc", "nrsc", "pid", "hold"] {
             let plan = shipped(file, &[&format!("controller.law={law}")])
@@ -69,7 +69,7 @@ fn the_papers_faults_strike_together_at_7_s() {
 }
 
 #[test]
-fn the_chirp_of_the_surface_is_right_with_every_law() {
+fn the_chirp_of_the_surface_is_valid_with_every_law() {
     for law in ["ftsc", "nrsc", "pid"] {
         let plan = shipped(
             "frequency-response.toml",
@@ -81,7 +81,7 @@ fn the_chirp_of_the_surface_is_right_with_every_law() {
 }
 
 #[test]
-fn the_teaching_scenario_is_right_with_its_laws() {
+fn the_teaching_scenario_is_valid_with_its_laws() {
     for law in ["pid", "hold"] {
         let plan = shipped("spring-mass.toml", &[&format!("controller.law={law}")])
             .unwrap_or_else(|problems| panic!("{problems}"));

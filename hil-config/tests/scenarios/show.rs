@@ -17,7 +17,7 @@ fn shown(text: &str) -> String {
 }
 
 #[test]
-fn what_is_shown_means_the_same() {
+fn a_shown_plan_means_the_same() {
     let texts = [
         BASE.to_owned(),
         base_with("\"lockstep\"", "\"paced\""),
@@ -72,7 +72,7 @@ fn every_parameter_is_shown_with_unit_and_range() {
 }
 
 #[test]
-fn a_plan_of_something_that_is_not_described_is_not_shown() {
+fn a_plan_without_its_descriptions_is_not_shown() {
     let error = show(&plan(BASE), &[], &descriptions::laws(), &[]).expect_err("no plant");
     assert!(error.to_string().contains("plant `drhas`"));
     let error = show(&plan(BASE), &descriptions::plants(), &[], &[]).expect_err("no law");
@@ -101,7 +101,7 @@ proptest! {
             .replace("skew_s = 0.25", &format!("skew_s = {:?}", skew * duration_s))
             .replace("amplitude = 0.1", &format!("amplitude = {amplitude:?}"))
             .replace("[[0, 1], [1.0, 2]]", &format!("[[0, {duration_s:?}]]"));
-        // At few steps an effect may fall behind the last one; nothing is shown then.
+        // With few steps an effect may lie beyond the last one; nothing is shown then.
         if let Ok(expected) = crate::check(&text) {
             prop_assert_eq!(expected.controller.rate_divisor, divisor);
             prop_assert_eq!(plan(&shown(&text)), expected);

@@ -1,4 +1,4 @@
-//! Sums and comparisons of signals of two units.
+//! Sums and comparisons of signals of different units.
 
 use crate::{check, plan};
 
@@ -153,7 +153,7 @@ fn two_known_units_are_neither_added_nor_compared() {
         let parts = [
             format!("is in {unit} and `"),
             format!(
-                "` in {other}, which cannot be {joined}; if it is meant, write a factor, as in `1 * "
+                "` in {other}, which cannot be {joined}; if this is intended, write a factor, as in `1 * "
             ),
         ];
         assert!(
@@ -165,7 +165,7 @@ fn two_known_units_are_neither_added_nor_compared() {
 }
 
 #[test]
-fn plain_numbers_products_and_factors_fit_everything() {
+fn plain_numbers_products_and_factors_are_compatible_with_everything() {
     for (place, expression) in [
         (
             "DERIVED",
@@ -276,7 +276,7 @@ fn a_plain_factor_keeps_the_dimension_of_a_quantity() {
     }
 }
 
-/// A factor may be the conversion between two units of one dimension, so such units are not refused.
+/// A factor may convert between two units of one dimension, so such units are not refused.
 #[test]
 fn a_factor_may_convert_between_units_of_one_dimension() {
     for expression in [
@@ -287,12 +287,12 @@ fn a_factor_may_convert_between_units_of_one_dimension() {
         let text = text("FORMULA", expression)
             .replace("name = \"way_m\"", "name = \"way_m\"\nunit = \"mm\"")
             .replace("min(way_m)", "1000 * min(way_m)");
-        // The value counts in no unit that is known.
+        // The value is in no known unit.
         assert_eq!(plan(&text).requirements[0].unit, "", "{expression}");
     }
 }
 
-/// A factor may be a conversion, after which a number with a unit, which counts in SI units, would be off by it.
+/// After a factor that may be a conversion, a number with a unit, which counts in SI units, would be off by it.
 #[test]
 fn a_number_with_a_unit_is_refused_beside_a_value_that_a_factor_may_have_converted() {
     let derived = |name: &str, unit: &str, expression: &str| {
@@ -419,14 +419,14 @@ fn a_number_with_a_unit_is_refused_beside_a_value_that_a_factor_may_have_convert
 }
 
 #[test]
-fn a_requirement_has_the_unit_of_all_its_comparisons_or_none() {
+fn a_requirement_has_the_common_unit_of_its_comparisons_or_none() {
     for (formula, unit) in [
         ("abs(truth.position_m) < 5", "m"),
         (
             "always(truth.position_m - way_m < 1 and max(way_m, 2) > 0)",
             "m",
         ),
-        // As described, whatever its name ends with.
+        // As described, whatever its suffix.
         ("parameter.stiffness_n_per_m > 1", "N/m"),
         ("always(sideways_s < 1)", "m"),
         ("truth.position_m < 1 or applied.force_n < 1", ""),

@@ -1,4 +1,4 @@
-//! The engine against controllers that never fall silent: what they say over and over is no answer.
+//! The engine against controllers that never fall silent: repeated messages are no answer.
 
 use std::collections::VecDeque;
 use std::sync::mpsc;
@@ -21,18 +21,18 @@ use super::tests::{job, kind};
 use super::*;
 use crate::faults::kinds;
 
-/// Much longer than any limit here, for a machine that is busy.
+/// Much longer than any limit here, for a busy machine.
 const WATCHDOG: Duration = Duration::from_secs(20);
 pub(super) const WAIT_LIMIT_S: f64 = 0.1;
 
-/// Message that a controller repeats at every look, after those that it has to send.
+/// Message that a controller repeats at every poll, after those that it has to send.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Repeats {
     Nothing,
     Hello,
     Welcome,
     Command(Step),
-    /// The same with other values.
+    /// The same command with other values.
     OtherCommand(Step),
 }
 
@@ -40,12 +40,12 @@ pub(super) enum Repeats {
 pub(super) struct Parrot {
     controls: VecDeque<Control>,
     repeats: Repeats,
-    /// The samples that it answers, in each epoch.
+    /// Number of samples that it answers in each epoch.
     answers: u64,
     identity: Option<shared_types::frame::FrameIdentity>,
     welcome: Option<Control>,
     sequence: u64,
-    /// The sample to answer.
+    /// Sample to answer.
     due: Option<Step>,
 }
 
@@ -114,7 +114,7 @@ impl Link for Parrot {
 
     fn receive(&mut self, values: &mut [f64]) -> Result<Option<Header>, LinkError> {
         let (step, value) = match (self.due.take(), self.repeats) {
-            // The plant would leave its range.
+            // Keeps the plant within its range.
             (Some(sample), _) if sample.0 >= 10 => (sample, 0.0),
             (Some(sample), _) => (sample, sample.0 as f64),
             (None, Repeats::Command(step)) => (step, step.0 as f64),
@@ -138,7 +138,7 @@ impl Link for Parrot {
 
 type ParrotEngine = Engine<Parrot, InProcessSink>;
 
-/// An engine whose limit is short.
+/// Creates an engine with a short limit.
 pub(super) fn engine_with<S: RecordSink>(job: Job, parrot: Parrot, sink: S) -> Engine<Parrot, S> {
     let job = Job {
         wait_limit_s: WAIT_LIMIT_S,
@@ -153,8 +153,8 @@ fn engine(job: Job, parrot: Parrot) -> (ParrotEngine, InProcessSource) {
     (engine_with(job, parrot, sink), source)
 }
 
-/// Drives a run to its end, or stops it when it does not come to one; gives its end, the forces that
-/// the plant met, and why controllers were lost.
+/// Drives a run to its end, or stops it if it does not end; returns the end, the forces applied to the plant, and the
+/// reasons for lost controllers.
 fn ends(
     (mut engine, mut source): (ParrotEngine, InProcessSource),
 ) -> (RunEnd, Vec<f64>, Vec<String>) {
@@ -172,7 +172,7 @@ fn ends(
     watchdog.join().expect("ends");
     let (mut applied_n, mut lost) = (Vec::new(), Vec::new());
     let mut take = |item: Item<'_>| match item {
-        // step, two words of validity, position, then the force that it meets
+        // Step, two words of validity, position, applied force.
         Item::Record(words) => applied_n.push(f64::from_bits(words[4])),
         Item::Event(Event::Controller(told)) => {
             if let ControllerFate::Lost { reason, .. } = told.change {
@@ -200,7 +200,7 @@ pub(super) fn job_of(steps: u64, on_controller_loss: OnLoss, clock: Clock) -> Jo
 }
 
 #[test]
-fn an_old_answer_repeated_for_ever_does_not_put_off_the_limit() {
+fn an_endlessly_repeated_old_answer_does_not_extend_the_limit() {
     let late = "controller did not answer step 3 within 0.1 s";
     for policy in [OnLoss::Abort, OnLoss::Hold, OnLoss::SafeCommand] {
         let parrot = Parrot::new(3, Repeats::Command(Step(0)));
@@ -219,7 +219,7 @@ fn an_old_answer_repeated_for_ever_does_not_put_off_the_limit() {
 }
 
 #[test]
-fn an_old_answer_does_not_put_off_the_limit_of_the_end() {
+fn an_old_answer_does_not_extend_the_limit_of_the_end() {
     let parrot = Parrot::new(9, Repeats::Command(Step(8)));
     let job = job_of(9, OnLoss::Abort, Clock::Lockstep);
     let (end, _, _) = ends(engine(job, parrot));
@@ -228,7 +228,7 @@ fn an_old_answer_does_not_put_off_the_limit_of_the_end() {
 }
 
 #[test]
-fn messages_that_agree_on_nothing_do_not_put_off_the_limit_of_hello() {
+fn fruitless_messages_do_not_extend_the_limit_of_hello() {
     for repeats in [Repeats::Hello, Repeats::Welcome] {
         let mut parrot = Parrot::new(0, repeats);
         parrot.controls.pop_back();
@@ -241,8 +241,8 @@ fn messages_that_agree_on_nothing_do_not_put_off_the_limit_of_hello() {
 }
 
 #[test]
-fn one_that_is_announced_and_chats_does_not_put_off_the_limit_of_the_one_active() {
-    // Were the candidate's limit the only one, the active one would be called late no sooner.
+fn a_chatty_candidate_does_not_extend_the_limit_of_the_active_controller() {
+    // With the candidate's limit alone, the active controller would time out no sooner.
     let parrot = Parrot::new(3, Repeats::Hello);
     let (mut engine, _source) = engine(job_of(9, OnLoss::Abort, Clock::Lockstep), parrot);
     while engine.is_greeting() || engine.side.at() < Step(3) || engine.side.unreleased().is_some() {
@@ -256,7 +256,7 @@ fn one_that_is_announced_and_chats_does_not_put_off_the_limit_of_the_one_active(
 }
 
 #[test]
-fn one_that_is_announced_and_chats_does_not_hold_the_steps_up() {
+fn a_chatty_candidate_does_not_delay_the_steps() {
     let parrot = Parrot::new(u64::MAX, Repeats::Hello);
     let job = job_of(9, OnLoss::Abort, Clock::Lockstep);
     let (mut engine, _source) = engine(job, parrot);
@@ -271,8 +271,8 @@ fn one_that_is_announced_and_chats_does_not_hold_the_steps_up() {
 }
 
 #[test]
-fn against_the_clock_an_old_answer_neither_counts_as_heard_nor_replaces_a_newer_one() {
-    // A step takes as long as the limit: it is over at the second one that misses its command.
+fn in_real_time_an_old_answer_neither_counts_nor_replaces_a_newer_one() {
+    // A step takes as long as the limit, which ends at the second step without its command.
     let parrot = Parrot::new(3, Repeats::Command(Step(1)));
     let job = job_of(9, OnLoss::Hold, Clock::Realtime);
     let (end, applied_n, lost) = ends(engine(job, parrot));
@@ -286,7 +286,7 @@ fn against_the_clock_an_old_answer_neither_counts_as_heard_nor_replaces_a_newer_
 }
 
 #[test]
-fn a_controller_lost_during_a_hold_was_not_lost_later_than_the_run_goes_on() {
+fn a_controller_lost_during_a_hold_is_lost_when_the_run_resumes() {
     let job = Job {
         pause_at_s: Some(0.2),
         ..job_of(9, OnLoss::WaitForRestart, Clock::Lockstep)
@@ -306,13 +306,12 @@ fn a_controller_lost_during_a_hold_was_not_lost_later_than_the_run_goes_on() {
 }
 
 #[test]
-fn a_second_answer_that_is_not_the_first_breaks_the_protocol() {
-    let twice =
-        "controller broke the protocol at step 3: it answered step 2 twice, and not the same";
+fn a_differing_second_answer_breaks_the_protocol() {
+    let twice = "controller broke the protocol at step 3: it answered step 2 twice, with different commands";
     for (policy, repeats, step, why) in [
         (OnLoss::Abort, Repeats::OtherCommand(Step(2)), 3, twice),
         (OnLoss::Hold, Repeats::OtherCommand(Step(2)), 9, twice),
-        // Only the newest is at hand: of one before it nobody knows any more.
+        // Only the newest command is kept: earlier ones cannot be compared.
         (
             OnLoss::Hold,
             Repeats::OtherCommand(Step(1)),

@@ -1,7 +1,6 @@
-//! Commands as they came, in time or not.
+//! Received commands, punctual or late.
 //!
-//! Used by the exchange of each step; never looks at a value, which are in the
-//! [rows](crate::rows::Rows).
+//! Used by the exchange of each step; never accesses the values, which are in the [rows](crate::rows::Rows).
 
 use shared_types::frame::{FrameKind, Header};
 use shared_types::pacer::Streaks;
@@ -10,12 +9,12 @@ use shared_types::wait::WaitLimit;
 
 use crate::repeat::Repetition;
 
-/// Meeting of a step with the newest command.
+/// Newest command as used by a step.
 #[derive(Clone, Copy)]
 pub(super) struct Met {
     /// Steps since the one that the command was sent for.
     pub held_steps: u32,
-    /// Age of the command's content in steps, as it comes to the plant.
+    /// Age of the command's content in steps, on arrival at the plant.
     pub age_steps: u32,
     /// As in [`Command`].
     pub round_trip_ns: u64,
@@ -23,28 +22,28 @@ pub(super) struct Met {
     pub work_ns: u64,
 }
 
-/// Newest command, and what became of those before it.
+/// Newest command, and bookkeeping about earlier ones.
 #[derive(Default)]
 pub(super) struct Commands {
     pub newest: Command,
-    /// Time at which a command came last, in ns of the monotonic clock.
+    /// Time of the last arrival of a command, in ns of the monotonic clock.
     pub heard_ns: u64,
     /// Steps whose command missed its deadline.
     pub missed: Streaks,
-    /// Commands that a recorded run in real time met, if one is repeated.
+    /// Commands used by a recorded real-time run, if one is being repeated.
     pub repetition: Option<Repetition>,
 }
 
-/// The newest command.
+/// Newest command.
 #[derive(Clone, Copy)]
 pub(super) struct Command {
     pub header: Header,
-    /// Steps since the one that it was sent for, at the step that met it last.
+    /// Steps since the one that it was sent for, at the last step that used it.
     pub held_steps: u32,
-    /// From sending its sample, or when that was due, to having it; 0 if none came at this step.
-    /// Of a late command and the one after it, those of the late one.
+    /// Time from sending its sample, or from its due time, to arrival; 0 if none arrived at this step. If a late
+    /// command and its successor arrive together, that of the late one.
     pub round_trip_ns: u64,
-    /// Work of the controller on it; 0 likewise.
+    /// The controller's work on it; 0 likewise.
     pub work_ns: u64,
 }
 
@@ -55,7 +54,7 @@ impl Default for Command {
 }
 
 impl Command {
-    /// Makes a command that no controller sent.
+    /// Creates a command that no controller sent.
     pub(super) const fn new(header: Header) -> Self {
         Self {
             header,
@@ -67,7 +66,7 @@ impl Command {
 }
 
 impl Commands {
-    /// Makes a command the newest.
+    /// Makes an arrived command the newest.
     pub(super) fn came(&mut self, header: &Header, received_ns: u64, round_trip_ns: u64) {
         self.heard_ns = received_ns;
         let newest = &mut self.newest;
@@ -77,8 +76,8 @@ impl Commands {
         }
     }
 
-    /// Gives a step the newest command; it counts as missed if it is of an earlier step and there is a
-    /// controller.
+    /// Assigns the newest command to a step; the step counts as missed if the command belongs to an earlier step
+    /// although there is a controller.
     pub(super) fn meet(&mut self, step: Step, is_alone: bool) -> Met {
         let newest = &mut self.newest;
         let held_steps = (step.0 - newest.header.step) as u32;
@@ -94,12 +93,12 @@ impl Commands {
         }
     }
 
-    /// Goes on after a hold: no command came for as long as when it began, or since then.
+    /// Resumes after a hold: excludes the hold from the time without commands.
     pub(super) const fn resume(&mut self, since_ns: u64, now_ns: u64) {
         self.heard_ns = now_ns - since_ns.saturating_sub(self.heard_ns);
     }
 
-    /// Tells if no command came for the wait limit.
+    /// Returns `true` if no command arrived within the wait limit.
     pub(super) const fn are_silent(&self, now_ns: u64, limit: WaitLimit) -> bool {
         now_ns - self.heard_ns >= limit.ns()
     }
@@ -110,7 +109,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_hold_is_no_silence_whoever_came_or_went_meanwhile() {
+    fn a_hold_is_not_counted_as_silence() {
         for (heard_ns, after_ns) in [(10, 40), (20, 50), (30, 50), (50, 50)] {
             let mut commands = Commands {
                 heard_ns,

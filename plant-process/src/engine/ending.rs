@@ -1,4 +1,4 @@
-//! End of a run: complete, diverged or given up, and the account given of it then.
+//! End of a run: complete, diverged or aborted, and its report.
 
 use shared_types::failure::Failure;
 use shared_types::frame::{FrameKind, Header};
@@ -19,7 +19,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.give_up(Outcome::Diverged, AbortCode::Diverged, reason)
     }
 
-    /// Ends the run with the reason that the plant gave.
+    /// Ends the run with the plant's reason.
     pub(super) fn failed(&mut self, step: Step, failure: &Failure) -> Result<(), LinkError> {
         let said = text::line(&failure.to_string());
         if failure.is_divergence() {
@@ -38,7 +38,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.give_up(outcome, abort.code(), abort.to_string())
     }
 
-    /// Tells the controller, publishes what is there and ends.
+    /// Informs the controller, publishes pending records and ends the run.
     pub(super) fn give_up(
         &mut self,
         outcome: Outcome,
@@ -69,7 +69,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     ) -> Result<(), LinkError> {
         self.queue.close();
         self.side.on(&PlantEvent::Stop); // whatever it was in, it is over now
-        // Room or not: nothing comes after it that could be lost.
+        // Regardless of room: no later item could be lost.
         let published = self.publisher.flush(&self.rows.record);
         let rejected = self.link.rejected();
         let end = RunEnd {

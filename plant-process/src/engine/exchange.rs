@@ -1,4 +1,4 @@
-//! After a sample was sent: the command that answers it, in time or not, the record, and the step itself.
+//! Exchange of a step after its sample was sent: the command, punctual or late, the record, and the integration.
 
 use hil_session::clock::monotonic_ns;
 use shared_types::frame::{FrameKind, Header};
@@ -13,7 +13,7 @@ use super::commands::Met;
 use super::{Engine, Progress};
 
 impl<L: Link, S: RecordSink> Engine<L, S> {
-    /// After a sample was sent: take the command that answers it and integrate to the next step.
+    /// Takes the command that answers the sample and integrates to the next step.
     pub(super) fn collect(&mut self) -> Result<Progress, LinkError> {
         if !self.tell()? {
             return Ok(Progress::Recorder);
@@ -43,8 +43,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
     }
 
-    /// Does what a frame of the controller asks for; false if it gets the run no further, and what was
-    /// awaited still is.
+    /// Processes a frame of the controller; returns `false` if it does not advance the run, so that the wait continues.
     fn hears(&mut self, header: &mut Header) -> Result<bool, LinkError> {
         let before = self.side.standing();
         match self.side.on(&PlantEvent::Frame(header)) {
@@ -65,8 +64,8 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(self.side.standing() != before)
     }
 
-    /// Returns true if a command that is passed over contradicts the newest one, of the same step. The
-    /// newest one may come from elsewhere, as in a run that is repeated or after a loss.
+    /// Returns `true` if an ignored command contradicts the newest one, of the same step. The newest one may have
+    /// another origin, as in a repeated run or after a loss.
     fn contradicts(&self, header: &Header) -> bool {
         let newest = &self.commands.newest.header;
         header.kind() == Some(FrameKind::Command)
@@ -75,13 +74,13 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             && self.rows.differs(header, newest)
     }
 
-    /// Takes the command that answers a step, or what it had to do with in the run that is repeated.
+    /// Takes the command that answers a step, or reproduces its fate in the repeated run.
     fn take(&mut self, step: Step, header: &Header) -> Result<(), LinkError> {
         let received_ns = monotonic_ns();
         if step == self.first
             && let Some(pacer) = &mut self.pacer
         {
-            // Time begins when the controller has answered once.
+            // Time starts with the controller's first answer.
             pacer.anchor(step, received_ns);
         }
         let round_trip_ns = received_ns - self.sample.sent_ns;
@@ -95,7 +94,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.meet(step, received_ns)
     }
 
-    /// Keeps a command that came too late for its own step.
+    /// Stores a command that arrived too late for its own step.
     fn keep(&mut self, header: &Header) {
         let received_ns = monotonic_ns();
         let due_ns = (self.pacer).map_or(0, |pacer| pacer.due_ns(Step(header.step)));
@@ -103,7 +102,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         (self.commands).came(header, received_ns, round_trip_ns);
     }
 
-    /// The command missed its deadline: the step meets the newest there is.
+    /// Uses the newest available command for a step whose own missed its deadline.
     fn miss(&mut self) -> Result<Progress, LinkError> {
         let now_ns = monotonic_ns();
         let limit = self.wait_limit();
@@ -117,7 +116,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         if self.job.run.overrun == OverrunPolicy::Abort {
             self.commands.missed.note(step);
             let late = format!(
-                "controller did not answer step {step} by its deadline, and the policy for overruns is `abort`"
+                "controller did not answer step {step} by its deadline, and the overrun policy is `abort`"
             );
             return self.overran(late);
         }
@@ -130,7 +129,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(Progress::Over)
     }
 
-    /// A step meets the newest command: it is applied and the plant integrates to the next step.
+    /// Applies the newest command to a step and integrates to the next one.
     pub(super) fn meet(&mut self, step: Step, received_ns: u64) -> Result<(), LinkError> {
         if self.publisher.is_stuck(received_ns)? {
             return self.recorder_late();
@@ -178,7 +177,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(())
     }
 
-    /// Writes down the record of a step; it is published while the controller works on the next.
+    /// Writes the record of a step; it is published while the controller works on the next.
     fn note_record(&mut self, step: Step, met: &Met, age_steps: u32, received_ns: u64) {
         let header = &self.commands.newest.header;
         let took_ns = received_ns - self.sample.sent_ns + self.timing.plant_ns;
@@ -202,7 +201,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.publisher.note();
     }
 
-    /// Record N: the truth after the last step, which no command answers.
+    /// Writes record N: the truth after the last step, without a command.
     fn record_final_truth(&mut self, step: Step) -> Result<(), LinkError> {
         let time_s = self.job.run.rate.seconds(step);
         let rows = &mut self.rows;

@@ -1,4 +1,4 @@
-//! Before the first step: agreeing with a controller on what the frames carry.
+//! Before the first step: agreement with a controller on the content of the frames.
 
 use shared_types::describe::Invalid;
 use shared_types::hello::{Control, Welcome};
@@ -13,7 +13,7 @@ use crate::rows::Rows;
 use crate::tuning::Offered;
 
 impl<L: Link, S: RecordSink> Engine<L, S> {
-    /// Before the first step: agree with a controller on what the frames carry.
+    /// Agrees with a controller on the content of the frames, before the first step.
     pub(super) fn greet(&mut self) -> Result<Progress, LinkError> {
         let Some(message) = self.hear()? else {
             return Ok(Progress::Controller);
@@ -78,7 +78,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
     }
 
-    /// Puts back what the run goes on from; the model has its state since the start.
+    /// Restores the state to resume from; the model was restored at the start.
     fn restore(&mut self) -> Result<(), Invalid> {
         let Some(saved) = self.saved.take() else {
             return Ok(());

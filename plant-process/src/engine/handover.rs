@@ -1,5 +1,4 @@
-//! Handover: the right to speak for the controller, its loss, and another controller that takes over while the run
-//! goes on.
+//! Handover: authentication of the controller, its loss, and another controller that takes over during the run.
 
 use hil_session::clock::monotonic_ns;
 use hil_session::program;
@@ -18,13 +17,13 @@ use super::commands::Command;
 use super::{Clock, Engine, Progress};
 use crate::tuning::Offered;
 
-/// Newest controller on its way to take over.
+/// State of the latest controller that is to take over.
 pub(super) struct Handover {
     /// Epoch of the controller that was announced last.
     expected: u32,
     /// Time since which it is awaited.
     since_ns: u64,
-    /// Control message that waits until it is known who may speak for the controller.
+    /// Control message held until its sender is authenticated.
     heard: Option<Control>,
     agreed: Option<Agreed>,
 }
@@ -43,7 +42,7 @@ impl Default for Handover {
 }
 
 impl Handover {
-    /// Begins with the controller of an epoch, of which nothing is known.
+    /// Begins with the controller of an epoch, still unknown.
     const fn to(expected: u32, since_ns: u64) -> Self {
         Self {
             expected,
@@ -55,8 +54,8 @@ impl Handover {
 }
 
 impl<L: Link, S: RecordSink> Engine<L, S> {
-    /// Expects another controller, announced for this epoch. If no control channel can be made for the
-    /// controller, the run goes on without it.
+    /// Expects another controller, announced for this epoch. If no control channel can be created for it, the run
+    /// continues without it.
     ///
     /// # Errors
     /// If the link or the record stream failed.
@@ -71,27 +70,27 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(())
     }
 
-    /// Returns true while the first controller is being greeted.
+    /// Returns `true` while the first controller is being greeted.
     #[must_use]
     pub const fn is_greeting(&self) -> bool {
         self.side.is_greeting()
     }
 
-    /// Returns true while the first controller may still be starting, after it was waited for so long.
+    /// Returns `true` while the first controller may still be starting after this waiting time.
     #[must_use]
     pub fn is_controller_starting(&self, waited_ns: u64) -> bool {
         let limit = self.job.start_limit_s.map(WaitLimit::from_seconds);
         self.is_greeting() && limit.is_some_and(|limit| waited_ns < limit.ns())
     }
 
-    /// Returns true while the first controller, started by hand, may be held in a debugger as long as somebody
-    /// likes.
+    /// Returns `true` while the first controller, started manually, may be stopped in a debugger for any length of
+    /// time.
     #[must_use]
     pub const fn is_controller_in_hand(&self) -> bool {
         self.job.is_controller_by_hand && self.is_greeting()
     }
 
-    /// The controller that is gone and was not known to be: the active one, or the one announced.
+    /// Returns a newly detected lost controller: the active one, or the announced one.
     #[must_use]
     pub fn news(&self, gone: Gone) -> Option<u32> {
         if !gone.any() {
@@ -104,14 +103,14 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.candidate_gone(gone)
     }
 
-    /// Returns the controller that was announced and has ended before it took over.
+    /// Returns the announced controller if it ended before taking over.
     #[must_use]
     pub fn candidate_gone(&self, gone: Gone) -> Option<u32> {
         self.side.candidate().filter(|epoch| gone.is(*epoch))
     }
 
-    /// The next control message of the process that was launched to be the controller. Others are
-    /// told to leave.
+    /// Receives the next control message of the process that was launched as the controller. Other processes are told
+    /// to leave.
     pub(super) fn hear(&mut self) -> Result<Option<Control>, LinkError> {
         let heard = &mut self.handover.heard;
         if heard.is_none() {
@@ -142,7 +141,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
     }
 
-    /// Tells the protocol what the controller of this epoch said.
+    /// Passes a message of this epoch's controller to the protocol.
     pub(super) fn take_message(&mut self, message: &Control, epoch: u32) -> PlantAction {
         match message {
             Control::Hello(hello) => {
@@ -171,8 +170,8 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
     }
 
-    /// Hears the controller that was announced; true if that changed anything for the run, as it takes
-    /// over or was the last hope. Else the active one goes on, and has no more time for it.
+    /// Receives messages of the announced controller; returns `true` if the run was affected, as the controller takes
+    /// over or was the last hope. Otherwise the active controller continues within its current limit.
     pub(super) fn attend_candidate(&mut self) -> Result<bool, LinkError> {
         let limit = self.wait_limit();
         if monotonic_ns() - self.handover.since_ns >= limit.ns() {
@@ -206,7 +205,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(self.side.standing() != standing)
     }
 
-    /// The one that was announced is active; before it the run was alone, and waited, or neither.
+    /// Activates the announced controller, after a run without one that waited or continued.
     fn take_over(
         &mut self,
         unanswered: Option<Step>,
@@ -226,7 +225,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.link.take_over();
         self.rows.rebind(&welcome);
         let now_ns = monotonic_ns();
-        // Time stood still while nobody was there; a hold delays by itself all that comes after its begin.
+        // Time stopped while there was no controller; a hold by itself delays everything after its beginning.
         if waited && let Some(pacer) = &mut self.pacer {
             let until_ns = self.held.map_or(now_ns, |held| held.since_ns);
             pacer.delay(until_ns.saturating_sub(self.commands.heard_ns));
@@ -249,7 +248,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(())
     }
 
-    /// The active controller is of no more use: the run goes on as the policy says.
+    /// Gives up the active controller and continues according to the policy.
     pub(super) fn lose(&mut self, why: &Abort) -> Result<(), LinkError> {
         let (at, policy) = (self.side.at(), self.job.run.on_controller_loss);
         // It may only be stopped, and wake up again.
@@ -280,7 +279,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.link.send(&header, &[])
     }
 
-    /// The one that was announced does not come into office.
+    /// Dismisses the announced controller.
     pub(super) fn dismiss(&mut self, why: &Abort) -> Result<(), LinkError> {
         let reason = why.to_string();
         program::say(&format!("refused another controller: {reason}"));
@@ -292,7 +291,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.publish(self.handover.expected, ControllerFate::Refused { reason })
     }
 
-    /// Tells observers, after all that happened before.
+    /// Reports a change to observers, after all earlier items.
     fn publish(&mut self, epoch: u32, change: ControllerFate) -> Result<(), LinkError> {
         self.tell()?;
         let step = self.side.at().0;
@@ -304,7 +303,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.publisher.sink.event(&Event::Controller(change))
     }
 
-    /// After a loss: the step meets the newest command, or waits for another controller.
+    /// Continues after a loss with the newest command, or waits for another controller.
     pub(super) fn go_on_alone(&mut self) -> Result<Progress, LinkError> {
         let (limit, now_ns) = (self.wait_limit(), monotonic_ns());
         let waits = self.job.run.on_controller_loss == OnLoss::WaitForRestart;

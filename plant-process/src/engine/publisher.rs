@@ -1,30 +1,30 @@
-//! Publishing of records, and the watch over the recorder that takes them.
+//! Publisher of records, with supervision of the recorder.
 //!
-//! The recorder's buffer holds thousands of records, seconds of a slow run, before one has to wait for
-//! it, and in real time none ever does. So the publisher looks now and then if it still takes any.
+//! The recorder's buffer holds thousands of records, seconds of a slow run, before the plant has to wait, and in real
+//! time it never waits. So the publisher checks now and then that the recorder still takes records.
 
 use shared_types::link::LinkError;
 use shared_types::stream::RecordSink;
 use shared_types::wait::WaitLimit;
 
-/// Looks in each wait limit.
+/// Checks per wait limit.
 const LOOKS: u64 = 8;
 
 /// Stream of records and events to the recorder.
 pub(super) struct Publisher<S> {
     pub sink: S,
     limit: WaitLimit,
-    /// Tells if the last record was not published yet.
+    /// `true` if the last record was not published yet.
     pending: bool,
-    /// Time of the next look at the recorder.
+    /// Time of the next check of the recorder.
     again_ns: u64,
-    /// Number of items that the recorder had taken, of those that there were, and since when it has
-    /// taken no other; `None` where there were no others.
+    /// Number of items that the recorder had taken while more were pending, and the time since which that number has
+    /// not changed; `None` if none were pending.
     owing: Option<(u64, u64)>,
 }
 
 impl<S: RecordSink> Publisher<S> {
-    /// Makes the stream to a recorder that may take nothing for the wait limit at most.
+    /// Creates the stream to a recorder that must take an item within the wait limit.
     pub(super) const fn new(sink: S, limit: WaitLimit) -> Self {
         Self {
             sink,
@@ -35,12 +35,12 @@ impl<S: RecordSink> Publisher<S> {
         }
     }
 
-    /// Notes that there is a record to publish.
+    /// Marks a record as pending.
     pub(super) const fn note(&mut self) {
         self.pending = true;
     }
 
-    /// Publishes the record if it is not yet; false if the recorder has no room for it now.
+    /// Publishes a pending record; returns `false` if the recorder has no room for it now.
     pub(super) fn publish(&mut self, record: &[u64]) -> Result<bool, LinkError> {
         if self.pending {
             if !self.sink.has_room()? {
@@ -51,7 +51,7 @@ impl<S: RecordSink> Publisher<S> {
         Ok(true)
     }
 
-    /// Publishes the record if it is not yet, room or not.
+    /// Publishes a pending record, regardless of room.
     pub(super) fn flush(&mut self, record: &[u64]) -> Result<(), LinkError> {
         if std::mem::take(&mut self.pending) {
             self.sink.record(record)?;
@@ -59,7 +59,7 @@ impl<S: RecordSink> Publisher<S> {
         Ok(())
     }
 
-    /// Tells if the recorder took nothing of what there is for the wait limit. Most calls compare two
+    /// Returns `true` if the recorder took none of the pending items within the wait limit. Most calls only compare two
     /// numbers.
     pub(super) fn is_stuck(&mut self, now_ns: u64) -> Result<bool, LinkError> {
         if now_ns < self.again_ns {
@@ -86,7 +86,7 @@ mod tests {
     use super::super::{Clock, Progress};
     use super::*;
 
-    /// A recorder with room for everything that stops, or takes one item between two looks.
+    /// A recorder with room for everything that stops, or takes one item between two checks.
     struct Lazy {
         sent: u64,
         taken: u64,
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn a_recorder_that_takes_nothing_ends_the_run_whatever_room_it_has() {
+    fn a_recorder_that_takes_nothing_ends_the_run_despite_its_room() {
         for (is_full, clock) in [
             (false, Clock::Lockstep),
             (true, Clock::Lockstep),
@@ -140,16 +140,16 @@ mod tests {
             let mut engine = engine_with(job, parrot, lazy(false, is_full));
             while engine.poll().expect("polls") != Progress::Over {}
             let end = engine.end().expect("over");
-            let told = "the recorder took no record within the wait limit";
+            let reason = "the recorder took no record within the wait limit";
             assert_eq!(
                 (end.outcome, end.reason.as_deref()),
-                (Outcome::Failed, Some(told))
+                (Outcome::Failed, Some(reason))
             );
         }
     }
 
     #[test]
-    fn a_recorder_that_takes_one_at_a_time_does_not() {
+    fn a_recorder_that_takes_one_item_at_a_time_does_not_end_the_run() {
         let parrot = Parrot::new(u64::MAX, Repeats::Nothing);
         let job = job_of(u64::MAX, OnLoss::Abort, Clock::Lockstep);
         let mut engine = engine_with(job, parrot, lazy(true, false));

@@ -1,4 +1,4 @@
-//! Between two steps: saving, waiting for the clock, and sending the sample of the next one.
+//! Between two steps: saving, waiting for the clock, and sending the next sample.
 
 use hil_config::plan::Clock;
 use hil_session::clock::monotonic_ns;
@@ -15,15 +15,15 @@ use super::{Engine, Plant, Progress};
 use crate::checkpoint::SavedPlant;
 use crate::stimulus;
 
-/// Sample that was sent last, and the wait for its command.
+/// Last sample sent, and the wait for its command.
 pub(super) struct SentSample {
     pub age_steps: u32,
     /// [`Directive`](shared_types::directive::Directive) for the controller's runner, as sent.
     pub directive: u64,
     pub sent_ns: u64,
-    /// Time by which it was sent later than due.
+    /// Delay in sending it.
     pub late_ns: u64,
-    /// Time until which the command is awaited; for ever except in real time.
+    /// Time until which the command is awaited; unlimited except in real time.
     pub deadline_ns: u64,
 }
 
@@ -40,7 +40,7 @@ impl Default for SentSample {
 }
 
 impl SentSample {
-    /// Notes when it is sent and was due; 0 if it never was.
+    /// Records when it is sent and was due; 0 if it had no due time.
     const fn is_sent(&mut self, now_ns: u64, due_ns: u64) {
         self.sent_ns = now_ns;
         self.late_ns = match due_ns {
@@ -51,7 +51,7 @@ impl SentSample {
 }
 
 impl<L: Link, S: RecordSink> Engine<L, S> {
-    /// Between two steps: wait for the clock, then send the sample of the next one.
+    /// Waits for the clock, then sends the sample of the next step.
     pub(super) fn release(&mut self, step: Step) -> Result<Progress, LinkError> {
         if self.saves.are_due(step) {
             if !self.tell()? {
@@ -106,7 +106,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 self.sample.deadline_ns = self.deadline_of(step);
                 self.sample.is_sent(monotonic_ns(), release_ns);
                 self.link.send(&header, &self.rows.sample)?;
-                // While the controller works: what observers need, and what needs no command.
+                // While the controller works: publishing, and work that needs no command.
                 self.tell()?;
                 self.prepare(step.next());
             }
@@ -122,8 +122,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(Progress::Busy)
     }
 
-    /// Saves the state before a step, of which nothing was done yet; every record before it was
-    /// published.
+    /// Saves the state before any work on a step; every earlier record has been published.
     fn save(&mut self, step: Step) -> Result<(), String> {
         let Plant {
             model,
@@ -156,8 +155,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
     }
 
-    /// Until when the command of a step is awaited. The first waits for the controller: time has not
-    /// begun.
+    /// Returns the deadline of a step's command. The first command has none: time has not started.
     fn deadline_of(&self, step: Step) -> u64 {
         match (&self.pacer, self.job.run.clock) {
             (Some(pacer), Clock::Realtime) if step > self.first => {
@@ -167,7 +165,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
     }
 
-    /// Makes the reference signals of a step, which depend on time alone.
+    /// Computes the reference signals of a step, which depend on time alone.
     pub(super) fn prepare(&mut self, step: Step) {
         let time_s = self.job.run.rate.seconds(step);
         let mut reference = &mut self.rows.stimulus[..];
@@ -180,8 +178,8 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.rows.stimulus_of = Some(step);
     }
 
-    /// Changes the values that are to be others from a step on, and tells the controller of those of its law
-    /// ahead of the sample that they count for.
+    /// Applies the value changes of a step, and sends those of the law to the controller before the sample that they
+    /// apply to.
     fn tune(&mut self, step: Step) -> Result<(), LinkError> {
         let Plant { tuning, faults, .. } = &mut self.plant;
         let moves_law = tuning.advance(step, &self.rows.stimulus);
@@ -194,7 +192,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(())
     }
 
-    /// Tells the active controller of all parameters of its law that were changed.
+    /// Sends all changed law parameters to the active controller.
     pub(super) fn tell_law(&mut self) -> Result<(), LinkError> {
         if self.side.is_alone() {
             return Ok(()); // the next one is told when it takes over
@@ -203,7 +201,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.link.tell(&tuned.to_bytes())
     }
 
-    /// Fills the sample of a step; false if the plant diverged or failed.
+    /// Fills the sample of a step; returns `false` if the plant diverged or failed.
     fn measure(&mut self, step: Step) -> Result<bool, LinkError> {
         if self.rows.stimulus_of != Some(step) {
             self.prepare(step);
@@ -239,7 +237,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     }
 }
 
-/// Spins for so long; gives how long it was.
+/// Spins for this time; returns the actual duration.
 fn spin(busy_ns: u64) -> u64 {
     let since_ns = monotonic_ns();
     loop {

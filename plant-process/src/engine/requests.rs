@@ -1,5 +1,5 @@
-//! Requests to a run, served between two steps: faults, changes of values, marks, the newest record, pause
-//! and resume. Checks nothing that [`live`](crate::live) can check.
+//! Requests to a run, served between two steps: faults, changes of values, marks, the newest record, pause and resume.
+//! Leaves all possible checks to [`live`](crate::live).
 
 use hil_config::plan::{PLANT_KEYS, law_keys};
 use hil_session::clock::monotonic_ns;
@@ -15,14 +15,14 @@ use crate::request_queue::{LoopRequest, TuningShown};
 /// Hold of a run, in ns of the monotonic clock.
 #[derive(Clone, Copy)]
 pub(super) struct Held {
-    /// Begin.
+    /// Beginning.
     pub since_ns: u64,
-    /// Time at which the controller was told last.
+    /// Time of the last message to the controller.
     told_ns: u64,
 }
 
 impl<L: Link, S: RecordSink> Engine<L, S> {
-    /// Serves what waits in the queue before a step; true if the run is held there.
+    /// Serves the queued requests before a step; returns `true` if the run is held there.
     pub(super) fn attend(&mut self, step: Step) -> Result<bool, LinkError> {
         while self.publisher.sink.has_room()?
             && let Some(request) = self.queue.next_request()
@@ -53,7 +53,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(true)
     }
 
-    /// Returns the time between two hold messages to the controller: well within the controller's patience.
+    /// Returns the time between two hold messages to the controller: well within its wait limit.
     fn hold_again_ns(&self) -> u64 {
         const OFTEN_NS: u64 = 100_000_000;
         let patience_ns = (self.job.wait_limit_s * 0.25e9) as u64;
@@ -62,7 +62,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
 
     fn serve(&mut self, request: LoopRequest, step: Step) -> Result<(), LinkError> {
         let (queue, faults) = (&self.queue, &mut self.plant.faults);
-        // Whoever asked may have gone away; what was asked is done all the same.
+        // Executed even if the client has gone.
         match request {
             LoopRequest::Admit(armed, answer) => {
                 let events: Vec<_> = (armed.iter().map(|fault| fault.event().clone())).collect();
@@ -115,7 +115,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 let _ = answer.send(if is_late {
                     Err("the run is over".into())
                 } else if epoch != tuning.offered().epoch {
-                    Err("another controller took over meanwhile, or none is there".into())
+                    Err("another controller took over meanwhile, or there is none".into())
                 } else {
                     tuning.admit(*change, step)
                 });
@@ -145,7 +145,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                     let mark = Mark { step: step.0, text };
                     self.publisher.sink.event(&Event::Mark(mark))?;
                 }
-                let refused = || format!("the run has {MOST_MARKS} marks, and no room for more");
+                let refused = || format!("the run has {MOST_MARKS} marks, which is the maximum");
                 let _ = answer.send(taken.then_some(step).ok_or_else(refused));
             }
         }

@@ -1,4 +1,4 @@
-//! The engine against a controller's end of a link that the test holds in its own hands.
+//! The engine against a controller's end of a link that the test drives directly.
 
 use hil_config::plan::{
     FaultAction, FaultEffect, FaultEnd, FaultEvent, FaultSource, Move, PlantPlan, Profile, Run,
@@ -27,7 +27,7 @@ mod failures;
 shared_types::table! {
     /// Parameters.
     struct Parameters {
-        /// Speed for each newton.
+        /// Displacement per newton.
         gain_m_per_n: "m/N" = 1.0 in 0.0..=1e9 [faultable],
     }
 }
@@ -37,7 +37,7 @@ shared_types::table! {
     struct Truth {
         /// Position.
         position_m: "m" in (-100.0)..=100.0,
-        /// The command that it meets.
+        /// Applied command.
         applied_n: "N",
     }
 }
@@ -166,19 +166,19 @@ pub(super) fn job(steps: u64) -> Job {
 
 type TestEngine = Engine<InProcessLink, InProcessSink>;
 
-/// An engine, a controller that has opened its frames, and a recorder.
+/// Creates an engine, a controller that has opened its frames, and a recorder.
 fn greeted(job: Job) -> (TestEngine, InProcessLink, InProcessSource) {
     greeted_by(&kind(), job)
 }
 
-/// The same with a plant that has the tables of [`Mover`].
+/// Does the same with a plant that has the tables of [`Mover`].
 fn greeted_by(kind: &PlantKind, job: Job) -> (TestEngine, InProcessLink, InProcessSource) {
     let (link, mut controller) = pair();
     let (sink, source) = shared_types::stream::in_process::pair();
     let mut engine = Engine::new(kind, &kinds::all(), job, link, sink).expect("starts");
     let hello = Hello {
         measured: Measured::fields(),
-        // Another order than the plant's, and one too many.
+        // In another order than the plant's, with a surplus one.
         commands: Some(vec![
             Field::signal("spare_a", "A", "x"),
             Command::fields().remove(0),
@@ -210,7 +210,7 @@ fn greeted_by(kind: &PlantKind, job: Job) -> (TestEngine, InProcessLink, InProce
     (engine, controller, source)
 }
 
-/// Answers every sample with this force until the plant sends something else; gives that header.
+/// Answers every sample with this force until the plant sends something else, and returns that header.
 fn run(engine: &mut TestEngine, controller: &mut InProcessLink, force_n: f64) -> Header {
     let mut sample = [0.0; 3];
     loop {
@@ -229,12 +229,12 @@ fn run(engine: &mut TestEngine, controller: &mut InProcessLink, force_n: f64) ->
     }
 }
 
-/// All that was published: values of records, texts of events.
+/// Returns everything published: values of records, texts of events.
 fn published(source: &mut InProcessSource) -> (Vec<Vec<f64>>, Vec<Event>) {
     let (mut records, mut events) = (Vec::new(), Vec::new());
     let mut take = |item: Item<'_>| match item {
-        // step, two words of validity, then: position, applied; measured; reference and slope;
-        // command; applied; internal
+        // Step, two words of validity, then: position, applied; measured; reference and slope; command; applied;
+        // internal.
         Item::Record(words) => {
             let values = words[3..11].iter().map(|word| f64::from_bits(*word));
             records.push(std::iter::once(words[0] as f64).chain(values).collect());

@@ -1,37 +1,37 @@
-//! Arrivals of messages, and which of them the receiver has: steps only, no content.
+//! Arrival of messages at the receiver: steps only, no content.
 //!
-//! The [`channel`](super::channel) has one for what really arrives, and every fault of the link one
-//! for what would arrive if it were the last: the difference between two of them is what a fault
-//! alone did. Knows nothing of why a message is late.
+//! The [`channel`](super::channel) has one instance for the real arrivals, and every fault of the link one for the
+//! arrivals if it were the last fault: the difference between two of them is the effect of a single fault. The causes
+//! of delays are unknown here.
 
 use serde::{Deserialize, Serialize};
 use shared_types::describe::Invalid;
 
 use super::kind::Passage;
 
-/// Messages that can be under way: one that would come later than this never comes.
+/// Maximum number of messages in transit: a message delayed for longer never arrives.
 pub(super) const DEPTH: usize = Passage::LATEST_STEPS as usize + 1;
-/// A step that never comes.
+/// Step that never comes.
 const NEVER: u64 = u64::MAX;
 
-/// Messages under way and the one that was received last.
+/// Messages in transit and the one that was received last.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Arrivals {
-    /// By the step of the arrival, modulo [`DEPTH`].
+    /// Slots by step of arrival, modulo [`DEPTH`].
     slots: Vec<Slot>,
-    /// The step of the message that the receiver has.
+    /// Step of the message that the receiver has.
     received: Option<u64>,
-    /// Messages sent before this step do not replace newer ones any more.
+    /// Step before which sent messages no longer replace newer ones.
     overruled: u64,
 }
 
-/// The messages that matter of those that arrive at one step: each the last of its sort.
+/// Relevant messages among those that arrive at one step: the last of each sort.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Slot {
-    /// The step of the arrival; any other has nothing to do with this slot any more.
+    /// Step of arrival; for any other step the slot is stale.
     at: u64,
     in_order: Option<u64>,
-    /// Comes after all that are in order.
+    /// Overtaken message, which arrives after all that are in order.
     overtaken: Option<u64>,
 }
 
@@ -42,7 +42,7 @@ const EMPTY: Slot = Slot {
 };
 
 impl Arrivals {
-    /// Nothing under way, nothing received.
+    /// Creates an empty state: nothing in transit, nothing received.
     pub(super) fn new() -> Self {
         Self {
             slots: vec![EMPTY; DEPTH],
@@ -51,35 +51,35 @@ impl Arrivals {
         }
     }
 
-    /// Begins with nothing under way and a receiver that has this message.
+    /// Starts with nothing in transit and a receiver that has this message.
     pub(super) fn begin(&mut self, received: Option<u64>) {
         self.slots.fill(EMPTY);
         self.received = received;
         self.overruled = 0;
     }
 
-    /// Begins as another stands.
+    /// Continues from the state of another instance.
     pub(super) fn continue_from(&mut self, other: &Self) {
         self.slots.copy_from_slice(&other.slots);
         self.received = other.received;
         self.overruled = other.overruled;
     }
 
-    /// Stands as another that was saved.
+    /// Restores a saved state.
     pub(super) fn restore(&mut self, saved: &Self) -> Result<(), Invalid> {
         if saved.slots.len() != DEPTH {
-            return Err(Invalid("the state of the link is not one".into()));
+            return Err(Invalid("the state of the link is not valid".into()));
         }
         self.continue_from(saved);
         Ok(())
     }
 
-    /// A fault of the link ended: what is late because of it does not replace newer messages.
+    /// Ends a fault of the link: messages that it delayed no longer replace newer ones.
     pub(super) const fn overrule(&mut self, step: u64) {
         self.overruled = step;
     }
 
-    /// Sends the message of a step on its way.
+    /// Sends the message of a step.
     pub(super) fn send(&mut self, step: u64, passage: &Passage) {
         for (late_steps, overtaken) in passage.copies.into_iter().zip(passage.overtaken) {
             let Some(late_steps) = late_steps.filter(|&late| late <= Passage::LATEST_STEPS) else {
@@ -90,7 +90,7 @@ impl Arrivals {
             if slot.at != at {
                 *slot = Slot { at, ..EMPTY };
             }
-            // Steps rise, so this one was sent after all that are here.
+            // Steps rise, so this message was sent after all in the slots.
             if overtaken && late_steps > 0 {
                 slot.overtaken = Some(step);
             } else {
@@ -99,7 +99,7 @@ impl Arrivals {
         }
     }
 
-    /// Takes what arrives at a step; gives the message that the receiver has after that.
+    /// Processes the arrivals at a step and returns the message that the receiver then has.
     pub(super) fn receive(&mut self, step: u64) -> Option<u64> {
         let slot = self.slots[(step % DEPTH as u64) as usize];
         if slot.at == step {
@@ -114,7 +114,7 @@ impl Arrivals {
     }
 }
 
-/// Steps since a message was sent; without one as many as if it had come just before step 0.
+/// Returns the steps since a message was sent; without one, as if it had been sent just before step 0.
 pub(super) fn age_steps(step: u64, received: Option<u64>) -> u32 {
     let age = received.map_or(step + 1, |received| step - received);
     u32::try_from(age).unwrap_or(u32::MAX)
@@ -140,8 +140,8 @@ mod tests {
         }
     }
 
-    /// Sends messages 10, 11, 12 .. each on its passage, after 9 was received; gives what the
-    /// receiver has at each step.
+    /// Sends messages 10, 11, 12 .. each with its passage, after 9 was received; returns the receiver's message at each
+    /// step.
     fn received(passages: &[Passage]) -> Vec<u64> {
         let mut arrivals = Arrivals::new();
         arrivals.begin(Some(9));
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn the_receiver_has_what_arrived_last() {
+    fn the_receiver_has_the_last_arrival() {
         let (healthy, lost, late) = (copies(&[0]), copies(&[]), copies(&[2]));
         let swapped = overtaken(&[1]);
         let cases: [(&str, &[Passage], &[u64]); 9] = [
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_message_comes_after_the_longest_delay_and_not_after_a_longer_one() {
+    fn a_message_arrives_after_the_longest_delay_but_not_after_a_longer_one() {
         for (late, expected) in [(1000, Some(5)), (1001, None)] {
             let mut arrivals = Arrivals::new();
             arrivals.send(5, &copies(&[late]));
@@ -217,8 +217,8 @@ mod tests {
     }
 
     #[test]
-    fn what_a_past_fault_delayed_replaces_only_what_is_older() {
-        // Message 1 should come at 4 and message 2 at 6. The fault ends at 3.
+    fn a_message_delayed_by_an_ended_fault_replaces_only_older_ones() {
+        // Message 1 would arrive at 4 and message 2 at 6. The fault ends at 3.
         let mut arrivals = Arrivals::new();
         let mut pass = |step, passage: &Passage, ended: bool| {
             if ended {

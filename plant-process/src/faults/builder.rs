@@ -1,7 +1,7 @@
-//! The fault builder: turns a checked fault event into one that can act, away from the loop.
+//! Fault builder: turns a checked fault event into one that can act, outside the loop.
 //!
-//! Used at the start for a scenario's faults and by the service thread for live ones. Everything
-//! that a fault needs is found, started and allocated here.
+//! Used at the start for a scenario's faults and by the service thread for live ones. Everything that a fault needs is
+//! resolved, started and allocated here.
 
 use hil_config::condition::Watch;
 use hil_config::expression::Columns;
@@ -32,7 +32,7 @@ pub struct FaultBuilder {
     derived: Vec<(String, String)>,
 }
 
-/// A fault event that is ready to act.
+/// Fault event that is ready to act.
 pub struct ArmedFault {
     pub(super) event: FaultEvent,
     pub(super) effects: Vec<Effect>,
@@ -41,7 +41,7 @@ pub struct ArmedFault {
 }
 
 impl ArmedFault {
-    /// The event as it was asked for.
+    /// Returns the event as requested.
     #[must_use]
     pub const fn event(&self) -> &FaultEvent {
         &self.event
@@ -49,7 +49,7 @@ impl ArmedFault {
 }
 
 impl FaultBuilder {
-    /// A builder for a plant with these reference signals, healthy parameters and kinds of faults.
+    /// Creates a builder for a plant with these reference signals, healthy parameters and fault kinds.
     ///
     /// # Errors
     /// If a parameter of the plant has no value.
@@ -80,20 +80,20 @@ impl FaultBuilder {
         })
     }
 
-    /// Signals of a sample.
+    /// Returns the number of signals in a sample.
     pub(super) fn sample_width(&self) -> usize {
         self.measured.len() + self.reference.len()
     }
 
-    /// The plant's commands.
+    /// Returns the number of the plant's commands.
     pub(super) fn commands(&self) -> usize {
         self.commands.len()
     }
 
-    /// Builds the fault of an event; `columns` are those of a record, which conditions need.
+    /// Builds the fault of an event; `columns` are those of a record, used by conditions.
     ///
     /// # Errors
-    /// If it names something that there is not, or its parameters do not go together.
+    /// If it names something unknown, or its parameters are inconsistent.
     pub fn build(&self, event: FaultEvent, columns: &Columns) -> Result<ArmedFault, Invalid> {
         let watch = |condition: Option<&Condition>| {
             let watch = condition.map(|condition| Watch::new(condition, &self.derived, columns));
@@ -111,7 +111,7 @@ impl FaultBuilder {
         })
     }
 
-    /// The effects of an event, which wait for it to take hold.
+    /// Creates the effects of an event, which wait for its trigger.
     pub(super) fn effects(&self, event: &FaultEvent) -> Result<Vec<Effect>, Invalid> {
         (0..)
             .zip(&event.effects)
@@ -182,7 +182,7 @@ impl FaultBuilder {
     fn parameter(&self, name: &str) -> Result<usize, Invalid> {
         (self.parameters.iter())
             .position(|field| field.faultable && field.name == name)
-            .ok_or_else(|| Invalid(format!("`{name}` is not open to faults")))
+            .ok_or_else(|| Invalid(format!("`{name}` is not faultable")))
     }
 
     fn kind(
@@ -258,19 +258,19 @@ impl FaultBuilder {
 
 /// Place at which an effect of a kind acts.
 enum Place {
-    /// On a parameter.
+    /// A parameter.
     Parameter(usize),
-    /// On a signal.
+    /// A signal.
     Signal(Direction, usize),
-    /// On the link.
+    /// The link.
     Link(Direction),
-    /// On when the controller's answer counts.
+    /// The step at which the controller's answer takes effect.
     Answer,
-    /// On the time that a side takes.
+    /// The time that a side takes.
     Side(Side),
 }
 
-/// An action and what is told of it.
+/// Action with its description.
 struct BuiltAction {
     action: Action,
     parameter: String,
@@ -279,8 +279,8 @@ struct BuiltAction {
     wall_only: bool,
 }
 
-/// Writes the settings that decide what a kind does in one fixed form with exact bits: its parameters
-/// in the order of its table, then its list.
+/// Formats the settings that determine an effect in canonical form with exact bits: the parameters in the order of the
+/// kind's table, then the list.
 fn canonical(kind: &FaultKindDescription, parameters: &Settings, list: &[f64]) -> String {
     let given = |field: &Field| Some((field.name.clone(), parameters.get(&field.name)?));
     let mut parts: Vec<String> = (kind.parameters.iter().filter_map(given))

@@ -1,9 +1,8 @@
-//! The medium of one direction of the link, as faults make it: what was sent, and what the receiver
-//! has of it.
+//! Medium of one direction of the link under faults: sent messages, and the receiver's view of them.
 //!
-//! Used by the [signal path](super::signal_path) of that direction. While no fault of the link acts, what is sent
-//! is what is received, and the channel only takes note of it. The frames of the lockstep never pass
-//! through it: it decides what content they carry.
+//! Used by the [signal path](super::signal_path) of that direction. While no fault of the link acts, messages are
+//! received as sent, and the channel only remembers them. The frames of the lockstep never pass through it: it decides
+//! the content that they carry.
 
 use serde::{Deserialize, Serialize};
 use shared_types::describe::Invalid;
@@ -22,31 +21,31 @@ const IDENTITY: FrameIdentity = FrameIdentity {
     epoch: 1,
 };
 
-/// The medium.
+/// Medium of one direction.
 #[derive(Debug)]
 pub(super) struct Channel {
     width: usize,
     kind: FrameKind,
-    /// The last messages, by step modulo [`DEPTH`].
+    /// Last messages, by step modulo [`DEPTH`].
     values: Vec<f64>,
     about: Vec<About>,
     arrivals: Arrivals,
-    /// The message that the receiver has; it may be older than all of `values`.
+    /// Message that the receiver has; it may be older than all of `values`.
     received: Vec<f64>,
     received_about: About,
-    /// The receiver has nothing yet.
+    /// `true` if the receiver has no message yet.
     silent: bool,
-    /// True if the last message was received as it was sent.
+    /// `true` if the last message was received as sent.
     bypassed: bool,
-    /// Room to open a broken frame in.
+    /// Buffer for opening a corrupted frame.
     opened: Vec<f64>,
     rejected: u64,
 }
 
-/// Facts about a message besides its values.
+/// Metadata of a message.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct About {
-    /// The step at which it was sent.
+    /// Step at which it was sent.
     pub(super) step: u64,
     /// Age of the content at that step, in steps.
     pub(super) age_steps: u32,
@@ -54,10 +53,10 @@ pub(super) struct About {
     pub(super) invalid: [u64; VALIDITY_WORDS],
 }
 
-/// The state of a medium.
+/// Saved state of a medium.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct SavedChannel {
-    /// Nothing while no fault of the link acts: the next one begins with nothing under way.
+    /// `None` while no fault of the link acts: the next one begins with nothing in transit.
     under_way: Option<UnderWay>,
     received: Vec<f64>,
     received_about: About,
@@ -73,7 +72,7 @@ struct UnderWay {
 }
 
 impl Channel {
-    /// A medium for messages of N signals, in frames of this kind.
+    /// Creates a medium for messages of N signals, in frames of this kind.
     pub(super) fn new(width: usize, kind: FrameKind) -> Self {
         Self {
             width,
@@ -105,7 +104,7 @@ impl Channel {
         }
     }
 
-    /// Puts a state back.
+    /// Restores a saved state.
     pub(super) fn restore(&mut self, saved: SavedChannel) -> Result<(), Invalid> {
         let not_one = || Invalid("the state of the link is not one of this plant".into());
         if saved.received.len() != self.width {
@@ -125,22 +124,22 @@ impl Channel {
         Ok(())
     }
 
-    /// Bits of a message's frame.
+    /// Returns the number of bits in a message's frame.
     pub(super) const fn bits(&self) -> u64 {
         64 * words(self.width) as u64
     }
 
-    /// Frames that the check sum refused.
+    /// Returns the number of frames rejected by their checksum.
     pub(super) const fn rejected(&self) -> u64 {
         self.rejected
     }
 
-    /// Returns the messages under way.
+    /// Returns the messages in transit.
     pub(super) const fn arrivals(&self) -> &Arrivals {
         &self.arrivals
     }
 
-    /// Notes a message that is received as it is sent, because no fault of the link acts.
+    /// Remembers a message that is received as sent, because no fault of the link acts.
     pub(super) fn note(&mut self, values: &[f64], about: About) {
         self.received.copy_from_slice(values);
         self.received_about = about;
@@ -148,7 +147,7 @@ impl Channel {
         self.bypassed = true;
     }
 
-    /// A fault of the link takes hold, perhaps besides others.
+    /// Begins a fault of the link, possibly in addition to others.
     pub(super) fn begin(&mut self) {
         if std::mem::take(&mut self.bypassed) {
             let received = (!self.silent).then_some(self.received_about.step);
@@ -156,28 +155,28 @@ impl Channel {
         }
     }
 
-    /// A fault of the link ended, perhaps not the last.
+    /// Ends a fault of the link, possibly not the last.
     pub(super) const fn end(&mut self, step: Step) {
         self.arrivals.overrule(step.0);
     }
 
-    /// Puts a message on the line. [`Channel::send`] follows for the same step.
+    /// Stores the message to be sent. [`Channel::send`] follows for the same step.
     pub(super) fn put(&mut self, values: &[f64], about: About) {
         let place = (about.step % DEPTH as u64) as usize;
         self.values[place * self.width..][..self.width].copy_from_slice(values);
         self.about[place] = about;
     }
 
-    /// Returns true if the message on the line gets through with these bits inverted.
+    /// Returns `true` if the stored message is accepted with these bits inverted.
     pub(super) fn gets_through(&mut self, step: Step, passage: &Passage) -> bool {
         passage.flipped == 0 || self.open_broken(step, passage).is_some()
     }
 
-    /// Sends the message on the line on its way.
+    /// Sends the stored message.
     pub(super) fn send(&mut self, step: Step, passage: &Passage) {
         if passage.flipped > 0 {
             let Some(header) = self.open_broken(step, passage) else {
-                // Each copy is a frame that the receiver refuses.
+                // The receiver rejects each copy.
                 self.rejected += passage.copies.iter().flatten().count() as u64;
                 return;
             };
@@ -189,8 +188,8 @@ impl Channel {
         self.arrivals.send(step.0, passage);
     }
 
-    /// Seals the message on the line in a real frame, inverts its bits and opens it, into `opened`;
-    /// `None`: the frame's own check refuses it.
+    /// Seals the stored message in a real frame, inverts its bits and opens it into `opened`; `None` if the frame's
+    /// check rejects it.
     fn open_broken(&mut self, step: Step, passage: &Passage) -> Option<Header> {
         let place = (step.0 % DEPTH as u64) as usize;
         let header = Header {
@@ -206,8 +205,8 @@ impl Channel {
         frame.open(IDENTITY, &mut self.opened).ok()
     }
 
-    /// Writes the values that the receiver has at a step; returns their age in steps. If nothing ever
-    /// came: zeros, all invalid, as old as the run.
+    /// Writes the receiver's values at a step and returns their age in steps. Without any message so far they are zero,
+    /// invalid, and as old as the run.
     pub(super) fn receive(
         &mut self,
         step: Step,
@@ -242,7 +241,7 @@ mod tests {
 
     const VALID: [u64; VALIDITY_WORDS] = [0; VALIDITY_WORDS];
 
-    /// A channel of two signals whose message of step k has the values k and -k.
+    /// Channel of two signals whose message of step k has the values k and -k.
     struct Line(Channel);
 
     impl Line {
@@ -267,7 +266,7 @@ mod tests {
                 .note(&[step as f64, -(step as f64)], Self::about(step));
         }
 
-        /// First value, age and the first word of invalid bits.
+        /// Returns the first value, the age and the first word of invalid bits.
         fn pass(&mut self, step: u64, passage: &Passage) -> (f64, u32, u64) {
             let (k, mut invalid) = (step as f64, VALID);
             let mut values = [f64::NAN; 2];
@@ -289,7 +288,7 @@ mod tests {
     const LOST: [Option<u32>; 2] = [None; 2];
 
     #[test]
-    fn a_message_brings_its_values_its_validity_and_its_age() {
+    fn a_message_carries_its_values_validity_and_age() {
         let mut line = Line::new();
         line.note(1);
         line.0.begin();
@@ -301,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn the_last_message_is_kept_for_longer_than_the_line_remembers() {
+    fn the_last_message_outlives_the_channels_memory() {
         let mut line = Line::new();
         line.note(1);
         line.0.begin();
@@ -312,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn a_receiver_that_never_got_anything_has_zeros_and_nothing_valid() {
+    fn a_receiver_without_any_message_has_invalid_zeros() {
         let mut line = Line::new();
         line.0.begin();
         assert_eq!(line.pass(0, &late(LOST)), (0.0, 1, u64::MAX));
@@ -321,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_that_follows_another_at_once_finds_what_that_one_left() {
+    fn a_fault_that_immediately_follows_another_continues_from_its_state() {
         let mut line = Line::new();
         line.note(0);
         line.0.begin();
@@ -335,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn between_two_faults_nothing_stays_under_way() {
+    fn no_message_stays_in_transit_between_two_faults() {
         let mut line = Line::new();
         line.note(0);
         line.0.begin();
@@ -348,13 +347,13 @@ mod tests {
     }
 
     #[test]
-    fn every_copy_with_an_inverted_bit_is_refused_and_counted() {
+    fn every_copy_with_an_inverted_bit_is_rejected_and_counted() {
         let mut line = Line::new();
         line.note(1);
         line.0.begin();
         let bits = line.0.bits();
         assert_eq!(bits, 64 * (1 + 11 + 1 + 2)); // check sum, header, validity, values
-        // In the check sum, in the first value, in the last; and one that no copy carries.
+        // In the checksum, in the first value, in the last; and one that no copy carries.
         let mut refused = 0;
         for (step, bit, copies) in [
             (2, 0, [Some(0), None]),
@@ -372,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bit_that_is_inverted_twice_is_whole_again() {
+    fn a_bit_inverted_twice_is_restored() {
         let mut line = Line::new();
         line.0.begin();
         let mut passage = late([Some(0), None]);

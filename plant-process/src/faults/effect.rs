@@ -1,7 +1,7 @@
-//! Effect of a fault: where it is in its life, its action, and the size of that.
+//! Effect of a fault: its life cycle, its action, and the size of its action.
 //!
-//! Made by the fault builder with all the space it needs, owned by the layer. An effect waits, acts and
-//! has ended; it never goes back, and keeps no more than what is told of it.
+//! Created by the fault builder with all the memory it needs, owned by the layer. An effect waits, acts and ends; it
+//! never goes back, and afterwards keeps only its report.
 
 use std::fmt::Write;
 
@@ -18,7 +18,7 @@ use super::arrivals::Arrivals;
 use super::kind::{Fault, Moment};
 use super::profile::gain;
 
-/// A direction of the link.
+/// Direction of the link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Direction {
     /// Plant to controller.
@@ -33,63 +33,62 @@ pub(super) enum Action {
     Move(Vec<(usize, Operation, f64)>),
     /// Changes a parameter.
     Parameter(usize, Box<dyn Fault>),
-    /// Changes a signal: of the sample, measured signals and then reference signals; or a command
-    /// of the plant.
+    /// Changes a signal: of the sample, measured signals and then reference signals; or a command of the plant.
     Signal(Direction, usize, Box<dyn Fault>),
-    /// Changes what arrives; with it what would arrive if no other fault came after this one.
+    /// Changes the arrivals; includes the arrivals as if no other fault followed this one.
     Link(Direction, Box<dyn Fault>, Box<Arrivals>),
-    /// Changes when the command takes effect; with it how many steps later at this step.
+    /// Changes when the command takes effect; includes the delay in steps at this step.
     Skip(Box<dyn Fault>, u32),
-    /// Costs time and changes nothing else; with it how much at this step, in ns.
+    /// Costs time and changes nothing else; includes the cost at this step, in ns.
     Busy(Side, Box<dyn Fault>, u32),
-    /// Nothing any more: it has ended, and what it needed is gone.
+    /// Does nothing: the effect has ended and released its resources.
     Over,
 }
 
 /// Phase of an effect's life.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Life {
-    /// Phase before the effect takes hold.
+    /// Before the effect begins.
     Waits,
-    /// Phase in which the effect acts, since this step.
+    /// Acting, since this step.
     Acts(u64),
-    /// Phase after the effect ended, or of one that never took hold and never will.
+    /// Ended, or never to begin.
     Ended,
 }
 
-/// An effect.
+/// Effect of a fault.
 pub(super) struct Effect {
     pub(super) action: Action,
     pub(super) life: Life,
-    /// Steps from the one at which its event takes hold.
+    /// Steps after the beginning of its event.
     pub(super) skew_steps: u64,
-    /// For how many steps it acts, if that is limited.
+    /// Number of steps for which it acts, if limited.
     after_steps: Option<u64>,
-    /// Most times that the effect acts, if that is limited.
+    /// Maximum number of occurrences, if limited.
     most_occurrences: Option<u64>,
     profile: Profile,
-    /// Report that is made when the effect takes hold.
+    /// Report made when the effect begins.
     taken: Option<FaultBegun>,
     size: FaultEffectSize,
-    /// True if the effect did something at the last step; `runs` counts how often it began to.
+    /// `true` if the effect acted at the last step; `runs` counts the sequences of such steps.
     acting: bool,
     runs: u64,
 }
 
-/// The state of an effect.
+/// Saved state of an effect.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct SavedEffect {
     life: Life,
     size: FaultEffectSize,
     acting: bool,
     runs: u64,
-    /// Of what it does, while it acts.
+    /// State of its action, while it acts.
     fault: Option<State>,
     arrivals: Option<Arrivals>,
 }
 
 impl Action {
-    /// The fault of a kind, if it is one.
+    /// Returns the fault of a kind, if the action is one.
     fn fault(&mut self) -> Option<&mut dyn Fault> {
         match self {
             Self::Move(_) | Self::Over => None,
@@ -103,7 +102,7 @@ impl Action {
 }
 
 impl Effect {
-    /// An effect that waits. Its size is told in this unit.
+    /// Creates an effect that waits. Its size is reported in this unit.
     pub(super) fn new(
         taken: FaultBegun,
         unit: String,
@@ -153,7 +152,7 @@ impl Effect {
         })
     }
 
-    /// Puts a state back, if it is one of an effect of this fault on this target.
+    /// Restores a saved state, if it belongs to an effect of this fault on this target.
     pub(super) fn restore(&mut self, saved: &SavedEffect) -> Result<(), Invalid> {
         let what = |size: &FaultEffectSize| {
             format!("fault {} `{}` on {}", size.id, size.kind, size.target)
@@ -179,19 +178,19 @@ impl Effect {
         Ok(())
     }
 
-    /// Returns the record of what became of the effect so far.
+    /// Returns the report on the effect so far.
     pub(super) const fn size(&self) -> &FaultEffectSize {
         &self.size
     }
 
-    /// Takes hold.
+    /// Begins at a step.
     pub(super) const fn hold(&mut self, step: Step) {
         self.life = Life::Acts(step.0);
         self.size.step = Some(step.0);
     }
 
-    /// Gives the fault that has taken hold its random numbers. `twins` effects would have the same
-    /// without their number; `path` is room to write in.
+    /// Gives a fault that has begun its random numbers. `twins` is the number of effects that would otherwise have the
+    /// same; `path` is a reusable buffer.
     pub(super) fn start(&mut self, seed: u64, twins: usize, path: &mut String) {
         let FaultEffectSize {
             kind, target, step, ..
@@ -201,32 +200,32 @@ impl Effect {
         };
         let step = step.unwrap_or_default();
         path.clear();
-        // A string takes whatever it is given.
+        // Writing to a string cannot fail.
         let _ = write!(path, "{kind}/{target}/{step}/{twins}");
         fault.hold(RandomStream::new(seed, path));
     }
 
-    /// Returns the greatest length of the path of the effect's random numbers.
+    /// Returns the maximum length of the path of the effect's random numbers.
     pub(super) fn path_length(&self) -> usize {
         const NUMBERS: usize = "/18446744073709551615/18446744073709551615/".len();
         self.size.kind.len() + self.size.target.len() + NUMBERS
     }
 
-    /// Returns true if both effects are of one kind and act on one target since the same step.
+    /// Returns `true` if both effects are of one kind and act on one target since the same step.
     pub(super) fn is_twin_of(&self, other: &Self) -> bool {
         self.life == other.life
             && self.size.kind == other.size.kind
             && self.size.target == other.size.target
     }
 
-    /// Takes out the report of the effect, once the effect has taken hold.
+    /// Takes the report of the beginning, once the effect has begun.
     pub(super) fn take_taken(&mut self) -> Option<FaultBegun> {
         let mut taken = self.taken.take()?;
         taken.step = self.size.step?;
         Some(taken)
     }
 
-    /// Ends; it is healthy again from this step on.
+    /// Ends; this step is healthy again.
     pub(super) const fn end(&mut self, step: Step) {
         if matches!(self.life, Life::Acts(_)) {
             self.size.ended_step = Some(step.0);
@@ -234,14 +233,14 @@ impl Effect {
         self.life = Life::Ended;
     }
 
-    /// Lets go of what it needed to act; it has ended.
+    /// Releases the resources of an ended effect.
     pub(super) fn retire(&mut self) {
         self.action = Action::Over;
         self.profile = Profile::Step;
         self.taken = None;
     }
 
-    /// The step at which it ends of itself, if that is known.
+    /// Returns the step at which it ends by itself, if known.
     pub(super) const fn own_end(&self) -> Option<u64> {
         match (self.life, self.after_steps) {
             (Life::Acts(since), Some(steps)) => Some(since.saturating_add(steps)),
@@ -249,13 +248,13 @@ impl Effect {
         }
     }
 
-    /// The step that it acts on.
+    /// Returns the moment at which it acts.
     pub(super) fn moment(&self, step: Step, rate: Rate) -> Moment {
         let since = match self.life {
             Life::Acts(since) => since,
             Life::Waits | Life::Ended => step.0,
         };
-        // From the steps' difference, so that the course is the same whenever it begins.
+        // From the difference of steps, so that the course does not depend on the beginning.
         let since_steps = step.0 - since;
         let since_s = rate.seconds(Step(since_steps));
         Moment {
@@ -266,7 +265,7 @@ impl Effect {
         }
     }
 
-    /// Notes what it did at a step. `change` is 0 also where only the validity changed.
+    /// Records its action at a step. `change` is also 0 if only the validity changed.
     pub(super) fn note(&mut self, acted: bool, change: f64) {
         self.size.acted_steps += u64::from(acted);
         self.runs += u64::from(acted && !self.acting);
@@ -274,15 +273,15 @@ impl Effect {
         self.grow(change);
     }
 
-    /// Notes the size of what it did.
+    /// Records the size of its action.
     pub(super) fn grow(&mut self, change: f64) {
         if change > self.size.max_effect {
-            // The difference of two numbers can be more than a number can say.
+            // The difference of two finite numbers can overflow.
             self.size.max_effect = if change.is_finite() { change } else { f64::MAX };
         }
     }
 
-    /// Returns true if the effect acted as often as it may, all of it over: runs of steps for effects on
+    /// Returns `true` if the effect has completed its maximum number of occurrences: sequences of steps for effects on
     /// numbers, single steps for effects on messages or time.
     pub(super) fn is_spent(&self) -> bool {
         let occurrences = match self.action {
@@ -294,7 +293,7 @@ impl Effect {
         (self.most_occurrences).is_some_and(|most| occurrences >= most)
     }
 
-    /// Returns true if the effect ends by how often it acted.
+    /// Returns `true` if the effect has a maximum number of occurrences.
     pub(super) const fn is_counted(&self) -> bool {
         self.most_occurrences.is_some()
     }

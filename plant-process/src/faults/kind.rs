@@ -1,8 +1,8 @@
-//! `trait FaultKind`: what a kind of fault implements.
+//! `trait FaultKind`: the interface of a fault kind.
 //!
-//! A kind is told its parameters, the moment and the thing it acts on, and nothing else: no clock,
-//! no file, no other fault. So the same fault gives the same numbers whether it comes from a
-//! scenario, from a command line or from a repeated run.
+//! A kind receives its parameters, the moment and its target, and nothing else: no clock, no file, no other fault. The
+//! same fault therefore gives the same numbers whether it comes from a scenario, from a command line or from a repeated
+//! run.
 
 use serde::{Deserialize, Serialize};
 use shared_types::describe::{ActsOn, FaultKindDescription, Invalid, ListDescription, Settings};
@@ -12,13 +12,13 @@ use shared_types::state::{State, StateOf};
 use shared_types::table::Table;
 use shared_types::time::Rate;
 
-/// A kind of fault on signals, links or timing, called in this order:
+/// Kind of fault on signals, links or timing, called in this order:
 ///
-/// 1. [`start`](FaultKind::start), once, away from the loop: here it may allocate.
-/// 2. [`hold`](FaultKind::hold), at the step at which it takes hold.
-/// 3. At every step from then on the one of [`number`](FaultKind::number),
-///    [`message`](FaultKind::message) and [`timing`](FaultKind::timing) that [`ACTS_ON`] tells,
-///    also while its profile is 0. These run in the loop: no allocation, no system call.
+/// 1. [`start`](FaultKind::start), once, outside the loop: it may allocate.
+/// 2. [`hold`](FaultKind::hold), at the step at which the fault begins.
+/// 3. At every step from then on, even while its profile is 0, the one of [`number`](FaultKind::number),
+///    [`message`](FaultKind::message) and [`timing`](FaultKind::timing) that matches [`ACTS_ON`]. These run in the
+///    loop: no allocation, no system call.
 ///
 /// [`ACTS_ON`]: FaultKind::ACTS_ON
 pub trait FaultKind: Sized + Send + 'static {
@@ -30,37 +30,36 @@ pub trait FaultKind: Sized + Send + 'static {
     const EQUATION: &'static str;
     /// Targets that the fault acts on.
     const ACTS_ON: ActsOn;
-    /// Parameters. The unit `target` stands for that of the target; one with a default may be
-    /// left out.
+    /// Parameters. The unit `target` stands for that of the target; a parameter with a default may be omitted.
     type Parameters: Table + Default;
 
-    /// Names of the parameters that have a default and so may be left out. The others must be given.
+    /// Names of the parameters that have a default and so may be omitted. The others are required.
     const OPTIONAL: &'static [&'static str] = &[];
 
-    /// The list of numbers that it takes besides, if it does.
+    /// Returns the list of numbers that it accepts in addition, if any.
     #[must_use]
     fn list() -> Option<ListDescription> {
         None
     }
 
-    /// Returns the part of the fault that a checkpoint keeps; `None`: a run with the fault cannot be saved.
+    /// Returns the part of the fault that a checkpoint keeps; `None` if a run with the fault cannot be saved.
     #[must_use]
     fn state() -> Option<StateOf<Self>> {
         None
     }
 
-    /// The fault before it takes hold.
+    /// Creates the fault before it begins.
     ///
     /// # Errors
-    /// If the parameters, each in its range, do not go together.
+    /// If the parameters, although each is in its range, are inconsistent.
     fn start(setup: &Setup<'_, Self::Parameters>) -> Result<Self, Invalid>;
 
-    /// Takes hold. `random` is a stream of the fault's own, keyed by seed, kind, target and step.
+    /// Begins. `random` is a stream of the fault's own, keyed by seed, kind, target and step.
     fn hold(&mut self, random: RandomStream) {
         let _ = random;
     }
 
-    /// Returns the reading that a signal or parameter becomes.
+    /// Returns the faulty reading of a signal or parameter.
     fn number(&mut self, at: &Moment, reading: Reading) -> Reading {
         let _ = at;
         reading
@@ -71,29 +70,29 @@ pub trait FaultKind: Sized + Send + 'static {
         let _ = (at, passage);
     }
 
-    /// Changes what a side does with its time.
+    /// Changes the timing of a side.
     fn timing(&mut self, at: &Moment, directive: &mut Directive) {
         let _ = (at, directive);
     }
 }
 
-/// Inputs that a fault is started with.
+/// Inputs for starting a fault.
 #[derive(Clone, Copy, Debug)]
 pub struct Setup<'a, P> {
     /// Parameters.
     pub parameters: P,
-    /// List, rows one after another; empty if it was given none.
+    /// Concatenated rows of the list; empty if there is none.
     pub list: &'a [f64],
     /// Steps per second.
     pub rate: Rate,
 }
 
-/// The step that a fault acts on.
+/// Step at which a fault acts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moment {
     /// The step.
     pub step: u64,
-    /// Steps since the fault took hold.
+    /// Steps since the beginning of the fault.
     pub since_steps: u64,
     /// The same in s.
     pub since_s: f64,
@@ -101,41 +100,41 @@ pub struct Moment {
     pub gain: f64,
 }
 
-/// A signal's value and whether it is marked valid.
+/// Value of a signal and its validity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Reading {
     /// Value in the signal's unit.
     pub value: f64,
-    /// True if the receiver is told that the value is valid.
+    /// `true` if the value is marked as valid to the receiver.
     pub valid: bool,
 }
 
-/// Passage of one message: how many copies arrive, how late, how broken.
+/// Passage of one message: number of copies, delays and corruption.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Passage {
-    /// For each copy, the steps by which it comes late; `None`: there is no such copy.
+    /// Delay of each copy in steps; `None` if the copy does not exist.
     pub copies: [Option<u32>; Self::MOST_COPIES],
-    /// For each copy, whether it was overtaken: it comes after everything else that comes at its
-    /// step. Otherwise what was sent later is what the receiver has.
+    /// `true` for each copy that was overtaken: it arrives after everything else at its step. Otherwise the message
+    /// sent later wins.
     pub overtaken: [bool; Self::MOST_COPIES],
-    /// Bits that are inverted, the first `flipped` of these; they count as in
+    /// Bits to invert, of which the first `flipped` count; numbered as in
     /// [`Frame::flip`](shared_types::frame::Frame::flip).
     pub flips: [u64; Self::MOST_FLIPS],
-    /// Number of `flips` that count.
+    /// Number of `flips` in use.
     pub flipped: usize,
     /// Bits of the message's frame.
     pub bits: u64,
 }
 
 impl Passage {
-    /// Most copies of one message.
+    /// Maximum number of copies of one message.
     pub const MOST_COPIES: usize = 4;
-    /// Most bits that are inverted in one message.
+    /// Maximum number of inverted bits in one message.
     pub const MOST_FLIPS: usize = 16;
-    /// Latest that a copy may come, in steps; later ones never come.
+    /// Maximum delay of a copy, in steps; later ones never arrive.
     pub const LATEST_STEPS: u32 = 1000;
 
-    /// A message of N bits that arrives once, in time and whole.
+    /// Creates the passage of a message of N bits that arrives once, punctual and intact.
     #[must_use]
     pub const fn healthy(bits: u64) -> Self {
         Self {
@@ -148,29 +147,29 @@ impl Passage {
     }
 }
 
-/// A fault of any kind.
+/// Fault of any kind.
 pub trait Fault: Send {
-    /// Takes hold.
+    /// Begins.
     fn hold(&mut self, random: RandomStream);
-    /// Returns the reading that a signal or parameter becomes.
+    /// Returns the faulty reading of a signal or parameter.
     fn number(&mut self, at: &Moment, reading: Reading) -> Reading;
     /// Changes the passage of a message on the link.
     fn message(&mut self, at: &Moment, passage: &mut Passage);
-    /// Changes what a side does with its time.
+    /// Changes the timing of a side.
     fn timing(&mut self, at: &Moment, directive: &mut Directive);
-    /// Returns the state as it is now.
+    /// Returns the present state.
     ///
     /// # Errors
     /// If it cannot be saved.
     fn save(&self) -> Result<State, Invalid>;
-    /// Puts a state back.
+    /// Restores a saved state.
     ///
     /// # Errors
-    /// If it is not one of a fault of this kind, with these parameters.
+    /// If it is not a state of this kind with these parameters.
     fn restore(&mut self, state: &State) -> Result<(), Invalid>;
 }
 
-/// Returns the part of a fault of a kind that is the fault's state.
+/// Returns the state declaration of a fault kind.
 fn state_of<K: FaultKind>() -> Result<StateOf<K>, Invalid> {
     let kind = K::NAME;
     K::state().ok_or_else(|| {
@@ -206,20 +205,20 @@ impl<K: FaultKind> Fault for K {
     }
 }
 
-/// Inputs that a fault of any kind is started with.
+/// Inputs for starting a fault of any kind.
 pub type AnySetup<'a> = Setup<'a, &'a Settings>;
 
-/// A kind of fault that can be chosen by name: its description and how to start one.
+/// Fault kind that can be selected by name: its description and constructor.
 #[derive(Clone, Debug)]
 pub struct FaultKindEntry {
     /// Description that `--describe` shows.
     pub description: FaultKindDescription,
-    /// Starts one.
+    /// Starts a fault.
     pub start: fn(&AnySetup<'_>) -> Result<Box<dyn Fault>, Invalid>,
 }
 
 impl FaultKindEntry {
-    /// The entry of a kind.
+    /// Creates the entry of a kind.
     #[must_use]
     pub fn of<K: FaultKind>() -> Self {
         let mut parameters = K::Parameters::fields();

@@ -1,14 +1,12 @@
 //! The fault layer: every fault of a run, around the plant and the link.
 //!
-//! Called by the engine at each step, in this order: [`advance`](FaultLayer::advance) begins and
-//! ends faults and moves parameters, [`sample`](FaultLayer::sample) makes of what was measured what
-//! the controller gets, [`timing`](FaultLayer::timing) tells who is late, and
-//! [`command`](FaultLayer::command) makes of what the controller sent what is applied. None of these
-//! allocates. Models and laws know nothing of it.
+//! Called by the engine at each step, in this order: [`advance`](FaultLayer::advance) begins and ends faults and moves
+//! parameters, [`sample`](FaultLayer::sample) turns the measured signals into those that the controller receives,
+//! [`timing`](FaultLayer::timing) returns the delays of both sides, and [`command`](FaultLayer::command) turns the
+//! controller's commands into the applied ones. None of these allocates. Models and laws are unaware of it.
 //!
-//! Effects on one target act in the order in which they took hold: by step, then number of the
-//! event, then place in the event. Each acts on what the one before left, and its size is what it
-//! changed there.
+//! Effects on one target act in the order in which they began: by step, then number of the event, then index in the
+//! event. Each acts on the result of the previous one, and its size is the change that it made.
 
 use std::collections::VecDeque;
 
@@ -29,29 +27,29 @@ use super::schedule::{Change, SavedEvent, Schedule, waits_for};
 use super::signal_path::{SavedPath, SignalPath};
 use super::timing::Timing;
 
-/// Ended faults that are let go of for each that is taken.
+/// Maximum number of ended faults released per admitted fault.
 const MOST_RETIRED: usize = 4;
 
-/// The faults of a run.
+/// Faults of a run.
 pub struct FaultLayer {
     rate: Rate,
     seed: u64,
-    /// The scenario's, until the columns of a record are known.
+    /// Faults of the scenario, until the columns of a record are known.
     scenario: Vec<FaultEvent>,
     schedule: Schedule,
-    /// The effects of all events that are armed, in the order in which these were.
+    /// Effects of all armed events, in the order of arming.
     effects: Vec<Effect>,
     targets: Targets,
     told: VecDeque<Event>,
-    /// Room for the path of a random stream.
+    /// Buffer for the path of a random stream.
     path: String,
 }
 
-/// The state of all faults between two steps.
+/// Saved state of all faults between two steps.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct SavedFaults {
     events: Vec<SavedEvent>,
-    /// In the order in which their events were armed.
+    /// Effects in the order in which their events were armed.
     effects: Vec<SavedEffect>,
     parameters: SavedParameters,
     sample: SavedPath,
@@ -60,7 +58,7 @@ pub struct SavedFaults {
 }
 
 impl SavedFaults {
-    /// The plant's parameters as they acted.
+    /// Returns the effective parameters of the plant.
     #[must_use]
     pub fn parameters(&self) -> &[f64] {
         self.parameters.row()
@@ -75,24 +73,24 @@ struct Targets {
     timing: Timing,
 }
 
-/// A live fault that was taken.
+/// Admitted live fault.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Admitted {
     /// Number.
     pub id: u32,
     /// Kind.
     pub kind: String,
-    /// The step at which it takes hold, if that is known.
+    /// Step at which it begins, if known.
     pub step: Option<Step>,
-    /// Event or condition that the fault waits for, if the step is not known.
+    /// Event or condition that the fault waits for, if the step is unknown.
     pub waits_for: Option<String>,
 }
 
 impl FaultLayer {
-    /// The faults of a scenario.
+    /// Creates the faults of a scenario.
     ///
     /// # Errors
-    /// If one of them cannot be.
+    /// If one of them is invalid.
     pub fn new(builder: &FaultBuilder, events: &[FaultEvent]) -> Result<Self, Invalid> {
         for event in events {
             builder.effects(event)?;
@@ -114,10 +112,10 @@ impl FaultLayer {
         })
     }
 
-    /// The state of all faults. Call it between two steps, when observers have been told everything.
+    /// Returns the state of all faults. Call it between two steps, when all events have been published.
     ///
     /// # Errors
-    /// If a fault that acts cannot save its state.
+    /// If an active fault cannot save its state.
     pub fn save(&mut self) -> Result<SavedFaults, Invalid> {
         Ok(SavedFaults {
             events: self.schedule.save(),
@@ -129,10 +127,10 @@ impl FaultLayer {
         })
     }
 
-    /// Puts a state back; the events that it is of are armed, in the order in which they were.
+    /// Restores a saved state; its events are armed in their original order.
     ///
     /// # Errors
-    /// If it is not one of these faults.
+    /// If it is not a state of these faults.
     pub fn restore(&mut self, saved: SavedFaults) -> Result<(), Invalid> {
         restore_effects(&mut self.effects, &saved.effects)?;
         self.schedule.restore(&saved.events, &self.effects)?;
@@ -144,10 +142,10 @@ impl FaultLayer {
         Ok(())
     }
 
-    /// Looks whether a state is one of these faults, before there is a layer of them.
+    /// Checks if a state matches these faults, before a layer exists.
     ///
     /// # Errors
-    /// Why it is not.
+    /// The mismatch.
     pub fn check(
         builder: &FaultBuilder,
         events: &[FaultEvent],
@@ -161,10 +159,10 @@ impl FaultLayer {
         Parameters::new(&builder.parameters, &builder.healthy).check(&saved.parameters)
     }
 
-    /// Arms the scenario's faults, now that it is known what a record holds.
+    /// Arms the scenario's faults, once the layout of a record is known.
     ///
     /// # Errors
-    /// If a condition names a signal that there is not.
+    /// If a condition names an unknown signal.
     pub fn open(&mut self, builder: &FaultBuilder, layout: &RecordLayout) -> Result<(), Invalid> {
         let columns = Columns::from(layout);
         for event in std::mem::take(&mut self.scenario) {
@@ -175,8 +173,8 @@ impl FaultLayer {
         Ok(())
     }
 
-    /// Brings the faults to a step: begins and ends them and moves the plant's parameters. True if
-    /// a parameter changed. `last` is the record before, which conditions are asked of.
+    /// Advances the faults to a step: begins and ends them and moves the plant's parameters. Returns `true` if a
+    /// parameter changed. `last` is the previous record, on which conditions are evaluated.
     pub fn advance(&mut self, step: Step, last: Option<&[f64]>) -> bool {
         if self.schedule.turn(&mut self.effects, step, last) {
             self.follow(step, false);
@@ -185,26 +183,26 @@ impl FaultLayer {
         self.targets.parameters.advance(effects, step, rate)
     }
 
-    /// Gives a parameter of the plant another base, on which faults act; ahead of [`advance`](Self::advance).
+    /// Sets the healthy value of a plant parameter, on which faults act; before [`advance`](Self::advance).
     pub fn rebase(&mut self, index: usize, value: f64) {
         self.targets.parameters.rebase(index, value);
     }
 
-    /// The plant's parameters as they act.
+    /// Returns the effective parameters of the plant.
     #[must_use]
     pub fn parameters(&self) -> &[f64] {
         self.targets.parameters.row()
     }
 
-    /// Writes the faultable ones of them.
+    /// Writes the effective faultable parameters.
     pub fn faultable(&self, row: &mut [f64]) {
         for (to, value) in row.iter_mut().zip(self.targets.parameters.faultable()) {
             *to = value;
         }
     }
 
-    /// Makes of the healthy measured and reference signals what the controller gets; gives its age
-    /// in steps.
+    /// Turns the healthy measured and reference signals into those that the controller receives; returns their age in
+    /// steps.
     pub fn sample(
         &mut self,
         step: Step,
@@ -221,22 +219,21 @@ impl FaultLayer {
         path.apply_link_faults(effects, step, rate, (row, invalid), 0)
     }
 
-    /// Returns what the controller is to do with its time, and how long the plant is to be busy, in ns.
+    /// Returns the controller's timing directive, and the plant's busy time in ns.
     pub fn timing(&mut self, step: Step) -> (Directive, u64) {
         self.targets.timing.ask(&mut self.effects, step, self.rate)
     }
 
-    /// The plant was busy for so long.
+    /// Records the plant's actual busy time.
     pub fn plant_was_busy(&mut self, busy_ns: u64) {
         let timing = &self.targets.timing;
         timing.plant_was_busy(&mut self.effects, busy_ns);
     }
 
-    /// Makes of the commands that the controller sent what is applied; gives its age in steps. `age_steps`
-    /// is their age as this step meets them, `work_ns` the controller's work on them.
-    /// `invalid` are the bits of these commands, as they were sent and then as the plant gets them. What
-    /// drives a valve holds the last current that was good: an invalid command leaves the one before in
-    /// force.
+    /// Turns the controller's commands into the applied ones and returns their age in steps. `age_steps` is their age
+    /// at this step, `work_ns` the controller's work on them. `invalid` are the bits of these commands, first as sent
+    /// and afterwards as received by the plant. Like a valve driver that holds the last good current, an invalid
+    /// command leaves the previous one in force.
     pub fn command(
         &mut self,
         step: Step,
@@ -254,21 +251,21 @@ impl FaultLayer {
         age_steps
     }
 
-    /// Returns true if there is an event for observers.
+    /// Returns `true` if there is an event for observers.
     #[must_use]
     pub fn has_events(&self) -> bool {
         !self.told.is_empty()
     }
 
-    /// Takes out the next event: what took hold or ended, in order.
+    /// Takes the next event of a beginning or end, in order.
     pub fn next_event(&mut self) -> Option<Event> {
         self.told.pop_front()
     }
 
-    /// Takes live faults before a step, all or none.
+    /// Admits live faults before a step, all or none.
     ///
     /// # Errors
-    /// If one of them should have taken hold in the past, or never will.
+    /// If one of them should have begun in the past, or never will.
     pub fn admit(
         &mut self,
         armed: Vec<Box<ArmedFault>>,
@@ -317,40 +314,40 @@ impl FaultLayer {
         Ok(admitted)
     }
 
-    /// Lets go of what ended faults needed to act, of N at most; what is told of them stays.
+    /// Releases the resources of at most N ended faults; their reports stay.
     fn retire(&mut self, most: usize) {
         for effects in (0..most).map_while(|_| self.schedule.retire()) {
             self.effects[effects].iter_mut().for_each(Effect::retire);
         }
     }
 
-    /// Ends a fault or all of them from a step on, also those that wait; gives their numbers.
+    /// Ends one or all faults from a step on, including waiting ones; returns their numbers.
     pub fn clear(&mut self, id: Option<u32>, next: Step) -> Vec<u32> {
         let cleared = self.schedule.clear(&mut self.effects, id, next);
         self.follow(next, true);
         cleared
     }
 
-    /// Every fault, in the order of their numbers.
+    /// Lists every fault, in the order of their numbers.
     #[must_use]
     pub fn states(&self) -> Vec<FaultState> {
         self.schedule.states(&self.effects)
     }
 
-    /// Returns the record of what became of each effect.
+    /// Returns the report on each effect.
     #[must_use]
     pub fn effects(&self) -> Vec<FaultEffectSize> {
         let size = |effect: &Effect| effect.size().clone();
         self.effects.iter().map(size).collect()
     }
 
-    /// Frames that were corrupted on purpose and refused by their check sum.
+    /// Returns the number of frames corrupted by faults and rejected by their checksum.
     #[must_use]
     pub const fn rejected(&self) -> u64 {
         self.targets.sample.rejected() + self.targets.command.rejected()
     }
 
-    /// Takes an event, with room for all that it will do.
+    /// Arms an event, reserving all the memory it will need.
     fn arm(&mut self, mut armed: ArmedFault, next: Step) -> Option<Step> {
         let begin = self.effects.len();
         let end = begin + armed.effects.len();
@@ -364,7 +361,7 @@ impl FaultLayer {
         self.schedule.arm(armed, begin..end, next)
     }
 
-    /// Does what the schedule says, and tells of it.
+    /// Applies the changes of the schedule and reports them.
     fn follow(&mut self, step: Step, cleared: bool) {
         for &change in self.schedule.changes() {
             match change {
@@ -390,10 +387,10 @@ impl FaultLayer {
 }
 
 impl Targets {
-    /// The effects that act where this one does.
+    /// Returns the stack of effects at the place of this one.
     const fn stack_of(&mut self, action: &Action) -> &mut Vec<usize> {
         match action {
-            // What is over is in no stack.
+            // An ended effect is in no stack.
             Action::Move(_) | Action::Parameter(..) | Action::Over => self.parameters.stack(),
             Action::Signal(Direction::Sample, ..) => self.sample.signals(),
             Action::Signal(Direction::Command, ..) => self.command.signals(),
@@ -403,7 +400,7 @@ impl Targets {
         }
     }
 
-    /// An effect takes hold; gives the number of those just like it before.
+    /// Begins an effect; returns the number of earlier identical ones.
     fn begin(&mut self, effects: &mut [Effect], place: usize) -> usize {
         match effects[place].action {
             Action::Link(Direction::Sample, ..) => self.sample.begin(&mut effects[place]),
@@ -417,7 +414,7 @@ impl Targets {
         twins
     }
 
-    /// An effect ended; nothing changes if it never took hold.
+    /// Ends an effect; changes nothing if it never began.
     fn end(&mut self, effects: &mut [Effect], place: usize, step: Step) {
         let stack = self.stack_of(&effects[place].action);
         let Some(index) = stack.iter().position(|&other| other == place) else {
@@ -437,7 +434,7 @@ fn restore_effects(effects: &mut [Effect], saved: &[SavedEffect]) -> Result<(), 
     if saved.len() != effects.len() {
         let (theirs, ours) = (saved.len(), effects.len());
         return Err(Invalid(format!(
-            "{theirs} effects of faults were saved, and there are {ours} here"
+            "{theirs} effects of faults were saved, but there are {ours} here"
         )));
     }
     let mut pairs = effects.iter_mut().zip(saved);

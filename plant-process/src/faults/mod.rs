@@ -1,14 +1,13 @@
-//! Faults as a layer around the plant and the link: the models know nothing of them.
+//! Faults as a layer around the plant and the link: the models are unaware of them.
 //!
 //! A fault is an event with one or more effects, each on one target:
 //!
-//! 1. The [`builder`] makes it, away from the loop, with everything it needs. What it does to its
-//!    target is a [`kind`]; the built-in ones are in [`kinds`], a binary may add its own.
-//! 2. The [`layer`], which the engine calls at every step, takes it.
-//! 3. The `schedule` finds the step at which it takes hold and the one at which it ends.
-//! 4. Between them each `effect` acts where its target is: on the plant's `parameters`, on the
-//!    signals or the link of a `signal_path` (whose `channel` is the medium, with its `arrivals`), or on the
-//!    `timing`; by the course of its [`profile`].
+//! 1. The [`builder`] creates it, outside the loop, with everything it needs. Its effect on a target is defined by a
+//!    [`kind`]; the built-in ones are in [`kinds`], and a binary may add its own.
+//! 2. The [`layer`], which the engine calls at every step, admits it.
+//! 3. The `schedule` determines the steps at which it begins and ends.
+//! 4. In between each `effect` acts on its target: the plant's `parameters`, the signals or the link of a `signal_path`
+//!    (whose `channel` is the medium, with its `arrivals`), or the `timing`; with the course of its [`profile`].
 
 mod arrivals;
 pub mod builder;

@@ -1,9 +1,8 @@
 //! The plant's parameters under faults.
 //!
-//! Brought to each step by the layer while a fault acts on one of them: from the healthy values
-//! anew, every fault in turn, so that nothing is left when a fault ends. No fault drives a parameter
-//! out of the range in which the plant is valid: it stays at the bound, and a value that is no
-//! number changes nothing. What counts as the fault's effect is what is left then.
+//! Recomputed at each step by the layer while a fault acts on one of them: from the healthy values, every fault in
+//! turn, so that an ended fault leaves no trace. No fault moves a parameter out of the range in which the plant is
+//! valid: it stays at the bound, and NaN changes nothing. The fault's effect is measured after this limitation.
 
 use serde::{Deserialize, Serialize};
 use shared_types::describe::{Invalid, Operation};
@@ -13,7 +12,7 @@ use shared_types::time::{Rate, Step};
 use super::effect::{Action, Effect};
 use super::kind::Reading;
 
-/// The parameters, healthy and as they act.
+/// Healthy and effective parameters.
 pub(super) struct Parameters {
     fields: Vec<Field>,
     healthy: Vec<f64>,
@@ -21,13 +20,13 @@ pub(super) struct Parameters {
     before: Vec<f64>,
     /// Indices of the faultable parameters.
     faultable: Vec<usize>,
-    /// Effects that act on them, in the order in which they took hold.
+    /// Effects that act on them, in the order in which they began.
     stack: Vec<usize>,
-    /// An effect ended: they must be made anew though none may be left.
+    /// `true` after an effect ended: the parameters must be recomputed even if no effect is left.
     stale: bool,
 }
 
-/// The state of the parameters.
+/// Saved state of the parameters.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct SavedParameters {
     present: Vec<f64>,
@@ -35,7 +34,7 @@ pub(super) struct SavedParameters {
 }
 
 impl SavedParameters {
-    /// All parameters, as they acted.
+    /// Returns all effective parameters.
     pub(super) fn row(&self) -> &[f64] {
         &self.present
     }
@@ -55,7 +54,7 @@ impl Parameters {
         }
     }
 
-    /// Their state.
+    /// Returns the state.
     pub(super) fn save(&self) -> SavedParameters {
         SavedParameters {
             present: self.present.clone(),
@@ -63,7 +62,7 @@ impl Parameters {
         }
     }
 
-    /// Looks whether a state is one of these.
+    /// Checks if a state belongs to these parameters.
     pub(super) fn check(&self, saved: &SavedParameters) -> Result<(), Invalid> {
         if saved.present.len() == self.present.len() {
             Ok(())
@@ -72,31 +71,31 @@ impl Parameters {
         }
     }
 
-    /// Puts a state back.
+    /// Restores a saved state.
     pub(super) fn restore(&mut self, saved: SavedParameters) -> Result<(), Invalid> {
         self.check(&saved)?;
-        // Not replaced: it has room for every effect that is armed.
+        // Not replaced: it has room for every armed effect.
         self.stack.clone_from(&saved.stack);
         self.present = saved.present;
         Ok(())
     }
 
-    /// All, as they act.
+    /// Returns all effective parameters.
     pub(super) fn row(&self) -> &[f64] {
         &self.present
     }
 
-    /// The faultable ones, as they act.
+    /// Returns the effective faultable parameters.
     pub(super) fn faultable(&self) -> impl Iterator<Item = f64> {
         self.faultable.iter().map(|&index| self.present[index])
     }
 
-    /// The effects that act on them.
+    /// Returns the effects that act on them.
     pub(super) const fn stack(&mut self) -> &mut Vec<usize> {
         &mut self.stack
     }
 
-    /// Gives a parameter another healthy value.
+    /// Sets the healthy value of a parameter.
     pub(super) fn rebase(&mut self, index: usize, value: f64) {
         if self.healthy[index].to_bits() != value.to_bits() {
             self.healthy[index] = value;
@@ -104,12 +103,12 @@ impl Parameters {
         }
     }
 
-    /// An effect ended.
+    /// Marks that an effect ended.
     pub(super) const fn heal(&mut self) {
         self.stale = true;
     }
 
-    /// Brings them to a step; true if one changed.
+    /// Advances them to a step; returns `true` if one changed.
     pub(super) fn advance(&mut self, effects: &mut [Effect], step: Step, rate: Rate) -> bool {
         if self.stack.is_empty() && !self.stale {
             return false;
@@ -130,7 +129,7 @@ impl Parameters {
     }
 }
 
-/// Lets an effect act. The size of one that moves several parameters is that of the first.
+/// Applies an effect. If it moves several parameters, its size is that of the first.
 fn apply(effect: &mut Effect, fields: &[Field], row: &mut [f64], step: Step, rate: Rate) {
     let at = effect.moment(step, rate);
     let (mut acted, mut change) = (false, 0.0);
@@ -157,7 +156,7 @@ fn apply(effect: &mut Effect, fields: &[Field], row: &mut [f64], step: Step, rat
     effect.note(acted, change);
 }
 
-/// A value after an operation by `by` at a profile of `gain`.
+/// Returns a value after an operation by `by` at a profile of `gain`.
 fn moved(operation: Operation, value: f64, by: f64, gain: f64) -> f64 {
     match operation {
         Operation::Add => value + by * gain,
@@ -167,7 +166,7 @@ fn moved(operation: Operation, value: f64, by: f64, gain: f64) -> f64 {
     }
 }
 
-/// A wanted value of a parameter that has another, kept in its range.
+/// Returns a new value of a parameter, limited to its range.
 fn kept(field: &Field, value: f64, wanted: f64) -> f64 {
     if wanted.is_nan() {
         value
@@ -185,7 +184,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn operations_are_their_equations_within_the_range() {
+    fn operations_follow_their_equations_within_the_range() {
         let field = Field {
             min: -10.0,
             max: 10.0,

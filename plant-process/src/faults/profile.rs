@@ -1,11 +1,11 @@
 //! Profiles: the course of a fault's size over time.
 //!
-//! Called by the layer at each step for each fault that acts. A profile is a factor g, a pure
-//! function of the time since the fault took hold.
+//! Called by the layer at each step for each active fault. A profile is a factor g, a pure function of the time since
+//! the fault began.
 
 use hil_config::plan::Profile;
 
-/// g at `since_s` >= 0 after the fault took hold.
+/// Returns g at `since_s` >= 0 after the fault began.
 #[must_use]
 pub fn gain(profile: &Profile, since_s: f64) -> f64 {
     match profile {
@@ -35,17 +35,17 @@ pub fn gain(profile: &Profile, since_s: f64) -> f64 {
     }
 }
 
-/// 1 in the first part of each period, 0 in the rest.
+/// Returns 1 in the first part of each period, 0 in the rest.
 ///
-/// A time on an edge belongs to what begins there. The quotient of time and period is off by its
-/// rounding, so that a time this close to an edge is on it; otherwise a part could be a step short.
+/// A time on an edge belongs to the part that begins there. The quotient of time and period has a rounding error, so a
+/// time very close to an edge counts as on it; otherwise a part could be a step short.
 fn intermittent(periods: f64, duty: f64) -> f64 {
     let rounding = 2.0 * f64::EPSILON * periods;
     let part = periods - libm::floor(periods + rounding);
     if part + rounding < duty { 1.0 } else { 0.0 }
 }
 
-/// Straight lines between points, constant before the first and after the last.
+/// Interpolates linearly between points, constant before the first and after the last.
 fn between(time_s: &[f64], values: &[f64], at_s: f64) -> f64 {
     let next = time_s.partition_point(|&time| time <= at_s);
     match (next.checked_sub(1), values.get(next)) {
@@ -58,7 +58,7 @@ fn between(time_s: &[f64], values: &[f64], at_s: f64) -> f64 {
     }
 }
 
-/// A profile in one fixed form, its numbers as exact bits.
+/// Formats a profile in canonical form, its numbers as exact bits.
 #[must_use]
 pub fn canonical(profile: &Profile) -> String {
     let bits = |values: &[f64]| {
@@ -90,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_profile_is_its_closed_form() {
+    fn each_profile_matches_its_closed_form() {
         let table = Profile::Table {
             time_s: vec![1.0, 2.0, 4.0],
             values: vec![0.5, 1.0, -1.0],
@@ -109,7 +109,7 @@ mod tests {
                 &Profile::Ramp { duration_s: 4.0 },
                 &[(0.0, 0.0), (1.0, 0.25), (4.0, 1.0), (9.0, 1.0)],
             ),
-            // 1 - exp(-1) and 1 - exp(-2), to 16 digits by an independent calculator
+            // 1 - exp(-1) and 1 - exp(-2), to 16 digits by an independent calculator.
             (
                 &Profile::Exponential { speed_per_s: 2.0 },
                 &[

@@ -1,14 +1,14 @@
-//! The schedule: at which step each fault begins and ends.
+//! The schedule: the step at which each fault begins and ends.
 //!
-//! Asked by the layer once at each step, before anything else happens there. It knows triggers, ends
-//! and conditions; what the effects do is nothing to it. As long as nothing begins or ends by its
-//! number and no condition is watched, it is one comparison.
+//! Called by the layer once per step, before anything else happens there. It handles triggers, ends and conditions,
+//! independently of the actions of effects. While no beginning or end is due and no condition is watched, a call is one
+//! comparison.
 //!
-//! Of what is over only what is listed stays: the rest goes when another fault is taken, which
-//! allocates anyway, never at a step.
+//! Of ended events only the listed data stays: the rest is released when another fault is admitted, which allocates
+//! anyway, never at a step.
 //!
-//! At one step, faults end before others begin, and those that begin do so by the number of their
-//! event and their place in it.
+//! At one step, faults end before others begin, and those that begin do so in the order of their event numbers and
+//! their indices in the event.
 
 use std::ops::Range;
 
@@ -22,71 +22,71 @@ use shared_types::time::Step;
 use super::builder::ArmedFault;
 use super::effect::{Effect, Life};
 
-/// A step that never comes.
+/// Step that never comes.
 const NEVER: u64 = u64::MAX;
 
-/// Something that happens to an effect.
+/// Change of an effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Change {
-    /// Effect that takes hold.
+    /// Effect that begins.
     Begins(usize),
-    /// Effect that ended of itself.
+    /// Effect that ended by itself.
     Ends(usize),
 }
 
-/// The events of a run.
+/// Events of a run.
 #[derive(Default)]
 pub(super) struct Schedule {
-    /// By their numbers.
+    /// Events by number.
     events: Vec<Scheduled>,
-    /// The places of those that are not over, rising.
+    /// Indices of those that are not over, rising.
     living: Vec<usize>,
-    /// The places of those that are over and still have all that they needed to act.
+    /// Indices of those that are over and still own their resources.
     over: Vec<usize>,
-    /// Effects of the living.
+    /// Number of effects of the living events.
     living_effects: usize,
-    /// The first step at which something begins or ends by its number.
+    /// First step at which a beginning or end is due.
     due: u64,
-    /// Events that wait for or end by a condition, by place.
+    /// Indices of events that wait for or end by a condition.
     watching: Vec<usize>,
-    /// True if an effect ends by how often it acted.
+    /// `true` if an effect has a maximum number of occurrences.
     counting: bool,
     /// Changes at the last turn, in order.
     changes: Vec<Change>,
 }
 
-/// An event and where it is in its life.
+/// Event with its state.
 struct Scheduled {
     event: FaultEvent,
     when: Option<Watch>,
     until: Option<Watch>,
     effects: Range<usize>,
-    /// The step at which it takes hold, once that is known.
+    /// Step at which it begins, once known.
     hold: Option<u64>,
-    /// True once the event has taken hold.
+    /// `true` once the event has begun.
     held: bool,
-    /// The step at which it ends, once that is known.
+    /// Step at which it ends, once known.
     end: Option<u64>,
-    /// All its effects have ended.
+    /// `true` once all its effects have ended.
     over: bool,
 }
 
-/// The state of an event.
+/// Saved state of an event.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct SavedEvent {
     id: u32,
-    /// The step at which it took hold, if it has.
+    /// Step at which it began, if it has.
     held: Option<u64>,
     over: bool,
-    /// For how many records the conditions of its begin and its end have held.
+    /// Numbers of records for which the conditions of its beginning and its end have held.
     conditions_held: [u64; 2],
 }
 
 impl Schedule {
-    /// The state of every event.
+    /// Returns the state of every event.
     pub(super) fn save(&self) -> Vec<SavedEvent> {
         let save = |scheduled: &Scheduled| {
-            // What is over asks no condition again, and may have none any more.
+            // Ended events evaluate no conditions, and may have none any more.
             let held = |watch: &Option<Watch>| {
                 let watch = watch.as_ref().filter(|_| !scheduled.over);
                 watch.map_or(0, Watch::held)
@@ -101,8 +101,8 @@ impl Schedule {
         self.events.iter().map(save).collect()
     }
 
-    /// Puts the states back; the effects have theirs. For what has not taken hold and what has not
-    /// ended the event alone tells when it will.
+    /// Restores the states; the effects are restored separately. Future beginnings and ends follow from the events
+    /// alone.
     pub(super) fn restore(
         &mut self,
         saved: &[SavedEvent],
@@ -112,7 +112,7 @@ impl Schedule {
         if saved.len() != self.events.len() || !self.events.iter().zip(saved).all(same) {
             let (theirs, ours) = (saved.len(), self.events.len());
             return Err(Invalid(format!(
-                "{theirs} faults were saved, and there are {ours} here, or others"
+                "{theirs} faults were saved, which are not the {ours} here"
             )));
         }
         for (scheduled, saved) in self.events.iter_mut().zip(saved) {
@@ -130,13 +130,13 @@ impl Schedule {
             }
         }
         self.look_ahead(effects);
-        // What may end at the next step for having acted often enough is found by looking.
+        // An effect that may end at the next step by its occurrences is found by checking.
         self.due = 0;
         Ok(())
     }
 
-    /// Takes an event whose effects were put at `effects`; it waits from step `next` on. Gives the
-    /// step at which it takes hold, if that is known. [`look_ahead`](Self::look_ahead) must follow.
+    /// Arms an event whose effects are at `effects`; it waits from step `next` on. Returns the step at which it begins,
+    /// if known. [`look_ahead`](Self::look_ahead) must follow.
     pub(super) fn arm(
         &mut self,
         armed: ArmedFault,
@@ -171,12 +171,12 @@ impl Schedule {
         hold.map(Step)
     }
 
-    /// Effects that have not ended, or whose event has others that have not.
+    /// Returns the number of effects of events that are not over.
     pub(super) const fn living_effects(&self) -> usize {
         self.living_effects
     }
 
-    /// Lets go of what an event that is over needed, and gives the places of its effects.
+    /// Releases the resources of an ended event and returns the indices of its effects.
     pub(super) fn retire(&mut self) -> Option<Range<usize>> {
         let scheduled = &mut self.events[self.over.pop()?];
         (scheduled.when, scheduled.until) = (None, None);
@@ -187,8 +187,7 @@ impl Schedule {
         Some(scheduled.effects.clone())
     }
 
-    /// The step at which a trigger takes hold for an event that is taken before step `next`, if that
-    /// is known.
+    /// Returns the step at which a trigger fires for an event admitted before step `next`, if known.
     pub(super) fn hold_of(&self, trigger: &Trigger, next: Step) -> Option<u64> {
         match trigger {
             Trigger::Step { step, .. } => Some(step.0),
@@ -202,7 +201,8 @@ impl Schedule {
         }
     }
 
-    /// The event that a trigger follows, if that has ended without taking hold: it waits for ever.
+    /// Returns the event that a trigger follows, if that event ended before it began, so that the trigger would wait
+    /// for ever.
     pub(super) fn follows_in_vain(&self, trigger: &Trigger) -> Option<u32> {
         let Trigger::After { event, .. } = trigger else {
             return None;
@@ -220,8 +220,8 @@ impl Schedule {
         Some(&self.events[place]).filter(|found| found.event.id == id)
     }
 
-    /// Finds what begins and ends at a step. `last` is the record before, which conditions are asked
-    /// of. True if something changed: [`changes`](Self::changes) then has it.
+    /// Determines the beginnings and ends of a step. `last` is the previous record, on which conditions are evaluated.
+    /// Returns `true` if there are any, which [`changes`](Self::changes) then lists.
     pub(super) fn turn(
         &mut self,
         effects: &mut [Effect],
@@ -238,7 +238,7 @@ impl Schedule {
         }
         self.changes.clear();
         self.end_due(effects, step);
-        // An event may take hold because of one that comes later in the list.
+        // An event may begin because of one that comes later in the list.
         while self.hold_due(step) {}
         self.begin_due(effects, step);
         self.look_ahead(effects);
@@ -250,8 +250,8 @@ impl Schedule {
         &self.changes
     }
 
-    /// Asks the conditions of the record before a step. An end is asked for from the record of the
-    /// step on at which the event took hold.
+    /// Evaluates the conditions on the record before a step. An end condition is evaluated from the record of the
+    /// event's first step on.
     fn watch(&mut self, step: Step, last: &[f64]) {
         for &place in &self.watching {
             let scheduled = &mut self.events[place];
@@ -293,7 +293,7 @@ impl Schedule {
         }
     }
 
-    /// Lets events take hold; true if one did.
+    /// Begins due events; returns `true` if there was one.
     fn hold_due(&mut self, step: Step) -> bool {
         let mut any = false;
         for at in 0..self.living.len() {
@@ -329,7 +329,7 @@ impl Schedule {
         }
     }
 
-    /// Finds the next step at which something begins or ends by its number.
+    /// Determines the next step at which a beginning or end is due.
     pub(super) fn look_ahead(&mut self, effects: &[Effect]) {
         (self.due, self.counting) = (NEVER, false);
         self.watching.clear();
@@ -342,7 +342,7 @@ impl Schedule {
             if waits || scheduled.until.is_some() {
                 self.watching.push(place);
             }
-            // Whoever follows this one gets its step then.
+            // An event that follows this one gets its step then.
             let hold = scheduled.hold.filter(|_| !scheduled.held);
             let mut due = earlier(hold, scheduled.end);
             for effect in &effects[scheduled.effects.clone()] {
@@ -355,7 +355,7 @@ impl Schedule {
         }
     }
 
-    /// Moves what is over out of the living; there is room for all of them.
+    /// Moves ended events out of the living; there is room for all of them.
     fn bury(&mut self) {
         let (events, over) = (&self.events, &mut self.over);
         self.living.retain(|place| {
@@ -367,7 +367,7 @@ impl Schedule {
         });
     }
 
-    /// After a step: effects that acted as often as they may end at the next.
+    /// Ends effects that have completed their maximum number of occurrences, from the next step on.
     pub(super) fn count(&mut self, effects: &[Effect], step: Step) {
         let spent = |effect: &Effect| effect.life != Life::Ended && effect.is_spent();
         let mut living = self.living.iter();
@@ -377,7 +377,7 @@ impl Schedule {
         }
     }
 
-    /// Ends an event or all of them from a step on, also those that wait; gives their numbers.
+    /// Ends one or all events from a step on, including waiting ones; returns their numbers.
     pub(super) fn clear(
         &mut self,
         effects: &mut [Effect],
@@ -405,7 +405,7 @@ impl Schedule {
         cleared
     }
 
-    /// Every event, by its number.
+    /// Lists every event, by its number.
     pub(super) fn states(&self, effects: &[Effect]) -> Vec<FaultState> {
         let state = |scheduled: &Scheduled| {
             let effects = &effects[scheduled.effects.clone()];
@@ -464,7 +464,7 @@ pub(super) fn waits_for(trigger: &Trigger) -> String {
             records,
         }) => match records {
             0 | 1 => format!("`{expression}` to hold"),
-            _ => format!("`{expression}` to hold for {records} records in a row"),
+            _ => format!("`{expression}` to hold for {records} consecutive records"),
         },
         Trigger::After { event, delay_steps } => match delay_steps {
             0 => format!("fault {event} to take hold"),

@@ -1,9 +1,7 @@
-//! Direction of the signals between plant and controller, and the medium that they
-//! cross.
+//! Path of the signals in one direction between plant and controller, and the medium that they cross.
 //!
-//! Called by the layer at every step, in the order in which a row takes the way: a sample's signals
-//! meet their faults before it is sent, a command's after it has come. Without faults a path only remembers
-//! the row, which is what a later fault falls back on.
+//! Called by the layer at every step, in the order of processing: a sample's signal faults act before it is sent, a
+//! command's after it has arrived. Without faults a path only remembers the row, as a fallback for a later fault.
 
 use serde::{Deserialize, Serialize};
 use shared_types::describe::Invalid;
@@ -14,21 +12,21 @@ use super::channel::{About, Channel, SavedChannel};
 use super::effect::{Action, Effect};
 use super::kind::{Passage, Reading};
 
-/// A row of signals on its way, with its invalid bits.
+/// Row of signals in transit, with its invalid bits.
 pub(super) type Row<'a> = (&'a mut [f64], &'a mut [u64; VALIDITY_WORDS]);
 
-/// Direction of signals.
+/// Path of one direction.
 pub(super) struct SignalPath {
-    /// Effects that act on signals, in the order in which they took hold.
+    /// Effects that act on signals, in the order in which they began.
     signals: Vec<usize>,
     /// Effects that act on the link, likewise.
     link: Vec<usize>,
-    /// Signals of the step before, which an invalid signal keeps; 0 before the first step.
+    /// Signals of the previous step, which an invalid signal keeps; 0 before the first step.
     kept: Vec<f64>,
     channel: Channel,
 }
 
-/// The state of a direction.
+/// Saved state of a path.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct SavedPath {
     signals: Vec<usize>,
@@ -38,7 +36,7 @@ pub(super) struct SavedPath {
 }
 
 impl SignalPath {
-    /// A direction with N signals in frames of this kind.
+    /// Creates a path with N signals in frames of this kind.
     pub(super) fn new(width: usize, kind: FrameKind) -> Self {
         Self {
             signals: Vec::new(),
@@ -58,34 +56,34 @@ impl SignalPath {
         }
     }
 
-    /// Puts a state back.
+    /// Restores a saved state.
     pub(super) fn restore(&mut self, saved: SavedPath) -> Result<(), Invalid> {
         if saved.kept.len() != self.kept.len() {
             return Err(Invalid("its signals are not those of this plant".into()));
         }
-        // Not replaced: they have room for every effect that is armed.
+        // Not replaced: they have room for every armed effect.
         self.signals.clone_from(&saved.signals);
         self.link.clone_from(&saved.link);
         self.kept = saved.kept;
         self.channel.restore(saved.channel)
     }
 
-    /// Frames that the check sum refused.
+    /// Returns the number of frames rejected by their checksum.
     pub(super) const fn rejected(&self) -> u64 {
         self.channel.rejected()
     }
 
-    /// The effects on signals that act.
+    /// Returns the active effects on signals.
     pub(super) const fn signals(&mut self) -> &mut Vec<usize> {
         &mut self.signals
     }
 
-    /// The effects on the link that act.
+    /// Returns the active effects on the link.
     pub(super) const fn link(&mut self) -> &mut Vec<usize> {
         &mut self.link
     }
 
-    /// An effect on the link takes hold.
+    /// Begins an effect on the link.
     pub(super) fn begin(&mut self, effect: &mut Effect) {
         self.channel.begin();
         if let Action::Link(_, _, arrivals) = &mut effect.action {
@@ -93,7 +91,7 @@ impl SignalPath {
         }
     }
 
-    /// An effect on the link ended.
+    /// Ends an effect on the link.
     pub(super) fn end(&mut self, effects: &mut [Effect], step: Step) {
         self.channel.end(step);
         for &effect in &self.link {
@@ -103,8 +101,7 @@ impl SignalPath {
         }
     }
 
-    /// Lets the faults of the signals act. An invalid signal keeps the value it had when it was
-    /// valid last, whatever becomes of it on its way.
+    /// Applies the faults of the signals. An invalid signal keeps its last valid value, whatever happens in transit.
     pub(super) fn apply_signal_faults(
         &mut self,
         effects: &mut [Effect],
@@ -125,7 +122,7 @@ impl SignalPath {
         self.kept.copy_from_slice(row);
     }
 
-    /// Carries a row of this age to the receiver; gives the age of what that one has then.
+    /// Transmits a row of this age to the receiver; returns the age of the received row.
     pub(super) fn apply_link_faults(
         &mut self,
         effects: &mut [Effect],
@@ -157,7 +154,7 @@ impl SignalPath {
                 }
                 received = arrivals.receive(step.0);
             }
-            // What it alone made older, or younger: messages from before step 0 do not exist.
+            // The age that it alone added or removed: messages from before step 0 do not exist.
             let sent = |received: Option<u64>| received.map_or(-1, |sent| sent as i64);
             let added_steps = sent(received).abs_diff(sent(received_before));
             effect.note(passage != before, added_steps as f64);
@@ -171,7 +168,7 @@ fn is_invalid(invalid: &[u64; VALIDITY_WORDS], index: usize) -> bool {
     invalid[index / 64] >> (index % 64) & 1 == 1
 }
 
-/// Lets a fault act on one signal.
+/// Applies a fault to one signal.
 fn apply(effect: &mut Effect, step: Step, rate: Rate, (row, invalid): Row<'_>, kept: &[f64]) {
     let at = effect.moment(step, rate);
     let Action::Signal(_, index, fault) = &mut effect.action else {

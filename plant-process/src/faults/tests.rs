@@ -1,7 +1,7 @@
 //! The layer step by step, against sequences worked out by hand.
 //!
-//! At step k the healthy plant measures `a_m` = k and `b_m` = 10, the rig asks for `r_m` = 5, and the
-//! controller answers with `u_n` = k and `v_n` = -1. The kinds of faults here are as plain as can be.
+//! At step k the healthy plant measures `a_m` = k and `b_m` = 10, the rig requests `r_m` = 5, and the controller
+//! answers with `u_n` = k and `v_n` = -1. The fault kinds here are as simple as possible.
 
 mod kinds;
 mod links;
@@ -19,7 +19,7 @@ use self::rig::*;
 use super::FaultLayer;
 
 #[test]
-fn without_a_fault_everything_passes_as_it_is() {
+fn without_a_fault_everything_passes_unchanged() {
     for events in [
         vec![],
         vec![event(1, "plus", at(1000), &[on("measured.a_m", 1.0)])],
@@ -44,7 +44,7 @@ fn without_a_fault_everything_passes_as_it_is() {
 }
 
 #[test]
-fn what_cannot_be_is_refused_by_name() {
+fn impossible_faults_are_refused_by_name() {
     let cases = [
         (
             "plus",
@@ -64,7 +64,7 @@ fn what_cannot_be_is_refused_by_name() {
         (
             "plus",
             on("parameter.mass_kg", 1.0),
-            "`mass_kg` is not open to faults",
+            "`mass_kg` is not faultable",
         ),
         (
             "late",
@@ -81,7 +81,7 @@ fn what_cannot_be_is_refused_by_name() {
         (
             "x",
             moving(&[("mass_kg", Operation::Add, 1.0)]),
-            "`mass_kg` is not open to faults",
+            "`mass_kg` is not faultable",
         ),
         ("x", moving(&[]), "moves no parameter"),
     ];
@@ -95,7 +95,7 @@ fn what_cannot_be_is_refused_by_name() {
 }
 
 #[test]
-fn a_condition_on_a_signal_that_is_not_there_is_refused_when_the_signals_are_known() {
+fn a_condition_on_an_unknown_signal_is_refused_once_the_signals_are_known() {
     let condition = Trigger::Condition(when("internal.z > 0", 1));
     let event = event(1, "plus", condition, &[on("measured.a_m", 1.0)]);
     let builder = builder();

@@ -1,9 +1,8 @@
 //! Timing: requests of faults to plant and controller, and their outcome.
 //!
-//! Asked by the layer before a sample is sent, told after its answer has come. It never waits itself.
+//! The layer calls it before a sample is sent and again after its answer has arrived. It never waits itself.
 //!
-//! The effect of a fault is what it asked for, and no more than what was seen: a controller that
-//! does not obey shows that nothing happened.
+//! The effect of a fault is its request, limited to what was observed: a controller that does not obey shows no effect.
 
 use shared_types::directive::Directive;
 use shared_types::side::Side;
@@ -11,25 +10,25 @@ use shared_types::time::{Rate, Step};
 
 use super::effect::{Action, Effect};
 
-/// The faults of timing that act, in the order in which they took hold.
+/// Active faults of timing, in the order in which they began.
 #[derive(Default)]
 pub(super) struct Timing {
     stack: Vec<usize>,
 }
 
 impl Timing {
-    /// Puts back which effects acted.
+    /// Restores the stack of active effects.
     pub(super) fn restore(&mut self, stack: &[usize]) {
         self.stack.clear();
         self.stack.extend(stack);
     }
 
-    /// The effects that act.
+    /// Returns the active effects.
     pub(super) const fn stack(&mut self) -> &mut Vec<usize> {
         &mut self.stack
     }
 
-    /// Returns what the controller is to do, and for how long the plant is to be busy, in ns.
+    /// Returns the directive to the controller, and the plant's busy time in ns.
     pub(super) fn ask(&self, effects: &mut [Effect], step: Step, rate: Rate) -> (Directive, u64) {
         let (mut controller, mut plant) = (Directive::default(), Directive::default());
         for &effect in &self.stack {
@@ -59,7 +58,7 @@ impl Timing {
         (controller, u64::from(plant.busy_ns))
     }
 
-    /// The plant was busy for so long.
+    /// Records the plant's actual busy time.
     pub(super) fn plant_was_busy(&self, effects: &mut [Effect], busy_ns: u64) {
         for &effect in &self.stack {
             if let Action::Busy(Side::Plant, _, asked_ns) = effects[effect].action {
@@ -68,14 +67,14 @@ impl Timing {
         }
     }
 
-    /// The controller answered.
+    /// Records the controller's answer.
     pub(super) fn answered(&self, effects: &mut [Effect], age_steps: u32, work_ns: u64) {
         for &effect in &self.stack {
             match effects[effect].action {
                 Action::Busy(Side::Controller, _, asked_ns) => {
                     effects[effect].grow(seen(asked_ns, work_ns));
                 }
-                // The command that comes is an older one, and will be until the skipped one is due.
+                // An older command arrives, until the skipped one is due.
                 Action::Skip(_, asked_steps) if age_steps > 0 => {
                     effects[effect].grow(f64::from(asked_steps));
                 }
@@ -85,7 +84,7 @@ impl Timing {
     }
 }
 
-/// Returns the part of what was asked for that was seen.
+/// Returns the observed part of a request.
 fn seen(asked: u32, seen: u64) -> f64 {
     let asked = u64::from(asked);
     (if asked < seen { asked } else { seen }) as f64

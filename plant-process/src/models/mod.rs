@@ -1,14 +1,14 @@
-//! The plants that come with the emulator.
+//! The built-in plants.
 //!
-//! Each module is one plant: its tables, its equations and their tests. A plant of your own looks
-//! the same; start from [`spring_mass`].
+//! Each module is one plant: its tables, its equations and their tests. Your own plant looks the same; start from
+//! [`spring_mass`].
 
 pub mod drhas;
 pub mod spring_mass;
 
 use crate::plant::PlantKind;
 
-/// Every plant that a scenario can name.
+/// Returns every plant that a scenario can name.
 #[must_use]
 pub fn all() -> Vec<PlantKind> {
     vec![
@@ -26,8 +26,8 @@ mod tests {
     use super::*;
     use crate::plant::Model;
 
-    /// Every parameter at its default, except that the spools are slow and sticky: what else would
-    /// a spool remember?
+    /// Returns the default parameters, except that the spools are slow and sticky: otherwise a spool would have no
+    /// memory.
     fn parameters(kind: &PlantKind) -> Settings {
         let mut settings = Settings::default();
         for field in &kind.description.parameters {
@@ -40,7 +40,7 @@ mod tests {
         settings
     }
 
-    /// The parameters of a step: now and then the first spool sticks a little, or the spring is soft.
+    /// Returns the parameters of a step: now and then the first spool sticks a little, or the spring is soft.
     fn row(kind: &PlantKind, settings: &Settings, random: &mut RandomStream) -> Vec<f64> {
         let faulty = random.uniform() < 0.5;
         let fields = kind.description.parameters.iter();
@@ -52,7 +52,7 @@ mod tests {
         fields.map(|field| value(&field.name)).collect()
     }
 
-    /// Goes one step further under a random command; what the sensors and the truth then are.
+    /// Advances one step under a random command; returns the readings and the truth.
     fn step(
         kind: &PlantKind,
         model: &mut dyn Model,
@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn every_plant_goes_on_from_any_step_bit_by_bit() {
+    fn every_plant_resumes_from_any_step_bit_by_bit() {
         for kind in all() {
             let settings = parameters(&kind);
             let name = &kind.description.name;

@@ -1,8 +1,8 @@
 //! The teaching plant: a mass on a spring with a damper, `m x'' + c x' + k x = F + d`.
 //!
-//! Read it top to bottom before you write a plant of your own: four tables say what goes in and
-//! out, and the implementation of [`Plant`] below them is the whole model. What can break is a list of
-//! names for moves of its faultable parameters; the equations know nothing of it.
+//! Read it top to bottom before you write a plant of your own: four tables define the inputs and outputs, and the
+//! implementation of [`Plant`] below them is the whole model. Faults are a list of named moves of its faultable
+//! parameters; the equations are unaware of them.
 
 use shared_types::describe::{
     FaultDescription, Invalid, MoveBy, Operation, ParameterMove, ProfileDescription,
@@ -71,13 +71,13 @@ pub struct SpringMass {
     state: [f64; 2],
 }
 
-/// `x'' = (F + d - c x' - k x) / m` (Newton's second law; the spring is linear at any length).
+/// Computes `x'' = (F + d - c x' - k x) / m` (Newton's second law; the spring is linear at any length).
 fn acceleration_mps2(p: &Parameters, command: &Command, [x, v]: &[f64; 2]) -> f64 {
     let (c, k, m) = (p.damping_n_s_per_m, p.stiffness_n_per_m, p.mass_kg);
     (command.force_n + p.disturbance_n - c * v - k * x) / m
 }
 
-/// `m x'^2 / 2 + k x^2 / 2`.
+/// Computes `m x'^2 / 2 + k x^2 / 2`.
 fn energy_j(p: &Parameters, [x, v]: &[f64; 2]) -> f64 {
     0.5 * p.mass_kg * v * v + 0.5 * p.stiffness_n_per_m * x * x
 }
@@ -187,7 +187,7 @@ mod tests {
     };
 
     #[test]
-    fn a_step_of_force_answers_as_the_closed_form() {
+    fn the_response_to_a_force_step_matches_the_closed_form() {
         // x(t) = F/k (1 - e^(-z w t) (cos w_d t + z w / w_d sin w_d t)), with w = 10 rad/s and
         // z = c / (2 sqrt(k m)) = 0.1.
         let mut plant = SpringMass::start(&Parameters::default()).unwrap();
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn free_vibration_without_damping_keeps_its_energy() {
+    fn free_vibration_without_damping_conserves_energy() {
         let parameters = Parameters {
             damping_n_s_per_m: 0.0,
             initial_position_m: 0.3,

@@ -1,16 +1,15 @@
 //! Truncated Taylor arithmetic: a value together with its first five time derivatives.
 //!
-//! Used by [`evaluate`](super::evaluate), never by a model. The recurrences are those of Griewank
-//! and Walther, Evaluating Derivatives, 2nd ed., section 13.2: every operation is exact up to
-//! rounding.
+//! Used by [`evaluate`](super::evaluate), never by a model. The recurrences are those of Griewank and Walther,
+//! Evaluating Derivatives, 2nd ed., section 13.2: every operation is exact up to rounding.
 
 use std::ops::{Add, Mul, Neg};
 
 /// Highest derivative.
 const ORDER: usize = 5;
 
-/// Does something for each order from 1 on, which is a constant there: the compiler does not unroll the
-/// triangle of a recurrence by itself.
+/// Repeats a block for each order from 1 on, as a constant: the compiler does not unroll the triangle of a recurrence
+/// by itself.
 macro_rules! for_each_order {
     ($k:ident => $body:block) => {
         for_each_order!($k => $body, 1 2 3 4 5)
@@ -24,29 +23,28 @@ macro_rules! for_each_order {
     };
 }
 
-/// A function near an instant, as the coefficients of `c0 + c1 s + .. + c5 s^5` in the time `s`
-/// since then.
+/// Function near an instant, as the coefficients of `c0 + c1 s + .. + c5 s^5` in the time `s` since then.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Taylor([f64; ORDER + 1]);
 
 impl Taylor {
-    /// Time itself, at an instant.
+    /// Creates time itself, at an instant.
     pub(super) const fn time(time_s: f64) -> Self {
         Self([time_s, 1.0, 0.0, 0.0, 0.0, 0.0])
     }
 
-    /// The value.
+    /// Returns the value.
     pub(super) const fn value(&self) -> f64 {
         self.0[0]
     }
 
-    /// The value and the derivatives: the n-th is n! times the n-th coefficient.
+    /// Returns the value and the derivatives: the n-th is n! times the n-th coefficient.
     pub(super) fn derivatives(&self) -> [f64; ORDER + 1] {
         const FACTORIALS: [f64; ORDER + 1] = [1.0, 1.0, 2.0, 6.0, 24.0, 120.0];
         std::array::from_fn(|n| FACTORIALS[n] * self.0[n])
     }
 
-    /// `s = sin u`, together with `c = cos u` from `s' = c u'`, `c' = -s u'`.
+    /// Computes `s = sin u`, together with `c = cos u`, from `s' = c u'`, `c' = -s u'`.
     #[inline]
     pub(super) fn sin(&self) -> Self {
         let u = &self.0;
@@ -64,11 +62,11 @@ impl Taylor {
         Self(s)
     }
 
-    /// `e = exp(u) - 1`, from `e' = (e + 1) u'`. Keeps all digits where `u` is near 0.
+    /// Computes `e = exp(u) - 1`, from `e' = (e + 1) u'`. Accurate for `u` near 0.
     #[inline]
     pub(super) fn exp_m1(&self) -> Self {
         let u = &self.0;
-        // Either the small difference from 1 or the small exponential is taken exactly.
+        // Either the small difference from 1 or the small exponential is computed directly.
         let (less_one, exp) = if u[0].abs() < 0.5 {
             let less_one = libm::expm1(u[0]);
             (less_one, less_one + 1.0)
@@ -88,7 +86,7 @@ impl Taylor {
         Self(e)
     }
 
-    /// `y = atan u`, from `(1 + u^2) y' = u'`.
+    /// Computes `y = atan u`, from `(1 + u^2) y' = u'`.
     #[inline]
     pub(super) fn atan(&self) -> Self {
         let u = &self.0;
@@ -128,7 +126,7 @@ impl Add<f64> for Taylor {
 impl Mul for Taylor {
     type Output = Self;
 
-    /// The Cauchy product, written out: the compiler does not unroll the triangle.
+    /// Cauchy product, written out: the compiler does not unroll the triangle.
     #[inline]
     fn mul(self, other: Self) -> Self {
         let (a, b) = (self.0, other.0);

@@ -1,6 +1,6 @@
-//! Form of all changes in a checkpoint: courses, and the live changes that wait for their step.
+//! Form of all changes in a checkpoint: courses, and the pending live changes.
 //!
-//! Changes of the scenario are not in it: a run that goes on from a checkpoint has them from its scenario.
+//! Changes of the scenario are not included: a resumed run takes them from its scenario.
 
 use hil_config::plan::Change;
 use serde::{Deserialize, Serialize};
@@ -10,10 +10,10 @@ use shared_types::tuning::Course;
 
 use super::{NEVER, Tuning};
 
-/// A course as a checkpoint keeps it: from, to, begin, steps.
+/// Course in a checkpoint: from, to, begin, steps.
 type SavedCourse = (f64, f64, u64, u64);
 
-/// A change that waits: step, ramp, values with their units, cleared signals.
+/// Pending change: step, ramp, values with their units, cleared signals.
 type SavedChange = (u64, u64, Vec<(String, String, f64)>, Vec<String>);
 
 /// State of all changes between two steps.
@@ -23,7 +23,7 @@ pub(crate) struct SavedTuning {
     law: Vec<(String, SavedCourse)>,
     references: Vec<(String, SavedCourse)>,
     number: u64,
-    /// Live changes that wait.
+    /// Pending live changes.
     waiting: Vec<SavedChange>,
     taken: usize,
 }
@@ -73,7 +73,7 @@ impl Tuning {
         }
     }
 
-    /// Puts a state back, before a step.
+    /// Restores a state, before a step.
     pub(crate) fn restore(&mut self, state: SavedTuning, first: Step) {
         let places = self.fields.len();
         self.plant = (state.plant.into_iter())

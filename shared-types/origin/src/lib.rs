@@ -1,11 +1,13 @@
-//! The source that a program is built from, noted by its build script: commits, changes since, and the lock file.
+//! Provenance of a program, embedded by its build script: commits, uncommitted changes and the lock file.
 //!
-//! Used by the `build.rs` of a package with a plant's or controller's `main`; `shared_types::origin!()` reads the note,
-//! and `--describe` tells it. A build that finds no `git` or no commit notes that, and goes on.
+//! Used by the `build.rs` of each package that has a plant's or controller's `main`; `shared_types::origin!()` reads
+//! the embedded record, and `--describe` prints it. Without `git` or a commit the build records just that and
+//! continues.
 //!
-//! Sources are those of the package and of each that it names by path, and the commit is the last one that changed them.
-//! So the script runs again when a source changes or, while there are changes, at the next commit, and a commit of
-//! anything else has nothing built anew. A commit that is rewritten later with the same sources keeps its name here.
+//! The sources are those of the package and of all its path dependencies; the commit is the last one that changed any
+//! of them. The script therefore reruns when a source changes or, while there are uncommitted changes, at the next
+//! commit. Commits that touch other files trigger no rebuild. If a commit is later rewritten with the same sources, the
+//! program keeps the old hash.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
@@ -15,15 +17,16 @@ use std::process::Command;
 
 use serde_json::Value;
 
-/// Text for a source of which no commit is known.
+/// Commit text of sources outside any commit.
 const UNKNOWN: &str = "unknown";
-/// Parts of a package that a program is built from.
+/// Parts of a package that its program is built from.
 const PARTS: [&str; 3] = ["src", "Cargo.toml", "build.rs"];
 
-/// Notes the source of the package whose build script calls it. The variable `HIL_COMMIT` of its build has the commit alone.
+/// Embeds the provenance of the package whose build script calls this function. The build variable `HIL_COMMIT` holds
+/// the commit alone.
 ///
 /// # Panics
-/// If it is called by anything else than a build script.
+/// If called outside a build script.
 pub fn note() {
     let variable = |name: &str| std::env::var(name).unwrap_or_else(|_| panic!("{name} is not set"));
     let origin = Origin::of(Path::new(&variable("CARGO_MANIFEST_DIR")));
@@ -37,10 +40,11 @@ pub fn note() {
     fs::write(&file, text).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
 }
 
-/// The source of a package.
+/// Provenance of a package.
 #[derive(Debug, Default)]
 struct Origin {
-    /// Last commit of the sources in each repository, the package's own first; `None` for packages that are in none.
+    /// Last commit of the sources in each repository, the package's own first; `None` for packages outside any
+    /// repository.
     commits: Vec<Option<String>>,
     is_modified: bool,
     lock: Option<PathBuf>,
@@ -56,12 +60,12 @@ impl Origin {
             origin.watched.push(root.join("Cargo.toml"));
             origin.watched.extend(origin.lock.clone());
         }
-        // Sources by repository; those in none come under `None`.
+        // Sources by repository; those outside any repository under `None`.
         let mut repositories: Vec<(Option<PathBuf>, Vec<PathBuf>)> = Vec::new();
         for folder in &found.folders {
             let parts = PARTS.map(|part| folder.join(part));
             let parts = parts.into_iter().filter(|part| part.exists());
-            // In a repository, and part of it: one that only lies in its folder has no commit.
+            // A folder may lie inside a repository without being tracked by it; such a package has no commit.
             let is_part = git(folder, &["ls-files", "--error-unmatch", "Cargo.toml"]).is_some();
             let top = git(folder, &["rev-parse", "--show-toplevel"]).filter(|_| is_part);
             let top = top.map(PathBuf::from);
@@ -78,7 +82,7 @@ impl Origin {
         origin
     }
 
-    /// Looks at the sources in a repository; returns the last commit that changed them.
+    /// Inspects the sources in a repository and returns the last commit that changed them.
     fn look(&mut self, top: &Path, sources: &[PathBuf]) -> Option<String> {
         let ask = |arguments: &[&str]| {
             let sources = sources.iter().map(|source| source.as_os_str());
@@ -98,7 +102,7 @@ impl Origin {
         ask(&["log", "-1", "--format=%H", "--"]).filter(|commit| !commit.is_empty())
     }
 
-    /// Names the commits in one text.
+    /// Joins the commits into one text.
     fn commit(&self) -> String {
         if self.commits.is_empty() {
             return UNKNOWN.into();
@@ -108,7 +112,7 @@ impl Origin {
         all.join("+")
     }
 
-    /// Writes it as `shared_types::origin!()` reads it.
+    /// Formats the provenance as the expression that `shared_types::origin!()` includes.
     fn expression(&self, version: &str) -> String {
         let is_known = self.commits.iter().any(Option::is_some);
         let commit = is_known.then(|| self.commit());
@@ -125,12 +129,12 @@ impl Origin {
     }
 }
 
-/// A package and the packages that it names by path, with those that they name.
+/// A package with its direct and transitive path dependencies.
 #[derive(Debug, Default)]
 struct Packages {
-    /// Folder of the workspace, where the lock file is.
+    /// Workspace folder, which contains the lock file.
     root: Option<PathBuf>,
-    /// Folders of the packages, its own first.
+    /// Package folders, the package's own first.
     folders: Vec<PathBuf>,
 }
 
@@ -162,7 +166,7 @@ impl Packages {
     }
 }
 
-/// Folder of a package, and those of the packages that its programs name by path.
+/// Folder of a package and the folders of its path dependencies, build and dev dependencies excluded.
 fn dependencies(package: &Value) -> (PathBuf, BTreeSet<PathBuf>) {
     let manifest = path(&package["manifest_path"]);
     let folder = manifest.parent().unwrap_or(Path::new("")).to_owned();
@@ -196,13 +200,13 @@ fn path(value: &Value) -> PathBuf {
     value.as_str().unwrap_or_default().into()
 }
 
-/// The answer of `git` in a folder; nothing if it failed or is not there.
+/// Output of `git` run in a folder; `None` if it failed or is not installed.
 fn git(folder: &Path, arguments: &[impl AsRef<OsStr>]) -> Option<String> {
     let output = Command::new("git")
         .arg("-C")
         .arg(folder)
         .args(arguments)
-        // A build changes nothing in a repository.
+        // A build must not modify the repository.
         .env("GIT_OPTIONAL_LOCKS", "0")
         .output()
         .ok()?;

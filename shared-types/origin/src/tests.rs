@@ -4,8 +4,8 @@ use super::*;
 
 const HEX: usize = 40;
 
-/// Folder that goes when it is dropped. Not by `tempfile`: build scripts use this package, so its dependencies count among
-/// theirs, and a build for tests would compile `iceoryx2` and all above it anew.
+/// Temporary folder, removed on drop. Not from `tempfile`: build scripts depend on this package, and an added
+/// dependency would make a test build recompile `iceoryx2` and everything above it.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -33,7 +33,7 @@ impl Drop for Folder {
     }
 }
 
-/// Two packages, one of which names the other by path, in `a` and `b`.
+/// Two packages in `a` and `b`; one depends on the other by path.
 fn two() -> Folder {
     let folder = Folder::new();
     for (name, dependencies) in [
@@ -62,7 +62,7 @@ fn commit(folder: &Path) -> String {
 }
 
 #[test]
-fn sources_of_both_packages_count_and_nothing_else() {
+fn only_the_sources_of_both_packages_count() {
     let folder = two();
     let hash = commit(folder.path());
     let package = folder.path().join("a");
@@ -74,17 +74,17 @@ fn sources_of_both_packages_count_and_nothing_else() {
     for watched in ["a/src", "b/src", "b/Cargo.toml", "a/Cargo.lock"] {
         assert!(is_watched(&clean, watched), "{clean:?}");
     }
-    // Beside the sources, so no build is another.
+    // A file beside the sources leaves the build unchanged.
     fs::write(folder.path().join("README.md"), "text").expect("written");
     assert_ne!(commit(folder.path()), hash);
     let same = Origin::of(&package);
     assert_eq!((same.commit(), same.is_modified), (hash.clone(), false));
     assert!(!is_watched(&same, ".git/HEAD"), "{same:?}");
-    // Of the package that it names, and not there in the commit.
+    // An untracked file of the dependency.
     fs::write(folder.path().join("b/src/more.rs"), "").expect("written");
     let changed = Origin::of(&package);
     assert_eq!((changed.commit(), changed.is_modified), (hash, true));
-    // The next commit has it, and no file of the program changes then.
+    // The next commit contains the file without any source changing.
     assert!(is_watched(&changed, ".git/logs/HEAD"), "{changed:?}");
     let next = commit(folder.path());
     let clean = Origin::of(&package);
@@ -92,7 +92,7 @@ fn sources_of_both_packages_count_and_nothing_else() {
 }
 
 #[test]
-fn packages_of_two_repositories_have_two_commits_and_one_without_says_so() {
+fn packages_of_two_repositories_have_two_commits_or_unknown() {
     let folder = two();
     let (a, b) = (folder.path().join("a"), folder.path().join("b"));
     let theirs = commit(&b);
@@ -104,7 +104,7 @@ fn packages_of_two_repositories_have_two_commits_and_one_without_says_so() {
 }
 
 #[test]
-fn a_package_that_lies_in_a_repository_without_being_part_of_it_has_no_commit() {
+fn an_untracked_package_inside_a_repository_has_no_commit() {
     let folder = two();
     fs::write(folder.path().join(".gitignore"), "/a\n/b\n").expect("written");
     commit(folder.path());

@@ -1,13 +1,13 @@
-//! A side that somebody starts by hand, in a debugger for one: the way into its session, and its leash.
+//! Manual start of a side, for example in a debugger: how it joins its session, and its lifeline.
 //!
-//! 1. `hil` listens at a door in the session's folder, writes a [`Token`] into a file beside it that its user
-//!    alone can read, and waits.
-//! 2. The program connects and shows the token and itself ([`enter`]). `hil` looks at the process behind the
-//!    connection, and admits it or says why not.
-//! 3. The connection stays. The words come on it that a launched side reads from its standard input, and its
-//!    end is the end of `hil`; back goes the exit code, the last that the side says ([`Leash`]).
+//! 1. `hil` listens on a socket in the session's folder, writes a [`Token`] to a file beside it that only its user can
+//!    read, and waits.
+//! 2. The program connects and presents the token and its process ([`enter`]). `hil` checks the process behind the
+//!    connection, then admits it or states why not.
+//! 3. The connection stays open. It carries the words that a launched side reads from its standard input, and closes
+//!    when `hil` ends. In the other direction it carries the side's exit code, its last message ([`Leash`]).
 //!
-//! No wait is limited here: a debugger may hold the process wherever it likes.
+//! None of these waits has a limit: a debugger may stop the process anywhere.
 
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::os::unix::net::UnixStream;
@@ -22,39 +22,39 @@ use shared_types::side::Side;
 
 /// Exit code of a Rust program that panicked.
 pub const PANIC: u8 = 101;
-/// Word before the exit code of a side that ends.
+/// Word that precedes the exit code of an ending side.
 const ENDED: &str = "ended";
 
-/// Name of the socket that a side comes in by.
+/// Returns the name of the socket that a side connects to.
 #[must_use]
 pub fn door(side: Side) -> String {
     format!("{}.door", side.name())
 }
 
-/// Name of the file with the token of a side, which is there once somebody listens at the door.
+/// Returns the name of a side's token file, which exists while the socket is open.
 #[must_use]
 pub fn token_file(side: Side) -> String {
     format!("{}.token", side.name())
 }
 
-/// Secret of a side of one session: who can read it is of the user whose session that is.
+/// Secret of one side of one session; being able to read it proves the session's user.
 #[derive(Clone, Serialize, Deserialize)]
 pub struct Token {
     token: String,
 }
 
 impl std::fmt::Debug for Token {
-    // Never in a log.
+    // Must not appear in a log.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str("Token")
     }
 }
 
 impl Token {
-    /// Makes a token that nobody can guess.
+    /// Creates an unguessable token.
     ///
     /// # Errors
-    /// If the system gives no random bytes.
+    /// If the system provides no random bytes.
     pub fn random() -> std::io::Result<Self> {
         let mut bytes = [0; 32];
         std::fs::File::open("/dev/urandom")?.read_exact(&mut bytes)?;
@@ -62,7 +62,7 @@ impl Token {
         Ok(Self { token })
     }
 
-    /// Compares in a time that does not tell how much of it is right.
+    /// Compares in constant time.
     #[must_use]
     pub fn is(&self, shown: &Self) -> bool {
         let hash = |token: &Self| blake3::hash(token.token.as_bytes());
@@ -70,12 +70,12 @@ impl Token {
     }
 }
 
-/// Request of a program to be a side.
+/// Request of a program to become a side.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Entry {
     /// Token of the side.
     pub token: Token,
-    /// Process that asks.
+    /// Requesting process.
     pub process: ProcessId,
 }
 
@@ -83,24 +83,24 @@ pub struct Entry {
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(tag = "response", rename_all = "kebab-case")]
 pub enum Admission {
-    /// The process is the side from now on.
+    /// The process is now the side.
     Admitted,
-    /// The process is not, and is to leave.
+    /// The process is refused and must exit.
     Refused {
         /// Reason for the refusal.
         reason: String,
     },
 }
 
-/// Asks to be a side of a session; gives its supervision and its leash.
+/// Requests to become a side of a session; returns the side's supervision and lifeline.
 ///
 /// # Errors
-/// Reason for which it is not, in words.
+/// If the request is refused or the session cannot be reached, with the reason.
 pub fn enter(session: &SessionInfo, side: Side) -> Result<(Supervision, Leash), String> {
     let (name, role) = (&session.name, side.name());
     let no_place = |error: &dyn std::fmt::Display| {
         format!(
-            "session `{name}` waits for no {role} that is started by hand ({error}); `hil run --{role} external` does"
+            "session `{name}` expects no manually started {role} ({error}); `hil run --{role} external` does"
         )
     };
     let token = session.read_file(&token_file(side));
@@ -130,14 +130,14 @@ pub fn enter(session: &SessionInfo, side: Side) -> Result<(Supervision, Leash), 
     }
 }
 
-/// Connection of a side that was admitted with its `hil`.
+/// Connection between an admitted side and its `hil`.
 #[derive(Debug)]
 pub struct Leash {
     stream: UnixStream,
 }
 
 impl Leash {
-    /// Says how the side ends, as `hil`, which is not its parent, cannot ask the system.
+    /// Sends the side's exit code: `hil` is not its parent and cannot get it from the system.
     pub fn ends(mut self, code: u8) {
         self.say(code);
     }
@@ -155,11 +155,11 @@ impl Drop for Leash {
     }
 }
 
-/// Reads the exit code that an ended side said; `None` if it ended without a word.
+/// Reads the exit code that an ended side sent; `None` if it sent none.
 #[must_use]
 pub fn last_word(stream: &UnixStream) -> Option<u8> {
     let mut said = String::new();
-    // Long enough for every word there is.
+    // Longer than any valid message.
     BufReader::new(stream.take(64)).read_line(&mut said).ok()?;
     let code = said.strip_prefix(ENDED)?.trim();
     code.parse().ok()
@@ -170,7 +170,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_token_is_itself_and_no_other_and_is_not_shown() {
+    fn a_token_equals_only_itself_and_is_not_printed() {
         let (own, other) = (Token::random(), Token::random());
         let (own, other) = (own.expect("made"), other.expect("made"));
         assert!(own.is(&own.clone()) && !own.is(&other));
@@ -183,11 +183,11 @@ mod tests {
     }
 
     #[test]
-    fn the_last_word_is_the_exit_code_and_a_panic_is_one() {
+    fn the_last_message_is_the_exit_code_also_after_a_panic() {
         for (ends, code) in [
             (Some(0), Some(0)),
             (Some(3), Some(3)),
-            // Without a word.
+            // No message at all.
             (None, None),
         ] {
             let (hil, stream) = UnixStream::pair().expect("a pair");

@@ -1,9 +1,8 @@
-//! The monotonic clock, read by the engine's and runner's meters and by waits; never by a model or
-//! a law.
+//! The monotonic clock, read by waits and by the meters of engine and runner; never by a model or a law.
 
 use rustix::time::{ClockId, clock_gettime};
 
-/// Nanoseconds of the machine's monotonic clock; comparable between processes.
+/// Returns the machine's monotonic clock in nanoseconds, comparable between processes.
 #[must_use]
 #[inline]
 pub fn monotonic_ns() -> u64 {

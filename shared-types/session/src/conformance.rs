@@ -1,4 +1,4 @@
-//! The links and record streams of this package, and broken ones that must not pass.
+//! The links and record streams of this package, and broken ones that must fail.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -118,7 +118,7 @@ mod stream_over_iceoryx2 {
 }
 
 #[test]
-fn a_sentence_that_hangs_is_named_within_its_limit() {
+fn a_hanging_property_is_named_within_its_limit() {
     let name = "a_link_answers";
     let check = || hang();
     let reason = Sentence { name, check }.holds(Duration::from_millis(50));
@@ -132,7 +132,7 @@ fn hang() {
     }
 }
 
-/// Checks that each of these sentences does not hold.
+/// Checks that none of these properties holds.
 fn assert_broken(sentences: &[Sentence], names: &[&str]) {
     for name in names {
         let mut sentences = sentences.iter();
@@ -142,7 +142,7 @@ fn assert_broken(sentences: &[Sentence], names: &[&str]) {
     }
 }
 
-/// Makes a test of each flaw of a `Broken` fixture, which must break these sentences, and one of them all.
+/// Makes a test of each flaw of a `Broken` fixture, which must break exactly these properties, and one of all together.
 macro_rules! flaws {
     ($($test:ident: $flaw:ident over $fixture:ty => $($sentence:ident),+;)+) => {
         /// Flaw of an implementation.
@@ -161,7 +161,7 @@ macro_rules! flaws {
         )+
 
         #[test]
-        fn no_sentence_is_broken_without_a_flaw_and_each_by_one() {
+        fn every_property_holds_without_a_flaw_and_is_broken_by_one() {
             let sentences = sentences::<Broken<InProcess, { Flaw::None as usize }>>();
             let broken = [$($(stringify!($sentence)),+),+];
             crate::conformance::assert_each_can_fail(&sentences, &broken);

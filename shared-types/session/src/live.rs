@@ -1,7 +1,7 @@
 //! Sockets of a session: requests to a running plant, and the side that answers.
 //!
-//! The plant listens on a socket in the session's private folder, on a thread of its own; `hil`
-//! asks. One line of JSON each way. The loop sees of it one atomic.
+//! The plant listens on a socket in the session's private folder, on its own thread; `hil` sends requests. One line of
+//! JSON each way. The loop only reads one atomic.
 
 mod listening;
 
@@ -19,41 +19,41 @@ pub use listening::{Listening, answer, listen};
 
 /// Name of the socket in the session's folder.
 pub const SOCKET: &str = "control";
-/// Name of the socket in the session's folder at which parameters of plant and law are judged.
+/// Name of the socket in the session's folder where parameters of plant and law are validated.
 pub const OBJECTIONS: &str = "judge";
 
-/// A request got no answer.
+/// Request without a response.
 #[derive(Debug, thiserror::Error)]
 pub enum LiveError {
-    /// Nobody listens: the plant has not begun to, or has ended.
+    /// No listener: the plant has not started to listen, or has ended.
     #[error(
         "the plant of session `{0}` takes no requests: it is starting or has ended; see `hil sessions`"
     )]
     Absent(String),
-    /// Plant that listens and is silent.
+    /// Plant that accepts the connection but does not respond.
     #[error(
         "the plant of session `{session}` gave no answer within {limit_s} s; is it stopped, or held by a debugger?"
     )]
     Silent {
         /// The session.
         session: String,
-        /// Time for which the client waited, in s.
+        /// Time that the client waited, in s.
         limit_s: u64,
     },
-    /// The connection broke.
+    /// Broken connection.
     #[error("the plant of session `{session}`: {what}")]
     Broken {
         /// The session.
         session: String,
-        /// Failure of the connection, in words.
+        /// Description of the failure.
         what: String,
     },
 }
 
-/// Asks the plant of a session.
+/// Sends a request to the plant of a session.
 ///
 /// # Errors
-/// If it does not answer within the limit.
+/// If it does not respond within the limit.
 pub fn ask(
     session: &SessionInfo,
     request: &Request,
@@ -62,10 +62,10 @@ pub fn ask(
     ask_at(session, SOCKET, request, limit)
 }
 
-/// Asks whoever listens at a socket of a session: one line of JSON each way.
+/// Sends a request to a socket of a session: one line of JSON each way.
 ///
 /// # Errors
-/// If it does not answer within the limit.
+/// If it does not respond within the limit.
 pub fn ask_at<Q: Serialize, A: DeserializeOwned>(
     session: &SessionInfo,
     socket: &str,
@@ -95,7 +95,7 @@ pub fn ask_at<Q: Serialize, A: DeserializeOwned>(
     if read.map_err(broken)? == 0 {
         return Err(LiveError::Broken {
             session: name(),
-            what: "it ended before it answered".into(),
+            what: "it closed the connection without an answer".into(),
         });
     }
     serde_json::from_str(&answer).map_err(|e| broken(e.into()))

@@ -1,9 +1,9 @@
-//! Private folders for files that a process unpacks, which go with it however it ends.
+//! Private folders for unpacked files, removed with their process however it ends.
 //!
-//! Not in a session's folder: shared memory is often mounted so that no library in it can be loaded, as in most
-//! containers. A private folder has mode 0700 and lies among the temporary files, with a lock beside it that the kernel
-//! drops with the process. Its owner removes it; a folder whose lock is free is dead, and whoever sweeps next,
-//! each `hil` and each process that makes a private folder, removes it.
+//! Not in a session's folder: shared memory is often mounted such that libraries in it cannot be loaded, as in most
+//! containers. A private folder has mode 0700 and lies among the temporary files, beside a lock that the kernel
+//! releases with the process. Its owner removes it; a folder whose lock is free is dead and is removed by the next
+//! sweep, which each `hil` and each creator of a private folder performs.
 
 use std::fs::{self, DirBuilder, File};
 use std::io::{self, ErrorKind};
@@ -12,13 +12,13 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::{FlockOperation, OFlags, flock};
 
-/// Ending of the lock beside a folder.
+/// Extension of the lock file beside a folder.
 const LOCK: &str = "lock";
-/// Attempts to make a folder that no sweep takes for dead. Thousands of processes that start and end at once may
-/// each spoil one.
+/// Attempts to create a folder that no sweep mistakes for a dead one. Each of thousands of simultaneously starting and
+/// ending processes may spoil one.
 const ATTEMPTS: u32 = 4096;
 
-/// A private folder of this process. Dropping it removes it with all that is in it.
+/// Private folder of this process. Dropping it removes it with its contents.
 #[derive(Debug)]
 pub struct PrivateFolder {
     folder: PathBuf,
@@ -27,10 +27,10 @@ pub struct PrivateFolder {
 }
 
 impl PrivateFolder {
-    /// Makes a folder whose name begins so, after sweeping away dead ones.
+    /// Creates a folder whose name has this prefix, after sweeping away dead ones.
     ///
     /// # Errors
-    /// If the folder of all of them is not this user's alone, or cannot be written.
+    /// If the common parent folder is not exclusively this user's, or cannot be written.
     pub fn create(name: &str) -> io::Result<Self> {
         sweep();
         Self::create_in(&all_folders(), name)
@@ -45,11 +45,11 @@ impl PrivateFolder {
             let folder = all.join(format!("{name}-{own}-{attempt}"));
             let path = folder.with_extension(LOCK);
             let lock = match private_file(&path) {
-                // The last owner before took the folder of all with it.
+                // The last owner before removed the parent folder.
                 Err(error) if error.kind() == ErrorKind::NotFound => continue,
                 other => other?,
             };
-            // A sweep that was faster holds it, or has removed it.
+            // A faster sweep holds it, or has removed it.
             let is_held = flock(&lock, FlockOperation::NonBlockingLockExclusive).is_ok();
             if !is_held || !is_at(&lock, &path) {
                 continue;
@@ -69,7 +69,7 @@ impl PrivateFolder {
         )))
     }
 
-    /// The folder.
+    /// Returns the path of the folder.
     #[must_use]
     pub fn folder(&self) -> &Path {
         &self.folder
@@ -82,7 +82,7 @@ impl Drop for PrivateFolder {
     }
 }
 
-/// Removes the private folders of dead processes. What cannot be removed now the next sweep tries again.
+/// Removes the private folders of dead processes. The next sweep retries failures.
 pub fn sweep() {
     sweep_in(&all_folders());
 }
@@ -106,7 +106,7 @@ fn sweep_in(all: &Path) {
     let _ = fs::remove_dir(all); // only if it is empty
 }
 
-/// Removes a private folder, its lock last: as long as that stands, a sweep finds what is left.
+/// Removes a private folder, its lock last: while the lock exists, a sweep finds the rest.
 fn remove(folder: &Path) {
     match fs::remove_dir_all(folder) {
         Err(error) if error.kind() != ErrorKind::NotFound => return,
@@ -118,19 +118,19 @@ fn remove(folder: &Path) {
     }
 }
 
-/// The folder of all private folders of this user.
+/// Returns the parent folder of all private folders of this user.
 fn all_folders() -> PathBuf {
     let uid = rustix::process::geteuid().as_raw();
     std::env::temp_dir().join(format!("hil-{uid}"))
 }
 
-/// Opens a file to read it, without waiting for anybody: a pipe of that name has no writer.
+/// Opens a file for reading without blocking: a pipe of that name may have no writer.
 pub(crate) fn open_at_once(path: &Path) -> io::Result<File> {
     let flags = OFlags::NONBLOCK.bits().cast_signed();
     File::options().read(true).custom_flags(flags).open(path)
 }
 
-/// Makes a file that is closed to other users, or empties the one that is there, without waiting either.
+/// Creates a file that is closed to other users, or truncates an existing one, without blocking.
 pub(crate) fn private_file(path: &Path) -> io::Result<File> {
     let mut options = File::options();
     options.write(true).create(true).truncate(true).mode(0o600);
@@ -138,8 +138,8 @@ pub(crate) fn private_file(path: &Path) -> io::Result<File> {
     options.open(path)
 }
 
-/// Makes the folder of all private folders unless it is there. Returns false if another process, which removed the
-/// last private folder, removed this one just after it was there.
+/// Creates the parent folder of all private folders unless it exists. Returns `false` if another process, after
+/// removing the last private folder, removed the parent at the same moment.
 fn make_private(path: &Path) -> io::Result<bool> {
     match DirBuilder::new().mode(0o700).create(path) {
         Err(error) if error.kind() != ErrorKind::AlreadyExists => return Err(error),
@@ -148,7 +148,7 @@ fn make_private(path: &Path) -> io::Result<bool> {
     match fs::symlink_metadata(path) {
         Ok(metadata) if is_private(&metadata) => Ok(true),
         Ok(_) => Err(io::Error::other(format!(
-            "{} is not a folder of yours alone; remove it or have it removed",
+            "{} is not your private folder; remove it or have it removed",
             path.display()
         ))),
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(false),
@@ -156,13 +156,13 @@ fn make_private(path: &Path) -> io::Result<bool> {
     }
 }
 
-/// Returns true for a folder of this user that is closed to others; a link to one is none.
+/// Returns `true` for a folder of this user that is closed to others; not for a link to one.
 fn is_private(metadata: &fs::Metadata) -> bool {
     let uid = rustix::process::geteuid().as_raw();
     metadata.is_dir() && metadata.uid() == uid && metadata.mode() & 0o077 == 0
 }
 
-/// Checks whether an open file is still the one at its path.
+/// Returns `true` if an open file is still the one at its path.
 pub(crate) fn is_at(file: &File, path: &Path) -> bool {
     match (file.metadata(), fs::symlink_metadata(path)) {
         (Ok(open), Ok(there)) => (open.dev(), open.ino()) == (there.dev(), there.ino()),
@@ -180,14 +180,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_private_folder_goes_with_its_owner() {
+    fn a_private_folder_is_removed_with_its_owner() {
         let place = tempdir().expect("a folder");
         let all = place.path().join("all");
         let one = PrivateFolder::create_in(&all, "one").expect("made");
         let other = PrivateFolder::create_in(&all, "one").expect("made");
         assert_ne!(one.folder(), other.folder());
         for path in [one.folder(), &all] {
-            let mode = fs::metadata(path).expect("it is there").mode();
+            let mode = fs::metadata(path).expect("the folder's metadata").mode();
             assert_eq!(mode & 0o777, 0o700, "{}", path.display());
         }
         fs::create_dir(one.folder().join("deep")).expect("made");
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn processes_that_start_and_end_at_once_never_fail() {
+    fn simultaneous_starts_and_ends_never_fail() {
         let place = tempdir().expect("a folder");
         let all = place.path().join("all");
         std::thread::scope(|scope| {
@@ -240,10 +240,10 @@ mod tests {
         let place = tempdir().expect("a folder");
         let all = place.path().join("all");
         fs::create_dir(&all).expect("made");
-        // Whatever the umask.
+        // Independent of the umask.
         fs::set_permissions(&all, Permissions::from_mode(0o755)).expect("its own");
         let refused = PrivateFolder::create_in(&all, "one").expect_err("open");
-        assert!(refused.to_string().contains("not a folder of yours alone"));
+        assert!(refused.to_string().contains("not your private folder"));
         fs::write(all.join("one-1-0.lock"), "").expect("written");
         sweep_in(&all);
         assert!(all.join("one-1-0.lock").exists());

@@ -1,5 +1,5 @@
-//! Processes by number and start time, so that a later one with the same number is not taken for
-//! them.
+//! Processes identified by number and start time, so that a later process with the same number is not mistaken for an
+//! earlier one.
 //!
 //! Used by sessions and by the launcher's supervision; read from `/proc`.
 
@@ -18,15 +18,14 @@ use rustix::process::{
 use rustix::time::Timespec;
 use serde::{Deserialize, Serialize};
 
-/// Environment variable that a launched process has and all that it starts inherit: by its value they
-/// are found wherever they went.
+/// Environment variable inherited by every descendant of a launched process, used to find them wherever they are.
 pub const MARK: &str = "HIL_STARTED_FOR";
-/// Number of times that the environment of a process that has none is looked at again.
+/// Attempts to read the environment of a process that currently has none.
 const LOOKS: u32 = 5;
-/// Time that processes that were killed may take to be gone.
+/// Time that killed processes may take to disappear.
 const DEATH_LIMIT: Duration = Duration::from_secs(1);
 
-/// A process that cannot be taken for a later one with the same number.
+/// Process identity that no later process with the same number shares.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ProcessId {
     /// Process number.
@@ -36,16 +35,16 @@ pub struct ProcessId {
 }
 
 impl ProcessId {
-    /// The process with this number, if there is one.
+    /// Returns the process with this number, if it exists.
     #[must_use]
     pub fn of(pid: u32) -> Option<Self> {
         Self::found(pid).map(|(id, _)| id)
     }
 
-    /// The process with this number and the letter of its state, if there is one and it has not ended.
+    /// Returns the process with this number and its state letter, if it exists and has not ended.
     fn found(pid: u32) -> Option<(Self, char)> {
         let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
-        // The second field, the name, may hold anything; the third begins after its last `)`.
+        // The second field, the name, may contain anything; the third begins after the last `)`.
         let (_, rest) = stat.rsplit_once(')')?;
         let mut fields = rest.split_ascii_whitespace();
         let state = fields.next()?.chars().next()?;
@@ -54,7 +53,7 @@ impl ProcessId {
         (!has_ended).then_some((Self { pid, start_ticks }, state))
     }
 
-    /// The calling process.
+    /// Returns the calling process.
     #[must_use]
     pub fn own() -> Self {
         let pid = std::process::id();
@@ -64,20 +63,20 @@ impl ProcessId {
         })
     }
 
-    /// Checks whether the process is stopped, by a signal or a debugger.
+    /// Returns `true` if the process is stopped, by a signal or a debugger.
     #[must_use]
     pub fn is_stopped(self) -> bool {
         Self::found(self.pid).is_some_and(|(id, state)| id == self && matches!(state, 'T' | 't'))
     }
 
-    /// Checks whether the process still runs (or is stopped).
+    /// Returns `true` if the process is running or stopped.
     #[must_use]
     pub fn is_alive(self) -> bool {
         Self::of(self.pid) == Some(self)
     }
 
-    /// Checks whether another process is this one or belongs to its process group, as one does that a
-    /// launched script starts.
+    /// Returns `true` if another process is this one or belongs to its process group, like one started by a launched
+    /// script.
     #[must_use]
     pub fn leads(self, other: u32) -> bool {
         let (Some(leader), Some(other)) = (number(self.pid), number(other)) else {
@@ -86,67 +85,66 @@ impl ProcessId {
         other == leader || getpgid(Some(other)) == Ok(leader)
     }
 
-    /// The name of the program that a process runs.
+    /// Returns the name of the program that a process runs.
     #[must_use]
     pub fn name(pid: u32) -> Option<String> {
         let name = fs::read_to_string(format!("/proc/{pid}/comm")).ok()?;
         Some(name.trim_end().escape_debug().to_string())
     }
 
-    /// Ends at once what is left of its process group, which it must have led.
+    /// Kills the rest of its process group, which it must have led.
     pub fn kill_group(self) {
-        // A later process of this number may lead a group of its own; as long as any process is in the
-        // old group there can be none.
+        // A later process of this number may lead a group of its own, but not while the old group has a member.
         let later = Self::of(self.pid).is_some_and(|found| found != self);
         if !later && let Some(pid) = number(self.pid) {
-            // There may be nobody left in it.
+            // The group may be empty.
             let _ = kill_process_group(pid, Signal::KILL);
         }
     }
 
-    /// Ends it at once, if it is still there.
+    /// Kills the process, if it still exists.
     pub fn kill(self) {
         if self.is_alive()
             && let Some(pid) = number(self.pid)
         {
-            // It may end by itself in between, which is as good.
+            // It may end by itself in the meantime, which is just as well.
             let _ = kill_process(pid, Signal::KILL);
         }
     }
 }
 
-/// The end of a process, to wait for. Does not reap it.
+/// Handle for awaiting the end of a process. Does not reap it.
 #[derive(Debug)]
 pub struct Ending(OwnedFd);
 
 impl Ending {
-    /// The end of this process; `None` if it is over, or the kernel has no such thing.
+    /// Opens a handle to this process; `None` if it has ended, or the kernel lacks process descriptors.
     #[must_use]
     pub fn of(id: ProcessId) -> Option<Self> {
         let held = pidfd_open(number(id.pid)?, PidfdFlags::empty()).ok()?;
-        // Looked at after it is held, it cannot be a later process of that number.
+        // Checked after opening, it cannot be a later process of that number.
         id.is_alive().then_some(Self(held))
     }
 
-    /// Waits until one of these processes has ended, so long at most; true if one has.
+    /// Waits until one of these processes has ended, up to the limit; returns `true` if one has.
     pub fn wait_for_any<'a>(endings: impl IntoIterator<Item = &'a Self>, limit: Duration) -> bool {
         let mut ends: Vec<PollFd<'_>> = (endings.into_iter())
             .map(|Self(held)| PollFd::new(held, PollFlags::IN))
             .collect();
         let limit = Timespec::try_from(limit).unwrap_or_default();
-        // A signal means the same as the limit: look again.
+        // A signal means the same as the limit: check again.
         poll(&mut ends, Some(&limit)).is_ok_and(|ended| ended > 0)
     }
 }
 
-/// Kills a child that was started as a group of its own, with what it started.
+/// Kills a child that was started as its own group, with all its descendants in it.
 pub fn end_group(child: &Child) {
-    // There may be nobody left in it.
+    // The group may be empty.
     let _ = kill_process_group(Pid::from_child(child), Signal::KILL);
 }
 
-/// The status of a child that has ended. What is left of its group is killed before the child is
-/// reaped: from then on its number may be another's.
+/// Returns the status of a child that has ended. The rest of its group is killed before the child is reaped, as its
+/// number may be reused from then on.
 ///
 /// # Errors
 /// If there is no such child.
@@ -159,18 +157,18 @@ pub fn reap(child: &mut Child) -> io::Result<Option<ExitStatus>> {
     child.try_wait()
 }
 
-/// Ends every process of this user with this value of [`MARK`], also one that made a group or a
-/// session of its own and lost its parent, and waits until they are gone.
+/// Kills every process of this user with this value of [`MARK`], including orphans in a group or session of their own,
+/// and waits until they are gone.
 pub fn end_marked(value: &str) {
     let line = format!("{MARK}={value}");
     let since = Instant::now();
-    // Again until none is found: one may have started another just before its end.
+    // Repeated until none is found: one may have started another just before its end.
     while kill_those_with(line.as_bytes()) > 0 && since.elapsed() < DEATH_LIMIT {
         std::thread::sleep(Duration::from_millis(2));
     }
 }
 
-/// Kills the processes with this line in their environment; returns how many there were.
+/// Kills the processes with this line in their environment and returns their number.
 fn kill_those_with(line: &[u8]) -> usize {
     let uid = rustix::process::geteuid().as_raw();
     let own = std::process::id();
@@ -188,7 +186,7 @@ fn kill_those_with(line: &[u8]) -> usize {
         if !has_in_environment(pid, line) {
             continue;
         }
-        // Held by its descriptor and looked at once more, it cannot be a later process of that number.
+        // Held by its descriptor and checked once more, it cannot be a later process of that number.
         let held = number(pid).and_then(|pid| pidfd_open(pid, PidfdFlags::empty()).ok());
         if let Some(held) = held
             && has_in_environment(pid, line)
@@ -203,7 +201,7 @@ fn kill_those_with(line: &[u8]) -> usize {
 fn has_in_environment(pid: u32, line: &[u8]) -> bool {
     let read = || fs::read(format!("/proc/{pid}/environ"));
     let mut environment = read();
-    // A process that is just becoming another program has none for a moment.
+    // During `exec` a process has no environment for a moment.
     for _ in 0..LOOKS {
         if !(environment.as_ref()).is_ok_and(|found| found.is_empty() && becomes_another(pid)) {
             break;
@@ -215,14 +213,13 @@ fn has_in_environment(pid: u32, line: &[u8]) -> bool {
     environment.split(|byte| *byte == 0).any(|one| one == line)
 }
 
-/// Checks whether a process without an environment may still get one: it is no thread of the kernel, and has
-/// not ended.
+/// Returns `true` if a process without an environment may still get one: it is no kernel thread, and has not ended.
 fn becomes_another(pid: u32) -> bool {
     let is_program = fs::read_link(format!("/proc/{pid}/exe")).is_ok();
     is_program && ProcessId::of(pid).is_some()
 }
 
-/// A process number as the system calls take it.
+/// Converts a process number for system calls.
 fn number(pid: u32) -> Option<Pid> {
     i32::try_from(pid).ok().and_then(Pid::from_raw)
 }
@@ -232,7 +229,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_end_ends_the_wait_for_it() {
+    fn the_end_of_a_process_ends_the_wait() {
         const LONG: Duration = Duration::from_secs(60);
         let start = || {
             let mut sleeper = std::process::Command::new("sleep");
@@ -250,13 +247,13 @@ mod tests {
         assert!(!id.is_alive() && !id.is_stopped());
         assert!(Ending::of(id).is_none(), "it has ended");
         let status = reap(&mut first).expect("a child");
-        assert!(status.is_some(), "it was left to reap");
+        assert!(status.is_some(), "it was not reaped");
         second.kill().expect("it lives");
         second.wait().expect("it is reaped");
     }
 
     #[test]
-    fn a_process_is_known_by_its_start_too() {
+    fn a_process_is_identified_by_its_start_time_too() {
         let own = ProcessId::own();
         assert!(own.is_alive());
         let later = ProcessId {

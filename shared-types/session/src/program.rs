@@ -1,7 +1,7 @@
-//! The outside of a plant or controller process: arguments, exit codes and errors, the same for both.
+//! Command line of a plant or controller process: arguments, exit codes and errors, common to both.
 //!
-//! `plant_process::program::run` and `controller_process::program::run` wrap it; a binary's `main`
-//! is one call of those.
+//! Wrapped by `plant_process::program::run` and `controller_process::program::run`; a binary's `main` is a single call
+//! of one of them.
 
 use std::ffi::OsString;
 use std::io::{ErrorKind, Write};
@@ -30,36 +30,36 @@ pub const PLANT_JOB: &str = "plant.json";
 /// Name of a controller's job in the session's folder.
 pub const CONTROLLER_JOB: &str = "controller.json";
 
-/// Stack of a program's work, in bytes: what most systems give the first thread.
+/// Stack size of a program's work in bytes: the usual size of a main thread.
 const STACK: usize = 8 << 20;
 
 /// Exit code of a completed run.
 pub const COMPLETED: u8 = 0;
 /// Exit code of a diverged run.
 pub const DIVERGED: u8 = 1;
-/// Exit code when a job cannot be run as it is.
+/// Exit code for a job that cannot be run as given.
 pub const UNUSABLE: u8 = 2;
-/// Exit code of a run that ended otherwise.
+/// Exit code of a run that ended in any other way.
 pub const FAILED: u8 = 3;
 
 /// Program inside a binary: one side of a run.
 pub trait Program {
-    /// The side that it can be.
+    /// Returns the side that the program is for.
     fn side(&self) -> Side;
 
-    /// The answer to `--describe`.
+    /// Returns the answer to `--describe`.
     fn description(&self) -> Description;
 
-    /// The answer to `--check`.
+    /// Checks a job for `--check`.
     ///
     /// # Errors
-    /// Why the job in the file cannot be run.
+    /// The reason why the job cannot be run.
     fn check(&self, job: &Path) -> Result<(), String>;
 
-    /// Runs the job of a session to its end; gives the exit code.
+    /// Runs the job of a session to its end and returns the exit code.
     ///
     /// # Errors
-    /// What went wrong before or beside the run itself.
+    /// A failure before or outside the run itself.
     fn serve(&self, session: &SessionInfo, supervision: &Supervision) -> Result<u8, String>;
 }
 
@@ -81,15 +81,15 @@ struct Arguments {
     by_hand: bool,
 }
 
-/// Runs a program's work on a thread with a stack of its own where the system gives its first thread less, as after
-/// `ulimit -s 64`; else on the thread that calls. A panic is one of the caller. Signals reach the work as if it were on
-/// the first thread, which blocks them all meanwhile: what the work blocks or reads is not taken by another thread.
+/// Runs a program's work on a thread with its own stack if the main thread's stack is smaller, as after `ulimit -s 64`;
+/// otherwise on the calling thread. A panic is propagated to the caller. Signals reach the work as if it ran on the
+/// first thread, which blocks them all meanwhile: no other thread takes those that the work blocks or reads.
 pub fn with_stack<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     let limit = getrlimit(Resource::Stack).current;
     if limit.is_none_or(|bytes| bytes >= STACK as u64) {
         return work();
     }
-    // All are signals, and the call knows no other failure.
+    // All signals; the call cannot fail otherwise.
     let before = SigSet::all().thread_swap_mask(SigmaskHow::SIG_SETMASK).ok();
     let restore = || {
         if let Some(mask) = before {
@@ -101,7 +101,7 @@ pub fn with_stack<T: Send>(work: impl FnOnce() -> T + Send) -> T {
         work()
     };
     let result = std::thread::scope(|scope| {
-        // The name that a panic's message has.
+        // Thread name in panic messages.
         let thread = Builder::new().name("main".into()).stack_size(STACK);
         let ended = match thread.spawn_scoped(scope, work) {
             Ok(thread) => thread.join(),
@@ -116,13 +116,13 @@ pub fn with_stack<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     result
 }
 
-/// Does what the arguments say.
+/// Runs the program as its command-line arguments demand.
 #[must_use]
 pub fn run(program: &(impl Program + Sync)) -> ExitCode {
     ExitCode::from(with_stack(|| answer(program, std::env::args_os())))
 }
 
-/// Does what these arguments say, of which the first is the program's own path; gives the exit code.
+/// Runs the program with these arguments, the first being its own path, and returns the exit code.
 pub fn answer(program: &impl Program, arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let arguments = Arguments::parse_from(arguments);
     let (result, otherwise) = if let Some(path) = arguments.check {
@@ -143,7 +143,7 @@ pub fn answer(program: &impl Program, arguments: impl IntoIterator<Item = OsStri
 fn describe(program: &impl Program) -> Result<u8, String> {
     let text = serde_json::to_string_pretty(&program.description()).map_err(|e| e.to_string())?;
     match writeln!(std::io::stdout(), "{text}") {
-        // A reader that has seen enough, as `head`.
+        // A reader that stops early, such as `head`.
         Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(COMPLETED),
         written => written
             .map(|()| COMPLETED)
@@ -157,7 +157,7 @@ fn serve(program: &impl Program, folder: &Path) -> Result<u8, String> {
     program.serve(&session, &supervision)
 }
 
-/// The same of a side that somebody else started; the error is a place that it did not get.
+/// Serves a manually started side; the error means that it was not admitted.
 fn serve_by_hand(program: &impl Program, folder: &Path) -> Result<u8, String> {
     let session = SessionInfo::read(folder).map_err(|e| e.to_string())?;
     let side = program.side();
@@ -173,8 +173,8 @@ fn serve_by_hand(program: &impl Program, folder: &Path) -> Result<u8, String> {
     Ok(code)
 }
 
-/// Writes a line to standard error, which goes to the run's log. A log that cannot take it, on a
-/// full disk for one, must not end the process in another way than it was about to.
+/// Writes a line to standard error, which goes to the run's log. A failing log, for example on a full disk, must not
+/// change how the process ends.
 pub fn say(line: &str) {
     let _ = writeln!(std::io::stderr(), "{line}");
 }
@@ -189,25 +189,25 @@ pub fn read_job<J: serde::de::DeserializeOwned>(path: &Path) -> Result<J, String
     serde_json::from_str(&text).map_err(|e| failed(&e))
 }
 
-/// Refuses a launcher that speaks another version.
+/// Checks the launcher's protocol version.
 ///
 /// # Errors
-/// Both versions.
+/// If it differs, with both versions.
 pub fn check_protocol(theirs: u32) -> Result<(), String> {
     if theirs == PROTOCOL {
         Ok(())
     } else {
         Err(format!(
-            "the launcher speaks protocol {theirs}, this binary {PROTOCOL}; build both of one version"
+            "the launcher speaks protocol {theirs}, this binary {PROTOCOL}; build both from one version"
         ))
     }
 }
 
-/// Opens the end of the controller of an epoch, once the plant has made its link, and once another process has left
-/// that is in the controller's place and is not to be there.
+/// Opens the controller's end of an epoch, once the plant has created its link and any unauthorised process has left
+/// the controller's place.
 ///
 /// # Errors
-/// The reason for which it is not there within the limit.
+/// The reason why the link is not available within the limit.
 pub fn attach(
     session: &SessionInfo,
     epoch: u32,
@@ -219,22 +219,22 @@ pub fn attach(
         match IceoryxLink::open(session, epoch) {
             Ok(link) => return Ok(link),
             Err(LinkError::Absent { .. } | LinkError::Taken { .. }) if supervision.wants_stop() => {
-                return Err("stopped before the session's link was there".into());
+                return Err("stopped before the session's link existed".into());
             }
             Err(LinkError::Absent { .. } | LinkError::Taken { .. })
                 if supervision.is_peer_gone() =>
             {
-                return Err("the plant ended before the session's link was there".into());
+                return Err("the plant ended before the session's link existed".into());
             }
             Err(LinkError::Absent { .. }) if !waiter.pause() => {}
-            // The plant tells one to leave that was not launched.
+            // The plant tells a process that was not launched to leave.
             Err(LinkError::Taken { .. }) if is_launched(session, epoch) && !waiter.pause() => {}
             Err(error) => return Err(error.to_string()),
         }
     }
 }
 
-/// Checks whether this process is the controller that was launched.
+/// Returns `true` if this process is the controller that was launched.
 fn is_launched(session: &SessionInfo, epoch: u32) -> bool {
     let session = SessionInfo::read(&session.folder);
     let launched = session.ok().and_then(|session| session.controller);

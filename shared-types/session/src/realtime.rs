@@ -1,9 +1,8 @@
-//! Real-time settings of a loop: what is asked for, and what the system granted.
+//! Real-time settings of a loop: requested and granted.
 //!
-//! Each process applies its own to the thread that runs its loop, just before the loop, when its
-//! other threads are there already: those keep ordinary scheduling on any core. Nothing here ends a
-//! run: what is refused is told in a [`Report`], which the launcher makes known. What the report says
-//! was granted was read back from the system.
+//! Each process applies its own settings to the thread that runs its loop, just before the loop, when its other threads
+//! already exist: those keep ordinary scheduling on any core. Nothing here ends a run: refusals are listed in a
+//! [`Report`], which the launcher displays. Granted values were read back from the system.
 
 mod memory;
 mod scheduling;

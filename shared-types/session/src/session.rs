@@ -1,9 +1,8 @@
 //! Sessions: names, the private folder, and complete clean-up.
 //!
-//! `hil` owns a session and the processes of a run share it. Everything of a session lives in
-//! shared memory under two names, its folder and a file prefix, so that whoever comes next can
-//! remove all of it. The owner holds a lock that the kernel drops with the process; a session whose
-//! lock is free is dead, and the next `hil` sweeps it away.
+//! `hil` owns a session; the processes of a run share it. All files of a session are in shared memory under two names,
+//! its folder and a file prefix, so that the next `hil` can remove all of them. The owner holds a lock that the kernel
+//! releases with the process; a session whose lock is free is dead, and the next `hil` sweeps it away.
 
 use std::fs::{self, DirBuilder, File, Permissions};
 use std::io::{self, ErrorKind};
@@ -27,10 +26,10 @@ pub mod guard;
 mod node;
 mod prefix;
 
-/// Longest name of a session or a group: the paths of sockets below the folder must stay under 108 bytes.
+/// Maximum length of a session or group name: the paths of sockets below the folder must stay under 108 bytes.
 const LONGEST_NAME: usize = 24;
 
-/// Name of a session, its places and its processes; the content of its `session.json`.
+/// Name, paths and processes of a session; the content of its `session.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SessionInfo {
     /// Version of this file.
@@ -43,21 +42,21 @@ pub struct SessionInfo {
     pub folder: PathBuf,
     /// Prefix of its files in shared memory.
     pub prefix: String,
-    /// The process that owns it.
+    /// Process that owns the session.
     pub owner: ProcessId,
-    /// Process whose death the owner does not survive.
+    /// Guard process; the owner ends when it dies.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub guard: Option<ProcessId>,
-    /// The processes that it started.
+    /// Processes started by the owner.
     pub children: Vec<ProcessId>,
-    /// The controller that it started last.
+    /// Controller that the owner started last.
     #[serde(default)]
     pub controller: Option<Launched>,
-    /// Folder in which the session's run is written, if it is.
+    /// Output folder of the session's run, if it writes one.
     pub run_dir: Option<PathBuf>,
 }
 
-/// A controller that was started.
+/// Controller that was started.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Launched {
     /// Number of the controller in the session, from 1.
@@ -66,18 +65,18 @@ pub struct Launched {
     pub process: ProcessId,
 }
 
-/// A session cannot be created, found or removed.
+/// Failure to create, find or remove a session.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
-    /// The name is not one.
-    #[error("`{0}` is no session name: 1 to 24 of a-z, 0-9 and -")]
+    /// Invalid session name.
+    #[error("`{0}` is not a session name: 1 to 24 of a-z, 0-9 and -")]
     Name(String),
-    /// The name of the group of sessions is none.
+    /// Invalid name of a session group.
     #[error(
-        "`{0}` in HIL_SESSION_GROUP is no name of a group of sessions: 1 to 24 of a-z, 0-9 and -"
+        "`{0}` in HIL_SESSION_GROUP is not the name of a session group: 1 to 24 of a-z, 0-9 and -"
     )]
     Group(String),
-    /// A live session has that name.
+    /// Name of a live session.
     #[error(
         "session `{name}` is running (process {pid}); choose another --session, or see `hil sessions`"
     )]
@@ -87,21 +86,21 @@ pub enum SessionError {
         /// Process number of the owner.
         pid: u32,
     },
-    /// There is no such session.
+    /// Unknown session.
     #[error("no session `{0}`; see `hil sessions`")]
     Unknown(String),
-    /// The folder of all sessions belongs to someone else or is open to others.
-    #[error("{0} is not a folder of yours alone; remove it or have it removed")]
+    /// Folder of all sessions that belongs to another user or is open to others.
+    #[error("{0} is not your private folder; remove it or have it removed")]
     NotPrivate(PathBuf),
-    /// Another `hil` holds the lock over all sessions for too long.
+    /// Lock over all sessions that another `hil` holds for too long.
     #[error("{0} is locked for more than 10 s; is a stopped `hil` holding it?")]
     Locked(PathBuf),
-    /// The operating system refused.
+    /// Refusal by the operating system.
     #[error("cannot {action} {}: {error}", path.display())]
     Io {
-        /// Action that was tried.
+        /// Attempted action.
         action: &'static str,
-        /// File on which it was tried.
+        /// File concerned.
         path: PathBuf,
         /// Error of the operating system.
         error: io::Error,
@@ -123,15 +122,15 @@ impl SessionInfo {
     /// Reads the `session.json` of a session's folder.
     ///
     /// # Errors
-    /// If it is missing or not one of this folder.
+    /// If it is missing or belongs to another folder.
     pub fn read(folder: &Path) -> Result<Self, SessionError> {
         let path = folder.join("session.json");
         let info: Self = read_json(&path)?;
-        // What is swept away goes by these two: a torn or foreign file must not decide it.
+        // These two fields select the files that a sweep removes: a torn or foreign file must not decide that.
         if is_prefix(&info.prefix) && is_same(&info.folder, folder) {
             Ok(info)
         } else {
-            let error = io::Error::new(ErrorKind::InvalidData, "it is not of this folder");
+            let error = io::Error::new(ErrorKind::InvalidData, "it belongs to another folder");
             Err(SessionError::io("use", &path)(error))
         }
     }
@@ -139,12 +138,12 @@ impl SessionInfo {
     /// Reads a JSON file of the session.
     ///
     /// # Errors
-    /// If it is missing or not of that form.
+    /// If it is missing or malformed.
     pub fn read_file<T: DeserializeOwned>(&self, name: &str) -> Result<T, SessionError> {
         read_json(&self.folder.join(name))
     }
 
-    /// Writes a JSON file of the session, at once as seen by readers.
+    /// Writes a JSON file of the session; it appears atomically.
     ///
     /// # Errors
     /// If it cannot be written.
@@ -158,12 +157,12 @@ impl SessionInfo {
         fs::rename(&part, &path).map_err(SessionError::io("write", &path))
     }
 
-    /// The iceoryx2 configuration that keeps a session apart from everything else on the machine.
+    /// Returns the iceoryx2 configuration that isolates a session from everything else on the machine.
     ///
     /// # Errors
-    /// If the names do not suit iceoryx2.
+    /// If iceoryx2 rejects the names.
     pub fn iceoryx_config(&self) -> Result<Config, String> {
-        // Not the global configuration: that reads files of the user and the machine.
+        // Not the global configuration, which reads files of the user and the machine.
         let mut config = Config::default();
         let prefix = FileName::new(self.prefix.as_bytes());
         config.global.prefix = prefix.map_err(|e| format!("{e:?}"))?;
@@ -175,15 +174,15 @@ impl SessionInfo {
         Ok(config)
     }
 
-    /// The session's files in shared memory, beside its folder. Others may make files with such a name
-    /// there; those are theirs.
+    /// Lists the session's files in shared memory, beside its folder. Files of other users with such a name are left
+    /// out.
     #[must_use]
     pub fn segments(&self) -> Vec<PathBuf> {
         segments_of(&self.prefix)
     }
 
-    /// Removes segments without content, once the sides are dead: whoever made one died before it had a
-    /// size, and iceoryx2 0.10 waits for that size without a limit when it opens the service.
+    /// Removes empty segments once the sides are dead: their maker died before setting a size, and iceoryx2 0.10 would
+    /// wait for that size without a limit when opening the service.
     pub fn remove_unfinished(&self) {
         for path in self.segments() {
             if fs::symlink_metadata(&path).is_ok_and(|found| found.is_file() && found.len() == 0) {
@@ -192,14 +191,13 @@ impl SessionInfo {
         }
     }
 
-    /// Closes the files and folders of the session that are open to other users; iceoryx2 leaves
-    /// some so.
+    /// Closes files and folders of the session that other users could access; iceoryx2 leaves some open.
     ///
-    /// Nothing else may be touched: by the mode 0200 iceoryx2 tells that it still fills a file,
-    /// and whoever opens it then reads what is not there yet.
+    /// No other mode may be changed: iceoryx2 marks a file under construction by the mode 0200, and a process that
+    /// opened it too early would read missing data.
     pub fn tighten(&self) {
         for path in self.open_to_others() {
-            // It may be gone again by now.
+            // The file may have been removed meanwhile.
             let _ = fs::symlink_metadata(&path).and_then(|found| {
                 let mode = if found.is_dir() { 0o700 } else { 0o600 };
                 fs::set_permissions(&path, Permissions::from_mode(mode))
@@ -207,14 +205,14 @@ impl SessionInfo {
         }
     }
 
-    /// Files and folders of the session that other users may read, write or look into.
+    /// Lists files and folders of the session that other users may read, write or enter.
     #[must_use]
     pub fn open_to_others(&self) -> Vec<PathBuf> {
         let mut open = Vec::new();
         let mut left = self.segments();
         left.push(self.folder.clone());
         while let Some(path) = left.pop() {
-            // It may be gone again by now.
+            // The file may have been removed meanwhile.
             let Ok(found) = fs::symlink_metadata(&path) else {
                 continue;
             };
@@ -229,8 +227,8 @@ impl SessionInfo {
         open
     }
 
-    /// Checks whether the session has not ended: its folder is still its own and its owner lives. Takes no
-    /// lock, so that one who looks again and again is in nobody's way.
+    /// Returns `true` if the session has not ended: its folder is unchanged and its owner alive. Takes no lock, so
+    /// frequent polling disturbs nobody.
     #[must_use]
     pub fn is_there(&self) -> bool {
         self.has_folder() && self.owner.is_alive()
@@ -240,7 +238,7 @@ impl SessionInfo {
         Self::read(&self.folder).is_ok_and(|found| found.id == self.id)
     }
 
-    /// Removes what one who watched left after the owner had removed everything.
+    /// Removes files that an observer left after the owner had removed everything.
     pub fn clear_after(&self) {
         if !self.has_folder() {
             for segment in self.segments() {
@@ -251,7 +249,7 @@ impl SessionInfo {
     }
 
     fn remove(&self) -> Result<(), SessionError> {
-        // The folder last: as long as it stands, the next sweep knows the prefix.
+        // The folder last: while it exists, the next sweep knows the prefix.
         remove_below(&self.prefix)?;
         remove_folder(&self.folder)
     }
@@ -261,7 +259,7 @@ fn remove_folder(folder: &Path) -> Result<(), SessionError> {
     unless_gone(fs::remove_dir_all(folder)).map_err(SessionError::io("remove", folder))
 }
 
-/// Checks whether two paths lead to one folder.
+/// Returns `true` if two paths lead to the same folder.
 fn is_same(one: &Path, other: &Path) -> bool {
     match (fs::metadata(one), fs::metadata(other)) {
         (Ok(one), Ok(other)) => (one.dev(), one.ino()) == (other.dev(), other.ino()),
@@ -286,11 +284,11 @@ fn private_folder(path: &Path) -> io::Result<()> {
     DirBuilder::new().mode(0o700).create(path)
 }
 
-/// A session that this process owns. Dropping it removes all of it.
+/// Session owned by this process. Dropping it removes all of it.
 #[derive(Debug)]
 pub struct Session {
     info: SessionInfo,
-    /// True if processes share memory in it.
+    /// `true` if processes share memory in it.
     is_shared: bool,
     // Held, never read: the kernel releases it with the process.
     _lock: File,
@@ -300,16 +298,15 @@ impl Session {
     /// Creates a session, after sweeping away dead ones. Without a name it gets a random one.
     ///
     /// # Errors
-    /// If the name is taken or unusable, or shared memory cannot be used.
+    /// If the name is taken or invalid, or shared memory cannot be used.
     pub fn create(name: Option<&str>) -> Result<Self, SessionError> {
         Self::new(name, true)
     }
 
-    /// Creates a session of this process alone: a folder without links, in which no process may be
-    /// started.
+    /// Creates a session for this process alone: a folder without links, in which no process may be started.
     ///
     /// # Errors
-    /// If the name is taken or unusable, or the folder cannot be made.
+    /// If the name is taken or invalid, or the folder cannot be created.
     pub fn of_one_process(name: Option<&str>) -> Result<Self, SessionError> {
         Self::new(name, false)
     }
@@ -361,13 +358,13 @@ impl Session {
         }
     }
 
-    /// Returns the name of the session, its places and its processes.
+    /// Returns the session's name, paths and processes.
     #[must_use]
     pub const fn info(&self) -> &SessionInfo {
         &self.info
     }
 
-    /// Notes where the run is written.
+    /// Records the output folder of the run.
     ///
     /// # Errors
     /// If `session.json` cannot be written.
@@ -376,7 +373,7 @@ impl Session {
         self.info.write_file("session.json", &self.info)
     }
 
-    /// Notes a process that was started, so that a sweep can end it.
+    /// Records a started process, so that a sweep can end it.
     ///
     /// # Errors
     /// If `session.json` cannot be written.
@@ -386,12 +383,12 @@ impl Session {
         self.info.write_file("session.json", &self.info)
     }
 
-    /// Notes the controller of an epoch, which alone may speak as such.
+    /// Records the controller of an epoch, the only process accepted as such.
     ///
     /// # Errors
     /// If `session.json` cannot be written.
     pub fn add_controller(&mut self, epoch: u32, pid: u32) -> Result<(), SessionError> {
-        // One that ended at once is named all the same: else it would be awaited.
+        // Recorded even if it has already ended: otherwise it would be awaited.
         let process = ProcessId::of(pid).unwrap_or(ProcessId {
             pid,
             start_ticks: 0,
@@ -402,7 +399,7 @@ impl Session {
 }
 
 impl SessionInfo {
-    /// Fills the new folder; the lock goes first, so that no sweep takes it for dead.
+    /// Fills the new folder; the lock is created first, so that no sweep takes the folder for dead.
     fn make(&self) -> Result<File, SessionError> {
         let path = self.folder.join("lock");
         let lock = private_file(&path).map_err(SessionError::io("create", &path))?;
@@ -414,13 +411,13 @@ impl SessionInfo {
         Ok(lock)
     }
 
-    /// Makes what iceoryx2 needs; after `session.json`, which tells a sweep of it.
+    /// Creates what iceoryx2 needs, after `session.json`, from which a sweep learns of it.
     fn make_links(&self) -> Result<(), SessionError> {
         let root = self.folder.join("i");
         private_folder(&root).map_err(SessionError::io("create", &root))?;
         let counter = self.node_counter();
         (self.make_node_counter()).map_err(SessionError::io("create", &counter))?;
-        // The first node shows that iceoryx2 takes that file for its own.
+        // Creating the first node proves that iceoryx2 accepts that file.
         self.node("session").map_err(|reason| SessionError::Io {
             action: "use shared memory below",
             path: root,
@@ -432,19 +429,19 @@ impl SessionInfo {
 
 impl Drop for Session {
     fn drop(&mut self) {
-        // Nobody is left to tell; the next sweep tries again.
+        // There is no one to report a failure to; the next sweep retries.
         let _ = if self.is_shared {
             self.info.remove()
         } else {
             remove_folder(&self.info.folder)
         };
-        // Of a side that crashed.
+        // Left by a crashed side.
         crate::private_folder::sweep();
         drop(AllSessions::lock());
     }
 }
 
-/// Returns `true` if a session, or a group of sessions, may have that name.
+/// Returns `true` if the text is a valid name of a session or a group of sessions.
 fn is_name(name: &str) -> bool {
     let legal = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
     (1..=LONGEST_NAME).contains(&name.len()) && name.chars().all(legal)

@@ -1,42 +1,42 @@
-//! Hindrances that keep shared memory from being used.
+//! Obstacles to using shared memory.
 //!
-//! iceoryx2 tells of most that the system refuses it no more than `InternalError`. Who reports that
-//! looks here for what may be the cause, and what to do. `hil doctor` looks at the same before a run.
+//! For most refusals by the system iceoryx2 reports only `InternalError`. This module finds the probable cause and the
+//! remedy for such reports. `hil doctor` runs the same checks before a run.
 
 use std::io;
 
 use rustix::fs::{Access, StatVfsMountFlags, access, statvfs};
 use rustix::process::{Resource, getrlimit};
 
-/// Folder where shared memory lives.
+/// Folder of shared memory.
 pub const FOLDER: &str = "/dev/shm";
-/// Less than this is none: the segments of a run take a few MiB.
+/// Least free room: the segments of a run take a few MiB.
 const LEAST_BYTES: u64 = 8 << 20;
 /// Files, folders and sockets of a run: 70 in all were too few, 90 enough; each handover takes some more.
 pub const LEAST_INODES: u64 = 128;
-/// Bytes that a process of a run maps at once, at most.
+/// Maximum number of bytes that a process of a run maps at once.
 const LEAST_ADDRESSES: u64 = 128 << 20;
-/// Files that a process of a run opens at once, at most.
+/// Maximum number of files that a process of a run opens at once.
 const LEAST_FILES: u64 = 16;
 
-/// The file system of shared memory.
+/// File system of shared memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SharedMemory {
-    /// True if nothing can be written.
+    /// `true` if it is mounted read-only.
     pub is_read_only: bool,
-    /// True if this process may make files there.
+    /// `true` if this process may create files there.
     pub is_open: bool,
-    /// Room, in bytes.
+    /// Free room, in bytes.
     pub free_bytes: u64,
-    /// Files that can be made; `None` if they are not limited.
+    /// Number of files that can still be created; `None` if unlimited.
     pub free_inodes: Option<u64>,
 }
 
 impl SharedMemory {
-    /// Looks at it.
+    /// Inspects the file system.
     ///
     /// # Errors
-    /// If it is not there.
+    /// If it does not exist.
     pub fn look() -> io::Result<Self> {
         let found = statvfs(FOLDER)?;
         Ok(Self {
@@ -47,7 +47,7 @@ impl SharedMemory {
         })
     }
 
-    /// Returns what is wrong with shared memory, and what to do; `None` if a run has what it needs.
+    /// Returns the obstacle in shared memory and its remedy; `None` if a run has what it needs.
     #[must_use]
     pub fn hindrance(&self) -> Option<String> {
         const CLEAN: &str = "`hil sessions --clean` removes what dead sessions left";
@@ -76,26 +76,25 @@ impl SharedMemory {
     }
 }
 
-/// Returns what may keep this process from using shared memory, and what to do; `None` if nothing is known
-/// that does.
+/// Returns the obstacle that keeps this process from using shared memory, and its remedy; `None` if none is known.
 #[must_use]
 pub fn hindrance() -> Option<String> {
     let found = match SharedMemory::look() {
         Ok(found) => found.hindrance(),
         Err(_) => Some(format!(
-            "{FOLDER} is not there: `sudo mount -t tmpfs -o mode=1777,nosuid,nodev tmpfs {FOLDER}`"
+            "{FOLDER} does not exist: `sudo mount -t tmpfs -o mode=1777,nosuid,nodev tmpfs {FOLDER}`"
         )),
     };
     found.or_else(limit)
 }
 
-/// A limit of this process that it is close to.
+/// Returns a limit of this process that is nearly reached.
 fn limit() -> Option<String> {
     let left = |resource, used: u64| Some((getrlimit(resource).current?, used));
     let addresses = left(Resource::As, addresses()).filter(|l| is_near(*l, LEAST_ADDRESSES));
     if let Some((most, used)) = addresses {
         return Some(format!(
-            "a process may have {} MiB of addresses and this one has {} already: `ulimit -v unlimited`",
+            "a process may have {} MiB of address space and this one has {} already: `ulimit -v unlimited`",
             most >> 20,
             used >> 20
         ));
@@ -109,16 +108,16 @@ fn limit() -> Option<String> {
     }
     let (most, _) = left(Resource::Fsize, 0).filter(|l| is_near(*l, LEAST_BYTES))?;
     Some(format!(
-        "a file may have {most} bytes at most: `ulimit -f unlimited`"
+        "a file may have at most {most} bytes: `ulimit -f unlimited`"
     ))
 }
 
-/// Checks whether less than `least` is left of a limit.
+/// Returns `true` if less than `least` is left of a limit.
 const fn is_near((most, used): (u64, u64), least: u64) -> bool {
     most.saturating_sub(used) < least
 }
 
-/// Bytes of addresses that this process has.
+/// Returns the size of this process's address space in bytes.
 fn addresses() -> u64 {
     let told = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let size = told.lines().find_map(|line| line.strip_prefix("VmSize:"));
@@ -126,13 +125,12 @@ fn addresses() -> u64 {
     kib.unwrap_or(0) << 10
 }
 
-/// Tells what iceoryx2 could not do, which says no more than that, and what may have kept it from that.
+/// Combines an uninformative error of iceoryx2 with its probable cause.
 pub(crate) fn refused(error: impl std::fmt::Debug) -> String {
     let hindrance = hindrance().unwrap_or_else(|| {
-        "nothing is known that keeps shared memory from being used; try again, then see `hil doctor`"
-            .into()
+        "no obstacle to using shared memory was found; try again, then see `hil doctor`".into()
     });
-    format!("iceoryx2 says {error:?}: {hindrance}")
+    format!("iceoryx2 reports {error:?}: {hindrance}")
 }
 
 #[cfg(test)]
@@ -147,7 +145,7 @@ mod tests {
     };
 
     #[test]
-    fn what_a_run_needs_of_shared_memory_is_said_when_it_is_not_there() {
+    fn missing_requirements_on_shared_memory_are_reported() {
         let (free_inodes, read_only) = (Some(LEAST_INODES - 1), true);
         for (found, told) in [
             (GOOD, None),
@@ -196,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn a_limit_counts_by_what_is_left_of_it() {
+    fn a_limit_counts_by_its_remainder() {
         assert!(is_near((100, 90), 11));
         assert!(!is_near((100, 90), 10));
         assert!(is_near((100, 200), 1));

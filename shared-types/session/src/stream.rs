@@ -1,7 +1,7 @@
 //! The record stream over iceoryx2 publish-subscribe.
 //!
-//! Overflow is on: a publisher never waits. An observer that returns no credit loses the oldest
-//! items and sees the gap in their numbers.
+//! Overflow is on: a publisher never waits. An observer that returns no credit loses the oldest items and sees the gap
+//! in the sequence numbers.
 
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
@@ -20,21 +20,20 @@ use shared_types::stream::{
 
 const RECORDS: &str = "records";
 const CREDIT: &str = "credit";
-/// File of the session's folder that tells observers the layout.
+/// File in the session's folder with the record layout for observers.
 pub const LAYOUT_FILE: &str = "layout.json";
-/// Items that wait for an observer; large enough for its stalls, small enough to stay in cache
-/// pages that are touched again and again.
+/// Queue capacity of an observer in items; large enough for its stalls, small enough for its pages to stay in cache.
 pub const BUFFER: usize = 8192;
-/// Items that wait for one who only watches: as many pages as a recorder touches anyway.
+/// Queue capacity of a mere watcher: as many pages as a recorder touches anyway.
 const WATCHERS_BUFFER: usize = BUFFER / 4;
-/// Most observers of one session.
+/// Maximum number of observers of one session.
 const OBSERVERS: usize = 4;
-/// Most of them that only watch.
+/// Maximum number of mere watchers among them.
 pub const WATCHERS: usize = OBSERVERS - 1;
-/// The credit is looked at when N items may be under way.
+/// Number of possibly pending items from which the credit is checked.
 const LOOK_AT: u64 = BUFFER as u64 / 4;
-/// The loop is held back when fewer free places than this may be left: an event may take thousands, as
-/// that of a fault with a long table does.
+/// Number of free places below which the loop is held back: an event may take thousands, like that of a fault with a
+/// long table.
 const RESERVE: u64 = BUFFER as u64 / 4;
 
 /// Header of an item.
@@ -102,8 +101,8 @@ impl IceoryxSink {
     /// If shared memory cannot be used.
     pub fn create(session: &SessionInfo, backpressure: Backpressure) -> Result<Self, LinkError> {
         let node = node(session, "records")?;
-        // The credit's subscriber stands before the service that observers look for: their first
-        // credit, sent as soon as they attach, would otherwise find nobody and be lost.
+        // The credit's subscriber is created before the service that observers look for: otherwise their first credit,
+        // sent on attaching, would be lost.
         let of_credit = credit(&node, true)?;
         let credit = subscribe(CREDIT, of_credit.subscriber_builder().buffer_size(1))?;
         let records = records(&node, true)?;
@@ -148,7 +147,7 @@ impl IceoryxSink {
 
 impl RecordSink for IceoryxSink {
     fn open(&mut self, layout: &RecordLayout) -> Result<(), LinkError> {
-        // Of a kept process the stream goes on from job to job.
+        // A persistent process keeps its stream from job to job.
         if self.publisher.is_some() && *layout == self.layout {
             return Ok(());
         }
@@ -161,7 +160,7 @@ impl RecordSink for IceoryxSink {
             .create()
             .map_err(|e| transport(RECORDS, e))?;
         self.publisher = Some(publisher);
-        // The file tells observers that the publisher is there.
+        // The file tells observers that the publisher exists.
         let written = self.session.write_file(LAYOUT_FILE, layout);
         written.map_err(|error| LinkError::Transport {
             service: RECORDS.into(),
@@ -171,8 +170,8 @@ impl RecordSink for IceoryxSink {
 
     #[inline]
     fn has_room(&mut self) -> Result<bool, LinkError> {
-        // Credit is the number of the next item that the observer awaits: 0 means that it is not
-        // attached, 1 that it is and has seen nothing.
+        // Credit is the number of the next item that the observer awaits: 0 means that it is not attached, 1 that it is
+        // attached and has received nothing.
         let under_way = |sink: &Self| (sink.sent + 1).saturating_sub(sink.credited);
         let is_free = match self.backpressure {
             Backpressure::None => true,
@@ -213,20 +212,20 @@ impl RecordSink for IceoryxSink {
 pub struct IceoryxSource {
     records: Subscriber<Ipc, [u64], ItemHeader>,
     credit: Option<Publisher<Ipc, u64, ()>>,
-    /// Bell of a plant that awaits credit, if it sleeps on one.
+    /// Bell of a plant that sleeps while awaiting credit.
     bell: Option<Bell>,
-    /// True if the observer has said that it is there.
+    /// `true` if the observer has announced itself.
     has_greeted: bool,
     items: Assembler,
     _node: Node<Ipc>,
 }
 
 impl IceoryxSource {
-    /// Attaches to the stream. The one that `gives_credit` is the recorder and holds the plant
-    /// back; all others only watch.
+    /// Attaches to the stream. The observer that `gives_credit` is the recorder and can hold the plant back; all others
+    /// only watch.
     ///
     /// # Errors
-    /// [`LinkError::Absent`] as long as the plant has not created the stream.
+    /// [`LinkError::Absent`] while the plant has not created the stream.
     pub fn open(session: &SessionInfo, gives_credit: bool) -> Result<Self, LinkError> {
         let node = node(session, "observer")?;
         let credit = gives_credit.then(|| credit(&node, false)).transpose()?;
@@ -237,11 +236,10 @@ impl IceoryxSource {
         })
     }
 
-    /// Attaches beside the recorder, to watch. A watcher that is too slow loses items; the plant does not
-    /// notice.
+    /// Attaches a watcher beside the recorder. A watcher that is too slow loses items without affecting the plant.
     ///
     /// # Errors
-    /// [`LinkError::Absent`] as long as there is no recorder: its place must stay free for it.
+    /// [`LinkError::Absent`] while there is no recorder: its place must stay free for it.
     /// [`LinkError::Taken`] if [`WATCHERS`] others watch.
     pub fn watch(session: &SessionInfo) -> Result<Self, LinkError> {
         let node = node(session, "watcher")?;
@@ -251,7 +249,7 @@ impl IceoryxSource {
         if recorders == 0 {
             return Err(LinkError::Absent {
                 service: CREDIT.into(),
-                reason: "nobody records yet".into(),
+                reason: "no recorder is attached yet".into(),
             });
         }
         Self::subscribe(node, WATCHERS_BUFFER, None)
@@ -297,8 +295,8 @@ impl RecordSource for IceoryxSource {
             );
             count += 1;
         }
-        // The first credit lets step 0 begin. It comes after a look at the stream, which connects to
-        // its publisher: what is sent before that is lost if the plant ends meanwhile.
+        // The first credit releases step 0. It follows a poll of the stream, which connects to the publisher: items
+        // sent before that would be lost if the plant ended meanwhile.
         let greets = !std::mem::replace(&mut self.has_greeted, true);
         if (count > 0 || greets)
             && let Some(credit) = &self.credit

@@ -1,9 +1,9 @@
-//! Words to a process of a session from the `hil` that started it: stop, the other side is gone,
-//! another controller comes, another job is there, or nothing any more.
+//! Messages from `hil` to a process of a session that it started: stop, the peer is gone, another controller follows,
+//! another job is ready, or no more messages.
 //!
-//! Words arrive as lines on standard input, or on the leash of a side that was [started by hand](crate::by_hand); its end means that `hil` is gone and nobody will clean
-//! up, so the process ends too: in order if it can, else by SIGKILL. Any program that speaks the protocol may ignore
-//! the lines, but should end with its input.
+//! Messages arrive as lines on standard input, or on the lifeline of a [manually started](crate::by_hand) side. Its end
+//! means that `hil` is gone and nobody will clean up, so the process ends too: in order if it can, otherwise by
+//! SIGKILL. A program that speaks the protocol may ignore the lines, but should end with its input.
 
 use std::io::{BufRead, BufReader};
 use std::os::fd::AsFd;
@@ -17,28 +17,27 @@ use rustix::process::{Signal, getpid, kill_process};
 
 use crate::link::bell::Bell;
 
-/// Line that asks a process to end the run.
+/// Line that requests the end of the run.
 pub const STOP: &str = "stop";
-/// Line that tells a process that the other side's process ended; to a plant followed by the epoch of
-/// that controller.
+/// Line that reports the end of the peer's process; for a plant followed by the epoch of that controller.
 pub const PEER_GONE: &str = "peer-gone";
 /// Line that announces another controller to a plant, followed by its epoch.
 pub const EXPECT: &str = "expect";
-/// Line that tells a process that is kept for further jobs that its next job is in the session's folder.
+/// Line that announces the next job, in the session's folder, to a persistent process.
 pub const NEXT: &str = "next";
 
 /// Time in which a process without its `hil` may end in order. Longer than a bridge waits for its target.
 const GRACE: Duration = Duration::from_secs(4);
 
-/// Ends this process by SIGKILL after a grace: an end in order can be held up for ever, by a thread that waits for
-/// another, by handlers of an exit, or by a panic that holds a lock.
+/// Ends this process by SIGKILL after a grace period: an orderly end can be blocked for ever, by a thread that waits
+/// for another, by exit handlers, or by a panic that holds a lock.
 fn end_after_grace() {
     std::thread::sleep(GRACE);
     let _ = kill_process(getpid(), Signal::KILL); // it is there
 }
 
-/// Ends this process once the other end of a pipe or socket is closed, whatever its other threads wait for and
-/// whether or not they read what is left in it; the process has a grace to end in order.
+/// Ends this process once the other end of a pipe or socket is closed, whatever its other threads wait for and even if
+/// unread data is left; the process has a grace period to end in order.
 pub fn end_with(channel: impl AsFd + Send + 'static) {
     std::thread::spawn(move || {
         let mut closes = [PollFd::new(&channel, PollFlags::RDHUP)];
@@ -47,7 +46,7 @@ pub fn end_with(channel: impl AsFd + Send + 'static) {
     });
 }
 
-/// Most controllers of one run.
+/// Maximum number of controllers in one run.
 pub const MOST_EPOCHS: u32 = 63;
 
 /// Set of the controllers that are gone.
@@ -55,19 +54,19 @@ pub const MOST_EPOCHS: u32 = 63;
 pub struct Gone(u64);
 
 impl Gone {
-    /// Checks whether any controller is gone.
+    /// Returns `true` if any controller is gone.
     #[must_use]
     pub const fn any(self) -> bool {
         self.0 != 0
     }
 
-    /// Checks whether the controller of this epoch is gone.
+    /// Returns `true` if the controller of this epoch is gone.
     #[must_use]
     pub const fn is(self, epoch: u32) -> bool {
         self.0 & bit(epoch) != 0
     }
 
-    /// Checks whether whoever is on the other side is gone.
+    /// Returns `true` if the other side is gone, whatever its epoch.
     #[must_use]
     pub const fn is_everybody(self) -> bool {
         self.0 & bit(0) != 0
@@ -78,41 +77,40 @@ const fn bit(epoch: u32) -> u64 {
     if epoch > MOST_EPOCHS { 0 } else { 1 << epoch }
 }
 
-/// Requests from outside, polled by the loop: one load each.
+/// External requests, polled by the loop at the cost of one load each.
 #[derive(Clone, Debug, Default)]
 pub struct Supervision(Arc<State>);
 
 #[derive(Debug, Default)]
 struct State {
     stop: AtomicBool,
-    /// A bit for each epoch whose controller is gone; the first for whoever is on the other side.
+    /// One bit per epoch whose controller is gone; the first bit for the other side of any epoch.
     gone: AtomicU64,
-    /// The latest epoch whose controller was announced; 0 if none was.
+    /// Latest epoch whose controller was announced; 0 for none.
     expected: AtomicU32,
     why: OnceLock<String>,
-    /// Further jobs that were announced and not begun.
+    /// Announced jobs that have not begun.
     jobs: Mutex<u64>,
-    /// Signal of a job or of the end, for a process that waits for either.
+    /// Wakes a process that waits for a job or the end.
     news: Condvar,
     /// Bell that the loop sleeps on.
     bell: OnceLock<Bell>,
 }
 
 impl Supervision {
-    /// Nobody asks for anything, until told.
+    /// Creates a supervision without requests.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Listens to standard input on a thread of its own, for the rest of the process.
+    /// Listens to standard input on its own thread, for the rest of the process.
     #[must_use]
     pub fn from_stdin() -> Self {
         Self::from_words(BufReader::new(std::io::stdin()))
     }
 
-    /// Listens to lines on a thread of its own, as long as there are any. Their end ends the process, after a grace
-    /// by SIGKILL.
+    /// Listens to lines on its own thread until their end, which ends the process: by SIGKILL after a grace period.
     #[must_use]
     pub fn from_words(words: impl BufRead + Send + 'static) -> Self {
         let supervision = Self::new();
@@ -144,7 +142,7 @@ impl Supervision {
         }
     }
 
-    /// Asks for the end of the run.
+    /// Requests the end of the run.
     pub fn stop(&self, why: &str) {
         let _ = self.0.why.set(why.into()); // the first reason stands
         self.0.stop.store(true, Ordering::Release);
@@ -159,7 +157,7 @@ impl Supervision {
         self.0.news.notify_all();
     }
 
-    /// Waits for another job; false if the process is to end instead. Nothing limits the wait but the end of
+    /// Waits for another job; returns `false` if the process should end instead. The wait is limited only by the end of
     /// `hil`.
     #[must_use]
     pub fn next_job(&self) -> bool {
@@ -177,7 +175,7 @@ impl Supervision {
         self.0.jobs.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Tells that the other side is gone: the controller of this epoch, or whoever it is by 0.
+    /// Records that the other side is gone: the controller of this epoch, or, for 0, the other side of any epoch.
     pub fn peer_gone(&self, epoch: u32) {
         self.0.gone.fetch_or(bit(epoch), Ordering::Release);
         self.ring();
@@ -189,7 +187,7 @@ impl Supervision {
         self.ring();
     }
 
-    /// Rings this bell from now on when there is news.
+    /// Rings this bell from now on at each new request.
     pub fn ring_at_news(&self, bell: Bell) {
         let _ = self.0.bell.set(bell); // a loop sleeps on one bell all the time
     }
@@ -200,13 +198,13 @@ impl Supervision {
         }
     }
 
-    /// Checks whether the run is to end.
+    /// Returns `true` if the run should end.
     #[must_use]
     pub fn wants_stop(&self) -> bool {
         self.0.stop.load(Ordering::Acquire)
     }
 
-    /// Checks whether the other side is gone.
+    /// Returns `true` if the other side is gone.
     #[must_use]
     pub fn is_peer_gone(&self) -> bool {
         self.gone().any()
@@ -218,13 +216,13 @@ impl Supervision {
         Gone(self.0.gone.load(Ordering::Acquire))
     }
 
-    /// The latest epoch whose controller was announced; 0 if none was.
+    /// Returns the latest epoch whose controller was announced; 0 for none.
     #[must_use]
     pub fn expected(&self) -> u32 {
         self.0.expected.load(Ordering::Acquire)
     }
 
-    /// Returns the reason for which the run is to end.
+    /// Returns the reason to end the run.
     #[must_use]
     pub fn why(&self) -> Option<&str> {
         self.0.why.get().map(String::as_str)
@@ -239,7 +237,7 @@ mod tests {
     use shared_types::wait::Sleeper;
 
     #[test]
-    fn the_first_reason_stands() {
+    fn the_first_reason_is_kept() {
         let supervision = Supervision::new();
         assert!(!supervision.wants_stop() && !supervision.is_peer_gone());
         supervision.stop("first");
@@ -262,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn each_announced_job_is_begun_once_and_a_stop_ends_the_wait() {
+    fn each_announced_job_starts_once_and_a_stop_ends_the_wait() {
         let supervision = Supervision::new();
         supervision.hear("next");
         supervision.hear("next");
@@ -283,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_heard_and_nonsense_is_not() {
+    fn valid_lines_take_effect_and_others_are_ignored() {
         let supervision = Supervision::new();
         for nonsense in ["", "expect", "expect x", "peer-gone -1", "stop now", "halt"] {
             supervision.hear(nonsense);

@@ -9,9 +9,9 @@ use rustix::thread::sched_getcpu;
 
 use shared_types::thread::ThreadStatistics;
 
-/// Steps between two looks when nothing is unusual.
+/// Steps between two samples when nothing is unusual.
 pub const EVERY_STEPS: u32 = 1024;
-/// A step is unusual when it takes N times the mean.
+/// Factor above the mean from which a step is unusual.
 const UNUSUAL: u64 = 8;
 /// Weight of a step in the running mean: one in N.
 const MEAN_OF: u64 = 64;
@@ -31,21 +31,21 @@ pub fn look() -> ThreadStatistics {
     ThreadStatistics::new(core, switches as u64, faults as u64)
 }
 
-/// Decides when to look.
+/// Decides when to sample.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ThreadSampler {
-    /// Mean of the steps' time, in ns times [`MEAN_OF`].
+    /// Mean duration of the steps, in ns times [`MEAN_OF`].
     mean: u64,
     steps: u32,
     last: u64,
 }
 
 impl ThreadSampler {
-    /// After a step that took so long: what was found last, as one word.
+    /// Processes the duration of a step and returns the latest statistics as one word.
     #[must_use]
     pub fn after(&mut self, took_ns: u64) -> u64 {
         let mean_ns = self.mean / MEAN_OF;
-        // One step of milliseconds must not hide those after it: it counts as twice the mean.
+        // A single step of milliseconds must not hide the following ones: it counts as twice the mean.
         let counted_ns = if mean_ns > 0 && took_ns > 2 * mean_ns {
             2 * mean_ns
         } else {
@@ -71,14 +71,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_look_sees_a_thread_sleep() {
+    fn a_sample_shows_that_a_thread_slept() {
         let before = look();
         std::thread::sleep(std::time::Duration::from_millis(1));
         assert!(look().since(before).0 >= 1);
     }
 
     #[test]
-    fn it_looks_after_an_unusual_step_and_every_so_often() {
+    fn samples_follow_unusual_steps_and_recur_regularly() {
         let mut sampler = ThreadSampler::default();
         let mut looks = |took_ns, steps: u32| {
             (0..steps)

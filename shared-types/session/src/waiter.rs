@@ -1,5 +1,4 @@
-//! Waiting for the other side: fast when it is quick, kind to the machine when it is not, and
-//! bounded always.
+//! Waiting for the other side: fast when it is quick, gentle on the machine when it is not, and always bounded.
 //!
 //! | strategy | at first | then |
 //! |---|---|---|
@@ -8,23 +7,23 @@
 //! | `yield` | yield | the same, and sleep after 20 ms |
 //! | `sleep` | sleep | the same |
 //!
-//! Whoever sleeps is woken by the other side's next send ([`Sleeper`]); where nothing can wake it, it naps.
+//! A sleeping side is woken by the other side's next send ([`Sleeper`]); where nothing can wake it, it naps.
 //!
-//! A hybrid wait learns three things from the waits before:
+//! A hybrid wait learns three things from previous waits:
 //!
-//! - **Whether others need the core.** A core that was given away comes back within microseconds if only the
-//!   other side took it, and after milliseconds if a third did. If such returns take more than two fifths of the
-//!   time, it is not given away any more for a while: a sleeper that is woken goes before those who compute. Where
-//!   both sides have one core, few quick returns may be between them: others of another session take their share
-//!   there in any case. A wait for a time that ended late shows the same, and such a wait is slept to its end then.
-//!   Where a sleep costs little, one lost slice can be enough.
-//! - **How long it will last.** A loop with real-time priority that can be woken sleeps as long as nothing is expected.
-//! - **Whether polling helps.** It does not where both sides are on one core, as the other runs only when
-//!   this one lets it. After some waits in a row that polls did not end, there are none for a while.
+//! - **Contention for the core.** A yielded core comes back within microseconds if only the other side took it, and
+//!   after milliseconds if a third program did. If such returns take more than two fifths of the time, the side stops
+//!   yielding for a while: a sleeper that is woken takes precedence over programs that compute. If both sides share one
+//!   core, few quick returns may lie between them: programs of another session take their share there in any case. A
+//!   timed wait that ended late indicates the same, and is then slept through to its end. Where a sleep costs little,
+//!   one lost time slice can be enough.
+//! - **Expected duration.** A loop with real-time priority that can be woken sleeps for as long as nothing is expected.
+//! - **Benefit of polling.** There is none if both sides share one core, as the other side runs only when this one lets
+//!   it. After several consecutive waits that polling did not end, polling is skipped for a while.
 //!
-//! Beside nobody it yields before it sleeps, for longer than a wake-up takes: who sleeps sooner makes the
-//! other side sleep too, and neither gets out of it.
-//! The clock is not read before the polls are over, so a ready peer costs no system call.
+//! Without contention it yields before it sleeps, for longer than a wake-up takes: a side that sleeps sooner makes the
+//! other side sleep too, and neither recovers from that. The clock is not read before the polls are over, so a ready
+//! peer costs no system call.
 
 use std::time::Duration;
 
@@ -36,46 +35,46 @@ use shared_types::wait::{Sleeper, WaitLimit, WaitStrategy};
 
 mod habits;
 
-/// Polls in a row that read no clock: some 12 us.
+/// Consecutive polls without reading the clock: some 12 us.
 const SPINS: u32 = 512;
-/// Time for which a hybrid wait yields before it sleeps. Longer than the recorder mostly takes at a time: a side
-/// that sleeps while the other waits behind the recorder leaves a core to it, and both stay on that core.
+/// Time for which a hybrid wait yields before it sleeps. Longer than most work of the recorder: a side that sleeps
+/// while the other waits behind the recorder frees a core for it, and both sides then stay on that core.
 const YIELD_NS: u64 = 4_000_000;
-/// Time without news after which each strategy sleeps: a held run or a process of real-time priority then
-/// no longer blocks its core.
+/// Fruitless waiting time after which each strategy sleeps, so that a held run or a process with real-time priority no
+/// longer blocks its core.
 const PATIENCE_NS: u64 = 20_000_000;
-/// Longest sleep before the limit is looked at; a frame, a message and a word of `hil` end it sooner.
+/// Longest sleep between checks of the limit; a frame, a message or a word from `hil` ends it sooner.
 const SLICE_NS: u64 = 100_000_000;
 /// Length of a nap where nothing wakes a sleeper.
 const NAP_NS: u64 = 100_000;
-/// Length of a nap after `PATIENCE_NS`: by then it costs a twentieth of the wait at most.
+/// Length of a nap after `PATIENCE_NS`, by then at most a twentieth of the wait.
 const LONG_NAP_NS: u64 = 1_000_000;
-/// Time by which a sleep may end later than asked for on an ordinary machine.
+/// Delay by which a sleep may overshoot on an ordinary machine.
 const LATE_NS: u64 = 300_000;
 
-/// Time before a release at which a side stops sleeping, as wake-ups come this late on an ordinary machine.
+/// Time before a release at which a side stops sleeping, because wake-ups are this late on an ordinary machine.
 const EARLY_NS: u64 = 200_000;
-/// Time for which a side that keeps pace beside others looks for the answer to its frame before it sleeps: each sleep
-/// there can end a slice too late.
+/// Time for which a paced side under contention polls for the answer to its frame before it sleeps: each sleep can then
+/// end a time slice too late.
 const ANSWER_NS: u64 = 100_000;
-/// Longest nap before a time, so that an interruption is seen soon.
+/// Longest nap before a target time, so that an interruption is noticed soon.
 const LONGEST_NAP_NS: u64 = 20_000_000;
 
-/// Waits, one after another.
+/// Performs consecutive waits.
 #[derive(Debug)]
 pub struct Waiter {
     limit: WaitLimit,
     strategy: WaitStrategy,
     sleeper: Option<Box<dyn Sleeper>>,
-    /// Answer of the sleeper to an announced sleep.
+    /// Token of an announced sleep.
     announced: Option<u32>,
     polling: Polling,
     company: Company,
-    /// Length of the next wait, if waits are a loop's.
+    /// Expected length of the next wait, if the waits are a loop's.
     length: Option<Length>,
-    /// True if the wait before was one for a time.
+    /// `true` if the previous wait was a timed one.
     follows_time: bool,
-    /// True if this thread goes before all ordinary ones.
+    /// `true` if this thread has priority over all ordinary ones.
     has_priority: bool,
     polls: u32,
     /// Time at which this wait outlasted its polls; 0 if it did not.
@@ -84,25 +83,25 @@ pub struct Waiter {
     limited_ns: u64,
 }
 
-/// Rest until the next poll.
+/// Action until the next poll.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Rest {
     Spin,
     Yield,
-    /// For N ns at most.
+    /// Sleep for at most N ns.
     Sleep(u64),
 }
 
 impl Waiter {
-    /// A hybrid waiter for the cores that this process may run on.
+    /// Creates a hybrid waiter for the cores that this process may run on.
     #[must_use]
     pub fn new(limit: WaitLimit) -> Self {
         let cores = sched_getaffinity(None).map_or(1, |cores: CpuSet| cores.count());
         Self::with(limit, WaitStrategy::Hybrid, cores == 1)
     }
 
-    /// A waiter of this strategy; `shares_core` if the other side may have no other core to run on. Then nobody
-    /// polls, whatever the strategy: each poll would cost the other side's time.
+    /// Creates a waiter of this strategy; `shares_core` if the other side may have no other core to run on. It then
+    /// never polls, whatever the strategy: each poll would cost the other side's time.
     #[must_use]
     pub const fn with(limit: WaitLimit, strategy: WaitStrategy, shares_core: bool) -> Self {
         let strategy = match strategy {
@@ -126,16 +125,16 @@ impl Waiter {
         }
     }
 
-    /// Takes it that there are several cores, though fewer than loops.
+    /// Assumes several cores, though fewer than loops.
     #[must_use]
     pub fn with_several_cores(mut self) -> Self {
         self.company = Company::none(false);
         self
     }
 
-    /// Assumes that the waits are those of a loop for the other side, much alike from step to step. The kernel stops
-    /// one that `has_priority` for 50 ms of each second if it never sleeps and others need its core; its hybrid waits
-    /// sleep as long as nothing is expected.
+    /// Assumes that the waits are those of a loop for the other side, similar from step to step. If a thread that
+    /// `has_priority` never sleeps and others need its core, the kernel stops it for 50 ms of each second; its hybrid
+    /// waits therefore sleep for as long as nothing is expected.
     #[must_use]
     pub fn of_a_loop(mut self, has_priority: bool) -> Self {
         self.length = Some(Length::default());
@@ -143,24 +142,24 @@ impl Waiter {
         self
     }
 
-    /// Sleeps on this from now on, if there is one.
+    /// Sleeps on this sleeper from now on, if any.
     pub fn sleep_on(&mut self, sleeper: Option<Box<dyn Sleeper>>) {
         self.sleeper = sleeper;
     }
 
-    /// Returns the time that the other side may take.
+    /// Returns the time limit of the other side.
     #[must_use]
     pub const fn limit(&self) -> WaitLimit {
         self.limit
     }
 
-    /// Begins the limit anew for the same thing.
+    /// Restarts the limit of the current wait.
     #[inline]
     pub fn renew(&mut self) {
         self.limited_ns = monotonic_ns();
     }
 
-    /// Ends a wait: the awaited thing came.
+    /// Ends a wait successfully.
     #[inline]
     pub fn done(&mut self) {
         if self.since_ns > 0 {
@@ -191,7 +190,7 @@ impl Waiter {
         (self.since_ns, self.follows_time) = (0, false);
     }
 
-    /// Takes an announced sleep back.
+    /// Cancels an announced sleep.
     fn retire(&mut self) {
         if self.announced.take().is_some()
             && let Some(sleeper) = &self.sleeper
@@ -200,25 +199,25 @@ impl Waiter {
         }
     }
 
-    /// Tells if a sleep in this wait costs little, because there is time until the next release or the wait will most
-    /// likely be long.
+    /// Returns `true` if a sleep in this wait costs little, because there is time until the next release or the wait
+    /// will most likely be long.
     fn sleep_is_cheap(&self) -> bool {
         self.follows_time || self.idle_ns() > 0
     }
 
-    /// Returns the part of this wait in which nothing is expected.
+    /// Returns the initial part of this wait in which nothing is expected.
     fn idle_ns(&self) -> u64 {
         self.length.as_ref().map_or(0, Length::idle_ns)
     }
 
-    /// Waits a moment before the next poll; true when the limit is over.
+    /// Waits a moment before the next poll; returns `true` once the limit is over.
     #[must_use]
     pub fn pause(&mut self) -> bool {
         self.pause_until(u64::MAX)
     }
 
-    /// Waits a moment before the next poll, but never sleeps past a time of the monotonic clock
-    /// that must not be missed; true when the limit is over. The caller looks whether that time came.
+    /// Waits a moment before the next poll, but never sleeps past a deadline on the monotonic clock; returns `true`
+    /// once the limit is over. The caller checks the deadline.
     #[must_use]
     #[inline]
     pub fn pause_until(&mut self, deadline_ns: u64) -> bool {
@@ -255,7 +254,7 @@ impl Waiter {
         false
     }
 
-    /// Decides what to do now.
+    /// Decides on the next action.
     fn rest(&self, now_ns: u64, deadline_ns: u64) -> Rest {
         let has_bell = self.sleeper.is_some();
         let idle_ns = match self.has_priority && has_bell {
@@ -299,7 +298,7 @@ impl Waiter {
         }
     }
 
-    /// Tells if others are taken for granted who take the core from this side.
+    /// Returns `true` if contention for the core is assumed.
     const fn has_company(&self, now_ns: u64) -> bool {
         !self.has_priority && self.company.is_there(now_ns)
     }
@@ -309,7 +308,7 @@ impl Waiter {
         self.limit.ns().saturating_sub(now_ns - self.limited_ns)
     }
 
-    /// Sleeps, or says first that it will.
+    /// Sleeps, or announces a sleep first.
     fn sleep_for(&mut self, ns: u64) {
         let Some(sleeper) = &self.sleeper else {
             std::thread::sleep(Duration::from_nanos(ns));
@@ -324,8 +323,7 @@ impl Waiter {
         }
     }
 
-    /// Sleeps for a moment, for what is awaited from somebody who needs the core more; true when the
-    /// limit is over.
+    /// Sleeps for a moment while waiting for somebody who needs the core more; returns `true` once the limit is over.
     #[must_use]
     pub fn sleep(&mut self) -> bool {
         let now_ns = monotonic_ns();
@@ -341,9 +339,9 @@ impl Waiter {
         self.limit_ns(now_ns) == 0
     }
 
-    /// Waits for a time of the monotonic clock: naps until close to it, then spins or yields as the strategy
-    /// says. `interrupted` is asked between naps and ends the wait early. A wait before it, as for the recorder, is
-    /// over.
+    /// Waits for a time on the monotonic clock: naps until close to it, then spins or yields as the strategy demands.
+    /// `interrupted` is checked between naps and ends the wait early. Ends any previous wait, such as one for the
+    /// recorder.
     pub fn until_ns(&mut self, target_ns: u64, interrupted: impl Fn() -> bool) {
         self.done();
         let mut has_waited = false;
@@ -351,7 +349,7 @@ impl Waiter {
             let now_ns = monotonic_ns();
             let left_ns = target_ns.saturating_sub(now_ns);
             if left_ns == 0 {
-                // What was past at once is late by the caller's own work.
+                // A time already past at the call is late by the caller's own work.
                 if has_waited {
                     self.company.woke(now_ns, now_ns - target_ns);
                 }
@@ -375,11 +373,11 @@ impl Waiter {
         }
     }
 
-    /// Returns the time before an awaited one that is waited for awake.
+    /// Returns how long before the target time the waiter stays awake.
     const fn early_ns(&self, now_ns: u64) -> u64 {
         match self.strategy {
             WaitStrategy::Spin => PATIENCE_NS,
-            // Who computes before each release soon had as much of the core as is due, and then waits for a
+            // A side that computes before each release soon exhausts its share of the core, and then waits for a time
             // slice of the others.
             WaitStrategy::Hybrid if self.has_company(now_ns) => 0,
             WaitStrategy::Hybrid | WaitStrategy::Yield | WaitStrategy::Sleep => EARLY_NS,

@@ -1,4 +1,4 @@
-//! Sentences about links: what the protocol, which knows no link, relies on.
+//! Properties of links on which the protocol relies, whatever the transport.
 
 use std::thread::yield_now;
 use std::time::{Duration, Instant};
@@ -16,46 +16,46 @@ mod epochs;
 mod frames;
 mod sleepers;
 
-/// Opens a controller's end on the thread that calls it.
+/// Function that opens a controller's end on the calling thread.
 pub type Opener<L> = Box<dyn FnOnce() -> L + Send>;
 
-/// A place where ends of a link meet: a session, an address, two mailboxes.
+/// Place where both ends of a link connect: a session, an address, two mailboxes.
 pub trait Fixture {
-    /// The link.
+    /// Link under test.
     type Link: Link + 'static;
 
-    /// Time after which what was sent and did not come counts as lost.
+    /// Time after which a message that has not arrived counts as lost.
     const PATIENCE: Duration = Duration::from_secs(20);
-    /// Longest time that a frame is under way; so long nothing must come where nothing may.
+    /// Longest time that a frame is in transit; silence is checked for this long.
     const LATENCY: Duration = Duration::ZERO;
 
-    /// Makes the place, which outlives the ends that meet there.
+    /// Creates the place, which outlives the ends opened in it.
     fn new() -> Self;
 
     /// Opens the plant's end, once.
     fn plant(&mut self) -> Self::Link;
 
-    /// Opens the end of the controller of an epoch, which the plant expects: 1, then 2.
+    /// Opens the controller's end of an epoch that the plant expects: 1, then 2.
     fn controller(&mut self, epoch: u32) -> Self::Link;
 
-    /// Lets another thread open the end of the first controller; `None` for a link within one thread.
+    /// Returns a function that opens the first controller's end on another thread; `None` for a link within one thread.
     fn controller_elsewhere(&mut self) -> Option<Opener<Self::Link>> {
         None
     }
 
-    /// Ends a side as its killed process would: without a word, with what the system does for it.
+    /// Ends a side as if its process had been killed: no message, only what the system cleans up.
     fn kill(&mut self, end: Self::Link) {
         drop(end);
     }
 }
 
-/// Lists the sentences for an implementation.
+/// Lists the properties for one implementation.
 #[must_use]
 pub fn sentences<F: Fixture>() -> Vec<Sentence> {
     crate::conformance!(@link list F)
 }
 
-/// Two connected ends, which close before their place goes.
+/// Two connected ends, closed before their place is dropped.
 struct Pair<F: Fixture> {
     plant: F::Link,
     controller: F::Link,
@@ -72,7 +72,7 @@ impl<F: Fixture> Pair<F> {
         }
     }
 
-    /// A pair whose frames are open.
+    /// Creates a pair with open frame channels.
     fn open(samples: usize, commands: usize) -> Self {
         let mut pair = Self::new();
         open(&mut pair.plant, 1, samples, commands);
@@ -113,7 +113,7 @@ fn command(controller: &mut impl Link, step: u64, values: &[f64]) {
     send(controller, FrameKind::Command, step, values);
 }
 
-/// Looks until something comes.
+/// Polls until something arrives.
 fn awaited<F: Fixture, T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
     let since = Instant::now();
     loop {
@@ -138,7 +138,7 @@ fn message<F: Fixture>(end: &mut F::Link) -> Vec<u8> {
     })
 }
 
-/// Checks that nothing comes for as long as anything can be under way.
+/// Checks that nothing arrives for as long as a frame can be in transit.
 fn silence<F: Fixture>(end: &mut F::Link, values: &mut [f64], why: &str) {
     let since = Instant::now();
     loop {

@@ -1,14 +1,14 @@
-//! Sentences that every link and every record stream keeps, for whoever writes another one.
+//! Properties that every link and record stream must have, for authors of further implementations.
 //!
-//! A suite is a list of sentences, each a function that is generic over a fixture and panics where the sentence
-//! does not hold. [`conformance!`](crate::conformance!) makes a `#[test]` of each; each has a thread of its own,
-//! and a watchdog that says which one hangs. Nothing of a run calls this module, and it knows no implementation.
-//! `hil-session` runs it over both links and streams there are, and over broken ones that must not pass.
+//! A suite is a list of properties, each a function that is generic over a fixture and panics where the property does
+//! not hold. [`conformance!`](crate::conformance!) makes a `#[test]` of each; each runs on its own thread, and a
+//! watchdog names the one that hangs. No run uses this module, and it depends on no implementation. `hil-session` runs
+//! it over both links and both streams, and over broken ones that must not pass.
 //!
 //! 1. Implement [`Link`](crate::link::Link), or [`RecordSink`](crate::stream::RecordSink) and
 //!    [`RecordSource`](crate::stream::RecordSource).
-//! 2. Implement [`link::Fixture`] or [`stream::Fixture`]: how a connected pair is made.
-//! 3. Write `conformance!(link: MyFixture)` or `conformance!(stream: MyFixture)` in a module of tests.
+//! 2. Implement [`link::Fixture`] or [`stream::Fixture`], which creates a connected pair.
+//! 3. Write `conformance!(link: MyFixture)` or `conformance!(stream: MyFixture)` in a test module.
 
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
@@ -16,23 +16,23 @@ use std::time::Duration;
 pub mod link;
 pub mod stream;
 
-/// Time after which a sentence counts as hanging: much longer than any takes, for a machine that is busy.
+/// Time after which a property counts as hanging: ample for a busy machine.
 pub const WATCHDOG: Duration = Duration::from_secs(60);
 
-/// A sentence about one implementation.
+/// Property of one implementation.
 #[derive(Clone, Copy, Debug)]
 pub struct Sentence {
     /// Name of its function.
     pub name: &'static str,
-    /// Function that panics where the sentence does not hold.
+    /// Function that panics where the property does not hold.
     pub check: fn(),
 }
 
 impl Sentence {
-    /// Checks the sentence on a thread, which is left behind if it hangs.
+    /// Checks the property on its own thread, which is abandoned if it hangs.
     ///
     /// # Errors
-    /// The message of its panic, or that it did not end within the limit.
+    /// The panic message, or a note that the check did not end within the limit.
     pub fn holds(self, limit: Duration) -> Result<(), String> {
         let Self { name, check } = self;
         let (alive, ended) = channel::<()>();
@@ -51,7 +51,7 @@ impl Sentence {
     }
 }
 
-/// Makes a `#[test]` of every sentence: `conformance!(link: Fixture)` or `conformance!(stream: Fixture)`.
+/// Makes a `#[test]` of every property: `conformance!(link: Fixture)` or `conformance!(stream: Fixture)`.
 #[macro_export]
 macro_rules! conformance {
     ($suite:ident: $fixture:ty) => {

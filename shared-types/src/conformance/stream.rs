@@ -1,4 +1,4 @@
-//! Sentences about record streams: what a recorder, which must not lose a record, relies on.
+//! Properties of record streams on which a recorder relies, which must not lose a record.
 
 use std::thread::yield_now;
 use std::time::{Duration, Instant};
@@ -8,32 +8,32 @@ use crate::record::{Event, FaultBegun, RecordLayout};
 use crate::stream::{Item, RecordSink, RecordSource};
 use crate::table::Field;
 
-/// A place where a plant's sink and a recorder's source meet.
+/// Place where a plant's sink and a recorder's source connect.
 pub trait Fixture {
     /// The plant's end.
     type Sink: RecordSink;
     /// The recorder's end.
     type Source: RecordSource;
 
-    /// Time after which what was published and did not come counts as lost.
+    /// Time after which a published item that has not arrived counts as lost.
     const PATIENCE: Duration = Duration::from_secs(20);
 
-    /// Makes the place, which outlives the ends that meet there.
+    /// Creates the place, which outlives the ends opened in it.
     fn new() -> Self;
 
-    /// Makes the end of a plant that owes its recorder every record, and what opens the recorder's on any thread.
+    /// Connects the sink of a plant that must deliver every record, and a function that opens the source on any thread.
     fn connect(&mut self) -> (Self::Sink, impl FnOnce() -> Self::Source + Send + 'static);
 }
 
-/// Lists the sentences for an implementation.
+/// Lists the properties for one implementation.
 #[must_use]
 pub fn sentences<F: Fixture>() -> Vec<Sentence> {
     crate::conformance!(@stream list F)
 }
 
-/// More records than any stream may take without credit.
+/// More records than any stream accepts without credit.
 const MANY: u64 = 1 << 20;
-/// Items that a sentence publishes where it is not about many.
+/// Items that a property publishes unless it needs many.
 const SOME: u64 = 100;
 
 fn layout() -> RecordLayout {
@@ -59,7 +59,7 @@ fn event(text: &str) -> Event {
     })
 }
 
-/// Publishes the record of a step, each of its words the step.
+/// Publishes the record of a step; each of its words is the step.
 fn publish(sink: &mut impl RecordSink, step: u64) {
     let words = vec![step; layout().words()];
     sink.record(&words).expect("a record is published");
@@ -69,7 +69,7 @@ fn record(step: u64) -> String {
     format!("record {step}")
 }
 
-/// Takes all that there is, as text; a record by its step, or by what differs from that.
+/// Drains the source into text: each record as its step, or as its difference from the expected words.
 fn take(source: &mut impl RecordSource, seen: &mut Vec<String>) -> usize {
     let taken = source.drain(&mut |item| {
         seen.push(match item {
@@ -81,7 +81,7 @@ fn take(source: &mut impl RecordSource, seen: &mut Vec<String>) -> usize {
     taken.expect("a source drains")
 }
 
-/// Takes until N items came and no more do.
+/// Drains until N items arrived and no more follow.
 fn drained<F: Fixture>(source: &mut F::Source, items: usize) -> Vec<String> {
     let mut seen = Vec::new();
     let since = Instant::now();
@@ -97,7 +97,7 @@ fn drained<F: Fixture>(source: &mut F::Source, items: usize) -> Vec<String> {
     seen
 }
 
-/// Opens both ends; the recorder has looked once, and there is room.
+/// Opens both ends; the recorder has polled once, and there is room.
 fn opened<F: Fixture>(place: &mut F) -> (F::Sink, F::Source) {
     let (mut sink, opens) = place.connect();
     sink.open(&layout()).expect("a sink opens");
@@ -116,7 +116,7 @@ fn room<F: Fixture>(sink: &mut F::Sink) {
     }
 }
 
-/// Records and events, also those longer than a record, arrive in the order of things.
+/// Records and events, also events longer than a record, arrive in order.
 pub fn records_and_events_arrive_in_order_and_once<F: Fixture>() {
     let mut place = F::new();
     let (mut sink, mut source) = opened(&mut place);
@@ -129,7 +129,7 @@ pub fn records_and_events_arrive_in_order_and_once<F: Fixture>() {
     assert!(drained::<F>(&mut source, 0).is_empty(), "they came already");
 }
 
-/// A sink has no more room before a record could be lost, and has room again once records are taken.
+/// A sink reports no room before a record could be lost, and room again once records are drained.
 pub fn a_plant_without_credit_waits_and_loses_nothing<F: Fixture>() {
     let mut place = F::new();
     let (mut sink, mut source) = opened(&mut place);
@@ -152,7 +152,7 @@ pub fn a_plant_without_credit_waits_and_loses_nothing<F: Fixture>() {
     }
 }
 
-/// A plant sees how much its recorder took, or has none to wait for.
+/// A plant sees how many records its recorder has drained, or has none to wait for.
 pub fn credit_counts_what_was_taken<F: Fixture>() {
     let mut place = F::new();
     let (mut sink, mut source) = opened(&mut place);
@@ -177,7 +177,7 @@ pub fn credit_counts_what_was_taken<F: Fixture>() {
     }
 }
 
-/// A record is never a piece of two, and none is missing.
+/// A record is never a mix of two, and none is missing.
 pub fn records_are_whole_while_both_ends_work<F: Fixture>() {
     const LAST: u64 = 20_000;
     let mut place = F::new();
@@ -208,7 +208,7 @@ pub fn records_are_whole_while_both_ends_work<F: Fixture>() {
     takes.join().expect("every record came whole");
 }
 
-/// Items that a plant published before its death arrive; after them nothing comes, which is no error.
+/// Items that a plant published before its death arrive; the silence after them is no error.
 pub fn a_dead_plant_is_silent_after_its_last_record<F: Fixture>() {
     let mut place = F::new();
     let (mut sink, mut source) = opened(&mut place);
@@ -221,7 +221,7 @@ pub fn a_dead_plant_is_silent_after_its_last_record<F: Fixture>() {
     assert!(drained::<F>(&mut source, 0).is_empty());
 }
 
-/// A plant sees a recorder that is gone as one that takes nothing more, which is no error.
+/// A plant treats a vanished recorder as one that drains nothing more, which is no error.
 pub fn a_dead_recorder_holds_nobody_up<F: Fixture>() {
     let mut place = F::new();
     let (mut sink, source) = opened(&mut place);

@@ -1,15 +1,15 @@
-//! Checks of tables that are known at run time: the rules that [`table!`](crate::table!) has the compiler keep.
+//! Checks of tables known only at run time: the rules that [`table!`](crate::table!) enforces at compile time.
 //!
-//! Used where a plant or a law is made from them, before anything is started. It never mends a row.
+//! Used when a plant or law is built from them, before anything is started. A faulty row is refused, never repaired.
 
 use super::{Invalid, LawDescription, PlantDescription};
 use crate::table::{Field, rule};
 
 impl PlantDescription {
-    /// Checks a plant whose tables are known at run time: names, units and texts as of any plant, and each row.
+    /// Checks a plant with run-time tables: names, units and texts as of any plant, and each row.
     ///
     /// # Errors
-    /// The first thing that is wrong.
+    /// The first violation.
     pub fn check_rows(&self) -> Result<(), Invalid> {
         self.check(&[]).map_err(Invalid)?;
         let whose = format!("plant `{}`", self.name);
@@ -26,10 +26,10 @@ impl PlantDescription {
 }
 
 impl LawDescription {
-    /// Checks a law whose tables are known at run time: names, units and texts as of any law, and each row.
+    /// Checks a law with run-time tables: names, units and texts as of any law, and each row.
     ///
     /// # Errors
-    /// The first thing that is wrong.
+    /// The first violation.
     pub fn check_rows(&self) -> Result<(), Invalid> {
         self.check().map_err(Invalid)?;
         let whose = format!("law `{}`", self.name);
@@ -49,9 +49,9 @@ impl LawDescription {
 
 fn check_parameters(table: &str, whose: &str, fields: &[Field]) -> Result<(), Invalid> {
     check_each(table, whose, fields, |field| match field.default {
-        // A scenario must give the value of one without a default.
+        // A value without a default must come from the scenario.
         Some(default) if !rule::is_inside(field.min, field.max, default) => Some(format!(
-            "has the default {default}, which is not in {} to {}",
+            "has the default {default}, outside {} to {}",
             field.min, field.max
         )),
         _ => None,
@@ -62,12 +62,12 @@ fn check_signals(table: &str, whose: &str, fields: &[Field]) -> Result<(), Inval
     check_each(table, whose, fields, |field| {
         let has_default = field.default.is_some();
         (has_default || field.faultable || field.tunable).then(|| {
-            "is a signal, which has no default and is neither faultable nor tunable".into()
+            "is a signal, which can have no default and be neither faultable nor tunable".into()
         })
     })
 }
 
-/// Finds the first row that breaks the rules of every row or another one.
+/// Finds the first row that violates the common rules or an additional one.
 fn check_each(
     table: &str,
     whose: &str,
@@ -76,7 +76,7 @@ fn check_each(
 ) -> Result<(), Invalid> {
     for field in fields {
         let wrong = if field.unit.is_empty() {
-            Some("has no unit; that of a number without one is `1`".into())
+            Some("has no unit; a dimensionless number has the unit `1`".into())
         } else if field.description.is_empty() {
             Some("has no description".into())
         } else if !rule::is_range(field.min, field.max) {
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_that_the_compiler_would_refuse_are_refused_by_name() {
+    fn rows_that_would_not_compile_are_refused_by_name() {
         assert_eq!(plant().check_rows(), Ok(()));
         let mut required = plant();
         required.parameters[0].default = None;
@@ -152,11 +152,11 @@ mod tests {
         let changes: [(Change, &str); 6] = [
             (
                 |row| row.default = Some(3.0),
-                "has the default 3, which is not in 0 to 2",
+                "has the default 3, outside 0 to 2",
             ),
             (
                 |row| row.default = Some(f64::NAN),
-                "has the default NaN, which is not in 0 to 2",
+                "has the default NaN, outside 0 to 2",
             ),
             (
                 |row| row.min = 5.0,
@@ -168,44 +168,44 @@ mod tests {
             ),
             (
                 |row| row.unit.clear(),
-                "has no unit; that of a number without one is `1`",
+                "has no unit; a dimensionless number has the unit `1`",
             ),
             (|row| row.description.clear(), "has no description"),
         ];
         for (change, wrong) in changes {
             let mut plant = plant();
             change(&mut plant.parameters[0]);
-            let told = format!("parameters of plant `still`: `mass_kg` {wrong}");
-            assert_eq!(plant.check_rows(), Err(Invalid(told)));
+            let message = format!("parameters of plant `still`: `mass_kg` {wrong}");
+            assert_eq!(plant.check_rows(), Err(Invalid(message)));
             let mut law = law();
             change(&mut law.model[0]);
-            let told = format!("model of law `still`: `mass_kg` {wrong}");
-            assert_eq!(law.check_rows(), Err(Invalid(told)));
+            let message = format!("model of law `still`: `mass_kg` {wrong}");
+            assert_eq!(law.check_rows(), Err(Invalid(message)));
         }
     }
 
     #[test]
-    fn a_signal_is_no_parameter() {
+    fn a_signal_with_parameter_attributes_is_refused() {
         assert_eq!(law().check_rows(), Ok(()));
         let mut plant = plant();
         plant.measured[0].default = Some(0.0);
-        let told = "measured of plant `still`: `x_m` is a signal, which has no default and is neither faultable nor tunable";
-        assert_eq!(plant.check_rows(), Err(Invalid(told.into())));
+        let message = "measured of plant `still`: `x_m` is a signal, which can have no default and be neither faultable nor tunable";
+        assert_eq!(plant.check_rows(), Err(Invalid(message.into())));
         let mut law = law();
         law.internals = vec![Field {
             faultable: true,
             ..signal("i_m")
         }];
-        let told = "internals of law `still`: `i_m` is a signal, which has no default and is neither faultable nor tunable";
-        assert_eq!(law.check_rows(), Err(Invalid(told.into())));
+        let message = "internals of law `still`: `i_m` is a signal, which can have no default and be neither faultable nor tunable";
+        assert_eq!(law.check_rows(), Err(Invalid(message.into())));
     }
 
     #[test]
     fn names_are_checked_as_in_any_description() {
         let mut plant = plant();
         plant.truth.push(signal("x_m"));
-        let told = "truth of plant `still`: `x_m` is there twice";
-        assert_eq!(plant.check_rows(), Err(Invalid(told.into())));
+        let message = "truth of plant `still`: `x_m` is defined twice";
+        assert_eq!(plant.check_rows(), Err(Invalid(message.into())));
         let mut law = law();
         law.name.clear();
         assert!(law.check_rows().is_err());

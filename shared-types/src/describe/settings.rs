@@ -1,6 +1,6 @@
-//! Settings of a model that another tool made, as an FMU, which act when an instance of it is made.
+//! Settings of an imported model, such as an FMU, applied when an instance of it is created.
 //!
-//! Read from a scenario without knowing the model; the program that runs the model checks names and values.
+//! Read from a scenario without knowledge of the model; the program that runs the model checks names and values.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Invalid;
 
-/// Settings of a model of another tool, by side.
+/// Settings of an imported model, for one side.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ModelSettings {
@@ -18,7 +18,7 @@ pub struct ModelSettings {
     /// Its time at step 0, in s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub start_time_s: Option<f64>,
-    /// The last time that it will be asked for, in s.
+    /// Last time that will be requested of it, in s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stop_time_s: Option<f64>,
     /// Initial values by name.
@@ -27,7 +27,7 @@ pub struct ModelSettings {
     /// Texts by name.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub texts: BTreeMap<String, String>,
-    /// Texts that are absolute paths of files, by name.
+    /// Absolute file paths by name.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub files: BTreeMap<String, String>,
     /// Structural parameters by name.
@@ -36,22 +36,22 @@ pub struct ModelSettings {
 }
 
 impl ModelSettings {
-    /// Reads the argument that [`argument`](Self::argument) makes.
+    /// Parses an argument made by [`argument`](Self::argument).
     ///
     /// # Errors
-    /// If it is another text.
+    /// If the text is anything else.
     pub fn parse(text: &str) -> Result<Self, Invalid> {
         serde_json::from_str(text).map_err(|error| Invalid(error.to_string()))
     }
 
-    /// Writes the settings as an argument of a program; `None` if there are none.
+    /// Formats the settings as a program argument; `None` if there are none.
     #[must_use]
     pub fn argument(&self) -> Option<String> {
         self.given().next()?;
         serde_json::to_string(self).ok()
     }
 
-    /// Names of the keys that are given.
+    /// Names of the keys that have a value.
     pub fn given(&self) -> impl Iterator<Item = &'static str> {
         let keys = [
             ("tolerance", self.tolerance.is_some()),

@@ -55,12 +55,12 @@ fn refused(change: impl FnOnce(&mut Description), wanted: &str) {
 }
 
 #[test]
-fn a_description_whose_names_cannot_be_told_apart_or_written_down_is_refused() {
+fn a_description_with_duplicate_or_unprintable_names_is_refused() {
     assert_eq!(sound().check(), Ok(()));
-    let no_name = "is no name of letters, digits and _, with a dot after a group";
+    let no_name = "is not a name of letters, digits and _, with a dot after a group";
     refused(
         |all| all.plants[1].name = "still".into(),
-        "plant `still` is there twice",
+        "plant `still` is defined twice",
     );
     refused(
         |all| all.plants[0].name = "a\nb".into(),
@@ -68,11 +68,11 @@ fn a_description_whose_names_cannot_be_told_apart_or_written_down_is_refused() {
     );
     refused(
         |all| all.laws[1].plants.push("still".into()),
-        "law `pid` is there twice for one plant",
+        "law `pid` is defined twice for one plant",
     );
     refused(
         |all| all.laws[2].name = "pid".into(),
-        "law `pid` is there twice for one plant",
+        "law `pid` is defined twice for one plant",
     );
     refused(
         |all| all.laws[2].internals = table(&["e m"]),
@@ -80,25 +80,25 @@ fn a_description_whose_names_cannot_be_told_apart_or_written_down_is_refused() {
     );
     refused(
         |all| all.laws[2].internals = table(&["e_m", "e_m"]),
-        "internals of law `off`: `e_m` is there twice",
+        "internals of law `off`: `e_m` is defined twice",
     );
     refused(
         |all| all.plants[0].truth[0].unit = "m]".into(),
-        "truth of plant `still`: \"m]\" is no unit, that of `x_m`",
+        "truth of plant `still`: `x_m` has the invalid unit \"m]\"",
     );
     refused(
         |all| all.plants[0].parameters = table(&["a.m_kg", "a_m_kg"]),
-        "parameters of plant `still`: `a_m_kg` is there twice",
+        "parameters of plant `still`: `a_m_kg` is defined twice",
     );
     let many: Vec<String> = (0..513).map(|number| format!("x{number}_m")).collect();
     let many: Vec<&str> = many.iter().map(String::as_str).collect();
     refused(
         |all| all.plants[0].measured = table(&many),
-        "measured of plant `still`: there are 513, and 512 is the most",
+        "measured of plant `still`: there are 513; at most 512 are allowed",
     );
-    // With the command before them.
+    // Together with the command.
     refused(
         |all| all.laws[2].internals = table(&many[..512]),
-        "law `off` has 1 commands and 512 internals, and a frame carries 512 of both at most",
+        "law `off` has 1 commands and 512 internals; a frame carries at most 512 of both together",
     );
 }

@@ -33,7 +33,7 @@ fn answer(hello: &Hello) -> Result<Welcome, Refused> {
 }
 
 #[test]
-fn signals_too_many_are_no_obstacle() {
+fn surplus_signals_are_accepted() {
     let welcome = answer(&hello()).expect("agreed");
     welcome.check(&hello()).expect("checks");
     assert_eq!((welcome.sample.len(), welcome.command.len()), (3, 3));
@@ -53,7 +53,7 @@ fn everything_missing_is_named_at_once() {
 }
 
 #[test]
-fn names_that_cannot_be_used_are_refused_on_both_sides() {
+fn unusable_names_are_refused_on_both_sides() {
     let with = |names: &[&str]| Hello {
         internals: names.iter().map(|name| field(name)).collect(),
         ..hello()
@@ -62,8 +62,8 @@ fn names_that_cannot_be_used_are_refused_on_both_sides() {
     let many: Vec<&str> = numbered.iter().map(String::as_str).collect();
     for (names, wanted) in [
         (&["a rad"][..], "internal: \"a rad\" is no name"),
-        (&["a_rad", "a_rad"], "internal: `a_rad` is there twice"),
-        (&many, "internal: there are 600, and 512 is the most"),
+        (&["a_rad", "a_rad"], "internal: `a_rad` is defined twice"),
+        (&many, "internal: there are 600; at most 512 are allowed"),
         (&many[..511], "513 signals in one direction"),
     ] {
         let told = answer(&with(names)).unwrap_err().to_string();
@@ -84,7 +84,7 @@ fn names_that_cannot_be_used_are_refused_on_both_sides() {
 }
 
 #[test]
-fn a_hello_that_says_other_things_than_the_description_is_refused() {
+fn a_hello_that_differs_from_the_description_is_refused() {
     let said = hello();
     let described = |change: &dyn Fn(&mut LawDescription)| {
         let mut law = LawDescription {
@@ -106,16 +106,16 @@ fn a_hello_that_says_other_things_than_the_description_is_refused() {
     assert_eq!(described(&|_| ()), Ok(()));
     assert_eq!(
         described(&|law| law.name = "pd".into()),
-        Err("at hello it says law \"pid\", and its --describe says \"pd\"".into())
+        Err("its hello says law \"pid\"; its --describe says \"pd\"".into())
     );
     assert_eq!(
         described(&|law| law.measured.clear()),
-        Err("at hello it says 1 measured signals, and its --describe says 0".into())
+        Err("its hello says 1 measured signals; its --describe says 0".into())
     );
     assert_eq!(
         described(&|law| law.internals[0].unit = "m".into()),
         Err(
-            "at hello it says the internal signal \"integral_rad\" in \"rad\", \
+            "its hello says the internal signal \"integral_rad\" in \"rad\", \
              and its --describe says \"integral_rad\" in \"m\""
                 .into()
         )
@@ -137,7 +137,7 @@ fn a_law_for_any_plant_gets_the_plants_commands() {
 }
 
 #[test]
-fn other_versions_and_sessions_are_refused() {
+fn foreign_versions_and_sessions_are_refused() {
     let refused = answer(&Hello {
         protocol: 99,
         ..hello()

@@ -1,7 +1,7 @@
 //! A link within one thread: two mailboxes.
 //!
-//! For runs without a second process (`hil run --link in-process`) and for tests. It carries the
-//! same frames as shared memory does, without the check sum that nothing here could break.
+//! For runs without a second process (`hil run --link in-process`) and for tests. It carries the same frames as shared
+//! memory, but without the checksum, as nothing here could corrupt them.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -12,7 +12,7 @@ use crate::frame::{FrameIdentity, Header, MAX_SIGNALS};
 use crate::ignored::Ignored;
 use crate::table::canonical;
 
-/// Two connected ends.
+/// Creates two connected ends.
 #[must_use]
 pub fn pair() -> (InProcessLink, InProcessLink) {
     let (there, back) = (Rc::default(), Rc::default());
@@ -27,7 +27,7 @@ pub struct InProcessLink {
     outgoing: Rc<RefCell<Mailbox>>,
     incoming: Rc<RefCell<Mailbox>>,
     identity: Option<FrameIdentity>,
-    /// Of the frames opened last, if others are in use.
+    /// Identity of the frames opened last, while others are in use.
     next: Option<FrameIdentity>,
     sequence: u64,
     rejected: Ignored,
@@ -36,7 +36,7 @@ pub struct InProcessLink {
 #[derive(Default)]
 struct Mailbox {
     control: VecDeque<Vec<u8>>,
-    /// Messages to the controller of an epoch, whose frames are in use.
+    /// Messages to the controller of an epoch whose frames are in use.
     told: VecDeque<(u32, Vec<u8>)>,
     frame: Option<Header>,
     values: Vec<f64>,
@@ -54,7 +54,7 @@ impl InProcessLink {
         }
     }
 
-    /// An end for another controller on the same plant.
+    /// Creates an end for another controller on the same plant.
     #[must_use]
     pub fn another(&self) -> Self {
         Self::new(Rc::clone(&self.outgoing), Rc::clone(&self.incoming))
@@ -114,7 +114,7 @@ impl Link for InProcessLink {
         if let Some(next) = self.next.take() {
             self.identity = Some(next);
             self.sequence = 0;
-            // Nobody is there any more to whom the others were told.
+            // The receiver of the other messages no longer exists.
             let mut mailbox = self.outgoing.borrow_mut();
             mailbox.told.retain(|(epoch, _)| *epoch >= next.epoch);
         }

@@ -1,6 +1,6 @@
-//! Methods of a link that only call those of another one.
+//! Methods of a link that delegate to another link.
 
-/// Writes the named methods of a [`Link`](crate::link::Link) as calls of another one, for a link that changes only the
+/// Implements the named methods of a [`Link`](crate::link::Link) by delegation, for a link that overrides only the
 /// others: `pass_on!(self => self.inner; send_control tell)`.
 #[macro_export]
 macro_rules! pass_on {

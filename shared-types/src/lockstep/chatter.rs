@@ -1,10 +1,9 @@
-//! Peers that say whatever they like for as long as they like: none can keep a run from its end.
+//! Peers that send arbitrary messages for as long as they like: none can keep a run from ending.
 //!
-//! Each machine is driven as its process drives it. At every poll the other side says nothing, or
-//! anything at all: any frame of any step within reach, any control message, active or announced.
-//! A wait is over after a few polls, and begins anew only when the [`Standing`] moves. From the start
-//! every state that can be reached is visited, and none may ever come again: where it did, the other
-//! side could lead the run round in a circle for ever.
+//! Each machine is driven as in its process. At every poll the other side sends nothing, or anything at all: any frame
+//! of any step within reach, any control message, from the active or the announced controller. A wait ends after a few
+//! polls, and restarts only when the [`Standing`] changes. Every state reachable from the start is visited, and none
+//! may recur: otherwise the other side could lead the run in a circle for ever.
 
 use std::collections::HashMap;
 use std::hash::Hash;
@@ -14,15 +13,15 @@ use crate::frame::{FrameKind, Header};
 use crate::hello::{Control, Hello, Offer, agree};
 use crate::time::Rate;
 
-/// A limit of a wait, for messages.
+/// Limit of a wait, quoted in messages.
 const LIMIT_MS: u64 = 5000;
-/// Polls of a wait that brings nothing.
+/// Polls until a fruitless wait ends.
 const PATIENCE: u8 = 2;
-/// In real time: steps that may miss their command before the controller counts as lost.
+/// In real time, steps that may miss their command before the controller counts as lost.
 const MISSES: u8 = 2;
 /// Steps of a run.
 const STEPS: u64 = 3;
-/// Most controllers of one run.
+/// Maximum number of controllers in one run.
 const CREW: u32 = 3;
 const KINDS: [FrameKind; 6] = [
     FrameKind::Sample,
@@ -51,32 +50,32 @@ fn offer(epoch: u32, first: Step, against_clock: bool) -> Offer<'static> {
     }
 }
 
-/// Side, how it is driven, and the words of the other side.
+/// Side under test, its driver, and the messages of the other side.
 trait Pestered: Clone {
     type Said: Clone + std::fmt::Debug;
     type Key: Eq + Hash;
 
-    /// All that decides what it does next.
+    /// Complete state that determines its further behaviour.
     fn key(&self) -> Self::Key;
 
     fn is_over(&self) -> bool;
 
-    /// All that may be said at the next poll.
+    /// All messages that may arrive at the next poll.
     fn sayings(&self) -> Vec<Self::Said>;
 
-    /// The next poll.
+    /// Performs the next poll.
     fn poll(&mut self, said: &Self::Said) -> Result<(), String>;
 }
 
-/// Visits every state that can be reached; gives how many there are. Fails where one comes again.
+/// Visits every reachable state and returns their number. Fails if a state recurs.
 fn explore<S: Pestered>(start: S) -> Result<usize, String> {
-    /// A state on the way from the start, and what may still be said in it.
+    /// State on the path from the start, with the messages not yet tried in it.
     struct Place<S: Pestered> {
         state: S,
         left: Vec<S::Said>,
         said: Option<S::Said>,
     }
-    // Whether each state that was seen lies on the way to the present one.
+    // Maps each visited state to `true` while it lies on the path to the current one.
     let mut seen = HashMap::from([(start.key(), true)]);
     let mut way = vec![Place {
         left: start.sayings(),
@@ -117,29 +116,29 @@ fn explore<S: Pestered>(start: S) -> Result<usize, String> {
     Ok(seen.len())
 }
 
-/// A control message to the plant.
+/// Control message to the plant.
 #[derive(Clone, Copy, Debug)]
 enum Word {
     Hello,
     Ready(u32),
 }
 
-/// Input that a plant may hear at a poll.
+/// Input of a plant at one poll.
 #[derive(Clone, Copy, Debug)]
 struct Heard {
     frame: Option<(FrameKind, u64)>,
     word: Option<Word>,
-    /// Somebody asks for another controller.
+    /// A request for another controller.
     swap: bool,
 }
 
-/// A plant, as its engine and its wait loop drive it.
+/// Plant, driven as by its engine and wait loop.
 #[derive(Clone)]
 struct PesteredPlant {
     side: PlantSide,
     against_clock: bool,
     policy: OnLoss,
-    /// Polls left of this wait, of that for the one announced, and misses left.
+    /// Polls left of the current wait and of the announced controller's wait, and misses left.
     left: u8,
     candidate_left: u8,
     misses_left: u8,
@@ -166,7 +165,7 @@ impl PesteredPlant {
         }
     }
 
-    /// Tells the machine; true if that moved it.
+    /// Passes an event to the machine; returns `true` if the machine advanced.
     fn tell(&mut self, event: &PlantEvent<'_>) -> bool {
         let before = self.side.standing();
         match self.side.on(event) {
@@ -197,7 +196,7 @@ impl PesteredPlant {
         }
     }
 
-    /// Polls the engine; true if that got the run on.
+    /// Polls the engine; returns `true` if the run advanced.
     fn gets_on(&mut self, heard: &Heard) -> bool {
         if self.side.is_greeting() {
             return heard.word.is_some_and(|word| self.speak(word, 1));
@@ -209,7 +208,7 @@ impl PesteredPlant {
                 }
             } else {
                 self.candidate_left -= 1;
-                // The launcher starts no more than so many.
+                // The launcher starts only a limited number.
                 let word = heard.word.filter(|_| self.expected <= CREW);
                 if word.is_some_and(|word| self.speak(word, self.expected)) {
                     return true;
@@ -227,9 +226,9 @@ impl PesteredPlant {
         })
     }
 
-    /// The wait, or in real time the time of a step, is over.
+    /// Ends the wait or, in real time, the step's time.
     fn is_late(&mut self) {
-        // The first command and the confirmation are waited for even so.
+        // The first command and the confirmation are waited for even in real time.
         let has_deadline = self.against_clock && (1..STEPS).contains(&self.side.at().0);
         if has_deadline && !self.side.is_greeting() && self.misses_left > 0 {
             self.misses_left -= 1;
@@ -289,7 +288,7 @@ impl Pestered for PesteredPlant {
     }
 }
 
-/// Input that a controller may hear at a poll.
+/// Input of a controller at one poll.
 #[derive(Clone, Debug)]
 enum Told {
     Nothing,
@@ -297,7 +296,7 @@ enum Told {
     Message(Control),
 }
 
-/// A controller, as its runner and its wait loop drive it.
+/// Controller, driven as by its runner and wait loop.
 #[derive(Clone)]
 struct PesteredController {
     side: ControllerSide,
@@ -331,7 +330,7 @@ impl Pestered for PesteredController {
         self.side.is_over()
     }
 
-    /// All but a hold: whoever may hold a run may hold it for ever.
+    /// Everything but a hold: a peer with the right to hold a run may hold it for ever.
     fn sayings(&self) -> Vec<Told> {
         let kinds = KINDS.into_iter().filter(|kind| *kind != FrameKind::Hold);
         let of_kind = |kind| (0..=STEPS).map(move |step| Told::Frame(kind, step));
@@ -378,7 +377,7 @@ impl Pestered for PesteredController {
 }
 
 #[test]
-fn whatever_controllers_say_for_ever_a_plant_comes_to_its_end() {
+fn a_plant_ends_whatever_its_controllers_send() {
     let mut states = 0;
     for policy in OnLoss::ALL {
         for against_clock in [false, true] {
@@ -392,7 +391,7 @@ fn whatever_controllers_say_for_ever_a_plant_comes_to_its_end() {
 }
 
 #[test]
-fn whatever_a_plant_says_for_ever_a_controller_comes_to_its_end() {
+fn a_controller_ends_whatever_its_plant_sends() {
     for against_clock in [false, true] {
         for epoch in [1, 2] {
             let explored = explore(PesteredController::new(against_clock, epoch));

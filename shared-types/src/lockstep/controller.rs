@@ -10,38 +10,38 @@ const PEER: &str = "plant";
 /// Event at the controller's side.
 #[derive(Debug)]
 pub enum ControllerEvent<'a> {
-    /// The link is there; begin with this hello.
+    /// Link established; begin with this hello.
     Begin(&'a Hello),
-    /// A control message came.
+    /// Control message received.
     Control(&'a Control),
-    /// The frames are open on this side.
+    /// Frames opened on this side.
     Opened,
-    /// A frame came that passed the link's checks.
+    /// Frame received that passed the link's checks.
     Frame(&'a Header),
-    /// The bounded wait, N ms long, is over.
+    /// End of the bounded wait of N ms.
     Deadline(u64),
-    /// The plant's process ended.
+    /// End of the plant's process.
     PeerGone,
-    /// Somebody wants the run to end.
+    /// Request to stop the run.
     Stop,
 }
 
 /// Next action of the controller's side.
 #[derive(Debug, PartialEq)]
 pub enum ControllerAction {
-    /// Nothing; the event changes nothing.
+    /// Do nothing; the event is irrelevant.
     Ignore,
     /// Send the hello.
     SendHello,
     /// Open the frames as welcomed.
     OpenFrames(Box<Welcome>),
-    /// Say ready for this epoch.
+    /// Send ready for this epoch.
     SendReady(u32),
-    /// Compute the command that answers the sample of this step and send it.
+    /// Compute and send the command that answers the sample of this step.
     Answer(Step),
     /// Confirm the end after N steps; the run is over.
     ConfirmEnd(Step),
-    /// Tell the plant (unless it is gone) and end.
+    /// Inform the plant (unless it is gone) and end.
     Abort(Abort),
 }
 
@@ -53,15 +53,14 @@ enum State {
         epoch: u32,
         first: Step,
     },
-    /// Nothing was exchanged yet. Steps before the first sample belonged to another controller, if
-    /// there was one.
+    /// Nothing exchanged yet. Steps before the first sample belonged to a previous controller, if there was one.
     AwaitFirst(Step),
     AwaitSample(Step),
     Over,
 }
 
 impl State {
-    /// A number of its own for each but the step.
+    /// Unique number of the state, regardless of its step.
     const fn number(&self) -> u64 {
         match self {
             Self::Start => 0,
@@ -74,12 +73,12 @@ impl State {
     }
 }
 
-/// The controller's side: says hello, answers every sample, confirms the end.
+/// The controller's side: sends hello, answers every sample, confirms the end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ControllerSide {
     state: State,
     against_clock: bool,
-    /// There was another controller before.
+    /// `true` if there was a controller before this one.
     takes_over: bool,
     ignored: u64,
 }
@@ -91,7 +90,7 @@ impl Default for ControllerSide {
 }
 
 impl ControllerSide {
-    /// A side at its start.
+    /// Creates a side in its initial state.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -102,7 +101,7 @@ impl ControllerSide {
         }
     }
 
-    /// Checks whether frames are not flowing yet.
+    /// Returns `true` while frames are not flowing yet.
     #[must_use]
     pub const fn is_greeting(&self) -> bool {
         !matches!(
@@ -111,31 +110,31 @@ impl ControllerSide {
         )
     }
 
-    /// Checks whether the run is over, either way.
+    /// Returns `true` if the run is over, completed or not.
     #[must_use]
     pub const fn is_over(&self) -> bool {
         matches!(self.state, State::Over)
     }
 
-    /// Checks whether frames may flow and none came yet.
+    /// Returns `true` if frames may flow but none has arrived yet.
     #[must_use]
     pub const fn awaits_first(&self) -> bool {
         matches!(self.state, State::AwaitFirst(_))
     }
 
-    /// Frames of steps long past that were passed over.
+    /// Returns the number of ignored frames of past steps.
     #[must_use]
     pub const fn ignored(&self) -> u64 {
         self.ignored
     }
 
-    /// Returns how far this side has come with the plant.
+    /// Returns the progress of this side with the plant.
     #[must_use]
     pub const fn standing(&self) -> Standing {
         Standing([self.state.number(), self.at().0, 0, 0, 0])
     }
 
-    /// The step awaited, for messages.
+    /// Returns the awaited step, for messages.
     #[must_use]
     pub const fn at(&self) -> Step {
         match self.state {
@@ -144,7 +143,7 @@ impl ControllerSide {
         }
     }
 
-    /// Takes an event and says what to do.
+    /// Processes an event and returns the resulting action.
     pub fn on(&mut self, event: &ControllerEvent<'_>) -> ControllerAction {
         match (&self.state, event) {
             (State::Over, _) => ControllerAction::Ignore,
@@ -226,18 +225,19 @@ impl ControllerSide {
                     self.state = State::Over;
                     ControllerAction::ConfirmEnd(got)
                 } else {
-                    let what = format!("it ends after {got} steps, {step} were executed here");
+                    let what = format!("it ends after {got} steps, but {step} were executed here");
                     self.broken(what)
                 }
             }
-            // The run is paused: the wait for the same sample begins anew.
+            // The run is paused: restart the wait for the same sample.
             (_, Some(FrameKind::Hold)) if got.0 <= self.at().0 || may_be_later => {
                 ControllerAction::Ignore
             }
-            // A sample that was answered already, seen again.
+            // A duplicate of a sample that was answered already.
             (_, Some(FrameKind::Sample)) if got.0 < self.at().0 => self.ignore(),
             (_, kind) => {
-                let name = kind.map_or_else(|| "a frame of no kind".into(), |k| format!("{k:?}"));
+                let name =
+                    kind.map_or_else(|| "a frame of an unknown kind".into(), |k| format!("{k:?}"));
                 self.broken(format!("unexpected {name} of step {got}"))
             }
         }
@@ -269,7 +269,7 @@ impl ControllerSide {
         ControllerAction::Abort(abort)
     }
 
-    /// All that decides what it does next, of one that says the same hello as the others.
+    /// Complete state that determines further behaviour, for sides that send the same hello.
     #[cfg(test)]
     pub(super) fn key(&self) -> [u64; 3] {
         let step = match self.state {

@@ -1,9 +1,9 @@
-//! Every interleaving of a plant, its controllers and what may happen to them, up to a bound.
+//! Every interleaving of a plant, its controllers and their faults, up to a bound.
 //!
-//! The machines are driven as the plant's engine and the controller's runner drive them, by a world in
-//! which frames get lost or are seen again, processes die or are late, and others take over. From the
-//! start every state that can be reached is visited once. What must hold is checked at each action,
-//! and at the end that an end can be reached from everywhere.
+//! The machines are driven as by the plant's engine and the controller's runner, in a world where frames get lost or
+//! are delivered twice, processes die or are late, and others take over. Every state reachable from the start is
+//! visited once. Each action is checked against the invariants, and at the end every state is checked to have a path to
+//! an end.
 
 mod moves;
 mod world;
@@ -15,39 +15,39 @@ use super::*;
 use moves::Move;
 use world::{Key, World};
 
-/// Bound on how often each thing may go wrong.
+/// Bound on the number of each fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct Bound {
-    /// Frames that are lost.
+    /// Lost frames.
     losses: u8,
-    /// Frames that are seen again.
+    /// Frames delivered twice.
     repeats: u8,
-    /// Processes that are killed or stopped.
+    /// Processes killed or stopped.
     deaths: u8,
-    /// Waits that are over although the other side lives.
+    /// Waits that end although the other side is alive.
     timeouts: u8,
-    /// Controllers that somebody asks for.
+    /// Requests for another controller.
     swaps: u8,
 }
 
-/// Counts of what was found.
+/// Counts of explored states.
 #[derive(Debug, Default)]
 struct Explored {
     states: usize,
     moves: usize,
-    /// States in which everything was over, every step executed.
+    /// States that ended with every step executed.
     completed: usize,
-    /// States in which everything was over early, with a reason.
+    /// States that ended early, with a reason.
     aborted: usize,
 }
 
-/// The states found so far and how they hang together.
+/// States visited so far, and their connections.
 struct Graph {
     worlds: Vec<World>,
     numbers: HashMap<Key, usize>,
-    /// State from which each state was reached first, and the move that led there.
+    /// For each state, its first predecessor and the move from there.
     origins: Vec<Option<(usize, Move)>>,
-    /// States from which each state was reached at all.
+    /// For each state, all its predecessors.
     before: Vec<Vec<usize>>,
     explored: Explored,
 }
@@ -63,7 +63,7 @@ impl Graph {
         }
     }
 
-    /// Goes one way on; whether that is another state, reached by no fault.
+    /// Makes a move; returns `true` if it leads to another state without a fault.
     fn go(&mut self, from: usize, happens: Move) -> Result<bool, String> {
         let next = self.worlds[from].after(happens);
         let next = next.map_err(|wrong| format!("{wrong}\n{}", self.path(from, happens)))?;
@@ -82,7 +82,7 @@ impl Graph {
         Ok(after != from && !happens.only_breaks())
     }
 
-    /// Lists the moves by which a state was reached.
+    /// Lists the moves that led to a state.
     fn path(&self, mut number: usize, last: Move) -> String {
         let mut moves = vec![format!("{last:?}")];
         while let Some((from, happens)) = self.origins[number] {
@@ -93,7 +93,7 @@ impl Graph {
         moves.join(", ")
     }
 
-    /// A state from which none of these can be reached.
+    /// Returns a state from which no end can be reached.
     fn stuck(&self, mut ends: Vec<usize>) -> Option<usize> {
         let mut is_known = vec![false; self.worlds.len()];
         while let Some(number) = ends.pop() {
@@ -105,7 +105,7 @@ impl Graph {
     }
 }
 
-/// Visits every state that can be reached.
+/// Visits every reachable state.
 fn explore(start: World) -> Result<Explored, String> {
     let mut graph = Graph::of(start);
     let mut ends = Vec::new();
@@ -124,7 +124,7 @@ fn explore(start: World) -> Result<Explored, String> {
         for happens in moves {
             goes_on |= graph.go(number, happens)?;
         }
-        // Waits end where nothing else gets anybody on.
+        // Waits end where nothing else can make progress.
         if !goes_on {
             for happens in at_last {
                 graph.go(number, happens)?;
@@ -144,7 +144,7 @@ fn explore(start: World) -> Result<Explored, String> {
     Ok(graph.explored)
 }
 
-/// Faults of each kind beside each other, and many of the worst.
+/// Faults of each kind combined, and many of the worst.
 const BOUNDS: [Bound; 3] = [
     Bound {
         losses: 1,
@@ -192,7 +192,7 @@ fn explore_all(steps: u64, bounds: &[Bound]) {
 }
 
 #[test]
-fn whatever_happens_no_step_is_executed_twice_or_on_a_stale_command_and_there_is_an_end() {
+fn no_step_is_executed_twice_or_on_a_stale_command_and_every_run_ends() {
     let none = Bound {
         losses: 0,
         repeats: 0,
@@ -220,12 +220,12 @@ fn whatever_happens_no_step_is_executed_twice_or_on_a_stale_command_and_there_is
 
 #[test]
 #[ignore = "takes minutes and gigabytes; run it after a change of the machines"]
-fn the_same_within_wider_bounds() {
+fn the_same_holds_within_wider_bounds() {
     explore_all(3, &BOUNDS);
 }
 
 #[test]
-fn where_frames_are_only_seen_again_and_others_take_over_every_interleaving_completes() {
+fn every_interleaving_of_repeats_and_handovers_completes() {
     for against_clock in [false, true] {
         let harmless = Bound {
             losses: 0,

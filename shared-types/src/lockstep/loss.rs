@@ -2,27 +2,26 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Policy of the plant when its controller died, stopped answering, gave up or broke the protocol.
+/// Policy of the plant when its controller died, stopped answering, aborted or broke the protocol.
 ///
-/// Before the first step there is nothing to go on with: a controller that is lost then ends the
-/// run whatever the policy.
+/// Before the first step no run can continue: losing the controller then ends it whatever the policy.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OnLoss {
-    /// The run ends and says why.
+    /// End the run with a reason.
     #[default]
     Abort,
-    /// The run goes on with the last command, zeros if there was none.
+    /// Continue with the last command, zeros if there was none.
     Hold,
-    /// The run goes on with the scenario's safe command.
+    /// Continue with the scenario's safe command.
     SafeCommand,
-    /// The run waits for another controller: the launcher starts the same binary anew. Against the
-    /// clock, which waits for nobody, it goes on with the last command until then.
+    /// Wait for another controller: the launcher starts the same binary anew. In real time the run cannot wait and
+    /// continues with the last command until then.
     WaitForRestart,
 }
 
 impl OnLoss {
-    /// All of them.
+    /// All policies.
     pub const ALL: [Self; 4] = [
         Self::Abort,
         Self::Hold,

@@ -1,8 +1,8 @@
 //! The lockstep protocol as two state machines without input or output.
 //!
-//! Each machine is told what happened (a frame came, time is up, the peer is gone) and answers with
-//! the one thing to do. It knows no clock, no link and no number of a model, so every interleaving
-//! can be tested without a transport. The plant's engine and the controller's runner drive them.
+//! Each machine receives an event (a frame arrived, time is up, the peer is gone) and returns a single action. It has
+//! no access to a clock, a link or a signal value, so every interleaving can be tested without a transport. The plant's
+//! engine and the controller's runner drive the machines.
 //!
 //! ```text
 //! controller            plant
@@ -17,15 +17,15 @@
 //!   confirmed N ----->
 //! ```
 //!
-//! A controller that is lost may be replaced while the run goes on ([`OnLoss`]): each has an epoch of
-//! its own, a number that every frame carries, so that nothing of the old one is ever taken for the
-//! new one's. Another is greeted beside the active one, which goes on until it is ready.
+//! A lost controller may be replaced during the run ([`OnLoss`]). Each controller has its own epoch, a number that
+//! every frame carries, so that no message of the old controller is mistaken for one of the new. A candidate is greeted
+//! while the active controller continues, and takes over once it is ready.
 //!
-//! In real time the plant does not wait for a command beyond its deadline: it goes on with the
-//! newest one that it has, and a controller that comes late finds a later sample.
+//! In real time the plant does not wait for a command beyond its deadline: it continues with the newest command it has,
+//! and a late controller receives a later sample.
 //!
-//! A wait begins anew when the [`Standing`] of a side moves, and not when something comes: what moves
-//! nothing is as good as silence, so nobody can talk a wait beyond its limit.
+//! A wait restarts when the [`Standing`] of a side changes, not whenever a message arrives: a message without effect is
+//! as good as silence, so no peer can extend a wait beyond its limit.
 
 mod controller;
 mod loss;
@@ -37,40 +37,39 @@ pub use plant::{PlantAction, PlantEvent, PlantSide};
 
 use crate::time::Step;
 
-/// Progress that a side has made with the other one. If two standings of one side are equal, nothing that
-/// came between them got the run on, whatever the side answered: the wait of the first is still the wait of
-/// the second.
+/// Progress that a side has made with the other one. If two standings of one side are equal, nothing that arrived in
+/// between advanced the run, whatever the side answered: the second wait is still the first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Standing([u64; 5]);
 
-/// Reason for which a side gave up, as it is told to the other side.
+/// Reason why a side aborted, as sent to the other side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u64)]
 pub enum AbortCode {
-    /// Asked to stop.
+    /// Stop request.
     Stopped = 1,
-    /// The other side did not answer in time.
+    /// Timeout of the other side.
     Late = 2,
-    /// The other side is gone.
+    /// Other side is gone.
     Gone = 3,
-    /// The other side broke the protocol.
+    /// Protocol violation by the other side.
     Protocol = 4,
     /// The plant left its range of validity.
     Diverged = 5,
-    /// A command or sample was not a number.
+    /// Command or sample that is not a number.
     NotANumber = 6,
-    /// The observer that records the run is stuck or gone.
+    /// Recorder of the run is stuck or gone.
     Observer = 7,
-    /// Something else; the log of the side that gave up tells.
+    /// Another reason, given in the log of the side that aborted.
     Other = 8,
-    /// A step overran, and the policy is to end the run.
+    /// Step overran, and the policy is to end the run.
     Overrun = 9,
-    /// Another controller took its place.
+    /// Another controller took over.
     Replaced = 10,
 }
 
 impl AbortCode {
-    /// The code of a number on the wire; unknown ones are [`AbortCode::Other`].
+    /// Decodes a wire number; unknown ones are [`AbortCode::Other`].
     #[must_use]
     #[inline]
     pub const fn from_wire(number: u64) -> Self {
@@ -89,55 +88,55 @@ impl AbortCode {
     }
 }
 
-/// Reason for which a lockstep run ended before its last step.
+/// Reason why a lockstep run ended before its last step.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, thiserror::Error)]
 pub enum Abort {
-    /// Asked to stop.
+    /// Stop request.
     #[error("stopped at step {at}")]
     Stopped {
-        /// The step in work.
+        /// Current step.
         at: Step,
     },
-    /// The other side did not say what was awaited in time.
+    /// Timeout of the other side.
     #[error("{peer} did not {what} within {} s", *limit_ms as f64 / 1e3)]
     Late {
         /// Name of the other side.
         peer: &'static str,
-        /// Action that was awaited.
+        /// Awaited action.
         what: String,
-        /// Time that the other side was given, in ms.
+        /// Time limit, in ms.
         limit_ms: u64,
     },
-    /// The other side is gone.
+    /// Other side is gone.
     #[error("{peer} is gone at step {at}")]
     Gone {
         /// Name of the other side.
         peer: &'static str,
-        /// The step in work.
+        /// Current step.
         at: Step,
     },
-    /// The other side broke the protocol.
+    /// Protocol violation by the other side.
     #[error("{peer} broke the protocol at step {at}: {what}")]
     Protocol {
         /// Name of the other side.
         peer: &'static str,
-        /// The step in work.
+        /// Current step.
         at: Step,
-        /// Way in which the protocol was broken.
+        /// Description of the violation.
         what: String,
     },
-    /// The two sides do not come together.
+    /// Refusal at hello.
     #[error("refused: {0}")]
     Refused(String),
-    /// Failure of this side, which cannot go on for a reason of its own.
+    /// Internal failure of this side.
     #[error("{0}")]
     Failed(String),
-    /// The other side gave up.
+    /// Abort by the other side.
     #[error("{peer} gave up at step {at}: {}", describe(*code))]
     ByPeer {
         /// Name of the other side.
         peer: &'static str,
-        /// The step in work.
+        /// Current step.
         at: Step,
         /// Reason that the other side gave.
         code: AbortCode,
@@ -147,9 +146,9 @@ pub enum Abort {
 const fn describe(code: AbortCode) -> &'static str {
     match code {
         AbortCode::Stopped => "it was asked to stop",
-        AbortCode::Late => "it found this side late",
-        AbortCode::Gone => "it found this side gone",
-        AbortCode::Protocol => "it found the protocol broken",
+        AbortCode::Late => "it waited too long for this side",
+        AbortCode::Gone => "this side was gone",
+        AbortCode::Protocol => "this side broke the protocol",
         AbortCode::Diverged => "the plant left its range of validity",
         AbortCode::NotANumber => "a signal was not a number",
         AbortCode::Observer => "the recorder is stuck or gone",
@@ -160,7 +159,7 @@ const fn describe(code: AbortCode) -> &'static str {
 }
 
 impl Abort {
-    /// Returns the reason that the other side is told.
+    /// Returns the reason code sent to the other side.
     #[must_use]
     pub const fn code(&self) -> AbortCode {
         match self {

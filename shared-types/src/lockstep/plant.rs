@@ -25,7 +25,7 @@ enum State {
 }
 
 impl State {
-    /// A number of its own for each but the step.
+    /// Unique number of the state, regardless of its step.
     const fn number(&self) -> u64 {
         match self {
             Self::AwaitHello => 0,
@@ -38,21 +38,21 @@ impl State {
     }
 }
 
-/// Controller that steps are exchanged with, by its epoch.
+/// Controller that exchanges steps with the plant, by its epoch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Controller {
     /// Active controller.
     Active(u32),
-    /// Controller that was lost; none replaced it yet.
+    /// Lost controller that has not been replaced yet.
     Lost(u32),
 }
 
 /// Controller that is to take over, by its epoch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Candidate {
-    /// Hello is awaited.
+    /// Awaiting its hello.
     Announced(u32),
-    /// The opening of its frames is awaited.
+    /// Awaiting the opening of its frames.
     Welcomed(u32),
 }
 
@@ -64,7 +64,7 @@ impl Candidate {
     }
 }
 
-/// The plant's side: waits for hello, then exchanges `steps` steps, then the end barrier.
+/// The plant's side: waits for hello, exchanges `steps` steps, then runs the end barrier.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct PlantSide {
     state: State,
@@ -74,13 +74,13 @@ pub struct PlantSide {
     on_loss: OnLoss,
     controller: Controller,
     candidate: Option<Candidate>,
-    /// The first step whose command is newer than every one that was taken.
+    /// First step whose command is newer than every accepted one.
     newer: Step,
     ignored: Ignored,
 }
 
 impl PlantSide {
-    /// A side that is to exchange N steps.
+    /// Creates a side that exchanges N steps.
     #[must_use]
     pub fn new(steps: u64) -> Self {
         Self {
@@ -96,22 +96,21 @@ impl PlantSide {
         }
     }
 
-    /// Sets the side to run in real time: a command may come late or never.
+    /// Sets the side to run in real time: commands may be late or missing.
     #[must_use]
     pub const fn against_clock(mut self) -> Self {
         self.against_clock = true;
         self
     }
 
-    /// Sets the policy for a controller that is lost.
+    /// Sets the policy for a lost controller.
     #[must_use]
     pub const fn on_loss(mut self, on_loss: OnLoss) -> Self {
         self.on_loss = on_loss;
         self
     }
 
-    /// Sets the first step of a run that goes on from a checkpoint: the steps before it were exchanged in
-    /// another run.
+    /// Sets the first step of a resumed run: the steps before it were exchanged in another run.
     #[must_use]
     pub const fn beginning_at(mut self, first: Step) -> Self {
         self.first = first;
@@ -119,7 +118,7 @@ impl PlantSide {
         self
     }
 
-    /// The step that waits to be released, if that is what is awaited.
+    /// Returns the step that awaits its release, if any.
     #[must_use]
     pub const fn unreleased(&self) -> Option<Step> {
         match self.state {
@@ -128,31 +127,31 @@ impl PlantSide {
         }
     }
 
-    /// Checks whether hello is still going on.
+    /// Returns `true` during hello.
     #[must_use]
     pub const fn is_greeting(&self) -> bool {
         matches!(self.state, State::AwaitHello | State::AwaitReady)
     }
 
-    /// Checks whether the run is over, either way.
+    /// Returns `true` if the run is over, completed or not.
     #[must_use]
     pub const fn is_over(&self) -> bool {
         matches!(self.state, State::Over)
     }
 
-    /// Checks whether there is no controller.
+    /// Returns `true` if there is no controller.
     #[must_use]
     pub const fn is_alone(&self) -> bool {
         matches!(self.controller, Controller::Lost(_))
     }
 
-    /// Checks whether steps wait until there is a controller again.
+    /// Returns `true` if steps wait for another controller.
     #[must_use]
     pub fn waits_for_controller(&self) -> bool {
         self.needs_another() && !self.against_clock
     }
 
-    /// The epoch of the active controller, or of the last one that was.
+    /// Returns the epoch of the active controller, or of the last one.
     #[must_use]
     pub const fn epoch(&self) -> u32 {
         match self.controller {
@@ -160,19 +159,19 @@ impl PlantSide {
         }
     }
 
-    /// The epoch of a controller that was announced and is not active yet.
+    /// Returns the epoch of an announced controller that is not active yet.
     #[must_use]
     pub fn candidate(&self) -> Option<u32> {
         self.candidate.map(Candidate::epoch)
     }
 
-    /// Messages and frames of controllers that were passed over.
+    /// Returns the counts of ignored messages and frames.
     #[must_use]
     pub const fn ignored(&self) -> Ignored {
         self.ignored
     }
 
-    /// Progress with the active controller.
+    /// Returns the progress with the active controller.
     #[must_use]
     pub const fn standing(&self) -> Standing {
         Standing([
@@ -184,7 +183,7 @@ impl PlantSide {
         ])
     }
 
-    /// The step in work, for messages.
+    /// Returns the current step, for messages.
     #[must_use]
     pub const fn at(&self) -> Step {
         match self.state {
@@ -194,7 +193,7 @@ impl PlantSide {
         }
     }
 
-    /// Takes an event and says what to do.
+    /// Processes an event and returns the resulting action.
     pub fn on(&mut self, event: &PlantEvent<'_>) -> PlantAction {
         match (&self.state, event) {
             (State::Over, _) => PlantAction::Nothing,
@@ -245,9 +244,9 @@ impl PlantSide {
 
             (_, PlantEvent::Frame(_)) if self.is_alone() => self.ignore(Reason::Lost),
             (_, PlantEvent::Frame(header)) => self.on_frame(header),
-            (_, PlantEvent::Contradiction(step)) => {
-                self.broken(format!("it answered step {step} twice, and not the same"))
-            }
+            (_, PlantEvent::Contradiction(step)) => self.broken(format!(
+                "it answered step {step} twice, with different commands"
+            )),
 
             (State::AwaitHello, PlantEvent::Deadline(ms)) => self.late("say hello".into(), *ms),
             (State::AwaitReady, PlantEvent::Deadline(ms)) => {
@@ -264,7 +263,7 @@ impl PlantSide {
             (State::AwaitConfirmation, PlantEvent::Deadline(ms)) => {
                 self.late(format!("confirm the end after {} steps", self.steps), *ms)
             }
-            // Nothing is awaited from the controller between steps.
+            // No message is due from the controller between steps.
             (State::Between(_), PlantEvent::Deadline(_)) => PlantAction::Nothing,
 
             (_, PlantEvent::Release | PlantEvent::Missed) => PlantAction::Nothing,
@@ -308,18 +307,19 @@ impl PlantSide {
                 Reason::Late
             }),
             (_, kind) => {
-                let name = kind.map_or_else(|| "a frame of no kind".into(), |k| format!("{k:?}"));
+                let name =
+                    kind.map_or_else(|| "a frame of an unknown kind".into(), |k| format!("{k:?}"));
                 self.broken(format!("unexpected {name} of step {got}"))
             }
         }
     }
 
-    /// Tells if the run cannot go on before another controller takes over.
+    /// Returns `true` if the run needs another controller to continue.
     fn needs_another(&self) -> bool {
         self.is_alone() && self.on_loss == OnLoss::WaitForRestart
     }
 
-    /// Checks whether a step may meet the newest command instead of its own.
+    /// Returns `true` if a step may use the newest command instead of its own.
     const fn goes_on_without_command(&self) -> bool {
         self.against_clock || self.is_alone()
     }
@@ -333,7 +333,7 @@ impl PlantSide {
         PlantAction::Expect(epoch)
     }
 
-    /// The hello of one that was announced.
+    /// Processes the hello of an announced controller.
     fn greet(&mut self, hello: &Hello, offer: &Offer<'_>) -> PlantAction {
         let Some(Candidate::Announced(epoch)) = self.candidate else {
             return self.ignore(Reason::OutOfTurn);
@@ -362,7 +362,7 @@ impl PlantSide {
         }
         self.candidate = None;
         self.controller = Controller::Active(epoch);
-        // Its first sample is that of this step; the ones before it never saw.
+        // Its first sample is that of this step; it never saw the earlier ones.
         self.newer = self.at();
         PlantAction::TakeOver(match self.state {
             State::AwaitCommand(step) => Some(step),
@@ -370,7 +370,7 @@ impl PlantSide {
         })
     }
 
-    /// Goes on without the one that was announced, if it can.
+    /// Continues without the announced controller, if possible.
     fn dismiss(&mut self, why: Abort) -> PlantAction {
         self.candidate = None;
         if self.needs_another() {
@@ -407,7 +407,7 @@ impl PlantSide {
         PlantAction::Nothing
     }
 
-    /// Passes a message or frame of a controller over.
+    /// Ignores a message or frame of a controller.
     pub fn ignore(&mut self, reason: Reason) -> PlantAction {
         self.ignored.count(reason);
         PlantAction::Ignore(reason)
@@ -420,7 +420,7 @@ impl PlantSide {
             limit_ms,
         };
         if self.needs_another() {
-            // Nobody came in its place.
+            // No replacement arrived.
             self.abort(late)
         } else {
             self.lose(late)
@@ -435,7 +435,7 @@ impl PlantSide {
         })
     }
 
-    /// The active controller is of no more use.
+    /// Gives up the active controller.
     fn lose(&mut self, why: Abort) -> PlantAction {
         let Controller::Active(epoch) = self.controller else {
             return PlantAction::Nothing;
@@ -452,7 +452,7 @@ impl PlantSide {
         PlantAction::Abort(abort)
     }
 
-    /// All that decides what it does next.
+    /// Complete state that determines further behaviour.
     #[cfg(test)]
     pub(super) fn key(&self) -> [u64; 7] {
         let (epoch, welcomed) = match self.candidate {

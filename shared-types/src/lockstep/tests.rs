@@ -33,7 +33,7 @@ fn header(kind: FrameKind, step: u64) -> Header {
     Header::new(kind, Step(step))
 }
 
-/// A plant past hello that is to exchange N steps.
+/// Creates a plant past hello that exchanges N steps.
 fn plant(steps: u64) -> PlantSide {
     let hello = hello();
     let mut plant = PlantSide::new(steps);
@@ -43,19 +43,19 @@ fn plant(steps: u64) -> PlantSide {
     plant
 }
 
-/// Checks how a plant answers events, one after another.
+/// Checks the actions of a plant for a sequence of events.
 fn answers<const N: usize>(plant: &mut PlantSide, course: [(PlantEvent<'_>, PlantAction); N]) {
     for (place, (event, action)) in course.into_iter().enumerate() {
         assert_eq!(plant.on(&event), action, "{place}: {event:?}");
     }
 }
 
-/// A controller past hello.
+/// Creates a controller past hello.
 fn controller() -> ControllerSide {
     controller_of(false)
 }
 
-/// A controller past hello of a plant that waits for it or does not.
+/// Creates a controller past hello of a plant that runs against the clock or not.
 fn controller_of(against_clock: bool) -> ControllerSide {
     let hello = hello();
     let mut controller = ControllerSide::new();
@@ -97,7 +97,7 @@ fn both_sides_execute_the_same_steps_and_confirm_the_end() {
 }
 
 #[test]
-fn a_run_that_goes_on_begins_at_its_step_on_both_sides() {
+fn a_resumed_run_begins_at_its_step_on_both_sides() {
     let hello = hello();
     let offer = Offer {
         first: Step(2),
@@ -114,7 +114,7 @@ fn a_run_that_goes_on_begins_at_its_step_on_both_sides() {
 
     let mut controller = ControllerSide::new();
     controller.on(&ControllerEvent::Begin(&hello));
-    // As it comes over the wire.
+    // As received over the wire.
     let message = Control::from_bytes(&Control::Welcome(welcome).to_bytes()).expect("a welcome");
     controller.on(&ControllerEvent::Control(&message));
     controller.on(&ControllerEvent::Opened);
@@ -192,7 +192,8 @@ fn an_early_end_is_not_confirmed() {
     let ControllerAction::Abort(abort) = action else {
         panic!("{action:?}")
     };
-    let told = "plant broke the protocol at step 1: it ends after 3 steps, 1 were executed here";
+    let told =
+        "plant broke the protocol at step 1: it ends after 3 steps, but 1 were executed here";
     assert_eq!(abort.to_string(), told);
 }
 
@@ -207,7 +208,7 @@ fn a_confirmation_of_another_step_fails_the_barrier() {
 }
 
 #[test]
-fn every_wait_of_the_plant_names_who_is_late_and_for_what() {
+fn every_timeout_of_the_plant_names_the_peer_and_the_awaited_action() {
     let late = |mut plant: PlantSide| match plant.on(&PlantEvent::Deadline(5000)) {
         PlantAction::Abort(abort) => abort.to_string(),
         other => panic!("{other:?}"),
@@ -218,7 +219,7 @@ fn every_wait_of_the_plant_names_who_is_late_and_for_what() {
     );
     let mut waiting = plant(3);
     let idle = waiting.on(&PlantEvent::Deadline(5000));
-    assert_eq!(idle, PlantAction::Nothing, "nothing is awaited");
+    assert_eq!(idle, PlantAction::Nothing, "no wait is pending");
     waiting.on(&PlantEvent::Release);
     assert_eq!(late(waiting), "controller did not answer step 0 within 5 s");
     let mut ending = plant(0);
@@ -230,7 +231,7 @@ fn every_wait_of_the_plant_names_who_is_late_and_for_what() {
 }
 
 #[test]
-fn every_wait_of_the_controller_names_who_is_late_and_for_what() {
+fn every_timeout_of_the_controller_names_the_peer_and_the_awaited_action() {
     let late = |mut controller: ControllerSide| match controller.on(&ControllerEvent::Deadline(200))
     {
         ControllerAction::Abort(abort) => abort.to_string(),
@@ -254,7 +255,7 @@ fn stop_and_loss_end_every_state() {
     let lost = running.on(&PlantEvent::PeerGone(1));
     assert_eq!(lost, PlantAction::Abort(gone));
     let over = running.on(&PlantEvent::Release);
-    assert_eq!(over, PlantAction::Nothing, "over is over");
+    assert_eq!(over, PlantAction::Nothing, "the run stays over");
     let mut answering = controller();
     answering.on(&ControllerEvent::Frame(&header(FrameKind::Sample, 0)));
     let stopped = ControllerAction::Abort(Abort::Stopped { at: Step(1) });
@@ -310,7 +311,7 @@ fn a_ready_of_another_epoch_does_not_start_the_run() {
 }
 
 #[test]
-fn against_the_clock_a_missed_command_is_held_and_a_late_one_kept() {
+fn in_real_time_a_missed_command_is_held_and_a_late_one_stored() {
     let mut plant = plant(3).against_clock();
     let commands = [0, 1, 2].map(|step| header(FrameKind::Command, step));
     let confirmed = header(FrameKind::EndConfirmed, 3);
@@ -349,7 +350,7 @@ fn in_lockstep_no_deadline_is_missed_and_a_late_command_changes_nothing() {
 }
 
 #[test]
-fn samples_may_be_missed_against_the_clock_only() {
+fn samples_may_be_missed_in_real_time_only() {
     let sample = |step| header(FrameKind::Sample, step);
     let mut controller = controller_of(true);
     for step in [0, 2, 5] {
@@ -370,7 +371,7 @@ fn samples_may_be_missed_against_the_clock_only() {
 }
 
 #[test]
-fn against_the_clock_only_a_command_that_is_newer_than_all_before_is_kept() {
+fn in_real_time_only_a_command_newer_than_all_before_is_stored() {
     let mut plant = plant(9).against_clock();
     let command = |step| header(FrameKind::Command, step);
     for step in 0..5 {
@@ -395,9 +396,8 @@ fn against_the_clock_only_a_command_that_is_newer_than_all_before_is_kept() {
 }
 
 #[test]
-fn two_answers_to_one_step_that_differ_are_a_broken_protocol() {
-    let told =
-        "controller broke the protocol at step 1: it answered step 0 twice, and not the same";
+fn two_different_answers_to_one_step_are_a_broken_protocol() {
+    let told = "controller broke the protocol at step 1: it answered step 0 twice, with different commands";
     for on_loss in [OnLoss::Abort, OnLoss::Hold] {
         let mut plant = plant(3).on_loss(on_loss);
         plant.on(&PlantEvent::Release);
@@ -414,7 +414,7 @@ fn two_answers_to_one_step_that_differ_are_a_broken_protocol() {
 }
 
 #[test]
-fn each_message_that_is_passed_over_keeps_its_reason() {
+fn each_ignored_message_is_counted_by_reason() {
     let hello = hello();
     let mut plant = plant(3).against_clock().on_loss(OnLoss::Hold);
     let offer = offer(&hello.measured, 3);

@@ -9,28 +9,28 @@ use crate::pacer::Streaks;
 use crate::table::number;
 use crate::text;
 
-/// Something that happened at a step, recorded beside the records. JSON in the stream.
+/// Event at a step, recorded beside the records. JSON in the stream.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "kebab-case")]
 pub enum Event {
-    /// A live fault was accepted; it may take hold later.
+    /// A live fault was accepted; it may take effect later.
     Accepted(FaultAccepted),
-    /// A fault took hold of one target.
+    /// A fault took effect on one target.
     Fault(FaultBegun),
     /// A fault ended on one target.
     FaultEnded(FaultEnded),
-    /// The controller changed while the run went on.
+    /// The controller changed during the run.
     Controller(ControllerChange),
-    /// Values were changed while the run went on.
+    /// Values were changed during the run.
     Change(ValueChange),
-    /// Somebody who watches the run put a note at a step.
+    /// An observer of the run added a note at a step.
     Mark(Mark),
     /// The run ended.
     End(RunEnd),
 }
 
 impl Event {
-    /// Returns the step at which it happened; `None` for the end of the run.
+    /// Returns the step of the event; `None` for the end of the run.
     #[must_use]
     pub const fn step(&self) -> Option<u64> {
         match self {
@@ -44,7 +44,7 @@ impl Event {
         }
     }
 
-    /// The note that the event is, if it is one.
+    /// Returns the note, if the event is one.
     #[must_use]
     pub const fn mark(&self) -> Option<&Mark> {
         match self {
@@ -54,26 +54,26 @@ impl Event {
     }
 }
 
-/// Most changes of values in a run.
+/// Maximum number of value changes in a run.
 pub const MOST_CHANGES: usize = 10_000;
 
-/// Values that were changed while a run went on, all from one step on; part of the digest.
+/// Values changed during a run, all from one step on; part of the digest.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ValueChange {
     /// Number of the change in the run, from 1; those of the scenario come first.
     pub id: u32,
     /// First step of the change.
     pub step: u64,
-    /// Steps until the values are reached; 0: at once.
+    /// Steps until the values are reached; 0 means at once.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub ramp_steps: u64,
-    /// True if it was asked for while the run went on, false if it is of the scenario.
+    /// `true` if it was requested during the run, `false` if it belongs to the scenario.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub live: bool,
-    /// Each key by its full name, in the order of the names.
+    /// Each key by its full name, sorted by name.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub set: Vec<ChangedValue>,
-    /// Reference signals that follow their stimulus again.
+    /// Reference signals that return to their stimulus.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[serde(deserialize_with = "text::lines_of")]
     pub clear: Vec<String>,
@@ -94,7 +94,7 @@ pub struct ChangedValue {
 }
 
 impl ValueChange {
-    /// Describes the new values, as `plant.parameters.mass_kg = 1.2 kg, over 300 steps`.
+    /// Formats the new values, as in `plant.parameters.mass_kg = 1.2 kg, over 300 steps`.
     #[must_use]
     pub fn described(&self) -> String {
         let set = self
@@ -115,44 +115,44 @@ const fn is_zero(steps: &u64) -> bool {
     *steps == 0
 }
 
-/// Most marks in a run.
+/// Maximum number of marks in a run.
 pub const MOST_MARKS: usize = 10_000;
 
-/// Longest text of a mark, in characters.
+/// Maximum length of a mark's text, in characters.
 pub const LONGEST_MARK: usize = 400;
 
 /// Note at a step; not part of the digest.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Mark {
-    /// The next step when the note was put.
+    /// Next step at the time of the note.
     pub step: u64,
     /// Text of the note, one line.
     #[serde(deserialize_with = "text::line_of")]
     pub text: String,
 }
 
-/// Change of a controller while the run went on.
+/// Change of the controller during a run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ControllerChange {
     /// Number of the controller in the session, from 1.
     pub epoch: u32,
-    /// The first step without it, or with it, or the next one when it was refused.
+    /// First step without it, or with it; if it was refused, the next step at that time.
     pub step: u64,
-    /// Way in which the controller changed.
+    /// Kind of change.
     #[serde(flatten)]
     pub change: ControllerFate,
 }
 
-/// Way in which a controller changed.
+/// Kinds of controller change.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "change", rename_all = "kebab-case")]
 pub enum ControllerFate {
-    /// Controller that is lost; the run goes on.
+    /// Lost controller; the run continues.
     Lost {
-        /// Reason of the loss.
+        /// Reason for the loss.
         #[serde(deserialize_with = "text::line_of")]
         reason: String,
-        /// Policy by which the run goes on.
+        /// Policy by which the run continues.
         policy: OnLoss,
     },
     /// Controller that took over.
@@ -161,33 +161,33 @@ pub enum ControllerFate {
         #[serde(deserialize_with = "text::line_of")]
         law: String,
     },
-    /// Controller that was announced and did not take over.
+    /// Announced controller that did not take over.
     Refused {
-        /// Reason of the refusal.
+        /// Reason for the refusal.
         #[serde(deserialize_with = "text::line_of")]
         reason: String,
     },
 }
 
-/// A live fault that was accepted.
+/// Accepted live fault.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FaultAccepted {
     /// Number of the fault event.
     pub id: u32,
-    /// The next step when it was accepted.
+    /// Next step at the time of acceptance.
     pub step: u64,
-    /// The event as the scenario's checks made it (`hil_config::plan::FaultEvent`).
+    /// Event as produced by the scenario's checks (`hil_config::plan::FaultEvent`).
     pub fault: serde_json::Value,
 }
 
-/// A fault that took hold.
+/// Fault that took effect.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FaultBegun {
     /// Number of the fault event it belongs to.
     pub id: u32,
     /// Index of the effect in the event, from 0.
     pub effect: u32,
-    /// The step from which it acts.
+    /// First step at which it acts.
     pub step: u64,
     /// Kind.
     #[serde(deserialize_with = "text::line_of")]
@@ -198,48 +198,48 @@ pub struct FaultBegun {
     /// Parameters or signal that it changes.
     #[serde(deserialize_with = "text::line_of")]
     pub parameter: String,
-    /// Everything that decides its course, in one fixed form; part of the digest.
+    /// All that determines its course, in a canonical form; part of the digest.
     pub canonical: String,
-    /// True if the fault costs time and changes nothing else, so it is not part of the digest.
+    /// `true` if the fault costs time and changes nothing else, so that it is not part of the digest.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub wall_only: bool,
 }
 
-/// A fault that ended on one target, or that was cleared before it took hold.
+/// Fault that ended on one target, or that was cleared before it took effect.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FaultEnded {
     /// Number of the fault event.
     pub id: u32,
     /// Index of the effect in the event, from 0.
     pub effect: u32,
-    /// The first step without it.
+    /// First step without it.
     pub step: u64,
-    /// True if somebody cleared the fault.
+    /// `true` if the fault was cleared by request.
     pub cleared: bool,
 }
 
-/// End of a run, as the plant saw it.
+/// End of a run, as seen by the plant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunEnd {
-    /// Steps that were executed.
+    /// Number of executed steps.
     pub steps: u64,
-    /// Way in which the run ended.
+    /// Outcome of the run.
     pub outcome: Outcome,
-    /// Reason, if not completed.
+    /// Reason, unless completed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[serde(deserialize_with = "text::line_if_any")]
     pub reason: Option<String>,
-    /// Frames that failed a check: of the controller, and those that a fault corrupted.
+    /// Number of frames that failed a check: from the controller, and those that a fault corrupted.
     pub rejected_frames: u64,
-    /// Messages and frames of controllers that were passed over.
+    /// Counts of ignored messages and frames of controllers.
     #[serde(default, skip_serializing_if = "nothing_was_ignored")]
     pub ignored: Box<Ignored>,
-    /// Results of all effects of all faults, also of those that never took hold.
+    /// Results of all effects of all faults, including those that never took effect.
     pub effects: Vec<FaultEffectSize>,
-    /// Steps that were due before the step before them was done; none in lockstep.
+    /// Overruns; none in lockstep.
     #[serde(default)]
     pub overruns: Streaks,
-    /// Steps whose command missed its deadline, or did in the run that was repeated.
+    /// Steps whose command missed its deadline, in this run or in the run being repeated.
     #[serde(default)]
     pub missed_commands: Streaks,
 }
@@ -249,7 +249,7 @@ fn nothing_was_ignored(ignored: &Ignored) -> bool {
 }
 
 impl RunEnd {
-    /// Makes the end of a run without faults in which nothing was late or refused.
+    /// Creates the end of a run without faults, overruns, missed commands or rejected frames.
     #[must_use]
     pub fn new(steps: u64, outcome: Outcome) -> Self {
         Self {
@@ -281,35 +281,35 @@ pub struct FaultEffectSize {
     /// Parameters or signal.
     #[serde(deserialize_with = "text::line_of")]
     pub parameter: String,
-    /// The step at which it took hold; `None`: it never did.
+    /// Step at which it took effect; `None` if it never did.
     pub step: Option<u64>,
-    /// The first step without it, if it ended.
+    /// First step without it, if it ended.
     pub ended_step: Option<u64>,
-    /// Steps at which it changed something.
+    /// Number of steps at which it changed a value.
     pub acted_steps: u64,
-    /// Largest magnitude of what it changed.
+    /// Largest magnitude of the change.
     pub max_effect: f64,
-    /// Unit of that: the target's; `steps` for what comes late, `ns` for lost time.
+    /// Unit of that magnitude: the target's; `steps` for a delay, `ns` for lost time.
     #[serde(deserialize_with = "text::line_of")]
     pub unit: String,
 }
 
-/// Way in which a run ended.
+/// Outcome of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {
     /// All steps, confirmed by both sides.
     Completed,
-    /// The plant left its range of validity or a number stopped being one.
+    /// The plant left its range of validity or a signal became not a number.
     Diverged,
-    /// Asked to stop.
+    /// A stop request ended the run.
     Stopped,
-    /// Anything else: a death, a timeout, a broken protocol.
+    /// Any other end: a death, a timeout, a broken protocol.
     Failed,
 }
 
 impl Outcome {
-    /// The word for it in recordings and summaries.
+    /// Returns the outcome's name in recordings and summaries.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -357,16 +357,16 @@ mod tests {
             set,
             clear: vec!["reference.position_m".into()],
         };
-        let told = "plant.parameters.mass_kg = 1.25 kg, reference.position_m as its stimulus";
-        assert_eq!(change.described(), told);
+        let text = "plant.parameters.mass_kg = 1.25 kg, reference.position_m as its stimulus";
+        assert_eq!(change.described(), text);
         change.clear.clear();
         change.ramp_steps = 300;
-        let told = "plant.parameters.mass_kg = 1.25 kg, over 300 steps";
-        assert_eq!(change.described(), told);
+        let text = "plant.parameters.mass_kg = 1.25 kg, over 300 steps";
+        assert_eq!(change.described(), text);
     }
 
     #[test]
-    fn an_event_says_nothing_that_a_terminal_obeys() {
+    fn an_event_contains_no_terminal_control_sequences() {
         let said = r#""a\u001b[2J\u009b1A\u001b]52;c;eA==\u0007b\nverdict pass""#;
         let clean = "a\u{fffd}[2J\u{fffd}1A\u{fffd}]52;c;eA==\u{fffd}b verdict pass";
         let texts = [

@@ -5,7 +5,7 @@ use crate::layout::check_fields;
 use crate::table::Field;
 
 #[test]
-fn usual_names_are_spelled_to_be_read() {
+fn common_names_get_readable_spellings() {
     for (foreign, name) in [
         ("surface_angle_rad", "surface_angle_rad"),
         ("actuator1.piston_mass_kg", "actuator1.piston_mass_kg"),
@@ -31,7 +31,7 @@ fn usual_names_are_spelled_to_be_read() {
 }
 
 #[test]
-fn names_that_look_spelled_are_told_from_those_that_are() {
+fn names_that_look_spelled_are_not_confused_with_spellings() {
     for one in [
         "der__x",
         "der x",
@@ -91,25 +91,25 @@ fn names_that_look_spelled_are_told_from_those_that_are() {
             assert_eq!(spelled(&text).as_deref(), Ok(name));
         }
     }
-    // A letter that is plain is never written by its number.
+    // A plain letter is never written by its number.
     assert_eq!(foreign("a__u41_"), None);
 }
 
 #[test]
-fn a_name_that_is_too_long_is_refused_and_one_that_just_fits_is_not() {
+fn a_name_may_just_fit_but_not_be_longer() {
     assert_eq!(spelled(&"a".repeat(256)).map(|name| name.len()), Ok(256));
     let refused = spelled(&"ä".repeat(50)).expect_err("300 bytes");
     assert_eq!(
         refused.to_string(),
         format!(
-            "the name \"{}\".. has 300 bytes when it is spelled with letters, digits and _, and 256 is the most",
+            "the name \"{}\".. has 300 bytes when spelled with letters, digits and _; at most 256 are allowed",
             "ä".repeat(40)
         )
     );
 }
 
 #[test]
-fn derivatives_of_derivatives_without_end_are_too_long_like_any_other_name() {
+fn deeply_nested_derivatives_are_refused_as_too_long() {
     let order = 100_000;
     let endless = format!("{}x{}", "der(".repeat(order), ")".repeat(order));
     let refused = spelled(&endless).expect_err("500,001 bytes");
@@ -118,7 +118,7 @@ fn derivatives_of_derivatives_without_end_are_too_long_like_any_other_name() {
 }
 
 #[test]
-fn names_that_a_recording_cannot_tell_apart_are_refused_together() {
+fn names_that_coincide_in_a_recording_are_refused_together() {
     let names = ["a[1]", "der(a)", "b"];
     let spelled = spelled_all(&names).expect("they differ");
     assert_eq!(spelled, ["a__1", "der__a", "b"]);
@@ -129,7 +129,7 @@ fn names_that_a_recording_cannot_tell_apart_are_refused_together() {
     }
 }
 
-/// Texts of pieces that the spelling treats specially, which chance alone would seldom put side by side.
+/// Generates texts from pieces that the spelling treats specially and that chance would rarely combine.
 fn text() -> impl Strategy<Value = String> {
     let piece = prop_oneof![
         Just("_"),
@@ -174,14 +174,14 @@ proptest! {
     }
 
     #[test]
-    fn a_name_that_is_read_as_a_text_is_the_name_of_that_text(name in "[a-z_]{0,3}(der__|q__|__|__u[0-9a-f]{0,3}_|_|\\.|[a-z0-9]){0,8}") {
+    fn a_name_that_reads_as_a_text_is_the_spelling_of_that_text(name in "[a-z_]{0,3}(der__|q__|__|__u[0-9a-f]{0,3}_|_|\\.|[a-z0-9]){0,8}") {
         if let Some(text) = foreign(&name) {
             prop_assert_eq!(spelled(&text), Ok(name));
         }
     }
 
     #[test]
-    fn a_legal_name_without_two_lines_is_itself(name in "[a-z][a-z0-9]{0,3}(_[a-z0-9]{1,4}){0,4}(\\.[a-z][a-z0-9]{0,3}){0,2}") {
+    fn a_valid_name_without_double_underscores_is_unchanged(name in "[a-z][a-z0-9]{0,3}(_[a-z0-9]{1,4}){0,4}(\\.[a-z][a-z0-9]{0,3}){0,2}") {
         prop_assert_eq!(spelled(&name), Ok(name));
     }
 }

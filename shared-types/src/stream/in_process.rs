@@ -8,13 +8,13 @@ use crate::record::{Event, RecordLayout};
 
 /// Words in the ring: 8 MiB.
 const RING_WORDS: usize = 1 << 20;
-/// Words in front of each item: its length, number, kind and bytes.
+/// Words before each item: its length, number, kind and bytes.
 const HEAD_WORDS: usize = 4;
-/// The loop is held back when fewer free words than this are left: an event may take tens of thousands, as
-/// that of a fault with a long table does.
+/// Number of free words below which the loop is held back: an event may take tens of thousands, like that of a fault
+/// with a long table.
 const RESERVE_WORDS: usize = RING_WORDS / 2;
 
-/// A connected sink and source.
+/// Creates a connected sink and source.
 #[must_use]
 pub fn pair() -> (InProcessSink, InProcessSource) {
     let (producer, consumer) = RingBuffer::new(RING_WORDS);
@@ -39,8 +39,8 @@ pub struct InProcessSink {
 }
 
 impl InProcessSink {
-    /// Tells if so many words are free. Looks at the recorder's end of the ring only if those that were free at the
-    /// last look are too few, because each look takes a cache line from the recorder.
+    /// Returns `true` if so many words are free. Reads the recorder's end of the ring only if the last known number of
+    /// free words is too low, because each read takes a cache line from the recorder.
     #[inline]
     fn fits(&self, words: usize) -> bool {
         self.ring.cached_slots() >= words || self.ring.slots() >= words
@@ -97,7 +97,7 @@ pub struct InProcessSource {
 impl RecordSource for InProcessSource {
     fn drain(&mut self, take: &mut dyn FnMut(Item<'_>)) -> Result<usize, LinkError> {
         let mut count = 0;
-        // The head tells how much follows; what is not whole yet comes next time.
+        // The header gives the length; an incomplete item is taken next time.
         while let Ok(length) = self.ring.peek().copied() {
             let Ok(chunk) = self.ring.read_chunk(HEAD_WORDS + length as usize) else {
                 break;

@@ -1,16 +1,16 @@
-//! The record stream: from the plant to whoever records, judges or watches.
+//! The record stream: from the plant to its recorder and other observers.
 //!
-//! The plant's end is a [`RecordSink`], the observer's a [`RecordSource`]. The observer returns
-//! credit, its last contiguous item; a plant that must not lose records looks at it now and then
-//! and holds the loop back when the buffer could overflow. Two implementations: a ring
-//! within one process, and iceoryx2 shared memory, in `hil-session`. Both pass a public suite, [`conformance`](mod@crate::conformance).
+//! The plant's end is a [`RecordSink`], the observer's a [`RecordSource`]. The observer returns credit, the number of
+//! its last contiguous item; a plant that must not lose records checks it now and then and holds the loop back when the
+//! buffer could overflow. Two implementations exist: a ring within one process, and iceoryx2 shared memory in `hil-session`.
+//! Both pass a public suite, [`conformance`](mod@crate::conformance).
 
 pub mod in_process;
 
 use crate::link::LinkError;
 use crate::record::{Event, RecordLayout};
 
-/// Most bytes of an event; that of a fault with the longest table that a scenario may have is shorter.
+/// Maximum size of an event in bytes; that of a fault with the longest permitted table is smaller.
 const LONGEST_EVENT: usize = 64 << 20;
 
 /// Kind of an item, a number on the wire.
@@ -36,15 +36,14 @@ impl ItemKind {
     }
 }
 
-/// Waits of the plant for its recorder.
+/// Backpressure that a plant accepts from its recorder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Backpressure {
-    /// No wait; nobody has to be there.
+    /// No wait; no recorder is needed.
     None,
-    /// Only until the recorder is there. Records that it is too slow for are lost, and it sees the
-    /// number.
+    /// Wait only until the recorder is attached. Records that it is too slow for are lost and counted by it.
     AtStart,
-    /// At every step: the plant waits rather than lose a record.
+    /// Wait at every step rather than lose a record.
     Always,
 }
 
@@ -56,14 +55,14 @@ pub trait RecordSink {
     /// If the transport failed.
     fn open(&mut self, layout: &RecordLayout) -> Result<(), LinkError>;
 
-    /// Checks whether a whole step's items can be published without one being lost.
+    /// Returns `true` if a whole step's items can be published without losing one.
     ///
     /// # Errors
     /// If the transport failed.
     fn has_room(&mut self) -> Result<bool, LinkError>;
 
-    /// Items sent so far, and how many of them the recorder said to have taken. Always equal where no
-    /// recorder is another process.
+    /// Returns the numbers of items sent and of items acknowledged by the recorder. Always equal unless the recorder is
+    /// another process.
     ///
     /// # Errors
     /// If the transport failed.
@@ -84,7 +83,7 @@ pub trait RecordSink {
     fn event(&mut self, event: &Event) -> Result<(), LinkError>;
 }
 
-/// A plant's end that is lent: what borrows it ends before the end does.
+/// Borrowed end of the plant; the borrower ends first.
 impl<S: RecordSink + ?Sized> RecordSink for &mut S {
     fn open(&mut self, layout: &RecordLayout) -> Result<(), LinkError> {
         (**self).open(layout)
@@ -108,33 +107,33 @@ impl<S: RecordSink + ?Sized> RecordSink for &mut S {
     }
 }
 
-/// Item that an observer gets.
+/// Item received by an observer.
 #[derive(Debug)]
 pub enum Item<'a> {
     /// A record's words.
     Record(&'a [u64]),
     /// An event.
     Event(Event),
-    /// Number of items that were lost before the next one.
+    /// Number of items lost before the next one.
     Lost(u64),
-    /// An item that could not be read, and why.
+    /// Unreadable item, with the reason.
     Broken(String),
 }
 
 /// The observer's end.
 pub trait RecordSource {
-    /// Takes every item that is there, in order, and returns credit for them.
+    /// Takes all available items in order and returns credit for them.
     ///
     /// # Errors
     /// If the transport failed.
     fn drain(&mut self, take: &mut dyn FnMut(Item<'_>)) -> Result<usize, LinkError>;
 }
 
-/// Largest loss that can be one: at a million items a second it takes nine years.
+/// Largest plausible loss: at a million items a second it takes nine years.
 const LARGEST_LOSS: u64 = 1 << 48;
 
-/// Puts events together from their pieces and counts losses; every source uses it, also that of a
-/// transport of one's own. Believes nothing of what comes: it is another process's.
+/// Assembles events from their pieces and counts losses; used by every source, also that of a custom transport. Trusts
+/// no input, as it comes from another process.
 #[derive(Debug, Default)]
 pub struct Assembler {
     last: u64,
@@ -166,7 +165,7 @@ impl Assembler {
         if lost > LARGEST_LOSS {
             let last = self.last;
             return take(Item::Broken(format!(
-                "item {sequence} came after item {last}, a loss that is no count: something wrote over the stream's memory"
+                "item {sequence} came after item {last}, an impossible loss: the stream's memory was overwritten"
             )));
         }
         if lost > 0 {
@@ -200,8 +199,8 @@ impl Assembler {
     }
 }
 
-/// Cuts an event into items of at most `words` words and sends each: its kind, bytes and words. Every sink
-/// uses it, also that of a transport of one's own.
+/// Cuts an event into items of at most `words` words and sends each: its kind, bytes and words. Used by every sink,
+/// also that of a custom transport.
 ///
 /// # Errors
 /// The first failure to send.

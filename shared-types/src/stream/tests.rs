@@ -1,4 +1,4 @@
-//! Facts about the ring of one process and the assembler; `conformance` has those of every stream.
+//! Properties specific to the ring within one process and to the assembler; `conformance` has those of every stream.
 
 use super::*;
 use crate::record::RecordLayout;
@@ -14,7 +14,7 @@ fn layout() -> RecordLayout {
     }
 }
 
-/// Everything a source has, as text.
+/// Drains a source into text.
 fn drained(source: &mut dyn RecordSource) -> Vec<String> {
     let mut seen = Vec::new();
     loop {
@@ -43,7 +43,7 @@ fn the_ring_has_room_for_the_longest_fault_whenever_it_has_room() {
             break;
         }
     }
-    // What is left is less by one record than what a sink with room has at least.
+    // The rest is smaller by one record than the minimum that a sink with room has.
     let text = "0".repeat(10_000 * 2 * 25);
     let mark = crate::record::Mark { step: 0, text };
     (sink.event(&Event::Mark(mark))).expect("two numbers of 25 bytes for each of 10,000 points");
@@ -52,7 +52,7 @@ fn the_ring_has_room_for_the_longest_fault_whenever_it_has_room() {
     assert!(seen[before].starts_with("Event(Mark("));
 }
 
-/// Returns what an assembler makes of items of these numbers, kinds and bytes.
+/// Returns what an assembler makes of items with these numbers, kinds and bytes.
 fn assembled(items: &[(u64, u64, &[u8])]) -> Vec<String> {
     let mut assembler = Assembler::default();
     let mut seen = Vec::new();
@@ -66,7 +66,7 @@ fn assembled(items: &[(u64, u64, &[u8])]) -> Vec<String> {
 }
 
 #[test]
-fn an_item_with_a_number_that_was_there_is_broken() {
+fn an_item_with_a_repeated_number_is_broken() {
     let record = |sequence| (sequence, ItemKind::Record as u64, &[][..]);
     let most = LARGEST_LOSS;
     for (before, after) in [(1, 1), (2, 1), (1, 0), (most, most), (most, 0)] {
@@ -80,7 +80,7 @@ fn an_item_with_a_number_that_was_there_is_broken() {
 }
 
 #[test]
-fn a_loss_that_no_run_can_have_is_no_count() {
+fn an_impossible_loss_is_reported_as_broken() {
     let record = |sequence| (sequence, ItemKind::Record as u64, &[][..]);
     for sequence in [LARGEST_LOSS + 2, u64::MAX] {
         let seen = assembled(&[record(sequence)]);
@@ -93,7 +93,7 @@ fn a_loss_that_no_run_can_have_is_no_count() {
 }
 
 #[test]
-fn an_event_without_end_is_given_up() {
+fn an_endless_event_is_abandoned() {
     let piece = vec![b' '; LONGEST_EVENT / 4];
     let part = |sequence| (sequence, ItemKind::EventPart as u64, piece.as_slice());
     let items: Vec<_> = (1..=8).map(part).collect();

@@ -1,5 +1,4 @@
-//! Flags in brackets behind a row of [`table!`](crate::table!); the compiler names the nearest
-//! of these when it is something else.
+//! Flags in brackets after a row of [`table!`](crate::table!); for an unknown one the compiler names the nearest.
 
 use super::Field;
 
@@ -12,7 +11,7 @@ pub fn faultable(field: Field) -> Field {
     }
 }
 
-/// Opens a parameter to changes while a run goes on.
+/// Opens a parameter to changes during a run.
 #[must_use]
 pub fn tunable(field: Field) -> Field {
     Field {
@@ -32,11 +31,11 @@ mod tests {
             struct Open {
                 /// Both.
                 a_kg: "kg" = 1.0 in 0.0..=2.0 [faultable, tunable],
-                /// Both, the other way round.
+                /// Both, in reverse order.
                 b_kg: "kg" = 1.0 in 0.0..=2.0 [tunable, faultable,],
-                /// One.
+                /// Tunable only.
                 c_kg: "kg" = 1.0 in 0.0..=2.0 [tunable],
-                /// None.
+                /// Neither.
                 d_kg: "kg" = 1.0 in 0.0..=2.0,
             }
         }

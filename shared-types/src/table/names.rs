@@ -1,10 +1,10 @@
 //! Names of signals: their units, and those closest to an unknown one.
 
-/// The unit that a name's ending stands for, for example `rad` for `surface_angle_rad`.
+/// Returns the unit that a name's suffix stands for, for example `rad` for `surface_angle_rad`.
 ///
-/// For what nothing describes: reference signals that the law does not know, and derived signals and
-/// metrics whose expression has no unit of its signals. The part after `_per_` or `_sqrt_` is a part of a
-/// unit and tells none.
+/// For signals without a description: reference signals that the law does not know, and derived signals and metrics
+/// whose expression has no unit of its signals. A suffix after `_per_` or `_sqrt_` is only part of a unit and yields
+/// none.
 #[must_use]
 pub fn unit_of_name(name: &str) -> Option<&'static str> {
     const UNITS: [(&str, &str); 37] = [
@@ -56,8 +56,8 @@ pub fn unit_of_name(name: &str) -> Option<&'static str> {
         .map(|(_, unit)| *unit)
 }
 
-/// The name and unit of a signal's derivative: `surface_angle_rad` gives `surface_angle_d2_radps2`
-/// in `rad/s2` for the second.
+/// Returns the name and unit of a signal's derivative: `surface_angle_rad` gives `surface_angle_d2_radps2` in `rad/s2`
+/// for the second.
 #[must_use]
 pub fn derivative_of(name: &str, unit: &str, order: usize) -> (String, String) {
     let power = if order == 1 {
@@ -72,10 +72,10 @@ pub fn derivative_of(name: &str, unit: &str, order: usize) -> (String, String) {
     (name, format!("{unit}/s{power}"))
 }
 
-/// Up to three names that are closest to an unknown one, best first.
+/// Returns up to three names that are closest to an unknown one, best first.
 #[must_use]
 pub fn nearest<'a>(wanted: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
-    /// Longer than any name that somebody misspells; comparing takes the product of both lengths.
+    /// Longer than any misspelled name; comparing takes time proportional to the product of both lengths.
     const LONGEST: usize = 256;
     if wanted.len() > LONGEST {
         return Vec::new();
@@ -89,7 +89,7 @@ pub fn nearest<'a>(wanted: &str, known: impl IntoIterator<Item = &'a str>) -> Ve
     scored.into_iter().take(3).map(|(_, name)| name).collect()
 }
 
-/// Short names and words of other tools, and the word of a name that is meant.
+/// Short names and words of other tools, each with its equivalent here.
 const SYNONYMS: [(&str, &str); 14] = [
     ("kp", "proportional"),
     ("ki", "integral"),
@@ -107,7 +107,7 @@ const SYNONYMS: [(&str, &str); 14] = [
     ("sweep", "chirp"),
 ];
 
-/// Returns the closeness of two names, from 0 to 1: by their spelling, or because one stands for the other.
+/// Returns the similarity of two names, from 0 to 1, by spelling or as synonyms.
 fn closeness(wanted: &str, name: &str) -> f64 {
     let last = |name: &str| {
         name.rsplit_once('.')
@@ -125,7 +125,7 @@ fn closeness(wanted: &str, name: &str) -> f64 {
         || (stem(part).is_some() && stem(part) == stem(typed) && unit_of_name(part).is_some());
     let alike = strsim::jaro_winkler(wanted, name);
     if SYNONYMS.iter().any(is_meant) || (is_same && wanted != name && part.len() > 1) {
-        // Of several, the one in the same group is spelled most alike.
+        // Of several, the one in the same group is the most similar.
         return 0.98 + 0.01 * alike;
     }
     let longest = wanted.chars().count().max(name.chars().count());
@@ -138,7 +138,7 @@ fn closeness(wanted: &str, name: &str) -> f64 {
     if alike > few { alike } else { few }
 }
 
-/// Writes names as text: `` `a`, `b` ``.
+/// Formats names as a list: `` `a`, `b` ``.
 #[must_use]
 pub fn listed<S: AsRef<str>>(names: &[S]) -> String {
     let names: Vec<String> = names
@@ -148,7 +148,7 @@ pub fn listed<S: AsRef<str>>(names: &[S]) -> String {
     names.join(", ")
 }
 
-/// Writes the names closest to an unknown one, to be put behind what is said of it; empty if none is close.
+/// Formats the names closest to an unknown one as the end of a message; empty if none is close.
 #[must_use]
 pub fn near<'a>(name: &str, names: impl IntoIterator<Item = &'a str>) -> String {
     let near = nearest(name, names);
@@ -163,7 +163,7 @@ mod tests {
     use super::nearest;
 
     #[test]
-    fn short_names_swapped_letters_and_other_units_lead_to_the_name_that_is_meant() {
+    fn short_names_swapped_letters_and_other_units_lead_to_the_intended_name() {
         for (typed, names, name) in [
             ("rnu", &["rerun", "runs", "run"][..], "run"),
             (

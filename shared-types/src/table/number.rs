@@ -1,4 +1,4 @@
-//! Numbers in JSON, where `inf`, `-inf` and `nan` travel as text.
+//! Numbers in JSON, where `inf`, `-inf` and `nan` are written as text.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
 

@@ -1,4 +1,4 @@
-//! A table's row inside something that serde writes.
+//! Row of a table as a field of a serialised type.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
 

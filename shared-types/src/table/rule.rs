@@ -1,21 +1,21 @@
-//! Rules that a row of [`table!`](crate::table!) keeps, for the compiler.
+//! Compile-time rules for the rows of [`table!`](crate::table!).
 //!
-//! Each is a trait, whose words the compiler says, and a function, which the macro calls with a part of
-//! the row, so that the error points at the row. Nothing of it runs.
+//! Each rule is a trait with its compiler message, and a function that the macro calls with a part of the row, so that
+//! the error points at the row. Nothing of it runs.
 
-/// The number in front of `..=` is not above the one behind it.
+/// Returns `true` unless the number before `..=` is above the one after it.
 #[must_use]
 pub const fn is_range(min: f64, max: f64) -> bool {
     min <= max
 }
 
-/// A default is in its range, if that is one.
+/// Returns `true` if a default is in its range, or if the range is invalid.
 #[must_use]
 pub const fn is_inside(min: f64, max: f64, default: f64) -> bool {
     !is_range(min, max) || (min <= default && default <= max)
 }
 
-/// Mark of a row that keeps a rule, or does not.
+/// Marker of a row that keeps or breaks a rule.
 pub struct Kept<const KEPT: bool>;
 
 macro_rules! rule {
@@ -25,12 +25,12 @@ macro_rules! rule {
         pub trait $trait {}
 
         impl Kept<true> {
-            /// Takes any part of the row.
+            /// Accepts any part of the row.
             pub const fn $check<T: Copy>(_part: T) {}
         }
 
         impl Kept<false> {
-            /// Takes none, as nothing has the trait.
+            /// Accepts none, as no type implements the trait.
             pub const fn $check<T: $trait + Copy>(_part: T) {}
         }
     };

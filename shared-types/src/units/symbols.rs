@@ -1,15 +1,15 @@
 //! Symbols of units and prefixes.
 //!
-//! Values: BIPM, *The International System of Units*, 9th edition (tables 4, 7 and 8); the foot, the pound and
-//! what is made of them by NIST SP 811, appendix B.8, exactly.
+//! Values: BIPM, *The International System of Units*, 9th edition (tables 4, 7 and 8); the foot, the pound and units
+//! derived from them by NIST SP 811, appendix B.8, exactly.
 
 use super::Unit;
 use crate::table::{listed, nearest};
 
-/// A symbol that is known.
+/// Known symbol.
 pub(super) struct Known {
     pub(super) symbol: &'static str,
-    /// True if a prefix may stand in front.
+    /// `true` if a prefix may precede it.
     takes_prefix: bool,
     numerator: f64,
     denominator: f64,
@@ -137,7 +137,7 @@ const FORCE: [i32; 8] = [1, 1, -2, 0, 0, 0, 0, 0];
 const PRESSURE: [i32; 8] = [1, -1, -2, 0, 0, 0, 0, 0];
 const ENERGY: [i32; 8] = [1, 2, -2, 0, 0, 0, 0, 0];
 
-/// Prefixes and what they stand for, as numerator and denominator.
+/// Prefixes and their factors, as numerator and denominator.
 const PREFIXES: [(&str, f64, f64); 22] = [
     ("da", 1e1, 1.0),
     ("h", 1e2, 1.0),
@@ -163,7 +163,7 @@ const PREFIXES: [(&str, f64, f64); 22] = [
     ("y", 1.0, 1e24),
 ];
 
-/// Every symbol, as it stands and with each prefix that it takes.
+/// Lists every symbol, plain and with each prefix that it takes.
 pub(super) fn all() -> impl Iterator<Item = String> {
     Known::ALL.iter().flat_map(|known| {
         let prefixes = PREFIXES.iter().filter(|_| known.takes_prefix);
@@ -172,7 +172,7 @@ pub(super) fn all() -> impl Iterator<Item = String> {
     })
 }
 
-/// The unit of a symbol: as it stands, or else with a prefix in front.
+/// Looks up the unit of a symbol: plain, or else with a prefix.
 pub(super) fn known(symbol: &str) -> Option<Unit> {
     if let Some(known) = Known::ALL.iter().find(|known| known.symbol == symbol) {
         return Some(known.unit(1.0, 1.0));
@@ -230,8 +230,8 @@ pub fn symbol_of_word(word: &str) -> Option<&'static str> {
     WORDS.iter().find(is_it).map(|(_, symbol)| *symbol)
 }
 
-/// Writes the symbols that come close to an unknown one, to be put behind it: that of a word, those that differ in
-/// capitals alone, or those that are spelled alike; empty if there is none.
+/// Formats the symbols close to an unknown one, to follow it in a message: that of a word, those that differ only in
+/// case, or those with similar spelling; empty if there is none.
 pub(super) fn near(symbol: &str) -> String {
     let is_same = |known: &String| known.to_lowercase() == symbol.to_lowercase();
     let mut close: Vec<String> = match symbol_of_word(symbol) {

@@ -40,7 +40,7 @@ fn texts_of_one_unit_convert_without_changing_a_bit() {
     }
 }
 
-/// Factors as pint 0.25.3 has them, an independent program; both round, each in its own order.
+/// Factors from pint 0.25.3, an independent program; both round, each in its own order.
 #[test]
 fn factors_are_those_of_an_independent_program() {
     for (from, to, factor) in [
@@ -79,7 +79,7 @@ fn factors_are_those_of_an_independent_program() {
 }
 
 #[test]
-fn temperatures_have_a_zero_of_their_own() {
+fn temperatures_have_an_offset() {
     for (from, to, value, wanted) in [
         ("degC", "K", 25.0, 298.15),
         ("K", "degC", 0.0, -273.15),
@@ -125,7 +125,7 @@ fn units_of_two_dimensions_have_no_conversion() {
 }
 
 #[test]
-fn base_units_are_written_so_that_they_can_be_read() {
+fn printed_base_units_can_be_parsed() {
     for (text, base) in [
         ("N.m", "kg m2/s2"),
         ("Hz", "1/s"),
@@ -145,18 +145,15 @@ fn base_units_are_written_so_that_they_can_be_read() {
 }
 
 #[test]
-fn texts_that_are_no_unit_are_refused_with_the_reason() {
+fn invalid_units_are_refused_with_the_reason() {
     for (text, reason) in [
-        ("steps", "`steps` is no unit that is known here"),
-        (
-            "metre",
-            "`metre` is no unit that is known here; nearest: `m`",
-        ),
+        ("steps", "`steps` is not a known unit"),
+        ("metre", "`metre` is not a known unit; nearest: `m`"),
         (
             "J/kg K",
-            "`J/kg K` can be read in two ways; write a denominator of two units in parentheses, as in J/(kg K)",
+            "`J/kg K` is ambiguous; write a denominator of two units in parentheses, as in J/(kg K)",
         ),
-        ("kmin", "`kmin` is no unit that is known here"),
+        ("kmin", "`kmin` is not a known unit"),
     ] {
         let refused = Unit::parse(text).expect_err(text).to_string();
         assert!(refused.starts_with(reason), "{text}: {refused}");
@@ -173,7 +170,7 @@ fn texts_that_are_no_unit_are_refused_with_the_reason() {
     ] {
         let refused = Unit::parse(text).expect_err(text).to_string();
         let reason =
-            format!("`{text}` is no product of units with exponents, such as kg m2/s2 or N.m");
+            format!("`{text}` is not a product of units with exponents, such as kg m2/s2 or N.m");
         assert!(refused.starts_with(&reason), "{text}: {refused}");
     }
     assert!(Unit::parse(&"(".repeat(60)).is_err());
@@ -197,7 +194,7 @@ fn a_conversion_is_a_factor_and_an_offset_of_the_receiver() {
 
 proptest::proptest! {
     #[test]
-    fn any_text_is_a_unit_or_refused_and_a_unit_fits_itself(text in "[a-zA-Z0-9 .*/^()µ°%-]{0,20}") {
+    fn any_text_is_refused_or_a_unit_that_converts_to_itself(text in "[a-zA-Z0-9 .*/^()µ°%-]{0,20}") {
         if let Ok(unit) = Unit::parse(&text) {
             proptest::prop_assert_eq!(unit.conversion_to(&unit), Some(Conversion::IDENTITY));
         }

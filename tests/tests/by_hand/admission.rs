@@ -243,7 +243,7 @@ fn what_makes_no_sense_is_refused_by_name() {
         .arg("--by-hand");
     let told = rig.program(hand);
     told.expect(2).says(&[
-        "waits for no controller that is started by hand",
+        "expects no manually started controller",
         "hil run --controller external",
     ]);
     rig.in_session("resume").expect(0);

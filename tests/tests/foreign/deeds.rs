@@ -223,7 +223,10 @@ fn every_mistake_in_the_tables_is_named_before_anything_starts() {
     let rig = Rig::new();
     let plant = misbehaving(&rig, "misbehaving-plant", CLEAN);
     for (mistake, told) in [
-        ("twice", "truth of plant `misbehaves`: `x_m` is there twice"),
+        (
+            "twice",
+            "truth of plant `misbehaves`: `x_m` is defined twice",
+        ),
         (
             "unit",
             "truth of plant `misbehaves`: \"m]\" is no unit, that of `v_mps`",
@@ -243,10 +246,7 @@ fn every_mistake_in_the_tables_is_named_before_anything_starts() {
             "range",
             "`deed` has a range that begins above its end: 30 to 20",
         ),
-        (
-            "default",
-            "`deed` has the default 21, which is not in 0 to 20",
-        ),
+        ("default", "`deed` has the default 21, outside 0 to 20"),
         (
             "flags",
             "`deed` of `parameters` has flags that are none: 64",
@@ -283,7 +283,7 @@ fn every_mistake_in_the_tables_is_named_before_anything_starts() {
         ),
     );
     let run = deed(&rig, "plant", &wrong, 0).expect(2);
-    let told = "truth of plant `misbehaves`: `x_m` is there twice";
+    let told = "truth of plant `misbehaves`: `x_m` is defined twice";
     let expected = format!("error: cannot run {}: {told}\n", wrong.display());
     assert_eq!(run.stderr, expected, "the reason, first and alone");
 }

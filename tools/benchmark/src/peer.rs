@@ -143,7 +143,7 @@ fn control(session: &SessionInfo, signals: usize, supervision: &Supervision) -> 
     match runner.end() {
         Some(End::Completed { .. }) => Ok(()),
         Some(End::Aborted(abort)) => Err(abort.to_string()),
-        None => Err("the run ended without saying how".into()),
+        None => Err("the run ended without a result".into()),
     }
 }
 

@@ -111,7 +111,7 @@ impl<'a> Turns<'a> {
         self.poll_to_end(&mut waiter, wants_stop)
             .map_err(|e| e.to_string())?;
         let end = self.engine.end().cloned();
-        end.ok_or_else(|| "the run ended without saying how".into())
+        end.ok_or_else(|| "the run ended without a result".into())
     }
 
     fn poll_to_end(

@@ -1,4 +1,4 @@
-//! The online estimate of the leakage coefficients (eqs. 67, 68).
+//! Online estimate of the leakage coefficients (eqs. 67, 68).
 //!
 //! Called by the law after the command, so that an estimate takes effect at the next sample.
 
@@ -20,7 +20,7 @@ shared_types::table! {
     }
 }
 
-/// The estimate theta_hat of both leakage coefficients, in m3/s/sqrt(Pa).
+/// Estimate theta_hat of both leakage coefficients, in m3/s/sqrt(Pa).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LeakageEstimate {
     gains: [AdaptationGains; 2],
@@ -28,7 +28,7 @@ pub struct LeakageEstimate {
 }
 
 impl LeakageEstimate {
-    /// The estimate before the first sample: no leakage, or the least that is possible.
+    /// Creates the estimate before the first sample: no leakage, or the smallest possible one.
     ///
     /// # Errors
     /// If a smallest coefficient is above the largest.
@@ -54,7 +54,7 @@ impl LeakageEstimate {
         })
     }
 
-    /// Takes other gains; the estimate stays, within what is now possible.
+    /// Applies other gains; the estimate stays, clamped to the new limits.
     pub fn retune(&mut self, gains: [AdaptationGains; 2]) {
         self.gains = gains;
         for (estimate, own) in self.theta_hat.iter_mut().zip(&gains) {
@@ -62,21 +62,21 @@ impl LeakageEstimate {
         }
     }
 
-    /// The estimate now, in m3/s/sqrt(Pa).
+    /// Returns the present estimate, in m3/s/sqrt(Pa).
     #[must_use]
     pub fn theta_hat(&self) -> Vector2<f64> {
         self.theta_hat
     }
 
-    /// Goes on from estimates, in m3/s/sqrt(Pa).
+    /// Continues from these estimates, in m3/s/sqrt(Pa).
     pub fn restore(&mut self, theta_hat: Vector2<f64>) {
         self.theta_hat = theta_hat;
     }
 
     /// Takes an explicit Euler step of the estimate.
     ///
-    /// `sigma = -Gamma F_3^T M_3^T z_3` (eq. 67), taken while V_3 is above V_r; the projection of
-    /// eq. (68) is the bound on each component. `f_3` holds the diagonal of F_3.
+    /// `sigma = -Gamma F_3^T M_3^T z_3` (eq. 67), applied while V_3 is above V_r; the projection of eq. (68) is the
+    /// bound on each component. `f_3` holds the diagonal of F_3.
     pub fn adapt(
         &mut self,
         plant: &Transformation,
@@ -92,7 +92,7 @@ impl LeakageEstimate {
     }
 }
 
-/// An estimate held within what is possible.
+/// Clamps an estimate to its limits.
 fn projected(estimate: f64, own: &AdaptationGains) -> f64 {
     if estimate < own.estimate_min_m3ps_per_sqrt_pa {
         own.estimate_min_m3ps_per_sqrt_pa
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn the_estimate_moves_along_the_printed_direction() {
+    fn the_estimate_moves_along_the_published_direction() {
         // M_3 = [[a, b], [a, -b]] with a = 1.1e8/50 = 2.2e6, b = 0.9e8/55; z_3 = [-3e9, 1e9]:
         // M_3^T z_3 = [-2e9 a, -4e9 b]
         let plant = Transformation::new(&uneven());
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn the_estimate_stays_within_what_is_possible() {
+    fn the_estimate_stays_within_its_limits() {
         let plant = Transformation::new(&uneven());
         let mut estimate = LeakageEstimate::new(gains()).expect("legal");
         let f_3 = Vector2::new(1e14, 1e14);
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn it_starts_at_the_least_that_is_possible() {
+    fn it_starts_at_the_smallest_possible_value() {
         let mut gains = gains();
         gains[1].estimate_min_m3ps_per_sqrt_pa = 2e-9;
         let estimate = LeakageEstimate::new(gains).expect("legal");

@@ -1,5 +1,5 @@
-//! `ftsc`: fault-tolerant synchronization control, which estimates the leakage and compensates it
-//! while the performance indicator is above its bound (eqs. 52, 67).
+//! `ftsc`: fault-tolerant synchronization control, which estimates the leakage and compensates it while the performance
+//! indicator is above its bound (eqs. 52, 67).
 
 use shared_types::describe::Invalid;
 use shared_types::state::StateOf;

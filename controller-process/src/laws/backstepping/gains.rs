@@ -1,8 +1,7 @@
-//! Design parameters that NRSC and FTSC share (Table 2), and the conditions they must meet.
+//! Design parameters shared by NRSC and FTSC (Table 2), and their conditions.
 //!
-//! The paper's pairs of gains belong to the transformed coordinates of eq. (34), not to the
-//! actuators: component 1 is the sum of the two stiffness-weighted positions, component 2 their
-//! difference. The groups are named after that.
+//! The paper's pairs of gains belong to the transformed coordinates of eq. (34), not to the actuators: component 1 is
+//! the sum of the two stiffness-weighted positions, component 2 their difference. The groups are named accordingly.
 
 use nalgebra::Vector2;
 use shared_types::describe::Invalid;
@@ -64,12 +63,12 @@ shared_types::table! {
     }
 }
 
-/// The shared parameters, as the law's core uses them.
+/// Shared parameters, in the form that the law's core uses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gains {
     /// k_1 and k_2.
     pub trajectory: TrajectoryGains,
-    /// Components of the sum and of the difference.
+    /// Gains of the sum and of the difference.
     pub components: [ComponentGains; 2],
     /// Limits of the two commands.
     pub outputs: [Output; 2],
@@ -83,7 +82,7 @@ impl Gains {
     /// `h_2 >= d-bar^2` (eq. 48) and `h_3 >= q-bar^2` (eq. 56), for either component.
     ///
     /// # Errors
-    /// If a condition does not hold, with both sides of it and the key to change.
+    /// If a condition is violated, with both sides of it and the key to change.
     pub fn check(&self) -> Result<(), Invalid> {
         for (group, own) in ["force_sum", "force_difference"]
             .iter()
@@ -131,7 +130,7 @@ impl Gains {
 pub(super) mod tests {
     use super::*;
 
-    /// The gains of Table 2.
+    /// Returns the gains of Table 2.
     pub(in super::super) fn table_2() -> Gains {
         Gains {
             trajectory: TrajectoryGains::default(),

@@ -1,16 +1,16 @@
-//! Hydraulics of an actuator as the law believes them to be (eqs. 10, 11, 18, 20-22).
+//! Hydraulics of an actuator in the law's model (eqs. 10, 11, 18, 20-22).
 //!
-//! The rate of the hydraulic force `x_3 = A_1 P_h1 - A_2 P_h2` is
-//! `x_3' = f_h1 u - f_h2 - f_h3 C_t` (eqs. 19, 23); the law solves it for the current u.
+//! The rate of the hydraulic force `x_3 = A_1 P_h1 - A_2 P_h2` is `x_3' = f_h1 u - f_h2 - f_h3 C_t` (eqs. 19, 23); the
+//! law solves it for the current u.
 
 use super::model::ActuatorModel;
 use super::signals::PistonState;
 
-/// Smallest effect of the current that is divided by. The effect vanishes where a chamber reaches
-/// the supply or the return pressure; in the paper's runs it stays above 2.5e7 N/(s A).
+/// Smallest effect of the current used as a divisor. The effect vanishes where a chamber reaches the supply or the
+/// return pressure; in the paper's runs it stays above 2.5e7 N/(s A).
 const MIN_CURRENT_EFFECT_N_PER_S_A: f64 = 1e-9;
 
-/// The terms of eq. (19) at a sample.
+/// Terms of eq. (19) at a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hydraulics {
     /// `A_1 beta_e / V_h1` in N/m3.
@@ -40,7 +40,7 @@ impl Hydraulics {
         }
     }
 
-    /// Effect of the current on the rate of force, never below a small positive number.
+    /// Effect of the current on the rate of force, limited to a small positive minimum.
     ///
     /// `f_h1 = A_1 beta_e / V_h1 k_q k_i R_h1 + A_2 beta_e / V_h2 k_q k_i R_h2` (eq. 20).
     #[must_use]
@@ -88,10 +88,10 @@ impl Hydraulics {
         (self.chamber1_n_per_m3 + self.chamber2_n_per_m3) * signed
     }
 
-    /// The current that gives a rate of force from which the model's own terms are already taken.
+    /// Returns the current for a rate of force from which the model's own terms are already subtracted.
     ///
-    /// `u = [..] / f_h1` (eq. 52). f_h1 depends on the sign of u (eqs. 10, 11) and is positive, so
-    /// that u has the sign of the bracket.
+    /// `u = [..] / f_h1` (eq. 52). f_h1 depends on the sign of u (eqs. 10, 11) and is positive, so that u has the sign
+    /// of the bracket.
     #[must_use]
     pub fn current_a(
         &self,
@@ -104,10 +104,10 @@ impl Hydraulics {
     }
 }
 
-/// R_h1 and R_h2 for u >= 0: the supply feeds the active chamber.
+/// Returns R_h1 and R_h2 for u >= 0: the supply feeds the active chamber.
 ///
-/// `R_h1 = sqrt(P_s - P_h1)`, `R_h2 = sqrt(P_h2 - P_r)` (eqs. 10, 11 with s(u) = 1, s(-u) = 0; at
-/// u = 0, where both would be 1, the flow is zero whatever R is).
+/// `R_h1 = sqrt(P_s - P_h1)`, `R_h2 = sqrt(P_h2 - P_r)` (eqs. 10, 11 with s(u) = 1, s(-u) = 0; at u = 0, where both
+/// would be 1, the flow is zero whatever R is).
 fn opening_roots_sqrt_pa(model: &ActuatorModel, piston: &PistonState) -> (f64, f64) {
     (
         root_sqrt_pa(model.supply_pressure_pa - piston.pressure1_pa),
@@ -115,7 +115,7 @@ fn opening_roots_sqrt_pa(model: &ActuatorModel, piston: &PistonState) -> (f64, f
     )
 }
 
-/// R_h1 and R_h2 for u < 0: the supply feeds the passive chamber.
+/// Returns R_h1 and R_h2 for u < 0: the supply feeds the passive chamber.
 ///
 /// `R_h1 = sqrt(P_h1 - P_r)`, `R_h2 = sqrt(P_s - P_h2)` (eqs. 10, 11 with s(u) = 0, s(-u) = 1).
 fn closing_roots_sqrt_pa(model: &ActuatorModel, piston: &PistonState) -> (f64, f64) {
@@ -125,7 +125,7 @@ fn closing_roots_sqrt_pa(model: &ActuatorModel, piston: &PistonState) -> (f64, f
     )
 }
 
-/// Root of a pressure drop across an opening; none flows against a negative one.
+/// Root of a pressure drop across an opening; 0 for a negative drop, against which nothing flows.
 fn root_sqrt_pa(drop_pa: f64) -> f64 {
     if drop_pa < 0.0 { 0.0 } else { drop_pa.sqrt() }
 }
@@ -144,8 +144,8 @@ mod tests {
         }
     }
 
-    /// Numbers that make every root and quotient of Table 1 exact by hand:
-    /// A beta_e / V = 1.47e-3 * 8e8 / 7.35e-5 = 1.6e10 N/m3 at position 0.
+    /// Numbers that make every root and quotient of Table 1 exact by hand: A beta_e / V = 1.47e-3 * 8e8 / 7.35e-5 =
+    /// 1.6e10 N/m3 at position 0.
     const CHAMBER: f64 = 1.6e10;
 
     #[test]
@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn the_current_takes_the_sign_of_the_bracket_and_the_roots_of_that_sign() {
+    fn the_current_has_the_sign_of_the_bracket_and_uses_the_roots_of_that_sign() {
         let model = ActuatorModel::default();
         let state = piston(0.0, 0.0, [19e6, 4e6]);
         let hydraulics = Hydraulics::at(&model, &state);
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn motion_and_normal_leakage_take_force_away() {
+    fn motion_and_normal_leakage_reduce_the_force() {
         // x_h = 0.01: V_h1 = 8.82e-5, V_h2 = 5.88e-5; A beta_e / V = 4e10/3 and 2e10.
         let model = ActuatorModel::default();
         let state = piston(0.01, 0.2, [12e6, 7e6]);
@@ -218,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn leakage_takes_force_away_in_the_direction_of_the_pressure_drop() {
+    fn leakage_reduces_the_force_in_the_direction_of_the_pressure_drop() {
         let model = ActuatorModel::default();
         for (pressures_pa, wanted) in [
             ([13e6, 4e6], 2.0 * CHAMBER * 3000.0),

@@ -1,7 +1,7 @@
-//! The law itself: one sample through the files of this folder, for NRSC and FTSC alike.
+//! Core of the laws: one sample through the files of this folder, for NRSC and FTSC alike.
 //!
-//! [`nrsc`](super::nrsc) and [`ftsc`](super::ftsc) own one each and differ in whether there is an
-//! estimate of the leakage.
+//! [`nrsc`](super::nrsc) and [`ftsc`](super::ftsc) own one each and differ only in the estimate of the leakage, which
+//! NRSC lacks.
 
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
@@ -22,13 +22,13 @@ use crate::laws::drhas::Command;
 use crate::laws::limit::limited;
 use crate::laws::transfer::Transfer;
 
-/// The backstepping law with its state.
+/// Backstepping law with its state.
 #[derive(Clone, Copy, Debug)]
 pub struct Backstepping {
     actuators: [ActuatorModel; 2],
     plant: Transformation,
     design: Design,
-    /// Design and estimate before a change that the next sample brings about.
+    /// Design and estimate before a change that takes effect at the next sample.
     former: Option<(Design, Vector2<f64>)>,
     period_s: f64,
 
@@ -36,12 +36,12 @@ pub struct Backstepping {
     indicator: Indicator,
     estimate: Option<LeakageEstimate>,
     transfers: Transfers,
-    /// False before the first sample.
+    /// `false` before the first sample.
     has_answered: bool,
     answer: (Command, Internals),
 }
 
-/// Parts of the law that follow from its gains and that the command is computed with.
+/// Parts of the law that follow from its gains and are used for the command.
 #[derive(Clone, Copy, Debug)]
 struct Design {
     trajectory: Trajectory,
@@ -49,15 +49,15 @@ struct Design {
     command_limits_a: [f64; 2],
 }
 
-/// State of what keeps the commands continuous.
+/// State of the transfers that keep the commands continuous.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Transfers {
     of_actuators: [Transfer; 2],
-    /// The gains jumped while there was no valid sample.
+    /// `true` if the gains jumped while there was no valid sample.
     changed: bool,
 }
 
-/// Sentence on a gain of the backstepping laws that changes while they run.
+/// Sentence on the effect of changing a gain of the backstepping laws during a run.
 pub(super) const TUNING: &str = "The commands go on from what the old gains would have given; after a jump the difference fades within 0.1 s.";
 
 /// State that the law keeps from sample to sample.
@@ -66,7 +66,7 @@ pub struct LawState {
     last_velocities_mps: Option<[f64; 2]>,
     missed: u32,
     indicator: IndicatorState,
-    /// The estimates of the leakage, in m3/s/sqrt(Pa); none for NRSC.
+    /// Estimates of the leakage, in m3/s/sqrt(Pa); none for NRSC.
     theta_hat: Option<[f64; 2]>,
     transfers: Transfers,
     has_answered: bool,
@@ -77,10 +77,10 @@ pub struct LawState {
 }
 
 impl Backstepping {
-    /// The law before its first sample; without an estimate it is NRSC.
+    /// Creates the law before its first sample; without an estimate it is NRSC.
     ///
     /// # Errors
-    /// If the gains break a condition of the design.
+    /// If the gains violate a condition of the design.
     pub fn start(
         gains: &Gains,
         model: &Model,
@@ -107,10 +107,10 @@ impl Backstepping {
         })
     }
 
-    /// Takes other gains, from the next sample on; `adaptation` are those of the estimate, if there is one.
+    /// Applies other gains, from the next sample on; `adaptation` are those of the estimate, if there is one.
     ///
-    /// The law integrates nothing but the estimate, which stays. So a command that would jump with the gains
-    /// goes on from where it was, and the difference fades.
+    /// The law integrates nothing but the estimate, which is kept. A command that would jump with the gains therefore
+    /// continues from its present value, and the difference fades.
     pub fn retune(
         &mut self,
         gains: &Gains,
@@ -139,7 +139,7 @@ impl Backstepping {
         }
     }
 
-    /// Returns the state that the law keeps.
+    /// Returns the state of the law.
     #[must_use]
     pub fn state(&self) -> LawState {
         let (command, internals) = self.answer;
@@ -155,7 +155,7 @@ impl Backstepping {
         }
     }
 
-    /// Goes on with what it remembered.
+    /// Restores a saved state.
     pub fn restore(&mut self, state: LawState) {
         self.velocity = VelocityHistory {
             last_mps: state.last_velocities_mps.map(Into::into),
@@ -225,7 +225,7 @@ impl Backstepping {
         self.answer
     }
 
-    /// The errors of a design at a sample, and the currents that it demands.
+    /// Returns the errors of a design at a sample, and the currents that it demands.
     fn demand(
         &self,
         design: &Design,
@@ -264,7 +264,7 @@ impl Backstepping {
         (errors, currents_a)
     }
 
-    /// The currents that go on from those before a change, within the limits as they are now.
+    /// Returns currents that continue those before a change, within the present limits.
     fn continued(&mut self, wanted_a: [f64; 2], sampled: &Sampled<'_>) -> [f64; 2] {
         let held = std::mem::take(&mut self.transfers.changed).then(|| {
             let (command, _) = self.answer;
@@ -291,8 +291,8 @@ impl Backstepping {
         currents_a
     }
 
-    /// Answers a sample that is not valid: the last command again. Nothing is estimated or judged
-    /// from it; the next velocity difference spans the gap.
+    /// Answers an invalid sample by repeating the last command. The sample is used neither for the estimate nor for the
+    /// indicator; the next velocity difference spans the gap.
     pub fn hold(&mut self) -> (Command, Internals) {
         self.transfers.changed |= self.former.take().is_some();
         self.velocity.skip();
@@ -300,7 +300,7 @@ impl Backstepping {
         self.answer
     }
 
-    /// The current of one valve.
+    /// Returns the current of one valve.
     ///
     /// `u = F_1^-1 [F_2 + F_3 theta_hat + M_3^-1 (..)]` (eq. 52).
     fn current_a(
@@ -319,7 +319,7 @@ impl Backstepping {
     }
 }
 
-/// Sample with what every design makes of it.
+/// Sample with the quantities that every design derives from it.
 struct Sampled<'a> {
     measured: &'a Measured,
     reference: &'a Reference,
@@ -329,7 +329,7 @@ struct Sampled<'a> {
     hydraulics: [Hydraulics; 2],
 }
 
-/// The last measured velocities, for the acceleration.
+/// Last measured velocities, for the acceleration.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct VelocityHistory {
     last_mps: Option<Vector2<f64>>,
@@ -338,7 +338,7 @@ struct VelocityHistory {
 }
 
 impl VelocityHistory {
-    /// Backward difference `(v_k - v_(k-1)) / T`; 0 at the first sample.
+    /// Returns the backward difference `(v_k - v_(k-1)) / T`; 0 at the first sample.
     fn acceleration(&mut self, velocities_mps: Vector2<f64>, period_s: f64) -> Vector2<f64> {
         let elapsed_s = f64::from(self.missed.saturating_add(1)) * period_s;
         let last_mps = self.last_mps.replace(velocities_mps);

@@ -1,6 +1,6 @@
-//! Beliefs of the backstepping laws about the plant (Table 1), under the plant's own names.
+//! The backstepping laws' model of the plant (Table 1), under the plant's own names.
 //!
-//! Neither the disturbances nor the leakage fault are in it: no law knows them.
+//! Contains neither the disturbances nor the leakage fault, which are unknown to any law.
 
 shared_types::table! {
     /// Actuator: servo valve, cylinder, power supply and connection to the surface.
@@ -61,7 +61,7 @@ shared_types::table! {
 }
 
 impl Model {
-    /// Both actuators.
+    /// Returns both actuators.
     #[must_use]
     pub fn actuators(&self) -> [ActuatorModel; 2] {
         [self.actuator1, self.actuator2]

@@ -1,4 +1,4 @@
-//! The performance indicator V_3, its bound V_r and the detection of a fault (eqs. 59, 60).
+//! Performance indicator V_3, its bound V_r and the detection of a fault (eqs. 59, 60).
 //!
 //! Called by the law at every valid sample. Time is counted in samples from the first one.
 
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::gains::Gains;
 use super::steps::Errors;
 
-/// Judges V_3.
+/// Evaluates V_3.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Indicator {
     lambda_per_s: f64,
@@ -24,34 +24,34 @@ pub struct IndicatorState {
     initial_v3: Option<f64>,
     /// Samples since the first one.
     sample: u64,
-    /// Sample since which V_3 has been above its bound without a break.
+    /// Sample since which V_3 has been above its bound without interruption.
     above_since: Option<u64>,
 }
 
-/// V_3 at a sample and what it means.
+/// V_3 at a sample, compared with its bound.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Verdict {
     /// V_3.
     pub v3: f64,
     /// V_r.
     pub bound: f64,
-    /// True if V_3 is above V_r now, so the estimate adapts.
+    /// `true` if V_3 is above V_r now, so that the estimate adapts.
     pub degraded: bool,
-    /// True if V_3 has been above V_r for the whole hold time.
+    /// `true` if V_3 has been above V_r for the whole hold time.
     pub detected: bool,
 }
 
-/// `V_3 = 1/2 (z_1^T z_1 + z_2^T z_2 + z_3^T z_3)` (before eqs. 41, 44, 51).
+/// Computes `V_3 = 1/2 (z_1^T z_1 + z_2^T z_2 + z_3^T z_3)` (before eqs. 41, 44, 51).
 #[must_use]
 pub fn lyapunov_v3(errors: &Errors) -> f64 {
     0.5 * (errors.z_1.norm_squared() + errors.z_2.norm_squared() + errors.z_3.norm_squared())
 }
 
 impl Indicator {
-    /// Before the first sample.
+    /// Creates the indicator before the first sample.
     ///
-    /// `lambda = 2 min(k_11, k_12, k_2s11, k_2s12, k_3s11, k_3s12)` (eq. 61; the minus sign printed
-    /// after eq. 60 is a misprint), `mu = epsilon_1 + epsilon_2 + xi_1 + xi_2` (eqs. 49, 57, 60).
+    /// `lambda = 2 min(k_11, k_12, k_2s11, k_2s12, k_3s11, k_3s12)` (eq. 61; the minus sign printed after eq. 60 is a
+    /// misprint), `mu = epsilon_1 + epsilon_2 + xi_1 + xi_2` (eqs. 49, 57, 60).
     #[must_use]
     pub fn new(gains: &Gains, period_s: f64) -> Self {
         let mut smallest = f64::INFINITY;
@@ -68,7 +68,7 @@ impl Indicator {
             }
             mu_per_s += own.disturbance_margin_n2_per_s3 + own.leakage_margin_n2_per_s5;
         }
-        // The quotient of two decimal numbers may lie just above the whole number it means.
+        // The quotient of two decimal numbers may lie just above the intended whole number.
         let hold_samples = ceil(gains.performance.detection_hold_s / period_s - 1e-6);
         Self {
             lambda_per_s: 2.0 * smallest,
@@ -79,7 +79,7 @@ impl Indicator {
         }
     }
 
-    /// Takes other gains; what was counted stays.
+    /// Applies other gains; the counts stay.
     pub fn retune(&mut self, gains: &Gains) {
         let state = self.state;
         *self = Self {
@@ -88,18 +88,18 @@ impl Indicator {
         };
     }
 
-    /// Returns the state that the indicator keeps.
+    /// Returns the state of the indicator.
     #[must_use]
     pub const fn state(&self) -> IndicatorState {
         self.state
     }
 
-    /// Goes on with what it remembered.
+    /// Restores a saved state.
     pub const fn restore(&mut self, state: IndicatorState) {
         self.state = state;
     }
 
-    /// The bound at a sample.
+    /// Bound at a sample.
     ///
     /// `V_r(t) = exp(-lambda t) V_3(0) + mu / lambda [1 - exp(-lambda t)]` (eq. 60).
     fn bound(&self, initial_v3: f64) -> f64 {
@@ -107,7 +107,7 @@ impl Indicator {
         decay * initial_v3 + self.mu_per_s / self.lambda_per_s * (1.0 - decay)
     }
 
-    /// Judges the errors of a sample (eq. 59).
+    /// Evaluates the errors of a sample (eq. 59).
     pub fn judge(&mut self, errors: &Errors) -> Verdict {
         let v3 = lyapunov_v3(errors);
         let initial_v3 = *self.state.initial_v3.get_or_insert(v3);
@@ -130,7 +130,7 @@ impl Indicator {
         }
     }
 
-    /// Lets a sample pass that cannot be judged.
+    /// Counts a sample that cannot be evaluated.
     pub fn skip(&mut self) {
         if self.state.initial_v3.is_some() {
             self.state.sample += 1;
@@ -168,7 +168,7 @@ mod tests {
         let first = indicator.judge(&errors(2e10));
         assert_eq!((first.v3, first.bound), (2e20, 2e20));
         assert!(!first.degraded);
-        // lambda = 2000 1/s, mu = 2e14 + 2e21; one sample later exp(-0.2) = 0.818730753077982
+        // lambda = 2000 1/s, mu = 2e14 + 2e21; one sample later exp(-0.2) = 0.818730753077982.
         let limit = (2e14 + 2e21) / 2000.0;
         let second = indicator.judge(&errors(0.0));
         let wanted = 0.818_730_753_077_982 * 2e20 + (1.0 - 0.818_730_753_077_982) * limit;
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_is_detected_only_when_the_bound_is_exceeded_without_a_break() {
+    fn a_fault_is_detected_only_if_the_bound_is_exceeded_without_interruption() {
         // mu / lambda = 1e18: z_31 = 2e9 makes V_3 = 2e18.
         let mut indicator = Indicator::new(&table_2(), 1e-4);
         for _ in 0..1000 {
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_that_cannot_be_judged_count_as_time() {
+    fn samples_that_cannot_be_evaluated_count_as_time() {
         let (mut straight, mut gappy) = (
             Indicator::new(&table_2(), 1e-4),
             Indicator::new(&table_2(), 1e-4),

@@ -1,4 +1,4 @@
-//! The signals of the backstepping laws: what they measure, follow and show.
+//! Signals of the backstepping laws: measured, reference and internal.
 
 use super::Jet;
 
@@ -42,7 +42,7 @@ pub struct PistonState {
 }
 
 impl Measured {
-    /// The measurements of both actuators.
+    /// Returns the measurements of both actuators.
     #[must_use]
     pub fn pistons(&self) -> [PistonState; 2] {
         [
@@ -81,7 +81,7 @@ shared_types::table! {
 }
 
 impl Reference {
-    /// theta_r and its five derivatives.
+    /// Returns theta_r and its five derivatives.
     #[must_use]
     pub fn jet(&self) -> Jet<f64, 6> {
         [

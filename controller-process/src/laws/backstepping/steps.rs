@@ -1,8 +1,8 @@
 //! The three steps of the backstepping design (eqs. 39-55).
 //!
-//! Called by the law at every sample. Each step makes an error and, from it, what the next quantity
-//! in the chain position, velocity, force, rate of force is to be. Vectors have two components, the
-//! sum and the difference. Derivatives follow by the chain rule and are exact for exact inputs.
+//! Called by the law at every sample. Each step computes an error and, from it, the desired value of the next quantity
+//! in the chain position, velocity, force, rate of force. Vectors have two components, the sum and the difference.
+//! Derivatives follow by the chain rule and are exact for exact inputs.
 
 use core::array::from_fn;
 
@@ -14,7 +14,7 @@ use super::transformation::Transformation;
 
 type Vector = Vector2<f64>;
 
-/// The three error vectors of the design.
+/// Three error vectors of the design.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Errors {
     /// z_1 in N (eq. 39).
@@ -25,7 +25,7 @@ pub struct Errors {
     pub z_3: Vector,
 }
 
-/// The gains of the steps, one vector or diagonal each.
+/// Gains of the steps, one vector or diagonal each.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Steps {
     /// k_1 in 1/s.
@@ -37,7 +37,7 @@ pub struct Steps {
 }
 
 impl Steps {
-    /// The steps with the paper's gains.
+    /// Creates the steps with the paper's gains.
     ///
     /// `alpha_2s1 = -k_2s1 z_2` (eq. 45), `alpha_2s2 = -h_2 / (4 epsilon) z_2` (eq. 47),
     /// `u_s1 = -k_3s1 z_3` (eq. 52), `u_s2 = -h_3 / (4 xi) z_3` (eq. 55).
@@ -66,7 +66,7 @@ impl Steps {
         from_fn(|j| f[j] - x_r[j])
     }
 
-    /// Step 1, what f' is to be.
+    /// Step 1, desired f'.
     ///
     /// `alpha_1 = -k_1 z_1 + x_r'` (after eq. 41).
     fn wanted_velocity(&self, z_1: &Jet<Vector, 3>, x_r: &Jet<Vector, 4>) -> Jet<Vector, 3> {
@@ -80,7 +80,7 @@ impl Steps {
         from_fn(|j| f[j + 1] - alpha_1[j])
     }
 
-    /// Step 2, what the transformed force M_3 x_3 is to be.
+    /// Step 2, desired transformed force M_3 x_3.
     ///
     /// `alpha_2 = -z_1 + M_1 f + M_2 f' - M_4 x_coupling + alpha_1' - k_2s1 z_2
     /// - h_2 / (4 epsilon) z_2` (eqs. 45, 47), with `x_coupling = [theta_d, theta_d]`.
@@ -109,7 +109,7 @@ impl Steps {
         plant.m_3 * x_3 - alpha_2[0]
     }
 
-    /// Step 3, what the rate of force is to be, in N/s per actuator.
+    /// Step 3, desired rate of force, in N/s per actuator.
     ///
     /// `M_3^-1 (alpha_2' - z_2 - k_3s1 z_3 - h_3 / (4 xi) z_3)` (eqs. 52, 55).
     fn wanted_force_rate(
@@ -122,8 +122,8 @@ impl Steps {
         plant.m_3_inverse * (alpha_2[1] - z_2 - self.force_gain.component_mul(&z_3))
     }
 
-    /// The errors at a sample and the rate of force, in N/s per actuator, that the law demands
-    /// beyond the plant's own terms.
+    /// Returns the errors at a sample and the rate of force, in N/s per actuator, that the law demands beyond the
+    /// plant's own terms.
     ///
     /// `f` and `x_r` are in N with their derivatives, `theta_d` in rad, `x_3` in N.
     #[must_use]
@@ -189,7 +189,7 @@ mod tests {
         }
     }
 
-    /// alpha_1 and alpha_2 of that motion.
+    /// Returns alpha_1 and alpha_2 of that motion.
     fn wanted(t: f64) -> (Jet<Vector, 3>, Jet<Vector, 2>) {
         let (steps, plant) = (steps(), Transformation::new(&uneven()));
         let m = motion(t);
@@ -203,13 +203,13 @@ mod tests {
     #[test]
     fn the_robust_terms_add_to_the_gains() {
         let steps = Steps::new(&table_2());
-        // 1000 + 3.4e18 / 4e14 and 1000 + 2.5e23 / 4e21
+        // 1000 + 3.4e18 / 4e14 and 1000 + 2.5e23 / 4e21.
         assert_close(steps.velocity_gain[0], 9500.0, 1e-14);
         assert_close(steps.force_gain[1], 1062.5, 1e-14);
     }
 
     #[test]
-    fn the_derivatives_of_the_wanted_velocity_are_its_slopes() {
+    fn the_derivatives_of_the_desired_velocity_are_its_slopes() {
         for i in 0..2 {
             for j in 0..2 {
                 let slope = slope(|t| wanted(t).0[j][i], 0.1, 1e-2);
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn the_derivative_of_the_wanted_force_is_its_slope() {
+    fn the_derivative_of_the_desired_force_is_its_slope() {
         for i in 0..2 {
             let slope = slope(|t| wanted(t).1[0][i], 0.1, 1e-2);
             assert_close(wanted(0.1).1[1][i], slope, 1e-7);
@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn the_wanted_force_has_the_value_of_the_printed_equation() {
+    fn the_desired_force_has_the_value_of_the_published_equation() {
         // Component 2 for Table 1 and Table 2, term by term; equal actuators, so M_1, M_2 are
         // multiples of the identity and the coupling cancels.
         let steps = Steps::new(&table_2());
@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn without_disturbance_v3_falls_as_the_gains_say() {
+    fn without_disturbance_v3_falls_at_the_rate_of_the_gains() {
         // Eqs. (35), (50), (58) with d = 0 and no leakage:
         // V_3' = -z_1 k_1 z_1 - z_2 (k_2s1 + h_2/4eps) z_2 - z_3 (k_3s1 + h_3/4xi) z_3.
         // Here V_3' comes from the plant's equation (35) and the demanded force rate alone.

@@ -1,7 +1,7 @@
-//! Tests of the whole laws: against an independent implementation and for what holds by design.
+//! Tests of the complete laws: against an independent implementation and for properties of the design.
 //!
-//! `tests/golden/law_steps.json` has measurements of closed loops and the answers to them of a
-//! reference written from the paper in Python and evaluated with 50 digits (`tests/golden/drhas.py`).
+//! `tests/golden/law_steps.json` contains measurements of closed loops and the answers of a reference implementation,
+//! written from the paper in Python and evaluated with 50 digits (`tests/golden/drhas.py`).
 
 use serde::Deserialize;
 use shared_types::describe::{Invalid, Settings};
@@ -116,7 +116,7 @@ impl Sequence {
     }
 }
 
-/// The answers of a law to the samples of a sequence.
+/// Returns a law's answers to the samples of a sequence.
 fn answers<C>(parameters: C::Parameters, sequence: &Sequence) -> Vec<(Command, Internals)>
 where
     C: Controller<
@@ -153,7 +153,7 @@ where
     }
 }
 
-/// Largest deviation of a quantity over a sequence, relative to its own largest magnitude.
+/// Returns the largest deviation of a quantity over a sequence, relative to its own largest magnitude.
 fn deviation<const N: usize>(pairs: impl Iterator<Item = ([f64; N], [f64; N])>) -> f64 {
     let (mut off, mut size) = (0.0, 0.0);
     for (got, wanted) in pairs {
@@ -177,8 +177,8 @@ fn the_golden_file_lists_the_signals_in_the_laws_order() {
 
 #[test]
 fn both_laws_answer_as_the_independent_reference() {
-    // Ten to eleven digits is what doubles can give: z is the difference of two forces of up to
-    // 6e6 N that agree in five digits.
+    // Ten to eleven digits are the limit of doubles: z is the difference of two forces of up to 6e6 N that agree in
+    // five digits.
     for sequence in golden().sequences {
         let got = match sequence.law.as_str() {
             "nrsc" => answers::<Nrsc>(sequence.nrsc(), &sequence),
@@ -225,7 +225,7 @@ fn both_laws_answer_as_the_independent_reference() {
     }
 }
 
-/// The first sequence of the golden file that makes the estimate move.
+/// Returns the first sequence of the golden file in which the estimate moves.
 fn severe_leak() -> Sequence {
     golden()
         .sequences
@@ -235,7 +235,7 @@ fn severe_leak() -> Sequence {
 }
 
 #[test]
-fn ftsc_that_does_not_learn_is_nrsc() {
+fn ftsc_without_learning_equals_nrsc() {
     let sequence = severe_leak();
     let mut parameters = sequence.ftsc();
     parameters.adaptation1.learning_rate_m8s2_per_n3 = 0.0;
@@ -266,7 +266,7 @@ fn a_command_limit_cuts_one_actuators_current_only() {
 }
 
 #[test]
-fn a_sample_that_is_not_valid_repeats_the_answer_and_leaves_no_trace() {
+fn an_invalid_sample_repeats_the_answer_and_leaves_no_trace() {
     let sequence = severe_leak();
     let setup = Setup {
         parameters: sequence.ftsc(),
@@ -289,7 +289,7 @@ fn a_sample_that_is_not_valid_repeats_the_answer_and_leaves_no_trace() {
 }
 
 #[test]
-fn parameters_that_break_a_condition_are_refused_at_the_start() {
+fn parameters_that_violate_a_condition_are_refused_at_the_start() {
     let mut parameters = ftsc::Parameters::default();
     parameters.force_sum.leakage_bound_n_per_s3 = 1e12;
     let refused = |parameters| {
@@ -310,8 +310,7 @@ fn parameters_that_break_a_condition_are_refused_at_the_start() {
     assert!(refused(parameters).contains("adaptation1"));
 }
 
-/// The currents of a law for samples, of which the last is repeated; its parameters jump ahead of the
-/// sample `at`.
+/// Returns a law's currents for samples, the last of which is repeated; its parameters jump before the sample `at`.
 fn tuned<C>(
     parameters: [C::Parameters; 2],
     at: usize,
@@ -353,7 +352,7 @@ fn gains_of_nrsc_change_without_a_jump_and_the_difference_fades() {
     // A tenth of a second, and some samples more.
     let samples = (0.1 * sequence.rate_hz).round();
     let count = at + samples as usize + 5;
-    // Without an estimate the law answers each sample by itself, so its commands with either gains are known.
+    // Without an estimate each answer depends on its sample alone, so the commands with either gains are known.
     let old = tuned::<Nrsc>([before; 2], 0, &sequence, count);
     let new = tuned::<Nrsc>([after; 2], 0, &sequence, count);
     let found = tuned::<Nrsc>([before, after], at, &sequence, count);
@@ -381,7 +380,7 @@ fn gains_of_nrsc_change_without_a_jump_and_the_difference_fades() {
 }
 
 #[test]
-fn an_estimate_of_ftsc_goes_on_over_a_change_and_within_its_new_bounds() {
+fn the_estimate_of_ftsc_continues_over_a_change_within_its_new_bounds() {
     let sequence = severe_leak();
     let (before, mut after) = (sequence.ftsc(), sequence.ftsc());
     let last = sequence.samples.len() - 1;

@@ -1,10 +1,8 @@
-//! The desired trajectories of the sum and the difference of the stiffness-weighted piston
-//! positions (eqs. 24-33).
+//! Desired trajectories of the sum and the difference of the stiffness-weighted piston positions (eqs. 24-33).
 //!
-//! Called by the law at every sample. The surface follows its command if
-//! `f_1 = K_h1 x_h1 + K_h2 x_h2` follows x_r1; the force fight vanishes if
-//! `f_2 = K_h1 x_h1 - K_h2 x_h2` follows x_r2. The later steps of the design differentiate both
-//! three times; every derivative here is exact, none is a difference.
+//! Called by the law at every sample. The surface follows its command if `f_1 = K_h1 x_h1 + K_h2 x_h2` follows x_r1;
+//! the force fight vanishes if `f_2 = K_h1 x_h1 - K_h2 x_h2` follows x_r2. The later steps of the design differentiate
+//! both three times; every derivative here is exact, none is a finite difference.
 
 use core::array::from_fn;
 
@@ -12,7 +10,7 @@ use super::Jet;
 use super::gains::TrajectoryGains;
 use super::model::{Model, SurfaceModel};
 
-/// The trajectory generator.
+/// Trajectory generator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trajectory {
     surface: SurfaceModel,
@@ -22,7 +20,7 @@ pub struct Trajectory {
 }
 
 impl Trajectory {
-    /// The generator for a plant as the law believes it to be.
+    /// Creates the generator for the law's model of the plant.
     #[must_use]
     pub fn new(model: &Model, gains: TrajectoryGains) -> Self {
         Self {
@@ -33,7 +31,7 @@ impl Trajectory {
         }
     }
 
-    /// The same generator with other gains.
+    /// Returns the same generator with other gains.
     #[must_use]
     pub const fn with(self, gains: TrajectoryGains) -> Self {
         Self { gains, ..self }
@@ -50,8 +48,8 @@ impl Trajectory {
         y_1.map(|angle| k_d * r_d * r_d * angle)
     }
 
-    /// The surface's angle and its derivatives up to order four, from its angle and rate and from
-    /// `f_1` with its first two derivatives.
+    /// Returns the surface's angle and its derivatives up to order four, from its angle and rate and from `f_1` with
+    /// its first two derivatives.
     ///
     /// `y_1' = y_2`,
     /// `y_2' = r_d/J_d f_1 - r_d^2/J_d (K_h1 + K_h2) y_1 - beta_d/J_d y_2 - T_L/J_d` (eq. 24),
@@ -79,7 +77,7 @@ impl Trajectory {
         from_fn(|j| y_1[j] - theta_r[j])
     }
 
-    /// Wanted rate of the surface.
+    /// Desired rate of the surface.
     ///
     /// `alpha_r1 = -k_1 z_1 + theta_r'` (eq. 28).
     fn wanted_rate(&self, z_1: &Jet<f64, 5>, theta_r: &Jet<f64, 6>) -> Jet<f64, 5> {
@@ -94,7 +92,7 @@ impl Trajectory {
         from_fn(|j| y_1[j + 1] - alpha_r1[j])
     }
 
-    /// Wanted sum of the stiffness-weighted positions, in N, with three derivatives.
+    /// Desired sum of the stiffness-weighted positions, in N, with three derivatives.
     ///
     /// `x_r1 = J_d/r_d [r_d^2/J_d (K_h1 + K_h2) y_1 + beta_d/J_d y_2 + T_L/J_d
     /// + alpha_r1' - k_2 z_2 - z_1]` (eq. 25).
@@ -117,7 +115,7 @@ impl Trajectory {
         })
     }
 
-    /// Wanted difference of the stiffness-weighted positions, in N, with three derivatives.
+    /// Desired difference of the stiffness-weighted positions, in N, with three derivatives.
     ///
     /// `x_r2 = (K_h1 - K_h2) r_d theta_r` (after eq. 33).
     #[must_use]
@@ -142,7 +140,7 @@ pub(super) mod tests {
         model
     }
 
-    /// `a sin(w t + p)` and its derivatives.
+    /// Returns `a sin(w t + p)` and its derivatives.
     pub(in super::super) fn wave<const N: usize>(a: f64, w: f64, p: f64, t: f64) -> Jet<f64, N> {
         let phase = w * t + p;
         let mut scale = a;
@@ -159,7 +157,7 @@ pub(super) mod tests {
         })
     }
 
-    /// Central difference of order six over `h`.
+    /// Central difference of order six with step `h`.
     pub(in super::super) fn slope(at: impl Fn(f64) -> f64, t: f64, h: f64) -> f64 {
         let pair = |n: f64| at(t + n * h) - at(t - n * h);
         (45.0 * pair(1.0) - 9.0 * pair(2.0) + pair(3.0)) / (60.0 * h)
@@ -171,14 +169,14 @@ pub(super) mod tests {
         assert!(off <= tolerance * wanted.abs(), "{got:e} is not {wanted:e}");
     }
 
-    /// theta_d and theta_r of a motion known in closed form, and the f_1 that causes it.
+    /// Returns theta_d and theta_r of a motion known in closed form, and the f_1 that causes it.
     fn motion(generator: &Trajectory, t: f64) -> (Jet<f64, 5>, Jet<f64, 6>, Jet<f64, 3>) {
         let theta: Jet<f64, 5> = wave(0.19, 6.0, 0.1, t);
         let theta_r = wave(0.2, 6.0, 0.0, t);
         let surface = generator.surface;
         let k_h = generator.stiffness1_n_per_m + generator.stiffness2_n_per_m;
         let r_d = surface.radial_distance_m;
-        // eq. (17) with eqs. (14)-(16), solved for f_1
+        // Eq. (17) with eqs. (14)-(16), solved for f_1.
         let f_1 = from_fn(|j| {
             surface.inertia_kg_m2 / r_d * theta[j + 2]
                 + surface.damping_n_m_s_per_rad / r_d * theta[j + 1]
@@ -188,20 +186,20 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn the_angles_derivatives_are_those_of_the_motion_that_the_forces_cause() {
+    fn the_angles_derivatives_match_the_motion_caused_by_the_forces() {
         let generator = Trajectory::new(&uneven(), TrajectoryGains::default());
         for t in [0.0, 0.1, 0.37] {
             let (theta, _, f_1) = motion(&generator, t);
             let found = generator.surface_angle(theta[0], theta[1], &f_1);
             for j in 0..5 {
-                // f_1 is 1e4 times larger than the inertia's part of it: 4 digits are lost per pair
+                // f_1 is 1e4 times larger than the inertia's part of it: 4 digits are lost per pair.
                 assert_close(found[j], theta[j], if j < 4 { 1e-10 } else { 1e-6 });
             }
         }
     }
 
     #[test]
-    fn the_wanted_sum_has_the_value_of_the_printed_equation() {
+    fn the_desired_sum_has_the_value_of_the_published_equation() {
         // Every term of eq. (25) by hand for Table 1, k_1 = 300, k_2 = 200:
         // y_1 = 0.1, y_2 = 0.5, theta_r = 0.09, theta_r' = 0.6, theta_r'' = 2.
         let generator = Trajectory::new(
@@ -222,7 +220,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn the_derivatives_of_the_wanted_sum_are_its_slopes() {
+    fn the_derivatives_of_the_desired_sum_are_its_slopes() {
         let generator = Trajectory::new(&uneven(), TrajectoryGains::default());
         let sum_at = |t: f64| {
             let (theta, theta_r, _) = motion(&generator, t);
@@ -248,7 +246,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn the_wanted_difference_makes_both_rods_push_alike() {
+    fn the_desired_difference_makes_both_rods_push_equally() {
         // Eq. (33) at theta_d = theta_r: with f_2 = x_r2 the force fight is zero.
         let model = uneven();
         let generator = Trajectory::new(&model, TrajectoryGains::default());

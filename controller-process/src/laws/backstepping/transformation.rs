@@ -1,13 +1,13 @@
-//! The linear transformation of the two pistons into sum and difference (eqs. 34, 35).
+//! Linear transformation of the two pistons into sum and difference (eqs. 34, 35).
 //!
-//! Computed once, when the law starts. T is neither orthogonal nor symmetric when the connection
-//! stiffnesses differ, so that M_1 and M_2 couple the two components then.
+//! Computed once, when the law starts. T is neither orthogonal nor symmetric if the connection stiffnesses differ; M_1
+//! and M_2 then couple the two components.
 
 use nalgebra::{Matrix2, Vector2};
 
 use super::model::Model;
 
-/// The matrices of the transformed system.
+/// Matrices of the transformed system.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transformation {
     /// `T = [[K_h1, K_h2], [K_h1, -K_h2]]` in N/m.
@@ -25,7 +25,7 @@ pub struct Transformation {
 }
 
 impl Transformation {
-    /// The matrices for a plant as the law believes it to be.
+    /// Creates the matrices for the law's model of the plant.
     ///
     /// `H_1 = diag(K_h / m_h)`, `H_2 = diag(B_h / m_h)`, `H_3 = diag(1 / m_h)`,
     /// `H_4 = diag(K_h r_d / m_h)` (after eq. 23).
@@ -55,7 +55,7 @@ impl Transformation {
         }
     }
 
-    /// `f = T [x_1, x_2]^T` (after eq. 34), for positions, velocities or accelerations.
+    /// Computes `f = T [x_1, x_2]^T` (after eq. 34), for positions, velocities or accelerations.
     #[must_use]
     pub fn sum_and_difference(&self, pistons: Vector2<f64>) -> Vector2<f64> {
         self.t * pistons

@@ -1,7 +1,7 @@
 //! `pid` for the hydraulic plant: the paper's baseline, one loop per actuator.
 //!
-//! Each actuator follows `r_d theta_r` with its own piston position; nothing couples the two, which
-//! is why they fight. The paper's gains (Table 2) are proportional only.
+//! Each actuator follows `r_d theta_r` with its own piston position; the two are not coupled, which causes the force
+//! fight. The paper's gains (Table 2) are proportional only.
 
 use shared_types::describe::Invalid;
 use shared_types::state::StateOf;
@@ -175,7 +175,7 @@ mod tests {
         };
         let mut law = ActuatorPid::start(&setup).expect("starts");
         let (command, _) = law.step(&sample(0.2, [0.01, -0.02], true));
-        // 90 (0.15 * 0.2 - 0.01) and 90 (0.15 * 0.2 + 0.02)
+        // 90 (0.15 * 0.2 - 0.01) and 90 (0.15 * 0.2 + 0.02).
         assert!((command.actuator1_valve_current_a - 1.8).abs() < 1e-12);
         assert!((command.actuator2_valve_current_a - 4.5).abs() < 1e-12);
         let (held, _) = law.step(&sample(9.0, [9.0, 9.0], false));

@@ -1,4 +1,4 @@
-//! Parameters that change while the runner answers samples.
+//! Parameters that change during a run.
 
 use shared_types::tuning::{Course, Tuned};
 
@@ -6,30 +6,30 @@ use super::*;
 use crate::controller::Transition;
 
 shared_types::table! {
-    /// Parameters of a law that can be tuned.
+    /// Parameters of a tunable law.
     struct Gains {
-        /// Gain that is tunable.
+        /// Tunable gain.
         gain_n_per_m: "N/m" = 10.0 in 0.0..=1e3 [tunable],
-        /// Force that is not.
+        /// Force that is not tunable.
         offset_n: "N" = 1.0 in 0.0..=1e3,
-        /// Another one that is.
+        /// Another tunable parameter.
         bias_n: "N" = 0.0 in 0.0..=1e3 [tunable],
     }
 }
 
 shared_types::table! {
-    /// Internals of a law that can be tuned.
+    /// Internals of a tunable law.
     struct Told {
-        /// Number of steps taken.
+        /// Number of jumps.
         jumps: "1",
-        /// Number of times that the law was given parameters.
+        /// Number of times that the law received parameters.
         changes: "1",
         /// Bias.
         bias_n: "N",
     }
 }
 
-/// Shows every change of its parameters.
+/// Exposes every change of its parameters.
 struct Tunable {
     gains: Gains,
     told: Told,
@@ -83,7 +83,7 @@ impl Controller for Tunable {
     }
 }
 
-/// A run of the law, its plant's end in the test's hands.
+/// A run of the law, with its plant's end driven by the test.
 struct Bench<'a> {
     plant: InProcessLink,
     runner: Runner<'a, InProcessLink>,
@@ -115,7 +115,7 @@ impl<'a> Bench<'a> {
         self.plant.send(&sample, &[99.0, 1.0]).expect("sends");
     }
 
-    /// Polls once; force, jumps, changes and bias of the answer, if there is one.
+    /// Polls once; returns force, jumps, changes and bias of the answer, if there is one.
     fn answer(&mut self) -> Option<[f64; 4]> {
         self.runner.poll().expect("polls");
         let mut frame = [0.0; 4];
@@ -139,7 +139,7 @@ const fn course(from: f64, to: f64, begin: u64, steps: u64) -> Course {
 }
 
 #[test]
-fn a_law_has_the_parameters_of_the_step_that_it_sees() {
+fn a_law_has_the_parameters_of_its_samples_step() {
     let kind = LawKind::of::<Tunable>();
     let mut bench = Bench::new(&kind, job(1, 0));
     assert_eq!(bench.step(0, 0), [11.0, 0.0, 0.0, 0.0]);
@@ -161,7 +161,7 @@ fn a_law_has_the_parameters_of_the_step_that_it_sees() {
 }
 
 #[test]
-fn a_sample_waits_for_what_was_said_before_it() {
+fn a_sample_waits_for_the_message_that_precedes_it() {
     let kind = LawKind::of::<Tunable>();
     let mut bench = Bench::new(&kind, job(1, 0));
     bench.step(0, 0);
@@ -179,7 +179,7 @@ fn a_sample_waits_for_what_was_said_before_it() {
 }
 
 #[test]
-fn what_is_said_before_the_first_sample_waits_for_it() {
+fn a_message_before_the_first_sample_waits_for_it() {
     let kind = LawKind::of::<Tunable>();
     let mut bench = Bench::new(&kind, job(1, 0));
     bench.tell(1, &[(0, course(10.0, 20.0, 0, 0))]);
@@ -190,7 +190,7 @@ fn what_is_said_before_the_first_sample_waits_for_it() {
 }
 
 #[test]
-fn a_law_that_missed_the_change_takes_it_at_its_next_sample() {
+fn a_law_that_missed_a_change_applies_it_at_its_next_sample() {
     let kind = LawKind::of::<Tunable>();
     // A slow law: its samples are 0, 3, 6.
     let mut bench = Bench::new(&kind, job(3, 0));
@@ -202,7 +202,7 @@ fn a_law_that_missed_the_change_takes_it_at_its_next_sample() {
     assert_eq!(bench.step(1, 1), [11.0, 0.0, 0.0, 0.0]);
     assert_eq!(bench.step(2, 1), [11.0, 0.0, 0.0, 0.0]);
     assert_eq!(bench.step(3, 1), [21.0, 1.0, 1.0, 4.0]);
-    // And one whose samples are not looked at.
+    // A law whose samples are ignored for a while.
     let mut bench = Bench::new(&kind, job(1, 0));
     bench.step(0, 0);
     bench.tell(1, &[(0, course(10.0, 20.0, 1, 0))]);
@@ -216,7 +216,7 @@ fn a_law_that_missed_the_change_takes_it_at_its_next_sample() {
 }
 
 #[test]
-fn of_messages_that_were_lost_the_newest_counts_at_its_own_sample() {
+fn the_newest_of_lost_messages_counts_at_its_own_sample() {
     let kind = LawKind::of::<Tunable>();
     let mut bench = Bench::new(&kind, job(1, 0));
     bench.step(0, 0);
@@ -230,7 +230,7 @@ fn of_messages_that_were_lost_the_newest_counts_at_its_own_sample() {
 }
 
 #[test]
-fn a_message_about_a_parameter_that_the_law_does_not_offer_counts_as_never_come() {
+fn a_message_about_an_unknown_parameter_is_ignored() {
     let kind = LawKind::of::<Tunable>();
     let mut bench = Bench::new(&kind, job(1, 0));
     bench.step(0, 0);
@@ -269,7 +269,7 @@ fn a_checkpoint_keeps_the_parameters_in_the_middle_of_a_ramp() {
 }
 
 #[test]
-fn only_a_law_that_says_how_can_be_tuned() {
+fn only_a_law_with_a_tuning_function_can_be_tuned() {
     let described = LawKind::of::<Tunable>().description;
     let names: Vec<_> = described.tunable().map(|field| &*field.name).collect();
     assert_eq!(
@@ -280,7 +280,7 @@ fn only_a_law_that_says_how_can_be_tuned() {
 }
 
 #[test]
-fn parameters_that_a_change_will_bring_are_judged_at_the_start() {
+fn parameters_of_future_changes_are_validated_at_the_start() {
     let picky = LawKind {
         start: Box::new(|start| match start.parameters.get("gain_n_per_m") {
             Some(gain) if gain > 100.0 => Err(Invalid("too much".into())),

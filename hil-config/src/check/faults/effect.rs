@@ -76,7 +76,7 @@ impl Event<'_> {
         }
     }
 
-    /// Time from the first step at which an effect could take hold to the end of the run.
+    /// Time from the first step at which an effect could take effect to the end of the run.
     fn left_s(&self, skew_steps: u64) -> f64 {
         match (self.context.grid, self.earliest) {
             (Some(grid), Some(earliest)) => {
@@ -86,14 +86,14 @@ impl Event<'_> {
         }
     }
 
-    /// Steps from the event to the effect, which must take hold while the run goes on.
+    /// Steps from the event to the effect, which must begin before the end of the run.
     fn skew_steps(&self, reader: &mut Reader, section: &Section<'_>) -> Result<u64, Reported> {
         let Some(key) = SKEW.given(reader, section)? else {
             return Ok(0);
         };
         let grid = self.context.grid;
         let (steps, begin_s) = match (key == SKEW.in_s, self.trigger) {
-            // From the time asked for, not from the step that it was rounded to.
+            // From the requested time, not from the step that it was rounded to.
             (true, Some(Trigger::Step { step, at_s })) => {
                 let skew_s = reader.number(section, key).ok_or(Reported)?;
                 let rate = grid.ok_or(Reported)?.rate;
@@ -121,7 +121,7 @@ impl Event<'_> {
     }
 }
 
-/// Numbers by description; one with a default may be left out. `unit` is that of the target.
+/// Reads numbers according to a description; one with a default may be omitted. `unit` is that of the target.
 fn settings(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -148,7 +148,7 @@ fn settings(
     complete.then_some(settings)
 }
 
-/// A parameter's unit with that of the target in it, for example `rad/s` for `target/s`.
+/// Substitutes the target's unit in a parameter's unit, for example `rad/s` for `target/s`.
 pub(crate) fn unit_of(field: &Field, target: Option<&str>) -> String {
     match target {
         Some("" | "1") => field.unit.replace("target", "1"),
@@ -157,7 +157,7 @@ pub(crate) fn unit_of(field: &Field, target: Option<&str>) -> String {
     }
 }
 
-/// The moves of a fault of the plant with the sizes of one effect.
+/// Returns the moves of a plant fault with the sizes of one effect.
 fn moves(fault: &FaultDescription, moved: &[&Field], sizes: &Settings) -> Option<Vec<Move>> {
     (fault.moves.iter().zip(moved))
         .map(|(described, parameter)| {

@@ -46,7 +46,7 @@ fn occurrences(reader: &mut Reader, section: &Section<'_>) -> Given<u64> {
     Ok(Some(count.unsigned_abs())) // its range begins at 1
 }
 
-/// Refuses an end that comes before an effect could take hold.
+/// Refuses an end before an effect could take effect.
 pub(super) fn leaves_time(
     reader: &mut Reader,
     section: &Section<'_>,

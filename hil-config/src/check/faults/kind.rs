@@ -1,4 +1,4 @@
-//! The kind of an event: a fault of the plant, or one on signals, links or timing.
+//! Kind of an event: a fault of the plant, or one on signals, links or timing.
 
 use shared_types::describe::{FaultDescription, FaultKindDescription, ProfileDescription};
 
@@ -6,12 +6,12 @@ use super::EventContext;
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
 
-/// A kind of fault.
+/// Fault kind.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum FaultKind<'d> {
     /// The plant's own, which moves its parameters.
     Own(&'d FaultDescription),
-    /// Kind of fault on signals, links or timing.
+    /// Shared kind, on signals, links or timing.
     Shared(&'d FaultKindDescription),
 }
 
@@ -24,7 +24,7 @@ impl<'d> FaultKind<'d> {
         }
     }
 
-    /// The keys that its effects have besides those of all effects.
+    /// Lists the keys of its effects in addition to those of all effects.
     pub(crate) fn keys(self) -> Vec<&'d str> {
         match self {
             Self::Own(fault) => {
@@ -45,7 +45,7 @@ impl<'d> FaultKind<'d> {
     }
 }
 
-/// The kind that an event names.
+/// Finds the kind that an event names.
 pub(super) fn find<'a>(
     reader: &mut Reader,
     section: &Section<'_>,

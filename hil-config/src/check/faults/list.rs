@@ -1,4 +1,4 @@
-//! The list of numbers that an effect of some kinds takes besides: in the scenario, or in a file.
+//! List of numbers that effects of some kinds accept in addition: in the scenario, or in a file.
 
 use std::path::Path;
 
@@ -12,10 +12,10 @@ use crate::keys::FILE;
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
 
-/// As many as a table of the most points has: a list travels whole in the record stream, as a table does.
+/// Size of the largest table: the record stream carries a list in one piece, like a table.
 const MOST_NUMBERS: usize = 2 * MOST_POINTS;
 
-/// The list's rows one after another; empty if it is not given.
+/// Returns the concatenated rows of the list; empty if there is none.
 pub(super) fn check(
     reader: &mut Reader,
     section: &Section<'_>,

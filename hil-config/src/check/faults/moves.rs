@@ -1,4 +1,4 @@
-//! Moves of the plant's parameters by its own faults, which must not leave their ranges.
+//! Moves of parameters by the plant's own faults, which must stay within their ranges.
 
 use shared_types::describe::{Operation, Settings};
 use shared_types::number::exact as number;
@@ -11,7 +11,7 @@ use crate::problem::ProblemKind;
 use crate::quantity::Quantity;
 use crate::reader::{Reader, Section};
 
-/// The value that a move makes of `value` with profile `gain`, and how it comes about.
+/// Returns the value that a move makes of `value` under profile `gain`, and its formula.
 fn moved(operation: Operation, value: f64, by: f64, gain: f64) -> (f64, String) {
     let (v, a, g) = (number(value), number(by), number(gain));
     let full = gain == 1.0;
@@ -31,7 +31,7 @@ fn moved(operation: Operation, value: f64, by: f64, gain: f64) -> (f64, String) 
     }
 }
 
-/// The gains of a profile that lead furthest. At 0 the parameter is healthy.
+/// Returns the extreme gains of a profile. At 0 the parameter is healthy.
 fn furthest(profile: &Profile) -> Vec<f64> {
     match profile {
         Profile::Sine { .. } => vec![1.0, -1.0],
@@ -49,7 +49,7 @@ fn furthest(profile: &Profile) -> Vec<f64> {
     }
 }
 
-/// Refuses a move that alone leads out of the parameter's range. `key` is that of its size.
+/// Refuses a move that by itself leaves the parameter's range. `key` is that of its size.
 pub(super) fn stays_in_range(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -88,16 +88,16 @@ pub(super) fn stays_in_range(
     Ok(())
 }
 
-/// A move that reaches its full size and stays.
+/// Move that reaches its full size and stays.
 struct Lasting<'a> {
-    /// The order in which they act: step, event, effect, place in the effect.
+    /// Order in which moves act: step, event, effect, index in the effect.
     order: (u64, u32, usize, usize),
     section: &'a Section<'a>,
     one: &'a Move,
 }
 
-/// Refuses moves that lead out of a parameter's range together: those of a known step that reach
-/// their full size and never end.
+/// Refuses moves that together leave a parameter's range: those at a known step that reach their full size and never
+/// end.
 pub(super) fn stay_in_range_together<'a>(
     reader: &mut Reader,
     context: &EventContext<'_>,
@@ -165,7 +165,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_move_acts_by_its_equation() {
+    fn a_move_follows_its_equation() {
         for (operation, value, by, gain, expected) in [
             (Operation::Add, 2.0, 3.0, 1.0, 5.0),
             (Operation::Add, 2.0, 3.0, -0.5, 0.5),

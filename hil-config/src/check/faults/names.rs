@@ -1,4 +1,4 @@
-//! Names of events, and the numbers that `after` finds by them.
+//! Names of events, and the numbers to which `after` resolves them.
 
 use std::collections::HashMap;
 
@@ -9,19 +9,19 @@ use crate::document::Value;
 use crate::problem::{ProblemKind, listed};
 use crate::reader::{Reader, Section};
 
-/// The events that `after` can speak of.
+/// Events that `after` can refer to.
 #[derive(Debug)]
 pub(super) struct Names<'a> {
-    /// In the order in which they were given.
+    /// Names in the order of definition.
     known: Vec<&'a str>,
     by_name: HashMap<&'a str, u32>,
     by_id: HashMap<u32, &'a str>,
-    /// The number of the last event.
+    /// Number of the last event.
     last_id: u32,
 }
 
 impl<'a> Names<'a> {
-    /// Reads the names of all events; one that is none or not new is reported.
+    /// Collects the names of all events; an invalid or duplicate one is reported.
     pub(super) fn collect(
         reader: &mut Reader,
         sections: &[Section<'a>],
@@ -63,7 +63,7 @@ impl<'a> Names<'a> {
         self.by_id.insert(id, name);
     }
 
-    /// The number of the event that a section's `after` speaks of.
+    /// Returns the number of the event that a section's `after` refers to.
     pub(super) fn find(&self, reader: &mut Reader, section: &Section<'_>) -> Result<u32, Reported> {
         let entry = section.table.get("after").ok_or(Reported)?;
         let path = section.path_of("after");

@@ -1,4 +1,4 @@
-//! The course of an effect's size over time.
+//! Course of an effect's size over time.
 
 use std::path::Path;
 
@@ -11,12 +11,12 @@ use crate::problem::{ProblemKind, listed};
 use crate::quantity::Quantity;
 use crate::reader::{Reader, Section};
 
-/// A fault travels whole in the record stream, at the step at which it takes hold, and the stream
-/// keeps room for one of this size.
+/// Maximum number of points of a table. The record stream carries a fault in one piece, at the step at which it takes
+/// effect, and reserves room for this size.
 pub(super) const MOST_POINTS: usize = 10_000;
 
-/// The profile that an effect asks for, else the one that its kind of fault has: `own`, or all at
-/// once. From its begin the effect has at most `left_s`.
+/// Returns the profile given by an effect, or else that of its fault kind, `own`, or else a step. From its beginning
+/// the effect has at most `left_s`.
 pub(super) fn check(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -64,7 +64,7 @@ fn asked_for(
 ) -> Option<Profile> {
     let kinds = PROFILES.iter().map(|kind| (kind.name, kind.keys));
     let (name, section) = &reader.of_kind(section, "profile", kinds)?;
-    // All numbers are read before any is missed, so that every problem is reported.
+    // All numbers are read before a missing one is reported, so that every problem is.
     let mut number = |name| reader.number(section, name);
     let profile = match *name {
         "step" => Profile::Step,

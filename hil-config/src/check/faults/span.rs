@@ -1,4 +1,4 @@
-//! Times and lengths of time of an event, each under a key in seconds or one in steps.
+//! Times and durations of an event, each under a key in seconds or one in steps.
 
 use shared_types::number::exact as number;
 use shared_types::time::{Rate, Step};
@@ -8,24 +8,24 @@ use crate::keys::MAX_STEPS;
 use crate::problem::{ProblemKind, listed};
 use crate::reader::{Reader, Section};
 
-/// Something was wrong and is reported.
+/// Marker of a problem that has been reported.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reported;
 
-/// Result of a key that may be left out.
+/// Result for an optional key.
 pub(super) type Given<T> = Result<Option<T>, Reported>;
 
-/// A key in seconds and one in steps for the same thing.
+/// Two keys for the same quantity, one in seconds and one in steps.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Keys {
-    /// The key in seconds.
+    /// Key in seconds.
     pub in_s: &'static str,
-    /// The key in steps.
+    /// Key in steps.
     pub in_steps: &'static str,
 }
 
 impl Keys {
-    /// The one that is given.
+    /// Returns the key that is present.
     pub(super) fn given(self, reader: &mut Reader, section: &Section<'_>) -> Given<&'static str> {
         let Self { in_s, in_steps } = self;
         let is_given = |key: &str| section.table.get(key).is_some();
@@ -35,7 +35,7 @@ impl Keys {
             (false, true) => Ok(Some(in_steps)),
             (true, true) => {
                 let path = section.path_of(in_steps);
-                let message = format!("`{path}` says again what `{in_s}` says");
+                let message = format!("`{path}` repeats `{in_s}`");
                 reader
                     .report_at(section, in_steps, ProblemKind::Duplicate, message)
                     .expected(format!("one of {}", listed([in_s, in_steps])));
@@ -44,7 +44,7 @@ impl Keys {
         }
     }
 
-    /// A length of time in steps; seconds round up.
+    /// Reads a duration in steps; seconds round up.
     pub(super) fn length(
         self,
         reader: &mut Reader,
@@ -63,7 +63,7 @@ impl Keys {
         Ok(Some(steps_of(rate, length_s)))
     }
 
-    /// A step not after `last` with the time that was asked for.
+    /// Reads a step not after `last`, with the requested time.
     pub(super) fn instant(
         self,
         reader: &mut Reader,
@@ -109,7 +109,7 @@ impl Keys {
     }
 }
 
-/// A time in steps, rounded up; at most [`MAX_STEPS`], which no run reaches.
+/// Converts a time to steps, rounded up; at most [`MAX_STEPS`], which no run reaches.
 pub(super) fn steps_of(rate: Rate, time_s: f64) -> u64 {
     if time_s < rate.seconds(Step(MAX_STEPS)) {
         rate.step_at_or_after(time_s).0
@@ -118,7 +118,7 @@ pub(super) fn steps_of(rate: Rate, time_s: f64) -> u64 {
     }
 }
 
-/// Reports a key that says nothing because the one that it belongs to is not given.
+/// Reports a key without meaning because the key that it belongs to is missing.
 pub(super) fn refuse_alone(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -129,7 +129,7 @@ pub(super) fn refuse_alone(
         return Ok(());
     }
     let path = section.path_of(key);
-    let message = format!("`{path}` belongs to `{owner}`, which is not there");
+    let message = format!("`{path}` belongs to `{owner}`, which is missing");
     reader.report_at(section, key, ProblemKind::Mismatch, message);
     Err(Reported)
 }

@@ -9,11 +9,10 @@ use crate::expression::{Columns, Group};
 use crate::problem::{ProblemKind, listed};
 use crate::reader::{Reader, Section};
 
-/// The target of a fault of the plant that has no selector.
+/// Target of a plant fault without a selector.
 const PLANT: &str = "plant";
 
-/// The numbers that the selector of a fault may have, as text: of those groups of parameters in
-/// which it finds all that it moves.
+/// Lists the valid selector numbers of a fault, as text: those of groups that have all the parameters it moves.
 pub(crate) fn groups<'d>(plant: &'d PlantDescription, fault: &FaultDescription) -> Vec<&'d str> {
     let Some(selector) = &fault.selector else {
         return Vec::new();
@@ -35,7 +34,7 @@ pub(crate) fn groups<'d>(plant: &'d PlantDescription, fault: &FaultDescription) 
     numbers
 }
 
-/// The parameters that a fault moves, their names behind `prefix`; else the first name that is no
+/// Returns the parameters that a fault moves, with `prefix` before their names; on error the first name that is not a
 /// faultable parameter.
 fn moved<'d>(
     plant: &'d PlantDescription,
@@ -52,7 +51,7 @@ fn moved<'d>(
         .collect()
 }
 
-/// The target of an effect of a fault of the plant, and the parameters that are moved.
+/// Returns the target of a plant fault's effect, and the parameters that are moved.
 pub(super) fn of_plant<'d>(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -64,7 +63,7 @@ pub(super) fn of_plant<'d>(
             Ok(parameters) => Some((PLANT.into(), parameters)),
             Err(name) => {
                 let message = format!(
-                    "fault `{}` moves `{name}`, which plant `{}` does not let a fault move",
+                    "fault `{}` moves `{name}`, which is not faultable in plant `{}`",
                     fault.kind, plant.name
                 );
                 let path = section.path.clone();
@@ -99,16 +98,16 @@ pub(super) fn of_plant<'d>(
     Some((target, parameters))
 }
 
-/// The target of an effect.
+/// Target of an effect.
 #[derive(Clone, Debug)]
 pub(super) struct Target {
     /// Name.
     pub name: String,
-    /// Unit; `1` for what is no number.
+    /// Unit; `1` for a target that is not a number.
     pub unit: String,
 }
 
-/// Describes what a kind of fault acts on.
+/// Describes the targets of a fault kind.
 const fn described(acts_on: ActsOn) -> &'static str {
     match acts_on {
         ActsOn::Signals => "a signal: measured.x, reference.x or command.x",
@@ -121,7 +120,7 @@ const fn described(acts_on: ActsOn) -> &'static str {
     }
 }
 
-/// The groups of signals and parameters that a kind acts on.
+/// Lists the groups of signals and parameters that a kind acts on.
 const fn groups_of(acts_on: ActsOn) -> &'static [Group] {
     match acts_on {
         ActsOn::Signals => &[Group::Measured, Group::Reference, Group::Command],
@@ -135,7 +134,7 @@ const fn groups_of(acts_on: ActsOn) -> &'static [Group] {
     }
 }
 
-/// The targets without a unit that a kind acts on.
+/// Lists the targets without a unit that a kind acts on.
 const fn names_of(acts_on: ActsOn) -> &'static [&'static str] {
     match acts_on {
         ActsOn::Signals | ActsOn::Numbers => &[],
@@ -145,10 +144,10 @@ const fn names_of(acts_on: ActsOn) -> &'static [&'static str] {
     }
 }
 
-/// Every target that some kind may have.
+/// All kinds of targets.
 const ANY: [ActsOn; 3] = [ActsOn::Numbers, ActsOn::Links, ActsOn::Sides];
 
-/// The fields that a target of a group may name; `None` if they are not known.
+/// Returns the fields of a group that a target may name; `None` if they are unknown.
 fn fields<'a>(context: &EventContext<'a>, group: Group) -> Option<Vec<&'a Field>> {
     let plant = context.plant?;
     Some(match group {
@@ -163,7 +162,7 @@ fn faultable(plant: &PlantDescription) -> impl Iterator<Item = &Field> {
     plant.parameters.iter().filter(|field| field.faultable)
 }
 
-/// The group and the rest of a name.
+/// Splits a name into its group and the rest.
 fn parts(name: &str) -> Option<(Group, &str)> {
     let (prefix, rest) = name.split_once('.')?;
     let groups = groups_of(ActsOn::Numbers);
@@ -171,7 +170,7 @@ fn parts(name: &str) -> Option<(Group, &str)> {
     Some((*group, rest))
 }
 
-/// The target that an effect of a kind names.
+/// Returns the target named by an effect of a kind.
 pub(super) fn of_kind(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -214,7 +213,7 @@ pub(super) fn of_kind(
         ),
         Group::Reference => (
             ProblemKind::UnknownName,
-            format!("no stimulus gives the reference signal `{last}`"),
+            format!("no stimulus provides the reference signal `{last}`"),
         ),
         _ => (
             ProblemKind::UnknownName,
@@ -237,7 +236,7 @@ pub(super) fn of_kind(
     None
 }
 
-/// Reports a target that is none of this kind, or none at all.
+/// Reports a target that is unknown or not valid for this kind.
 fn refuse(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -264,7 +263,7 @@ fn refuse(
     }
 }
 
-/// The names of all targets that a kind may have, as far as they are known.
+/// Lists all valid targets of a kind, as far as they are known.
 fn possible(context: &EventContext<'_>, acts_on: ActsOn) -> Vec<String> {
     let mut names: Vec<String> = names_of(acts_on).iter().map(|&name| name.into()).collect();
     for group in groups_of(acts_on) {

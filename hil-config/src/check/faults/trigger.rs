@@ -58,7 +58,7 @@ pub(super) fn check(
         [] if matches!(context.origin, Origin::Live { .. }) => Some(Trigger::Now),
         [] => {
             let path = section.path_of(AT.in_s);
-            let message = format!("`{}` does not say when it takes hold", section.path);
+            let message = format!("`{}` has no trigger", section.path);
             reader
                 .report(ProblemKind::MissingKey, path, section.place, message)
                 .expected(format!("one of {}", listed(TRIGGERS)));
@@ -75,7 +75,7 @@ pub(super) fn check(
     }
 }
 
-/// A condition under the keys of its expression and of the time for which it must hold.
+/// Reads a condition from the keys of its expression and of its hold time.
 pub(super) fn condition(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -96,7 +96,7 @@ pub(super) fn condition(
             None => section.place_of(key),
         };
         let message = format!(
-            "`{}` must hold for {records} records in a row, and the run is over before a step follows them",
+            "`{}` must hold for {records} consecutive records, and the run is over before a step follows them",
             section.path_of(key)
         );
         reader
@@ -118,8 +118,8 @@ pub(super) fn condition(
     }))
 }
 
-/// The first step at which each event could take hold; events that wait for each other and so never
-/// would, and those whose first step lies behind the last one, are reported.
+/// Returns the first step at which each event could take effect; reports events that wait for each other and so never
+/// would, and those whose first step is beyond the last one.
 pub(super) fn earliest(
     reader: &mut Reader,
     sections: &[Section<'_>],
@@ -162,7 +162,7 @@ fn in_time(
     let key = DELAY.given(reader, section)?.unwrap_or("after");
     let path = section.path_of(key);
     let message = format!(
-        "`{path}`: at {} s, the first time that this could be, the run is over",
+        "`{path}`: at {} s, the earliest possible time, the run is over",
         number(grid.rate.seconds(Step(step)))
     );
     reader
@@ -175,21 +175,21 @@ fn in_time(
     Err(Reported)
 }
 
-/// Earliest time at which an event can take hold.
+/// Earliest time at which an event can take effect.
 #[derive(Clone, Debug, PartialEq)]
 enum Begin {
-    /// At this step at the earliest.
+    /// This step at the earliest.
     From(u64),
-    /// The first of events that wait for each other, and these by place from it on.
+    /// First of events that wait for each other, with their indices from there on.
     Circular(Vec<usize>),
-    /// Never, or one that it follows is not right itself.
+    /// Never, or an event whose predecessor is itself faulty.
     Unknown,
 }
 
-/// Finds when each event can take hold at the earliest, looking at each once however long the chains are.
+/// Determines the earliest time of each event, visiting each once however long the chains are.
 fn begins(triggers: &[Option<Trigger>], first_id: u32) -> Vec<Begin> {
     let mut begins: Vec<Option<Begin>> = vec![None; triggers.len()];
-    // Places in the chain that is followed; what was followed before has begun.
+    // Indices on the current chain; earlier chains are finished.
     let mut followed: Vec<Option<usize>> = vec![None; triggers.len()];
     for first in 0..triggers.len() {
         let mut chain: Vec<(usize, u64)> = Vec::new();

@@ -1,12 +1,12 @@
-//! The unit that two values have together, and the refusal of two that do not go together.
+//! Common unit of two values, and the refusal of incompatible ones.
 
 use shared_types::units;
 
 use super::{Mixed, Source, Unit};
 use crate::expression::quantity::Quantity;
 
-/// Refuses a number with a unit beside a value that a factor may have converted to another one: it counts in SI
-/// units, and would be off by that factor.
+/// Refuses a number with a unit beside a value that a factor may have converted: the number counts in SI units, and
+/// would be off by that factor.
 pub(super) fn refuse_converted(a: &Unit<'_>, b: &Unit<'_>) -> Result<(), Mixed> {
     let (quantity, source, has_unit, is_first) = match (a, b) {
         (
@@ -78,19 +78,19 @@ pub(super) fn refuse_converted(a: &Unit<'_>, b: &Unit<'_>) -> Result<(), Mixed> 
     })
 }
 
-/// Unit that two values have together.
+/// Common unit of two values.
 pub(super) enum Agreement {
-    /// That of the first.
+    /// Unit of the first.
     First,
-    /// That of the second.
+    /// Unit of the second.
     Second,
-    /// None that is known.
+    /// No known unit.
     None,
 }
 
-/// The unit that two known units have together. Signals agree by the text of their units; a number with a unit
-/// agrees with everything of its dimension that counts in the coherent unit. Where a number scales a signal, the
-/// dimension alone counts.
+/// Returns the common unit of two values with known units. Signals agree if their units have the same text; a number
+/// with a unit agrees with every value of its dimension in the coherent unit. If a number scales a signal, only the
+/// dimension counts.
 pub(super) fn agreement(
     (symbol, first): (&str, Source<'_>),
     (others, second): (&str, Source<'_>),
@@ -104,12 +104,12 @@ pub(super) fn agreement(
         _ if symbol == others => Ok(()),
         (Source::Integral, _) | (_, Source::Integral) => return Ok(Agreement::None),
         (Source::Signal(_), Source::Signal(name)) => Err(format!(
-            "if it is meant, write a factor, as in `1 * {}`",
+            "if this is intended, write a factor, as in `1 * {}`",
             name.path
         )),
     };
     match (fits, first, second) {
-        // A signal names its unit as its own description does.
+        // A signal keeps the unit of its own description.
         (Ok(()), Source::Quantity(_) | Source::Integral, Source::Signal(_)) => {
             Ok(Agreement::Second)
         }
@@ -143,7 +143,7 @@ pub(super) fn may_convert(symbol: &str, others: &str) -> bool {
     }
 }
 
-/// Checks that a number with a unit can stand beside a value in another unit; the error says what to write.
+/// Checks that a number with a unit is compatible with a value in another unit; the error is advice for the user.
 fn fitting(quantity: &Quantity, symbol: &str, other: &Source<'_>) -> Result<(), String> {
     if let Source::Quantity(other) = other {
         return match quantity.unit.conversion_to(&other.unit) {

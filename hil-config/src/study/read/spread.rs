@@ -1,4 +1,4 @@
-//! Spreads of the values that vary: distributions, lists, grids and expressions.
+//! Spreads of the varied values: distributions, lists, grids and expressions.
 
 use super::super::{Item, Spread};
 use crate::document::Value;
@@ -7,7 +7,7 @@ use crate::problem::{ProblemKind, listed};
 use crate::reader::{Reader, Section};
 use crate::source::Place;
 
-/// Largest whole number up to which a 64-bit float tells each from the next.
+/// Largest whole number up to which a 64-bit float distinguishes consecutive ones.
 const MOST_WHOLE: f64 = (1_u64 << 53) as f64;
 
 pub(super) fn spread(
@@ -58,7 +58,7 @@ pub(super) fn spread(
     }
 }
 
-/// Refuses bounds and points that are no whole numbers where only such are asked for.
+/// Refuses fractional bounds and points where only whole numbers are valid.
 pub(super) fn whole(
     reader: &mut Reader,
     own: &Section<'_>,
@@ -80,10 +80,10 @@ pub(super) fn whole(
             for (key, bound) in [("min", min), ("max", max)] {
                 if bound.is_finite() && !is_one(bound) {
                     let path = own.path_of(key);
-                    let message = format!("`{path}` is {bound}, and only whole numbers are wanted");
+                    let message = format!("`{path}` is {bound}, but only whole numbers are valid");
                     reader
                         .report_at(own, key, ProblemKind::OutOfRange, message)
-                        .expected("a whole number that a 64-bit float tells from the next");
+                        .expected("a whole number that a 64-bit float represents exactly");
                     return None;
                 }
             }
@@ -95,11 +95,11 @@ pub(super) fn whole(
                 let Item::Number(value, text) = &point else {
                     return None;
                 };
-                // Equal ratios miss a whole number by some last bits.
+                // Equal ratios may miss a whole number in the last bits.
                 let nearest = libm::round(*value);
                 if (value - nearest).abs() > 1e-12 * nearest.abs() || !is_one(nearest) {
                     let message =
-                        format!("a point of the grid is {text}, and only whole numbers are wanted");
+                        format!("a point of the grid is {text}, but only whole numbers are valid");
                     reader
                         .report_at(own, "points", ProblemKind::OutOfRange, message)
                         .help("choose points with whole distances, or write a list");
@@ -120,7 +120,7 @@ fn rising(reader: &mut Reader, own: &Section<'_>) -> Option<[f64; 2]> {
     ordered(reader, own, range)
 }
 
-/// Returns the range that a distribution is truncated to, if it is.
+/// Returns the truncation range of a distribution, if any.
 fn bounds(reader: &mut Reader, own: &Section<'_>) -> Option<[f64; 2]> {
     let mut range = [f64::NEG_INFINITY, f64::INFINITY];
     for (key, bound) in ["min", "max"].into_iter().zip(&mut range) {
@@ -179,7 +179,7 @@ fn values(reader: &mut Reader, own: &Section<'_>) -> Option<Vec<Item>> {
             return None;
         }
         if items.contains(&item) {
-            let message = format!("`{path}` is there already");
+            let message = format!("`{path}` is a duplicate");
             reader.report(ProblemKind::Duplicate, path, &node.place, message);
             return None;
         }

@@ -1,11 +1,11 @@
-//! The definitions of formulas, applied by recursion over whole traces.
+//! Definitions of formulas, applied by recursion over whole traces.
 //!
-//! Knows nothing of delays, windows that slide or shared parts. Takes a formula as the tables of
-//! `docs/requirements.md` define it, at any step.
+//! Has no delays, sliding windows or shared parts. Evaluates a formula as defined by the tables of
+//! `docs/requirements.md`, at any step.
 
 use std::fmt::Write as _;
 
-/// Numbers at random, always the same ones (SplitMix64, Steele, Lea and Flood 2014).
+/// Reproducible random numbers (SplitMix64, Steele, Lea and Flood 2014).
 pub(super) struct Draws(pub(super) u64);
 
 impl Draws {
@@ -27,7 +27,7 @@ const COMMAND: usize = 2;
 
 #[derive(Clone, Debug)]
 pub(super) enum Tree {
-    /// A signal and a number.
+    /// Comparison of a signal and a number.
     Compare(usize, &'static str, f64),
     Not(Box<Tree>),
     Two(&'static str, Box<Tree>, Box<Tree>),
@@ -43,7 +43,7 @@ pub(super) fn is_below(a: Judged, b: Judged) -> bool {
     a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)).is_lt()
 }
 
-/// The least, or the greatest.
+/// Returns the minimum or the maximum.
 pub(super) fn pick(least: bool, all: impl IntoIterator<Item = Judged>) -> Judged {
     let none = if least {
         (f64::INFINITY, u64::MAX)
@@ -110,7 +110,7 @@ impl Tree {
         }
     }
 
-    /// Writes the formula as text, everything in parentheses. At 10 Hz a step is 100 ms.
+    /// Formats the formula, everything in parentheses. At 10 Hz a step is 100 ms.
     pub(super) fn text(&self) -> String {
         let window = |bounds: &Option<(u64, u64)>| {
             let mut text = String::new();
@@ -131,7 +131,7 @@ impl Tree {
         }
     }
 
-    /// The last step at which a run with the last step `end` lets it be judged; below 0 if none.
+    /// Returns the last step at which it can be evaluated in a run up to step `end`; below 0 if there is none.
     pub(super) fn until(&self, end: i64) -> i64 {
         let limited = |step: i64| step.min(end);
         match self {
@@ -153,13 +153,13 @@ impl Tree {
             Self::Chain(_, bounds, f, g) => {
                 let inner = f.until(end).min(g.until(end));
                 let reached = inner + bounds.map_or(0, |(first, _)| first as i64);
-                // What holds since then must hold up to the step itself.
+                // The first operand must hold from then up to the step itself.
                 limited(reached).min(f.until(end))
             }
         }
     }
 
-    /// Returns true if a part of the formula looks beyond the end wherever the part is judged.
+    /// Returns `true` if a part of the formula looks beyond the end wherever it is evaluated.
     pub(super) fn is_too_long(&self, end: i64) -> bool {
         let inner = match self {
             Self::Compare(..) => false,
@@ -171,7 +171,7 @@ impl Tree {
         inner || self.until(end) < 0
     }
 
-    /// Steps of the window of a future operator at `k`.
+    /// Returns the steps of the window of a future operator at `k`.
     pub(super) fn ahead(
         &self,
         bounds: &Option<(u64, u64)>,
@@ -189,13 +189,13 @@ impl Tree {
         }
     }
 
-    /// Steps of the window of an operator of the past at `k`.
+    /// Returns the steps of the window of a past operator at `k`.
     pub(super) fn behind(bounds: &Option<(u64, u64)>, k: u64) -> std::ops::Range<u64> {
         let (first, last) = bounds.unwrap_or((0, k));
         k.saturating_sub(last)..(k + 1).saturating_sub(first)
     }
 
-    /// Judges the margin at step `k`, or with `holds` false that of the opposite.
+    /// Computes the margin at step `k`; if `holds` is `false`, that of the negation.
     pub(super) fn judge(&self, k: u64, holds: bool, trace: &Trace) -> Judged {
         let at = |tree: &Self, step: u64| tree.judge(step, holds, trace);
         match self {
@@ -204,7 +204,7 @@ impl Tree {
                 if x.is_nan() {
                     return (f64::NEG_INFINITY, k);
                 }
-                // As Donze and Maler have it, then the sign that a zero needs.
+                // As Donze and Maler define it, with the sign that a zero needs.
                 let (size, is_true) = match *sign {
                     "<" => (value - x, x < *value),
                     "<=" => (value - x, x <= *value),
@@ -254,15 +254,15 @@ impl Tree {
                 let rises = *word == "rise";
                 let now = f.judge(k, rises == holds, trace);
                 let before = k.checked_sub(1).map(|j| f.judge(j, rises != holds, trace));
-                // At step 0 there was no step before, and so no edge.
+                // At step 0 there is no previous step, and so no edge.
                 let none = pick(!holds, []);
                 pick(holds, [now, before.unwrap_or(none)])
             }
         }
     }
 
-    /// Returns true if the formula holds at step `k`, or with `holds` false its opposite, in Boolean
-    /// logic alone.
+    /// Returns `true` if the formula (or, if `holds` is `false`, its negation) holds at step `k`, by Boolean logic
+    /// alone.
     pub(super) fn is_true(&self, k: u64, holds: bool, trace: &Trace) -> bool {
         let at = |tree: &Self, step: u64| tree.is_true(step, holds, trace);
         let quantified = |every: bool, mut steps: Vec<bool>| {
@@ -332,7 +332,7 @@ pub(super) fn random_trace(draws: &mut Draws) -> Trace {
             if smooth && draws.below(3) > 0 {
                 return x;
             }
-            // Few values: that sides are equal, and steps equally bad, must come often.
+            // Few values, so that equal sides, and equal margins at several steps, are frequent.
             draws.of(&[-2.0, -1.0, -0.5, 0.0, 0.25, 1.0, 2.0, 2.0])
         });
         last = row;

@@ -29,10 +29,10 @@ fn a_diverged_plant_ends_at_the_step_with_the_signal_named() {
     assert_eq!(end.kind(), Some(FrameKind::Abort));
     assert_eq!(AbortCode::from_wire(end.directive), AbortCode::Diverged);
     let run_end = engine.end().expect("over");
-    let told = "plant diverged at step 2 (0.2 s): position_m = 2 m is outside -1.5 to 1.5 m";
+    let reason = "plant diverged at step 2 (0.2 s): position_m = 2 m is outside -1.5 to 1.5 m";
     assert_eq!(
         (run_end.outcome, run_end.reason.as_deref()),
-        (Outcome::Diverged, Some(told))
+        (Outcome::Diverged, Some(reason))
     );
     let (records, _) = published(&mut source);
     assert_eq!(
@@ -43,7 +43,7 @@ fn a_diverged_plant_ends_at_the_step_with_the_signal_named() {
 }
 
 #[test]
-fn a_plant_that_leaves_the_numbers_is_stopped_before_it_sends_one() {
+fn a_plant_with_a_nan_output_is_stopped_before_sending_it() {
     let (mut engine, mut controller, mut source) = greeted(job(9));
     let end = run(&mut engine, &mut controller, f64::MAX);
     assert_eq!(AbortCode::from_wire(end.directive), AbortCode::Diverged);
@@ -52,7 +52,7 @@ fn a_plant_that_leaves_the_numbers_is_stopped_before_it_sends_one() {
 }
 
 #[test]
-fn a_command_that_is_no_number_ends_the_run_and_is_named() {
+fn a_nan_command_ends_the_run_and_is_named() {
     for force_n in [f64::NAN, f64::INFINITY] {
         let (mut engine, mut controller, mut source) = greeted(job(9));
         let end = run(&mut engine, &mut controller, force_n);
@@ -64,7 +64,7 @@ fn a_command_that_is_no_number_ends_the_run_and_is_named() {
 }
 
 #[test]
-fn a_stop_tells_the_controller_and_keeps_what_was_recorded() {
+fn a_stop_informs_the_controller_and_keeps_the_records() {
     let (mut engine, mut controller, mut source) = greeted(job(9));
     let mut sample = [0.0; 3];
     for step in 0..2 {
@@ -90,7 +90,7 @@ fn a_stop_tells_the_controller_and_keeps_what_was_recorded() {
 }
 
 #[test]
-fn a_controller_that_does_not_fit_is_refused_with_the_reason() {
+fn an_incompatible_controller_is_refused_with_the_reason() {
     let (link, mut controller) = pair();
     let (sink, _source) = shared_types::stream::in_process::pair();
     let mut engine = Engine::new(&kind(), &kinds::all(), job(3), link, sink).expect("starts");
@@ -116,7 +116,7 @@ fn a_controller_that_does_not_fit_is_refused_with_the_reason() {
     assert_eq!(engine.end().map(|end| end.outcome), Some(Outcome::Failed));
 }
 
-/// A link whose other end confirms and ends just after the plant looked and found nothing.
+/// Link whose other end confirms and ends just after the plant polled in vain.
 struct LastWord {
     inner: InProcessLink,
     controller: Rc<RefCell<InProcessLink>>,
@@ -138,7 +138,7 @@ impl Link for LastWord {
 }
 
 #[test]
-fn what_a_controller_confirmed_before_it_ended_counts() {
+fn a_confirmation_sent_just_before_the_controllers_end_counts() {
     let (inner, controller) = pair();
     let controller = Rc::new(RefCell::new(controller));
     let supervision = Supervision::new();

@@ -1,4 +1,4 @@
-//! Plants that fail with a reason of their own, in each of their calls.
+//! Plants that fail with a reason, in each of their calls.
 
 use shared_types::failure::Failure;
 
@@ -59,7 +59,7 @@ fn fails(call: &'static str, failure: &Failure) -> PlantKind {
     PlantKind::from_tables(kind().description, start).expect("sound tables")
 }
 
-/// Runs a plant that fails; gives the code for the controller, the end and the number of records.
+/// Runs a failing plant; returns the code for the controller, the end and the number of records.
 fn end_of(kind: &PlantKind, steps: u64) -> (AbortCode, RunEnd, usize) {
     let (mut engine, mut controller, mut source) = greeted_by(kind, job(steps));
     let end = run(&mut engine, &mut controller, 1.0);
@@ -74,8 +74,8 @@ fn a_failure_in_any_call_ends_the_run_at_its_step_with_its_reason() {
     for (call, records) in [("retune", 2), ("measure", 2), ("truth", 2), ("advance", 3)] {
         let kind = fails(call, &Failure::diverged("the rod\nbroke"));
         let (code, end, came) = end_of(&kind, 9);
-        let told = "plant diverged at step 2 (0.2 s): the rod broke";
-        assert_eq!(end.reason.as_deref(), Some(told), "{call}");
+        let reason = "plant diverged at step 2 (0.2 s): the rod broke";
+        assert_eq!(end.reason.as_deref(), Some(reason), "{call}");
         let found = (code, end.outcome, end.steps, came);
         assert_eq!(
             found,
@@ -85,8 +85,8 @@ fn a_failure_in_any_call_ends_the_run_at_its_step_with_its_reason() {
 
         let kind = fails(call, &Failure::lost("the library is gone"));
         let (code, end, came) = end_of(&kind, 9);
-        let told = "plant failed at step 2 (0.2 s): the library is gone";
-        assert_eq!(end.reason.as_deref(), Some(told), "{call}");
+        let reason = "plant failed at step 2 (0.2 s): the library is gone";
+        assert_eq!(end.reason.as_deref(), Some(reason), "{call}");
         let found = (code, end.outcome, end.steps, came);
         assert_eq!(
             found,

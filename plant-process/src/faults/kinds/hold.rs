@@ -1,4 +1,4 @@
-//! Faults that show the past, or nothing: a number stands still, comes late or does not come.
+//! Faults that show the past, or nothing: a number is frozen, delayed or missing.
 
 use shared_types::describe::{ActsOn, Invalid};
 use shared_types::state::StateOf;
@@ -7,7 +7,7 @@ use shared_types::table::Empty;
 use super::{LARGEST, towards, whole};
 use crate::faults::kind::{FaultKind, Moment, Reading, Setup};
 
-/// Stands still.
+/// Frozen value.
 pub struct Stuck(Option<f64>);
 
 impl FaultKind for Stuck {
@@ -47,7 +47,7 @@ shared_types::table! {
     }
 }
 
-/// Stands still at a value.
+/// Value frozen at a given level.
 pub struct StuckAt(StuckAtParameters);
 
 impl FaultKind for StuckAt {
@@ -81,10 +81,10 @@ shared_types::table! {
     }
 }
 
-/// Shows the value of steps ago.
+/// Delayed value.
 pub struct Delay {
     steps: u64,
-    /// The last readings, by steps since the fault took hold.
+    /// Last readings, by steps since the beginning of the fault.
     past: Vec<Reading>,
 }
 
@@ -102,7 +102,7 @@ impl FaultKind for Delay {
                 if past.len() != fault.past.len() {
                     let (saved, now) = (past.len().saturating_sub(1), fault.steps);
                     return Err(Invalid(format!(
-                        "the delay has acted with {saved} steps and cannot go on with {now}"
+                        "the delay was saved with {saved} steps and cannot resume with {now}"
                     )));
                 }
                 fault.past = past;
@@ -134,7 +134,7 @@ impl FaultKind for Delay {
     }
 }
 
-/// Nothing comes.
+/// Missing value.
 pub struct Dropout;
 
 impl FaultKind for Dropout {
@@ -153,7 +153,7 @@ impl FaultKind for Dropout {
     }
 
     fn number(&mut self, at: &Moment, x: Reading) -> Reading {
-        // The layer puts the last valid value in the place of an invalid one.
+        // The layer replaces an invalid value by the last valid one.
         Reading {
             valid: x.valid && at.gain == 0.0,
             ..x

@@ -1,6 +1,6 @@
-//! Faults of the link: what becomes of a message on its way.
+//! Faults of the link, applied to messages in transit.
 //!
-//! The profile scales probabilities and lengths: at g = 0 every message arrives in time and whole.
+//! The profile scales probabilities and lengths: at g = 0 every message arrives punctual and intact.
 
 use shared_types::describe::{ActsOn, Invalid, ListDescription};
 use shared_types::random::RandomStream;
@@ -9,19 +9,19 @@ use shared_types::state::StateOf;
 use super::whole;
 use crate::faults::kind::{FaultKind, Moment, Passage, Setup};
 
-/// Adds a delay to every copy; what would come too late never comes.
+/// Delays every copy; beyond the maximum it never arrives.
 fn delayed(passage: &mut Passage, steps: u32) {
     for copy in &mut passage.copies {
         *copy = copy.map(|late| late.saturating_add(steps));
     }
 }
 
-/// A length scaled by the profile, in whole steps, halves away from 0.
+/// Scales a length by the profile, in whole steps, halves away from 0.
 fn scaled(steps: u32, gain: f64) -> u32 {
     libm::round(f64::from(steps) * gain) as u32 // below 0 saturates to 0
 }
 
-/// Random events of a probability.
+/// Random event of a given probability.
 struct Chance {
     probability: f64,
     random: Option<RandomStream>,
@@ -35,7 +35,7 @@ impl Chance {
         }
     }
 
-    /// Draws if the event happens now. Draws each time, so that the profile does not shift the numbers.
+    /// Draws the event. Draws at every call, so that the profile does not shift the sequence.
     fn happens(&mut self, gain: f64) -> bool {
         let drawn = self.random.as_mut().map_or(1.0, RandomStream::uniform);
         drawn < self.probability * gain
@@ -50,10 +50,10 @@ shared_types::table! {
     }
 }
 
-/// Messages are lost.
+/// Lost messages.
 pub struct Loss {
     chance: Chance,
-    /// Loss of each message, again and again; empty: by chance.
+    /// Repeating pattern of losses; empty for random ones.
     pattern: Vec<bool>,
 }
 
@@ -84,7 +84,7 @@ impl FaultKind for Loss {
     fn start(setup: &Setup<'_, LossParameters>) -> Result<Self, Invalid> {
         if setup.parameters.probability < 1.0 && !setup.list.is_empty() {
             return Err(Invalid(
-                "`pattern` takes the place of `probability`; give one of them".into(),
+                "`pattern` replaces `probability`; give one of them".into(),
             ));
         }
         let lost = |value: &f64| match *value {
@@ -125,7 +125,7 @@ shared_types::table! {
     }
 }
 
-/// Messages come late.
+/// Delayed messages.
 pub struct Delay(u32);
 
 impl FaultKind for Delay {
@@ -156,7 +156,7 @@ shared_types::table! {
     }
 }
 
-/// Messages come late, each by its own time.
+/// Randomly delayed messages.
 pub struct Jitter {
     steps: u32,
     random: Option<RandomStream>,
@@ -204,7 +204,7 @@ shared_types::table! {
     }
 }
 
-/// Messages come twice.
+/// Duplicated messages.
 pub struct Duplication {
     chance: Chance,
     lag_steps: u32,
@@ -258,10 +258,10 @@ shared_types::table! {
     }
 }
 
-/// Messages change places.
+/// Swapped messages.
 pub struct Reordering {
     chance: Chance,
-    /// The last message changed places, so this one came before it.
+    /// `true` if the last message was swapped, so that this one arrived before it.
     swapped: bool,
 }
 
@@ -312,7 +312,7 @@ shared_types::table! {
     }
 }
 
-/// Bits of messages are inverted.
+/// Inverted bits in messages.
 pub struct Corruption {
     chance: Chance,
     bits: usize,
@@ -354,8 +354,8 @@ impl FaultKind for Corruption {
         };
         let begin = passage.flipped;
         let count = self.bits.min(Passage::MOST_FLIPS - begin);
-        // Each choice equally likely, by Floyd (Bentley and Floyd 1987, Commun. ACM 30 (9)): where
-        // the number drawn below or at the last is taken already, the last itself is not.
+        // Each choice equally likely, by Floyd (Bentley and Floyd 1987, Commun. ACM 30 (9)): if the number drawn up to
+        // the last is taken already, the last itself is not.
         for last in passage.bits - count as u64..passage.bits {
             let drawn = (random.uniform() * (last + 1) as f64) as u64;
             let taken = &passage.flips[begin..passage.flipped];

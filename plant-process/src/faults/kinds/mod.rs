@@ -1,14 +1,14 @@
-//! The built-in kinds of faults, one file for what they have in common.
+//! The built-in fault kinds, grouped into files.
 //!
 //! 1. [`offset`] adds to a number: bias, scale, drift, noise, spike;
 //! 2. [`oscillation`]: oscillatory failures, additive and replacing;
 //! 3. [`hold`] shows the past: stuck, stuck-at, delay, dropout;
-//! 4. [`shape`] bends a number: quantisation, saturation;
+//! 4. [`shape`] distorts a number: quantisation, saturation;
 //! 5. [`link`] acts on messages: loss, delay, jitter, duplication, reordering, corruption;
 //! 6. [`timing`] acts on time: late, skip.
 //!
-//! The fault builder starts them by name, the layer calls them; they know neither. `docs/faults.md` is
-//! their reference for users.
+//! The fault builder starts them by name, and the layer calls them; they depend on neither. `docs/faults.md` is their
+//! reference for users.
 
 pub mod hold;
 pub mod link;
@@ -22,7 +22,7 @@ use shared_types::number::exact;
 
 use super::kind::FaultKindEntry;
 
-/// Every built-in kind.
+/// Returns every built-in kind.
 #[must_use]
 pub fn all() -> Vec<FaultKindEntry> {
     vec![
@@ -50,17 +50,16 @@ pub fn all() -> Vec<FaultKindEntry> {
     ]
 }
 
-/// Largest size of a fault on a number, in the unit of its target: above every physical quantity,
-/// and so far below the largest double that products with a profile stay finite.
+/// Largest size of a fault on a number, in the unit of its target: above every physical quantity, and far enough below
+/// the largest double that products with a profile stay finite.
 const LARGEST: f64 = 1e30;
 
-/// A value on its way to another one: `x + (v - x) g`, and exactly `v` at g = 1, where rounding
-/// would let `x` shine through.
+/// Moves a value towards another: `x + (v - x) g`, and exactly `v` at g = 1, where rounding would leave a trace of `x`.
 fn towards(x: f64, v: f64, gain: f64) -> f64 {
     if gain == 1.0 { v } else { x + (v - x) * gain }
 }
 
-/// A whole number that a parameter must be.
+/// Converts a parameter that must be a whole number.
 fn whole(name: &str, value: f64) -> Result<u32, Invalid> {
     let whole = value as u32; // saturates; the ranges of the tables are far smaller
     if f64::from(whole) == value {

@@ -7,7 +7,7 @@ use shared_types::state::StateOf;
 use super::LARGEST;
 use crate::faults::kind::{FaultKind, Moment, Reading, Setup};
 
-/// Gives a reading another value.
+/// Replaces the value of a reading.
 fn with(reading: Reading, value: f64) -> Reading {
     Reading { value, ..reading }
 }

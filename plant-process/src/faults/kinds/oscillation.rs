@@ -9,10 +9,10 @@ use shared_types::state::StateOf;
 use super::{LARGEST, towards};
 use crate::faults::kind::{FaultKind, Moment, Reading, Setup};
 
-/// `sin(2 pi f t + p)`.
+/// Computes `sin(2 pi f t + p)`.
 ///
-/// Whole turns are taken off before the multiplication by 2 pi, which would otherwise round the
-/// angle of a long run more and more coarsely.
+/// Whole turns are removed before the multiplication by 2 pi, which would otherwise round the angle of a long run more
+/// and more coarsely.
 fn sine(frequency_hz: f64, phase_rad: f64, since_s: f64) -> f64 {
     let turns = frequency_hz * since_s;
     libm::sin(TAU * (turns - turns.floor()) + phase_rad)
@@ -30,7 +30,7 @@ shared_types::table! {
     }
 }
 
-/// A sine on the signal.
+/// Sine added to the signal.
 pub struct Additive(AdditiveParameters);
 
 impl FaultKind for Additive {
@@ -73,7 +73,7 @@ shared_types::table! {
     }
 }
 
-/// A sine in place of the signal.
+/// Sine in place of the signal.
 pub struct Replacing(ReplacingParameters);
 
 impl FaultKind for Replacing {

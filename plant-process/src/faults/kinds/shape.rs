@@ -1,4 +1,4 @@
-//! Faults that bend a number: coarse converters and hard limits.
+//! Faults that distort a number: coarse converters and hard limits.
 
 use shared_types::describe::{ActsOn, Invalid};
 use shared_types::number::exact;

@@ -1,5 +1,4 @@
-//! Every kind against its closed form or a sequence worked out by hand: here what all have in
-//! common.
+//! Every kind against its closed form or a sequence worked out by hand: tests common to all kinds.
 
 mod messages;
 mod numbers;
@@ -17,13 +16,13 @@ use crate::faults::kind::{AnySetup, Fault, Moment, Passage, Reading};
 
 type Parameters<'a> = &'a [(&'a str, f64)];
 
-/// Steps per second in these tests: times in steps are exact in binary.
+/// Steps per second in these tests, such that times of steps are exact in binary.
 const RATE_HZ: f64 = 8.0;
 /// Bits of a frame with one signal.
 const BITS: u64 = 64 * words(1) as u64;
 
 fn rate(hz: f64) -> Rate {
-    Rate::new(hz).expect("a legal rate")
+    Rate::new(hz).expect("a valid rate")
 }
 
 fn entry(kind: &str) -> FaultKindEntry {
@@ -33,7 +32,7 @@ fn entry(kind: &str) -> FaultKindEntry {
     found.unwrap_or_else(|| panic!("no kind `{kind}`"))
 }
 
-/// A fault as the fault builder starts it: what may be left out has its default.
+/// Starts a fault like the fault builder: omitted parameters have their defaults.
 fn try_start(kind: &str, given: Parameters<'_>, list: &[f64]) -> Result<Box<dyn Fault>, Invalid> {
     let entry = entry(kind);
     let mut parameters = Settings::default();
@@ -49,7 +48,7 @@ fn try_start(kind: &str, given: Parameters<'_>, list: &[f64]) -> Result<Box<dyn 
     })
 }
 
-/// The same, taking hold with a seed.
+/// Does the same, and begins with a seed.
 fn seeded(kind: &str, given: Parameters<'_>, list: &[f64], seed: u64) -> Box<dyn Fault> {
     let fault = try_start(kind, given, list);
     let mut fault = fault.unwrap_or_else(|e| panic!("{kind}: {e}"));
@@ -61,7 +60,7 @@ fn start(kind: &str, given: Parameters<'_>, list: &[f64]) -> Box<dyn Fault> {
     seeded(kind, given, list, 1)
 }
 
-/// A step after the fault took hold at step 100.
+/// Returns a moment after the fault began at step 100.
 fn moment_at(since_steps: u64, gain: f64, hz: f64) -> Moment {
     Moment {
         step: 100 + since_steps,
@@ -79,7 +78,7 @@ fn valid(value: f64) -> Reading {
     Reading { value, valid: true }
 }
 
-/// The messages that a fault made of healthy ones, one for each profile value.
+/// Returns the passages that a fault makes of healthy messages, one for each profile value.
 fn passages(fault: &mut dyn Fault, gains: &[f64]) -> Vec<Passage> {
     (0..)
         .zip(gains)
@@ -102,7 +101,7 @@ fn directives(fault: &mut dyn Fault, gains: &[f64]) -> Vec<Directive> {
         .collect()
 }
 
-/// Asserts that something happened about as often as it should: within five standard deviations.
+/// Asserts that something happened about as often as expected: within five standard deviations.
 fn assert_frequency(what: &str, happened: usize, count: usize, probability: f64) {
     let n = count as f64;
     let sigma = (n * probability * (1.0 - probability)).sqrt();
@@ -110,7 +109,7 @@ fn assert_frequency(what: &str, happened: usize, count: usize, probability: f64)
     assert!(error.abs() < 5.0 * sigma, "{what}: {happened} of {count}");
 }
 
-/// Parameters that mean something for every kind.
+/// Returns meaningful parameters for any kind.
 fn sample(description: &FaultKindDescription) -> Vec<(String, f64)> {
     let value = |name: &str| match name {
         "min" => -1.0,
@@ -172,7 +171,7 @@ fn random_kinds_repeat_with_their_seed_and_differ_with_another() {
 }
 
 #[test]
-fn what_does_not_go_together_is_refused_with_the_reason() {
+fn inconsistent_parameters_are_refused_with_the_reason() {
     type Case<'a> = (&'a str, Parameters<'a>, &'a [f64], &'a str);
     let cases: &[Case<'_>] = &[
         ("delay", &[("steps", 1.5)], &[], "`steps` is 1.5"),
@@ -210,7 +209,7 @@ fn what_does_not_go_together_is_refused_with_the_reason() {
             &[],
             "never end",
         ),
-        // Shorter in time, the same in steps.
+        // Shorter in time, equal in steps.
         (
             "spike",
             &[("amplitude", 1.0), ("period_s", 0.25), ("width_s", 0.2)],
@@ -226,7 +225,7 @@ fn what_does_not_go_together_is_refused_with_the_reason() {
         ("message-loss", &[], &[1.0, 0.5], "has 0.5"),
         ("message-loss", &[("probability", 0.5)], &[1.0], "give one"),
         ("late", &[], &[], "needs"),
-        ("late", &[("busy_us", 1.0)], &[1.0, 1.0], "takes the place"),
+        ("late", &[("busy_us", 1.0)], &[1.0, 1.0], "replaces"),
         ("late", &[], &[1.0, -1.0], "weight -1"),
         ("late", &[], &[-1.0, 1.0], "-1 us"),
         ("late", &[], &[1.0, f64::NAN], "weight nan"),

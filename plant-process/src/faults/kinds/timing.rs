@@ -1,4 +1,4 @@
-//! Faults of timing: a side that takes its time, and a controller that misses steps.
+//! Faults of timing: a slow side, and a controller that misses steps.
 
 use shared_types::describe::{ActsOn, Invalid, ListDescription};
 use shared_types::directive::Directive;
@@ -19,10 +19,10 @@ shared_types::table! {
     }
 }
 
-/// A side is busy before it sends.
+/// Busy time of a side before it sends.
 pub struct Late {
     parameters: LateParameters,
-    /// Lengths in us and the sums of their weights up to each, the last one 1.
+    /// Times in us with cumulative weights, the last one 1.
     histogram: Vec<(f64, f64)>,
     random: Option<RandomStream>,
 }
@@ -60,7 +60,7 @@ impl FaultKind for Late {
         }
         if busy_us + spread_us > 0.0 && !setup.list.is_empty() {
             return Err(Invalid(
-                "`histogram` takes the place of `busy_us` and `spread_us`".into(),
+                "`histogram` replaces `busy_us` and `spread_us`".into(),
             ));
         }
         let mut histogram = Vec::new();
@@ -123,7 +123,7 @@ shared_types::table! {
     }
 }
 
-/// A controller misses steps.
+/// Steps missed by the controller.
 pub struct Skip {
     steps: u32,
     burst: u64,
@@ -166,7 +166,7 @@ impl FaultKind for Skip {
         } else {
             at.since_steps % self.period_steps
         };
-        // While it is late the runner looks at no sample; the next it looks at is after that.
+        // While it is late the runner ignores samples; the next one it processes is after that.
         let apart = u64::from(self.steps) + 1;
         let strikes = since.is_multiple_of(apart) && since / apart < self.burst;
         if strikes && at.gain != 0.0 {

@@ -1,4 +1,4 @@
-//! Kinds of faults as plain as can be.
+//! The simplest possible fault kinds.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -9,7 +9,7 @@ use shared_types::table::Empty;
 
 use crate::faults::kind::{FaultKind, FaultKindEntry, Moment, Passage, Reading, Setup};
 
-/// All of them.
+/// Lists all of them.
 pub(super) fn all() -> Vec<FaultKindEntry> {
     vec![
         FaultKindEntry::of::<Plus>(),
@@ -215,7 +215,7 @@ kind!(
     &mut Directive
 );
 
-/// The reading of the step before, its validity included.
+/// Shows the previous step's reading, including its validity.
 struct Before(Option<Reading>);
 
 impl FaultKind for Before {
@@ -234,10 +234,10 @@ impl FaultKind for Before {
     }
 }
 
-/// Faults of the kind [`Counted`] that there are.
+/// Number of existing faults of the kind [`Counted`].
 pub(super) static COUNTED: AtomicUsize = AtomicUsize::new(0);
 
-/// Changes nothing, and is counted while it is there; for one test only.
+/// Changes nothing, and is counted while it exists; for one test only.
 struct Counted;
 
 impl FaultKind for Counted {

@@ -38,7 +38,7 @@ fn a_lost_message_leaves_the_receiver_with_the_last_one() {
 }
 
 #[test]
-fn a_lost_first_message_is_nothing_and_invalid() {
+fn a_lost_first_message_leaves_invalid_zeros() {
     let both = [on("link.sample", 0.0), on("link.command", 0.0)];
     let mut rig = Rig::new(&[until(lasting(2), event(1, "lost", at(0), &both))]);
     let passed = rig.run(3);
@@ -72,7 +72,7 @@ fn faults_of_the_link_stack_and_each_has_its_own_size() {
         passed[..6],
         [(0.0, 0), (0.0, 1), (0.0, 2), (1.0, 2), (2.0, 2), (3.0, 2)]
     );
-    // 5 and 6 never come; 7 and 8 do; 9 and 10 do not.
+    // 5 and 6 never arrive; 7 and 8 do; 9 and 10 do not.
     assert_eq!(
         passed[6..],
         [(4.0, 2), (4.0, 3), (4.0, 4), (7.0, 2), (8.0, 2), (8.0, 3)]
@@ -81,7 +81,7 @@ fn faults_of_the_link_stack_and_each_has_its_own_size() {
 }
 
 #[test]
-fn the_age_of_a_command_is_that_of_the_answer_and_of_the_way() {
+fn the_age_of_a_command_sums_the_answers_and_the_transits() {
     let mut rig = Rig::new(&[event(1, "late", at(1), &[on("link.command", 2.0)])]);
     rig.answer.age_steps = 3;
     assert_eq!(rig.each(4, |passed| passed.command_age_steps), [3, 4, 5, 5]);
@@ -89,7 +89,7 @@ fn the_age_of_a_command_is_that_of_the_answer_and_of_the_way() {
 }
 
 #[test]
-fn a_broken_message_is_refused_counted_and_as_good_as_lost() {
+fn a_corrupted_message_is_rejected_counted_and_as_good_as_lost() {
     let mut rig = Rig::new(&[until(
         lasting(2),
         event(1, "broken", at(2), &[on("link.command", 0.0)]),
@@ -100,7 +100,7 @@ fn a_broken_message_is_refused_counted_and_as_good_as_lost() {
     );
     assert_eq!((rig.layer.rejected(), rig.acted(1, 0)), (2, (2, 2.0)));
 
-    // Two faults that invert the same bit: the second mends what the first broke.
+    // Two faults that invert the same bit: the second undoes the first.
     let link = "link.sample";
     let mut rig = Rig::new(&[event(1, "broken", at(1), &[on(link, 0.0), on(link, 0.0)])]);
     let passed = rig.each(3, |passed| (passed.sample[0], passed.sample_age_steps));
@@ -110,18 +110,18 @@ fn a_broken_message_is_refused_counted_and_as_good_as_lost() {
 }
 
 #[test]
-fn what_is_late_when_a_fault_ends_does_not_replace_what_is_newer() {
+fn a_message_still_late_after_a_fault_does_not_replace_newer_ones() {
     let link = "link.sample";
     let late = |step, steps| until(lasting(steps), event(1, "late", at(step), &[on(link, 3.0)]));
     let lost = |step| event(2, "lost", at(step), &[on_and_off(1, on(link, 0.0))]);
 
-    // Even messages get lost. Message 1 comes at 4, when the receiver has nothing newer; the fault
-    // has ended then, and message 3, which would come at 6, is older than 5.
+    // Even messages get lost. Message 1 arrives at 4, when the receiver has nothing newer; the fault has ended then,
+    // and message 3, which would arrive at 6, is older than 5.
     let mut rig = Rig::new(&[late(1, 3), lost(0)]);
     let values = rig.each(9, |passed| passed.sample[0]);
     assert_eq!(values, [0.0, 0.0, 0.0, 0.0, 1.0, 5.0, 5.0, 7.0, 7.0]);
 
-    // Odd messages get lost. Message 2 would come at 5, when 4 is there: the loss of 5 costs a step.
+    // Odd messages get lost. Message 2 would arrive at 5, after 4 did: the loss of 5 costs a step.
     let mut rig = Rig::new(&[late(0, 4), lost(1)]);
     let ages = rig.each(9, |passed| passed.sample_age_steps);
     assert_eq!(ages, [1, 2, 3, 3, 0, 1, 0, 1, 0]);
@@ -129,7 +129,7 @@ fn what_is_late_when_a_fault_ends_does_not_replace_what_is_newer() {
 }
 
 #[test]
-fn signals_are_struck_before_the_sample_is_sent_and_after_the_command_has_come() {
+fn signal_faults_act_before_sending_a_sample_and_after_receiving_a_command() {
     let late = event(
         1,
         "late",
@@ -146,7 +146,7 @@ fn signals_are_struck_before_the_sample_is_sent_and_after_the_command_has_come()
 }
 
 #[test]
-fn a_dead_sensor_behind_a_late_link_keeps_what_was_sent() {
+fn a_dead_sensor_behind_a_late_link_keeps_the_last_sent_value() {
     let mut rig = Rig::new(&[
         event(1, "late", at(1), &[on("link.sample", 2.0)]),
         event(2, "gone", at(4), &[on("measured.a_m", 0.0)]),

@@ -1,4 +1,4 @@
-//! Faults that are taken and cleared while the run goes on.
+//! Faults that are admitted and cleared during the run.
 
 use std::sync::atomic::Ordering;
 
@@ -33,9 +33,9 @@ fn plus(id: u32, trigger: Trigger) -> FaultEvent {
 }
 
 #[test]
-fn a_live_fault_takes_hold_at_the_step_that_was_answered() {
+fn a_live_fault_begins_at_the_announced_step() {
     let condition = when("sensed.a_m >= 0", 2);
-    // Taken before step 5. The scenario's fault 1 took hold at 2, its fault 2 will at 9.
+    // Admitted before step 5. The scenario's fault 1 began at 2, its fault 2 will at 9.
     let cases = [
         (Trigger::Now, Some(5), None, 5),
         (at(5), Some(5), None, 5),
@@ -43,7 +43,7 @@ fn a_live_fault_takes_hold_at_the_step_that_was_answered() {
         (
             Trigger::Condition(condition),
             None,
-            Some("`sensed.a_m >= 0` to hold for 2 records in a row"),
+            Some("`sensed.a_m >= 0` to hold for 2 consecutive records"),
             6,
         ),
         (after(1, 4), Some(6), None, 6),
@@ -77,7 +77,7 @@ fn a_live_fault_takes_hold_at_the_step_that_was_answered() {
 }
 
 #[test]
-fn the_past_is_refused_and_nothing_is_taken() {
+fn a_fault_in_the_past_is_refused_and_none_is_admitted() {
     let mut rig = Rig::new(&[]);
     rig.run(7);
     let refused = rig.admit(vec![plus(1, Trigger::Now), plus(2, at(6))]);
@@ -88,7 +88,7 @@ fn the_past_is_refused_and_nothing_is_taken() {
 }
 
 #[test]
-fn the_faults_of_one_request_take_hold_together() {
+fn the_faults_of_one_request_begin_together() {
     let mut rig = Rig::new(&[]);
     rig.run(3);
     let pair = [on(A, 1.0), on("measured.b_m", 2.0)];
@@ -102,7 +102,7 @@ fn the_faults_of_one_request_take_hold_together() {
 }
 
 #[test]
-fn a_live_fault_is_the_scenarios_fault() {
+fn a_live_fault_acts_like_the_same_fault_of_a_scenario() {
     let noisy = |id, trigger| event(id, "dice", trigger, &[on(A, 0.0), skewed(1, on(A, 0.0))]);
     let mut scenario = Rig::new(&[noisy(1, at(4)), noisy(2, at(4))]);
     let mut live = Rig::new(&[]);
@@ -116,7 +116,7 @@ fn a_live_fault_is_the_scenarios_fault() {
 }
 
 #[test]
-fn cleared_faults_are_gone_from_the_next_step_on_and_it_is_told_of_each() {
+fn cleared_faults_end_at_the_next_step_with_an_event_each() {
     for (id, ids, told) in [
         (Some(1), vec![1], vec![(1, 0, 4, 'x')]),
         (Some(2), vec![2], vec![(2, 0, 4, 'x'), (2, 1, 4, 'x')]),
@@ -131,7 +131,7 @@ fn cleared_faults_are_gone_from_the_next_step_on_and_it_is_told_of_each() {
                 (3, 0, 4, 'x'),
             ],
         ),
-        // One that is over, and one that is none.
+        // One that is over, and one that does not exist.
         (Some(4), vec![], vec![]),
         (Some(5), vec![], vec![]),
     ] {
@@ -170,7 +170,7 @@ fn cleared_faults_are_gone_from_the_next_step_on_and_it_is_told_of_each() {
 }
 
 #[test]
-fn what_follows_a_fault_that_was_cleared_in_time_never_takes_hold() {
+fn a_follower_of_a_fault_cleared_before_its_beginning_never_begins() {
     let mut rig = Rig::new(&[plus(1, at(5)), plus(2, after(1, 1))]);
     rig.run(2);
     rig.layer.clear(Some(1), Step(2));
@@ -180,7 +180,7 @@ fn what_follows_a_fault_that_was_cleared_in_time_never_takes_hold() {
     rig.run(8);
     assert_eq!(rig.told, [(1, 0, 2, 'x')]);
 
-    // Once it has taken hold, what follows does so too.
+    // Once it has begun, its follower begins too.
     let mut rig = Rig::new(&[plus(1, at(2)), plus(2, after(1, 3))]);
     rig.run(3);
     rig.layer.clear(Some(1), Step(3));
@@ -189,7 +189,7 @@ fn what_follows_a_fault_that_was_cleared_in_time_never_takes_hold() {
 }
 
 #[test]
-fn the_states_tell_what_each_fault_does_and_waits_for() {
+fn the_states_describe_what_each_fault_does_and_waits_for() {
     let live = FaultEvent {
         source: FaultSource::Cli,
         ..plus(5, at(9))
@@ -235,7 +235,7 @@ fn the_states_tell_what_each_fault_does_and_waits_for() {
 }
 
 #[test]
-fn what_an_ended_fault_needed_is_let_go_of_and_what_is_told_of_it_stays() {
+fn an_ended_fault_releases_its_resources_but_keeps_its_report() {
     const MANY: u32 = 200;
     let mut effect = on("link.sample", 0.0);
     effect.action = FaultAction::Kind {
@@ -245,7 +245,7 @@ fn what_an_ended_fault_needed_is_let_go_of_and_what_is_told_of_it_stays() {
     let mut rig = Rig::new(&[plus(1, at(3)), plus(2, after(MANY + 1, 1))]);
     for id in 3..=MANY {
         let counted = event(id, "counted", Trigger::Now, std::slice::from_ref(&effect));
-        // Each way to end in turn: by itself, cleared while it acts, cleared while it waits.
+        // Each kind of end in turn: by itself, cleared while it acts, cleared while it waits.
         let counted = match id % 3 {
             0 => until(lasting(1), counted),
             1 => counted,
@@ -269,7 +269,7 @@ fn what_an_ended_fault_needed_is_let_go_of_and_what_is_told_of_it_stays() {
     assert_eq!(rig.size(3, 0).step, Some(0));
     assert_eq!(rig.size(3, 0).ended_step, Some(1));
     assert_eq!(rig.size(5, 0).step, None);
-    // What lives goes on as if nothing had been there.
+    // Living faults are unaffected.
     assert!(rig.told.contains(&(1, 0, 3, '+')));
     let last = event(MANY + 1, "plus", Trigger::Now, &[on("measured.b_m", 1.0)]);
     rig.admit(vec![last]).expect("it can be");

@@ -1,4 +1,4 @@
-//! The plant, the faults and the steps that the tests here work with.
+//! Plant, faults and steps for these tests.
 
 use hil_config::plan::{Condition, FaultAction, FaultEffect, FaultEnd, FaultEvent, Move};
 use hil_config::plan::{FaultSource, Profile, Trigger};
@@ -15,7 +15,7 @@ use crate::faults::{FaultBuilder, FaultLayer};
 shared_types::table! {
     /// Parameters of the plant.
     pub(super) struct Parameters {
-        /// Not open to faults.
+        /// Not faultable.
         mass_kg: "kg" = 1.0 in 0.0..=10.0,
         /// Gain.
         gain: "1" = 10.0 in 0.0..=100.0 [faultable],
@@ -51,7 +51,7 @@ pub(super) fn builder() -> FaultBuilder {
     .expect("every parameter has a value")
 }
 
-/// An effect of a kind that takes hold at once, fully.
+/// Creates an effect of a kind that begins at once with its full size.
 pub(super) fn on(target: &str, by: f64) -> FaultEffect {
     let mut parameters = Settings::default();
     parameters.set("by", by);
@@ -66,7 +66,7 @@ pub(super) fn on(target: &str, by: f64) -> FaultEffect {
     }
 }
 
-/// An effect of the plant's own.
+/// Creates an effect of the plant's own.
 pub(super) fn moving(moves: &[(&str, Operation, f64)]) -> FaultEffect {
     let moves = moves.iter().map(|&(parameter, operation, by)| Move {
         parameter: parameter.into(),
@@ -89,7 +89,7 @@ pub(super) fn skewed(skew_steps: u64, effect: FaultEffect) -> FaultEffect {
     }
 }
 
-/// Full, then gone, for N steps each.
+/// Alternates between full and none, for N steps each.
 pub(super) fn on_and_off(steps: u32, effect: FaultEffect) -> FaultEffect {
     FaultEffect {
         profile: Profile::Intermittent {
@@ -134,7 +134,7 @@ pub(super) fn until(end: FaultEnd, event: FaultEvent) -> FaultEvent {
     FaultEvent { end, ..event }
 }
 
-/// An end N steps after the beginning.
+/// Creates an end N steps after the beginning.
 pub(super) fn lasting(steps: u64) -> FaultEnd {
     FaultEnd {
         after_steps: Some(steps),
@@ -142,10 +142,10 @@ pub(super) fn lasting(steps: u64) -> FaultEnd {
     }
 }
 
-/// Outcome of one step.
+/// Result of one step.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Passed {
-    /// `a_m`, `b_m` and `r_m` as the controller gets them.
+    /// `a_m`, `b_m` and `r_m` as received by the controller.
     pub(super) sample: [f64; 3],
     /// Bits of the invalid signals of `sample`, one each.
     pub(super) invalid: u64,
@@ -160,14 +160,14 @@ pub(super) struct Passed {
     pub(super) retuned: bool,
 }
 
-/// A layer with what the engine does around it.
+/// A layer driven as by the engine.
 pub(super) struct Rig {
     pub(super) builder: FaultBuilder,
     pub(super) layout: RecordLayout,
     pub(super) layer: FaultLayer,
     pub(super) next: u64,
     pub(super) last: Option<Vec<f64>>,
-    /// Header that a test has the controller send.
+    /// Header that the controller sends in a test.
     pub(super) answer: Header,
     pub(super) command_invalid: u64,
     /// Reports: event, effect, step; then `+` or `-`, or `x` if the fault was cleared.
@@ -252,19 +252,19 @@ impl Rig {
         (0..steps).map(|_| self.step()).collect()
     }
 
-    /// Collects a number of each of the next steps.
+    /// Collects a value from each of the next steps.
     pub(super) fn each<T>(&mut self, steps: usize, of: impl Fn(&Passed) -> T) -> Vec<T> {
         self.run(steps).iter().map(of).collect()
     }
 
-    /// Returns the record of what became of an effect.
+    /// Returns the report on an effect.
     pub(super) fn size(&self, id: u32, effect: u32) -> FaultEffectSize {
         let sizes = self.layer.effects();
         let found = (sizes.into_iter()).find(|size| (size.id, size.effect) == (id, effect));
         found.expect("it exists")
     }
 
-    /// Steps at which an effect acted, and its largest change.
+    /// Returns the number of steps at which an effect acted, and its largest change.
     pub(super) fn acted(&self, id: u32, effect: u32) -> (u64, f64) {
         let size = self.size(id, effect);
         (size.acted_steps, size.max_effect)

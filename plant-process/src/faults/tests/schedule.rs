@@ -14,8 +14,8 @@ fn plus(id: u32, trigger: Trigger) -> FaultEvent {
 }
 
 #[test]
-fn each_trigger_takes_hold_at_its_step() {
-    // `sensed.a_m` of record k is k, so that `>= 3` holds first in record 3 and acts at step 4.
+fn each_trigger_fires_at_its_step() {
+    // `sensed.a_m` of record k is k, so `>= 3` holds first in record 3 and acts at step 4.
     let cases = [
         (at(0), 0),
         (at(5), 5),
@@ -59,7 +59,7 @@ fn each_end_leaves_its_step_healthy() {
             5,
         ),
         (lasting(4), 6),
-        // Looked at from record 2 on, the first that has the fault.
+        // Evaluated from record 2 on, the first one with the fault.
         (condition("stimulus.r_m == 5", 1), 3),
         (condition("stimulus.r_m == 5", 3), 5),
         (condition("measured.a_m == 5", 1), 5),
@@ -113,12 +113,12 @@ fn occurrences_are_runs_of_steps_at_which_a_number_changed() {
     assert_eq!(signal, [0.0, 2.0, 3.0, 3.0, 4.0, 6.0, 7.0, 7.0, 8.0, 9.0]);
     let parameter: Vec<f64> = passed.iter().map(|passed| passed.1).collect();
     assert_eq!(parameter[..7], [10.0, 11.0, 10.0, 11.0, 10.0, 10.0, 10.0]);
-    // Each is over at the step after the one that showed it. What never lets go never ends.
+    // Each is over at the step after the one that showed it. An effect that never pauses never ends.
     assert_eq!(rig.told[3..], [(1, 1, 5, '-'), (1, 0, 8, '-')]);
 }
 
 #[test]
-fn occurrences_of_what_strikes_messages_or_time_are_single_steps() {
+fn occurrences_on_messages_or_time_are_single_steps() {
     let thrice = FaultEnd {
         occurrences: Some(3),
         ..FaultEnd::default()
@@ -181,7 +181,7 @@ fn each_effect_has_its_skew_and_its_own_duration() {
 }
 
 #[test]
-fn an_effect_whose_event_ends_first_never_takes_hold() {
+fn an_effect_whose_event_ends_first_never_begins() {
     let effects = [on(A, 1.0), skewed(3, on("measured.b_m", 1.0))];
     for end in [
         FaultEnd {
@@ -205,7 +205,7 @@ fn an_effect_whose_event_ends_first_never_takes_hold() {
 }
 
 #[test]
-fn an_event_that_ends_before_its_trigger_never_takes_hold_nor_does_what_follows_it() {
+fn an_event_that_ends_before_its_trigger_never_begins_nor_do_its_followers() {
     let over = FaultEnd {
         step: Some(Step(2)),
         ..FaultEnd::default()
@@ -230,7 +230,7 @@ fn an_event_that_ends_before_its_trigger_never_takes_hold_nor_does_what_follows_
 }
 
 #[test]
-fn events_that_follow_one_another_at_once_take_hold_at_one_step_in_the_order_of_their_numbers() {
+fn events_that_follow_one_another_at_once_begin_at_one_step_in_the_order_of_their_numbers() {
     let b = "measured.b_m";
     let mut rig = Rig::new(&[
         event(1, "times", after(2, 0), &[on(b, 2.0)]),
@@ -260,7 +260,7 @@ fn events_that_follow_one_another_at_once_take_hold_at_one_step_in_the_order_of_
 }
 
 #[test]
-fn what_ends_at_a_step_ends_before_another_begins_there() {
+fn ends_at_a_step_precede_beginnings() {
     let mut rig = Rig::new(&[plus(1, at(3)), until(lasting(2), plus(2, at(1)))]);
     assert_eq!(
         rig.each(5, |passed| passed.sample[0]),
@@ -270,7 +270,7 @@ fn what_ends_at_a_step_ends_before_another_begins_there() {
 }
 
 #[test]
-fn a_fault_is_told_with_all_that_decides_its_course() {
+fn a_fault_is_reported_with_all_that_determines_its_course() {
     let ramp = FaultEffect {
         profile: Profile::Ramp { duration_s: 0.5 },
         ..on(A, 1.5)

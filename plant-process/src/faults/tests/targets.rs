@@ -8,7 +8,7 @@ use shared_types::random::RandomStream;
 use super::rig::*;
 
 #[test]
-fn effects_on_a_signal_act_in_the_order_in_which_they_took_hold() {
+fn effects_on_a_signal_act_in_the_order_in_which_they_began() {
     let b = "measured.b_m";
     // By step, whatever the numbers: 10 + 3 = 13, then (10 + 3) 2 = 26.
     let mut rig = Rig::new(&[
@@ -29,7 +29,7 @@ fn effects_on_a_signal_act_in_the_order_in_which_they_took_hold() {
     assert_eq!(rig.each(2, |passed| passed.sample[1]), [10.0, 23.0]);
     assert_eq!((rig.acted(1, 0), rig.acted(2, 0)), ((1, 10.0), (1, 3.0)));
 
-    // In one event by place: ((10 + 1) + 3), then a skewed one on top: 10 + 3 + 1 = 14, 14 + 100.
+    // In one event by index: ((10 + 1) + 3), then a skewed one on top: 10 + 3 + 1 = 14, 14 + 100.
     let skewed = skewed(1, on(b, 100.0));
     let mut rig = Rig::new(&[event(1, "plus", at(1), &[skewed, on(b, 1.0), on(b, 3.0)])]);
     assert_eq!(rig.each(3, |passed| passed.sample[1]), [10.0, 14.0, 114.0]);
@@ -62,7 +62,7 @@ fn each_signal_has_its_own_faults() {
 }
 
 #[test]
-fn a_profile_is_the_course_of_the_size_from_the_effects_own_begin() {
+fn a_profile_starts_with_its_own_effect() {
     let ramp = FaultEffect {
         profile: Profile::Ramp { duration_s: 0.2 },
         ..on("measured.b_m", 8.0)
@@ -118,7 +118,7 @@ fn a_signal_that_was_never_valid_is_zero() {
 }
 
 #[test]
-fn a_value_that_is_no_number_gives_way_to_the_last_good_one() {
+fn a_nan_is_replaced_by_the_last_good_value() {
     for kind in ["infinite", "no-number"] {
         let targets = ["measured.a_m", "command.u_n"];
         let mut rig = Rig::new(&[event(
@@ -140,8 +140,8 @@ fn a_value_that_is_no_number_gives_way_to_the_last_good_one() {
 }
 
 #[test]
-fn nothing_changes_an_invalid_signal_any_more() {
-    // A bias on top of a dead sensor: the value was 11 when it was valid last, and stays so.
+fn no_fault_changes_an_invalid_signal() {
+    // A bias on top of a dead sensor: the last valid value was 11, and stays so.
     let b = "measured.b_m";
     for (first, second) in [("gone", "plus"), ("plus", "gone")] {
         let begin = |kind| if kind == "gone" { 1 } else { 0 };
@@ -165,7 +165,7 @@ fn nothing_changes_an_invalid_signal_any_more() {
 }
 
 #[test]
-fn validity_is_late_with_the_value_it_belongs_to() {
+fn validity_is_delayed_with_its_value() {
     // Dead at steps 2 and 3 (a ramp is 0 at its first step), shown one step later.
     let a = "measured.a_m";
     let ramp = FaultEffect {
@@ -183,7 +183,7 @@ fn validity_is_late_with_the_value_it_belongs_to() {
 
 #[test]
 fn an_invalid_command_leaves_the_last_valid_one_in_force() {
-    // The controller itself says that `u_n` is invalid, then a fault says so of `v_n`.
+    // The controller itself marks `u_n` as invalid, then a fault does so with `v_n`.
     let mut rig = Rig::new(&[event(1, "gone", at(5), &[on("command.v_n", 0.0)])]);
     rig.run(2);
     rig.command_invalid = 0b01;
@@ -197,7 +197,7 @@ fn an_invalid_command_leaves_the_last_valid_one_in_force() {
 }
 
 #[test]
-fn an_invalid_command_is_not_a_faults_doing() {
+fn an_invalid_command_of_the_controller_is_no_effect_of_a_fault() {
     let mut rig = Rig::new(&[event(1, "plus", at(2), &[on("command.u_n", 1.0)])]);
     rig.run(2);
     rig.command_invalid = 0b01;
@@ -271,7 +271,7 @@ fn parameters_are_healthy_again_after_the_last_fault() {
 }
 
 #[test]
-fn no_fault_drives_a_parameter_out_of_its_range() {
+fn no_fault_moves_a_parameter_out_of_its_range() {
     // The load may be -5 to 5 and is 0, the gain 0 to 100 and is 10.
     let cases: [(FaultEvent, [f64; 2], (u64, f64)); 5] = [
         (
@@ -294,7 +294,7 @@ fn no_fault_drives_a_parameter_out_of_its_range() {
             [100.0, 0.0],
             (2, 90.0),
         ),
-        // A value that is no number changes nothing, and that is what is told.
+        // NaN changes nothing, and is reported as no change.
         (
             event(1, "no-number", at(0), &[on("parameter.gain", 0.0)]),
             [10.0, 0.0],
@@ -320,7 +320,7 @@ fn no_fault_drives_a_parameter_out_of_its_range() {
 }
 
 #[test]
-fn times_that_sides_lose_add_up_and_each_has_its_own_size() {
+fn busy_times_add_up_and_each_has_its_own_size() {
     let busy = |id, target, by| event(id, "busy", at(1), &[on(target, by)]);
     let mut rig = Rig::new(&[
         busy(1, "controller", 300.0),
@@ -328,7 +328,7 @@ fn times_that_sides_lose_add_up_and_each_has_its_own_size() {
         busy(3, "plant", 700.0),
         event(4, "jump", at(1), &[on_and_off(1, on("controller", 4.0))]),
     ]);
-    // What the controller says of itself is no more than what it did.
+    // The controller reports no more than its actual work.
     rig.answer.work_ns = 200;
     let passed = rig.each(3, |passed| (passed.directive, passed.busy_ns));
     let told = |busy_ns, late_steps| Directive {
@@ -355,11 +355,11 @@ fn times_that_sides_lose_add_up_and_each_has_its_own_size() {
 }
 
 #[test]
-fn random_numbers_are_those_of_kind_target_step_and_ordinal() {
+fn random_numbers_depend_on_kind_target_step_and_ordinal() {
     let a = "measured.a_m";
     let drawn = |path: &str| RandomStream::new(1, path).uniform();
     for first in [1, 40] {
-        // The event's numbers do not matter, nor does what holds on other targets.
+        // The event's number does not matter, nor do effects on other targets.
         let mut rig = Rig::new(&[
             event(first, "dice", at(2), &[on("measured.b_m", 0.0)]),
             event(first + 1, "dice", at(2), &[on(a, 0.0)]),

@@ -1,12 +1,12 @@
 //! Both actuators side by side: their parameters and their states as pairs.
 //!
-//! Made from the tables and read by the equations. What the right-hand side does not read is not here.
+//! Built from the tables and used by the equations. Contains only what the right-hand side uses.
 
 use super::ActuatorState;
 use super::pair::Pair;
 use super::tables::ActuatorParameters;
 
-/// A struct with pairs of some fields of a struct that describes one actuator.
+/// Defines a struct with pairs of some fields of a struct that describes one actuator.
 macro_rules! side_by_side {
     ($(#[$text:meta])* $name:ident of $one:ident: $($field:ident)*) => {
         $(#[$text])*
@@ -16,7 +16,7 @@ macro_rules! side_by_side {
         }
 
         impl $name {
-            /// Side by side, in order.
+            /// Combines two, in order.
             #[inline]
             #[must_use]
             pub fn of([one, two]: [&$one; 2]) -> Self {
@@ -61,7 +61,7 @@ side_by_side! {
 }
 
 impl ActuatorStates {
-    /// The lower pressure of each.
+    /// Returns the lower pressure of each.
     #[inline]
     #[must_use]
     pub fn lowest_pressures_pa(&self) -> Pair {
@@ -69,7 +69,7 @@ impl ActuatorStates {
         p_h1.is_below(p_h2).choose(p_h1, p_h2)
     }
 
-    /// Splits the state, an actuator after the other.
+    /// Splits the state into the two actuators'.
     #[inline]
     #[must_use]
     pub fn split(&self) -> [ActuatorState; 2] {
@@ -93,17 +93,17 @@ impl ActuatorStates {
 pub(super) mod tests {
     use super::*;
 
-    /// Two actuators that are alike.
+    /// Creates two identical actuators.
     pub(in super::super) fn alike(parameters: &ActuatorParameters) -> Actuators {
         Actuators::of([parameters; 2])
     }
 
-    /// Two actuators in the same state.
+    /// Creates two actuators in the same state.
     pub(in super::super) fn together(state: &ActuatorState) -> ActuatorStates {
         ActuatorStates::of([state; 2])
     }
 
-    /// The number that both actuators have.
+    /// Returns the common value of both actuators.
     #[track_caller]
     pub(in super::super) fn of_each(pair: Pair) -> f64 {
         let [one, two] = pair.to_array();

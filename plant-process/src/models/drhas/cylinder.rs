@@ -94,12 +94,12 @@ pub fn passive_pressure_rate_paps(
     passive_stiffness_pa_per_m3(p, state.position_m) * (p.area2_m2 * v_h + q_h - q_h2)
 }
 
-/// The state where no chamber is below the vapour pressure.
+/// Returns the state with no chamber below the vapour pressure.
 ///
-/// `max(P, P_v)`: what would pull the oil below is filled by its vapour at constant pressure
-/// (Merritt, Hydraulic Control Systems, 1967, on cavitation). The size of the bubble is not kept: when
-/// the chamber is filled again the pressure rises at once, where a real one would first close the
-/// bubble. Applied after each integration step; a chamber above `P_v` is not touched.
+/// `max(P, P_v)`: vapour fills the missing volume at constant pressure (Merritt, Hydraulic Control Systems, 1967, on
+/// cavitation). The size of the bubble is not modelled: when the chamber is refilled the pressure rises at once,
+/// whereas a real one would first close the bubble. Applied after each integration step; a chamber above `P_v` is not
+/// affected.
 #[cold]
 #[must_use]
 pub fn boiled(p: &Actuators, state: &ActuatorStates) -> ActuatorStates {
@@ -233,7 +233,7 @@ mod tests {
             assert_eq!((two.pressure1_pa, two.pressure2_pa), (10e6, expected_pa));
             assert_eq!((one.position_m, one.velocity_mps), (0.01, 0.1));
         }
-        // A number that is none must stay visible.
+        // NaN must stay visible.
         let lost = ActuatorState {
             pressure1_pa: f64::NAN,
             ..STATE

@@ -1,6 +1,6 @@
-//! Disturbances that push the pistons besides oil and rods: the model uncertainty of eq. 74.
+//! Disturbance forces on the pistons: the model uncertainty of eq. 74.
 //!
-//! Called by the right-hand side and by the truth of the hydraulic system. No controller knows it.
+//! Called by the right-hand side and by the truth of the hydraulic system. Unknown to controllers.
 
 use std::f64::consts::TAU;
 
@@ -22,7 +22,7 @@ pub fn disturbance_n(p: &ActuatorParameters, time_s: f64) -> f64 {
     if d_a == 0.0 || time_s < p.disturbance_start_s {
         return d_c;
     }
-    // Whole turns do not count, and without them the angle keeps its digits in a long run.
+    // Whole turns are irrelevant, and without them the angle keeps its digits in a long run.
     let turns = f * time_s;
     let whole = turns as u64 as f64; // time is never negative
     d_c + d_a * libm::sin(TAU * (turns - whole))

@@ -1,9 +1,9 @@
-//! Faults of the hydraulic system: names for the faults of its parts, each with the
-//! parameters that it moves and by what.
+//! Faults of the hydraulic system: names for the faults of its parts, each with the parameters that it moves and by how
+//! much.
 //!
-//! Given to the launcher with the plant's description; the fault layer around the plant moves the
-//! parameters. What follows from a moved parameter is in the equations of its physical part. Every
-//! range keeps the integration stable with substeps of 25 us.
+//! Part of the plant's description for the launcher; the fault layer around the plant moves the parameters. The
+//! consequences of a moved parameter are in the equations of its physical part. Every range keeps the integration
+//! stable with substeps of 25 us.
 
 use shared_types::describe::{
     FaultDescription, MoveBy, Operation, ParameterMove, ProfileDescription,
@@ -12,7 +12,7 @@ use shared_types::table::Field;
 
 use Operation::{Add, Scale, Set};
 
-/// Every named fault.
+/// Lists every named fault.
 #[must_use]
 pub fn all() -> Vec<FaultDescription> {
     let mut faults = vec![leakage()];
@@ -52,7 +52,7 @@ fn leakage() -> FaultDescription {
     }
 }
 
-/// Faults of the oil and of what supplies it.
+/// Faults of the oil and its supply.
 fn oil() -> Vec<FaultDescription> {
     let chamber = |key, text| {
         let leak = size(key, "m3/s/sqrt(Pa)", text, [0.0, 1e-6]);
@@ -262,7 +262,7 @@ fn mechanics() -> Vec<FaultDescription> {
     ]
 }
 
-/// A fault that takes one actuator, all at once.
+/// Creates a fault of one actuator with a step profile.
 fn of_actuator(
     kind: &str,
     summary: &str,
@@ -281,7 +281,7 @@ fn of_actuator(
     }
 }
 
-/// A size that an effect must give.
+/// Creates a required size of an effect.
 fn size(key: &str, unit: &str, text: &str, [min, max]: [f64; 2]) -> Field {
     Field {
         min,
@@ -290,7 +290,7 @@ fn size(key: &str, unit: &str, text: &str, [min, max]: [f64; 2]) -> Field {
     }
 }
 
-/// A size that an effect may leave out.
+/// Creates an optional size of an effect.
 fn or_else(size: Field, default: f64) -> Field {
     Field {
         default: Some(default),

@@ -1,23 +1,23 @@
-//! Forces that hold the piston besides oil, rod and viscous damping: dry friction and seizure.
+//! Forces that hold the piston in addition to oil, rod and viscous damping: dry friction and seizure.
 //!
-//! Called by the right-hand side of the hydraulic system. The paper has neither; with neutral
-//! parameters both are absent. Both are smooth, so that Runge-Kutta follows them with its step.
+//! Called by the right-hand side of the hydraulic system. The paper has neither; with neutral parameters both are
+//! absent. Both are smooth enough for the Runge-Kutta method's fixed step.
 
 use super::actuators::Actuators;
 use super::pair::Pair;
 
 /// Time constant at which a seized piston comes to rest.
 ///
-/// Short against everything the piston does (its fastest vibration has 1.3e3 rad/s), long enough for
-/// Runge-Kutta: its steps are stable up to 2.78 time constants, here 139 us.
+/// Short compared with the piston's motion (its fastest vibration has 1.3e3 rad/s), long enough for Runge-Kutta: its
+/// steps are stable up to 2.78 time constants, here 139 us.
 const SEIZURE_TIME_S: f64 = 5e-5;
 
 /// Coulomb friction of the piston's seals, against its motion.
 ///
-/// `F = F_c tanh(v / v_s)`: Coulomb's `F_c sgn(v)` (Merritt, Hydraulic Control Systems, 1967, on
-/// nonlinearities) with its jump made smooth, 76 % at `v_s` and 99.5 % at `3 v_s`. Below `v_s` it is a
-/// damper of `F_c / v_s`: a load creeps and does not stick. Runge-Kutta steps `h` are stable while
-/// `(F_c / v_s + B_h) h / m_h < 2.78`; largest friction and smallest `v_s` reach 1.8 at 25 us.
+/// `F = F_c tanh(v / v_s)`: Coulomb's `F_c sgn(v)` (Merritt, Hydraulic Control Systems, 1967, on nonlinearities) with a
+/// smoothed jump, 76 % at `v_s` and 99.5 % at `3 v_s`. Below `v_s` it is a damper of `F_c / v_s`: a load creeps and
+/// does not stick. Runge-Kutta steps `h` are stable while `(F_c / v_s + B_h) h / m_h < 2.78`; largest friction and
+/// smallest `v_s` reach 1.8 at 25 us.
 #[inline]
 #[must_use]
 pub fn coulomb_friction_n(p: &Actuators, velocity_mps: Pair) -> Pair {
@@ -27,10 +27,9 @@ pub fn coulomb_friction_n(p: &Actuators, velocity_mps: Pair) -> Pair {
 
 /// Acceleration of a piston that seizes in its cylinder.
 ///
-/// `(1 - j) a - j v / tau`: with `j = 1` the piston comes to rest within some `tau` after
-/// `v(0) tau` and takes any force of rod and oil, which the structure bears; with a `j` between it
-/// drags like a damper of `j m_h / tau`. `j = 0` is the free piston. This is a constraint in soft
-/// form, not an equation of the paper.
+/// `(1 - j) a - j v / tau`: with `j = 1` the piston comes to rest within a few `tau`, after a distance of `v(0) tau`,
+/// and withstands any force of rod and oil, which the structure bears; with a `j` in between it drags like a damper of
+/// `j m_h / tau`. `j = 0` is the free piston. This is a soft constraint, not an equation of the paper.
 #[inline]
 #[must_use]
 pub fn seized_acceleration_mps2(
@@ -78,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn a_free_piston_accelerates_as_it_did() {
+    fn a_free_piston_accelerates_as_before() {
         let p = ActuatorParameters::default();
         assert_eq!(acceleration_mps2(&p, 0.2, 123.4), 123.4);
     }
@@ -89,7 +88,7 @@ mod tests {
             motion_blocked: 1.0,
             ..ActuatorParameters::default()
         };
-        // -0.2 / 5e-5, whatever pushes.
+        // -0.2 / 5e-5, whatever the force.
         for pushed_mps2 in [0.0, 700.0, -700.0] {
             let a = acceleration_mps2(&p, 0.2, pushed_mps2);
             assert!((a + 4000.0).abs() < 1e-9, "{a}");

@@ -1,17 +1,14 @@
-//! Oil that passes the piston's seal from the active to the passive chamber (eq. 5), with the exact
-//! flow of the fault's part, which an explicit method cannot follow to its end; and oil that leaves a
-//! chamber to the outside.
+//! Oil that passes the piston's seal from the active to the passive chamber (eq. 5), with the exact flow of the fault's
+//! part, whose end an explicit method cannot follow; and oil that leaves a chamber to the outside.
 //!
-//! Called by the right-hand side and the substeps of the hydraulic system. The fault's course over
-//! time (eq. 6) is not here: it reaches the plant as the present value of
-//! `leakage_coefficient_m3ps_per_sqrt_pa`, which is `beta C_t`.
+//! Called by the right-hand side and the substeps of the hydraulic system. The fault's course over time (eq. 6) is not
+//! here: it reaches the plant as the present value of `leakage_coefficient_m3ps_per_sqrt_pa`, which is `beta C_t`.
 //!
-//! Near `P_h1 = P_h2` the root in eq. 5 is not Lipschitz: the true pressures meet in finite time
-//! and stay together, while a Runge-Kutta step overshoots, and the next one overshoots back. The
-//! fault's leak alone, at fixed volumes, has a closed form instead. With `y = P_h1 - P_h2`,
-//! `sqrt|y|` falls linearly and stays at 0. A substep whose leak alone would empty `y` of either
-//! actuator is cut into equal parts; a part in which it still would takes that leak out of the
-//! right-hand side and applies this form, half of it before and half after.
+//! Near `P_h1 = P_h2` the root in eq. 5 is not Lipschitz: the true pressures meet in finite time and stay together,
+//! while a Runge-Kutta step overshoots, and the next one overshoots back. The fault's leak alone, at fixed volumes, has
+//! a closed form instead. With `y = P_h1 - P_h2`, `sqrt|y|` falls linearly and stays at 0. A substep whose leak alone
+//! would empty `y` of either actuator is cut into equal parts; if it still would within a part, that leak is removed
+//! from the right-hand side there and its closed form applied instead, half of it before and half after.
 
 use super::actuators::{ActuatorStates, Actuators};
 use super::cylinder;
@@ -40,12 +37,12 @@ pub fn fault_leakage_m3ps(coefficient_m3ps_per_sqrt_pa: Pair, state: &ActuatorSt
 
 /// Leaks from the active and the passive chamber to the outside, through a crack or a burst line.
 ///
-/// `q = c sqrt(P - P_r)` for `P > P_r`, otherwise 0 (turbulent like the second term of eq. 5; the
-/// orifice law of Merritt, Hydraulic Control Systems, 1967, on flow through orifices, with
-/// `c = C_d A sqrt(2 / rho)`). The surroundings are taken to have the pressure of the return line, so
-/// that a chamber open to the return does not leak, and no air comes in. Near `P = P_r` the root is
-/// not Lipschitz: a Runge-Kutta step `h` may pass it by `(c beta_e h / V)^2 / 16`, 5 kPa at the
-/// largest `c` and 25 us in the paper's actuator, and stays there, since nothing flows back.
+/// `q = c sqrt(P - P_r)` for `P > P_r`, otherwise 0 (turbulent like the second term of eq. 5; the orifice law of
+/// Merritt, Hydraulic Control Systems, 1967, on flow through orifices, with `c = C_d A sqrt(2 / rho)`). The
+/// surroundings are assumed to have the pressure of the return line, so that a chamber open to the return does not
+/// leak, and no air enters. Near `P = P_r` the root is not Lipschitz: a Runge-Kutta step `h` may overshoot it by `(c
+/// beta_e h / V)^2 / 16`, 5 kPa at the largest `c` and 25 us in the paper's actuator, and stays there, since nothing
+/// flows back.
 #[inline]
 #[must_use]
 pub fn external_leakages_m3ps(p: &Actuators, state: &ActuatorStates) -> [Pair; 2] {
@@ -73,7 +70,7 @@ pub fn closing_speed_sqrt_pa_per_s(p: &Actuators, position_m: Pair) -> Pair {
     c_t * (active + passive)
 }
 
-/// Of which actuators the fault's leak alone would make the pressures equal within a duration.
+/// Marks the actuators whose pressures the fault's leak alone would make equal within a duration.
 ///
 /// `sqrt|y| < a h / 2`, from the closed form in [`fault_leak_alone`].
 #[inline]
@@ -84,12 +81,11 @@ pub fn empties_within(p: &Actuators, state: &ActuatorStates, duration_s: f64) ->
     y.abs().sqrt().is_below(a * 0.5 * duration_s)
 }
 
-/// The states after a duration in which nothing but the fault's leak acts.
+/// Returns the states after a duration in which only the fault's leak acts.
 ///
-/// `sqrt|y(h)| = max(0, sqrt|y(0)| - a h / 2)`, and the volume
-/// `(y(0) - y(h)) / (beta_e / V_h1 + beta_e / V_h2)` moves from the active to the passive chamber:
-/// the solution of `y' = -a sqrt|y| sgn(y)` at fixed volumes. Exact for any duration; the sign of
-/// `y` never changes.
+/// `sqrt|y(h)| = max(0, sqrt|y(0)| - a h / 2)`, and the volume `(y(0) - y(h)) / (beta_e / V_h1 + beta_e / V_h2)` moves
+/// from the active to the passive chamber: the solution of `y' = -a sqrt|y| sgn(y)` at fixed volumes. Exact for any
+/// duration; the sign of `y` never changes.
 #[must_use]
 pub fn fault_leak_alone(p: &Actuators, state: &ActuatorStates, duration_s: f64) -> ActuatorStates {
     let none = Pair::both(0.0);
@@ -161,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn fault_leakage_goes_with_the_root_and_from_high_to_low() {
+    fn fault_leakage_follows_the_root_and_flows_from_high_to_low() {
         assert_near(fault_leakage_m3ps(Pair::both(5e-7), &state(9e6, 5e6)), 1e-3);
         assert_near(
             fault_leakage_m3ps(Pair::both(5e-7), &state(5e6, 9e6)),
@@ -181,7 +177,7 @@ mod tests {
             return_pressure_pa: 0.5e6,
             ..one()
         };
-        // 2e-7 sqrt(9e6) and 3e-7 sqrt(4e6), and nothing comes in.
+        // 2e-7 sqrt(9e6) and 3e-7 sqrt(4e6), and nothing flows in.
         let [q_e1, q_e2] = external_leakages_m3ps(&alike(&cracked), &state(9.5e6, 4.5e6));
         assert_near(q_e1, 6e-4);
         assert_near(q_e2, 6e-4);
@@ -201,7 +197,7 @@ mod tests {
 
     #[test]
     fn a_difference_empties_when_its_root_has_fallen_to_zero() {
-        // sqrt(14400) = 120 = a h / 2 at h = 20 us; the second actuator has a sound seal.
+        // sqrt(14400) = 120 = a h / 2 at h = 20 us; the second actuator has an intact seal.
         let sound = ActuatorParameters {
             leakage_coefficient_m3ps_per_sqrt_pa: 0.0,
             ..one()
@@ -233,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn the_closed_form_is_what_a_fine_integration_gives() {
+    fn the_closed_form_matches_a_fine_integration() {
         let p = parameters();
         let before = state(11e6, 8e6);
         let mut pressures = [11e6, 8e6];
@@ -252,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn oil_only_changes_sides() {
+    fn the_leak_conserves_oil() {
         // V dP / beta_e is the volume gained; what one chamber gains the other loses.
         for duration_s in [1e-6, 1e-5, 1.0] {
             let before = state(13.7e6, 9.1e6);
@@ -278,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn each_actuator_empties_for_itself() {
+    fn each_actuator_empties_independently() {
         let apart = |i: usize| state([12e6, 12.0001e6][i], [9e6, 12e6][i]).split()[0];
         let both = ActuatorStates::of([&apart(0), &apart(1)]);
         let [one, other] = fault_leak_alone(&parameters(), &both, 5e-5).split();
@@ -291,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn two_halves_are_a_whole() {
+    fn two_half_steps_equal_a_whole_one() {
         let before = state(9e6, 12e6);
         let half = fault_leak_alone(&parameters(), &before, 5e-5);
         let twice = fault_leak_alone(&parameters(), &half, 5e-5);

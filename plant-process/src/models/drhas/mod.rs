@@ -1,28 +1,27 @@
-//! The dual redundant hydraulic actuation system: two valve-controlled cylinders that hold one
-//! control surface, active/active, with leaking seals as a common-mode fault.
+//! The dual redundant hydraulic actuation system: two valve-controlled cylinders that hold one control surface,
+//! active/active, with leaking seals as a common-mode fault.
 //!
-//! Source: "Adaptive Robust Fault-Tolerant Synchronization Control for a Dual Redundant Hydraulic
-//! Actuation System with Common-Mode Fault", Mathematical Problems in Engineering, 2018, article
-//! 6570104. Equation numbers are its own. One file per physical part:
+//! Source: "Adaptive Robust Fault-Tolerant Synchronization Control for a Dual Redundant Hydraulic Actuation System with
+//! Common-Mode Fault", Mathematical Problems in Engineering, 2018, article 6570104. Equation numbers are its own. One
+//! file per physical part:
 //!
 //! 1. [`spool`]: current to the position of the valve's spool, eq. 1;
 //! 2. [`valve`]: its position to flows, eqs. 7 to 13;
 //! 3. [`leakage`]: flow past the seal, eq. 5, with its closed form near equal pressures, and outwards;
 //! 4. [`cylinder`]: pressures and piston, eqs. 2 to 4;
-//! 5. [`friction`]: what else holds the piston;
-//! 6. [`disturbance`]: what shakes the pistons, eq. 74;
+//! 5. [`friction`]: dry friction and seizure of the piston;
+//! 6. [`disturbance`]: disturbance forces on the pistons, eq. 74;
 //! 7. [`surface`]: rods, surface and load, eqs. 14 to 17, 24 and 33;
 //! 8. `rates`: all of these as one right-hand side.
 //!
-//! The parameters that the paper does not have (null bias, stops, lag and sticking of the spool, droop
-//! of the supply, external leaks, dry friction, seizure, a constant load) are neutral by default: the
-//! paper's runs are the same to the last bit with and without them. [`faults`] names what can break
-//! and the parameters that it moves; no equation knows of a fault.
+//! Parameters beyond the paper (null bias, stops, lag and sticking of the spool, droop of the supply, external leaks,
+//! dry friction, seizure, a constant load) are neutral by default: the paper's runs are the same to the last bit with
+//! and without them. [`faults`] lists the possible faults and the parameters that each moves; the equations are unaware
+//! of faults.
 //!
-//! Assumptions: one bulk modulus per actuator; no end stops; small angles; below the vapour pressure
-//! oil becomes vapour that leaves no bubble behind. Oil never flows against the valve's spool (the
-//! root of a negative pressure drop is 0). The paper's state-space form, eqs. 18 to 24, is these
-//! equations again.
+//! Assumptions: one bulk modulus per actuator; no end stops; small angles; below the vapour pressure oil becomes vapour
+//! that leaves no bubble behind. Oil never flows against the valve's spool (the root of a negative pressure drop is 0).
+//! The paper's state-space form, eqs. 18 to 24, is equivalent to these equations.
 
 pub mod actuators;
 pub mod cylinder;
@@ -84,46 +83,45 @@ pub struct State {
     pub angle_rad: f64,
     /// Rate of theta_d.
     pub rate_radps: f64,
-    /// The actuators in order.
+    /// Actuators in order.
     pub actuators: [ActuatorState; 2],
 }
 
 /// Parts of a substep in which the fault's leak alone would empty a pressure difference.
 ///
-/// There the leak acts beside the Runge-Kutta step and not inside it, which is coarse where the
-/// valve drives the difference through zero. Largest errors with substeps of 25 us in the golden
-/// window of such crossings: 8.7e-6 rad and 1500 Pa uncut, 6.1e-8 rad and 7.9 Pa in 4 parts,
-/// 8.7e-10 rad and 0.64 Pa in 16; Runge-Kutta alone 4.7e-7 rad and 4100 Pa.
+/// In such parts the leak is applied outside the Runge-Kutta step, which is coarse where the valve drives the
+/// difference through zero. Largest errors with substeps of 25 us in the golden window of such crossings: 8.7e-6 rad
+/// and 1500 Pa uncut, 6.1e-8 rad and 7.9 Pa in 4 parts, 8.7e-10 rad and 0.64 Pa in 16; Runge-Kutta alone 4.7e-7 rad and
+/// 4100 Pa.
 const PARTS_OF_EMPTYING_SUBSTEP: u32 = 4;
 
-/// The hydraulic system: its parameters as they are now, the state that is integrated, and the spools,
-/// whose course has a closed form.
+/// The hydraulic system: its present parameters, the integrated state, and the spools, whose course has a closed form.
 pub struct Drhas {
     parameters: Parameters,
     state: State,
     spools: [Spool; 2],
     /// The actuators' parameters side by side.
     actuators: Actuators,
-    /// True if the seal of an actuator leaks.
+    /// `true` if the seal of an actuator leaks.
     leaks: bool,
-    /// True if the spool of an actuator follows late.
+    /// `true` if the spool of an actuator has a lag.
     lags: bool,
-    /// True if an actuator has something that the paper's does not have.
+    /// `true` if an actuator has an effect beyond the paper's model.
     beyond_paper: bool,
 }
 
-/// Course of an interval so far: what acts on the actuators.
+/// Course of an interval so far: inputs of the actuators.
 struct Course {
-    /// Positions that the spools go to.
+    /// Target positions of the spools.
     wanted_m: [f64; 2],
-    /// The edges that stay open, if no spool moves any more.
+    /// Edges that stay open, once no spool moves any more.
     still: Option<[OpenEdges; 3]>,
-    /// The disturbances now.
+    /// Present disturbances.
     disturbances_n: Pair,
 }
 
 impl Drhas {
-    /// With these parameters, in this state and with these spools.
+    /// Creates the system with these parameters, in this state and with these spools.
     fn new(parameters: &Parameters, state: State, spools: [Spool; 2]) -> Self {
         let actuators = parameters.actuators();
         Self {
@@ -139,8 +137,7 @@ impl Drhas {
 
     /// Integrates a step: a substep or a part of one.
     ///
-    /// Inlined, the right-hand side takes over the roots and quotients that tell whether the substep
-    /// has to be cut.
+    /// Inlined, so that the right-hand side can reuse the roots and quotients that decide if the substep must be cut.
     #[inline(always)]
     fn substep<const BEYOND_PAPER: bool>(
         &self,
@@ -158,11 +155,10 @@ impl Drhas {
         *motion = Motion::from_vector(x);
     }
 
-    /// A substep in which the fault's leak alone would empty a pressure difference, in its parts.
+    /// Integrates a substep in which the fault's leak alone would empty a pressure difference, in parts.
     ///
-    /// The leak is part of the right-hand side, except where it alone would make an actuator's
-    /// pressures equal within the part (see [`leakage`]): there its exact flow is applied instead,
-    /// half before and half after the rest.
+    /// The leak is part of the right-hand side, unless it alone would make an actuator's pressures equal within the
+    /// part (see [`leakage`]): then its exact flow is applied instead, half before and half after the rest.
     #[cold]
     fn emptying_substep<const BEYOND_PAPER: bool>(
         &mut self,
@@ -193,7 +189,7 @@ impl Drhas {
         }
     }
 
-    /// Leaves no chamber below the vapour pressure.
+    /// Raises every chamber to at least the vapour pressure.
     #[inline]
     fn let_oil_boil(&self, motion: &mut Motion) {
         // No vapour pressure is above 0: one condition in the common case.
@@ -204,7 +200,7 @@ impl Drhas {
         }
     }
 
-    /// Returns the positions that both spools go to under a command.
+    /// Returns the target positions of both spools under a command.
     fn wanted_spools_m(&self, command: &Command) -> [f64; 2] {
         let [p_1, p_2] = self.parameters.actuators();
         let [one, two] = &self.spools;
@@ -214,7 +210,7 @@ impl Drhas {
         ]
     }
 
-    /// Moves both spools on, and gives their positions at begin, middle and end of the way.
+    /// Advances both spools, and returns the open edges at the beginning, middle and end.
     #[inline]
     fn move_spools(&mut self, wanted_m: [f64; 2], duration_s: f64) -> [OpenEdges; 3] {
         let [p_1, p_2] = self.parameters.actuators();
@@ -232,7 +228,7 @@ impl Drhas {
         let wanted_m = self.wanted_spools_m(command);
         let mut course = Course {
             wanted_m,
-            // Spools without a lag are there at once and stay.
+            // Spools without a lag arrive at once and stay.
             still: (!self.lags).then(|| self.move_spools(wanted_m, h)),
             disturbances_n: self.disturbances_n(interval.start_s),
         };
@@ -251,7 +247,7 @@ impl Drhas {
         self.state = State::from(&motion);
     }
 
-    /// Returns the inputs at begin, middle and end of an integration step.
+    /// Returns the inputs at the beginning, middle and end of an integration step.
     #[inline(always)]
     fn inputs(&mut self, course: &mut Course, start_s: f64, step_s: f64) -> [Inputs; 3] {
         let [begin, middle, end] =
@@ -260,7 +256,7 @@ impl Drhas {
             edges,
             disturbances_n,
         };
-        // An end is the next begin: two new sines for each step, not three.
+        // Each end is the next beginning: two new sines per step, not three.
         let begin = inputs(begin, course.disturbances_n);
         let middle = inputs(middle, self.disturbances_n(start_s + 0.5 * step_s));
         course.disturbances_n = self.disturbances_n(start_s + step_s);
@@ -359,7 +355,7 @@ impl Plant for Drhas {
     }
 }
 
-/// The state of an actuator at step 0, if its parameters go together.
+/// Returns the state of an actuator at step 0, or refuses inconsistent parameters.
 fn start_of_actuator(p: &ActuatorParameters) -> Result<ActuatorState, Invalid> {
     let (supply_pa, return_pa) = (p.supply_pressure_pa, p.return_pressure_pa);
     if return_pa >= supply_pa {

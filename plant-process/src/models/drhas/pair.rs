@@ -1,89 +1,89 @@
-//! Numbers that come in pairs: the same quantity of both actuators.
+//! Pairs of numbers: the same quantity of both actuators.
 //!
-//! Used by the equations of the hydraulic system, which treat both actuators alike. One instruction
-//! computes both numbers, and each is rounded as it would be alone: IEEE 754 leaves no choice in sums,
-//! products, quotients and roots, so that a pair has the same bits on every machine.
+//! Used by the equations of the hydraulic system, which treat both actuators alike. One instruction computes both
+//! numbers, each rounded as it would be alone: IEEE 754 defines sums, products, quotients and roots exactly, so that a
+//! pair has the same bits on every machine.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use wide::f64x2;
 
-/// A quantity of both actuators, in order.
+/// Quantity of both actuators, in order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pair(f64x2);
 
 impl Pair {
-    /// The same number for both.
+    /// Creates a pair of equal numbers.
     #[inline]
     #[must_use]
     pub const fn both(value: f64) -> Self {
         Self(f64x2::splat(value))
     }
 
-    /// The square roots.
+    /// Returns the square roots.
     #[inline]
     #[must_use]
     pub fn sqrt(self) -> Self {
         Self(self.0.sqrt())
     }
 
-    /// The magnitudes.
+    /// Returns the magnitudes.
     #[inline]
     #[must_use]
     pub fn abs(self) -> Self {
         Self(self.0.abs())
     }
 
-    /// The same magnitudes with the signs of others.
+    /// Returns these magnitudes with the signs of another pair.
     #[inline]
     #[must_use]
     pub fn with_sign_of(self, other: Self) -> Self {
         Self(self.0.copysign(other.0))
     }
 
-    /// The same numbers, with the opposite sign where another is negative.
+    /// Negates the numbers for which another pair is negative.
     #[inline]
     #[must_use]
     pub fn flipped_where_negative(self, other: Self) -> Self {
         Self(self.0.flip_signs(other.0))
     }
 
-    /// 0 where a number is not above it.
+    /// Replaces negative numbers by 0.
     #[inline]
     #[must_use]
     pub fn or_zero_if_negative(self) -> Self {
         Self(self.0.fast_max(f64x2::splat(0.0)))
     }
 
-    /// A function of each.
+    /// Applies a function to each.
     #[inline]
     #[must_use]
     pub fn map(self, function: impl FnMut(f64) -> f64) -> Self {
         Self::from(self.to_array().map(function))
     }
 
-    /// Marks the numbers that are below those of another pair; NaN never is.
+    /// Marks the numbers below those of another pair; NaN never is.
     #[inline]
     #[must_use]
     pub fn is_below(self, other: Self) -> Which {
         Which(self.0.simd_lt(other.0))
     }
 
-    /// Marks the numbers that are above those of another pair; NaN never is.
+    /// Marks the numbers above those of another pair; NaN never is.
     #[inline]
     #[must_use]
     pub fn is_above(self, other: Self) -> Which {
         Which(self.0.simd_gt(other.0))
     }
 
-    /// Marks the numbers that are equal to those of another pair.
+    /// Marks the numbers equal to those of another pair.
     #[inline]
     #[must_use]
     pub fn is_equal(self, other: Self) -> Which {
         Which(self.0.simd_eq(other.0))
     }
 
-    /// Both numbers.
+    /// Returns both numbers.
     #[inline]
     #[must_use]
     pub const fn to_array(self) -> [f64; 2] {
@@ -98,19 +98,19 @@ impl From<[f64; 2]> for Pair {
     }
 }
 
-/// Mask of the actuators that something is true of.
+/// Mask that selects actuators.
 #[derive(Clone, Copy, Debug)]
 pub struct Which(f64x2);
 
 impl Which {
-    /// Returns true if the mask has at least one actuator.
+    /// Returns `true` if the mask has at least one actuator.
     #[inline]
     #[must_use]
     pub fn any(self) -> bool {
         self.0.any()
     }
 
-    /// For each actuator the first number where it is true and the second where it is not.
+    /// Selects for each actuator the first number if it is marked, otherwise the second.
     #[inline]
     #[must_use]
     pub fn choose(self, where_true: Pair, elsewhere: Pair) -> Pair {
@@ -176,7 +176,7 @@ impl Neg for Pair {
 mod tests {
     use super::*;
 
-    /// Numbers whose signs, zeros and ends are easily lost.
+    /// Numbers whose signs, zeros and limits are easily lost.
     const NUMBERS: [f64; 12] = [
         0.0,
         -0.0,
@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_above_zero_becomes_zero() {
+    fn numbers_that_are_not_positive_become_zero() {
         for (a, wanted) in [
             (2.5, 2.5),
             (1e-310, 1e-310),
@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn a_choice_is_made_for_each() {
+    fn each_number_is_chosen_independently() {
         let (yes, no) = (Pair::from([1.0, 2.0]), Pair::from([3.0, 4.0]));
         let choice = |truth: bool, i: usize| if truth { yes } else { no }.to_array()[i];
         for a in NUMBERS {

@@ -1,8 +1,8 @@
-//! The right-hand side of the hydraulic system: the equations of its parts put together.
+//! Right-hand side of the hydraulic system: the equations of its parts combined.
 //!
-//! Called by the substeps, 4 times each. It comes in two forms, the paper's and one that also has what
-//! the paper does not have; where that is neutral both give the same bits. They are compiled apart
-//! because conditions inside the paper's form would cost it up to a quarter of its speed.
+//! Called by the substeps, 4 times each. It has two forms, the paper's and one with the effects beyond the paper; if
+//! those are neutral both give the same bits. They are compiled separately because conditions inside the paper's form
+//! would cost it up to a quarter of its speed.
 
 use super::actuators::{ActuatorStates, Actuators};
 use super::pair::Pair;
@@ -10,16 +10,16 @@ use super::tables::{ActuatorParameters, SurfaceParameters};
 use super::valve::OpenEdges;
 use super::{State, cylinder, friction, leakage, surface, valve};
 
-/// Inputs of the actuators at one time, whatever their state.
+/// Inputs of the actuators at one time, independent of their state.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Inputs {
-    /// Edges that the spools hold open.
+    /// Edges held open by the spools.
     pub edges: OpenEdges,
     /// Disturbances d of the pistons.
     pub disturbances_n: Pair,
 }
 
-/// The state as it is integrated, or its rates: the actuators side by side.
+/// The state in the form for integration, or its rates: the actuators side by side.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Motion {
     /// Angle and rate of the surface.
@@ -32,7 +32,7 @@ pub(super) struct Motion {
 const PAIRS: usize = size_of::<Motion>() / size_of::<Pair>();
 
 impl Motion {
-    /// The same as a vector.
+    /// Converts to a vector.
     #[inline]
     pub(super) fn to_vector(self) -> [Pair; PAIRS] {
         let Self { surface, actuators } = self;
@@ -45,7 +45,7 @@ impl Motion {
         ]
     }
 
-    /// From a vector.
+    /// Converts from a vector.
     #[inline]
     pub(super) fn from_vector(vector: [Pair; PAIRS]) -> Self {
         let [
@@ -97,8 +97,7 @@ struct Influences {
 }
 
 impl Influences {
-    /// The same with what the paper does not have: a supply that gives way, external leaks, dry
-    /// friction and seizure.
+    /// Adds the effects beyond the paper: droop of the supply, external leaks, dry friction and seizure.
     #[inline]
     fn beyond_paper(self, p: &Actuators, state: &ActuatorStates, spool_m: Pair) -> Self {
         let v_h = state.velocity_mps;
@@ -117,7 +116,7 @@ impl Influences {
     }
 }
 
-/// Returns true if an actuator has something in [`Influences::beyond_paper`].
+/// Returns `true` if an actuator has an effect in [`Influences::beyond_paper`].
 pub(super) fn is_beyond_paper(p: &ActuatorParameters) -> bool {
     [
         p.supply_droop_pa_s_per_m3,
@@ -130,7 +129,7 @@ pub(super) fn is_beyond_paper(p: &ActuatorParameters) -> bool {
     .any(|&value| value != 0.0)
 }
 
-/// Rates of the whole state: the right-hand side of the model, the paper's or the one with
+/// Returns the rates of the whole state: the right-hand side of the model, the paper's or the one with
 /// [`Influences::beyond_paper`].
 #[inline]
 pub(super) fn rates<const BEYOND_PAPER: bool>(

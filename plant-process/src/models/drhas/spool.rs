@@ -1,29 +1,29 @@
-//! The spool of the servo valve: from the commanded current to its position (eq. 1), with what the
-//! paper's spool does not have: a null bias, stops, a lag, and dirt that holds it.
+//! The spool of the servo valve: from the commanded current to its position (eq. 1), with effects beyond the paper's
+//! spool: a null bias, stops, a lag, and sticking.
 //!
-//! Called by the substeps of the hydraulic system, which hand the position to [`valve`](super::valve).
-//! The current is constant during a step, so that the lag has an exact solution: the spool is not
-//! among the states that are integrated. With neutral parameters the position is `k_i u` at once. The
-//! stops are far beyond what a sound system needs; they are there because a law that has lost its
-//! plant may ask for any current, and no equation of the valve holds for a spool of a kilometre.
+//! Called by the substeps of the hydraulic system, which pass the position to [`valve`](super::valve). The current is
+//! constant during a step, so that the lag has an exact solution: the spool is not among the integrated states. With
+//! neutral parameters the position is `k_i u` at once. The stops are far beyond the range of normal operation; they
+//! exist because a law that has lost its plant may request any current, and no equation of the valve holds for a spool
+//! of a kilometre.
 
 use serde::{Deserialize, Serialize};
 
 use super::tables::ActuatorParameters;
 
-/// Position of the spool, and position at which dirt would hold it.
+/// Position of the spool, and the position at which it sticks.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Spool {
-    /// Position x_v, positive towards a flow that extends the rod.
+    /// Position x_v, positive for a flow that extends the rod.
     pub position_m: f64,
-    /// Position x_j at which the spool got stuck, or would if it did now.
+    /// Position x_j at which the spool got stuck, or would now.
     pub stuck_m: f64,
 }
 
 /// Displacement of a free spool at rest.
 ///
-/// `x_v = k_i u + b`, not beyond `x_max` to either side (eq. 1 with the null bias `b` and the stops
-/// `x_max`; any current).
+/// `x_v = k_i u + b`, limited to `x_max` on either side (eq. 1 with the null bias `b` and the stops `x_max`; any
+/// current).
 #[inline]
 #[must_use]
 pub fn free_displacement_m(p: &ActuatorParameters, current_a: f64) -> f64 {
@@ -38,12 +38,11 @@ pub fn free_displacement_m(p: &ActuatorParameters, current_a: f64) -> f64 {
     }
 }
 
-/// Position on the way to a constant one.
+/// Position on the way to a constant target.
 ///
-/// `x_v(t) = w + (x_v(0) - w) exp(-t / T)`, the solution of `T x_v' = w - x_v`: the spool as a
-/// first-order system (Merritt, Hydraulic Control Systems, 1967, on electrohydraulic servovalves).
-/// Exact for any duration; `T = 0` arrives at once. Kept out of line: inside the loop of a spool that
-/// does not lag it would cost more than the spool.
+/// `x_v(t) = w + (x_v(0) - w) exp(-t / T)`, the solution of `T x_v' = w - x_v`: the spool as a first-order system
+/// (Merritt, Hydraulic Control Systems, 1967, on electrohydraulic servovalves). Exact for any duration; `T = 0` arrives
+/// at once. Not inlined: inside the loop of a spool without lag it would cost more than the spool.
 #[cold]
 #[must_use]
 pub fn lagging_position_m(lag_s: f64, from_m: f64, wanted_m: f64, duration_s: f64) -> f64 {
@@ -54,7 +53,7 @@ pub fn lagging_position_m(lag_s: f64, from_m: f64, wanted_m: f64, duration_s: f6
 }
 
 impl Spool {
-    /// At rest without current.
+    /// Creates a spool at rest without current.
     #[must_use]
     pub fn at_null(p: &ActuatorParameters) -> Self {
         let position_m = free_displacement_m(p, 0.0);
@@ -64,10 +63,10 @@ impl Spool {
         }
     }
 
-    /// Returns the position that the spool goes to under a constant current.
+    /// Returns the target position of the spool under a constant current.
     ///
-    /// `w = (1 - j) (k_i u + b) + j x_j`: a spool stuck by the share `j` follows only the rest of its
-    /// way, and one that is stuck altogether stays where it was when it began.
+    /// `w = (1 - j) (k_i u + b) + j x_j`: a spool stuck to the degree `j` follows only the rest of its way, and a
+    /// completely stuck one stays where it stuck.
     #[inline]
     #[must_use]
     pub fn wanted_m(&self, p: &ActuatorParameters, current_a: f64) -> f64 {
@@ -78,10 +77,10 @@ impl Spool {
         (1.0 - j) * free_m + j * self.stuck_m
     }
 
-    /// Moves on, and gives the positions at begin, middle and end of the way.
+    /// Advances, and returns the positions at the beginning, middle and end.
     ///
-    /// Runge-Kutta wants its inputs smooth: of a lag shorter than a substep it takes the beginning too
-    /// seriously, and the spool acts up to a sixth of a substep (4 us of 25 us) later than it should.
+    /// Runge-Kutta needs smooth inputs: for a lag shorter than a substep it overweights the beginning, and the spool
+    /// acts up to a sixth of a substep (4 us of 25 us) too late.
     #[inline]
     pub fn travel(&mut self, p: &ActuatorParameters, wanted_m: f64, duration_s: f64) -> [f64; 3] {
         let lag_s = p.valve_lag_s;
@@ -130,12 +129,12 @@ mod tests {
         for (current_a, expected_m) in [(1.0, 3.04e-3), (2.0, 5e-3), (-1e30, -5e-3)] {
             assert_eq!(free_displacement_m(&p, current_a), expected_m);
         }
-        // A number that is none must stay visible.
+        // NaN must stay visible.
         assert!(free_displacement_m(&p, f64::NAN).is_nan());
     }
 
     #[test]
-    fn without_lag_the_spool_is_there_at_once() {
+    fn without_lag_the_spool_arrives_at_once() {
         let p = ActuatorParameters::default();
         let mut spool = Spool::at_null(&p);
         assert_eq!(spool.travel(&p, 6e-3, 1e-5), [6e-3; 3]);
@@ -158,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn the_way_does_not_depend_on_how_it_is_cut() {
+    fn the_course_does_not_depend_on_its_subdivision() {
         let p = ActuatorParameters {
             valve_lag_s: 3e-4,
             ..ActuatorParameters::default()
@@ -173,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stuck_spool_stays_until_it_is_free_and_sticks_elsewhere_the_next_time() {
+    fn a_stuck_spool_stays_until_freed_and_sticks_elsewhere_next_time() {
         let free = ActuatorParameters::default();
         let stuck = ActuatorParameters {
             valve_stuck: 1.0,
@@ -217,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn a_spool_stuck_by_half_goes_half_the_way_from_where_it_began() {
+    fn a_half_stuck_spool_goes_half_the_way_from_its_stuck_position() {
         let half = ActuatorParameters {
             valve_stuck: 0.5,
             ..ActuatorParameters::default()
@@ -226,7 +225,7 @@ mod tests {
             position_m: 2e-3,
             stuck_m: 2e-3,
         };
-        // Half of 3.04e-3 * 2 and half of 2e-3; how often it is asked does not matter.
+        // Half of 3.04e-3 * 2 and half of 2e-3; repeated calls do not matter.
         for _ in 0..3 {
             let wanted_m = spool.wanted_m(&half, 2.0);
             assert!((wanted_m - 4.04e-3).abs() < 1e-18, "{wanted_m}");

@@ -1,16 +1,15 @@
-//! The control surface that both rods move, and the force they waste on each other (eqs. 14 to 17,
-//! 24, 33).
+//! The control surface driven by both rods, and the force fight between them (eqs. 14 to 17, 24, 33).
 //!
-//! Called by the right-hand side and by the truth of the hydraulic system. Angles are small: a
-//! rod's end moves on a straight line.
+//! Called by the right-hand side and by the truth of the hydraulic system. Angles are small: a rod's end moves on a
+//! straight line.
 
 use super::actuators::Actuators;
 use super::pair::Pair;
 use super::tables::SurfaceParameters;
 
-/// Linear displacement of the surface where the rods hold it.
+/// Linear displacement of the surface at the rods.
 ///
-/// `x_d = r_d theta_d` (eq. 16; small angles, 0.5 rad costs 4 %).
+/// `x_d = r_d theta_d` (eq. 16; small angles, at 0.5 rad the error is 4 %).
 #[inline]
 #[must_use]
 pub fn linear_displacement_m(p: &SurfaceParameters, angle_rad: f64) -> f64 {
@@ -19,7 +18,7 @@ pub fn linear_displacement_m(p: &SurfaceParameters, angle_rad: f64) -> f64 {
 
 /// Force of a rod on the surface.
 ///
-/// `F_h = K_h (x_h - x_d)` (eqs. 14 and 15; pulls as well as it pushes).
+/// `F_h = K_h (x_h - x_d)` (eqs. 14 and 15; pull as well as push).
 #[inline]
 #[must_use]
 pub fn rod_force_n(p: &Actuators, position_m: Pair, linear_displacement_m: f64) -> Pair {

@@ -1,7 +1,7 @@
 //! Tables of the hydraulic system: its parameters and signals.
 //!
-//! The defaults are Table 1 of the paper and eq. 74; what the paper does not have is neutral by
-//! default. The symbols in the descriptions are the paper's.
+//! The defaults are Table 1 of the paper and eq. 74; parameters beyond the paper are neutral by default. The symbols in
+//! the descriptions are the paper's.
 
 use shared_types::table;
 
@@ -117,7 +117,7 @@ table! {
 }
 
 impl Parameters {
-    /// The actuators in order.
+    /// Returns the actuators in order.
     #[inline]
     #[must_use]
     pub fn actuators(&self) -> [&ActuatorParameters; 2] {
@@ -126,7 +126,7 @@ impl Parameters {
 }
 
 table! {
-    /// True state and outputs. The ranges are where the equations hold.
+    /// True state and outputs. The ranges limit the validity of the equations.
     pub struct Truth {
         /// Angle theta_d of the surface.
         surface_angle_rad: "rad" in (-0.5)..=0.5,

@@ -49,7 +49,7 @@ fn proportional_law(reference_rad: f64, measured: &Measured) -> Command {
     }
 }
 
-/// The same change on both actuators.
+/// Applies the same change to both actuators.
 fn both(mut parameters: Parameters, change: impl Fn(&mut ActuatorParameters)) -> Parameters {
     change(&mut parameters.actuator1);
     change(&mut parameters.actuator2);
@@ -63,7 +63,7 @@ fn start(parameters: &Parameters) -> Drhas {
 /// Number of state variables.
 const STATES: usize = size_of::<State>() / size_of::<f64>();
 
-/// The right-hand side at a plant's state, in the order of the state.
+/// Returns the right-hand side at a plant's state, in the order of the state.
 fn rates_of_state<const BEYOND_PAPER: bool>(
     plant: &Drhas,
     edges: OpenEdges,
@@ -78,7 +78,7 @@ fn rates_of_state<const BEYOND_PAPER: bool>(
     transmute!(State::from(&rates))
 }
 
-/// Advances at 10 kHz with 4 substeps; `look` sees the plant after every step.
+/// Advances at 10 kHz with 4 substeps; `look` is called with the plant after every step.
 fn run(plant: &mut Drhas, steps: u64, command: &Command, mut look: impl FnMut(&Drhas)) {
     let rate = Rate::new(10_000.0).unwrap();
     for k in 0..steps {
@@ -103,8 +103,8 @@ fn an_undisturbed_system_stays_exactly_at_rest() {
 
 #[test]
 fn constant_disturbances_settle_against_load_and_rods() {
-    // With closed valves and a wide bypass the pressures become equal, so that F_hi = -d_i and
-    // K_d r_d theta_d = F_h1 + F_h2.
+    // With closed valves and a wide bypass the pressures become equal, so that F_hi = -d_i and K_d r_d theta_d = F_h1 +
+    // F_h2.
     let parameters = both(Parameters::default(), |p| {
         p.disturbance_amplitude_n = 0.0;
         p.internal_leakage_m3ps_per_pa = 1e-9;
@@ -136,7 +136,7 @@ fn positive_currents_extend_both_rods_and_raise_the_surface() {
 }
 
 #[test]
-fn the_mirrored_system_moves_in_the_mirror() {
+fn the_mirrored_system_has_the_mirrored_motion() {
     let moving = |sign: f64| {
         let mut parameters = Parameters::default();
         parameters.surface.initial_rate_radps = sign * 0.3;
@@ -162,7 +162,7 @@ fn the_mirrored_system_moves_in_the_mirror() {
 }
 
 #[test]
-fn actuators_that_change_places_change_nothing_else() {
+fn swapping_the_actuators_changes_nothing_else() {
     // The leak empties the pressure difference of one actuator only, again and again.
     let ringing = |leaking: usize| {
         let mut parameters = both(undisturbed(), |p| p.initial_velocity_mps = 0.2);
@@ -218,8 +218,8 @@ fn a_closed_chamber_keeps_its_oil() {
     assert!(travel_m > 1e-3, "the pistons moved: {travel_m} m");
 }
 
-/// Energy of masses, springs and oil. The oil of a closed chamber has `U = -V (P + beta_e)` up to a
-/// constant, so that `dU = -P dV`.
+/// Energy of masses, springs and oil. The oil of a closed chamber has `U = -V (P + beta_e)` up to a constant, so that
+/// `dU = -P dV`.
 fn energy_j(parameters: &Parameters, state: &State) -> f64 {
     let surface = &parameters.surface;
     let x_d = surface.radial_distance_m * state.angle_rad;
@@ -238,20 +238,20 @@ fn energy_j(parameters: &Parameters, state: &State) -> f64 {
 }
 
 #[test]
-fn without_damping_valve_and_leak_the_energy_is_kept() {
+fn without_damping_valve_and_leak_energy_is_conserved() {
     let mut parameters = both(closed_chambers(), |p| p.damping_n_s_per_m = 0.0);
     parameters.surface.damping_n_m_s_per_rad = 0.0;
     let mut plant = start(&parameters);
     let before_j = energy_j(&parameters, &plant.state);
     run(&mut plant, 1000, &CLOSED, |plant| {
         let change_j = energy_j(&parameters, &plant.state) - before_j;
-        // The pistons bring 7.6 J along.
+        // The pistons start with 7.6 J.
         assert!(change_j.abs() < 1e-5, "{change_j} J");
     });
 }
 
 #[test]
-fn damping_only_takes_energy() {
+fn damping_only_removes_energy() {
     let parameters = closed_chambers();
     let mut plant = start(&parameters);
     let start_j = energy_j(&parameters, &plant.state);
@@ -266,7 +266,7 @@ fn damping_only_takes_energy() {
 
 #[test]
 fn a_leak_moves_oil_from_one_chamber_to_the_other() {
-    // At rest and with closed valves V_1 P_1' + V_2 P_2' = 0, and oil runs down the pressure.
+    // At rest and with closed valves V_1 P_1' + V_2 P_2' = 0, and oil flows from high to low pressure.
     let parameters = both(undisturbed(), |p| {
         p.volume1_m3 = 1e-4;
         p.leakage_coefficient_m3ps_per_sqrt_pa = 3e-7;
@@ -314,7 +314,7 @@ fn pressures_that_a_leak_makes_equal_stay_equal() {
 
 #[test]
 fn a_leaking_system_that_rings_down_comes_to_rest() {
-    // Runge-Kutta steps alone throw y from side to side here, by 4 kPa for ever.
+    // Runge-Kutta steps alone make y oscillate here, by 4 kPa for ever.
     let parameters = both(undisturbed(), |p| {
         p.leakage_coefficient_m3ps_per_sqrt_pa = 5e-7;
         p.initial_velocity_mps = 0.2;
@@ -329,7 +329,7 @@ fn a_leaking_system_that_rings_down_comes_to_rest() {
 }
 
 #[test]
-fn a_fault_takes_hold_from_the_retuned_step_on() {
+fn a_fault_acts_from_the_retuned_step_on() {
     let mut plant = start(&both(undisturbed(), |p| p.initial_pressure1_ratio = 0.6));
     assert_eq!(plant.truth(0.0, &CLOSED).actuator2_leakage_flow_m3ps, 0.0);
     let mut faulty = plant.parameters;
@@ -391,7 +391,7 @@ fn every_default_is_in_its_range() {
     }
 }
 
-/// Returns the reason for which a change of actuator 2 is refused.
+/// Returns the refusal of a change of actuator 2.
 fn refusal(change: impl Fn(&mut ActuatorParameters)) -> String {
     let mut parameters = Parameters::default();
     change(&mut parameters.actuator2);

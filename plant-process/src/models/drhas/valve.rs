@@ -1,15 +1,13 @@
-//! The electro-hydraulic servo valve: from the spool's position to the flows of the chambers
-//! (eqs. 7 to 13).
+//! The electro-hydraulic servo valve: from the spool's position to the flows of the chambers (eqs. 7 to 13).
 //!
-//! Called by the right-hand side of the hydraulic system with the position from
-//! [`spool`](super::spool). The valve's edges neither overlap nor leak, as in the paper. The paper's
-//! `s(u)` is `s(x_v)` here, which is the same while `x_v = k_i u` and still holds where the spool is
-//! elsewhere.
+//! Called by the right-hand side of the hydraulic system with the position from [`spool`](super::spool). The valve's
+//! edges neither overlap nor leak, as in the paper. The paper's `s(u)` is `s(x_v)` here, which is the same while `x_v =
+//! k_i u` and remains valid for other spool positions.
 
 use super::actuators::{ActuatorStates, Actuators};
 use super::pair::Pair;
 
-/// The edges that the spools hold open, and the lines behind them.
+/// Edges held open by the spools, and the lines behind them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OpenEdges {
     /// Positions x_v of the spools.
@@ -23,11 +21,11 @@ pub struct OpenEdges {
 }
 
 impl OpenEdges {
-    /// The edges at a position of the spools.
+    /// Returns the edges at a position of the spools.
     ///
-    /// `x_v > 0` joins the active chamber to the supply and the passive one to the return,
-    /// `x_v < 0` the other way round (eq. 9). At `x_v = 0`, where the paper counts both edges, nothing
-    /// flows whatever their roots are, and one edge stands for both.
+    /// `x_v > 0` connects the active chamber to the supply and the passive one to the return, `x_v < 0` the reverse
+    /// (eq. 9). At `x_v = 0`, where the paper counts both edges, nothing flows whatever their roots are, and one edge
+    /// stands for both.
     #[inline]
     #[must_use]
     pub fn at(p: &Actuators, spool_m: Pair) -> Self {
@@ -80,13 +78,12 @@ impl OpenEdges {
     }
 }
 
-/// Flow from a supply that gives way to it, from the flow `q_0` that a stiff one would give.
+/// Flow from a compliant supply, computed from the flow `q_0` of a stiff one.
 ///
-/// `q = k sqrt(P_s - R q - P)` with `k = k_q |x_v|`, so that `q^2 + k^2 R q - q_0^2 = 0` and
-/// `q = 2 q_0^2 / (k^2 R + sqrt((k^2 R)^2 + 4 q_0^2))`, the form without cancellation: a line or pump
-/// whose pressure falls in proportion to its flow (Merritt, Hydraulic Control Systems, 1967, on laminar
-/// flow and on power supplies) in front of the orifice of eqs. 10 and 11. `R = 0` is the paper's stiff
-/// supply. The sign is that of `q_0`.
+/// `q = k sqrt(P_s - R q - P)` with `k = k_q |x_v|`, so that `q^2 + k^2 R q - q_0^2 = 0` and `q = 2 q_0^2 / (k^2 R +
+/// sqrt((k^2 R)^2 + 4 q_0^2))`, the form without cancellation: a line or pump whose pressure falls in proportion to its
+/// flow (Merritt, Hydraulic Control Systems, 1967, on laminar flow and on power supplies) upstream of the orifice of
+/// eqs. 10 and 11. `R = 0` is the paper's stiff supply. The sign is that of `q_0`.
 #[inline]
 #[must_use]
 pub fn flow_of_soft_supply_m3ps(p: &Actuators, spool_m: Pair, stiff_m3ps: Pair) -> Pair {
@@ -119,7 +116,7 @@ mod tests {
         pressure2_pa: 9e6,
     };
 
-    /// Table 1, except a return pressure that shows.
+    /// Table 1, except for a non-zero return pressure.
     fn parameters() -> ActuatorParameters {
         ActuatorParameters {
             return_pressure_pa: 5e6,
@@ -127,7 +124,7 @@ mod tests {
         }
     }
 
-    /// Both roots, or both flows, of edges that are open by so much.
+    /// Returns both roots at this opening.
     fn roots_sqrt_pa(spool_m: f64) -> [f64; 2] {
         let edges = OpenEdges::at(&alike(&parameters()), Pair::both(spool_m));
         let state = together(&STATE);
@@ -149,13 +146,13 @@ mod tests {
     }
 
     #[test]
-    fn a_positive_spool_joins_supply_to_the_active_chamber() {
+    fn a_positive_spool_connects_supply_to_the_active_chamber() {
         // sqrt(28e6 - 12e6) = 4000, sqrt(9e6 - 5e6) = 2000.
         assert_eq!(roots_sqrt_pa(3e-4), [4000.0, 2000.0]);
     }
 
     #[test]
-    fn a_negative_spool_joins_supply_to_the_passive_chamber() {
+    fn a_negative_spool_connects_supply_to_the_passive_chamber() {
         // sqrt(12e6 - 5e6) and sqrt(28e6 - 9e6).
         let [r_1, r_2] = roots_sqrt_pa(-3e-4);
         assert!((r_1 - 2645.7513110645905).abs() < 1e-9, "{r_1}");
@@ -200,16 +197,16 @@ mod tests {
         assert_eq!(flows_m3ps(&beyond, 3e-4), [0.0; 2]);
     }
 
-    /// Returns the flow that a supply that gives way lets through.
+    /// Returns the flow through a compliant supply.
     fn soft_m3ps(p: &ActuatorParameters, spool_m: f64, stiff_m3ps: f64) -> f64 {
         let (x_v, q_0) = (Pair::both(spool_m), Pair::both(stiff_m3ps));
         of_each(flow_of_soft_supply_m3ps(&alike(p), x_v, q_0))
     }
 
     #[test]
-    fn a_supply_that_gives_way_settles_where_flow_and_drop_agree() {
-        // With k = 2.25e-8, R = 6000 / k and D = 16e6: q = k r and r^2 + 6000 r - 16e6 = 0, r = 2000. The
-        // supply sinks by R q = 12 MPa to 16 MPa, and sqrt(16e6 - 12e6) = 2000 again.
+    fn a_compliant_supply_settles_where_flow_and_drop_agree() {
+        // With k = 2.25e-8, R = 6000 / k and D = 16e6: q = k r and r^2 + 6000 r - 16e6 = 0, r = 2000. The supply drops
+        // by R q = 12 MPa to 16 MPa, and sqrt(16e6 - 12e6) = 2000 again.
         let soft = ActuatorParameters {
             supply_droop_pa_s_per_m3: 6000.0 / 2.25e-8,
             ..parameters()
@@ -224,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn a_supply_that_hardly_gives_way_gives_what_a_stiff_one_does() {
+    fn a_slightly_compliant_supply_gives_the_flow_of_a_stiff_one() {
         for (droop, off) in [(0.0, 0.0), (1e-3, 1e-13)] {
             let soft = ActuatorParameters {
                 supply_droop_pa_s_per_m3: droop,

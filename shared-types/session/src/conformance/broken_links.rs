@@ -1,4 +1,4 @@
-//! Links with one flaw each, and the sentences that each breaks; together all of them.
+//! Links with one flaw each, and the properties that each flaw breaks; together all of them.
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -52,14 +52,14 @@ flaws! {
         frames_before_opening_are_an_error, too_many_signals_are_refused;
 }
 
-/// Facts that both ends know: a death, and a frame of each side that was not looked for.
+/// State shared by both ends: a death, and an unread frame of each side.
 #[derive(Default)]
 struct Wire {
     has_death: Cell<bool>,
     waits: [Cell<bool>; 2],
 }
 
-/// A place whose links have a flaw.
+/// Place whose links have a flaw.
 struct Broken<F, const FLAW: usize> {
     place: F,
     wire: Rc<Wire>,
@@ -91,13 +91,13 @@ impl<F: Fixture, const FLAW: usize> Fixture for Broken<F, FLAW> {
     }
 }
 
-/// End of a link with a flaw.
+/// End of a flawed link.
 struct BrokenLink<L, const FLAW: usize> {
     link: L,
     side: usize,
     wire: Rc<Wire>,
     sent: u64,
-    /// The frames sent and received last.
+    /// Last frames sent and received.
     outgoing: Option<(Header, Vec<f64>)>,
     incoming: Option<(Header, Vec<f64>)>,
 }

@@ -1,4 +1,4 @@
-//! Record streams with one flaw each, and the sentences that each breaks; together all of them.
+//! Record streams with one flaw each, and the properties that each flaw breaks; together all of them.
 
 use std::sync::{Arc, Weak};
 use std::time::Duration;
@@ -24,7 +24,7 @@ flaws! {
         a_dead_recorder_holds_nobody_up;
 }
 
-/// A place whose stream has a flaw.
+/// Place whose stream has a flaw.
 struct Broken<F, const FLAW: usize>(F);
 
 impl<F: Fixture, const FLAW: usize> Fixture for Broken<F, FLAW> {
@@ -52,7 +52,7 @@ impl<F: Fixture, const FLAW: usize> Fixture for Broken<F, FLAW> {
     }
 }
 
-/// The plant's end of a stream with a flaw.
+/// The plant's end of a flawed stream.
 struct BrokenSink<S, const FLAW: usize> {
     sink: S,
     sent: u64,
@@ -110,7 +110,7 @@ impl<S: RecordSink, const FLAW: usize> RecordSink for BrokenSink<S, FLAW> {
     }
 }
 
-/// The recorder's end, which lives as long as what it holds.
+/// The recorder's end, which lives as long as the value it holds.
 struct BrokenSource<S>(S, #[expect(dead_code, reason = "held, never read")] Arc<()>);
 
 impl<S: RecordSource> RecordSource for BrokenSource<S> {

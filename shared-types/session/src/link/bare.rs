@@ -1,8 +1,8 @@
-//! The bare iceoryx2 exchange: one blackboard entry each way between two processes, as the link uses
-//! them, but without frames to fill, stamp, sum and check.
+//! The bare iceoryx2 exchange: one blackboard entry in each direction between two processes, used as in the link, but
+//! without filling, stamping and checking frames.
 //!
-//! Benchmarks compare the link with it. It stands beside the link because the two share nearly all code
-//! that the compiler makes of iceoryx2; no run uses it.
+//! Benchmarks compare the link with it. It is kept beside the link because both share nearly all code that the compiler
+//! generates from iceoryx2; no run uses it.
 
 use iceoryx2::port::reader::{BlackboardValue, EntryHandle};
 use iceoryx2::port::writer::EntryHandleMut;
@@ -17,7 +17,7 @@ use shared_types::side::Side;
 const SAMPLES: &str = "bare/samples";
 const COMMANDS: &str = "bare/commands";
 
-/// A payload as large as a [frame](shared_types::frame::Frame) of so many words.
+/// Payload as large as a [frame](shared_types::frame::Frame) of so many words.
 #[derive(Clone, Copy, Debug, ZeroCopySend)]
 #[repr(C)]
 struct Payload<const WORDS: usize> {
@@ -59,7 +59,7 @@ impl<const WORDS: usize> Incoming for Reader<WORDS> {
             return None;
         }
         let payload = **self.last.insert(self.cell.get());
-        // The last word of a copy, so that all of it is copied.
+        // Reads the last word of the copy, so that all of it is copied.
         std::hint::black_box(payload).words.last().copied()
     }
 }
@@ -68,26 +68,26 @@ impl<const WORDS: usize> Incoming for Reader<WORDS> {
 pub struct Blackboard {
     outgoing: Box<dyn Outgoing>,
     incoming: Box<dyn Incoming>,
-    // Last: what is above must be dropped before the node that it lives in.
+    // Last: the fields above must be dropped before the node that owns them.
     _node: Node<Ipc>,
 }
 
 impl Blackboard {
-    /// Sends a payload full of this number.
+    /// Sends a payload filled with this number.
     pub fn send(&mut self, number: u64) {
         self.outgoing.send(number);
     }
 
-    /// Copies a payload out that came, and returns its number.
+    /// Copies out a payload that arrived, and returns its number.
     pub fn receive(&mut self) -> Option<u64> {
         self.incoming.receive()
     }
 
-    /// Opens an end for payloads of `there` values from the plant and `back` values to it. The plant's
-    /// end is there before the controller's is opened.
+    /// Opens an end for payloads of `there` values from the plant and `back` values to it. The plant's end must be
+    /// opened before the controller's.
     ///
     /// # Errors
-    /// If shared memory cannot be used, or the plant has created nothing.
+    /// If shared memory cannot be used, or the plant has not created its end.
     pub fn open(
         session: &SessionInfo,
         side: Side,

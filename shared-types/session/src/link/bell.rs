@@ -1,19 +1,19 @@
-//! Bells: each side of a session sleeps on its own, and whoever sends to it rings.
+//! Bells: each side of a session sleeps on its own bell, and every sender to it rings.
 //!
-//! A bell is two words in shared memory. They carry no data, so they never touch a result. No ring is lost,
-//! and none costs a system call while nobody sleeps:
+//! A bell is two words in shared memory. They carry no data and so cannot influence a result. No ring is lost, and none
+//! costs a system call unless somebody sleeps:
 //!
-//! 1. The sleeper reads `rings`, sets `sleeping`, and looks once more for what it awaits.
-//! 2. The ringer sends, and looks at `sleeping`. If it is set, it counts up `rings` and wakes.
-//! 3. The kernel lets the sleeper sleep only as long as `rings` is what was read in 1.
+//! 1. The sleeper reads `rings`, sets `sleeping`, and polls once more for its message.
+//! 2. The ringer sends, then reads `sleeping`. If it is set, the ringer increments `rings` and wakes the sleeper.
+//! 3. The kernel lets the sleeper sleep only while `rings` still has the value read in 1.
 //!
-//! Between sending and looking on both sides stands a full fence, so at least one of the two sees the other.
+//! A full fence separates sending from reading on both sides, so at least one of the two sees the other.
 //!
-//! The kernel's timer takes 0.3 us of each sleep. A bell that [ticks](Bell::tick) is rung every 50 ms as long as its
-//! owner sleeps now and then, who needs no timer for longer sleeps. The thread that rings parks otherwise:
+//! The kernel's timer adds 0.3 us to each sleep. A bell that [ticks](Bell::tick) is rung every 50 ms while its owner
+//! sleeps now and then, so that longer sleeps need no timer. The ringing thread parks in between:
 //!
 //! 1. The owner sets `wanted` before it sleeps, and wakes the thread if `parked` is set.
-//! 2. The thread takes `wanted`. If it was set, the thread rings 50 ms later; or else it sets `parked`, looks at
+//! 2. The thread takes `wanted`. If it was set, the thread rings 50 ms later; otherwise it sets `parked`, reads
 //!    `wanted` once more and parks.
 
 use std::fmt;
@@ -49,16 +49,16 @@ pub enum Owner {
 
 /// Time between two ticks.
 const TICK: Duration = Duration::from_millis(50);
-/// Stack of the thread that ticks: it may be locked in memory.
+/// Stack size of the ticking thread, small because it may be locked in memory.
 const STACK: usize = 1 << 16;
 
-/// A bell of a session. Clones are the same bell.
+/// Bell of a session. Clones share the same bell.
 #[derive(Clone)]
 pub struct Bell(Arc<BellState>);
 
 struct BellState {
     words: Storage<Words>,
-    /// The thread that rings, if there is one.
+    /// Ringing thread, if any.
     ticker: OnceLock<Ticker>,
 }
 
@@ -90,10 +90,10 @@ impl Owner {
 }
 
 impl Bell {
-    /// Makes a bell. Its file goes with the last clone here, or else with the session.
+    /// Creates a bell. Its file is removed with the last clone here, or with the session.
     ///
     /// # Errors
-    /// [`LinkError::Taken`] if it is there already; or shared memory cannot be used.
+    /// [`LinkError::Taken`] if the bell exists already, or an error if shared memory cannot be used.
     pub fn create(session: &SessionInfo, owner: Owner) -> Result<Self, LinkError> {
         let name = owner.name();
         let (file, configuration) = place(session, &name)?;
@@ -117,11 +117,11 @@ impl Bell {
             })
     }
 
-    /// Opens a bell that another process made, once a service that it makes afterwards is there: a file
-    /// without a size yet is waited for without a limit.
+    /// Opens a bell that another process made. Call it only once a service exists that is created after the bell: the
+    /// wait for a file that has no size yet is unlimited.
     ///
     /// # Errors
-    /// [`LinkError::Absent`] as long as it is not there.
+    /// [`LinkError::Absent`] while the bell does not exist.
     pub fn open(session: &SessionInfo, owner: Owner) -> Result<Self, LinkError> {
         let name = owner.name();
         let (file, configuration) = place(session, &name)?;
@@ -134,7 +134,7 @@ impl Bell {
                 DynamicStorageOpenError::DoesNotExist
                 | DynamicStorageOpenError::InitializationNotYetFinalized => LinkError::Absent {
                     service: name.clone(),
-                    reason: "the plant has not made it".into(),
+                    reason: "the plant has not created it".into(),
                 },
                 error => transport(&name, error),
             })
@@ -149,8 +149,8 @@ impl Bell {
         self.0.words.get()
     }
 
-    /// Rings every 50 ms from now on while the owner sleeps, on a thread of its own that ends with the last clone
-    /// here. For the owner; where no thread can be had it goes on sleeping with a timer.
+    /// Rings every 50 ms from now on while the owner sleeps, on a separate thread that ends with the last clone here.
+    /// Called by the owner; if no thread can be started, it keeps sleeping with a timer.
     pub fn tick(&self) {
         if self.0.ticker.get().is_some() {
             return;
@@ -167,7 +167,7 @@ impl Bell {
         }
     }
 
-    /// Wakes the owner if it sleeps or is about to. To be called after what it awaits was sent.
+    /// Wakes the owner if it sleeps or is about to. Call it after sending.
     #[inline]
     pub fn ring(&self) {
         let words = self.words();
@@ -203,7 +203,7 @@ impl Sleeper for Bell {
             }
             _ => Some(Timespec::try_from(Duration::from_nanos(ns)).unwrap_or_default()),
         };
-        // A ring, the end of the time and a signal all mean the same: look again.
+        // A ring, a timeout and a signal all mean the same: poll again.
         let _ = futex::wait(
             &self.words().rings,
             futex::Flags::empty(),
@@ -217,13 +217,13 @@ impl Sleeper for Bell {
     }
 }
 
-/// Tells if ticks end a sleep of `ns` at most in time, also one that is late by as long again.
+/// Returns `true` if ticks end a sleep of at most `ns` in time, even one that is late by as long again.
 const fn has_no_timer(ns: u64) -> bool {
     ns as u128 >= 2 * TICK.as_nanos()
 }
 
 impl Ticker {
-    /// Asks for a tick, because the owner is about to sleep.
+    /// Requests a tick, because the owner is about to sleep.
     fn want(&self) {
         self.flags.wanted.store(true, Ordering::SeqCst);
         if self.flags.parked.load(Ordering::SeqCst) {
@@ -238,7 +238,7 @@ impl Drop for Ticker {
     }
 }
 
-/// Rings a bell as long as it is there and its owner asks for it.
+/// Rings a bell while it exists and its owner requests ticks.
 fn ring_while_wanted(bell: &Weak<BellState>, flags: &TickerFlags) {
     while bell.strong_count() > 0 {
         if flags.wanted.swap(false, Ordering::SeqCst) {
@@ -262,7 +262,7 @@ impl fmt::Debug for Bell {
     }
 }
 
-/// Returns the name and prefix of a bell's file.
+/// Returns the name of a bell's file and its configuration with the session's prefix.
 fn place(session: &SessionInfo, name: &str) -> Result<(FileName, Configuration<Words>), LinkError> {
     let file = |text: &str| FileName::new(text.as_bytes()).map_err(|e| transport(name, e));
     let configuration = Configuration::default().prefix(&file(&session.prefix)?);
@@ -280,7 +280,7 @@ mod tests {
     const LONG: Duration = Duration::from_secs(60);
 
     #[test]
-    fn a_bell_is_there_once_private_and_gone_with_its_maker() {
+    fn a_bell_is_unique_private_and_removed_with_its_maker() {
         let session = Session::create(None).expect("a session");
         let info = session.info();
         let absent = Bell::open(info, Owner::Plant);
@@ -300,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn a_killed_makers_bell_is_swept_away_with_its_session() {
+    fn the_bell_of_a_killed_maker_is_removed_with_its_session() {
         let session = Session::create(None).expect("a session");
         let info = session.info().clone();
         std::mem::forget(Bell::create(&info, Owner::Plant).expect("creates"));
@@ -310,7 +310,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_is_woken_who_does_not_sleep() {
+    fn a_ring_without_a_sleeper_wakes_nobody() {
         let session = Session::create(None).expect("a session");
         let bell = Bell::create(session.info(), Owner::Plant).expect("creates");
         let rings = bell.announce();
@@ -322,13 +322,13 @@ mod tests {
     }
 
     #[test]
-    fn only_a_sleep_of_two_ticks_or_more_has_no_timer() {
+    fn only_sleeps_of_two_ticks_or_more_need_no_timer() {
         assert!(has_no_timer(100_000_000));
         assert!(!has_no_timer(99_999_999));
     }
 
     #[test]
-    fn a_bell_that_ticks_wakes_its_owner_and_goes_with_its_last_clone() {
+    fn a_ticking_bell_wakes_its_owner_and_ends_with_its_last_clone() {
         let session = Session::create(None).expect("a session");
         let bell = Bell::create(session.info(), Owner::Plant).expect("creates");
         bell.tick();
@@ -356,8 +356,8 @@ mod tests {
         }
     }
 
-    /// Two threads hand a number to and fro and sleep as soon as they see nothing new. A lost ring shows as a
-    /// sleep of a minute.
+    /// Two threads pass a number to and fro and sleep whenever they see nothing new. A lost ring shows as a sleep of
+    /// one minute.
     #[test]
     fn no_ring_is_lost() {
         const TURNS: u64 = 1_000_000;

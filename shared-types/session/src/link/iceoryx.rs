@@ -1,11 +1,10 @@
 //! The link over iceoryx2 shared memory.
 //!
-//! Frames use the blackboard pattern, one service for each direction: a lock-free cell that holds
-//! the latest frame. It costs about half of publish-subscribe (see the bench `exchange`), and the
-//! newest frame is all that lockstep and real time want. After its writer was killed a blackboard
-//! cell stays locked, so each epoch, that is each controller, gets services of its own.
-//! Control messages use publish-subscribe, for each epoch its own too. The plant creates every service
-//! and verifies what it got; the controller opens them and proves the layout hash.
+//! Frames use the blackboard pattern, one service per direction: a lock-free cell that holds the latest frame. It costs
+//! about half of publish-subscribe (see the bench `exchange`), and lockstep and real time need only the newest frame.
+//! If its writer is killed, a blackboard cell stays locked, so each epoch, that is each controller, gets its own
+//! services. Control messages use publish-subscribe, also with services per epoch. The plant creates every service and
+//! verifies the result; the controller opens them and proves the layout hash.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -38,10 +37,10 @@ mod frames;
 /// The iceoryx2 service flavour in use.
 pub type Ipc = ipc::Service;
 
-/// Control messages that may wait for their receiver.
+/// Control messages that may be pending at their receiver.
 const CONTROL_BUFFER: usize = 8;
 
-/// The iceoryx2 node of one process in a session.
+/// Creates the iceoryx2 node of one process in a session.
 ///
 /// # Errors
 /// If the session's shared memory cannot be used.
@@ -58,15 +57,15 @@ pub struct IceoryxLink {
     /// Bell that this side sleeps on.
     bell: Bell,
     control: ControlChannel,
-    /// Control channel of the controller whose frames are in use, if another one is expected.
+    /// Control channel of the controller whose frames are in use, while another one is expected.
     active: Option<ControlChannel>,
     frames: Option<Frames>,
-    /// Frame channels opened last, if others are in use.
+    /// Frame channels opened last, while others are in use.
     next: Option<Frames>,
-    /// Frame channels of the job before.
+    /// Frame channels of the previous job.
     kept: Option<Frames>,
     rejected: Ignored,
-    // Last: what is above must be dropped before the node that it lives in.
+    // Last: the fields above must be dropped before the node that owns them.
     node: Node<Ipc>,
 }
 
@@ -75,7 +74,7 @@ struct ControlChannel {
     epoch: u32,
     speak: Publisher<Ipc, [u8], ()>,
     listen: Subscriber<Ipc, [u8], ()>,
-    /// Topic that the other side speaks on.
+    /// Topic that the other side publishes to.
     heard: Topic<Ipc, [u8], ()>,
     /// Bell that the other side sleeps on.
     bell: Bell,
@@ -90,7 +89,7 @@ struct Frames {
 }
 
 impl IceoryxLink {
-    /// The plant's end: creates the control services.
+    /// Creates the plant's end with its control services.
     ///
     /// # Errors
     /// If a service exists already or cannot be created.
@@ -98,24 +97,24 @@ impl IceoryxLink {
         Self::start(session, Side::Plant, 1)
     }
 
-    /// The end of the controller of an epoch: opens the control services.
+    /// Opens the controller's end of an epoch with its control services.
     ///
     /// # Errors
-    /// [`LinkError::Absent`] as long as the plant has not created them, [`LinkError::Taken`] as long as
-    /// another process is in its place.
+    /// [`LinkError::Absent`] while the plant has not created them, [`LinkError::Taken`] while another process occupies
+    /// the place.
     pub fn open(session: &SessionInfo, epoch: u32) -> Result<Self, LinkError> {
         Self::start(session, Side::Controller, epoch)
     }
 
-    /// The bell that this side sleeps on, for those who have something to say besides the other side.
+    /// Returns the bell that this side sleeps on, for senders other than the peer.
     #[must_use]
     pub fn bell(&self) -> Bell {
         self.bell.clone()
     }
 
-    /// Makes the link ready for the next job of a process that is kept. Its frame channels stay, as they take
-    /// longer to make than a short run lasts: the next job must have the same layout. A frame of the job before is
-    /// refused by the number of its session, which differs from job to job.
+    /// Prepares the link for the next job of a persistent process. Its frame channels are kept, as creating them takes
+    /// longer than a short run: the next job must have the same layout. A frame of the previous job is rejected by its
+    /// session number, which differs between jobs.
     pub fn begin_next(&mut self) {
         self.kept = self.frames.take();
         self.next = None;
@@ -124,8 +123,8 @@ impl IceoryxLink {
 
     fn start(session: &SessionInfo, side: Side, epoch: u32) -> Result<Self, LinkError> {
         let node = node(session, side.name())?;
-        // The plant makes bells before the services that say that it is there, and the controller opens them
-        // after those: iceoryx2 waits without a limit for a file that has no size yet.
+        // The plant creates bells before the services that announce it, and the controller opens them after those:
+        // iceoryx2 waits without a limit for a file that has no size yet.
         let (bell, control) = match side {
             Side::Plant => {
                 let own = Bell::create(session, Owner::Plant)?;
@@ -168,8 +167,8 @@ impl ControlChannel {
             Side::Plant => (&plant_speaks, &controller_speaks),
             Side::Controller => (&controller_speaks, &plant_speaks),
         };
-        // The ear first: who finds the service that this side speaks on may say something at once,
-        // and what nobody hears is lost.
+        // The receiver first: once the peer finds the service that this side publishes to, it may send at once, and
+        // messages without a receiver are lost.
         let heard = topic(node, side, hears)?;
         let listen = subscribe(hears, heard.subscriber_builder())?;
         let speak = (topic(node, side, speaks)?.publisher_builder())
@@ -207,7 +206,7 @@ impl ControlChannel {
     }
 }
 
-/// Reports what iceoryx2 could not do, and what may have kept it from that; iceoryx2 names only the first.
+/// Wraps an error of iceoryx2 and its probable cause, which iceoryx2 does not name.
 pub fn transport(service: &str, error: impl std::fmt::Debug) -> LinkError {
     LinkError::Transport {
         service: service.into(),
@@ -215,7 +214,7 @@ pub fn transport(service: &str, error: impl std::fmt::Debug) -> LinkError {
     }
 }
 
-/// Reports what cannot be opened: it may not be there yet, or the machine is in the way.
+/// Classifies a failure to open a service: it may not exist yet, or the machine may prevent it.
 pub(crate) fn absent(service: &str, error: PublishSubscribeOpenError) -> LinkError {
     use PublishSubscribeOpenError as Open;
     let may_be_refused = matches!(
@@ -228,14 +227,14 @@ pub(crate) fn absent(service: &str, error: PublishSubscribeOpenError) -> LinkErr
     LinkError::Absent {
         service: service.into(),
         reason: match error {
-            Open::DoesNotExist => "the plant has not made it".into(),
-            other => format!("iceoryx2 says {other:?}"),
+            Open::DoesNotExist => "the plant has not created it".into(),
+            other => format!("iceoryx2 reports {other:?}"),
         },
     }
 }
 
-/// A subscriber that fails where it cannot reach a publisher. Left alone, iceoryx2 goes on without what
-/// that sends.
+/// Creates a subscriber that fails if it cannot reach a publisher. By default, iceoryx2 continues without that
+/// publisher's messages.
 pub(crate) fn subscribe<Payload, Header>(
     service: &str,
     builder: PortFactorySubscriber<'_, Ipc, Payload, Header>,
@@ -257,7 +256,7 @@ where
         },
         error => transport(service, error),
     })?;
-    // Of a publisher that was there before this is noted, but no error.
+    // A publisher that existed before this subscriber sets the flag without an error.
     if is_cut_off.load(Ordering::Relaxed) {
         let what = "its publisher cannot be reached";
         return Err(match shared_memory::hindrance() {
@@ -271,12 +270,12 @@ where
     Ok(subscriber)
 }
 
-/// Returns what was received: nothing if the publisher is gone.
+/// Returns the received message; `None` if the publisher is gone.
 pub(crate) fn received<T>(
     service: &str,
     received: Result<Option<T>, ReceiveError>,
 ) -> Result<Option<T>, LinkError> {
-    // The kinds of failure have no public names.
+    // The error variants have no public names.
     let is_gone = |error: &ReceiveError| format!("{error:?}").contains("DoesNotExist");
     match received {
         Ok(received) => Ok(received),
@@ -304,7 +303,7 @@ fn topic(node: &Node<Ipc>, side: Side, name: &str) -> Result<Topic<Ipc, [u8], ()
                 },
                 error => transport(name, error),
             })?;
-            // What was asked for is a minimum only when opening, but trust nothing.
+            // The requested maximum is only a minimum when opening, so verify it.
             if topic.static_config().max_publishers() != 1 {
                 return Err(LinkError::Foreign {
                     service: name.into(),
@@ -317,7 +316,7 @@ fn topic(node: &Node<Ipc>, side: Side, name: &str) -> Result<Topic<Ipc, [u8], ()
     }
 }
 
-/// The process behind a node; 0 if it has none.
+/// Returns the process behind a node; 0 if it has none.
 fn process_of(node: &UniqueNodeId) -> u32 {
     node.pid::<Ipc>().map_or(0, |pid| pid.value() as u32)
 }
@@ -333,7 +332,7 @@ impl Link for IceoryxLink {
 
     fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError> {
         let sample = match self.control.listen.receive() {
-            // Who speaks may have been killed meanwhile, which shows elsewhere and need not end the run.
+            // The publisher may have been killed meanwhile, which is detected elsewhere and need not end the run.
             Err(ReceiveError::ConnectionFailure(_)) if shared_memory::hindrance().is_none() => None,
             sample => received("control", sample)?,
         };
@@ -343,7 +342,7 @@ impl Link for IceoryxLink {
     fn expect(&mut self, epoch: u32) -> Result<(), LinkError> {
         let next = ControlChannel::new(&self.node, &self.session, self.side, epoch)?;
         let before = std::mem::replace(&mut self.control, next);
-        // Another one may have been expected in vain before.
+        // An earlier controller may have been expected in vain.
         let is_in_use = |frames: &Frames| frames.identity.epoch == before.epoch;
         if self.frames.as_ref().is_some_and(is_in_use) {
             self.active = Some(before);
@@ -352,7 +351,7 @@ impl Link for IceoryxLink {
     }
 
     fn peer(&self) -> Result<Peer, LinkError> {
-        // Read anew: the launcher notes a process after it started it.
+        // Read anew: the launcher records a process only after starting it.
         let session = SessionInfo::read(&self.session.folder);
         let session = session.map_err(|e| LinkError::Transport {
             service: "session.json".into(),
@@ -375,7 +374,7 @@ impl Link for IceoryxLink {
         Ok(match strangers.next() {
             None => Peer::Launched,
             Some(pid) => Peer::Stranger(format!(
-                "process {pid}{} speaks for the controller; the one launched is process {}",
+                "process {pid}{} acts as the controller; the launched one is process {}",
                 ProcessId::name(pid).map_or_else(String::new, |name| format!(" ({name})")),
                 launched.process.pid
             )),

@@ -1,4 +1,4 @@
-//! Facts that only the link over shared memory can show; `conformance` has those of every link.
+//! Properties specific to the link over shared memory; `conformance` has those of every link.
 
 use super::iceoryx::IceoryxLink;
 use crate::session::Session;
@@ -48,7 +48,7 @@ fn a_second_plant_or_controller_is_refused() {
 }
 
 #[test]
-fn only_the_process_that_was_launched_may_speak_for_the_controller() {
+fn only_the_launched_process_may_act_as_the_controller() {
     let (mut plant, mut controller, mut session) = pair();
     assert_eq!(plant.peer(), Ok(Peer::Unknown));
     let own = std::process::id();
@@ -57,13 +57,13 @@ fn only_the_process_that_was_launched_may_speak_for_the_controller() {
     plant.open_frames(&spec()).expect("plant opens");
     controller.open_frames(&spec()).expect("opens");
     assert_eq!(plant.peer(), Ok(Peer::Launched));
-    // Process 1 was launched, and this one speaks.
+    // Process 1 was launched, but this process is the peer.
     session.add_controller(1, 1).expect("noted");
     match plant.peer() {
         Ok(Peer::Stranger(told)) => assert!(told.contains(&format!("process {own}")), "{told}"),
         other => panic!("{other:?}"),
     }
-    // The control channel is still that of the first.
+    // The control channel still belongs to the first controller.
     session.add_controller(2, own).expect("noted");
     assert_eq!(plant.peer(), Ok(Peer::Unknown));
 }

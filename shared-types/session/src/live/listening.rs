@@ -1,4 +1,4 @@
-//! The side that answers: a socket of a session, served on a thread of its own, one line of JSON each way.
+//! Server side: a socket of a session, served on its own thread, one line of JSON each way.
 
 use std::convert::Infallible;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -15,29 +15,29 @@ use serde::de::DeserializeOwned;
 use crate::session::SessionInfo;
 use shared_types::live::Refusal;
 
-/// Time that a client may take to write its line or to read the answer.
+/// Time that a client may take to send its line or to read the response.
 const CLIENT_LIMIT: Duration = Duration::from_secs(1);
-/// Time that clients who came before the end may take together.
+/// Time that clients that connected before the end may take together.
 const END_LIMIT: Duration = Duration::from_secs(1);
-/// Time after which another client is accepted when one could not be.
+/// Delay before the next attempt after a failed accept.
 const RETRY: Duration = Duration::from_millis(10);
-/// Longest request.
+/// Maximum length of a request in bytes.
 const LONGEST: u64 = 1 << 20;
 
-/// A socket of a session that is listened on until this is dropped. Those who came before that are answered still, within
-/// a second.
+/// Socket of a session, served until this value is dropped. Clients that connected before are still answered, within a
+/// second.
 #[derive(Debug)]
 pub struct Listening {
     listener: Arc<UnixListener>,
     over: Arc<AtomicBool>,
-    /// Disconnected with the end of the thread.
+    /// Disconnected at the end of the thread.
     served: Receiver<Infallible>,
 }
 
-/// Listens on a socket of a session, on a thread of its own that serves one client after another.
+/// Listens on a socket of a session, on a thread that serves one client after another.
 ///
 /// # Errors
-/// If the socket cannot be made.
+/// If the socket cannot be created.
 pub fn listen(
     session: &SessionInfo,
     socket: &str,
@@ -55,7 +55,7 @@ pub fn listen(
         loop {
             match listener.accept() {
                 Ok((client, _)) => serve(&client),
-                // Nobody waits any more, and nobody else can come.
+                // No client is waiting, and none can connect any more.
                 Err(_) if is_over.load(Ordering::Acquire) => return,
                 Err(_) => std::thread::sleep(RETRY), // no descriptor was left
             }
@@ -71,17 +71,17 @@ pub fn listen(
 impl Drop for Listening {
     fn drop(&mut self) {
         self.over.store(true, Ordering::Release);
-        // Wakes the thread once it has accepted those who wait; the kernel refuses all others.
+        // Wakes the thread after it has accepted the waiting clients; the kernel refuses all others.
         if shutdown(&*self.listener, Shutdown::Both).is_ok() {
             let _ = self.served.recv_timeout(END_LIMIT); // one who takes longer goes without an answer
         }
     }
 }
 
-/// Answers one client of a socket: one line of JSON each way. The client's line may be no request.
+/// Answers one client of a socket: one line of JSON each way. The client's line may be no valid request.
 ///
 /// # Errors
-/// If the client went away or is too slow.
+/// If the client has gone or is too slow.
 pub fn answer<Q: DeserializeOwned, A: Serialize>(
     mut client: &UnixStream,
     respond: impl FnOnce(Result<Q, Refusal>) -> A,
@@ -105,7 +105,7 @@ mod tests {
     use crate::session::Session;
 
     #[test]
-    fn clients_who_came_before_the_end_are_answered_and_nobody_comes_after_it() {
+    fn clients_that_connected_before_the_end_are_answered_and_later_ones_are_refused() {
         let session = Session::of_one_process(None).expect("a session");
         let (begun, begins) = channel();
         let (go, may_go) = channel::<()>();
@@ -114,7 +114,7 @@ mod tests {
         let listening = listen(session.info(), "test", move |mut client| {
             let _ = begun.send(());
             let _ = may_go.recv();
-            client.write_all(b"yes\n").expect("it is there");
+            client.write_all(b"yes\n").expect("a connected client");
             answered.fetch_add(1, Ordering::Relaxed);
         });
         let listening = listening.expect("listens");
@@ -126,7 +126,7 @@ mod tests {
             drop(listening);
             count.load(Ordering::Relaxed)
         });
-        // Closed at once: else each would be served too.
+        // Closed at once, or each would be served too.
         while let Ok(late) = connect() {
             drop(late);
             std::thread::yield_now();
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn a_silent_client_does_not_keep_the_end_waiting_for_ever() {
+    fn a_silent_client_does_not_block_the_end() {
         let session = Session::of_one_process(None).expect("a session");
         let (begun, begins) = channel();
         let (hold, held) = channel::<()>();

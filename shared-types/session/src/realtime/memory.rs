@@ -1,8 +1,7 @@
-//! Memory that is there when the loop comes to it.
+//! Memory that is resident when the loop touches it.
 //!
-//! Locking is the one call that reaches all of it: code, stacks, heap, the shared memory that is
-//! mapped and that which is mapped later. So memory is also fetched beforehand by locking it, and both
-//! settings need the same right.
+//! Locking is the one call that covers all of it: code, stacks, heap, and shared memory mapped now or later. Faulting
+//! in is therefore also done by locking, and both settings need the same privilege.
 
 use std::hint::black_box;
 
@@ -14,10 +13,10 @@ use crate::thread::look;
 
 /// Depth to which the stack of the loop's thread is touched, in bytes; a step needs far less.
 const STACK: usize = 256 << 10;
-/// Bytes of new memory that show whether memory is at hand; more than the heap keeps in stock.
+/// Bytes of new memory with which residency is probed; more than the heap keeps in reserve.
 const PROBE: usize = 4 << 20;
 
-/// Locks what there is and what will come; with `fetch` it is also brought in before it is used.
+/// Locks present and future memory; with `fetch` it is also faulted in before use.
 pub(super) fn keep(lock: bool, fetch: bool) -> Result<(), String> {
     if !(lock || fetch) {
         return Ok(());
@@ -31,13 +30,13 @@ pub(super) fn keep(lock: bool, fetch: bool) -> Result<(), String> {
     mlockall(flags).map_err(|error| std::io::Error::from(error).to_string())
 }
 
-/// A limit would be met in the middle of things: by the next mapping, which would then fail.
+/// Checks the limit in advance, as otherwise a later mapping would fail.
 fn may_lock() -> Result<(), String> {
     let privileged =
         capabilities(None).is_ok_and(|held| held.effective.contains(CapabilitySet::IPC_LOCK));
     match getrlimit(Resource::Memlock).current {
         Some(bytes) if !privileged => Err(format!(
-            "only {bytes} bytes may be locked, and all memory of the process must"
+            "only {bytes} bytes may be locked, not all memory of the process"
         )),
         _ => Ok(()),
     }
@@ -48,14 +47,14 @@ fn touch_stack() {
     black_box(&mut [1_u8; STACK]);
 }
 
-/// Checks whether the process has locked memory.
+/// Returns `true` if the process has locked memory.
 pub(super) fn is_locked() -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let locked = (status.lines()).find_map(|line| line.strip_prefix("VmLck:"));
     locked.is_some_and(|locked| locked.trim() != "0 kB")
 }
 
-/// Checks whether the calling thread can touch new memory without a page fault.
+/// Returns `true` if the calling thread can touch new memory without a page fault.
 pub(super) fn is_at_hand() -> bool {
     let mut probe: Vec<u8> = Vec::with_capacity(PROBE);
     let before = look();

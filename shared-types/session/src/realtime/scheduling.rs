@@ -1,4 +1,4 @@
-//! On which core a thread runs, and what may come before it.
+//! Core and scheduling priority of a thread.
 
 use std::io;
 
@@ -11,10 +11,10 @@ use thread_priority::{
 const FIFO: ThreadSchedulePolicy =
     ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
 
-/// Keeps the calling thread on one core.
+/// Pins the calling thread to one core.
 ///
 /// # Errors
-/// If there is no such core, or it may not be used.
+/// If the core does not exist or may not be used.
 pub fn pin(core: u32) -> io::Result<()> {
     if core as usize >= CpuSet::MAX_CPU {
         return Err(io::ErrorKind::InvalidInput.into());
@@ -24,7 +24,7 @@ pub fn pin(core: u32) -> io::Result<()> {
     Ok(sched_setaffinity(None, &only)?)
 }
 
-/// The only core that the calling thread may run on; `None` if there are several.
+/// Returns the only core that the calling thread may run on; `None` if there are several.
 #[must_use]
 pub fn only_core() -> Option<u32> {
     let set = sched_getaffinity(None).ok()?;
@@ -47,7 +47,7 @@ pub(super) fn run_at(priority: u32) -> Result<(), String> {
     })
 }
 
-/// The `SCHED_FIFO` priority of the calling thread; 0 in any other class.
+/// Returns the `SCHED_FIFO` priority of the calling thread; 0 in any other class.
 pub(super) fn priority() -> u32 {
     match thread_schedule_policy_param(thread_native_id()) {
         Ok((policy, parameters)) if policy == FIFO => parameters.sched_priority.unsigned_abs(),

@@ -1,23 +1,23 @@
-//! Settings are granted as the system reports them afterwards. Each test has a thread of its own.
+//! Granted settings match what the system reports. Each test uses its own thread.
 
 use rustix::thread::sched_getcpu;
 
 use super::*;
 
-/// Does something on a thread that ends with it.
+/// Runs work on a short-lived thread.
 fn aside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
     std::thread::spawn(work).join().expect("no panic")
 }
 
-/// The cores that tests may run on.
+/// Returns the cores that tests may run on.
 fn cores() -> Vec<u32> {
     let set = sched_getaffinity(None).expect("the cores of this thread");
     let all = 0..u32::try_from(CpuSet::MAX_CPU).expect("few cores");
     all.filter(|core| set.is_set(*core as usize)).collect()
 }
 
-/// Policy and priority of the calling thread, as the kernel tells them elsewhere than asked here:
-/// the 41st and 40th field of its `stat`.
+/// Reads policy and priority of the calling thread by another route than the code under test: the 41st and 40th field
+/// of its `stat`.
 fn class() -> (u32, u32) {
     let stat = std::fs::read_to_string("/proc/thread-self/stat").expect("reads");
     let (_, after_name) = stat.rsplit_once(')').expect("a name");
@@ -27,7 +27,7 @@ fn class() -> (u32, u32) {
 }
 
 #[test]
-fn what_nobody_asks_for_is_not_changed() {
+fn settings_that_are_not_requested_stay_unchanged() {
     let (before, report, after) = aside(|| {
         let before = (class(), cores());
         (before, apply(&Settings::default()), (class(), cores()))
@@ -56,7 +56,7 @@ fn a_loop_runs_on_its_core() {
 }
 
 #[test]
-fn a_core_that_is_not_there_is_not_granted_and_the_reason_is_told() {
+fn a_missing_core_is_refused_with_the_reason() {
     for core in [1023, 5000] {
         let settings = Settings {
             core: Some(core),
@@ -70,7 +70,7 @@ fn a_core_that_is_not_there_is_not_granted_and_the_reason_is_told() {
 }
 
 #[test]
-fn a_priority_is_granted_or_the_reason_is_told() {
+fn a_priority_is_granted_or_refused_with_the_reason() {
     const FIFO: u32 = 1;
     let settings = Settings {
         priority: 7,
@@ -88,12 +88,12 @@ fn a_priority_is_granted_or_the_reason_is_told() {
 }
 
 #[test]
-fn nobody_spins_where_both_sides_have_one_core_together() {
+fn no_side_spins_if_both_share_one_core() {
     let cores = cores();
     let first = cores[0];
     let mut cases = vec![(Some(first), Some(first), WaitStrategy::Hybrid)];
     if let [first, second, ..] = cores[..] {
-        // Alone on its core, but not alone with the other side.
+        // A core of its own, but shared with the other side.
         cases.push((Some(first), Some(second), WaitStrategy::Spin));
         cases.push((Some(first), None, WaitStrategy::Spin));
         cases.push((None, Some(first), WaitStrategy::Spin));
@@ -113,11 +113,11 @@ fn nobody_spins_where_both_sides_have_one_core_together() {
 }
 
 #[test]
-fn a_reason_stands_only_where_something_differs() {
+fn a_reason_is_given_only_for_a_difference() {
     let refused = || Some("no".to_owned());
     assert_eq!(Granted::new(3, 3, refused()).reason, None);
     assert_eq!(Granted::new(3, 0, refused()).refusal(&0), Some("no"));
-    // More than was asked for is told, but is no refusal.
+    // More than requested is reported, but is no refusal.
     let more = Granted::new(false, true, refused());
     assert_eq!(
         (more.reason.as_deref(), more.refusal(&false)),

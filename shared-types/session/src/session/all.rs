@@ -1,4 +1,4 @@
-//! All sessions of this user: their folder, and who may create and sweep in it.
+//! All sessions of this user: their folder, and the lock for creating and sweeping in it.
 
 use std::ffi::OsStr;
 use std::fs::{self, File};
@@ -17,13 +17,13 @@ use super::{
 use crate::private_folder::{is_at, open_at_once, private_file};
 use crate::process::ProcessId;
 
-/// Time that another `hil` may hold the lock over all sessions while it creates or sweeps.
+/// Time for which another `hil` may hold the lock over all sessions to create or sweep.
 const LOCK_LIMIT: Duration = Duration::from_secs(10);
-/// Time between two looks at that lock, which is held for about as long.
+/// Polling interval of that lock, which is held for about as long.
 const LOCK_LOOK: Duration = Duration::from_micros(200);
 
-/// Environment variable with the name of a group of sessions. Sessions of one group and of no group are unknown to
-/// those of another, as if they belonged to another user.
+/// Environment variable with the name of a session group. Sessions of different groups, or of a group and of none, do
+/// not see each other, as if they belonged to different users.
 pub const GROUP: &str = "HIL_SESSION_GROUP";
 
 /// Returns the folder of all sessions of this user in this process's group.
@@ -43,7 +43,7 @@ fn folder_of(group: Option<&OsStr>) -> Result<PathBuf, SessionError> {
     Ok(Path::new(SHARED_MEMORY).join(name))
 }
 
-/// The folder of all sessions of this user, locked.
+/// Locked folder of all sessions of this user.
 pub(super) struct AllSessions {
     pub(super) folder: PathBuf,
     _lock: File,
@@ -54,7 +54,7 @@ impl AllSessions {
         Self::lock_in(&all_sessions()?, LOCK_LIMIT)
     }
 
-    /// Locks a folder of sessions; the error names what stands in the way for longer than the limit.
+    /// Locks a folder of sessions; on timeout the error names the obstacle.
     fn lock_in(folder: &Path, limit: Duration) -> Result<Self, SessionError> {
         let since = Instant::now();
         loop {
@@ -69,7 +69,7 @@ impl AllSessions {
         }
     }
 
-    /// Tries once: the folder, or what stands in the way and may pass.
+    /// Tries once; the inner error is an obstacle that may pass.
     fn try_lock(folder: &Path) -> Result<Result<Self, SessionError>, SessionError> {
         let (uid, path) = (rustix::process::geteuid().as_raw(), folder.join(".lock"));
         match private_folder(folder) {
@@ -78,8 +78,8 @@ impl AllSessions {
             }
             _ => {}
         }
-        // Not `metadata`: a link to a folder of ours elsewhere is not ours to use. Whoever ends
-        // its last session removes the folder, also between two of these lines.
+        // Not `metadata`: a link to a folder of ours elsewhere must not be used. The process that ends its last session
+        // removes the folder, possibly between two of these lines.
         let passing = |error: io::Error, action, path: &Path| match error.kind() {
             ErrorKind::NotFound => Ok(SessionError::io(action, path)(error)),
             _ => Err(SessionError::io(action, path)(error)),
@@ -118,7 +118,7 @@ impl AllSessions {
         Ok(folders)
     }
 
-    /// Removes what dead owners left; returns the names of their sessions.
+    /// Removes the remains of dead owners and returns the names of their sessions.
     pub(super) fn sweep(&self) -> Result<Vec<String>, SessionError> {
         let mut swept = Vec::new();
         for folder in self.folders()? {
@@ -135,7 +135,7 @@ impl AllSessions {
                     end_orphans(&info.children);
                     info.remove()?;
                 }
-                // Its owner died before it could write it, or it is damaged: the lock has the prefix too.
+                // Its owner died before writing it, or it is damaged: the lock contains the prefix too.
                 Err(_) => {
                     if let Some(prefix) = noted_prefix(&folder) {
                         remove_below(&prefix)?;
@@ -149,18 +149,18 @@ impl AllSessions {
 }
 
 impl Drop for AllSessions {
-    /// The last session takes the folder with it.
+    /// Removes the folder with the last session.
     fn drop(&mut self) {
         if self.folders().is_ok_and(|folders| folders.is_empty()) {
-            // What cannot be removed now is empty and goes with the next session.
+            // Anything that cannot be removed now is empty and removed with the next session.
             let _ = fs::remove_file(self.folder.join(".lock"));
             let _ = fs::remove_dir(&self.folder);
         }
     }
 }
 
-/// Checks whether someone holds the session's lock, or nobody can tell: a session that is not known to be
-/// dead is left alone.
+/// Returns `true` if the session's lock is held or cannot be checked: a session that is not certainly dead is left
+/// alone.
 pub(super) fn is_live(folder: &Path) -> bool {
     match open_at_once(&folder.join("lock")) {
         Ok(lock) => flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err(),
@@ -184,8 +184,8 @@ fn end_orphans(children: &[ProcessId]) {
     }
 }
 
-/// Removes the sessions of this process, with the processes that it started, without a word to those
-/// who use them. Waits for no lock: a thread of this process may hold it that never goes on.
+/// Removes the sessions of this process and kills the processes that it started, without notice. Waits for no lock, as
+/// the thread that holds it may never continue.
 pub fn abandon() {
     let own = ProcessId::own();
     for session in peek().iter().filter(|session| session.owner == own) {
@@ -194,7 +194,7 @@ pub fn abandon() {
     drop(all_sessions().and_then(|folder| AllSessions::lock_in(&folder, Duration::ZERO)));
 }
 
-/// The live sessions of this user.
+/// Lists the live sessions of this user.
 ///
 /// # Errors
 /// If their folder cannot be used.
@@ -206,7 +206,7 @@ pub fn list() -> Result<Vec<SessionInfo>, SessionError> {
         .collect())
 }
 
-/// The live sessions of this user as far as they can be seen at a glance: waits for nobody and makes nothing.
+/// Lists the live sessions of this user that are visible at once: neither waits nor creates anything.
 #[must_use]
 pub fn peek() -> Vec<SessionInfo> {
     let entries = all_sessions().ok().and_then(|all| fs::read_dir(all).ok());
@@ -223,7 +223,7 @@ pub fn peek() -> Vec<SessionInfo> {
     live
 }
 
-/// The names of dead sessions that left something behind.
+/// Lists the names of dead sessions with remaining files.
 ///
 /// # Errors
 /// If their folder cannot be used.
@@ -236,10 +236,10 @@ pub fn dead() -> Result<Vec<String>, SessionError> {
         .collect())
 }
 
-/// Removes what dead sessions left and returns their names. Live ones, also stopped, stay.
+/// Removes the remains of dead sessions and returns their names. Live sessions, also stopped ones, stay.
 ///
 /// # Errors
-/// If something of a dead session cannot be removed.
+/// If a file of a dead session cannot be removed.
 pub fn sweep() -> Result<Vec<String>, SessionError> {
     if !all_sessions()?.exists() {
         return Ok(Vec::new());
@@ -256,7 +256,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_lock_that_cannot_be_had_is_explained_by_its_cause() {
+    fn a_failure_to_lock_is_reported_with_its_cause() {
         let place = tempdir().expect("a folder");
         let limit = Duration::from_millis(20);
         let folder = place.path().join("hil-0");
@@ -304,17 +304,17 @@ mod tests {
     }
 
     #[test]
-    fn a_session_whose_lock_cannot_be_looked_at_is_not_dead() {
+    fn a_session_whose_lock_cannot_be_checked_is_not_dead() {
         let place = tempdir().expect("a folder");
         let folder = place.path();
         assert!(!is_live(folder));
-        // Neither to be opened nor missing, whoever asks.
+        // Neither to be opened nor missing, for any user.
         std::os::unix::fs::symlink("lock", folder.join("lock")).expect("linked");
         assert!(is_live(folder));
     }
 
     #[test]
-    fn a_pipe_in_place_of_a_file_keeps_nobody_waiting() {
+    fn a_pipe_in_place_of_a_file_blocks_nobody() {
         let folder = tempdir().expect("a folder");
         let place = folder.path().to_owned();
         for name in ["lock", "session.json", ".lock"] {

@@ -1,7 +1,7 @@
-//! The counter of nodes, the one file of a session that iceoryx2 would make open to everybody.
+//! The node counter, the one file of a session that iceoryx2 would make open to everybody.
 //!
-//! Made by the session before iceoryx2 looks for it, it is used as it is and never open to anybody
-//! else. Its name and content are those of the one version that the workspace pins.
+//! The session creates it before iceoryx2 looks for it, so that iceoryx2 uses it as is and it is never open to anybody
+//! else. Its name and content match the version of iceoryx2 that the workspace pins.
 
 use std::fs::File;
 use std::io::{self, ErrorKind, Write};
@@ -10,21 +10,21 @@ use std::path::{Path, PathBuf};
 
 use super::{SHARED_MEMORY, SessionInfo};
 
-/// Name after the session's prefix: a hash of the content's type, the name, the version, the kind.
+/// File name after the session's prefix: a hash of the content's type, the name, the version, the kind.
 const NAME: &str = "9204dd183d1c4d8e1ff592a30766ffa6765aa8b5_node.0_10_0.global_mgmt";
 /// Version 0.10.0 as a 64-bit number, a 32-bit counter, and padding.
 const CONTENT: [u8; 16] = [0, 0, 10, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
 
 impl SessionInfo {
-    /// Path of the session's node counter.
+    /// Returns the path of the session's node counter.
     pub(super) fn node_counter(&self) -> PathBuf {
         Path::new(SHARED_MEMORY).join(format!("{}{NAME}", self.prefix))
     }
 
-    /// Makes the node counter, closed to other users.
+    /// Creates the node counter, closed to other users.
     pub(super) fn make_node_counter(&self) -> io::Result<()> {
         let mut options = File::options();
-        // New, and no link: what is there already may be another user's.
+        // A new file, no link: an existing one may be another user's.
         options.write(true).create_new(true).mode(0o600);
         options.open(self.node_counter())?.write_all(&CONTENT)
     }
@@ -35,7 +35,7 @@ impl SessionInfo {
         let others = self.segments().into_iter().find(|path| *path != counter);
         others.map_or(Ok(()), |other| {
             let reason = format!(
-                "iceoryx2 made {} instead of using what was there; is it another version?",
+                "iceoryx2 made {} instead of using the existing file; is it another version?",
                 other.display()
             );
             Err(io::Error::new(ErrorKind::Unsupported, reason))

@@ -1,4 +1,4 @@
-//! Guard of a process that owns sessions: its parent, whose death it does not survive.
+//! Guard of a process that owns sessions: a parent whose death ends it.
 
 use std::path::Path;
 use std::sync::OnceLock;
@@ -10,12 +10,12 @@ use crate::process::ProcessId;
 
 /// Guard of this process.
 static GUARD: OnceLock<ProcessId> = OnceLock::new();
-/// Time that an owner may take to be gone after its guard.
+/// Time that an owner may take to end after its guard.
 const DEATH_LIMIT: Duration = Duration::from_secs(5);
-/// Time between two looks at an owner that is about to be gone.
+/// Polling interval for an owner that is about to end.
 const LOOK: Duration = Duration::from_millis(2);
 
-/// Names the guard of this process; the sessions that it makes from now on note it.
+/// Sets the guard of this process; sessions that it creates from now on record it.
 pub fn is(guard: ProcessId) {
     let _ = GUARD.set(guard); // the first one stands: a process has one parent
 }
@@ -26,9 +26,9 @@ pub fn own() -> Option<ProcessId> {
     GUARD.get().copied()
 }
 
-/// Waits for the end of an owner whose guard is dead, which the kernel ends at about the same time; returns `true`
-/// if the session is dead then. For the guard itself, waits for the end of a process that a dead owner was just starting:
-/// as long as it has not become another program, it holds the owner's lock.
+/// Waits for the end of an owner whose guard is dead, which the kernel ends at about the same time; returns `true` if
+/// the session is then dead. If the guard itself calls it, waits for the end of a process that the dead owner was just
+/// starting: until it has executed another program, that process holds the owner's lock.
 pub(super) fn dies(folder: &Path) -> bool {
     let Ok(info) = SessionInfo::read(folder) else {
         return false;
@@ -55,7 +55,7 @@ mod tests {
     use super::super::{Session, sweep};
     use super::*;
 
-    /// Sweeps while the lock of a session with this owner and this guard is still held for a while.
+    /// Sweeps while the lock of a session with this owner and this guard is briefly still held.
     fn sweep_removes(owner: ProcessId, guard: ProcessId) -> bool {
         let session = Session::of_one_process(None).expect("a session");
         let mut info = session.info().clone();
@@ -75,7 +75,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sweep_waits_for_an_owner_that_is_about_to_be_gone() {
+    fn a_sweep_waits_for_a_dying_owner() {
         let own = ProcessId::own();
         let dead = ProcessId {
             start_ticks: 0, // no process starts with the machine

@@ -6,10 +6,10 @@ use super::SessionInfo;
 use crate::shared_memory::refused;
 
 impl SessionInfo {
-    /// Makes the iceoryx2 node of one process in the session.
+    /// Creates the iceoryx2 node of one process in the session.
     ///
     /// # Errors
-    /// If the session's shared memory cannot be used, and why.
+    /// If the session's shared memory cannot be used, with the reason.
     pub fn node(&self, name: &str) -> Result<Node<ipc::Service>, String> {
         let config = self.iceoryx_config().map_err(refused)?;
         let node = NodeBuilder::new()

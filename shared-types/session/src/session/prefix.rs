@@ -1,4 +1,4 @@
-//! The prefix of a session: where it is noted, and what carries it.
+//! The prefix of a session: where it is recorded, and which files carry it.
 
 use std::fs::{self, File};
 use std::io;
@@ -9,7 +9,7 @@ use super::{SHARED_MEMORY, SessionError, SessionInfo, unless_gone};
 use crate::private_folder::open_at_once;
 use crate::process;
 
-/// The files of this user in shared memory that have a session's prefix.
+/// Lists this user's files in shared memory with a session's prefix.
 pub(super) fn segments_of(prefix: &str) -> Vec<PathBuf> {
     let uid = rustix::process::geteuid().as_raw();
     let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
@@ -20,8 +20,7 @@ pub(super) fn segments_of(prefix: &str) -> Vec<PathBuf> {
         .collect()
 }
 
-/// Removes what has a session's prefix: what its processes started and left, and its segments, which
-/// those may still have mapped.
+/// Removes everything with a session's prefix: leftover processes, and segments, which those may still have mapped.
 pub(super) fn remove_below(prefix: &str) -> Result<(), SessionError> {
     process::end_marked(prefix);
     for segment in segments_of(prefix) {
@@ -30,7 +29,7 @@ pub(super) fn remove_below(prefix: &str) -> Result<(), SessionError> {
     Ok(())
 }
 
-/// Checks whether a text is a prefix that a session may have.
+/// Returns `true` if a text is a valid session prefix.
 pub(super) fn is_prefix(text: &str) -> bool {
     (text.strip_prefix("hil_"))
         .and_then(|rest| rest.strip_suffix('_'))
@@ -40,15 +39,15 @@ pub(super) fn is_prefix(text: &str) -> bool {
 }
 
 impl SessionInfo {
-    /// Writes the prefix into the session's lock, for a sweep that cannot read `session.json`; with the
-    /// number of the file, so that a copy of it elsewhere says nothing.
+    /// Writes the prefix into the session's lock, for a sweep that cannot read `session.json`; together with the file's
+    /// inode number, so that a copy elsewhere is not trusted.
     pub(super) fn note_prefix(&self, mut lock: &File) -> io::Result<()> {
         let number = lock.metadata()?.ino();
         io::Write::write_all(&mut lock, format!("{} {number}\n", self.prefix).as_bytes())
     }
 }
 
-/// The prefix that the lock of a session's folder notes.
+/// Reads the prefix from the lock of a session's folder.
 pub(super) fn noted_prefix(folder: &Path) -> Option<String> {
     let lock = open_at_once(&folder.join("lock")).ok()?;
     let number = lock.metadata().ok()?.ino().to_string();

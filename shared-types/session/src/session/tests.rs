@@ -22,7 +22,7 @@ fn a_dropped_session_leaves_nothing() {
 }
 
 #[test]
-fn a_session_of_one_process_is_a_folder_that_others_find_and_nothing_else() {
+fn a_session_of_one_process_is_just_a_folder_that_others_find() {
     let session = Session::of_one_process(None).expect("a session");
     let info = session.info().clone();
     assert!(list().expect("lists").contains(&info));
@@ -32,7 +32,7 @@ fn a_session_of_one_process_is_a_folder_that_others_find_and_nothing_else() {
     assert_eq!(info.open_to_others(), Vec::<PathBuf>::new());
     drop(session);
     assert!(!info.folder.exists());
-    // What a dead one left is swept as of any other.
+    // The remains of a dead one are swept like any other's.
     let dead = Session::of_one_process(None).expect("a session");
     flock(&dead._lock, FlockOperation::Unlock).expect("unlocks");
     sweep().expect("sweeps");
@@ -56,7 +56,7 @@ fn everything_is_closed_to_others() {
 }
 
 #[test]
-fn the_node_counter_is_closed_from_the_moment_of_its_making() {
+fn the_node_counter_is_closed_from_its_creation() {
     let watch = inotify::init(CreateFlags::NONBLOCK).expect("inotify");
     let made_or_changed = WatchFlags::CREATE | WatchFlags::ATTRIB;
     inotify::add_watch(&watch, SHARED_MEMORY, made_or_changed).expect("watched");
@@ -67,7 +67,7 @@ fn the_node_counter_is_closed_from_the_moment_of_its_making() {
     let [counter] = &segments[..] else {
         panic!("{segments:?} are not one file");
     };
-    // An update of iceoryx2 that names it otherwise would have made a second one, or another.
+    // An update of iceoryx2 with another name would have created a second file, or a different one.
     assert_eq!(*counter, session.info().node_counter());
     let found = fs::metadata(counter).expect("there");
     assert_eq!(found.mode() & 0o777, 0o600);
@@ -85,12 +85,12 @@ fn the_node_counter_is_closed_from_the_moment_of_its_making() {
             seen.push(event.events());
         }
     }
-    // Made once, and its mode never changed: it always was what it is.
+    // Created once, and its mode never changed: it was closed all the time.
     assert_eq!(seen, [ReadFlags::CREATE]);
 }
 
 #[test]
-fn a_file_that_iceoryx2_still_fills_keeps_its_mark() {
+fn a_file_under_construction_keeps_its_mark() {
     let session = Session::create(None).expect("a session");
     let prefix = &session.info().prefix;
     let file = |name: &str, mode| {
@@ -113,7 +113,7 @@ fn a_taken_name_is_refused_and_names_its_owner() {
 }
 
 #[test]
-fn a_file_that_is_not_of_its_folder_is_refused() {
+fn a_file_of_another_folder_is_refused() {
     let session = Session::create(None).expect("a session");
     let info = session.info();
     assert_eq!(&SessionInfo::read(&info.folder).expect("its own"), info);
@@ -173,8 +173,8 @@ fn a_sweep_needs_no_readable_description() {
     let (info, folder) = (dead.info().clone(), dead.info().folder.clone());
     fs::write(folder.join("session.json"), "{\"schema\":").expect("writes");
     assert_eq!(info.segments(), [info.node_counter()]);
-    // Somebody copied the folder of a live one, and what is in the copy is damaged too. It appears at
-    // once, because other tests sweep at any time.
+    // A copy of a live session's folder, whose content is damaged too. It appears atomically, because other tests sweep
+    // at any time.
     let made = Path::new(SHARED_MEMORY).join(format!("{}-copy", live.info().name));
     private_folder(&made).expect("made");
     fs::copy(live.info().folder.join("lock"), made.join("lock")).expect("copied");

@@ -19,7 +19,7 @@ fn layout() -> RecordLayout {
     }
 }
 
-/// Everything a source has, as text.
+/// Drains a source into text.
 fn drained(source: &mut dyn RecordSource) -> Vec<String> {
     let mut seen = Vec::new();
     loop {
@@ -102,7 +102,7 @@ fn a_stream_that_is_not_there_cannot_be_opened() {
     assert!(matches!(opened, Err(LinkError::Absent { .. })));
 }
 
-/// Puts a folder where each of these segments is, so that nobody can map it; whoever did still has it.
+/// Replaces each of these segments by a folder, so that nobody can map it; existing mappings remain.
 fn made_unusable(segments: &[std::path::PathBuf]) {
     for segment in segments {
         std::fs::remove_file(segment).expect("removed");
@@ -111,7 +111,7 @@ fn made_unusable(segments: &[std::path::PathBuf]) {
 }
 
 #[test]
-fn a_stream_whose_memory_cannot_be_mapped_fails_by_name_and_is_not_taken_for_silent() {
+fn an_unmappable_stream_fails_by_name_instead_of_seeming_silent() {
     let session = Session::create(None).expect("a session");
     let info = session.info();
     let mut sink = IceoryxSink::create(info, Backpressure::Always).expect("creates");
@@ -121,24 +121,26 @@ fn a_stream_whose_memory_cannot_be_mapped_fails_by_name_and_is_not_taken_for_sil
     let mut made = info.segments();
     made.retain(|segment| !before.contains(segment) && segment.is_file());
     made_unusable(&made);
-    let told = source.drain(&mut |_| {}).expect_err("it cannot be mapped");
+    let error = source.drain(&mut |_| {}).expect_err("it cannot be mapped");
     let later = IceoryxSource::watch(info);
     for folder in &made {
         std::fs::remove_dir(folder).expect("removed");
     }
-    assert!(matches!(told, LinkError::Transport { .. }), "{told}");
+    assert!(matches!(error, LinkError::Transport { .. }), "{error}");
     assert!(
-        told.to_string().contains("iceoryx2 says ConnectionFailure"),
-        "{told}"
+        error
+            .to_string()
+            .contains("iceoryx2 reports ConnectionFailure"),
+        "{error}"
     );
     assert!(later.is_err(), "a publisher that was there before");
 }
 
 #[test]
-fn a_service_whose_maker_died_half_way_keeps_nobody_once_it_is_removed() {
+fn a_half_made_service_blocks_nobody_once_removed() {
     let session = Session::create(None).expect("a session");
     let _sink = IceoryxSink::create(session.info(), Backpressure::Always).expect("creates");
-    // As after a death between the making of a segment and its size.
+    // As after a death between the creation of a segment and setting its size.
     let dynamic = |path: &PathBuf| path.extension().is_some_and(|kind| kind == "dynamic");
     let segments: Vec<PathBuf> = session
         .info()
@@ -160,7 +162,7 @@ fn a_service_whose_maker_died_half_way_keeps_nobody_once_it_is_removed() {
     let theirs = session.info().clone();
     let opens = std::thread::spawn(move || IceoryxSource::open(&theirs, true).err());
     let since = Instant::now();
-    // Longer than any limit that iceoryx2 has for a service in the making.
+    // Longer than any limit that iceoryx2 has for a service under construction.
     std::thread::sleep(Duration::from_secs(1));
     assert!(
         !opens.is_finished(),

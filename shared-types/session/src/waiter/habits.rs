@@ -1,4 +1,4 @@
-//! Habits of a hybrid wait, learned from the waits before.
+//! Habits of a hybrid wait, learned from previous waits.
 
 use super::{EARLY_NS, LATE_NS, SPINS};
 
@@ -7,20 +7,20 @@ use super::{EARLY_NS, LATE_NS, SPINS};
 pub(super) struct Polling {
     /// Polls in this wait.
     pub(super) polls: u32,
-    /// True if there are no polls at all, as where both sides have one core.
+    /// `true` if polling is disabled, as where both sides share one core.
     pub(super) never: bool,
-    /// Waits in a row that polls did not end.
+    /// Consecutive waits that polls did not end.
     misses: u32,
-    /// Waits before the next one with polls.
+    /// Waits until the next one with polls.
     without: u32,
     /// Value of `without` after the next miss.
     backoff: u32,
 }
 
 impl Polling {
-    /// Misses in a row that show that polling does not help.
+    /// Consecutive misses that show that polling does not help.
     const MISSES: u32 = 4;
-    /// Most waits without polls.
+    /// Maximum number of waits without polls.
     const LONGEST: u32 = 256;
 
     pub(super) const fn new(never: bool) -> Self {
@@ -33,7 +33,7 @@ impl Polling {
         }
     }
 
-    /// Notes that polls ended a wait.
+    /// Records that polls ended a wait.
     pub(super) const fn helped(&mut self) {
         if self.misses > 0 {
             self.misses = 0;
@@ -41,7 +41,7 @@ impl Polling {
         }
     }
 
-    /// Notes that a wait outlasted its polls.
+    /// Records that a wait outlasted its polls.
     pub(super) fn missed(&mut self) {
         if self.never {
             return;
@@ -60,7 +60,7 @@ impl Polling {
     }
 }
 
-/// Length of the next wait, expected from those before.
+/// Expected length of the next wait, from previous ones.
 #[derive(Debug, Default)]
 pub(super) struct Length {
     /// Lengths of the last waits, in no order.
@@ -69,60 +69,59 @@ pub(super) struct Length {
 }
 
 impl Length {
-    /// Notes how long a wait took.
+    /// Records the duration of a wait.
     pub(super) const fn waited(&mut self, ns: u64) {
         self.last_ns[self.next] = ns;
         self.next = (self.next + 1) % self.last_ns.len();
     }
 
-    /// Returns the part of the next wait that can be slept through if its last `EARLY_NS` are waited for awake. As
-    /// the shortest of the last waits counts, a slice or the recorder makes no wait long.
+    /// Returns the part of the next wait that can be slept through if its last `EARLY_NS` are spent awake. The shortest
+    /// of the last waits counts, so that neither a time slice nor the recorder makes a wait seem long.
     pub(super) fn idle_ns(&self) -> u64 {
         let least_ns = self.last_ns.iter().copied().min().unwrap_or(0);
         least_ns.saturating_sub(EARLY_NS)
     }
 }
 
-/// Other programs that need the core, known by the time that it was away when it was given away or waited for.
+/// Contention by other programs, detected from how long the core was away after a yield or a timed wait.
 #[derive(Debug)]
 pub(super) struct Company {
-    /// True if both sides have one core.
+    /// `true` if both sides share one core.
     on_one_core: bool,
-    /// Number of quick returns lately; each slow one halves it.
+    /// Recent quick returns; each slow one halves the count.
     quick: u32,
-    /// Time that the core was away lately, less the share of the time that passed that shows nothing.
+    /// Recent time without the core, less the tolerated share of the elapsed time.
     away_ns: u64,
-    /// Time at which it came back last.
+    /// Time of the last return of the core.
     back_ns: u64,
-    /// Longest time for which it was away in this wait, if a sleep would have cost little.
+    /// Longest absence of the core in this wait, if a sleep would have cost little.
     longest_ns: u64,
-    /// Moving average of the time by which waits ended late.
+    /// Moving average of the delay at the end of waits.
     late_ns: u64,
-    /// Time until which others are taken for granted.
+    /// End of the period for which contention is assumed.
     pub(super) until_ns: u64,
-    /// Time for which they are taken for granted when they come next.
+    /// Length of the next such period.
     backoff_ns: u64,
 }
 
 impl Company {
-    /// Time away that shows nothing if it is shorter: most likely the other side took it, or sides of other
-    /// sessions.
+    /// Absence below which nothing is concluded: most likely the other side took the core, or sides of other sessions.
     const SHORT_NS: u64 = 100_000;
-    /// Time away, beyond two fifths of the time that passed, from which others need the core. The recorder takes
-    /// less, also where it works for some milliseconds at a time; a loop of another session takes half.
+    /// Absence, beyond two fifths of the elapsed time, that proves contention. The recorder takes less, even when it
+    /// works for some milliseconds at a time; a loop of another session takes half.
     const AWAY_NS: u64 = 6_000_000;
-    /// The same on one core: less than two slices of the scheduler in a row.
+    /// The same on one core: less than two consecutive slices of the scheduler.
     const AWAY_ON_ONE_CORE_NS: u64 = 1_500_000;
     /// Quick returns below which yields on one core lose a slice too often.
     const FEW: u32 = 32;
-    /// Most quick returns that count: those who come then are met at their fourth slice.
+    /// Maximum count of quick returns: contention that begins then is detected at the fourth slice.
     const MANY: u32 = 4 * Self::FEW;
-    /// Waits that the average is made of. One that ended later by a slice brings it near the limit.
+    /// Waits in the moving average. A single wait that ends a slice late brings it near the limit.
     const WAITS: u64 = 128;
-    /// Average above which others need the core.
+    /// Average delay above which contention is assumed.
     const LATE_ON_AVERAGE_NS: u64 = 20_000;
-    /// Time of somebody else's turn: a wait that is late by this much shows that they are still there, and on one core
-    /// a yield that took as long.
+    /// Duration of another program's turn: a wait that is this late, or on one core a yield of this length, shows that
+    /// the contention persists.
     const TURN_NS: u64 = 1_000_000;
     const SHORTEST_NS: u64 = 10_000_000;
     const LONGEST_NS: u64 = 1_000_000_000;
@@ -140,29 +139,29 @@ impl Company {
         }
     }
 
-    /// Notes that the core came back after it was given away, and if a sleep would have cost little in that wait.
+    /// Records the return of the core after a yield, and if a sleep would have cost little in that wait.
     pub(super) fn came_back(&mut self, now_ns: u64, took_ns: u64, sleep_is_cheap: bool) {
         if took_ns < Self::SHORT_NS {
             self.quick = (self.quick + 1).min(Self::MANY);
             return;
         }
-        // A lost slice could have been avoided then, however rare it is. On one core it can be a slow law's.
+        // A lost slice, however rare, could then have been avoided. On one core it may be due to a slow law.
         if sleep_is_cheap && !self.on_one_core {
             self.longest_ns = self.longest_ns.max(took_ns);
             return;
         }
         let passed_ns = now_ns.saturating_sub(match self.is_there(now_ns) {
             true => self.back_ns,
-            // Until then others were taken for granted, and the core was not given away.
+            // Until then contention was assumed, and the core was not yielded.
             false => self.back_ns.max(self.until_ns),
         });
         self.away_ns = (self.away_ns + took_ns).saturating_sub(passed_ns / 5 * 2);
         self.back_ns = now_ns;
         let are_few = self.quick < Self::FEW;
         self.quick /= 2;
-        // On one core others of another session take their share whether the sides yield or sleep, and a yield
-        // costs less; beside others of the same session each yield loses a slice. Where a sleep costs little, a
-        // slice is too much.
+        // On one core programs of another session take their share whether the sides yield or sleep, and a yield costs
+        // less; against programs of the same session each yield loses a slice. Where a sleep costs little, a slice is
+        // too much.
         let (limit_ns, counts) = match self.on_one_core {
             true => (
                 Self::AWAY_ON_ONE_CORE_NS,
@@ -183,7 +182,7 @@ impl Company {
         }
     }
 
-    /// Notes the end of a wait in which a sleep costs little.
+    /// Records the end of a wait in which a sleep costs little.
     pub(super) fn ended(&mut self, now_ns: u64) {
         if !self.on_one_core {
             let longest_ns = std::mem::take(&mut self.longest_ns);
@@ -191,8 +190,8 @@ impl Company {
         }
     }
 
-    /// Notes by how much a wait ended later than it should. Beside others only a late end counts: one
-    /// in time does not show that they went, as the side slept.
+    /// Records how late a wait ended. While contention is assumed only a late end counts: a punctual one does not prove
+    /// its end, as the side slept.
     pub(super) fn woke(&mut self, now_ns: u64, late_ns: u64) {
         let late_ns = late_ns.saturating_sub(LATE_NS);
         if late_ns == 0 && self.is_there(now_ns) {
@@ -206,7 +205,7 @@ impl Company {
         }
     }
 
-    /// Takes others for granted for a while.
+    /// Assumes contention for a while.
     fn met(&mut self, now_ns: u64) {
         if self.are_gone(now_ns) {
             self.backoff_ns = Self::SHORTEST_NS;
@@ -215,7 +214,7 @@ impl Company {
         self.backoff_ns = (4 * self.backoff_ns).min(Self::LONGEST_NS);
     }
 
-    /// Returns true if they were not met for as long as they would be taken for granted next.
+    /// Returns `true` if no contention was detected for as long as the next period would last.
     const fn are_gone(&self, now_ns: u64) -> bool {
         now_ns > self.until_ns.saturating_add(self.backoff_ns)
     }
@@ -232,8 +231,8 @@ mod tests {
     const MS: u64 = 1_000_000;
 
     #[test]
-    fn neither_the_other_side_nor_the_recorder_is_company() {
-        // The time at which others were first met, where the core is given away for so long every so often.
+    fn neither_the_other_side_nor_the_recorder_counts_as_contention() {
+        // Time of the first detection if the core is away for this long at this interval.
         let others = |took_ns, every_ns| {
             let mut company = Company::none(false);
             (1..=100_000_u64).find(|time| {
@@ -253,15 +252,15 @@ mod tests {
         assert_eq!(others(50 * MS, 200 * MS), None, "long, and rare");
         // A tenth of a millisecond beyond two fifths of the time, until that is 6 ms.
         assert_eq!(others(MS / 2, MS), Some(60));
-        // One who takes half, in slices of 3 ms: 0.6 ms at each.
+        // A program that takes half, in slices of 3 ms: 0.6 ms at each.
         assert_eq!(others(3 * MS, 6 * MS), Some(10));
         // A slice at each yield: 1.8 ms at each.
         assert_eq!(others(3 * MS, 3 * MS), Some(4));
     }
 
     #[test]
-    fn those_who_are_met_again_are_taken_for_granted_for_longer() {
-        // Ten milliseconds without the core in a row are 6 ms beyond two fifths.
+    fn repeated_contention_is_assumed_for_longer() {
+        // Ten consecutive milliseconds without the core are 6 ms beyond two fifths.
         fn meet(company: &mut Company, now_ns: &mut u64) {
             company.back_ns = *now_ns;
             *now_ns += 10 * MS;
@@ -270,7 +269,7 @@ mod tests {
         let mut company = Company::none(false);
         let mut now_ns = 1000 * MS;
         meet(&mut company, &mut now_ns);
-        // Each time for four times as long, up to a second, however many quick returns are between.
+        // Each period is four times as long, up to a second, however many quick returns lie between.
         for for_ms in [10, 40, 160, 640, 1000, 1000] {
             assert_eq!(company.until_ns, now_ns + for_ms * MS);
             assert!(company.is_there(now_ns) && !company.is_there(company.until_ns));
@@ -279,15 +278,15 @@ mod tests {
             assert!(!company.is_there(now_ns));
             meet(&mut company, &mut now_ns);
         }
-        // They went; when they come again, it is for a short time at first.
+        // Contention ended; when it returns, the first period is short again.
         now_ns = company.until_ns + 1001 * MS;
         meet(&mut company, &mut now_ns);
         assert_eq!(company.until_ns, now_ns + 10 * MS);
     }
 
     #[test]
-    fn on_one_core_only_those_who_take_a_slice_at_nearly_each_yield_are_company() {
-        // The slow return at which others were first met, with so many quick ones before each.
+    fn on_one_core_only_a_slice_at_nearly_each_yield_is_contention() {
+        // Slow return of the first detection, with so many quick ones before each.
         let others = |quick: u32, took_ns: u64, every_ns: u64| {
             let mut company = Company::none(true);
             (1..1000_u64).find(|time| {
@@ -308,8 +307,8 @@ mod tests {
     }
 
     #[test]
-    fn on_one_core_slices_in_a_row_count_by_the_quick_returns_before_all_of_them() {
-        // A loop of another session, whose slices are sometimes near each other.
+    fn on_one_core_consecutive_slices_count_by_the_quick_returns_before_them() {
+        // A loop of another session, whose slices are sometimes close together.
         let mut company = Company::none(true);
         let mut now_ns = 1000 * MS;
         for (quick, took_us) in
@@ -320,7 +319,7 @@ mod tests {
             company.came_back(now_ns, 1000 * took_us, false);
             assert!(!company.is_there(now_ns));
         }
-        // One of the same session that comes then.
+        // A loop of the same session that starts then.
         (0..200).for_each(|_| company.came_back(now_ns, 5_000, false));
         let met = (1..100).find(|_| {
             now_ns += 3 * MS;
@@ -328,7 +327,7 @@ mod tests {
             company.is_there(now_ns)
         });
         assert_eq!(met, Some(4));
-        // A part of a slice shows that it is still there, and for longer.
+        // A partial slice shows that it persists, and for longer.
         now_ns = company.until_ns + MS;
         company.came_back(now_ns, MS, false);
         assert_eq!(company.until_ns, now_ns + 40 * MS);
@@ -343,8 +342,8 @@ mod tests {
     }
 
     #[test]
-    fn one_lost_slice_is_company_where_a_sleep_would_have_cost_little() {
-        // The wait in which others were first met, of one in a hundred with so slow a yield.
+    fn one_lost_slice_is_contention_where_a_sleep_would_have_cost_little() {
+        // Wait of the first detection, if one in a hundred has so slow a yield.
         let others = |took_ns| {
             let mut company = Company::none(false);
             (1..1000_u64).find(|wait| {
@@ -380,7 +379,7 @@ mod tests {
     }
 
     #[test]
-    fn on_one_core_only_waits_for_a_time_count_by_their_end() {
+    fn on_one_core_only_timed_waits_count_by_their_end() {
         // Later than the 0.3 ms by 30 us each, with a wait for the other side after each.
         let mut company = Company::none(true);
         let first = (1..1000_u64).find(|wait| {
@@ -412,7 +411,7 @@ mod tests {
     }
 
     #[test]
-    fn yields_while_others_are_taken_for_granted_show_no_more_than_at_other_times() {
+    fn yields_during_assumed_contention_show_no_more_than_at_other_times() {
         for on_one_core in [false, true] {
             let mut company = Company::none(on_one_core);
             company.met(1000 * MS);
@@ -425,7 +424,7 @@ mod tests {
     }
 
     #[test]
-    fn waits_that_end_late_are_company_and_those_in_time_do_not_make_it_go() {
+    fn late_waits_show_contention_and_punctual_ones_do_not_end_it() {
         let mut company = Company::none(false);
         (0..100_000).for_each(|_| company.woke(0, LATE_NS));
         assert!(!company.is_there(0));
@@ -441,8 +440,8 @@ mod tests {
     }
 
     #[test]
-    fn waits_that_end_late_are_company_by_their_average() {
-        // Long after others could have been there, so that each late wait counts by the average alone.
+    fn late_waits_show_contention_by_their_average() {
+        // Long after the last detection, so that each late wait counts by the average alone.
         let first = |late_ns: u64| {
             let mut company = Company::none(false);
             (1..10_000_u64).find(|wait| {
@@ -461,7 +460,7 @@ mod tests {
     }
 
     #[test]
-    fn polls_that_do_not_help_are_left_out_more_and_more() {
+    fn useless_polls_are_skipped_more_and_more() {
         let mut polling = Polling::new(false);
         let waits_without = |polling: &mut Polling| {
             let mut waits = 0;

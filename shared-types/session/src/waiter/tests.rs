@@ -17,7 +17,7 @@ fn sleeps() -> u64 {
 
 const MS: u64 = 1_000_000;
 
-/// A bell that notes what is done with it.
+/// Bell that logs its calls.
 #[derive(Clone, Debug, Default)]
 struct Log(Rc<RefCell<Vec<String>>>);
 
@@ -37,7 +37,7 @@ impl Sleeper for Log {
 }
 
 #[test]
-fn a_sleep_is_announced_before_the_last_look() {
+fn a_sleep_is_announced_before_the_last_poll() {
     let log = Log::default();
     let mut waiter = Waiter::with(limit(), WaitStrategy::Sleep, false);
     waiter.sleep_on(Some(Box::new(log.clone())));
@@ -47,7 +47,7 @@ fn a_sleep_is_announced_before_the_last_look() {
     waiter.done(); // it came at the last look
     let expected = ["announce", "sleep 7 100", "retire", "announce", "retire"];
     assert_eq!(*log.0.borrow(), expected);
-    // Too near to a deadline for the sleep that was announced.
+    // Too close to a deadline for the announced sleep.
     assert!(!waiter.pause_until(monotonic_ns() + 1000 * MS));
     assert!(!waiter.pause_until(0));
     assert_eq!(log.0.borrow()[5..], ["announce", "retire"]);
@@ -118,7 +118,7 @@ fn no_sleep_reaches_into_the_time_before_a_deadline() {
 }
 
 #[test]
-fn a_hybrid_wait_in_company_sleeps_at_once_if_it_can_be_woken() {
+fn a_hybrid_wait_under_contention_sleeps_at_once_if_it_can_be_woken() {
     let mut waiter = Waiter::with(limit(), WaitStrategy::Hybrid, false);
     (waiter.since_ns, waiter.limited_ns) = (1, 1);
     waiter.company.until_ns = MS;
@@ -126,7 +126,7 @@ fn a_hybrid_wait_in_company_sleeps_at_once_if_it_can_be_woken() {
     waiter.sleep_on(Some(Box::new(Log::default())));
     assert_eq!(waiter.rest(1, u64::MAX), Rest::Sleep(SLICE_NS));
     assert_eq!(waiter.rest(MS, u64::MAX), Rest::Yield);
-    // After a release the answer is looked for, unless the other side has no other core for it.
+    // After a release the answer is polled for, unless both sides share one core.
     waiter.follows_time = true;
     assert_eq!(waiter.rest(100_000, u64::MAX), Rest::Spin);
     assert_eq!(waiter.rest(100_001, u64::MAX), Rest::Sleep(SLICE_NS));
@@ -135,7 +135,7 @@ fn a_hybrid_wait_in_company_sleeps_at_once_if_it_can_be_woken() {
 }
 
 #[test]
-fn a_hybrid_wait_with_priority_sleeps_until_shortly_before_it_will_most_likely_end() {
+fn a_hybrid_wait_with_priority_sleeps_until_shortly_before_its_likely_end() {
     let waiter = |has_priority: bool| {
         let mut waiter = Waiter::with(limit(), WaitStrategy::Hybrid, false).of_a_loop(has_priority);
         (waiter.since_ns, waiter.limited_ns) = (1, 1);
@@ -154,13 +154,13 @@ fn a_hybrid_wait_with_priority_sleeps_until_shortly_before_it_will_most_likely_e
     assert_eq!(rest(&with, 0), Rest::Sleep(9_800_000));
     assert_eq!(rest(&with, 9_000), Rest::Sleep(800_000));
     assert_eq!(with.rest(1, 1 + MS), Rest::Sleep(700_000), "a deadline");
-    // Awake for 4 ms from then on, as others are from the beginning.
+    // Awake for 4 ms from then on, as ordinary loops are from the beginning.
     assert_eq!(rest(&with, 9_800), Rest::Yield);
     assert_eq!(rest(&with, 13_799), Rest::Yield);
     assert_eq!(rest(&with, 13_800), Rest::Sleep(SLICE_NS));
     assert_eq!(rest(&without, 3_999), Rest::Yield);
     assert_eq!(rest(&without, 4_000), Rest::Sleep(SLICE_NS));
-    // Nobody takes the core from it.
+    // No contention.
     for waiter in [&mut with, &mut without] {
         waiter.company.until_ns = u64::MAX;
     }
@@ -189,12 +189,12 @@ fn a_loop_learns_from_each_wait() {
         long_wait(&mut waiter);
     }
     assert!(waiter.sleep_is_cheap());
-    // One that polls end.
+    // A wait that polls end.
     waiter.polling = Polling::new(false);
     assert!(!waiter.pause());
     waiter.done();
     assert!(!waiter.sleep_is_cheap());
-    // One for a time makes a sleep cheap in the next one, and only there, also after one for the recorder.
+    // A timed wait makes a sleep cheap in the next wait, and only there, even after one for the recorder.
     let has_waited = (0..100).any(|_| {
         assert!(!waiter.sleep());
         waiter.until_ns(monotonic_ns() + MS, || false);
@@ -209,7 +209,7 @@ fn a_loop_learns_from_each_wait() {
 }
 
 #[test]
-fn a_release_is_waited_for_awake_except_by_a_hybrid_wait_in_company() {
+fn a_release_is_awaited_awake_except_by_a_hybrid_wait_under_contention() {
     use WaitStrategy::{Hybrid, Sleep, Spin, Yield};
     for (strategy, alone_ns, in_company_ns) in [
         (Hybrid, 200_000, 0),
@@ -225,7 +225,7 @@ fn a_release_is_waited_for_awake_except_by_a_hybrid_wait_in_company() {
 }
 
 #[test]
-fn nobody_polls_where_both_sides_have_one_core() {
+fn no_side_polls_if_both_share_one_core() {
     for strategy in WaitStrategy::ALL {
         let waiter = Waiter::with(limit(), strategy, true);
         assert_eq!(waiter.polling.polls, 0);
@@ -266,7 +266,7 @@ fn a_renewed_wait_has_the_whole_limit_again() {
 }
 
 #[test]
-fn a_wait_for_a_time_ends_not_before_it() {
+fn a_timed_wait_does_not_end_early() {
     for strategy in WaitStrategy::ALL {
         let target_ns = monotonic_ns() + 1_000_000;
         let mut waiter = Waiter::with(limit(), strategy, false);

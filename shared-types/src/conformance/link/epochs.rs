@@ -4,18 +4,18 @@ use super::{Fixture, Pair, command, frame, message, open, sample, send, silence}
 use crate::frame::FrameKind;
 use crate::link::Link;
 
-/// Opens a second controller beside the first, up to the handover.
+/// Connects a second controller beside the first, up to the handover.
 fn second<F: Fixture>(plant: &mut F::Link, place: &mut F) -> F::Link {
     plant.expect(2).expect("another is expected");
     let mut second = place.controller(2);
     second.send_control(b"new").expect("sends");
-    assert_eq!(message::<F>(plant), b"new", "only the new one is heard");
+    assert_eq!(message::<F>(plant), b"new", "only the new one is received");
     open(plant, 2, 1, 1);
     open(&mut second, 2, 1, 1);
     second
 }
 
-/// Hands over to the second controller and exchanges a sample with it.
+/// Hands over to the second controller and exchanges one sample with it.
 fn hand_over<F: Fixture>(plant: &mut F::Link, second: &mut F::Link) {
     let mut got = [0.0];
     plant.take_over();
@@ -28,7 +28,7 @@ fn hand_over<F: Fixture>(plant: &mut F::Link, second: &mut F::Link) {
     assert_eq!((arrived.epoch, arrived.sequence, got), (2, 1, [1.0]));
 }
 
-/// A controller is active until the handover and never heard after it.
+/// A controller is active until the handover and ignored afterwards.
 pub fn another_controller_takes_over_from_the_active_one<F: Fixture>() {
     let mut pair = Pair::<F>::open(1, 1);
     pair.controller.send_control(b"old").expect("sends");
@@ -44,8 +44,7 @@ pub fn another_controller_takes_over_from_the_active_one<F: Fixture>() {
     silence::<F>(&mut pair.plant, &mut got, "the first one is not active");
 }
 
-/// Until the handover a plant can tell the active controller something, and nobody else hears it; from
-/// then on it tells the next one.
+/// Until the handover only the active controller receives the plant's messages; afterwards only the next one does.
 pub fn the_active_controller_is_told_while_another_is_expected<F: Fixture>() {
     let mut pair = Pair::<F>::open(1, 1);
     pair.plant.tell(b"alone").expect("tells");
@@ -56,7 +55,7 @@ pub fn the_active_controller_is_told_while_another_is_expected<F: Fixture>() {
     assert_eq!(message::<F>(&mut second), b"welcome");
     assert_eq!(message::<F>(&mut pair.controller), b"active");
     let mut got = [0.0];
-    silence::<F>(&mut second, &mut got, "the other one was told");
+    silence::<F>(&mut second, &mut got, "it was sent to the other one");
     pair.plant.take_over();
     pair.plant.tell(b"next").expect("tells");
     assert_eq!(message::<F>(&mut second), b"next");
@@ -64,7 +63,7 @@ pub fn the_active_controller_is_told_while_another_is_expected<F: Fixture>() {
     assert_eq!(heard, Ok(None), "the first one is not active");
 }
 
-/// The last command of a controller counts; after it nothing comes, which is no error.
+/// The last command of a dead controller counts; the silence after it is no error.
 pub fn a_dead_controller_is_silent_after_its_last_frame<F: Fixture>() {
     let mut pair = Pair::<F>::open(1, 1);
     sample(&mut pair.plant, 3, &[3.0]);
@@ -73,7 +72,7 @@ pub fn a_dead_controller_is_silent_after_its_last_frame<F: Fixture>() {
     last_frame_and_silence::<F>(&mut pair.plant, FrameKind::Sample);
 }
 
-/// The last sample of a plant counts; after it nothing comes, which is no error.
+/// The last sample of a dead plant counts; the silence after it is no error.
 pub fn a_dead_plant_is_silent_after_its_last_frame<F: Fixture>() {
     let mut pair = Pair::<F>::open(1, 1);
     command(&mut pair.controller, 2, &[2.0]);
@@ -92,7 +91,7 @@ fn last_frame_and_silence<F: Fixture>(end: &mut F::Link, sends: FrameKind) {
     }
 }
 
-/// A run goes on with a controller that was made ready before the first one died.
+/// A run continues with a standby controller that was ready before the first one died.
 pub fn another_controller_follows_a_dead_one<F: Fixture>() {
     let mut pair = Pair::<F>::open(1, 1);
     let mut second = second(&mut pair.plant, &mut pair.place);
@@ -102,7 +101,7 @@ pub fn another_controller_follows_a_dead_one<F: Fixture>() {
     hand_over::<F>(&mut pair.plant, &mut second);
 }
 
-/// Either end may close first, in the middle of an exchange.
+/// Either end may close first, even in the middle of an exchange.
 pub fn an_end_that_closes_holds_nobody_up<F: Fixture>() {
     for plant_first in [true, false] {
         let mut pair = Pair::<F>::open(1, 1);

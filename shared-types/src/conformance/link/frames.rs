@@ -9,7 +9,7 @@ use crate::frame::{FrameError, FrameIdentity, FrameKind, Header, MAX_SIGNALS};
 use crate::link::{FrameSpec, Link, LinkError, Peer};
 use crate::time::Step;
 
-/// Control messages of any length arrive, none twice.
+/// Control messages of any length arrive in order, each once.
 pub fn control_messages_arrive_in_order_and_once<F: Fixture>() {
     let Pair {
         mut plant,
@@ -27,7 +27,7 @@ pub fn control_messages_arrive_in_order_and_once<F: Fixture>() {
     assert_eq!(controller.receive_control(), Ok(None), "it came already");
 }
 
-/// A side may say all of hello before the other listens.
+/// A side may send its whole greeting before the other one listens.
 pub fn eight_control_messages_may_wait<F: Fixture>() {
     let mut pair = Pair::<F>::new();
     for number in 0..8_u8 {
@@ -40,7 +40,7 @@ pub fn eight_control_messages_may_wait<F: Fixture>() {
     }
 }
 
-/// Frames of every size class cross with their values, kind, identity and number, once.
+/// Frames of every size class arrive once, with their values, kind, identity and number.
 pub fn frames_cross_both_ways<F: Fixture>() {
     for (samples, commands) in [(1, 1), (16, 17), (40, 3), (100, 200), (512, 300), (0, 5)] {
         let mut pair = Pair::<F>::open(samples, commands);
@@ -69,7 +69,7 @@ pub fn frames_cross_both_ways<F: Fixture>() {
     }
 }
 
-/// Every field that a sender fills in arrives as it was.
+/// Every header field set by the sender arrives unchanged.
 pub fn every_field_of_a_header_crosses<F: Fixture>() {
     let mut pair = Pair::<F>::open(512, 1);
     let sent = Header {
@@ -104,7 +104,7 @@ pub fn every_field_of_a_header_crosses<F: Fixture>() {
     assert_eq!(arrived, wanted);
 }
 
-/// In lockstep no frame is lost, repeated or changed.
+/// Lockstep loses, repeats and alters no frame.
 pub fn each_of_many_samples_is_answered_once<F: Fixture>() {
     let mut pair = Pair::<F>::open(3, 2);
     for step in 0..2000 {
@@ -121,7 +121,7 @@ pub fn each_of_many_samples_is_answered_once<F: Fixture>() {
     }
 }
 
-/// A link holds the latest state and is no queue.
+/// A link holds only the latest frame; it does not queue.
 pub fn the_latest_frame_wins<F: Fixture>() {
     let mut pair = Pair::<F>::open(1, 1);
     for step in 0..5 {
@@ -134,7 +134,7 @@ pub fn the_latest_frame_wins<F: Fixture>() {
     silence::<F>(&mut pair.controller, &mut got, "older ones are gone");
 }
 
-/// No sender waits, however much is under way; the newest frame arrives all the same.
+/// A sender never waits, however many frames are pending; the newest frame still arrives.
 pub fn an_end_that_never_receives_holds_nobody_up<F: Fixture>() {
     let mut pair = Pair::<F>::open(512, 1);
     for step in 0..5000 {
@@ -142,7 +142,7 @@ pub fn an_end_that_never_receives_holds_nobody_up<F: Fixture>() {
     }
     let mut got = [0.0; 512];
     awaited::<F, _>("newest frame", || {
-        // What a full channel did not take goes on when its sender looks for frames.
+        // A frame that a full channel rejected is sent when its sender next polls for frames.
         assert_eq!(pair.plant.receive(&mut [0.0]), Ok(None));
         let arrived = pair.controller.receive(&mut got).expect("receives");
         arrived.filter(|header| header.step == 4999)
@@ -150,7 +150,7 @@ pub fn an_end_that_never_receives_holds_nobody_up<F: Fixture>() {
     assert_eq!(got, [4999.0; 512]);
 }
 
-/// A frame is the one or the other, never a piece of each. Vacuous for a link within one thread.
+/// A received frame is never a mix of two frames. Vacuous for a link within one thread.
 pub fn frames_are_whole_while_both_ends_work<F: Fixture>() {
     const LAST: u64 = 5000;
     let mut place = F::new();
@@ -183,7 +183,7 @@ pub fn frames_are_whole_while_both_ends_work<F: Fixture>() {
     receives.join().expect("every frame is whole");
 }
 
-/// An end, a confirmation and an abort carry no values.
+/// End, confirmation and abort frames carry no values.
 pub fn frames_without_values_leave_the_buffer_alone<F: Fixture>() {
     let mut pair = Pair::<F>::open(2, 1);
     send(&mut pair.plant, FrameKind::End, 9, &[]);
@@ -195,7 +195,7 @@ pub fn frames_without_values_leave_the_buffer_alone<F: Fixture>() {
     );
 }
 
-/// Numbers become canonical on the way: one NaN, no negative zero.
+/// Numbers are made canonical in transit: one NaN, no negative zero.
 pub fn odd_numbers_arrive_canonical<F: Fixture>() {
     let mut pair = Pair::<F>::open(3, 1);
     sample(&mut pair.plant, 0, &[-0.0, -f64::NAN, f64::INFINITY]);
@@ -205,14 +205,14 @@ pub fn odd_numbers_arrive_canonical<F: Fixture>() {
     assert_eq!(got.map(f64::to_bits), wanted.map(f64::to_bits));
 }
 
-/// A frame with more or fewer values than agreed is not delivered.
+/// A frame whose number of values differs from the agreed one is not delivered.
 pub fn a_frame_of_another_count_is_rejected_and_counted<F: Fixture>() {
     let mut pair = Pair::<F>::open(2, 1);
     sample(&mut pair.plant, 0, &[1.0]);
     rejects::<F>(&mut pair.controller, FrameError::Count);
 }
 
-/// Looks until a frame is refused, for this reason.
+/// Polls until a frame is rejected for this reason.
 fn rejects<F: Fixture>(end: &mut F::Link, reason: FrameError) {
     let mut got = [7.0; 2];
     let rejected = awaited::<F, _>("refusal", || {
@@ -223,7 +223,7 @@ fn rejects<F: Fixture>(end: &mut F::Link, reason: FrameError) {
     assert_eq!(got, [7.0; 2], "a refused frame leaves the buffer alone");
 }
 
-/// Frames of another session or layout cannot be opened, or else are refused one by one.
+/// Frames of another session or layout either cannot be opened or are rejected one by one.
 pub fn frames_of_another_run_are_never_delivered<F: Fixture>() {
     let session = FrameIdentity {
         session: 12,
@@ -250,7 +250,7 @@ pub fn frames_of_another_run_are_never_delivered<F: Fixture>() {
     }
 }
 
-/// No frame is sent or received before the layout is agreed.
+/// No frame is sent or received before both sides agree on the layout.
 pub fn frames_before_opening_are_an_error<F: Fixture>() {
     let mut pair = Pair::<F>::new();
     let header = Header::new(FrameKind::Sample, Step(0));
@@ -258,7 +258,7 @@ pub fn frames_before_opening_are_an_error<F: Fixture>() {
     assert_eq!(pair.plant.receive(&mut []), Err(LinkError::NotOpen));
 }
 
-/// More signals than a frame carries are refused by number.
+/// More signals than a frame can carry are rejected with their number.
 pub fn too_many_signals_are_refused<F: Fixture>() {
     let mut pair = Pair::<F>::new();
     for (outgoing, incoming) in [(MAX_SIGNALS + 1, 1), (1, MAX_SIGNALS + 1)] {
@@ -267,7 +267,7 @@ pub fn too_many_signals_are_refused<F: Fixture>() {
     }
 }
 
-/// The plant knows the controller of its own pair, or does not know yet.
+/// The plant recognises the controller of its own pair, or does not know it yet.
 pub fn the_peer_of_a_pair_is_no_stranger<F: Fixture>() {
     let pair = Pair::<F>::open(1, 1);
     let peer = pair.plant.peer().expect("it can be asked");

@@ -6,7 +6,7 @@ use super::{Fixture, Pair, command, open, sample};
 use crate::link::Link;
 use crate::wait::Sleeper;
 
-/// Sleeps, and checks that it is not for as long as may be.
+/// Sleeps, and checks that a ring ends the sleep before its time limit.
 fn nap<F: Fixture>(sleeper: &dyn Sleeper, announced: u32, what: &str) {
     let since = Instant::now();
     sleeper.sleep(announced, 2 * F::PATIENCE.as_nanos() as u64);
@@ -14,8 +14,8 @@ fn nap<F: Fixture>(sleeper: &dyn Sleeper, announced: u32, what: &str) {
     sleeper.retire();
 }
 
-/// A frame or a control message that comes between the announcement of a sleep and the sleep ends it, also that
-/// of another controller.
+/// A frame or control message sent between the announcement of a sleep and the sleep itself ends the sleep, also one
+/// from another controller.
 pub fn what_is_sent_ends_an_announced_sleep<F: Fixture>() {
     let mut pair = Pair::<F>::open(1, 1);
     let sleepers = (pair.plant.sleeper(), pair.controller.sleeper());
@@ -55,7 +55,7 @@ pub fn what_is_sent_ends_an_announced_sleep<F: Fixture>() {
     nap::<F>(&*candidate, announced, "a sample to the new controller");
 }
 
-/// Two threads that sleep as soon as nothing came exchange frames without end.
+/// Two threads that sleep whenever nothing has arrived keep exchanging frames.
 pub fn no_sleeper_is_left_asleep<F: Fixture>() {
     const STEPS: u64 = 5000;
     let mut place = F::new();
@@ -85,7 +85,7 @@ pub fn no_sleeper_is_left_asleep<F: Fixture>() {
     controller.join().expect("a controller to the end");
 }
 
-/// Sleeps until the frame of a step comes.
+/// Sleeps until the frame of a step arrives.
 fn sleep_until<F: Fixture>(sleeper: &dyn Sleeper, end: &mut F::Link, step: u64) {
     let mut values = [0.0];
     loop {

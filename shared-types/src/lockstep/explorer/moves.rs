@@ -1,13 +1,13 @@
-//! Moves of the world: what may happen next, and the world after it.
+//! Moves of the world: the possible next events and the world after each.
 
 use super::super::*;
 use super::world::{Cell, Member, Message, World, hello, offer};
 use crate::frame::Header;
 use crate::hello::{Control, Welcome, agree};
 
-/// A limit of a wait, for messages.
+/// Limit of a wait, quoted in messages.
 const LIMIT_MS: u64 = 5000;
-/// Most controllers of one run.
+/// Maximum number of controllers in one run.
 const CREW: usize = 3;
 
 #[derive(Clone, Copy, Debug)]
@@ -58,7 +58,7 @@ pub(super) enum Move {
 }
 
 impl Move {
-    /// Checks whether the move is a fault or somebody's wish: such a move may never happen.
+    /// Returns `true` if the move is a fault or a request: such a move may never happen.
     pub(super) const fn only_breaks(self) -> bool {
         matches!(
             self,
@@ -73,13 +73,13 @@ impl Move {
 }
 
 impl World {
-    /// All that can happen next; the second list only where nothing of the first does.
+    /// Lists all possible moves; those of the second list count only if the first makes no progress.
     pub(super) fn moves(&self) -> (Vec<Move>, Vec<Move>) {
         let (mut moves, mut at_last) = (Vec::new(), Vec::new());
         let plant_works = !self.plant_is_over();
         let active = self.crew.get(self.used.wrapping_sub(1) as usize);
         let unread = active.and_then(|m| m.command).filter(|c| c.is_new);
-        // Also while no controller is active: the dead one's last word may still be there.
+        // Even without an active controller: the dead one's last message may still be pending.
         let frames_flow = !self.plant.is_greeting();
         if plant_works {
             if self.plant.unreleased().is_some() {
@@ -135,7 +135,7 @@ impl World {
                     moves.push(Move::StopController(index));
                 }
             } else if plant_works && !member.told_gone {
-                // What it said before it ended still counts.
+                // A message sent before its end still counts.
                 let unread = member.command.is_some_and(|cell| cell.is_new);
                 if !(unread && index + 1 == self.used as usize) && member.to_plant.is_empty() {
                     moves.push(Move::TellPlant(index));
@@ -159,7 +159,7 @@ impl World {
         (moves, at_last)
     }
 
-    /// The world after something happened.
+    /// Returns the world after a move.
     pub(super) fn after(&self, happens: Move) -> Result<Self, String> {
         let mut world = self.clone();
         match happens {
@@ -241,7 +241,7 @@ impl World {
                 };
                 let action = member.side.on(&ControllerEvent::Control(&message));
                 member.act(action)?;
-                // Once frames flow, a refusal is the plant giving up.
+                // While frames flow, a refusal means that the plant aborts.
                 if message
                     == (Control::Refusal {
                         reason: "no".into(),

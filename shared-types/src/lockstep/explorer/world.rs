@@ -1,7 +1,7 @@
-//! The world that the machines act in: a plant, its controllers and the channels between them.
+//! The world of the machines: a plant, its controllers and the channels between them.
 //!
-//! Each action of a machine is done as the plant's engine and the controller's runner do it, and refused
-//! where it breaks what must hold.
+//! Each action is performed as by the plant's engine and the controller's runner, and refused where it violates an
+//! invariant.
 
 use super::super::*;
 use super::Bound;
@@ -9,7 +9,7 @@ use crate::frame::FrameKind;
 use crate::hello::{Hello, Offer};
 use crate::time::Rate;
 
-/// A frame in the cell that holds the latest one.
+/// Frame in the cell that holds the latest one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Cell {
     pub(super) kind: FrameKind,
@@ -17,7 +17,7 @@ pub(super) struct Cell {
     pub(super) is_new: bool,
 }
 
-/// A control message under way.
+/// Control message in transit.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Message {
     Hello,
@@ -26,16 +26,16 @@ pub(super) enum Message {
     Refusal,
 }
 
-/// A controller and its channels.
+/// Controller and its channels.
 #[derive(Clone, Debug)]
 pub(super) struct Member {
     pub(super) side: ControllerSide,
     pub(super) lives: bool,
-    /// True if the controller lives and does nothing any more.
+    /// `true` if the controller is alive but does nothing any more.
     pub(super) stopped: bool,
     pub(super) told_gone: bool,
     pub(super) opened: bool,
-    /// The first step that it has not answered.
+    /// First step that it has not answered.
     pub(super) answered: u64,
     pub(super) confirmed: Option<u64>,
     pub(super) to_plant: Vec<Message>,
@@ -52,15 +52,15 @@ pub(super) struct World {
     pub(super) plant: PlantSide,
     pub(super) plant_lives: bool,
     pub(super) crew: Vec<Member>,
-    /// The epoch whose control channel the plant hears.
+    /// Epoch whose control channel the plant reads.
     pub(super) heard: u32,
-    /// The epoch whose frames the plant uses; 0 before there are any.
+    /// Epoch whose frames the plant uses; 0 before there are any.
     pub(super) used: u32,
-    /// The next step to be executed.
+    /// Next step to be executed.
     pub(super) next: u64,
-    /// The first step whose command would be newer than all that the plant took.
+    /// First step whose command would be newer than all that the plant accepted.
     pub(super) newer: u64,
-    /// End of the run, as the plant said it.
+    /// End of the run, as reported by the plant.
     pub(super) end: Option<Result<(), String>>,
     pub(super) left: Bound,
 }
@@ -124,7 +124,7 @@ impl Member {
         });
     }
 
-    /// Does what the controller does with the answer of its machine.
+    /// Performs an action of the controller's machine.
     pub(super) fn act(&mut self, action: ControllerAction) -> Result<(), String> {
         match action {
             ControllerAction::Ignore => {}
@@ -223,13 +223,13 @@ impl World {
         !self.plant_lives || self.plant.is_over()
     }
 
-    /// Nobody does anything any more.
+    /// Returns `true` if no process does anything any more.
     pub(super) fn is_over(&self) -> bool {
         let works = |member: &Member| member.lives && !member.stopped;
         self.plant_is_over() && !self.crew.iter().any(works)
     }
 
-    /// The plant sends a frame on the channels in use.
+    /// Sends a frame of the plant on the channels in use.
     pub(super) fn send(&mut self, kind: FrameKind, step: u64) {
         let used = self.used;
         if let Some(member) = self.member(used) {
@@ -248,7 +248,7 @@ impl World {
         }
     }
 
-    /// A step was executed.
+    /// Executes a step.
     pub(super) fn execute(&mut self, step: Step) -> Result<(), String> {
         if step.0 != self.next {
             return Err(format!("step {step} was executed, {} was due", self.next));
@@ -257,7 +257,7 @@ impl World {
         Ok(())
     }
 
-    /// Tells the plant something, and does what it answers. A frame is one of the epoch in use.
+    /// Passes an event to the plant and performs its action. A frame belongs to the epoch in use.
     pub(super) fn tell(&mut self, event: &PlantEvent<'_>) -> Result<(), String> {
         let was_alone = self.plant.is_alone();
         match self.plant.on(event) {

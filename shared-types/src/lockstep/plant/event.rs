@@ -1,4 +1,4 @@
-//! Events at the plant's side, and the action that each is answered with.
+//! Events at the plant's side, and the resulting actions.
 
 use super::super::Abort;
 use crate::frame::Header;
@@ -9,64 +9,62 @@ use crate::time::Step;
 /// Event at the plant's side.
 #[derive(Debug)]
 pub enum PlantEvent<'a> {
-    /// The launcher announces the controller of this epoch.
+    /// Announcement of the controller of this epoch by the launcher.
     Expect(u32),
-    /// A hello came; what the plant offers in return.
+    /// Hello received, with the plant's offer.
     Hello(&'a Hello, &'a Offer<'a>),
-    /// The controller opened the frames of this epoch.
+    /// Frames of this epoch opened by the controller.
     Ready(u32),
-    /// The clock releases the next step.
+    /// Release of the next step by the clock.
     Release,
-    /// A frame came that passed the link's checks.
+    /// Frame received that passed the link's checks.
     Frame(&'a Header),
-    /// A frame that was passed over says something else than the command of this step that was taken.
+    /// Ignored frame that contradicts the accepted command of this step.
     Contradiction(Step),
-    /// No command for this step comes in time: it missed its deadline, in real time, or there
-    /// is no controller.
+    /// Missing command of this step: in real time it missed its deadline, or there is no controller.
     Missed,
-    /// The bounded wait for the active controller, N ms long, is over.
+    /// End of the bounded wait of N ms for the active controller.
     Deadline(u64),
-    /// The same wait for the controller that was announced is over.
+    /// End of the same wait for the announced controller.
     CandidateLate(u64),
-    /// The process of the controller of this epoch ended.
+    /// End of the process of this epoch's controller.
     PeerGone(u32),
-    /// Somebody wants the run to end.
+    /// Request to stop the run.
     Stop,
 }
 
 /// Next action of the plant's side.
 #[derive(Debug, PartialEq)]
 pub enum PlantAction {
-    /// Nothing.
+    /// Do nothing.
     Nothing,
-    /// Nothing: a message or frame of the controller is passed over.
+    /// Do nothing: a message or frame of the controller is ignored.
     Ignore(Reason),
-    /// Make a control channel for the controller of this epoch.
+    /// Create a control channel for the controller of this epoch.
     Expect(u32),
     /// Open the frames, then send this welcome.
     Welcome(Box<Welcome>),
     /// Send a refusal with this reason; the run is over.
     Refuse(String),
-    /// Send a refusal with this reason to the controller that was announced; the run goes on
-    /// without it.
+    /// Send a refusal with this reason to the announced controller; the run continues without it.
     Dismiss(Abort),
-    /// The controller that was announced is active: tell the old one, use the new frames, and send
-    /// the sample of this step once more if there is one.
+    /// Activate the announced controller: inform the old one, use the new frames, and resend the sample of this step,
+    /// if any.
     TakeOver(Option<Step>),
     /// Send the sample of this step.
     SendSample(Step),
-    /// Apply the command that just came to this step, integrate, publish the record.
+    /// Apply the command just received to this step, integrate, publish the record.
     Apply(Step),
-    /// Keep the command that just came, of an earlier step: it is the newest now.
+    /// Store the command just received, although it belongs to an earlier step: it is now the newest.
     Keep,
-    /// Apply the newest command there is to this step, integrate, publish the record.
+    /// Apply the newest available command to this step, integrate, publish the record.
     Hold(Step),
     /// Send the end after N steps.
     SendEnd(Step),
-    /// Every step was executed: by both sides, or by the plant alone if its controller was lost.
+    /// Finish: every step was executed by both sides, or by the plant alone after losing its controller.
     Finish,
-    /// The controller is lost and the run goes on without it: tell observers.
+    /// Report the loss of the controller to observers; the run continues without it.
     Lose(Abort),
-    /// Tell the controller (unless it is gone) and end.
+    /// Inform the controller (unless it is gone) and end.
     Abort(Abort),
 }

@@ -6,8 +6,8 @@ use super::*;
 use crate::faults::channel::{About, Channel};
 
 #[test]
-fn messages_are_lost_delayed_doubled_and_swapped_as_written() {
-    // Each message's copies by how late they come; `+` after one that was overtaken.
+fn messages_are_lost_delayed_duplicated_and_swapped_as_specified() {
+    // Each message's copies by their delays, with `+` after an overtaken one.
     fn text(passage: &Passage) -> String {
         let copies = passage.copies.iter().zip(passage.overtaken);
         let copies = copies.filter_map(|(copy, overtaken)| {
@@ -57,7 +57,7 @@ fn messages_are_lost_delayed_doubled_and_swapped_as_written() {
             &[(1.0, "0 3+"), (0.0, "0"), (1.0, "0 3+")],
         ),
         ("message-duplication", &[], &[], &[(1.0, "0 1+")]),
-        // The message after a swapped one stays in its place.
+        // The message after a swapped one keeps its place.
         (
             "message-reordering",
             &[],
@@ -82,8 +82,8 @@ fn messages_are_lost_delayed_doubled_and_swapped_as_written() {
     }
 }
 
-/// Value and age that a receiver has of 100, 101, 102 .. sent from step 100 on, after 99 came,
-/// through faults in the order in which they act.
+/// Sends 100, 101, 102 .. from step 100 on, after 99 arrived, through faults in the order in which they act; returns
+/// the receiver's values and ages.
 fn received(stack: &[(&str, Parameters<'_>, &[f64])], steps: u64) -> Vec<(f64, u32)> {
     let mut faults: Vec<_> = (stack.iter())
         .map(|(kind, parameters, list)| start(kind, parameters, list))
@@ -112,7 +112,7 @@ fn received(stack: &[(&str, Parameters<'_>, &[f64])], steps: u64) -> Vec<(f64, u
 }
 
 #[test]
-fn a_receiver_sees_what_the_medium_lets_through() {
+fn a_receiver_sees_the_messages_that_the_medium_lets_through() {
     type Case<'a> = (&'a [(&'a str, Parameters<'a>, &'a [f64])], &'a [(f64, u32)]);
     let cases: &[Case<'_>] = &[
         (
@@ -127,12 +127,12 @@ fn a_receiver_sees_what_the_medium_lets_through() {
             &[("message-delay", &[("steps", 2.0)], &[])],
             &[(99.0, 1), (99.0, 2), (100.0, 2), (101.0, 2)],
         ),
-        // Every message is followed by the one before it.
+        // Every message is followed by the previous one.
         (
             &[("message-duplication", &[], &[])],
             &[(100.0, 0), (100.0, 1), (101.0, 1), (102.0, 1)],
         ),
-        // 100 comes after 101, 102 after 103.
+        // 100 arrives after 101, 102 after 103.
         (
             &[("message-reordering", &[], &[])],
             &[(99.0, 1), (100.0, 1), (100.0, 2), (102.0, 1)],
@@ -141,7 +141,7 @@ fn a_receiver_sees_what_the_medium_lets_through() {
             &[("message-corruption", &[("bits", 3.0)], &[])],
             &[(99.0, 1), (99.0, 2), (99.0, 3)],
         ),
-        // The duplicate of a late message is later still, whichever acts first.
+        // The duplicate of a late message is even later, whichever acts first.
         (
             &[
                 ("message-delay", &[("steps", 2.0)], &[]),
@@ -156,7 +156,7 @@ fn a_receiver_sees_what_the_medium_lets_through() {
             ],
             &[(99.0, 1), (99.0, 2), (100.0, 2), (100.0, 3), (101.0, 3)],
         ),
-        // A message that was lost before has nothing that could be doubled.
+        // A lost message cannot be duplicated.
         (
             &[
                 ("message-loss", &[], &[0.0, 1.0]),
@@ -164,7 +164,7 @@ fn a_receiver_sees_what_the_medium_lets_through() {
             ],
             &[(100.0, 0), (100.0, 1), (102.0, 0), (102.0, 1)],
         ),
-        // A second duplication doubles the first copy again.
+        // A second duplication duplicates the first copy again.
         (
             &[
                 ("message-loss", &[], &[0.0, 1.0, 1.0, 1.0]),
@@ -181,15 +181,15 @@ fn a_receiver_sees_what_the_medium_lets_through() {
 }
 
 #[test]
-fn probabilities_are_those_that_were_asked_for_times_the_profile() {
+fn probabilities_are_the_requested_ones_times_the_profile() {
     let count = 20_000;
     for (kind, probability, gain, expected) in [
         ("message-loss", 0.2, 1.0, 0.2),
         ("message-loss", 0.2, 0.5, 0.1),
         ("message-duplication", 0.3, 1.0, 0.3),
         ("message-corruption", 0.4, 0.25, 0.1),
-        // Of the messages after one that stays, P are swapped, and each is followed by one that
-        // stays: f = P (1 - f).
+        // Of the messages after an unswapped one, P are swapped, and each of those is followed by an unswapped one: f =
+        // P (1 - f).
         ("message-reordering", 0.25, 1.0, 0.2),
     ] {
         let mut fault = start(kind, &[("probability", probability)], &[]);
@@ -200,7 +200,7 @@ fn probabilities_are_those_that_were_asked_for_times_the_profile() {
 }
 
 #[test]
-fn jitter_is_uniform_from_no_step_to_the_last() {
+fn jitter_is_uniform_from_zero_to_the_longest_delay() {
     let (count, mut found) = (20_000, [0; 6]);
     let mut jitter = start("message-jitter", &[("steps", 8.0)], &[]);
     for passage in passages(jitter.as_mut(), &vec![0.5; count]) {
@@ -226,7 +226,7 @@ fn corruption_inverts_different_bits_anywhere_in_the_frame() {
         in_first_half += flips.iter().filter(|bit| **bit < BITS / 2).count();
     }
     assert_frequency("in the first half", in_first_half, count * bits, 0.5);
-    // A frame of as many bits has each of them inverted.
+    // A frame with exactly as many bits has each of them inverted.
     let mut tiny = Passage::healthy(16);
     corruption.message(&moment(0, 1.0), &mut tiny);
     let mut flips = tiny.flips;

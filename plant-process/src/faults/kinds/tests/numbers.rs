@@ -4,7 +4,7 @@ use super::*;
 
 #[test]
 fn numbers_follow_their_equations() {
-    // Kind, parameters; for each step the profile, the healthy value and what becomes of it.
+    // Kind, parameters; for each step the profile, the healthy value and the result.
     type Case<'a> = (&'a str, Parameters<'a>, &'a [(f64, f64, f64)]);
     let cases: &[Case<'_>] = &[
         (
@@ -135,7 +135,7 @@ const SINES: [(u64, f64); 4] = [
 ];
 
 #[test]
-fn oscillations_are_those_of_an_independent_calculator() {
+fn oscillations_match_an_independent_calculation() {
     let parameters = [
         ("amplitude", 2.5),
         ("frequency_hz", 3.7),
@@ -145,7 +145,7 @@ fn oscillations_are_those_of_an_independent_calculator() {
     let with_offset = [&parameters[..], &[("offset", -1.0)]].concat();
     let mut replacing = start("oscillation-replacing", &with_offset, &[]);
     for (since, sine) in SINES {
-        // The angle 2 pi f t is known to some units in its last place.
+        // The angle 2 pi f t is accurate to a few units in the last place.
         let turns = 3.7 * since as f64 / 1000.0;
         let tolerance = 2.5 * f64::EPSILON * (2.0 + 7.0 * turns);
         for gain in [1.0, 0.5, 0.0] {
@@ -190,7 +190,7 @@ fn a_profile_scales_noise_and_does_not_shift_its_numbers() {
 }
 
 #[test]
-fn a_dropout_takes_validity_away_and_a_delay_carries_it_along() {
+fn a_dropout_removes_validity_and_a_delay_carries_it_along() {
     let mut dropout = start("dropout", &[], &[]);
     for (since, gain, before, after) in [
         (0, 0.0, true, true),

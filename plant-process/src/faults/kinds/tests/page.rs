@@ -1,4 +1,4 @@
-//! The user's page says what the code does: `docs/faults.md`.
+//! The user's page `docs/faults.md` agrees with the code.
 
 use hil_config::live_requests::RequestContext;
 use hil_config::plan::{FaultAction, Stimulus, Waveform};
@@ -19,7 +19,7 @@ const TESTS: [&str; 6] = [
     include_str!("../../profile.rs"),
 ];
 
-/// The line of a parameter in the table of its kind.
+/// Formats the line of a parameter in the table of its kind.
 fn row(field: &Field) -> String {
     let default = field.default.map_or("required".into(), number);
     let (min, max) = (number(field.min), number(field.max));
@@ -32,7 +32,7 @@ fn row(field: &Field) -> String {
     format!("| `{name}` | {unit} | {min} to {max} | {default} | {description} |")
 }
 
-/// The section of a kind, without its heading.
+/// Returns the section of a kind, without its heading.
 fn section(kind: &str) -> &str {
     let heading = format!("\n### `{kind}`\n");
     let (_, rest) = PAGE

@@ -3,13 +3,13 @@
 use super::*;
 
 #[test]
-fn a_late_side_is_busy_for_the_length_that_was_asked_for() {
+fn a_late_side_is_busy_for_the_requested_time() {
     let busy = |given: Parameters<'_>, list: &[f64], gains: &[f64]| {
         let mut late = start("late", given, list);
         let found = directives(late.as_mut(), gains);
         found.iter().map(|one| one.busy_ns).collect::<Vec<u32>>()
     };
-    // 12.5 us times 0.5, 1, 0, -1; then more than a directive can say.
+    // 12.5 us times 0.5, 1, 0, -1; then more than a directive can express.
     let fixed = busy(&[("busy_us", 12.5)], &[], &[0.5, 1.0, 0.0, -1.0, 1e9]);
     assert_eq!(fixed, [6_250, 12_500, 0, 0, u32::MAX]);
     let (count, gains) = (20_000, vec![1.0; 20_000]);
@@ -26,8 +26,8 @@ fn a_late_side_is_busy_for_the_length_that_was_asked_for() {
 }
 
 #[test]
-fn skips_strike_at_the_samples_that_the_controller_looks_at() {
-    // Parameters, profile, and the steps since it took hold at which it strikes.
+fn skips_act_on_the_samples_that_the_controller_processes() {
+    // Parameters, profile, and the steps since its beginning at which it acts.
     type Case<'a> = (Parameters<'a>, &'a [f64], &'a [usize]);
     let cases: &[Case<'_>] = &[
         (&[("steps", 3.0)], &[1.0; 20], &[0]),

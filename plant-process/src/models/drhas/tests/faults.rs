@@ -1,6 +1,6 @@
-//! The named faults as a table: what they move exists, is open to faults, has room for the move and is
-//! documented. And the whole system under what the paper does not have, where more than one equation
-//! takes part; the equations themselves are tested in their files and in `golden`.
+//! The named faults as a table: the moved parameters exist, are faultable, have room for the move and are documented.
+//! And the whole system under effects beyond the paper, where several equations interact; the equations themselves are
+//! tested in their files and in `golden`.
 
 use shared_types::describe::{MoveBy, Operation, ProfileDescription};
 use shared_types::table::{Field, Table};
@@ -11,7 +11,7 @@ use super::{CLOSED, STATES, both, paper_command_rad, proportional_law, run, star
 
 const PAGE: &str = include_str!("../../../../../docs/faults-drhas.md");
 
-/// The parameters that a move of a fault reaches, one for each target.
+/// Lists the parameters that a move of a fault reaches, one for each target.
 fn reached(fault: &FaultDescription, parameter: &str) -> Vec<Field> {
     let names = match &fault.selector {
         Some(selector) => vec![
@@ -113,7 +113,7 @@ fn every_fault_and_every_key_is_on_its_page() {
     }
 }
 
-/// The plant under the proportional law for a while from its start on.
+/// Runs the plant under the proportional law from its start.
 fn controlled(parameters: &Parameters, duration_s: f64, substeps: u32) -> Truth {
     let rate = Rate::new(10_000.0).unwrap();
     let mut plant = start(parameters);
@@ -156,7 +156,7 @@ fn the_ends_of_every_range_are_stable_with_substeps_of_25_us() {
             let [coarse, fine] = [4, 64].map(|n| controlled(&parameters, duration_s, n));
             let off = |index: usize| (coarse.row()[index] - fine.row()[index]).abs();
             for (index, field) in Truth::fields().iter().enumerate() {
-                // A thousandth of full travel or supply, or as little of what is usual.
+                // A thousandth of full travel or supply, or of the usual magnitude.
                 let allowed = match field.unit.as_str() {
                     "rad" | "m" => 1e-5,
                     "rad/s" | "m/s" => 1e-3,
@@ -172,7 +172,7 @@ fn the_ends_of_every_range_are_stable_with_substeps_of_25_us() {
 }
 
 #[test]
-fn a_chamber_that_is_pulled_empty_boils_and_holds_its_vapour_pressure() {
+fn a_chamber_pulled_empty_boils_and_holds_its_vapour_pressure() {
     // A load of 66 kN for each piston against closed valves: more than 14 MPa can hold.
     let mut parameters = both(undisturbed(), |p| p.internal_leakage_m3ps_per_pa = 0.0);
     parameters.surface.load_torque_nm = -2e4;
@@ -182,7 +182,7 @@ fn a_chamber_that_is_pulled_empty_boils_and_holds_its_vapour_pressure() {
         for s in &plant.state.actuators {
             assert!(s.pressure1_pa >= -1e5, "{s:?}");
             boiling += u32::from(s.pressure1_pa == -1e5);
-            // The other chamber is closed and full: V exp(P / beta_e) stays.
+            // The other chamber is closed and full: V exp(P / beta_e) stays constant.
             let volume2_m3 = 0.735e-4 - 1.47e-3 * s.position_m;
             let expected_pa = 14e6 + 800e6 * libm::log(0.735e-4 / volume2_m3);
             assert!((s.pressure2_pa - expected_pa).abs() < 1e3, "{s:?}");
@@ -217,7 +217,7 @@ fn a_seized_piston_holds_against_the_load_and_the_other_actuator() {
     };
     run(&mut plant, 300, &push, |_| {});
     let truth = plant.truth(0.03, &push);
-    // It went v tau = 0.2 * 50 us further; Runge-Kutta at half a time constant is right to 4 digits.
+    // It moved on by v tau = 0.2 * 50 us; Runge-Kutta at half a time constant is accurate to 4 digits.
     let position_m = truth.actuator1_position_m;
     assert!((position_m / 1e-5 - 1.0).abs() < 1e-3, "{position_m}");
     assert!(truth.actuator1_velocity_mps.abs() < 1e-12);
@@ -225,7 +225,7 @@ fn a_seized_piston_holds_against_the_load_and_the_other_actuator() {
 }
 
 #[test]
-fn nothing_the_controller_commands_moves_a_valve_that_is_hard_over() {
+fn no_command_moves_a_hard_over_valve() {
     let hard_over = |current_a: f64| {
         let mut parameters = undisturbed();
         parameters.actuator1.valve_gain_m_per_a = 0.0;
@@ -238,7 +238,7 @@ fn nothing_the_controller_commands_moves_a_valve_that_is_hard_over() {
         run(&mut plant, 200, &command, |_| {});
         plant.state
     };
-    // What 1e-3 m / 3.04e-3 m/A does to a sound valve.
+    // The effect of 1e-3 m / 3.04e-3 m/A on an intact valve.
     let mut sound = start(&undisturbed());
     let command = Command {
         actuator1_valve_current_a: 1e-3 / 3.04e-3,
@@ -277,7 +277,7 @@ fn a_spool_that_jams_stays_at_the_last_command_until_it_is_free() {
     }
 }
 
-/// The state after 30 ms of motion in which `changed` holds from 20 ms on.
+/// State after 30 ms of motion, with parameters changed at 20 ms.
 fn moved_at_20_ms(changed: &Parameters) -> State {
     let rate = Rate::new(10_000.0).unwrap();
     let mut plant = start(&Parameters::default());
@@ -298,7 +298,7 @@ fn moved_at_20_ms(changed: &Parameters) -> State {
 }
 
 #[test]
-fn every_move_of_every_fault_changes_the_motion_that_it_meets() {
+fn every_move_of_every_fault_changes_the_motion() {
     let healthy = moved_at_20_ms(&Parameters::default());
     for fault in Drhas::faults() {
         for moved in &fault.moves {

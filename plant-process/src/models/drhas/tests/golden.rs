@@ -1,5 +1,5 @@
-//! Against an independent reference: right-hand sides at 50 digits, and trajectories of SciPy's
-//! DOP853 (`tests/golden/make.py` at the root of the repository).
+//! Comparison with an independent reference: right-hand sides at 50 digits, and trajectories of SciPy's DOP853
+//! (`tests/golden/make.py` at the root of the repository).
 
 use serde_json::Value;
 use shared_types::table::Table;
@@ -26,7 +26,7 @@ fn numbers<const N: usize>(value: &Value) -> [f64; N] {
     list.try_into().expect("as many numbers as expected")
 }
 
-/// The parameters of a case; every one of them must be a parameter of the plant.
+/// Reads the parameters of a case; every one of them must be a parameter of the plant.
 fn parameters(case: &Value) -> Parameters {
     let mut parameters = Parameters::default();
     let fields = Parameters::fields();
@@ -40,7 +40,7 @@ fn parameters(case: &Value) -> Parameters {
     parameters
 }
 
-/// The plant in a state, with its spools at their null.
+/// Creates the plant in a state, with its spools at their null.
 fn plant(parameters: &Parameters, state: State) -> Drhas {
     let spools = parameters.actuators().map(Spool::at_null);
     Drhas::new(parameters, state, spools)
@@ -60,11 +60,11 @@ fn assert_close(value: f64, expected: &Value, rounding: f64, what: &str) {
     );
 }
 
-/// Rounding of the sums whose terms cancel, by the size of the terms.
+/// Rounding of sums whose terms cancel, by the size of the terms.
 const ROUNDING: [f64; STATES] = [0.0, 1e-9, 0.0, 1e-9, 1e-4, 1e-4, 0.0, 1e-9, 1e-4, 1e-4];
 
 #[test]
-fn the_right_hand_side_is_that_of_50_digits() {
+fn the_right_hand_side_matches_50_digits() {
     let file: Value = serde_json::from_str(RIGHT_HAND_SIDES).unwrap();
     assert_state_order(&file);
     let cases = file["cases"].as_array().unwrap();
@@ -99,7 +99,7 @@ fn the_right_hand_side_is_that_of_50_digits() {
             ("volume2_m3", cylinder::passive_volume_m3(p, s.position_m)),
         ] {
             for (i, value) in pair.to_array().into_iter().enumerate() {
-                // The paper counts both edges of a spool in the middle, where nothing flows.
+                // The paper counts both edges of a centred spool, where nothing flows.
                 if !(key.contains("root") && currents_a[i] == 0.0) {
                     let expected = &case[["actuator1", "actuator2"][i]];
                     assert_close(value, &expected[key], 0.0, key);
@@ -153,7 +153,7 @@ fn the_right_hand_side_is_that_of_50_digits() {
     }
 }
 
-/// `beta C_t` at a step, from the leak of a window that is evaluated once per tick.
+/// Returns `beta C_t` at a step, from the leak of a window that is evaluated once per tick.
 fn leak_now(leak: &Value, effect: usize, time_s: f64) -> f64 {
     let since_s = time_s - number(&leak["onset_s"]);
     let effect = &leak["effects"][effect];
@@ -167,7 +167,7 @@ fn leak_now(leak: &Value, effect: usize, time_s: f64) -> f64 {
     number(c_t) * -libm::expm1(-number(mu) * since_s)
 }
 
-/// The plant at the samples of a window, with the substeps given.
+/// Simulates the plant at the samples of a window, with the given substeps.
 fn replay(window: &Value, substeps: u32) -> Vec<[f64; STATES]> {
     let leak = &window["leak"];
     let mut parameters = parameters(&window["parameters"]);
@@ -194,7 +194,7 @@ fn replay(window: &Value, substeps: u32) -> Vec<[f64; STATES]> {
             parameters.actuator2.leakage_coefficient_m3ps_per_sqrt_pa = leak_now(leak, 1, time_s);
             plant.retune(&parameters);
         }
-        // The commands of the proportional law follow from the state.
+        // Commands of the proportional law, computed from the state.
         let command = match window["command_a"].get((step - first) as usize) {
             Some(command_a) => Command::from_row(&numbers::<2>(command_a)),
             None if step == last => break,
@@ -210,7 +210,7 @@ fn replay(window: &Value, substeps: u32) -> Vec<[f64; STATES]> {
     states
 }
 
-/// Largest difference from a window's samples, by state.
+/// Returns the largest difference from a window's samples, by state.
 fn errors(window: &Value, substeps: u32) -> [f64; STATES] {
     let samples = window["samples"].as_array().unwrap();
     let states = replay(window, substeps);
@@ -242,7 +242,7 @@ fn window<'a>(file: &'a Value, name: &str) -> &'a Value {
 }
 
 #[test]
-fn trajectories_are_those_of_an_adaptive_method_of_order_eight() {
+fn trajectories_match_an_adaptive_method_of_order_eight() {
     let file: Value = serde_json::from_str(TRAJECTORIES).unwrap();
     assert_state_order(&file);
     for name in [
@@ -280,7 +280,7 @@ fn halving_the_substep_divides_the_error_by_sixteen() {
 }
 
 #[test]
-fn the_right_hand_side_beyond_the_paper_is_that_of_50_digits() {
+fn the_right_hand_side_beyond_the_paper_matches_50_digits() {
     let file: Value = serde_json::from_str(FAULTS).unwrap();
     assert_state_order(&file);
     let cases = file["cases"].as_array().unwrap();
@@ -301,7 +301,7 @@ fn the_right_hand_side_beyond_the_paper_is_that_of_50_digits() {
 }
 
 #[test]
-fn trajectories_beyond_the_paper_are_those_of_an_adaptive_method_of_order_eight() {
+fn trajectories_beyond_the_paper_match_an_adaptive_method_of_order_eight() {
     let file: Value = serde_json::from_str(FAULTS).unwrap();
     let windows = file["windows"].as_array().unwrap();
     assert!(windows.len() >= 5);

@@ -72,7 +72,7 @@ fn assert_within_a_thousandth(worst: &Worst, tracking_rad: f64, fight_n: f64) {
 }
 
 #[test]
-fn a_severe_leak_under_the_proportional_law_is_the_papers() {
+fn a_severe_leak_under_the_proportional_law_matches_the_paper() {
     let worst = run(
         [(5e-7, 10.0), (1e-7, 0.5)],
         &[[0.0, 7.0], [7.0, 8.0], [15.0, 20.0]],
@@ -83,7 +83,7 @@ fn a_severe_leak_under_the_proportional_law_is_the_papers() {
 }
 
 #[test]
-fn a_slight_leak_under_the_proportional_law_is_the_papers() {
+fn a_slight_leak_under_the_proportional_law_matches_the_paper() {
     let worst = run(
         [(1e-9, 5.0), (0.5e-9, 10.0)],
         &[[0.0, 7.0], [7.0, 8.0], [15.0, 20.0]],

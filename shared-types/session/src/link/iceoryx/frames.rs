@@ -1,4 +1,4 @@
-//! Frame channels: a blackboard service for each direction, of one of a few sizes.
+//! Frame channels: one blackboard service per direction, in one of a few sizes.
 
 use iceoryx2::port::reader::{BlackboardValue, EntryHandle};
 use iceoryx2::port::writer::EntryValueUninit;
@@ -12,7 +12,7 @@ use shared_types::side::Side;
 
 const LAYOUT: &str = "layout";
 
-/// Runs a function for the words of the smallest frame for so many values.
+/// Calls a function with the words of the smallest frame for so many values.
 macro_rules! for_words {
     ($values:expr, $function:ident ( $($argument:expr),* )) => {{
         use shared_types::frame::{SizeClass, words};
@@ -28,7 +28,7 @@ macro_rules! for_words {
 }
 pub(crate) use for_words;
 
-/// Opens the sending end of a channel for frames with room for so many values.
+/// Opens the sending end of a channel whose frames hold so many values.
 pub(super) fn outgoing(
     (node, side): (&Node<Ipc>, Side),
     name: &str,
@@ -38,7 +38,7 @@ pub(super) fn outgoing(
     for_words!(values, writer(node, side, name, identity))
 }
 
-/// Opens the receiving end of a channel for frames with room for so many values.
+/// Opens the receiving end of a channel whose frames hold so many values.
 pub(super) fn incoming(
     (node, side): (&Node<Ipc>, Side),
     name: &str,
@@ -48,14 +48,14 @@ pub(super) fn incoming(
     for_words!(values, reader(node, side, name, identity))
 }
 
-/// A frame channel's sending end, whatever its size class.
+/// Sending end of a frame channel of any size class.
 pub(super) trait Outgoing {
     fn send(&mut self, header: &Header, values: &[f64], identity: FrameIdentity);
 }
 
-/// A frame channel's receiving end, whatever its size class.
+/// Receiving end of a frame channel of any size class.
 pub(super) trait Incoming {
-    /// The processes that may send on it.
+    /// Lists the processes that may send on it.
     fn writers(&self) -> Vec<u32>;
     fn receive(
         &mut self,
@@ -64,14 +64,14 @@ pub(super) trait Incoming {
     ) -> Option<Result<Header, FrameError>>;
 }
 
-/// Words of a [`Frame`] in shared memory. The name is the same in every program, wherever the type lives there.
+/// Words of a [`Frame`] in shared memory. The type name is fixed, so that programs built from different paths agree.
 #[derive(Clone, Copy, Debug, ZeroCopySend)]
 #[repr(C)]
 #[type_name("hil_frame")]
 struct Words<const WORDS: usize>([u64; WORDS]);
 
-/// Holds the cell of the next frame: asking for one looks at a line of memory that the reader writes
-/// to, which is done best right after a frame was sent, while the reader is busy.
+/// Sending end that holds the cell of the next frame: borrowing one touches a cache line that the reader writes, which
+/// is cheapest right after sending, while the reader is busy.
 struct Writer<const WORDS: usize>(Option<EntryValueUninit<Ipc, u8, Words<WORDS>>>);
 
 impl<const WORDS: usize> Outgoing for Writer<WORDS> {
@@ -88,7 +88,7 @@ struct Reader<const WORDS: usize> {
     board: Blackboard<Ipc, u8>,
     cell: EntryHandle<Ipc, u8, Words<WORDS>>,
     last: Option<BlackboardValue<Words<WORDS>>>,
-    /// Number of the frame that was delivered last; 0 for none.
+    /// Sequence number of the last delivered frame; 0 for none.
     delivered: u64,
 }
 
@@ -115,7 +115,7 @@ impl<const WORDS: usize> Incoming for Reader<WORDS> {
         let words = self.last.insert(self.cell.get());
         let frame = Frame::from_words(&words.0);
         let sequence = frame.sequence();
-        // Beside a writer at work the cell may give a frame as news that it has given before.
+        // With a writer at work, the cell may present a frame as new that was delivered before.
         if sequence == self.delivered {
             return None;
         }
@@ -156,7 +156,9 @@ fn board<const WORDS: usize>(
                     | BlackboardOpenError::UnableToCreateServiceTag => transport(name, error),
                     error => LinkError::Foreign {
                         service: name.into(),
-                        reason: format!("iceoryx2 says {error:?}; both sides must be of one run"),
+                        reason: format!(
+                            "iceoryx2 reports {error:?}; both sides must be of one run"
+                        ),
                     },
                 })
         }

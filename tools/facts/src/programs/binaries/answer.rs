@@ -82,8 +82,8 @@ mod tests {
     fn the_reason_of_a_program_is_what_stands_behind_its_mark() {
         for (stderr, reason) in [
             (
-                "error: `x_m` is there twice\n",
-                Some("`x_m` is there twice"),
+                "error: `x_m` is defined twice\n",
+                Some("`x_m` is defined twice"),
             ),
             ("a library speaks\nerror: no\nunit\n", Some("no\nunit")),
             ("who are you", None),
