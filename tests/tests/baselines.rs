@@ -186,7 +186,7 @@ fn what_cannot_be_compared_with_a_baseline_is_refused() {
         ),
         (
             vec![folder, "--baseline", "a/b", "--baselines", file],
-            "is no name of a baseline",
+            "is not a valid baseline name",
         ),
         (
             vec![
@@ -196,7 +196,7 @@ fn what_cannot_be_compared_with_a_baseline_is_refused() {
                 "--baselines",
                 "nowhere.toml",
             ],
-            "--update makes one",
+            "--update creates one",
         ),
         (
             vec![&mass, "--baseline", "leakage", "--baselines", file],

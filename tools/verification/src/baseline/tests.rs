@@ -35,7 +35,7 @@ fn figures() -> Figures {
     }
 }
 
-/// A folder with a recording, whose content nobody looks at here.
+/// Creates a folder with a recording of arbitrary content.
 fn folder() -> (TempDir, PathBuf, PathBuf) {
     let folder = TempDir::new().expect("a folder");
     let (run, path) = (
@@ -57,7 +57,7 @@ fn recording_of(file: &BaselineFile) -> Option<PathBuf> {
 }
 
 #[test]
-fn figures_read_back_with_every_bit_and_the_recording_is_kept() {
+fn figures_are_read_back_exactly_and_the_recording_is_copied() {
     let (folder, run, path) = folder();
     let file = written(&path, &run, &figures());
     let baseline = file.find("a").expect("there");
@@ -70,7 +70,7 @@ fn figures_read_back_with_every_bit_and_the_recording_is_kept() {
 }
 
 #[test]
-fn each_file_of_baselines_keeps_recordings_of_its_own() {
+fn each_baselines_file_has_its_own_recordings() {
     let (folder, run, path) = folder();
     let expected = [
         ("baselines.toml", "baselines/a.mcap"),
@@ -91,7 +91,7 @@ fn each_file_of_baselines_keeps_recordings_of_its_own() {
 }
 
 #[test]
-fn an_update_leaves_comments_order_and_tolerances() {
+fn an_update_preserves_comments_order_and_tolerances() {
     let (_folder, run, path) = folder();
     written(&path, &run, &figures());
     let text = std::fs::read_to_string(&path).expect("read");
@@ -128,7 +128,7 @@ fn an_update_leaves_comments_order_and_tolerances() {
 }
 
 #[test]
-fn a_recording_that_was_taken_out_by_hand_stays_out() {
+fn a_recording_removed_by_hand_is_not_restored() {
     let (_folder, run, path) = folder();
     let file = written(&path, &run, &figures());
     let kept = recording_of(&file).expect("kept");
@@ -145,7 +145,7 @@ fn a_recording_that_was_taken_out_by_hand_stays_out() {
 }
 
 #[test]
-fn the_recording_of_a_baseline_may_be_its_own_update() {
+fn a_baseline_can_be_updated_from_its_own_recording() {
     let (_folder, run, path) = folder();
     let file = written(&path, &run, &figures());
     let kept = recording_of(&file).expect("kept");
@@ -154,7 +154,7 @@ fn the_recording_of_a_baseline_may_be_its_own_update() {
 }
 
 #[test]
-fn figures_differ_beyond_their_tolerance_or_within_it() {
+fn figures_differ_within_or_beyond_their_tolerance() {
     let (_folder, run, path) = folder();
     written(&path, &run, &figures());
     let text = std::fs::read_to_string(&path).expect("read");
@@ -210,25 +210,25 @@ fn figures_differ_beyond_their_tolerance_or_within_it() {
 }
 
 #[test]
-fn what_is_no_file_of_baselines_is_refused_with_its_place() {
+fn a_file_without_baselines_is_refused_with_its_location() {
     let (_folder, run, path) = folder();
-    let told = BaselineFile::read(&path, false)
+    let message = BaselineFile::read(&path, false)
         .err()
         .expect("not there")
         .to_string();
     assert!(
-        told.contains("cannot read") && told.contains("--update"),
-        "{told}"
+        message.contains("cannot read") && message.contains("--update"),
+        "{message}"
     );
     written(&path, &run, &figures());
     let text = std::fs::read_to_string(&path).expect("read");
-    for (before, now, said) in [
-        ("schema = 1", "schema = 2", "schema 2 is not known"),
+    for (before, now, expected) in [
+        ("schema = 1", "schema = 2", "schema 2 is not supported"),
         ("schema = 1", "schema = 1\nplan = 2", "unknown field `plan`"),
         (
             "tolerance = 0.0, min",
             "tolerance = -1.0, min",
-            "`truth.x_m`: a tolerance is at least 0",
+            "`truth.x_m`: a tolerance must be at least 0",
         ),
         ("digest = ", "digest ", "line"),
         ("rms = 1e-300", "rms = \"x\"", "line"),
@@ -236,14 +236,20 @@ fn what_is_no_file_of_baselines_is_refused_with_its_place() {
         let spoilt = text.replacen(before, now, 1);
         assert_ne!(spoilt, text);
         std::fs::write(&path, spoilt).expect("written");
-        let told = BaselineFile::read(&path, true)
+        let message = BaselineFile::read(&path, true)
             .err()
             .expect("refused")
             .to_string();
-        assert!(told.contains(said), "`{said}` is not in {told}");
+        assert!(
+            message.contains(expected),
+            "`{expected}` is not in {message}"
+        );
     }
     std::fs::write(&path, text).expect("written");
     let file = BaselineFile::read(&path, false).expect("reads");
-    let told = file.find("aa").expect_err("no such").to_string();
-    assert!(told.contains("no baseline `aa`; nearest: `a`"), "{told}");
+    let message = file.find("aa").expect_err("no such").to_string();
+    assert!(
+        message.contains("no baseline `aa`; nearest: `a`"),
+        "{message}"
+    );
 }

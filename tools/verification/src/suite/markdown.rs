@@ -89,12 +89,12 @@ fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
     Ok(())
 }
 
-/// A number with its unit, or that there is none.
+/// Formats a number with its unit, or `-`.
 fn shown(value: Option<f64>, unit: &str) -> String {
     value.map_or_else(|| "-".into(), |value| cell(&short_in(value, unit)))
 }
 
-/// Text that stays in its cell.
+/// Escapes a text for a table cell.
 fn cell(text: &str) -> String {
     text.replace('|', "\\|").replace(['\n', '\r'], " ")
 }

@@ -1,4 +1,4 @@
-//! The verdicts of several runs as a person reads them in a terminal.
+//! The verdicts of several runs, formatted for a terminal.
 
 use std::fmt::Write;
 
