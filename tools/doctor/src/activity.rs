@@ -1,4 +1,4 @@
-//! Other activity of the machine: work and sessions.
+//! Checks of other activity on the machine: load and sessions.
 
 use shared_types::session::SessionError;
 
@@ -6,13 +6,13 @@ use super::cores::Cores;
 use super::finding::{Check, Finding, known};
 use super::tree::Tree;
 
-const LOAD: Check = Check::new("load", "other work takes the cores and their caches");
+const LOAD: Check = Check::new("load", "other work occupies the cores and their caches");
 const SESSIONS: Check = Check::new(
     "sessions",
-    "other sessions take the cores, dead ones keep shared memory",
+    "other sessions occupy the cores; dead ones keep shared memory",
 );
 
-/// Judges the load of the last minute.
+/// Checks the load average of the last minute.
 #[must_use]
 pub(crate) fn load(tree: &dyn Tree, cores: &Cores) -> Finding {
     let text = known!(LOAD, tree.read("proc/loadavg"));
@@ -33,7 +33,7 @@ pub(crate) fn load(tree: &dyn Tree, cores: &Cores) -> Finding {
     }
 }
 
-/// Judges other sessions, running or dead, by their names.
+/// Checks for other sessions, live or dead.
 #[must_use]
 pub(crate) fn sessions(live: Result<Vec<String>, SessionError>, dead: &[String]) -> Finding {
     let live = match live {
