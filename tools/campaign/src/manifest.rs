@@ -134,24 +134,24 @@ impl Manifest {
     pub fn read_sealed(folder: &Path) -> Result<(Self, bool), ManifestError> {
         let folder_text = || folder.display().to_string();
         let text = std::fs::read(folder.join(MANIFEST))
-            .map_err(|error| ManifestError::Absent(shown(), error))?;
-        let broken = |error| ManifestError::Broken(shown(), error);
+            .map_err(|error| ManifestError::Absent(folder_text(), error))?;
+        let broken = |error| ManifestError::Broken(folder_text(), error);
         let Seal { blake3: sum } = serde_json::from_slice(&text).map_err(broken)?;
         if let Some(sum) = &sum {
             let text = String::from_utf8_lossy(&text);
             let unsealed = text.replacen(sum.as_str(), NO_SUM, 1);
             if *blake3::hash(unsealed.as_bytes()).to_hex() != **sum {
-                return Err(ManifestError::Damaged(shown()));
+                return Err(ManifestError::Damaged(folder_text()));
             }
         }
         let manifest: Self = serde_json::from_slice(&text).map_err(broken)?;
         if ![SCHEMA, GROWN].contains(&manifest.schema) {
-            return Err(ManifestError::Version(shown(), manifest.schema));
+            return Err(ManifestError::Version(folder_text(), manifest.schema));
         }
         let is_sound = |(cases, size): (Range<u64>, u64)| size > 0 && cases.start <= cases.end;
         if !manifest.extents().all(is_sound) {
             let error = serde_json::Error::custom("its shards are inconsistent");
-            return Err(ManifestError::Broken(shown(), error));
+            return Err(ManifestError::Broken(folder_text(), error));
         }
         Ok((manifest, sum.is_some()))
     }

@@ -91,7 +91,7 @@ pub fn replay(arguments: &ReplayArguments) -> Result<Exit, Failure> {
     let path = arguments.controller_bin.as_deref();
     let at = Reached::by(&arguments.target, arguments.wait_limit, &interruption)?;
     let controller = Binary::controller(
-        given,
+        path,
         &Named::Recorded(&recorded),
         at.as_ref(),
         &interruption,

@@ -96,8 +96,8 @@ pub(super) struct RequirementAnswer {
     /// Number of cases with a NaN margin, which is neither good nor bad.
     pub(super) without: u64,
     pub(super) worst: Vec<WorstAnswer>,
-    /// Rank correlations of the margin with varied values, the strongest first.
     /// Rank correlations of the margin with varied values, strongest first.
+    pub(super) correlations: Vec<(String, f64)>,
     /// Set if the margins differ by rounding only, which correlates with nothing.
     pub(super) is_rounding: bool,
 }

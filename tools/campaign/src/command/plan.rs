@@ -258,7 +258,7 @@ pub(super) fn refuse_ineffective(cases: &Cases) -> Result<(), Failure> {
                 cases.shown(&plan)
             };
             // No case has this combination of values; a refusal also shows that they have an effect.
-            is_effective |= match (shown(&first), shown(&changed)) {
+            is_effective |= match (plan_text(&first), plan_text(&changed)) {
                 (Ok(first), Ok(changed)) => first != changed,
                 _ => true,
             };

@@ -116,5 +116,5 @@ fn has_values(path: &PathBuf, manifest: &Manifest, study: &Study) -> Result<bool
 /// Lists the columns that are known before a case runs.
 fn columns<'a>(manifest: &'a Manifest, study: &Study) -> &'a [Column] {
     let count = manifest.columns.len().min(4 + study.varied.len());
-    &manifest.columns[..known]
+    &manifest.columns[..count]
 }

@@ -43,7 +43,7 @@ const LOOK: Duration = Duration::from_millis(100);
 /// # Errors
 /// If the folder cannot be used.
 pub(super) fn work(arguments: &WorkArguments) -> Result<Exit, Failure> {
-    match worked(arguments) {
+    match run_shards(arguments) {
         // The parent command reports an interruption once for all its workers.
         Err(Failure::Interrupted) if arguments.leash => Ok(Exit::Interrupted),
         Err(failure @ (Failure::Usage(_) | Failure::Infrastructure(_))) if arguments.leash => {

@@ -100,7 +100,7 @@ impl<'a> Attempt<'a> {
             Some((first, _)) => {
                 let columns = &self.shard.folder.manifest().columns;
                 let conflict = difference(first, &row, columns, &circumstances.maker());
-                self.conflict = self.conflict.take().or(found);
+                self.conflict = self.conflict.take().or(conflict);
             }
             None => {
                 self.rows.insert(case, (row, circumstances));

@@ -131,7 +131,7 @@ impl Part {
     /// Returns the columns of circumstances, preceded by the case column.
     pub(crate) fn circumstances(&self) -> Vec<&Values> {
         let circumstances = self.columns[self.results..].iter();
-        self.columns[..1].iter().chain(own).collect()
+        self.columns[..1].iter().chain(circumstances).collect()
     }
 
     /// Returns the case numbers of the rows.

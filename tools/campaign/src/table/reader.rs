@@ -20,7 +20,7 @@ impl Table {
     #[must_use]
     pub fn fact(&self, key: &str) -> Option<&str> {
         let entry = self.facts.iter().find(|fact| fact.key == key)?;
-        found.value.as_deref()
+        entry.value.as_deref()
     }
 }
 

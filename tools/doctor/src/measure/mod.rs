@@ -109,7 +109,6 @@ pub struct Class {
 
 impl Class {
     /// Returns the class of the calling thread.
-    /// Returns the class of the calling thread.
     ///
     /// # Errors
     /// If the kernel does not report it.

@@ -178,7 +178,7 @@ fn each_signal_may_have_its_own_tolerance() {
     let message = with(&["truth.y_m=1"])
         .expect_err("no such signal")
         .to_string();
-    assert!(told.contains("nearest: `truth.x_m`"), "{told}");
+    assert!(message.contains("nearest: `truth.x_m`"), "{message}");
 }
 
 #[test]

@@ -106,7 +106,7 @@ impl ComparisonPass {
             for reader in [a, b] {
                 let known = reader.columns().iter().filter(|column| column.is_signal());
                 let names: Vec<&str> = known.map(|column| column.name.as_str()).collect();
-                if !known.contains(&name.as_str()) {
+                if !names.contains(&name.as_str()) {
                     let path = reader.path().display();
                     let near = near(name, names);
                     return Err(CompareError::NotComparable(format!(

@@ -160,7 +160,7 @@ fn in_real_time_an_answer_belongs_to_the_sample_that_it_answers() {
         (5, at_4.then(1)),
     ];
     assert_eq!(
-        met(&steps, 6),
+        outcomes(&steps, 6),
         [
             (false, Some(-0.0), 0),
             (false, Some(-1.0), 0),
