@@ -126,7 +126,7 @@ fn every_deed_of_a_plant_in_c_is_named() {
         (
             9,
             3,
-            &["plant failed at step 100 (0.1 s): `measure` returned 7 and no reason"],
+            &["plant failed at step 100 (0.1 s): `measure` returned 7 without a reason"],
         ),
     ];
     for (number, code, fragments) in deeds {
@@ -206,7 +206,7 @@ fn every_deed_of_a_controller_in_c_is_named() {
             9,
             &[
                 "controller",
-                "the law failed at step 100: `step` returned 7 and no reason",
+                "the law failed at step 100: `step` returned 7 without a reason",
             ],
         ),
     ];
@@ -247,11 +247,8 @@ fn every_mistake_in_the_tables_is_named_before_anything_starts() {
             "default",
             "`deed` has the default 21, which is not in 0 to 20",
         ),
-        (
-            "flags",
-            "`deed` of `parameters` has flags that are none: 64",
-        ),
-        ("api", "`api` is 99, and this library speaks 1"),
+        ("flags", "`deed` of `parameters` has unknown flags: 64"),
+        ("api", "`api` is 99, but this library supports 1"),
         ("utf-8", "the summary of the plant is not UTF-8"),
         (
             "saving",
@@ -264,7 +261,7 @@ fn every_mistake_in_the_tables_is_named_before_anything_starts() {
         ("null", "hil_plant_main got a null pointer"),
         (
             "retune",
-            "the callback `retune` is missing, which takes `deed`",
+            "the callback `retune` is missing, which applies `deed`",
         ),
     ] {
         let mut command = rig.command(&plant);
