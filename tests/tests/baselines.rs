@@ -200,7 +200,7 @@ fn what_cannot_be_compared_with_a_baseline_is_refused() {
         ),
         (
             vec![&mass, "--baseline", "leakage", "--baselines", file],
-            "is of scenario `leakage`",
+            "belongs to scenario `leakage`",
         ),
         (vec![folder], "<B>"),
         (
@@ -223,5 +223,5 @@ fn what_cannot_be_compared_with_a_baseline_is_refused() {
         .expect(0);
     kept.compare(&third.folder.display().to_string(), &[])
         .expect(2)
-        .says(&["is not the recording of baseline `leakage`"]);
+        .says(&["does not belong to baseline `leakage`"]);
 }

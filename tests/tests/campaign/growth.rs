@@ -71,7 +71,7 @@ fn what_would_change_the_cases_that_are_there_is_refused() {
             "plain",
             STUDY,
             "30",
-            "the campaign has 30 draws already, and none is taken away",
+            "the campaign already has 30 draws, and draws are never removed",
         ),
         (
             "plain",

@@ -104,7 +104,7 @@ fn a_folder_of_another_campaign_or_of_anything_else_is_refused() {
     let plan = |path| campaign(&rig, &["plan", text(path), "-o", text(&folder)]).expect(2);
     plan(&path).says(&["already holds this campaign; hil campaign run"]);
     let other = study(&rig, &STUDY.replace("seed = 3", "seed = 4"));
-    plan(&other).says(&["has another campaign, which differs in study: "]);
+    plan(&other).says(&["holds another campaign, which differs in study: "]);
     std::fs::create_dir(rig.path("own")).expect("a folder");
     let own = rig.write("own/notes.txt", "mine");
     let run = campaign(

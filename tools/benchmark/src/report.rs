@@ -258,8 +258,8 @@ impl Report {
             }
         }
         for check in ["virtualisation", "load"] {
-            if let Some(found) = self.machine.get(&format!("doctor_{check}")) {
-                writeln!(text, "{check}: {found}")?;
+            if let Some(observation) = self.machine.get(&format!("doctor_{check}")) {
+                writeln!(text, "{check}: {observation}")?;
             }
         }
         let mut columns = [right(7).close(); 8];

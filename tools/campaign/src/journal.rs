@@ -82,7 +82,7 @@ pub struct Journal {
 }
 
 /// Content of a journal.
-pub(crate) struct Found {
+pub(crate) struct JournalContent {
     pub(crate) path: PathBuf,
     /// Set if the writer has ended.
     pub(crate) is_dead: bool,
@@ -215,15 +215,15 @@ impl Journal {
 
 /// Creates a locked temporary file in the folder of a shard; cleanups leave locked files alone.
 pub(crate) fn unfinished(shard: &Path) -> io::Result<NamedTempFile> {
-    let made = tempfile::Builder::new()
+    let file = tempfile::Builder::new()
         .prefix(UNFINISHED)
         .rand_bytes(10)
         .append(true)
         // The umask applies, as for any new file.
         .permissions(Permissions::from_mode(0o666))
         .tempfile_in(shard)?;
-    flock(made.as_file(), FlockOperation::LockExclusive)?;
-    Ok(made)
+    flock(file.as_file(), FlockOperation::LockExclusive)?;
+    Ok(file)
 }
 
 fn sum(text: &str) -> String {
@@ -263,7 +263,7 @@ pub(crate) fn paths(shard: &Path) -> io::Result<Vec<PathBuf>> {
 
 /// Reads a journal of this campaign up to the first invalid line; `None` if it is gone or belongs to another
 /// campaign.
-pub(crate) fn read(path: &Path, folder: &Folder) -> io::Result<Option<Found>> {
+pub(crate) fn read(path: &Path, folder: &Folder) -> io::Result<Option<JournalContent>> {
     let mut file = match File::open(path) {
         Ok(file) => file,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -283,7 +283,7 @@ pub(crate) fn read(path: &Path, folder: &Folder) -> io::Result<Option<Found>> {
     if !folder.has_results_of(&of) {
         return Ok(None);
     }
-    let mut found = Found {
+    let mut content = JournalContent {
         path: path.to_owned(),
         is_dead,
         started: Vec::new(),
@@ -292,10 +292,10 @@ pub(crate) fn read(path: &Path, folder: &Folder) -> io::Result<Option<Found>> {
     };
     for line in lines {
         match line {
-            Line::Start(case) => found.started.push(case),
+            Line::Start(case) => content.started.push(case),
             Line::Left(case) => {
-                let last = found.started.iter().rposition(|started| *started == case);
-                last.map(|last| found.started.remove(last));
+                let last = content.started.iter().rposition(|started| *started == case);
+                last.map(|last| content.started.remove(last));
             }
             Line::Row {
                 wall_s,
@@ -304,7 +304,7 @@ pub(crate) fn read(path: &Path, folder: &Folder) -> io::Result<Option<Found>> {
                 by,
             } => {
                 let case = cells.first().map_or(0, Cell::as_count);
-                found.curves.extend(curve.map(|curve| (case, curve)));
+                content.curves.extend(curve.map(|curve| (case, curve)));
                 let by = by.unwrap_or_else(|| Maker {
                     host: host.clone(),
                     attempt: name_of(path),
@@ -316,10 +316,10 @@ pub(crate) fn read(path: &Path, folder: &Folder) -> io::Result<Option<Found>> {
                     attempt: by.attempt,
                     tries: by.tries,
                 };
-                found.rows.insert(case, (cells, circumstances));
+                content.rows.insert(case, (cells, circumstances));
             }
             Line::Of { .. } => break,
         }
     }
-    Ok(Some(found))
+    Ok(Some(content))
 }

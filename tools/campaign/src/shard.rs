@@ -217,12 +217,12 @@ impl<'a> Shard<'a> {
         }
     }
 
-    /// Withdraws a result to recompute the rows for which `kept` returns `false`: the other rows go to the journal of
+    /// Withdraws a result to recompute the rows for which `is_kept` returns `false`: the other rows go to the journal of
     /// a finished attempt, from which the next worker takes them over. Does nothing while a worker holds the shard.
     ///
     /// # Errors
     /// If the shard has no valid result, or the folder cannot be written.
-    pub fn reopen(&self, kept: impl Fn(&Row) -> bool) -> Result<(), PartError> {
+    pub fn reopen(&self, is_kept: impl Fn(&Row) -> bool) -> Result<(), PartError> {
         let io = PartError::Io;
         let Some(_claim) = self.claim().map_err(io)? else {
             return Ok(());
@@ -231,8 +231,10 @@ impl<'a> Shard<'a> {
         let path = self.path();
         let mut journal = Journal::begin(&path, self.folder.id()).map_err(io)?;
         for (place, row) in part.rows().enumerate() {
-            if kept(&row) {
-                journal.keep(&row, &part.made(place)).map_err(io)?;
+            if is_kept(&row) {
+                journal
+                    .keep(&row, &part.circumstances_of(place))
+                    .map_err(io)?;
             }
         }
         journal.sync().map_err(io)?;

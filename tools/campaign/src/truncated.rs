@@ -53,21 +53,21 @@ fn between(a: f64, b: f64, u: f64) -> f64 {
     -quantile((1.0 - u) * cumulative(-a) + u * cumulative(-b))
 }
 
-/// Distance from `a` beyond which the share `left` of the tail from `a` to `a + width` lies.
+/// Distance from `a` beyond which the share `share_beyond` of the tail from `a` to `a + width` lies.
 ///
-/// Newton's method for `ln Q(a + t) - ln Q(a) = ln(left + (1 - left) Q(a + width) / Q(a))`, where `Q = 1 - Phi` and
+/// Newton's method for `ln Q(a + t) - ln Q(a) = ln(share_beyond + (1 - share_beyond) Q(a + width) / Q(a))`, where `Q = 1 - Phi` and
 /// the derivative is `-1 / M(a + t)`. `ln Q` is concave, so every step after the first approaches the solution from
 /// the same side.
-fn beyond(a: f64, width: f64, left: f64) -> f64 {
+fn beyond(a: f64, width: f64, share_beyond: f64) -> f64 {
     let start = mills(a);
     let ln_share = |t: f64| -t * (a + 0.5 * t) + libm::log(mills(a + t) / start);
     let ln_rest = ln_share(width);
     // Computed from whichever share is small, the one before or the one beyond the solution, to keep its digits.
-    let share_before = (1.0 - left) * -libm::expm1(ln_rest);
+    let share_before = (1.0 - share_beyond) * -libm::expm1(ln_rest);
     let ln_ratio = if share_before < 0.5 {
         libm::log1p(-share_before)
     } else {
-        libm::log(left + (1.0 - left) * libm::exp(ln_rest))
+        libm::log(share_beyond + (1.0 - share_beyond) * libm::exp(ln_rest))
     };
     // The root of -t (a + t/2) = ln_ratio.
     let mut t = -2.0 * ln_ratio / (a + (a * a - 2.0 * ln_ratio).sqrt());

@@ -202,17 +202,17 @@ pub(crate) fn count(cores: &Cores) -> Finding {
         online, allowed, ..
     } = cores;
     let usable = allowed.len();
-    let mut found = format!("{} online ({online})", online.len());
+    let mut text = format!("{} online ({online})", online.len());
     if !allowed.covers(online) {
-        found += &format!(", this process may use {allowed}");
+        text += &format!(", this process may use {allowed}");
     }
     match usable {
-        0 => COUNT.unknown(found),
+        0 => COUNT.unknown(text),
         1 => COUNT
-            .poor(found)
+            .poor(text)
             .mend_if((online.len() > 1).then(|| format!("taskset -pc {online} $$"))),
-        2 | 3 => COUNT.fair(found),
-        _ => COUNT.good(found),
+        2 | 3 => COUNT.fair(text),
+        _ => COUNT.good(text),
     }
 }
 
@@ -347,8 +347,8 @@ mod tests {
     fn siblings_as_chosen_cores_are_poor_and_idle_siblings_fair() {
         let eight = hyperthreaded(8);
         let off = "echo off | sudo tee /sys/devices/system/cpu/smt/control";
-        for (asked, grade) in [([3, 7], Grade::Poor), ([2, 3], Grade::Fair)] {
-            let cores = Cores::choose(&eight, Some(asked)).expect("there");
+        for (requested, grade) in [([3, 7], Grade::Poor), ([2, 3], Grade::Fair)] {
+            let cores = Cores::choose(&eight, Some(requested)).expect("there");
             let finding = smt(&eight, &cores);
             assert_eq!((finding.grade, finding.mend.as_deref()), (grade, Some(off)));
         }

@@ -41,15 +41,15 @@ pub(crate) fn virtualisation(tree: &dyn Tree, cores: &Cores, interval: &Interval
         Ok(percent) => format!("{percent:.1} % of time stolen {}", interval.describe()),
         Err(unread) => unread.to_string(),
     };
-    let mut found = "bare metal".to_owned();
+    let mut text = "bare metal".to_owned();
     if virtual_machine {
         let name = maker(tree).map(|name| format!(" ({name})"));
-        found = format!("virtual machine{}, {steal_text}", name.unwrap_or_default());
+        text = format!("virtual machine{}, {steal_text}", name.unwrap_or_default());
     }
     match stolen {
-        Ok(percent) if percent > STOLEN_PERCENT => VIRTUALISATION.poor(found),
-        _ if virtual_machine => VIRTUALISATION.fair(found),
-        _ => VIRTUALISATION.good(found),
+        Ok(percent) if percent > STOLEN_PERCENT => VIRTUALISATION.poor(text),
+        _ if virtual_machine => VIRTUALISATION.fair(text),
+        _ => VIRTUALISATION.good(text),
     }
 }
 
@@ -135,10 +135,10 @@ mod tests {
             (&[("proc/cpuinfo", ARM), ("proc/device-tree/compatible", "raspberrypi,4-model-b\0brcm,bcm2711\0")], "0", Grade::Good, "bare metal"),
             (&[("proc/cpuinfo", ARM), ("proc/device-tree/compatible", "linux,dummy-virt\0")], "0", Grade::Fair, "virtual machine"),
         ];
-        for (files, steal, grade, found) in cases {
+        for (files, steal, grade, expected) in cases {
             let finding = look(files, steal);
             assert_eq!(finding.grade, grade, "{files:?}");
-            assert!(finding.found.starts_with(found), "{}", finding.found);
+            assert!(finding.found.starts_with(expected), "{}", finding.found);
         }
     }
 }

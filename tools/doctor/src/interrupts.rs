@@ -192,11 +192,11 @@ pub(crate) fn interrupts(tree: &dyn Tree, cores: &Cores, interval: &Interval) ->
     let came_hz: f64 = rates.iter().map(|(_, hz)| hz).sum();
     let aimed = |(line, _): &&(Line, f64)| aim(tree, &line.number).meets(&cores.chosen);
     let aimed: Vec<&(Line, f64)> = rates.iter().filter(aimed).collect();
-    let mut found = format!("{came_hz:.0}/s {}", interval.describe());
+    let mut text = format!("{came_hz:.0}/s {}", interval.describe());
     if let Some((busiest, _)) = rates.first().filter(|(_, hz)| *hz >= FEW_INTERRUPTS_HZ) {
-        found += &format!(", most from {}", busiest.device);
+        text += &format!(", most from {}", busiest.device);
     }
-    found += &format!("; {} of {} lines are routed here", aimed.len(), rates.len());
+    text += &format!("; {} of {} lines are routed here", aimed.len(), rates.len());
     let grade = if came_hz > MOST_INTERRUPTS_HZ {
         Grade::Poor
     } else if came_hz >= FEW_INTERRUPTS_HZ || !aimed.is_empty() {
@@ -204,7 +204,7 @@ pub(crate) fn interrupts(tree: &dyn Tree, cores: &Cores, interval: &Interval) ->
     } else {
         Grade::Good
     };
-    let finding = INTERRUPTS.graded(grade, found);
+    let finding = INTERRUPTS.graded(grade, text);
     let others = cores.others();
     if aimed.is_empty() || others.is_empty() {
         return finding;
@@ -278,7 +278,7 @@ ERR:          0
     fn interrupts_on_the_chosen_cores_are_graded_by_their_rate() {
         let cores_with_others = Cores::of("0,2-3", "2-3");
         let before = Snapshot::take(&counted(INTERRUPTS_TEXT, "500.00 900.00"));
-        for (count, grade, found) in [
+        for (count, grade, expected) in [
             (
                 "3000",
                 Grade::Fair,
@@ -298,7 +298,7 @@ ERR:          0
             let later = counted(&INTERRUPTS_TEXT.replace("3000", count), "502.00 902.00");
             let interval = Interval::between(before.clone(), Snapshot::take(&later));
             let finding = interrupts(&later, &cores_with_others, &interval);
-            assert_eq!((finding.grade, finding.found.as_str()), (grade, found));
+            assert_eq!((finding.grade, finding.found.as_str()), (grade, expected));
             assert_eq!(
                 finding.mend.as_deref(),
                 Some("for i in 125; do echo 0 | sudo tee /proc/irq/$i/smp_affinity_list; done")

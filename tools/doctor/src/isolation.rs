@@ -27,23 +27,23 @@ pub(crate) fn isolation(tree: &dyn Tree, cores: &Cores) -> Finding {
         true => "none".to_owned(),
         false => list.to_string(),
     };
-    let found = format!(
+    let text = format!(
         "isolated: {}, without tick: {}",
         or_none(&isolated),
         or_none(&without_tick)
     );
     if isolated.covers(&cores.chosen) && without_tick.covers(&cores.chosen) {
-        return ISOLATION.good(found);
+        return ISOLATION.good(text);
     }
     let (chosen, others) = (&cores.chosen, cores.others());
     if others.is_empty() {
-        return ISOLATION.fair(format!("{found}; no core is left for other work"));
+        return ISOLATION.fair(format!("{text}; no core is left for other work"));
     }
     let arguments = format!(
         "isolcpus=managed_irq,domain,{chosen} nohz_full={chosen} rcu_nocbs={chosen} irqaffinity={others}"
     );
     ISOLATION
-        .fair(found)
+        .fair(text)
         .mend_if(boot::add_arguments(tree, &arguments))
 }
 

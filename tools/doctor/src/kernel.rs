@@ -217,11 +217,11 @@ mod tests {
             (&[("lib/modules/6.8.0-45-generic/config", "CONFIG_PREEMPT=y")], Grade::Fair, "full"),
             (&[(config, "# CONFIG_PREEMPT is not set\nCONFIG_PREEMPT_DYNAMIC=y")], Grade::Unknown, "cannot be read"),
         ];
-        for (files, grade, found) in cases {
+        for (files, grade, expected) in cases {
             let machine = Fake::new(&[("proc/version", VERSIONS[2].0)]).with(files);
             let finding = preemption(&machine);
             assert_eq!(finding.grade, grade, "{files:?}");
-            assert!(finding.found.contains(found), "{}", finding.found);
+            assert!(finding.found.contains(expected), "{}", finding.found);
         }
         let none = Fake::new(&[("proc/version", VERSIONS[2].0), (mode_file, "(none) full")]);
         assert_eq!(

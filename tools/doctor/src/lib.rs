@@ -222,8 +222,8 @@ impl Measurement<'_> {
         let load = wake_up::Load::on(&self.cores.allowed.with(&self.cores.chosen));
         let wake_ups = wake_up::measure(core, self.seconds);
         if !load.end() {
-            let found = "the load would run at real-time priority as well";
-            return Ok(wake_up::LOADED.unknown(found).mend(self.at_priority()));
+            let reason = "the load would run at real-time priority as well";
+            return Ok(wake_up::LOADED.unknown(reason).mend(self.at_priority()));
         }
         let wake_ups = wake_ups.map_err(|e| self.unusable(&e))?;
         Ok(self.with_priority(wake_up::finding(

@@ -65,17 +65,17 @@ pub(crate) fn swap(tree: &dyn Tree) -> Finding {
         total_kib += size;
         used_kib += used;
     }
-    let found = format!("{} of {} MiB in use", used_kib / 1024, total_kib / 1024);
+    let text = format!("{} of {} MiB in use", used_kib / 1024, total_kib / 1024);
     match (total_kib, used_kib) {
         (0, _) => SWAP.good("none"),
-        (_, 0) => SWAP.fair(found).mend("sudo swapoff -a"),
-        _ => SWAP.poor(found).mend("sudo swapoff -a"),
+        (_, 0) => SWAP.fair(text).mend("sudo swapoff -a"),
+        _ => SWAP.poor(text).mend("sudo swapoff -a"),
     }
 }
 
-/// Checks that `/dev/shm` is in memory and has space for this user; `found` holds the state of the file system.
+/// Checks that `/dev/shm` is in memory and has space for this user; `state` holds the state of the file system.
 #[must_use]
-pub(crate) fn shared_memory(tree: &dyn Tree, found: Option<SharedMemory>) -> Finding {
+pub(crate) fn shared_memory(tree: &dyn Tree, state: Option<SharedMemory>) -> Finding {
     let mounts = known!(SHARED_MEMORY, tree.read("proc/self/mounts"));
     let mount = "sudo mount -t tmpfs -o mode=1777,nosuid,nodev tmpfs /dev/shm";
     // The last mount hides earlier ones.
@@ -86,7 +86,7 @@ pub(crate) fn shared_memory(tree: &dyn Tree, found: Option<SharedMemory>) -> Fin
     match kind {
         None => SHARED_MEMORY.poor("/dev/shm is not mounted").mend(mount),
         Some("tmpfs") => {
-            let Some(shared) = found else {
+            let Some(shared) = state else {
                 return SHARED_MEMORY.unknown("tmpfs, but its free space is unknown");
             };
             room(shared)
@@ -104,22 +104,22 @@ fn room(shared: SharedMemory) -> Finding {
         return SHARED_MEMORY.poor("tmpfs, read-only").mend(mend);
     }
     if !shared.is_open {
-        let found = "tmpfs, but this user may not write to it";
-        return (SHARED_MEMORY.poor(found)).mend("sudo chmod 1777 /dev/shm");
+        let text = "tmpfs, but this user may not write to it";
+        return (SHARED_MEMORY.poor(text)).mend("sudo chmod 1777 /dev/shm");
     }
     if let Some(count) = shared.free_inodes.filter(|count| *count < LEAST_INODES) {
-        let found = format!(
+        let text = format!(
             "tmpfs, {}; a run takes up to {LEAST_INODES}",
             counted(count, "free inode")
         );
-        return (SHARED_MEMORY.poor(found)).mend("sudo mount -o remount,nr_inodes=1m /dev/shm");
+        return (SHARED_MEMORY.poor(text)).mend("sudo mount -o remount,nr_inodes=1m /dev/shm");
     }
-    let found = format!("tmpfs, {} MiB free", shared.free_bytes / MIB);
+    let text = format!("tmpfs, {} MiB free", shared.free_bytes / MIB);
     let grow = "sudo mount -o remount,size=1G /dev/shm";
     match shared.free_bytes {
-        AMPLE_BYTES.. => SHARED_MEMORY.good(found),
-        ENOUGH_BYTES.. => SHARED_MEMORY.fair(found).mend(grow),
-        _ => SHARED_MEMORY.poor(found).mend(grow),
+        AMPLE_BYTES.. => SHARED_MEMORY.good(text),
+        ENOUGH_BYTES.. => SHARED_MEMORY.fair(text).mend(grow),
+        _ => SHARED_MEMORY.poor(text).mend(grow),
     }
 }
 
@@ -150,7 +150,7 @@ mod tests {
     #[test]
     fn used_swap_is_poor_and_unused_swap_fair() {
         let header = "Filename\t\t\t\tType\t\tSize\t\tUsed\t\tPriority\n";
-        for (rows, grade, found) in [
+        for (rows, grade, expected) in [
             ("", Grade::Good, "none"),
             (
                 "/dev/nvme0n1p3                          partition\t8388604\t\t0\t\t-2\n",
@@ -166,7 +166,7 @@ mod tests {
         ] {
             let finding = swap(&Fake::new(&[("proc/swaps", format!("{header}{rows}"))]));
             assert_eq!(finding.grade, grade, "{rows}");
-            assert!(finding.found.contains(found), "{}", finding.found);
+            assert!(finding.found.contains(expected), "{}", finding.found);
         }
         let without = Fake::new(&[("proc/version", "Linux version 6.1.0")]);
         assert_eq!(swap(&without).grade, Grade::Good);
@@ -187,11 +187,11 @@ mod tests {
             ("proc /proc proc rw 0 0\n", Some(12_000), Grade::Poor),
         ] {
             let machine = Fake::new(&[("proc/self/mounts", mounts)]);
-            let found = free_mib.map(|mib: u64| SharedMemory {
+            let state = free_mib.map(|mib: u64| SharedMemory {
                 free_bytes: mib * 1024 * 1024,
                 ..AMPLE
             });
-            let finding = shared_memory(&machine, found);
+            let finding = shared_memory(&machine, state);
             assert_eq!(finding.grade, grade, "{mounts} {free_mib:?}");
             let mends = matches!(grade, Grade::Fair | Grade::Poor);
             assert_eq!(finding.mend.is_some(), mends);
@@ -208,7 +208,7 @@ mod tests {
     #[test]
     fn unusable_shared_memory_is_poor_at_any_size() {
         let (is_read_only, free_inodes) = (true, Some(3));
-        for (found, expected, mend) in [
+        for (state, expected, mend) in [
             (
                 SharedMemory {
                     is_read_only,
@@ -234,7 +234,7 @@ mod tests {
                 "nr_inodes",
             ),
         ] {
-            let finding = room(found);
+            let finding = room(state);
             assert_eq!(finding.grade, Grade::Poor, "{expected}");
             assert!(finding.found.contains(expected), "{}", finding.found);
             assert!(finding.mend.unwrap_or_default().contains(mend));

@@ -19,7 +19,7 @@ const IDLE_STATES: Check = Check::new(
 #[must_use]
 pub(crate) fn governor(tree: &dyn Tree, cores: &Cores) -> Finding {
     let folder = |core: u32| format!("sys/devices/system/cpu/cpu{core}/cpufreq");
-    let mut found = Vec::new();
+    let mut governors = Vec::new();
     let mut grade = Grade::Good;
     for core in cores.chosen.iter() {
         let folder = folder(core);
@@ -29,11 +29,11 @@ pub(crate) fn governor(tree: &dyn Tree, cores: &Cores) -> Finding {
         let name = known!(GOVERNOR, tree.read(&format!("{folder}/scaling_governor")));
         let driver = tree.read(&format!("{folder}/scaling_driver"));
         grade = worse(grade, graded(&name, driver.as_deref().unwrap_or_default()));
-        if !found.contains(&name) {
-            found.push(name);
+        if !governors.contains(&name) {
+            governors.push(name);
         }
     }
-    let finding = GOVERNOR.graded(grade, found.join(", "));
+    let finding = GOVERNOR.graded(grade, governors.join(", "));
     if grade == Grade::Good {
         return finding;
     }
@@ -90,8 +90,8 @@ pub(crate) fn idle_states(tree: &dyn Tree, cores: &Cores) -> Finding {
         return IDLE_STATES.unknown("no cores");
     };
     let grade = jitter_grade(deepest.exit_us.saturating_mul(1000));
-    let found = format!("{} takes {} us to leave", deepest.name, deepest.exit_us);
-    let finding = IDLE_STATES.graded(grade, found);
+    let text = format!("{} takes {} us to leave", deepest.name, deepest.exit_us);
+    let finding = IDLE_STATES.graded(grade, text);
     if grade == Grade::Good {
         return finding;
     }
@@ -167,7 +167,7 @@ mod tests {
     #[test]
     fn the_deepest_enabled_state_decides_and_the_deep_ones_are_switched_off() {
         let file = |state| format!("/sys/devices/system/cpu/cpu3/cpuidle/state{state}/disable");
-        for (disabled, grade, found, mend) in [
+        for (disabled, grade, expected, mend) in [
             (
                 vec![],
                 Grade::Poor,
@@ -188,7 +188,7 @@ mod tests {
             ),
         ] {
             let finding = idle_states(&laptop(&disabled), &Cores::of("0-3", "3"));
-            assert_eq!((finding.grade, finding.found.as_str()), (grade, found));
+            assert_eq!((finding.grade, finding.found.as_str()), (grade, expected));
             assert_eq!(finding.mend, mend);
         }
     }

@@ -107,10 +107,14 @@ mod tests {
             ("0000000000004000", "65536", "0", (Grade::Poor, Grade::Good)),
         ] {
             let process = process(capabilities, memory, priority_limit);
-            let found = (priority(&process), locked_memory(&process));
-            assert_eq!((found.0.grade, found.1.grade), grades, "{capabilities}");
-            assert_eq!(found.0.mend.is_some(), grades.0 == Grade::Poor);
-            assert_eq!(found.1.mend.is_some(), grades.1 == Grade::Fair);
+            let findings = (priority(&process), locked_memory(&process));
+            assert_eq!(
+                (findings.0.grade, findings.1.grade),
+                grades,
+                "{capabilities}"
+            );
+            assert_eq!(findings.0.mend.is_some(), grades.0 == Grade::Poor);
+            assert_eq!(findings.1.mend.is_some(), grades.1 == Grade::Fair);
         }
     }
 

@@ -69,33 +69,33 @@ pub(crate) fn throttling(tree: &dyn Tree, cores: &Cores) -> Finding {
     let (Ok(runtime_us), Ok(period_us)) = (runtime.parse::<i64>(), period.parse::<i64>()) else {
         return THROTTLING.unknown(format!("{runtime} of {period} us"));
     };
-    let mut found = vec!["no limit".to_owned()];
+    let mut parts = vec!["no limit".to_owned()];
     let mut mend = Vec::new();
     if (0..period_us).contains(&runtime_us) {
-        found[0] = format!("at most {runtime_us} of {period_us} us");
+        parts[0] = format!("at most {runtime_us} of {period_us} us");
         mend.push("sysctl -w kernel.sched_rt_runtime_us=-1".to_owned());
     }
     let server = FairServer::of(tree, cores);
     match server {
-        FairServer::Takes { longest_ns: 0 } => found.push("fair server off".into()),
+        FairServer::Takes { longest_ns: 0 } => parts.push("fair server off".into()),
         FairServer::Takes { longest_ns } => {
-            found.push(format!("fair server takes {}", shown_ns(longest_ns)));
+            parts.push(format!("fair server takes {}", shown_ns(longest_ns)));
             let files = FairServer::files(cores);
             mend.push(format!("echo 0 | tee /{}", files.join(" /")));
         }
-        FairServer::Unread => found.push("fair server cannot be read".into()),
+        FairServer::Unread => parts.push("fair server cannot be read".into()),
         FairServer::Absent => {}
     }
-    let found = found.join("; ");
+    let text = parts.join("; ");
     let mend_all = format!("sudo sh -c '{}'", mend.join("; "));
     match server {
-        _ if runtime_us == 0 => THROTTLING.poor(found).mend(mend_all),
-        _ if !mend.is_empty() => THROTTLING.fair(found).mend(mend_all),
-        FairServer::Unread => THROTTLING.unknown(found).mend(format!(
+        _ if runtime_us == 0 => THROTTLING.poor(text).mend(mend_all),
+        _ if !mend.is_empty() => THROTTLING.fair(text).mend(mend_all),
+        FairServer::Unread => THROTTLING.unknown(text).mend(format!(
             "sudo sh -c 'mount -t debugfs none /sys/kernel/debug; grep . /{}/cpu*/runtime'",
             FairServer::FOLDER
         )),
-        _ => THROTTLING.good(found),
+        _ => THROTTLING.good(text),
     }
 }
 

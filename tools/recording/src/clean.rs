@@ -18,8 +18,8 @@ pub fn clean(mut event: Event) -> Event {
     match &mut event {
         Event::Accepted(accepted) => texts(&mut accepted.fault, &sanitise),
         Event::FaultEnded(_) => {}
-        Event::Fault(taken) => {
-            for text in [&mut taken.kind, &mut taken.target, &mut taken.parameter] {
+        Event::Fault(fault) => {
+            for text in [&mut fault.kind, &mut fault.target, &mut fault.parameter] {
                 sanitise(text);
             }
         }

@@ -230,12 +230,12 @@ impl Encoder {
 
     fn rest(&mut self, count: usize) {
         if count >= 15 {
-            let mut left = count - 15;
-            while left >= 255 {
+            let mut remaining = count - 15;
+            while remaining >= 255 {
                 self.byte(255);
-                left -= 255;
+                remaining -= 255;
             }
-            self.byte(left as u8);
+            self.byte(remaining as u8);
         }
     }
 

@@ -126,7 +126,7 @@ impl PartFolder {
 /// If it cannot be written.
 pub fn write(path: &Path, text: &[u8]) -> io::Result<()> {
     let path = match fs::metadata(path) {
-        Ok(found) if !found.is_file() => return fs::write(path, text),
+        Ok(metadata) if !metadata.is_file() => return fs::write(path, text),
         // Resolves links, so that the target is replaced and not the link.
         Ok(_) => path.canonicalize()?,
         Err(_) => path.to_owned(),
@@ -251,9 +251,9 @@ mod tests {
             live_folder.path().to_owned(),
         ];
         expected.sort();
-        let found = names(folder.path()).into_iter();
-        let found: Vec<PathBuf> = found.map(|name| folder.path().join(name)).collect();
-        assert_eq!(found, expected);
+        let paths = names(folder.path()).into_iter();
+        let paths: Vec<PathBuf> = paths.map(|name| folder.path().join(name)).collect();
+        assert_eq!(paths, expected);
     }
 
     #[test]

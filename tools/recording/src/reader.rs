@@ -299,9 +299,9 @@ impl RunReader {
     pub fn refuse_excerpt(&self) -> Result<(), ReadError> {
         match self.fact(EXCERPT) {
             None => Ok(()),
-            Some(kept) => Err(ReadError::Excerpt {
+            Some(selection) => Err(ReadError::Excerpt {
                 path: self.path.clone(),
-                kept: kept.to_owned(),
+                kept: selection.to_owned(),
             }),
         }
     }

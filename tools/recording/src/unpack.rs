@@ -27,8 +27,8 @@ pub(crate) fn whole(
     size: usize,
     into: &mut Vec<u8>,
 ) -> Result<(), String> {
-    let told = |error: io::Error| format!("a chunk cannot be unpacked: {error}");
-    unpack(compression, packed, size + 1, into).map_err(told)?;
+    let unpack_error = |error: io::Error| format!("a chunk cannot be unpacked: {error}");
+    unpack(compression, packed, size + 1, into).map_err(unpack_error)?;
     if into.len() != size {
         return Err(format!("a chunk does not unpack to its {size} bytes"));
     }

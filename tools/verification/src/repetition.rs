@@ -231,15 +231,15 @@ impl RecordedScenario {
         let mut live: Vec<&LiveFault> = self.log.accepted.iter().collect();
         live.sort_by_key(|live| live.event.id);
         for fault in live {
-            let request_text = comment(&asked(fault, rate));
+            let request = comment(&request_text(fault, rate));
             match resolved(fault, &self.log, rate) {
                 Some(event) => {
                     let toml =
                         show::fault_toml(&event, plant, kinds, rate).map_err(Failure::usage)?;
-                    let _ = write!(text, "\n# {request_text}.\n{}", toml.trim_start());
+                    let _ = write!(text, "\n# {request}.\n{}", toml.trim_start());
                 }
                 None => {
-                    let _ = writeln!(text, "\n# {request_text}; it never took hold.");
+                    let _ = writeln!(text, "\n# {request}; it never took hold.");
                 }
             }
         }
@@ -304,13 +304,15 @@ fn cleared(id: u32, log: &FaultLog) -> Option<Step> {
     log.ended.iter().find(is_it).map(|ended| Step(ended.step))
 }
 
-fn taken(id: u32, log: &FaultLog) -> impl Iterator<Item = &FaultBegun> {
-    log.taken.iter().filter(move |taken| taken.id == id)
+fn begun_effects(id: u32, log: &FaultLog) -> impl Iterator<Item = &FaultBegun> {
+    log.taken.iter().filter(move |effect| effect.id == id)
 }
 
 /// Keeps the effects of a cleared event that had taken hold; returns `true` if there are any.
 fn keep_taken(event: &mut FaultEvent, log: &FaultLog) -> bool {
-    let numbers: BTreeSet<u32> = taken(event.id, log).map(|taken| taken.effect).collect();
+    let numbers: BTreeSet<u32> = begun_effects(event.id, log)
+        .map(|begun| begun.effect)
+        .collect();
     let mut number = 0..;
     event.effects.retain(|_| {
         number
@@ -324,13 +326,13 @@ fn keep_taken(event: &mut FaultEvent, log: &FaultLog) -> bool {
 fn resolved(live: &LiveFault, log: &FaultLog, rate: Rate) -> Option<FaultEvent> {
     let mut event = live.event.clone();
     let id = event.id;
-    let first = taken(id, log).min_by_key(|taken| taken.step)?;
+    let first = begun_effects(id, log).min_by_key(|begun| begun.step)?;
     let at = Step(first.step);
     let planned = event.effects.get(first.effect as usize)?.skew_steps;
     for (number, effect) in (0..).zip(&mut event.effects) {
-        let step = taken(id, log)
-            .find(|taken| taken.effect == number)
-            .map(|taken| taken.step);
+        let step = begun_effects(id, log)
+            .find(|begun| begun.effect == number)
+            .map(|begun| begun.step);
         effect.skew_steps = match step {
             Some(step) => step - at.0,
             None => effect.skew_steps.saturating_sub(planned),
@@ -362,12 +364,12 @@ fn resolved(live: &LiveFault, log: &FaultLog, rate: Rate) -> Option<FaultEvent> 
 }
 
 /// Describes the requested fault in words.
-fn asked(live: &LiveFault, rate: Rate) -> String {
+fn request_text(live: &LiveFault, rate: Rate) -> String {
     let LiveFault { step, event } = live;
     let when = match &event.trigger {
         Trigger::Now => "at once".into(),
         Trigger::Step { step, at_s } => format!("at {at_s} s, step {step}"),
-        Trigger::Condition(condition) => format!("when {}", held(condition)),
+        Trigger::Condition(condition) => format!("when {}", condition_text(condition)),
         Trigger::After { event, delay_steps } => format!("{delay_steps} steps after fault {event}"),
     };
     let FaultEnd {
@@ -382,7 +384,7 @@ fn asked(live: &LiveFault, rate: Rate) -> String {
         occurrences.map(|times| format!("{times} times")),
         condition
             .as_ref()
-            .map(|condition| format!("until {}", held(condition))),
+            .map(|condition| format!("until {}", condition_text(condition))),
     ];
     let ends: String = ends
         .into_iter()
@@ -396,7 +398,7 @@ fn asked(live: &LiveFault, rate: Rate) -> String {
     )
 }
 
-fn held(condition: &Condition) -> String {
+fn condition_text(condition: &Condition) -> String {
     match condition.records {
         0 | 1 => format!("`{}` holds", condition.expression),
         records => format!("`{}` has held for {records} steps", condition.expression),

@@ -77,9 +77,9 @@ fn single(arguments: &RunArguments, case: &Case, origin: Origin) -> Result<Exit,
     if let Some(failure) = &row.failure {
         output::tell(&failure.to_string());
     }
-    let written = write_reports(arguments, std::slice::from_ref(&row));
+    let reports = write_reports(arguments, std::slice::from_ref(&row));
     result?;
-    written?;
+    reports?;
     Ok(row.exit)
 }
 

@@ -85,10 +85,10 @@ fn curve(case: u64) -> Curve {
     curve
 }
 
-fn run(campaign: &Campaign, shard: u64, kept: impl Fn(u64) -> bool) {
+fn run(campaign: &Campaign, shard: u64, is_included: impl Fn(u64) -> bool) {
     let mut attempt = campaign.attempt(shard);
     for case in Shard::of(&campaign.folder, shard).cases() {
-        if !attempt.has(case) && kept(case) {
+        if !attempt.has(case) && is_included(case) {
             attempt
                 .row(row(case), 0.1, Some(curve(case)))
                 .expect("noted");
@@ -152,11 +152,11 @@ fn curves_inside_the_envelope_are_not_journaled() {
     let with = noted.matches("\"curve\"").count();
     assert!(with > 0 && with < 9, "{with}");
     // The curves of the same cases are inside the envelope when they are run again.
-    let found = journal::read(&journal, &campaign.folder).expect("read");
-    let found = found.expect("whole");
+    let content = journal::read(&journal, &campaign.folder).expect("read");
+    let content = content.expect("whole");
     let mut curves = Curves::default();
     let manifest = campaign.folder.manifest();
-    for (case, curve) in &found.curves {
+    for (case, curve) in &content.curves {
         curves.take(manifest, &row(*case), curve);
     }
     for case in 10_u64..19 {

@@ -47,7 +47,7 @@ pub(super) fn case(arguments: &CaseArguments) -> Result<Exit, Failure> {
     })?;
     let plan = cases.plan(case)?;
     if arguments.show {
-        output::write(&cases.shown(&plan)?)?;
+        output::write(&cases.scenario_text(&plan)?)?;
         return Ok(Exit::Pass);
     }
     let link = match arguments.in_process {

@@ -315,7 +315,7 @@ impl Cases {
     ///
     /// # Errors
     /// If the plan does not belong to these cases.
-    pub(super) fn shown(&self, plan: &Plan) -> Result<String, Failure> {
+    pub(super) fn scenario_text(&self, plan: &Plan) -> Result<String, Failure> {
         let binaries = self.binaries_with(&plan.programs)?;
         let (plants, laws, kinds) = self.described(binaries.as_deref());
         hil_config::show::show(plan, plants, laws, kinds).map_err(Failure::usage)
@@ -329,14 +329,14 @@ impl Cases {
     pub(super) fn run(
         &self,
         plan: &Plan,
-        kept: &mut Kept,
+        processes: &mut Kept,
         interruption: &Interruption,
     ) -> Result<CaseResult, Failure> {
         match &self.rig {
             Rig::Own(own) if self.keeps_processes(plan) => {
                 let began = Instant::now();
                 let (ended, is_to_check) =
-                    kept.run(plan, &own.first, self.grid.clone(), interruption)?;
+                    processes.run(plan, &own.first, self.grid.clone(), interruption)?;
                 let mut result = CaseResult::of_ended(ended, began)?;
                 result.is_to_check = is_to_check;
                 Ok(result)

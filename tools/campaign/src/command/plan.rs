@@ -127,13 +127,13 @@ fn checked(arguments: &CheckArguments, interruption: &Interruption) -> Result<Ch
     alone::refuse_clock(&first)?;
     refuse_ineffective(&cases)?;
     let longest_s = every_plan(&cases, 0, interruption)?;
-    let mut kept = Kept::default();
-    let mut result = cases.run(&first, &mut kept, interruption)?;
+    let mut processes = Kept::default();
+    let mut result = cases.run(&first, &mut processes, interruption)?;
     if cases.keeps_processes(&first) {
         // The first run started its processes; later runs do not, and are representative.
-        result = cases.run(&first, &mut kept, interruption)?;
+        result = cases.run(&first, &mut processes, interruption)?;
     }
-    let columns = columns(&cases, &result, &mut kept, interruption)?;
+    let columns = columns(&cases, &result, &mut processes, interruption)?;
     refuse_unknown_goals(study, &columns)?;
     let curves = curves(&cases, longest_s)?;
     let bytes: u64 = columns.iter().map(cell_bytes).sum();
@@ -181,7 +181,7 @@ fn cell_bytes(column: &Column) -> u64 {
 fn columns(
     cases: &Cases,
     first: &CaseResult,
-    kept: &mut Kept,
+    processes: &mut Kept,
     interruption: &Interruption,
 ) -> Result<Vec<Column>, Failure> {
     let columns = cases.columns(first);
@@ -198,7 +198,7 @@ fn columns(
     }
     for (case, variant) in (1..).zip(&cases.study().variants[1..]) {
         let plan = cases.plan(case)?;
-        let variant_columns = cases.columns(&cases.run(&plan, kept, interruption)?);
+        let variant_columns = cases.columns(&cases.run(&plan, processes, interruption)?);
         if variant_columns != columns {
             let differs = variant_columns
                 .iter()
@@ -255,7 +255,7 @@ pub(super) fn refuse_ineffective(cases: &Cases) -> Result<(), Failure> {
             let plan_text = |values| {
                 let flags = cases.draws.flags_of(variant, 0, values);
                 let plan = cases.planned(flags)?;
-                cases.shown(&plan)
+                cases.scenario_text(&plan)
             };
             // No case has this combination of values; a refusal also shows that they have an effect.
             is_effective |= match (plan_text(&first), plan_text(&changed)) {

@@ -30,7 +30,7 @@ use super::work::{cannot, open};
 
 /// Summary of the written page.
 #[derive(Debug, Serialize)]
-struct Written {
+struct PageSummary {
     file: String,
     campaign: String,
     cases: u64,
@@ -76,13 +76,13 @@ pub(super) fn write(
     }
     // An unwritable file is reported before the work starts.
     let destination = Destination::open(out, force)?;
-    let (text, mut written) = made(folder)?;
+    let (text, mut summary) = build(folder)?;
     deliver(&text, destination, out)?;
     if let Some(path) = out {
-        written.file = path.display().to_string();
-        output::result(json, &written, || {
-            let Written { file, cases, .. } = &written;
-            let size = written.bytes as f64 / 1e6;
+        summary.file = path.display().to_string();
+        output::result(json, &summary, || {
+            let PageSummary { file, cases, .. } = &summary;
+            let size = summary.bytes as f64 / 1e6;
             format!("{file}: {}, {size:.1} MB\n", counted(*cases, "case"))
         })?;
     }
@@ -90,7 +90,7 @@ pub(super) fn write(
 }
 
 /// Builds the page and its summary.
-fn made(folder: &Folder) -> Result<(String, Written), Failure> {
+fn build(folder: &Folder) -> Result<(String, PageSummary), Failure> {
     let manifest = folder.manifest();
     let study = study(folder)?;
     let mut gathered = Gathered::new(manifest, &study);
@@ -111,12 +111,12 @@ fn made(folder: &Folder) -> Result<(String, Written), Failure> {
         conflicts: &conflicts,
     };
     let text = page::page(&campaign, &data)?;
-    let written = Written {
+    let summary = PageSummary {
         file: String::new(),
         campaign: manifest.name.clone(),
         cases: collected.rows,
         shown: data.rows(),
         bytes: text.len(),
     };
-    Ok((text, written))
+    Ok((text, summary))
 }

@@ -68,7 +68,7 @@ fn run_shards(arguments: &WorkArguments) -> Result<Exit, Failure> {
     let worker = Worker {
         watchdog: Watchdog::begin(cases.study().case_limit_s),
         cases,
-        kept: RefCell::default(),
+        processes: RefCell::default(),
         folder: &folder,
         interruption,
         tells: arguments.tell,
@@ -170,7 +170,7 @@ fn listed(list: &str) -> Option<Vec<u64>> {
 
 struct Worker<'a> {
     cases: Cases,
-    kept: RefCell<Kept>,
+    processes: RefCell<Kept>,
     folder: &'a Folder,
     interruption: Interruption,
     watchdog: Watchdog,
@@ -315,9 +315,9 @@ impl Worker<'_> {
         let _watched = self.watchdog.watch(case);
         let run = || {
             let plan = self.cases.plan(case)?;
-            let result = self
-                .cases
-                .run(&plan, &mut self.kept.borrow_mut(), &self.interruption)?;
+            let result =
+                self.cases
+                    .run(&plan, &mut self.processes.borrow_mut(), &self.interruption)?;
             Ok((self.cases.row(case, &result), result))
         };
         // The state of a panicked run is discarded, so it cannot be observed broken.

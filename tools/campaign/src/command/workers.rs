@@ -279,7 +279,7 @@ struct Progress {
     before: u64,
     failures: u64,
     began: Instant,
-    said: Instant,
+    last_line: Instant,
 }
 
 impl Progress {
@@ -297,7 +297,7 @@ impl Progress {
             before: done,
             failures: 0,
             began: now,
-            said: now,
+            last_line: now,
         })
     }
 
@@ -311,8 +311,8 @@ impl Progress {
         self.bar.set_position(self.done);
         self.bar
             .set_message(format!("cases, {} no pass", self.failures));
-        if self.bar.is_hidden() && self.said.elapsed() > LINES {
-            self.said = Instant::now();
+        if self.bar.is_hidden() && self.last_line.elapsed() > LINES {
+            self.last_line = Instant::now();
             let rate =
                 self.done.saturating_sub(self.before) as f64 / self.began.elapsed().as_secs_f64();
             let left_ns = (self.all.saturating_sub(self.done)) as f64 / rate * 1e9;

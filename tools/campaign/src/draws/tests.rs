@@ -106,22 +106,22 @@ fn a_hypercube_has_exactly_one_draw_per_stratum() {
     let draws = draws(&format!(
         "cases = 1000\nsampling = \"latin-hypercube\"\n{TWO}"
     ));
-    let mut seen = [0; 1000];
+    let mut counts = [0; 1000];
     for draw in 0..1000 {
         let x = numbers(&draws, draw)[0];
-        seen[((x - 2.0) / 2.0 * 1000.0) as usize] += 1;
+        counts[((x - 2.0) / 2.0 * 1000.0) as usize] += 1;
     }
-    assert_eq!(seen, [1; 1000]);
+    assert_eq!(counts, [1; 1000]);
 }
 
 #[test]
 fn shifted_sobol_points_fill_each_dyadic_range_once() {
     let draws = draws(&format!("cases = 256\nsampling = \"sobol\"\n{TWO}"));
-    let mut seen = [0; 256];
+    let mut counts = [0; 256];
     for draw in 0..256 {
-        seen[((numbers(&draws, draw)[0] - 2.0) * 128.0) as usize] += 1;
+        counts[((numbers(&draws, draw)[0] - 2.0) * 128.0) as usize] += 1;
     }
-    assert_eq!(seen, [1; 256]);
+    assert_eq!(counts, [1; 256]);
 }
 
 #[test]

@@ -205,9 +205,9 @@ impl<'a> Attempt<'a> {
         } else {
             let first = self.shard.part()?;
             let mut pairs = first.rows().zip(rows.iter().zip(&circumstances));
-            let found = pairs
+            let conflict = pairs
                 .find_map(|(first, (second, by))| difference(&first, second, columns, &by.maker()));
-            published = found.map_or(Published::Again, Published::Otherwise);
+            published = conflict.map_or(Published::Again, Published::Otherwise);
         }
         if let Some(conflict) = self.conflict.take() {
             published = Published::Otherwise(conflict);

@@ -163,7 +163,7 @@ impl Part {
     /// # Panics
     /// If there is no such row.
     #[must_use]
-    pub fn made(&self, place: usize) -> Circumstances {
+    pub fn circumstances_of(&self, place: usize) -> Circumstances {
         let of = &self.columns[self.results..];
         Circumstances {
             wall_s: of[0].number(place),

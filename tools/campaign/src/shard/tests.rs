@@ -116,7 +116,13 @@ fn published_rows_are_read_back_to_the_bit() {
         part.rows()
             .eq([row(10, f64::NAN), row(11, f64::NEG_INFINITY)])
     );
-    assert_eq!((part.made(0).wall_s, part.made(0).tries), (0.5, 1));
+    assert_eq!(
+        (
+            part.circumstances_of(0).wall_s,
+            part.circumstances_of(0).tries
+        ),
+        (0.5, 1)
+    );
     let entries = fs::read_dir(Shard::of(&campaign.folder, 2).path()).expect("a folder");
     assert_eq!(entries.count(), 1, "no journal is left");
 }
@@ -193,8 +199,8 @@ fn rows_of_a_dead_attempt_are_taken_over_and_compared() {
     complete(&mut attempt, |case| row(case, 1.0));
     assert_eq!(attempt.publish().expect("published"), Published::First);
     let part = Shard::of(&campaign.folder, 0).part().expect("a part");
-    assert_eq!(part.made(0).attempt, name);
-    assert_ne!(part.made(3).attempt, name);
+    assert_eq!(part.circumstances_of(0).attempt, name);
+    assert_ne!(part.circumstances_of(3).attempt, name);
 
     let campaign = Campaign::new(1, 1);
     for x in [1.0, 2.0] {
@@ -288,9 +294,9 @@ fn a_reopened_result_keeps_its_other_rows_and_their_origin() {
     assert_eq!(again.publish().expect("published"), Published::First);
     let part = shard.part().expect("a part");
     assert!(part.rows().eq([row(0, 1.0), row(1, 2.0), row(2, 1.0)]));
-    let makers = [0, 1, 2].map(|place| part.made(place).attempt == maker);
+    let makers = [0, 1, 2].map(|place| part.circumstances_of(place).attempt == maker);
     assert_eq!(makers, [true, false, true]);
-    assert_eq!(part.made(0).wall_s, 0.5);
+    assert_eq!(part.circumstances_of(0).wall_s, 0.5);
 }
 
 #[test]

@@ -42,12 +42,12 @@ impl Destination {
         match fs::metadata(&path) {
             Err(error) if error.kind() == ErrorKind::NotFound => {}
             Err(error) => return Err(cannot(error)),
-            Ok(found) if found.is_dir() => {
+            Ok(metadata) if metadata.is_dir() => {
                 return Err(Failure::usage(format!(
                     "{path_text} is a folder; name a file in it"
                 )));
             }
-            Ok(found) if !found.is_file() => {
+            Ok(metadata) if !metadata.is_file() => {
                 // A device or pipe is written directly instead of being replaced by a file.
                 let file = File::options().write(true).open(&path);
                 return file.map(at_once).map_err(cannot);

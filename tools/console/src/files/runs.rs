@@ -58,9 +58,9 @@ pub fn newest(folder: &Path, most: usize) -> Vec<PathBuf> {
 /// Lists run folders with the modification times of their scenarios, which are written when a run starts.
 fn look(folder: &Path, depth: usize, runs: &mut Vec<(SystemTime, PathBuf)>) {
     if let Ok(scenario) = fs::metadata(folder.join(SCENARIO)) {
-        let begun = scenario.modified().unwrap_or(SystemTime::UNIX_EPOCH);
+        let started = scenario.modified().unwrap_or(SystemTime::UNIX_EPOCH);
         if FILES[1..].iter().any(|name| folder.join(name).is_file()) {
-            runs.push((begun, folder.to_owned()));
+            runs.push((started, folder.to_owned()));
         }
         return;
     }

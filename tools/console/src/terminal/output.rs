@@ -50,9 +50,9 @@ pub fn write_coloured(text: &str) -> Result<(), Failure> {
 pub fn result(
     json: bool,
     result: &impl Serialize,
-    told: impl FnOnce() -> String,
+    to_text: impl FnOnce() -> String,
 ) -> Result<(), Failure> {
-    write(&if json { pretty(result)? } else { told() })
+    write(&if json { pretty(result)? } else { to_text() })
 }
 
 /// Formats a result as indented JSON.

@@ -116,7 +116,7 @@ fn finding(before: &Times, after: &Times) -> Finding {
     let shares_text: Vec<String> = (shares.iter())
         .map(|(core, share)| format!("{:.0} % of core {core}", 100.0 * share))
         .collect();
-    let mut found = format!("other programs take {}", shares_text.join(" and "));
+    let mut text = format!("other programs take {}", shares_text.join(" and "));
     let grade = if *most < FAIR {
         Check::good
     } else if *most < POOR {
@@ -128,13 +128,13 @@ fn finding(before: &Times, after: &Times) -> Finding {
     if let Some(Program { process, name, .. }) = busiest
         && *most >= FAIR
     {
-        found += &format!("; the busiest is {} ({process})", name.escape_default());
+        text += &format!("; the busiest is {} ({process})", name.escape_default());
         mend = Some(format!("kill -STOP {process} # and later kill -CONT"));
     }
     let cores = shares
         .iter()
         .map(|(core, share)| json!({"core": core, "others": share}));
-    (grade(CHECK, found).mend_if(mend)).measured(json!({"cores": cores.collect::<Vec<_>>()}))
+    (grade(CHECK, text).mend_if(mend)).measured(json!({"cores": cores.collect::<Vec<_>>()}))
 }
 
 #[cfg(test)]
@@ -179,7 +179,7 @@ mod tests {
             }],
         };
         let stop = Some("kill -STOP 41 # and later kill -CONT");
-        for (busy, grade, found, mend) in [
+        for (busy, grade, expected, mend) in [
             (60, Grade::Good, "6 % of core 1", None),
             (
                 200,
@@ -200,8 +200,8 @@ mod tests {
                 programs: Program::all(&machine),
             };
             let finding = finding(&idle, &now);
-            let found = format!("other programs take 1 % of core 0 and {found}");
-            assert_eq!((finding.grade, finding.found), (grade, found));
+            let expected = format!("other programs take 1 % of core 0 and {expected}");
+            assert_eq!((finding.grade, finding.found), (grade, expected));
             assert_eq!(finding.mend.as_deref(), mend);
         }
     }

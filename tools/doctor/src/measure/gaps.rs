@@ -112,11 +112,11 @@ pub fn finding(gaps: &[Gaps], seconds: f64, class: Class) -> Finding {
     let watched: u64 = gaps.iter().map(|gaps| gaps.watched_ns).sum();
     let percent = 100.0 * lost as f64 / watched.max(1) as f64;
     let longest = shown_ns(longest_ns);
-    let found = format!(
+    let text = format!(
         "longest {longest}, {percent:.2} % of the time lost{}",
         remark(longest_ns)
     );
-    (CHECK.graded(jitter_grade(longest_ns), found)).measured(json!({
+    (CHECK.graded(jitter_grade(longest_ns), text)).measured(json!({
         "seconds": seconds,
         "class": class.to_string(),
         "classes_from_ns": CLASSES_NS,
@@ -167,7 +167,7 @@ mod tests {
     #[test]
     fn the_longest_hole_of_all_cores_decides() {
         let class = Class::of_this_thread(&Root::machine()).expect("told");
-        for (longest_ns, grade, found) in [
+        for (longest_ns, grade, expected) in [
             (0, Grade::Good, "longest 0 ns, 0.00 % of the time lost"),
             (
                 9_000,
@@ -191,7 +191,7 @@ mod tests {
             // A hole at the end of a millisecond extends the observation by its length.
             let gaps = [quiet, watch(1, 1_000_000 + longest_ns, other)];
             let finding = finding(&gaps, 0.001, class);
-            assert_eq!((finding.grade, finding.found.as_str()), (grade, found));
+            assert_eq!((finding.grade, finding.found.as_str()), (grade, expected));
         }
         assert_eq!(finding(&[], 1.0, class).grade, Grade::Unknown);
     }

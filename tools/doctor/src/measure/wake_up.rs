@@ -97,8 +97,8 @@ pub(crate) fn finding(
     if figures.count == 0 {
         return check.unknown(format!("core {core} did not wake up within {seconds} s"));
     }
-    let found = format!("{}{}", shown(&figures), remark(figures.max));
-    (check.graded(jitter_grade(figures.max), found)).measured(json!({
+    let text = format!("{}{}", shown(&figures), remark(figures.max));
+    (check.graded(jitter_grade(figures.max), text)).measured(json!({
         "core": core,
         "seconds": seconds,
         "class": class.to_string(),
@@ -190,7 +190,7 @@ mod tests {
 
     #[test]
     fn the_latest_wake_up_decides() {
-        for (latest_ns, grade, found) in [
+        for (latest_ns, grade, expected) in [
             (19_000, Grade::Good, "p50 3.00 us, p99 3.00 us, max 19"),
             (45_000, Grade::Fair, "max 45"),
             (300_000, Grade::Poor, "max 300 us"),
@@ -200,7 +200,7 @@ mod tests {
             all.push(latest_ns);
             let finding = finding(IDLE, &wake_ups(&all), 1, 1.0, class());
             assert_eq!(finding.grade, grade, "{latest_ns}");
-            assert!(finding.found.contains(found), "{}", finding.found);
+            assert!(finding.found.contains(expected), "{}", finding.found);
             let figures = &finding.measured.expect("measured")["lateness_ns"];
             assert_eq!(
                 (&figures["count"], &figures["max"]),

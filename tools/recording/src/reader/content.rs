@@ -313,16 +313,16 @@ fn add_up(
             _ => Ok(true),
         };
     };
-    let found = || hasher.clone().finalize();
+    let computed = || hasher.clone().finalize();
     let mut fits = true;
     match opcode {
-        mark::OPCODE => fits = mark::fits(data, at, found()),
+        mark::OPCODE => fits = mark::fits(data, at, computed()),
         op::DATA_END => {
             // The library has parsed the record. The value 0 means that there is no check sum.
             let saved = data
                 .first_chunk()
                 .map_or(0, |saved| u32::from_le_bytes(*saved));
-            fits = saved == 0 || saved == found();
+            fits = saved == 0 || saved == computed();
             *sum = None;
             return Ok(fits);
         }
@@ -355,8 +355,8 @@ fn unpack_whole(header: &ChunkHeader, packed: &[u8], into: &mut Vec<u8>) -> Resu
         return Err(NOT_AS_LONG.into());
     }
     unpack::whole(&header.compression, packed, size as usize, into)?;
-    let (saved, found) = (header.uncompressed_crc, || crc32fast::hash(into));
-    if saved != 0 && saved != found() {
+    let (saved, computed) = (header.uncompressed_crc, || crc32fast::hash(into));
+    if saved != 0 && saved != computed() {
         return Err("the check sum of a chunk is wrong".into());
     }
     Ok(())

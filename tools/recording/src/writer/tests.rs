@@ -49,7 +49,7 @@ struct File {
 }
 
 /// Writes records in chunks of a hundred, with an event before each fiftieth.
-fn written(compression: Compression, records: u64) -> File {
+fn recorded_file(compression: Compression, records: u64) -> File {
     let folder = TempDir::new().expect("a folder");
     let path = folder.path().join("run.mcap");
     let provenance = Provenance {
@@ -112,7 +112,7 @@ fn expected(records: u64) -> Vec<(String, u64, Vec<u8>)> {
 #[test]
 fn every_compression_preserves_all_messages_in_order() {
     for compression in COMPRESSIONS {
-        let file = written(compression, 1234);
+        let file = recorded_file(compression, 1234);
         let bytes = std::fs::read(&file.path).expect("a file");
         assert!(messages(&bytes) == expected(1234), "{compression:?}");
     }
@@ -121,7 +121,7 @@ fn every_compression_preserves_all_messages_in_order() {
 #[test]
 fn the_summary_locates_all_records() {
     for compression in COMPRESSIONS {
-        let file = written(compression, 1234);
+        let file = recorded_file(compression, 1234);
         let bytes = std::fs::read(&file.path).expect("a file");
         let summary = mcap::Summary::read(&bytes).expect("whole").expect("there");
         let statistics = summary.stats.as_ref().expect("statistics");
@@ -141,18 +141,18 @@ fn the_summary_locates_all_records() {
             (statistics.chunk_count, summary.chunk_indexes.len()),
             (13, 13)
         );
-        let mut found = 0;
+        let mut count = 0;
         for chunk in &summary.chunk_indexes {
             for (channel, entries) in summary.read_message_indexes(&bytes, chunk).expect("read") {
                 for entry in entries {
                     let message = summary.seek_message(&bytes, chunk, &entry).expect("there");
                     assert_eq!(message.log_time, entry.log_time);
                     assert_eq!(message.channel.topic, channel.topic);
-                    found += 1;
+                    count += 1;
                 }
             }
         }
-        assert_eq!(found, 1259);
+        assert_eq!(count, 1259);
         let names = summary.metadata_indexes.iter().map(|index| {
             let metadata = mcap::read::metadata(&bytes, index).expect("metadata");
             (metadata.name, metadata.metadata.len())
@@ -175,9 +175,9 @@ fn a_reader_that_verifies_every_check_sum_accepts_the_file() {
         let mut rest = bytes;
         while let Some(event) = reader.next_event() {
             match event? {
-                LinearReadEvent::ReadRequest(wanted) => {
-                    let count = wanted.min(rest.len());
-                    reader.insert(wanted)[..count].copy_from_slice(&rest[..count]);
+                LinearReadEvent::ReadRequest(size) => {
+                    let count = size.min(rest.len());
+                    reader.insert(size)[..count].copy_from_slice(&rest[..count]);
                     reader.notify_read(count);
                     rest = &rest[count..];
                 }
@@ -189,7 +189,7 @@ fn a_reader_that_verifies_every_check_sum_accepts_the_file() {
         mcap::McapResult::Ok(())
     };
     for compression in COMPRESSIONS {
-        let file = written(compression, 1000);
+        let file = recorded_file(compression, 1000);
         let mut bytes = std::fs::read(&file.path).expect("a file");
         whole(&bytes).expect("every sum is right");
         let records = mcap::read::LinearReader::new(&bytes).expect("whole");
@@ -215,7 +215,7 @@ fn a_reader_that_verifies_every_check_sum_accepts_the_file() {
 #[test]
 fn a_truncated_file_contains_everything_up_to_its_last_complete_chunk() {
     for compression in COMPRESSIONS {
-        let file = written(compression, 500);
+        let file = recorded_file(compression, 500);
         let bytes = std::fs::read(&file.path).expect("a file");
         let summary = mcap::Summary::read(&bytes).expect("whole").expect("there");
         let expected = expected(500);

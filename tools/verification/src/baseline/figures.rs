@@ -107,8 +107,8 @@ impl Figures {
             .filter(|(_, column)| column.is_signal())
             .map(|(place, _)| place)
             .collect();
-        let kept = signals.iter().filter(|place| **place < hashed).count();
-        let mut running = vec![Running::NONE; kept];
+        let count = signals.iter().filter(|place| **place < hashed).count();
+        let mut running = vec![Running::NONE; count];
         let mut next = 0;
         while reader.advance().map_err(Failure::usage)? {
             for event in reader.events() {

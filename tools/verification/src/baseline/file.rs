@@ -336,27 +336,27 @@ fn float(value: f64) -> Value {
 }
 
 /// Copies a run's recording beside the file, atomically.
-fn keep(run: &Path, kept: &Path) -> Result<(), Failure> {
+fn keep(run: &Path, copy: &Path) -> Result<(), Failure> {
     let recording = if run.is_dir() {
         run.join(hil_recording::reader::RECORDING)
     } else {
         run.to_owned()
     };
-    let is_itself = match (recording.canonicalize(), kept.canonicalize()) {
-        (Ok(recording), Ok(kept)) => recording == kept,
+    let is_itself = match (recording.canonicalize(), copy.canonicalize()) {
+        (Ok(recording), Ok(copy)) => recording == copy,
         _ => false,
     };
     if is_itself {
         return Ok(());
     }
-    let folder = kept.parent().unwrap_or(Path::new(""));
+    let folder = copy.parent().unwrap_or(Path::new(""));
     let copied = || {
         std::fs::create_dir_all(folder)?;
-        let part = PartFile::beside(kept)?;
+        let part = PartFile::beside(copy)?;
         std::io::copy(&mut File::open(&recording)?, &mut part.file())?;
-        part.complete(kept, true)
+        part.complete(copy, true)
     };
     copied().map_err(|error: std::io::Error| {
-        Failure::infrastructure(format!("cannot write {}: {error}", kept.display()))
+        Failure::infrastructure(format!("cannot write {}: {error}", copy.display()))
     })
 }

@@ -46,7 +46,7 @@ fn folder() -> (TempDir, PathBuf, PathBuf) {
     (folder, run, path)
 }
 
-fn written(path: &Path, run: &Path, figures: &Figures) -> BaselineFile {
+fn write_baseline(path: &Path, run: &Path, figures: &Figures) -> BaselineFile {
     let mut file = BaselineFile::read(path, true).expect("reads");
     file.update("a", run, figures).expect("written");
     BaselineFile::read(path, false).expect("reads again")
@@ -59,14 +59,14 @@ fn recording_of(file: &BaselineFile) -> Option<PathBuf> {
 #[test]
 fn figures_are_read_back_exactly_and_the_recording_is_copied() {
     let (folder, run, path) = folder();
-    let file = written(&path, &run, &figures());
+    let file = write_baseline(&path, &run, &figures());
     let baseline = file.find("a").expect("there");
     assert!(metric_changes(baseline, &figures()).is_empty());
     assert!(signal_changes(baseline, &figures()).is_empty());
     assert!(identity_changes(baseline, &figures()).is_empty());
-    let kept = file.recording(baseline).expect("kept");
-    assert_eq!(kept, folder.path().join("baselines/a.mcap"));
-    assert_eq!(std::fs::read_to_string(kept).expect("there"), "one");
+    let copy = file.recording(baseline).expect("kept");
+    assert_eq!(copy, folder.path().join("baselines/a.mcap"));
+    assert_eq!(std::fs::read_to_string(copy).expect("there"), "one");
 }
 
 #[test]
@@ -80,20 +80,20 @@ fn each_baselines_file_has_its_own_recordings() {
     for (name, recording) in expected {
         let path = path.with_file_name(name);
         std::fs::write(&run, name).expect("written");
-        let file = written(&path, &run, &figures());
-        let kept = recording_of(&file).expect("kept");
-        assert_eq!(kept, folder.path().join(recording));
+        let file = write_baseline(&path, &run, &figures());
+        let copy = recording_of(&file).expect("kept");
+        assert_eq!(copy, folder.path().join(recording));
     }
     for (name, recording) in expected {
-        let kept = std::fs::read_to_string(folder.path().join(recording));
-        assert_eq!(kept.expect("there"), name);
+        let copy = std::fs::read_to_string(folder.path().join(recording));
+        assert_eq!(copy.expect("there"), name);
     }
 }
 
 #[test]
 fn an_update_preserves_comments_order_and_tolerances() {
     let (_folder, run, path) = folder();
-    written(&path, &run, &figures());
+    write_baseline(&path, &run, &figures());
     let text = std::fs::read_to_string(&path).expect("read");
     let line = "\"truth.x_m\" = { unit = \"m\", tolerance = 0.0, min = -1.0, max = 2.0, rms = 1e-300, final = 0.5 }";
     assert!(text.contains(line), "{text}");
@@ -111,7 +111,7 @@ fn an_update_preserves_comments_order_and_tolerances() {
     now.signals[0].values[1] = 2.5;
     now.signals[1].name = "internal.new".into();
     std::fs::write(&run, "two").expect("written");
-    let file = written(&path, &run, &now);
+    let file = write_baseline(&path, &run, &now);
     let text = std::fs::read_to_string(&path).expect("read");
     let expected = "# The sensor is that good.\n\"truth.x_m\" = { unit = \"m\", tolerance = 1e-3, min = -1.0, max = 2.5, rms = 1e-300, final = 0.5 } # agreed\n";
     assert!(text.contains(expected), "{text}");
@@ -123,40 +123,40 @@ fn an_update_preserves_comments_order_and_tolerances() {
         !text.contains("internal.never") && text.contains("internal.new"),
         "{text}"
     );
-    let kept = recording_of(&file).expect("kept");
-    assert_eq!(std::fs::read_to_string(kept).expect("there"), "two");
+    let copy = recording_of(&file).expect("kept");
+    assert_eq!(std::fs::read_to_string(copy).expect("there"), "two");
 }
 
 #[test]
 fn a_recording_removed_by_hand_is_not_restored() {
     let (_folder, run, path) = folder();
-    let file = written(&path, &run, &figures());
-    let kept = recording_of(&file).expect("kept");
-    std::fs::remove_file(&kept).expect("removed");
+    let file = write_baseline(&path, &run, &figures());
+    let copy = recording_of(&file).expect("kept");
+    std::fs::remove_file(&copy).expect("removed");
     let text = std::fs::read_to_string(&path).expect("read");
     let lines: Vec<&str> = text
         .lines()
         .filter(|line| !line.starts_with("recording"))
         .collect();
     std::fs::write(&path, lines.join("\n") + "\n").expect("written");
-    let file = written(&path, &run, &figures());
+    let file = write_baseline(&path, &run, &figures());
     assert_eq!(recording_of(&file), None);
-    assert!(!kept.exists());
+    assert!(!copy.exists());
 }
 
 #[test]
 fn a_baseline_can_be_updated_from_its_own_recording() {
     let (_folder, run, path) = folder();
-    let file = written(&path, &run, &figures());
-    let kept = recording_of(&file).expect("kept");
-    written(&path, &kept, &figures());
-    assert_eq!(std::fs::read_to_string(kept).expect("there"), "one");
+    let file = write_baseline(&path, &run, &figures());
+    let copy = recording_of(&file).expect("kept");
+    write_baseline(&path, &copy, &figures());
+    assert_eq!(std::fs::read_to_string(copy).expect("there"), "one");
 }
 
 #[test]
 fn figures_differ_within_or_beyond_their_tolerance() {
     let (_folder, run, path) = folder();
-    written(&path, &run, &figures());
+    write_baseline(&path, &run, &figures());
     let text = std::fs::read_to_string(&path).expect("read");
     let text = text.replacen("tolerance = 0.0, min", "tolerance = 0.25, min", 1);
     std::fs::write(&path, text).expect("written");
@@ -199,12 +199,13 @@ fn figures_differ_within_or_beyond_their_tolerance() {
         changes(&|now| now.metrics.clear()),
         of("max_abs_x_m 0 s to 1 s", false)
     );
-    let gone = changes(&|now| {
+    let differences = changes(&|now| {
         now.signals.pop();
     });
-    assert_eq!(gone.len(), STATISTICS.len());
+    assert_eq!(differences.len(), STATISTICS.len());
     assert!(
-        gone.iter()
+        differences
+            .iter()
             .all(|(name, within)| name.starts_with("internal.never ") && !within)
     );
 }
@@ -220,7 +221,7 @@ fn a_file_without_baselines_is_refused_with_its_location() {
         message.contains("cannot read") && message.contains("--update"),
         "{message}"
     );
-    written(&path, &run, &figures());
+    write_baseline(&path, &run, &figures());
     let text = std::fs::read_to_string(&path).expect("read");
     for (before, now, expected) in [
         ("schema = 1", "schema = 2", "schema 2 is not supported"),

@@ -19,7 +19,7 @@ use crate::compare::{Deviation, SignalDifference};
 const BEFORE: u64 = 5;
 const AFTER: u64 = 2;
 /// Number of samples that are retained.
-const KEPT: usize = (BEFORE + 1 + AFTER) as usize;
+const RETAINED: usize = (BEFORE + 1 + AFTER) as usize;
 
 /// Comparison in progress.
 #[derive(Debug)]
@@ -32,7 +32,7 @@ pub(super) struct Comparison {
     /// Samples without a recorded answer: never seen by the controller, or superseded by the next sample.
     pub unanswered: u64,
     first: Option<First>,
-    kept: [Kept; KEPT],
+    retained: [RetainedSample; RETAINED],
 }
 
 /// Signal that both sides have.
@@ -69,7 +69,7 @@ pub(super) struct First {
 
 /// Sample with both answers.
 #[derive(Clone, Debug, Default)]
-struct Kept {
+struct RetainedSample {
     step: Option<u64>,
     is_answered: bool,
     sample: Vec<f64>,
@@ -134,11 +134,11 @@ impl Comparison {
         tolerances.check(signals.iter().map(|signal| signal.name.as_str()))?;
         let others = replayed.0.iter().enumerate();
         let others = others.filter(|(place, _)| !matched.contains(place));
-        let kept = Kept {
+        let retained = RetainedSample {
             sample: vec![0.0; samples],
             recorded: vec![0.0; recorded.len()],
             replayed: vec![0.0; replayed.len()],
-            ..Kept::default()
+            ..RetainedSample::default()
         };
         Ok(Self {
             rate,
@@ -148,7 +148,7 @@ impl Comparison {
             answers: 0,
             unanswered: 0,
             first: None,
-            kept: std::array::from_fn(|_| kept.clone()),
+            retained: std::array::from_fn(|_| retained.clone()),
         })
     }
 
@@ -157,7 +157,7 @@ impl Comparison {
         let head = row.head;
         let is_near_first = |first: &First| head.step <= first.step + AFTER;
         if self.first.as_ref().is_none_or(is_near_first) {
-            self.kept[(head.step % KEPT as u64) as usize].set(row, frame);
+            self.retained[(head.step % RETAINED as u64) as usize].set(row, frame);
         }
         if !head.is_answered {
             self.unanswered += 1;
@@ -262,15 +262,17 @@ impl Comparison {
         };
         let signal = &self.signals[first.index];
         let steps = first.step.saturating_sub(BEFORE)..=first.step + AFTER;
-        let mut near: Vec<Near> = (self.kept.iter())
-            .filter_map(|kept| {
-                let step = kept.step.filter(|step| steps.contains(step))?;
+        let mut near: Vec<Near> = (self.retained.iter())
+            .filter_map(|retained| {
+                let step = retained.step.filter(|step| steps.contains(step))?;
                 Some(Near {
                     step,
                     time_s: self.rate.seconds(Step(step)),
-                    sample: kept.sample.clone(),
-                    recorded: kept.is_answered.then(|| kept.recorded[signal.recorded]),
-                    replayed: kept.replayed[signal.replayed],
+                    sample: retained.sample.clone(),
+                    recorded: retained
+                        .is_answered
+                        .then(|| retained.recorded[signal.recorded]),
+                    replayed: retained.replayed[signal.replayed],
                 })
             })
             .collect();
@@ -279,7 +281,7 @@ impl Comparison {
     }
 }
 
-impl Kept {
+impl RetainedSample {
     fn set(&mut self, row: &Row<'_>, frame: &[f64]) {
         self.step = Some(row.head.step);
         self.is_answered = row.head.is_answered;

@@ -69,10 +69,10 @@ impl Original {
         let mut scenario = String::new();
         let origin = format!("the scenario of {}", run.display());
         let recorded = RecordedRun::planned(reader, |text, plant, controller| {
-            let kept = kept(text).map_err(|error| {
+            let document = kept(text).map_err(|error| {
                 Failure::usage(format!("{}: its scenario: {error}", run.display()))
             })?;
-            scenario = kept.to_string();
+            scenario = document.to_string();
             checked(&scenario, origin.as_ref(), plant, controller)
         })?;
         let RecordedRun {
@@ -135,8 +135,8 @@ impl Places {
         for (group, fields) in [("measured", &plant.measured[..]), ("reference", reference)] {
             for field in fields {
                 let name = column_name(group, &field.name);
-                let found = place(&name);
-                sample.push(found.ok_or_else(|| {
+                let index = place(&name);
+                sample.push(index.ok_or_else(|| {
                     format!("it was recorded without `{name}`; a replay needs the complete input of the controller")
                 })?);
             }

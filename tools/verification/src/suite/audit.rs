@@ -53,7 +53,8 @@ impl<'a> Repetition<'a> {
             agrees: row.ran.as_ref().map(|_| disagreement.is_none()),
             digest: row.digest(),
             wall_time_s: row.ran.as_ref().map(|ran| ran.summary.wall_time_s),
-            first_difference: disagreement.and_then(|found| found.difference.as_ref()),
+            first_difference: disagreement
+                .and_then(|disagreement| disagreement.difference.as_ref()),
             check: row.ran.as_ref().and_then(RunResult::first_check),
             run: folder.filter(|_| disagreement.is_some()),
         }
@@ -141,11 +142,11 @@ fn ended(row: &mut Row) -> Result<(), Early> {
         let failure = row.failure.take();
         return failure.map_or(Ok(()), |failure| Err(Err(failure)));
     };
-    let kept = ran.folder.display();
+    let folder = ran.folder.display();
     if !row.is_over() || row.digest().is_none() {
         output::tell(&ran.table);
         let message = format!("the audit ended during {}", row.label);
-        tell!("{message}; its files are in {kept}");
+        tell!("{message}; its files are in {folder}");
         return Err(Ok(row.exit));
     }
     if row.disagreement.is_some() {
@@ -153,7 +154,7 @@ fn ended(row: &mut Row) -> Result<(), Early> {
         return Ok(());
     }
     std::fs::remove_dir_all(&ran.folder).map_err(|error| {
-        let message = format!("cannot remove {kept}: {error}");
+        let message = format!("cannot remove {folder}: {error}");
         Err(Failure::infrastructure(message))
     })
 }

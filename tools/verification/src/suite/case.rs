@@ -53,7 +53,7 @@ pub(super) struct Row {
 /// Run whose end this process did not see, according to the summary in its folder.
 pub(super) struct Begun {
     /// Number of requirements that passed.
-    pub(super) met: usize,
+    pub(super) passed: usize,
     pub(super) requirements: usize,
     /// Simulated time divided by wall-clock time, if the run ended.
     pub(super) realtime_factor: Option<f64>,

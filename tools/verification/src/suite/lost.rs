@@ -68,7 +68,7 @@ fn begun(run: &BegunRun, summary: &Value) -> Begun {
         .map_or(&[][..], Vec::as_slice);
     let has_passed = |one: &&Value| one["verdict"] == "pass";
     Begun {
-        met: requirements.iter().filter(has_passed).count(),
+        passed: requirements.iter().filter(has_passed).count(),
         requirements: requirements.len(),
         realtime_factor: summary["realtime_factor"].as_f64(),
         digest: summary["digest"].as_str().map(Into::into),

@@ -127,9 +127,9 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
     };
     let copy = |from: &Path, path: String| {
         let to = folder.join(&path);
-        let made = to.parent().map_or(Ok(()), fs::create_dir_all);
-        let copied = made.and_then(|()| fs::copy(from, &to));
-        copied.map_err(|error| cannot(from, error))?;
+        let folder_result = to.parent().map_or(Ok(()), fs::create_dir_all);
+        let copy_result = folder_result.and_then(|()| fs::copy(from, &to));
+        copy_result.map_err(|error| cannot(from, error))?;
         let blake3 = hash(&to).map_err(|error| cannot(from, error))?;
         Ok::<_, Failure>(Copied { path, blake3 })
     };

@@ -79,15 +79,15 @@ pub(super) fn page(campaign: &Campaign, data: &Data) -> Result<String, Failure> 
 /// Renders the reasons why the numbers do not cover the whole campaign.
 fn warnings(campaign: &Campaign) -> Markup {
     let (answers, rows) = (campaign.answers, campaign.rows);
-    let shown = quoted(campaign.folder.path());
+    let folder_text = quoted(campaign.folder.path());
     html! {
         @if !campaign.is_complete() { p.note {
             "Not complete: " (answers.cases - rows) " of " (counted(answers.cases, "case")) " have no result. "
             "The numbers below are counts and no probabilities, as slow cases come last; "
-            code { "hil campaign run " (shown) } " computes the rest."
+            code { "hil campaign run " (folder_text) } " computes the rest."
         } }
         @if !answers.lost.is_empty() { p.note {
-            (set_aside(&answers.lost)) "; no probability has bounds; " code { "hil campaign run " (shown) " --again" } " tries once more."
+            (set_aside(&answers.lost)) "; no probability has bounds; " code { "hil campaign run " (folder_text) " --again" } " tries once more."
         } }
         @for conflict in campaign.conflicts { p.note { (conflict.to_string()) } }
     }

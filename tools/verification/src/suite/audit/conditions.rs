@@ -85,12 +85,12 @@ fn under_conditions(reference: &Case, wall_time_s: f64) -> Vec<Case> {
         delayed(reference, wall_time_s),
         saved(reference),
     ];
-    conditions.extend(here(reference));
+    conditions.extend(on_this_machine(reference));
     conditions
 }
 
 /// Returns the case with the target's controller on this machine, if possible.
-fn here(reference: &Case) -> Option<Case> {
+fn on_this_machine(reference: &Case) -> Option<Case> {
     let at = reference.environment.binaries.controller.at.as_ref()?;
     let mut case = reference.clone();
     case.label = format!("on this machine in place of {}", at.target());
