@@ -369,7 +369,7 @@ fn an_fmu_that_crashes_is_named_by_its_signal_and_its_call() {
         place.fmu("odd.fmu", &fmu(description(&token, OUTPUT, ""), &library));
         let run = place.run(&odd(), "").expect(3);
         let words = format!("{}{}", run.stdout, run.stderr);
-        let named = format!("SIGSEGV came in {call}");
+        let named = format!("SIGSEGV in {call}");
         assert!(words.contains(&named), "{call}: {words}");
         assert!(
             words.contains("was killed by SIGSEGV (11)"),

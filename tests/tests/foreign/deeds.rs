@@ -91,16 +91,8 @@ fn every_deed_of_a_plant_in_c_is_named() {
     let plant = misbehaving(&rig, "misbehaving-plant", CLEAN);
     deed(&rig, "plant", &plant, 0).expect(0);
     let deeds: [(u32, i32, &[&str]); 9] = [
-        (
-            1,
-            3,
-            &["plant was killed by SIGSEGV", "SIGSEGV came in measure"],
-        ),
-        (
-            2,
-            3,
-            &["plant was killed by SIGABRT", "SIGABRT came in measure"],
-        ),
+        (1, 3, &["plant was killed by SIGSEGV", "SIGSEGV in measure"]),
+        (2, 3, &["plant was killed by SIGABRT", "SIGABRT in measure"]),
         (3, 3, &["plant ended before the run was over"]),
         (4, 3, &["plant was stuck"]),
         (
@@ -178,7 +170,7 @@ fn every_deed_of_a_controller_in_c_is_named() {
             &[
                 "step 100",
                 "controller was killed by SIGSEGV",
-                "SIGSEGV came in step",
+                "SIGSEGV in step",
             ],
         ),
         (
@@ -186,7 +178,7 @@ fn every_deed_of_a_controller_in_c_is_named() {
             &[
                 "step 100",
                 "controller was killed by SIGABRT",
-                "SIGABRT came in step",
+                "SIGABRT in step",
             ],
         ),
         (3, &["controller", "step 100"]),

@@ -1,7 +1,8 @@
 //! Bare exchange: repeated round trips of a payload that contains only a number.
 //!
-//! It is the reference for the loop: the payloads have the size of the loop's frames, each end writes and copies them
-//! completely, and both ends wait as the loop does. [`raw`](super::raw) and [`Blackboard`] implement the ends.
+//! The exchange is the reference for the loop: the payloads have the size of the loop's frames, each end writes and
+//! copies them completely, and both ends wait as the loop does. [`raw`](super::raw) and [`Blackboard`] implement the
+//! ends.
 
 use hil_facts::results::latency::times::Times;
 use shared_types::clock::monotonic_ns;

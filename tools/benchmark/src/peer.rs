@@ -1,6 +1,6 @@
 //! The peer process: a second `hil`, as the controller of a measurement.
 //!
-//! It is started by a hidden command in its own process group, so that Ctrl-C reaches only the measuring `hil`. It
+//! Started by a hidden command in its own process group, so that Ctrl-C reaches only the measuring `hil`. It
 //! ends when its standard input is closed.
 
 use std::io::Read;

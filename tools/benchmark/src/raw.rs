@@ -1,6 +1,6 @@
 //! The raw limit: two rows of atomics between two threads, each written by one side only.
 //!
-//! It does only what any exchange through memory must do: store the payload, publish its number, detect the number,
+//! Does only what any exchange through memory must do: store the payload, publish its number, detect the number,
 //! load the payload. The code is safe Rust; between processes the same memory traffic costs the same.
 
 use std::sync::Arc;

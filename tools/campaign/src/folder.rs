@@ -203,13 +203,13 @@ pub fn try_out(folder: &Path) -> Result<(), String> {
     let _ = fs::remove_file(&other); // may not exist
     linked.map_err(|error| lacks("links", &error))?;
     if again.is_ok() {
-        return Err(lacks("links that refuse a second one", &"it was made"));
+        return Err(lacks("exclusive links", &"a second link succeeded"));
     }
     flock(probe.as_file(), FlockOperation::NonBlockingLockExclusive)
         .map_err(|error| lacks("locks", &error))?;
     let second = File::open(probe.path()).map_err(|error| lacks("files", &error))?;
     match flock(&second, FlockOperation::NonBlockingLockShared) {
         Err(_) => Ok(()),
-        Ok(()) => Err(lacks("locks that keep others out", &"both got one")),
+        Ok(()) => Err(lacks("exclusive locks", &"both requests succeeded")),
     }
 }

@@ -121,7 +121,7 @@ extern "C" fn died(signal: c_int) {
         let name = SIGNALS.iter().find(|(number, _)| *number == signal);
         let name = name.map_or("a signal", |(_, name)| name);
         let family = family.unwrap_or(&"");
-        for part in ["error: ", name, " came in ", family, call, "\n"] {
+        for part in ["error: ", name, " in ", family, call, "\n"] {
             write(part);
         }
     }

@@ -1,6 +1,6 @@
 //! `hil scenario from`: the scenario that repeats a recorded run, including all live interventions.
 //!
-//! It is built from the recording alone: the scenario in effect, the descriptions of plant and controller, and the
+//! Built from the recording alone: the scenario in effect, the descriptions of plant and controller, and the
 //! events. A live fault becomes a scenario fault that takes hold at the same steps. `hil rerun` runs the result.
 
 use std::collections::BTreeSet;
@@ -83,7 +83,7 @@ fn refuse_succession(run: &Path, change: &ControllerChange) -> Result<(), Failur
         ControllerFate::Refused { .. } => return Ok(()),
     };
     Err(Failure::usage(format!(
-        "{run} {what}: a run whose controller changed cannot be repeated; `hil judge`, `hil compare` and `hil export` read it"
+        "{run} {what}: a run whose controller changed cannot be repeated; `hil judge`, `hil compare` and `hil export` still work"
     )))
 }
 

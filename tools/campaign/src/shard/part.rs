@@ -95,7 +95,7 @@ impl Part {
             results: folder.manifest().columns.len(),
         };
         if !part.cases().iter().copied().eq(cases) {
-            return Err(PartError::Broken("it has other cases".into()));
+            return Err(PartError::Broken("it contains other cases".into()));
         }
         Ok(part)
     }

@@ -226,7 +226,7 @@ impl Instance {
     /// If the FMU ends or fails; the failure contains its last message.
     pub(super) fn step(&mut self, interval: &Interval, inputs: &[f64]) -> Result<(), Failure> {
         if self.life.get() != Life::Stepping {
-            return Err(self.failure("cannot go on after it failed"));
+            return Err(self.failure("cannot continue after a failure"));
         }
         let changed = self.tune()?;
         // SAFETY: the instance is between two steps, so inputs may be set.

@@ -1,6 +1,6 @@
 //! The file of baselines: named runs with their figures and tolerances, made for review.
 //!
-//! It is read as data but written by editing, so that comments, order and manual tolerances are preserved.
+//! The file is read as data but written by editing, so that comments, order and manual tolerances are preserved.
 //!
 //! ```toml
 //! schema = 1

@@ -1,6 +1,6 @@
 //! The recorded run as a replay needs it: its participants and the layout of its records.
 //!
-//! It is built from the recording alone, so the plant of the run need not be on this machine. Recordings that lack
+//! Built from the recording alone, so the plant of the run need not be on this machine. Recordings that lack
 //! part of the controller's input are refused.
 
 use std::path::{Path, PathBuf};

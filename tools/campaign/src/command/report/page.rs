@@ -83,7 +83,7 @@ fn warnings(campaign: &Campaign) -> Markup {
     html! {
         @if !campaign.is_complete() { p.note {
             "Not complete: " (answers.cases - rows) " of " (counted(answers.cases, "case")) " have no result. "
-            "The numbers below are counts and no probabilities, as slow cases come last; "
+            "The numbers below are counts, not probabilities, because slow cases come last; "
             code { "hil campaign run " (folder_text) } " computes the rest."
         } }
         @if !answers.lost.is_empty() { p.note {

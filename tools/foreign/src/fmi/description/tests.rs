@@ -147,7 +147,7 @@ fn a_document_is_decoded_as_declared() {
 }
 
 #[test]
-fn an_inner_variable_that_cannot_be_read_keeps_its_place_with_the_reason() {
+fn an_unreadable_local_variable_keeps_its_entry_with_a_reason() {
     let all = "<ModelVariables><Int8 name=\"x\" valueReference=\"7\" start=\"1,5\"/>\
          <Float64 name=\"a\" valueReference=\"8\"><Dimension start=\"99999\"/><Dimension start=\"99999\"/></Float64>\
          <Float64 name=\"y\" valueReference=\"9\" causality=\"output\"/></ModelVariables>";
@@ -232,7 +232,7 @@ fn invalid_variables_are_refused() {
 }
 
 #[test]
-fn a_whole_number_that_no_signal_can_carry_is_no_start_value() {
+fn an_integer_without_an_exact_signal_value_is_no_start_value() {
     let one = |start: &str| {
         read(&format!(
             "<ModelVariables><Int64 name=\"x\" valueReference=\"1\" causality=\"input\" start=\"{start}\"/></ModelVariables>"
@@ -243,7 +243,7 @@ fn a_whole_number_that_no_signal_can_carry_is_no_start_value() {
 }
 
 #[test]
-fn an_internal_step_that_is_no_positive_number_is_noted_and_ignored() {
+fn an_invalid_internal_step_is_noted_and_ignored() {
     let of = |step: &str| {
         let text = three("").replace(
             "modelIdentifier=\"m\"/>",
@@ -266,7 +266,7 @@ fn an_internal_step_that_is_no_positive_number_is_noted_and_ignored() {
 }
 
 #[test]
-fn bounds_and_units_that_are_no_numbers_are_noted() {
+fn invalid_bounds_and_units_are_noted() {
     let slips = read(
         "<UnitDefinitions><Unit name=\"bar\"><BaseUnit kg=\"1\" m=\"-1\" s=\"-2\" factor=\"0\"/></Unit>\
          <Unit name=\"degC\"><BaseUnit K=\"1\" offset=\"NaN\"/></Unit>\

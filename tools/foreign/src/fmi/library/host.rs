@@ -138,7 +138,9 @@ fn reason(error: &libloading::Error) -> String {
 fn failure(error: &libloading::Error) -> String {
     let mut reason = reason(error);
     if reason.contains("failed to map segment") {
-        reason.push_str("; is the folder for temporary files mounted noexec? TMPDIR names another");
+        reason.push_str(
+            "; is the folder for temporary files mounted noexec? Set TMPDIR to another one",
+        );
     } else {
         reason.push_str("; `hil describe --load` lists all that it needs and lacks");
     }
