@@ -186,7 +186,7 @@ fn what_cannot_be_compared_with_a_baseline_is_refused() {
         ),
         (
             vec![folder, "--baseline", "a/b", "--baselines", file],
-            "is no name of a baseline",
+            "is not a valid baseline name",
         ),
         (
             vec![
@@ -196,11 +196,11 @@ fn what_cannot_be_compared_with_a_baseline_is_refused() {
                 "--baselines",
                 "nowhere.toml",
             ],
-            "--update makes one",
+            "--update creates one",
         ),
         (
             vec![&mass, "--baseline", "leakage", "--baselines", file],
-            "is of scenario `leakage`",
+            "belongs to scenario `leakage`",
         ),
         (vec![folder], "<B>"),
         (
@@ -223,5 +223,5 @@ fn what_cannot_be_compared_with_a_baseline_is_refused() {
         .expect(0);
     kept.compare(&third.folder.display().to_string(), &[])
         .expect(2)
-        .says(&["is not the recording of baseline `leakage`"]);
+        .says(&["does not belong to baseline `leakage`"]);
 }

@@ -143,7 +143,7 @@ fn a_case_is_the_run_of_its_values_in_one_process_and_in_two() {
         arguments.extend(flags);
         let run = campaign(&rig, &arguments)
             .expect(0)
-            .says(&["has the digest of the campaign"]);
+            .says(&["reproduced the campaign's digest"]);
         assert_eq!(run.json()["digest"], alone.digest());
         assert!(out.join("run.mcap").exists());
     }
@@ -207,13 +207,13 @@ fn a_second_result_that_differs_ends_with_exit_code_1() {
         let run = campaign(&rig, &[verb, text(&folder)]).expect(1);
         let said = run.stdout + &run.stderr;
         assert!(
-            said.contains("case 7 came out twice and not the same: digest is a, and b by a test"),
+            said.contains("case 7 has two different results: digest is a, but b from a test"),
             "{verb}: {said}"
         );
     }
     campaign(&rig, &["compare", text(&folder), text(&folder)])
         .expect(1)
-        .says(&["case 7 came out twice"]);
+        .says(&["case 7 has two different results"]);
 }
 
 /// Files below a folder, with their times.
@@ -339,7 +339,7 @@ fn a_damaged_result_is_set_aside_and_computed_again() {
     // Whoever only reads says so and leaves it where it is.
     campaign(&rig, &["show", text(&folder)])
         .expect(3)
-        .says(&["shard 2", "its check sum is another"]);
+        .says(&["shard 2", "its check sum does not match"]);
     campaign(&rig, &["collect", text(&folder)])
         .expect(3)
         .says(&["shard 2", "set aside"]);

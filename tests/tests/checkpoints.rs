@@ -233,7 +233,7 @@ fn a_branch_with_another_severity_has_the_same_past_and_another_future() {
     for command in [&["rerun", &run][..], &["scenario", "from", &run]] {
         rig.hil(command)
             .expect(2)
-            .says(&["other sizes of fault 1", "hil run --from"]);
+            .says(&["changed parameters of the active fault 1", "hil run --from"]);
     }
 }
 

@@ -178,7 +178,7 @@ fn cores_that_are_not_there_are_refused() {
         (["doctor", "--cores", "0,99999"], "no core 99999"),
         (["doctor", "--cores", "0,0"], "two different cores"),
         (["doctor", "--cores", "0"], "two different cores"),
-        (["doctor", "--seconds", "0"], "from 0.1 to 3600 s"),
+        (["doctor", "--seconds", "0"], "0.1 to 3600 s"),
     ] {
         let run = rig.hil(&arguments).expect(2).says(&[fragment]);
         assert_eq!(run.stdout, "", "{arguments:?}");

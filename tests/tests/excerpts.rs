@@ -89,7 +89,7 @@ fn a_choice_that_cannot_be_meant_is_refused_before_the_run() {
     let scenario = rig.write("excerpt.toml", SCENARIO);
     for (arguments, message) in [
         ("--record truth.positon_m", "nearest: `truth.position_m`"),
-        ("--record [", "is no pattern"),
+        ("--record [", "is not a valid pattern"),
         ("--record-every 0", "a whole number from 1"),
         ("--record-around-faults 100 1", "at most 60 s"),
         ("--record-every 2 --no-record", "records nothing"),

@@ -189,7 +189,7 @@ fn parameters_and_rates_are_checked_before_anything_runs() {
     };
     refused("--set plant.parameters.e=0.4", "0.5 to 1");
     refused("--set plant.parameters.f=0.4", "has no parameter `f`");
-    refused("--set run.rate_hz=1500", "moves in steps of 0.001 s");
+    refused("--set run.rate_hz=1500", "fixed step of 0.001 s");
     refused(
         "--set plant.locals=[\"none*\"]",
         "no inner signal of the FMU matches \"none*\"",
@@ -257,7 +257,7 @@ fn trouble_in_a_step_is_told_with_the_last_message() {
         (5, 3, "answered DoStep with Error: the pump cavitates"),
         (6, 3, "answered DoStep with Fatal: the memory is corrupt"),
         (7, 1, "ended the simulation"),
-        (8, 3, "`count` is a whole number beyond 2^53"),
+        (8, 3, "`count` is an integer beyond 2^53"),
         (9, 1, "force_n = NaN is not a finite number"),
         (10, 3, "returned early from a step"),
     ] {

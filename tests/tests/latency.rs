@@ -422,11 +422,11 @@ fn what_cannot_be_measured_is_refused_at_once() {
         ("--signals 0", "from 1 to 512 signals"),
         ("--signals 8,513", "from 1 to 512 signals"),
         ("--rates fast", "max, or a rate"),
-        ("--duration 0", "a time above 0"),
+        ("--duration 0", "must be above 0"),
         ("--steps 0", "--steps"),
         ("--plant-core 1000", "cannot be used"),
         ("--wait long", "--wait"),
-        ("--csv no/such/folder.csv", "its folder is not there"),
+        ("--csv no/such/folder.csv", "its folder does not exist"),
         ("scenarios", "no recording"),
         ("scenarios --signals 8", "cannot be used with"),
     ] {

@@ -115,7 +115,7 @@ fn a_folder_that_was_deleted_is_named_as_the_reason() {
     refused(
         run,
         "in a folder that is gone",
-        &["the folder that you are in was deleted"],
+        &["the current folder was deleted"],
     );
 }
 
@@ -155,7 +155,7 @@ fn hil_without_its_siblings_says_where_it_looked_and_what_to_do() {
     ];
     let run = rig.program(command);
     assert!(
-        !run.stderr.contains("the folder that you are in"),
+        !run.stderr.contains("relative to the current folder"),
         "{}",
         run.stderr
     );
@@ -214,7 +214,7 @@ fn a_missing_scenario_of_a_study_is_answered_with_its_folder() {
     );
     let run = rig.hil_in(&rig.path(""), &["campaign", "check", "sub/study.toml"]);
     assert!(
-        !run.stderr.contains("the folder that you are in"),
+        !run.stderr.contains("relative to the current folder"),
         "{}",
         run.stderr
     );

@@ -328,7 +328,7 @@ fn what_cannot_be_replayed_is_refused_before_anything_starts() {
     let words = rig.write("words.mcap", "not a recording");
     let folder = text(&run.folder);
     for (arguments, said) in [
-        (vec![text(&words)], "is no recording of a run"),
+        (vec![text(&words)], "is not a recording of a run"),
         (vec!["nowhere/run"], "cannot read"),
         (
             vec![folder, "--controller-bin", "nowhere/controller"],

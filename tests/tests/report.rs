@@ -281,7 +281,7 @@ fn what_cannot_be_reported_says_why() {
     let there = path.to_str().expect("text");
     rig.hil(&["report", folder, "-o", there])
         .expect(2)
-        .says(&["is there already", "--force"]);
+        .says(&["already exists", "--force"]);
     assert_eq!(std::fs::read_to_string(&path).expect("it is there"), "mine");
     rig.hil(&[
         "report",
@@ -365,6 +365,6 @@ fn runs_that_ended_badly_or_kept_a_part_are_shown_as_far_as_they_go() {
     let (page, told) = Page::with_exit(&rig, &[&damaged], &[], 0);
     assert!(told.contains("hil recover "), "{told}");
     assert!(
-        page.text.contains("broke off after") && page.text.contains("data-verdict=\"aborted\"")
+        page.text.contains("was cut off after") && page.text.contains("data-verdict=\"aborted\"")
     );
 }

@@ -119,7 +119,7 @@ fn latest_is_the_run_that_was_begun_last() {
     let rig = Rig::new();
     hil(&rig, "judge latest")
         .expect(2)
-        .says(&["no run below runs"]);
+        .says(&["newest run below runs, but there is none"]);
     three(&rig);
     // Neither a copy is a newer run nor what a link leads to.
     let copied = rig.path("runs/copy");

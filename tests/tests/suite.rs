@@ -108,7 +108,7 @@ fn a_repetition_with_another_digest_fails_and_says_where_it_differs() {
         controller.display()
     ));
     run.expect(1).prints(&[
-        "clock-2: another digest than clock-1: first difference at step",
+        "clock-2: digest differs from that of clock-1: first difference at step",
         "command.force_n",
         "2 runs: 1 completed, no requirements, 1 fail",
     ]);
@@ -126,7 +126,7 @@ fn what_cannot_be_run_is_refused_before_anything_starts() {
         (format!("{good} {good} --jobs 100000"), "more than the"),
         (
             format!("{good} --repeat 2 --pause-at 0.1"),
-            "--pause-at is for a single run",
+            "--pause-at requires a single run",
         ),
         (
             format!("{good} --junit {}", missing.display()),
@@ -134,7 +134,7 @@ fn what_cannot_be_run_is_refused_before_anything_starts() {
         ),
         (
             format!("{good} {good} --audit"),
-            "--audit takes one scenario",
+            "--audit requires a single scenario",
         ),
         (
             format!("{good} --repeat 0"),

@@ -214,19 +214,19 @@ fn what_makes_no_sense_is_refused_by_name() {
         ),
         (
             format!("{SCENARIO} {other} --controller external"),
-            "--controller external is for a single run; several run by themselves",
+            "--controller external requires a single run",
         ),
         (
             format!("{SCENARIO} --controller external --repeat 2"),
-            "--controller external is for a single run; several run by themselves",
+            "--controller external requires a single run",
         ),
         (
             format!("{SCENARIO} --controller external --jobs 1"),
-            "--controller external is for a single run; leave out --jobs",
+            "--controller external requires a single run; omit --jobs",
         ),
         (
             format!("{SCENARIO} --controller external --audit"),
-            "--audit starts both sides again and again",
+            "--audit starts both sides repeatedly",
         ),
         (
             script,

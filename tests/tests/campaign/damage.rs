@@ -10,7 +10,7 @@ fn a_damaged_table_of_results_is_named_with_the_command_that_writes_it_anew() {
     let folder = planned(&rig, &study(&rig, STUDY), "demo");
     campaign(&rig, &["run", text(&folder)]).expect(0);
     let expected = digest(&rig, &folder);
-    let mend = format!("hil campaign collect {} writes it anew", text(&folder));
+    let mend = format!("hil campaign collect {} rewrites it", text(&folder));
     for name in ["results.parquet", "circumstances.parquet"] {
         let table = folder.join(name);
         let whole = std::fs::read(&table).expect("a table");
@@ -82,11 +82,9 @@ fn a_study_that_was_changed_is_refused_wherever_its_goals_count() {
         vec!["report", shown, "-o", text(&page)],
     ] {
         let plan = format!("hil campaign plan {} -o OTHER", text(&study));
-        rig.hil(&arguments).expect(2).says(&[
-            "study.toml has hash",
-            "Put the study back as it was",
-            &plan,
-        ]);
+        rig.hil(&arguments)
+            .expect(2)
+            .says(&["study.toml has hash", "Restore it, or plan", &plan]);
     }
     std::fs::write(&study, planned).expect("written");
     campaign(&rig, &["show", shown]).expect(1);
@@ -100,7 +98,7 @@ fn a_missing_study_is_named_as_missing() {
     std::fs::remove_file(folder.join("study.toml")).expect("removed");
     let run = campaign(&rig, &["show", text(&folder)]).expect(2).says(&[
         "study.toml: No such file",
-        "Put back the study",
+        "Restore the study",
         "BLAKE3",
     ]);
     assert!(!run.stderr.contains("campaign plan"), "{}", run.stderr);
@@ -118,7 +116,7 @@ fn a_scenario_that_was_changed_or_removed_is_named_and_the_answers_stay() {
     let show = || campaign(&rig, &["show", text(&folder)]);
     let run = show()
         .expect(3)
-        .says(&["scenario.toml has hash", "as it was planned"]);
+        .says(&["scenario.toml has hash", "as planned"]);
     assert!(run.stdout.contains(&expected), "{}", run.stdout);
     std::fs::remove_file(&scenario).expect("removed");
     show().expect(3).says(&["scenario.toml: No such file"]);
@@ -140,7 +138,7 @@ fn a_table_of_cases_that_is_cut_foreign_or_missing_is_named_and_written_anew() {
         (Some(&whole[..whole.len() / 2]), "cases.parquet is damaged"),
         (
             Some(&foreign[..]),
-            "cases.parquet is that of another campaign",
+            "cases.parquet belongs to another campaign",
         ),
         (None, "cases.parquet is missing"),
     ] {
@@ -148,7 +146,7 @@ fn a_table_of_cases_that_is_cut_foreign_or_missing_is_named_and_written_anew() {
             Some(bytes) => std::fs::write(&table, bytes).expect("written"),
             None => std::fs::remove_file(&table).expect("removed"),
         }
-        let anew = format!("hil campaign collect {} writes it anew", text(&folder));
+        let anew = format!("hil campaign collect {} rewrites it", text(&folder));
         campaign(&rig, &["show", text(&folder)])
             .expect(3)
             .says(&[why, &anew]);
@@ -157,7 +155,7 @@ fn a_table_of_cases_that_is_cut_foreign_or_missing_is_named_and_written_anew() {
             .says(&[why]);
         campaign(&rig, &["collect", text(&folder)])
             .expect(0)
-            .says(&[why, "it is written anew"]);
+            .says(&[why, "it will be rewritten"]);
         assert_eq!(std::fs::read(&table).expect("a table"), whole);
         campaign(&rig, &["show", text(&folder)]).expect(0);
     }
@@ -183,10 +181,10 @@ fn the_cases_of_a_damaged_shard_are_not_published() {
         Some(60)
     );
     assert_ne!(*missing, 0, "{after}");
-    assert_eq!(after["shards_damaged"]["1"], "its check sum is another");
+    assert_eq!(after["shards_damaged"]["1"], "its check sum does not match");
     campaign(&rig, &["status", text(&folder)])
         .expect(3)
-        .prints(&["shard 1: its check sum is another", "hil campaign run"]);
+        .prints(&["shard 1: its check sum does not match", "hil campaign run"]);
     campaign(&rig, &["run", text(&folder)]).expect(0);
     assert_eq!(status().expect(0).json()["published"], 60);
 }
@@ -209,7 +207,7 @@ fn a_full_disk_is_named_and_nobody_was_interrupted() {
     run.args([&program("hil"), &room, &study]);
     let run = rig.program(run).expect(3).says(&[
         "No space left on device",
-        "the same command goes on",
+        "the same command continues",
         "df -h",
     ]);
     for never in ["interrupted", "exit code"] {

@@ -53,7 +53,7 @@ fn a_campaign_that_grew_has_the_digest_of_one_planned_so_large_and_its_earlier_p
             ],
         )
         .expect(0)
-        .says(&["has the digest of the campaign"]);
+        .says(&["reproduced the campaign's digest"]);
         let compared = campaign(&rig, &["compare", text(&small), text(&large), "--json"])
             .expect(0)
             .json();
@@ -71,7 +71,7 @@ fn what_would_change_the_cases_that_are_there_is_refused() {
             "plain",
             STUDY,
             "30",
-            "the campaign has 30 draws already, and none is taken away",
+            "the campaign already has 30 draws, and draws are never removed",
         ),
         (
             "plain",
@@ -85,7 +85,7 @@ fn what_would_change_the_cases_that_are_there_is_refused() {
             "60",
             "a Latin hypercube divides the range of each value",
         ),
-        ("grid", grid, "60", "a grid has as many draws as points"),
+        ("grid", grid, "60", "a grid has one draw per point"),
     ] {
         let folder = rig.path(name);
         if !folder.exists() {
@@ -183,7 +183,7 @@ fn folders_with_blanks_are_quoted_in_every_hint() {
         .says(&[&format!("{run} computes them")]);
     campaign(&rig, &["status", text(&folder)])
         .expect(0)
-        .prints(&[&format!("{run} goes on")]);
+        .prints(&[&format!("{run} continues")]);
     campaign(&rig, &["run", text(&folder)])
         .expect(0)
         .prints(&[&format!("hil campaign case {quoted} ")]);

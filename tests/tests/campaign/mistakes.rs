@@ -102,9 +102,9 @@ fn a_folder_of_another_campaign_or_of_anything_else_is_refused() {
     let path = study(&rig, STUDY);
     let folder = planned(&rig, &path, "demo");
     let plan = |path| campaign(&rig, &["plan", text(path), "-o", text(&folder)]).expect(2);
-    plan(&path).says(&["has this campaign already; hil campaign run"]);
+    plan(&path).says(&["already holds this campaign; hil campaign run"]);
     let other = study(&rig, &STUDY.replace("seed = 3", "seed = 4"));
-    plan(&other).says(&["has another campaign, which differs in study: "]);
+    plan(&other).says(&["holds another campaign, which differs in study: "]);
     std::fs::create_dir(rig.path("own")).expect("a folder");
     let own = rig.write("own/notes.txt", "mine");
     let run = campaign(
@@ -119,7 +119,7 @@ fn a_folder_of_another_campaign_or_of_anything_else_is_refused() {
     run.expect(2).says(&["is not empty"]);
     campaign(&rig, &["run", text(&rig.path("own"))])
         .expect(2)
-        .says(&["is no folder of a campaign", "hil campaign plan"]);
+        .says(&["is not a campaign folder", "hil campaign plan"]);
     std::fs::write(folder.join("scenario.toml"), "schema = 1").expect("written");
     campaign(&rig, &["run", text(&folder)])
         .expect(2)
@@ -163,7 +163,7 @@ fn a_folder_that_cannot_be_written_is_an_error_and_nothing_is_lost() {
     std::fs::write(&shard, "").expect("written");
     campaign(&rig, &["run", text(&folder)])
         .expect(3)
-        .says(&["cannot work on", "what is there stays"]);
+        .says(&["cannot work on", "existing results are kept"]);
     std::fs::remove_file(&shard).expect("removed");
     campaign(&rig, &["run", text(&folder)]).expect(0);
 }
@@ -197,13 +197,16 @@ fn wrong_arguments_are_told() {
         ),
         (
             vec!["work", text(&folder), "--shards", "x"],
-            "it takes numbers and ranges, as 0-9,12",
+            "expected numbers and ranges, for example 0-9,12",
         ),
         (
             vec!["work", text(&folder), "--shards", "1000"],
             "there is no shard 1000",
         ),
-        (vec!["work", text(&folder), "--task", "3/3"], "as 0/16"),
+        (
+            vec!["work", text(&folder), "--task", "3/3"],
+            "for example 0/16",
+        ),
     ] {
         campaign(&rig, &arguments).expect(2).says(&[told]);
     }
@@ -227,7 +230,7 @@ fn workers_that_end_in_order_and_compute_nothing_are_an_error_and_not_started_fo
         campaign(&rig, &["run", text(&folder)]).expect(3).says(&[
             "computed nothing",
             "programs/hil",
-            "what is there stays",
+            "existing results are kept",
         ]);
         std::fs::write(&hil, real).expect("written");
         std::fs::write(&manifest, planned).expect("written");

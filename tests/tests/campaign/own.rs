@@ -205,7 +205,7 @@ fn a_case_that_is_tried_again_is_run_without_the_others_of_its_shard() {
     rig.write("starts", "");
     campaign(&rig, &["run", text(&folder), "--jobs", "1", "--again"])
         .expect(0)
-        .says(&["1 case tried again"]);
+        .says(&["retrying 1 case"]);
     // A second case would have been run once more in new processes.
     let starts = std::fs::read_to_string(rig.path("starts")).expect("written");
     assert_eq!(starts.lines().count(), 1);

@@ -195,7 +195,7 @@ fn status_tells_of_tasks_that_wait_are_held_and_run() {
         status["tasks"]["reasons"].to_string().contains("DRAINED")
     });
     let told = campaign.action("status", &[]).expect(0).stdout;
-    assert!(told.contains("sinfo -R names nodes"), "{told}");
+    assert!(told.contains("sinfo -R lists nodes"), "{told}");
     nodes("resume");
     campaign.slurm("scancel", &["--name=study"]).expect(0);
 

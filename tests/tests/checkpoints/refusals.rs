@@ -88,7 +88,7 @@ fn what_cannot_be_asked_for_is_refused_before_anything_starts() {
         ),
         (
             format!("{SCENARIO} --checkpoint-at soon"),
-            "no length of time",
+            "is not a duration",
         ),
         (
             format!("{SCENARIO} --checkpoint-at 1 --no-record"),
@@ -100,7 +100,7 @@ fn what_cannot_be_asked_for_is_refused_before_anything_starts() {
         ),
         (
             format!("{SCENARIO} --checkpoint-at 1 --audit"),
-            "leave out --checkpoint-at",
+            "omit --checkpoint-at",
         ),
         (format!("{SCENARIO} --from tests"), "cannot be used with"),
         ("--from tests".to_owned(), "tests is no checkpoint"),

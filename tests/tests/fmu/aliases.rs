@@ -166,7 +166,7 @@ fn every_name_of_a_variable_means_the_one_variable() {
             text.replace("[plant.parameters]\nbody.gain = 2", &given)
         };
         place.run(&both("2"), "").expect(0);
-        (place.run(&both("7"), "").expect(2)).says(&["both are names of one variable"]);
+        (place.run(&both("7"), "").expect(2)).says(&["both name the same variable"]);
     }
 }
 

@@ -241,8 +241,8 @@ fn a_law_with_steps_of_its_own_is_refused_with_the_key_that_mends_it() {
          program = \"law.fmu\"\n[[connect]]\nlaw = \"measured.x.y.u\"\nplant = \"measured.x.y\"\n\
          [[connect]]\nlaw = \"command.x.y\"\nplant = \"command.x.y.u\"\n";
     let expected = [
-        "moves in steps of 0.02 s",
-        "controller.rate_hz must be 50 divided by a whole number",
+        "fixed step of 0.02 s",
+        "controller.rate_hz must be 50 divided by an integer",
     ];
     place.run(scenario, "").expect(2).says(&expected);
     place.run(scenario, "--set controller.rate_hz=50").expect(0);

@@ -183,7 +183,7 @@ fn an_entry_that_is_there_twice_is_one_if_its_bytes_are_the_same() {
     place
         .run(&text, "")
         .expect(2)
-        .says(&["resources/y.txt", "is there twice"]);
+        .says(&["resources/y.txt", "occurs twice"]);
 }
 
 #[test]
@@ -263,7 +263,7 @@ fn an_enumeration_takes_its_items_and_no_number_between_them() {
         if code == 0 {
             assert_eq!(last(&run, "truth.y"), f64::from(item));
         } else {
-            run.says(&["no item of its enumeration; the items are 1, 2, 5"]);
+            run.says(&["not an item of its enumeration; the items are 1, 2, 5"]);
         }
     }
     for (item, code) in [(1, 0), (5, 0), (3, 2), (4, 2)] {
@@ -369,7 +369,7 @@ fn an_fmu_that_crashes_is_named_by_its_signal_and_its_call() {
         place.fmu("odd.fmu", &fmu(description(&token, OUTPUT, ""), &library));
         let run = place.run(&odd(), "").expect(3);
         let words = format!("{}{}", run.stdout, run.stderr);
-        let named = format!("SIGSEGV came in {call}");
+        let named = format!("SIGSEGV in {call}");
         assert!(words.contains(&named), "{call}: {words}");
         assert!(
             words.contains("was killed by SIGSEGV (11)"),

@@ -102,7 +102,7 @@ fn an_fmu_gets_what_the_scenario_tells_it_at_its_start() {
         let listed = place.hil(&["describe", "starts.fmu"]).expect(0).stdout;
         for line in [
             "initial values that can be set, besides those of inputs (`plant.initial`):\n  body.x\n",
-            "  name: it is a text; `texts` or `files` sets it\n",
+            "  name: it is a text; set it in `texts` or `files`\n",
         ] {
             assert!(listed.contains(line), "{line:?} is not in {listed}");
         }
@@ -153,7 +153,7 @@ fn settings_that_an_fmu_cannot_have_are_refused_by_name() {
             ),
             (
                 "[plant.initial]\nbody.y = 1\n",
-                "`initial.body.y` names no variable of the FMU; nearest: `body.x`",
+                "`initial.body.y` is not a variable of the FMU; nearest: `body.x`",
             ),
             (
                 "[plant.initial]\nbody.x = 6\n",
@@ -170,12 +170,12 @@ fn settings_that_an_fmu_cannot_have_are_refused_by_name() {
             ),
             (
                 "[plant.texts]\nnames = \"a\"\n",
-                "`texts.names` names no variable of the FMU; nearest: `name`",
+                "`texts.names` is not a variable of the FMU; nearest: `name`",
             ),
             ("[plant.texts]\nname = 1\n", "plant.texts.name"),
             (
                 "[plant.files]\ntable = \"none.csv\"\n",
-                "none.csv, which is not there",
+                "none.csv, which does not exist",
             ),
             (
                 "[plant.files]\nname = \"a\"\n[plant.texts]\nname = \"a\"\n",
@@ -183,19 +183,19 @@ fn settings_that_an_fmu_cannot_have_are_refused_by_name() {
             ),
             (
                 "[plant.texts]\nname = \"a\"\n\"its name\" = \"b\"\n",
-                "`texts.its name` is \"b\" and `texts.name` is \"a\", but both are names of one variable",
+                "`texts.its name` is \"b\" and `texts.name` is \"a\", but both name the same variable",
             ),
             (
                 "[plant.texts]\nits__name = \"a\"\n\"its name\" = \"b\"\n",
-                "but both are names of one variable",
+                "but both name the same variable",
             ),
             (
                 "start_time_s = 2\nstop_time_s = 2.5\n",
-                "`stop_time_s` is 2.5, and a run of 2 s from the start at 2 goes on to 4",
+                "`stop_time_s` is 2.5, but a run of 2 s from the start at 2 lasts until 4",
             ),
             (
                 "[plant.structural]\nn = 2\n",
-                "`structural.n` names no structural parameter of the FMU; it has none",
+                "`structural.n` is not a structural parameter of the FMU; it has none",
             ),
             ("[plant.structural]\nn = -2\n", "plant.structural.n"),
         ] {
@@ -270,11 +270,11 @@ fn sizes_of_arrays_are_those_of_the_scenario_and_the_numbers_those_of_fmpy() {
         (text(6, gains), "`structural.n` is 6; expected 1 to 5"),
         (
             text(2, gains).replace("n = 2", "m = 2"),
-            "`structural.m` names no structural parameter of the FMU; it has `n`",
+            "`structural.m` is not a structural parameter of the FMU; it has `n`",
         ),
         (
             text(2, gains).replace("n = 2", "n = 2\nn2 = 3"),
-            "`structural.n` is 2 and `structural.n2` is 3, but both are names of one variable",
+            "`structural.n` is 2 and `structural.n2` is 3, but both name the same variable",
         ),
     ] {
         place.run(&text, "").expect(2).says(&[fragment]);

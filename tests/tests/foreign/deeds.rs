@@ -91,16 +91,8 @@ fn every_deed_of_a_plant_in_c_is_named() {
     let plant = misbehaving(&rig, "misbehaving-plant", CLEAN);
     deed(&rig, "plant", &plant, 0).expect(0);
     let deeds: [(u32, i32, &[&str]); 9] = [
-        (
-            1,
-            3,
-            &["plant was killed by SIGSEGV", "SIGSEGV came in measure"],
-        ),
-        (
-            2,
-            3,
-            &["plant was killed by SIGABRT", "SIGABRT came in measure"],
-        ),
+        (1, 3, &["plant was killed by SIGSEGV", "SIGSEGV in measure"]),
+        (2, 3, &["plant was killed by SIGABRT", "SIGABRT in measure"]),
         (3, 3, &["plant ended before the run was over"]),
         (4, 3, &["plant was stuck"]),
         (
@@ -126,7 +118,7 @@ fn every_deed_of_a_plant_in_c_is_named() {
         (
             9,
             3,
-            &["plant failed at step 100 (0.1 s): `measure` returned 7 and no reason"],
+            &["plant failed at step 100 (0.1 s): `measure` returned 7 without a reason"],
         ),
     ];
     for (number, code, fragments) in deeds {
@@ -178,7 +170,7 @@ fn every_deed_of_a_controller_in_c_is_named() {
             &[
                 "step 100",
                 "controller was killed by SIGSEGV",
-                "SIGSEGV came in step",
+                "SIGSEGV in step",
             ],
         ),
         (
@@ -186,7 +178,7 @@ fn every_deed_of_a_controller_in_c_is_named() {
             &[
                 "step 100",
                 "controller was killed by SIGABRT",
-                "SIGABRT came in step",
+                "SIGABRT in step",
             ],
         ),
         (3, &["controller", "step 100"]),
@@ -206,7 +198,7 @@ fn every_deed_of_a_controller_in_c_is_named() {
             9,
             &[
                 "controller",
-                "the law failed at step 100: `step` returned 7 and no reason",
+                "the law failed at step 100: `step` returned 7 without a reason",
             ],
         ),
     ];
@@ -264,7 +256,7 @@ fn every_mistake_in_the_tables_is_named_before_anything_starts() {
         ("null", "hil_plant_main got a null pointer"),
         (
             "retune",
-            "the callback `retune` is missing, which takes `deed`",
+            "the callback `retune` is missing, which applies `deed`",
         ),
     ] {
         let mut command = rig.command(&plant);

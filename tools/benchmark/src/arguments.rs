@@ -1,4 +1,4 @@
-//! The command line of `hil latency`, and of the process that it starts.
+//! The command lines of `hil latency` and of the peer process that it starts.
 
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -62,7 +62,7 @@ pub struct LatencyArguments {
     pub json: bool,
 }
 
-/// Settings of both sides of a measurement; of `hil run` the same flags and more.
+/// Settings of both sides of a measurement: a subset of the flags of `hil run`.
 #[derive(Clone, Copy, Debug, Args)]
 #[command(next_help_heading = "Real time")]
 pub struct SideArguments {
@@ -93,7 +93,7 @@ pub struct SideArguments {
 }
 
 impl SideArguments {
-    /// Gathers the settings of a scenario's `[realtime]`.
+    /// Converts the settings to those of a scenario's `[realtime]`.
     #[must_use]
     pub fn realtime(&self) -> Realtime {
         Realtime {
@@ -106,17 +106,17 @@ impl SideArguments {
     }
 }
 
-/// Release of the steps of a measurement.
+/// Pace of the steps of a measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pace {
-    /// The answer to the step before.
+    /// Each step follows the answer to the previous one.
     Max,
-    /// The monotonic clock.
+    /// Steps follow the monotonic clock at this rate.
     Rate(Rate),
 }
 
 impl Pace {
-    /// The rate, if there is one.
+    /// Returns the rate, or `None` for [`Pace::Max`].
     #[must_use]
     pub const fn rate(self) -> Option<Rate> {
         match self {
@@ -136,7 +136,7 @@ impl FromStr for Pace {
         let rate = text.parse().ok().and_then(Rate::new);
         let (least, most) = (Rate::MIN_HZ, Rate::MAX_HZ);
         rate.map(Self::Rate)
-            .ok_or_else(|| format!("max, or a rate from {least} to {most} Hz"))
+            .ok_or_else(|| format!("expected max, or a rate from {least} to {most} Hz"))
     }
 }
 
@@ -144,38 +144,38 @@ fn signals(text: &str) -> Result<usize, String> {
     let count = text.parse().ok();
     count
         .filter(|count| (1..=MAX_SIGNALS).contains(count))
-        .ok_or_else(|| format!("from 1 to {MAX_SIGNALS} signals"))
+        .ok_or_else(|| format!("expected 1 to {MAX_SIGNALS} signals"))
 }
 
-/// Arguments of the process that answers `hil latency`.
+/// Arguments of the peer process of `hil latency`.
 #[derive(Debug, Args)]
 pub struct LatencyPeerArguments {
-    /// The folder of the measurement's session.
+    /// Folder of the measurement's session.
     pub session: PathBuf,
-    /// Work of the process.
+    /// Task of the process.
     #[command(subcommand)]
     pub work: PeerWork,
 }
 
-/// Work of the other process.
+/// Task of the peer process.
 #[derive(Clone, Copy, Debug, Subcommand)]
 pub enum PeerWork {
-    /// Runs the law that does nothing.
+    /// Runs the null law.
     Controller {
-        /// Signals in a sample.
+        /// Number of signals in a sample.
         signals: usize,
     },
-    /// Answers bare payloads.
+    /// Echoes bare payloads.
     Answer {
-        /// Signals in a frame as large as the payload.
+        /// Number of signals in a frame of the payload's size.
         signals: usize,
-        /// Number of trips.
+        /// Number of round trips.
         trips: u64,
     },
 }
 
 impl PeerWork {
-    /// The arguments that say so.
+    /// Returns the command-line arguments that select this task.
     #[must_use]
     pub fn arguments(self) -> Vec<String> {
         match self {

@@ -1,4 +1,4 @@
-//! A histogram as text: ten classes a decade, bars of logarithmic length.
+//! Text histogram with ten classes per decade and bars on a logarithmic scale.
 
 use std::fmt::Write as _;
 
@@ -6,12 +6,12 @@ use hil_console::terminal::duration::shown_ns;
 
 use hil_facts::results::latency::times::Times;
 
-/// Beginnings of a decade's classes, in hundredths: the preferred numbers R10 of ISO 3.
+/// Lower limits of the classes of a decade, in hundredths: the preferred numbers R10 of ISO 3.
 const CLASSES: [u64; 10] = [100, 125, 160, 200, 250, 315, 400, 500, 630, 800];
-/// Length of the longest bar.
+/// Maximum length of a bar, in characters.
 const LONGEST: usize = 44;
 
-/// The class of a time: where it begins and where the next one does, in ns.
+/// Returns the lower and upper limits of the class of a time, in ns.
 fn class_of(ns: u64) -> (u64, u64) {
     let mut edges = (0..).flat_map(|decade: u32| {
         CLASSES.map(|class| (class * 10_u64.saturating_pow(decade) / 100).max(1))
@@ -26,7 +26,7 @@ fn class_of(ns: u64) -> (u64, u64) {
     }
 }
 
-/// Classes with their counts, in order; empty ones are left out.
+/// Returns the non-empty classes in order, as limits in ns with a count.
 pub fn classes(times_ns: &Times) -> Vec<((u64, u64), u64)> {
     let mut classes: Vec<((u64, u64), u64)> = Vec::new();
     for (_, to_ns, count) in times_ns.buckets() {
@@ -39,7 +39,7 @@ pub fn classes(times_ns: &Times) -> Vec<((u64, u64), u64)> {
     classes
 }
 
-/// The histogram, a line for each class; `...` where there are empty ones between.
+/// Formats the histogram with a line per class, and `...` in place of empty classes in between.
 #[must_use]
 pub(crate) fn bars(times_ns: &Times) -> String {
     let classes = classes(times_ns);
@@ -59,7 +59,7 @@ pub(crate) fn bars(times_ns: &Times) -> String {
     text
 }
 
-/// Counts strokes: one for one step, and as many more as its logarithm is of that of the most.
+/// Returns the length of a bar: proportional to the logarithm of the count, at least one.
 fn length(count: u64, most: u64) -> usize {
     if most <= 1 {
         return 1;
@@ -90,12 +90,12 @@ mod tests {
     }
 
     #[test]
-    fn every_step_is_in_one_class_and_gaps_are_told() {
+    fn every_step_is_in_one_class_and_gaps_are_marked() {
         let mut times_ns = Times::default();
         for (ns, count) in [(1100, 10_000), (1300, 100), (9_000, 1)] {
             (0..count).for_each(|_| times_ns.record(ns));
         }
-        // 1 + 43 of log(100) / log(10 000), which is a half
+        // 1 + 43 log(100) / log(10 000), where the ratio is one half
         let expected = format!(
             "   1.00 us to  1.25 us      10000 {}\n   1.25 us to  1.60 us        100 {}\n       \
              ...\n   8.00 us to  10.0 us          1 #\n",

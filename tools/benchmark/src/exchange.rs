@@ -1,8 +1,8 @@
-//! A bare exchange: a payload there, one back, again and again, with nothing in them but a number.
+//! Bare exchange: repeated round trips of a payload that contains only a number.
 //!
-//! What the loop is compared with. The payloads are as large as the loop's frames, both ends write all
-//! of one and copy all of the other out, and both wait as the loop does. The ends are
-//! [`raw`](super::raw) and the [`Blackboard`].
+//! The exchange is the reference for the loop: the payloads have the size of the loop's frames, each end writes and
+//! copies them completely, and both ends wait as the loop does. [`raw`](super::raw) and [`Blackboard`] implement the
+//! ends.
 
 use hil_facts::results::latency::times::Times;
 use hil_session::clock::monotonic_ns;
@@ -10,10 +10,10 @@ use hil_session::link::bare::Blackboard;
 use hil_session::waiter::Waiter;
 use shared_types::frame;
 
-/// Room for values in the smallest frame.
+/// Number of values in the smallest frame.
 const SMALLEST: usize = 16;
 
-/// Words of the frame that N signals cross in: the next size class.
+/// Returns the number of words of the frame for a number of signals, rounded up to a size class.
 #[must_use]
 pub(crate) fn frame_words(signals: usize) -> usize {
     frame::words(signals.next_power_of_two().max(SMALLEST))
@@ -21,9 +21,9 @@ pub(crate) fn frame_words(signals: usize) -> usize {
 
 /// End of an exchange.
 pub trait End {
-    /// Sends a payload full of this number.
+    /// Sends a payload filled with this number.
     fn send(&mut self, number: u64);
-    /// The number of a payload that came and was copied out.
+    /// Copies a received payload and returns its number, if there is one.
     fn receive(&mut self) -> Option<u64>;
 }
 
@@ -50,33 +50,33 @@ impl End for Blackboard {
 /// Numbers of round trips.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Trips {
-    /// Number of round trips before the ones that count.
+    /// Number of uncounted round trips at the start.
     pub warm_up: u64,
-    /// Number of round trips that count.
+    /// Number of counted round trips.
     pub measured: u64,
 }
 
 impl Trips {
-    /// All of them.
+    /// Returns the total number of round trips.
     #[must_use]
     pub const fn all(self) -> u64 {
         self.warm_up.saturating_add(self.measured)
     }
 }
 
-/// The other end did not answer within the wait limit, or the user wanted no more.
+/// Error: the other end did not answer within the wait limit, or the user interrupted the measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("no answer at trip {trip} of the bare exchange")]
 pub struct NoAnswer {
-    /// The trip.
+    /// Number of the round trip.
     pub trip: u64,
 }
 
-/// Sends and awaits the answer, again and again; how long each counted trip took. One reading of the
-/// clock is in each.
+/// Repeatedly sends a payload and waits for the answer; returns the durations of the counted round trips. Each
+/// includes one reading of the clock.
 ///
 /// # Errors
-/// If an answer did not come, or `stop` said so while it was awaited.
+/// If an answer did not arrive, or `stop` returned `true` during a wait.
 pub fn lead(
     end: &mut impl End,
     trips: Trips,
@@ -96,10 +96,10 @@ pub fn lead(
     Ok(trips_ns)
 }
 
-/// Answers, again and again.
+/// Repeatedly waits for a payload and answers it.
 ///
 /// # Errors
-/// If the next payload did not come, or `stop` said so while it was awaited.
+/// If a payload did not arrive, or `stop` returned `true` during a wait.
 pub fn follow(
     end: &mut impl End,
     trips: Trips,
@@ -120,9 +120,9 @@ fn receive(
     stop: &impl Fn() -> bool,
 ) -> Result<(), NoAnswer> {
     loop {
-        // Asked before the poll: what the other side sent before it ended still counts.
+        // Checked before the poll: a payload that the other side sent before it ended still counts.
         let stopped = stop();
-        // A blackboard shows what was there before the first payload as well.
+        // A blackboard also returns its initial content.
         if end.receive() == Some(trip) {
             waiter.done();
             return Ok(());
@@ -141,8 +141,8 @@ mod tests {
     use shared_types::wait::WaitLimit;
 
     #[test]
-    fn a_payload_is_as_large_as_the_frame_of_so_many_signals() {
-        // A check sum, 11 words of header, one of validity bits for each 64 values of the room, and the room.
+    fn a_payload_has_the_size_of_the_frame_for_its_signals() {
+        // Check sum, 11 header words, one validity word per 64 values, and the values.
         for (signals, words) in [
             (1, 12 + 1 + 16),
             (16, 12 + 1 + 16),
@@ -177,7 +177,7 @@ mod tests {
         assert_eq!(trips_ns.len(), 100);
     }
 
-    /// Answers at once, but trip `lost` never.
+    /// Echo that answers immediately, except for round trip `lost`.
     struct Echo {
         sent: u64,
         lost: u64,
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn trips_without_end_stay_without_end_after_a_warm_up() {
+    fn endless_trips_stay_endless_after_a_warm_up() {
         let trips = Trips {
             warm_up: 1,
             measured: u64::MAX,
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn the_warm_up_does_not_count() {
+    fn warm_up_trips_are_not_counted() {
         let waiter = || Waiter::new(WaitLimit::from_seconds(0.01));
         let trips = Trips {
             warm_up: 30,
@@ -215,7 +215,7 @@ mod tests {
         let mut broken = Echo { sent: 0, lost: 35 };
         let error = lead(&mut broken, trips, waiter(), || false).expect_err("lost");
         assert_eq!(error, NoAnswer { trip: 35 });
-        // An answer that is there counts, even if the other side is gone.
+        // An available answer counts even if the other side is gone.
         let stopped = lead(&mut Echo { sent: 0, lost: 7 }, trips, waiter(), || true);
         assert_eq!(stopped.expect_err("stopped").trip, 7);
     }

@@ -1,15 +1,15 @@
-//! Measurements of the loop and of this machine's limits, with a plant and a law that do nothing. Runs no scenario and
-//! defines no figure: that is [`results`](hil_facts::results::latency). Of a recorded run it reads figures alone.
+//! Measurement of the loop and of the machine's limits, with a plant and a law that do nothing. No scenario is run
+//! here; the figures are defined in [`results`](hil_facts::results::latency).
 //!
 //! `hil latency` measures the machine:
 //!
-//! 1. [`measurement`] runs a plant and a law that do [nothing](null) through the real engine, link and
-//!    runner. The plant is a thread of this process, the controller a [`peer`]: `hil` once more.
+//! 1. [`measurement`] runs a [null] plant and law through the real engine, link and runner. The plant is a thread of
+//!    this process; the controller is a [`peer`], a second `hil` process.
 //! 2. Between the same two sides it measures the [`raw`] limit of shared memory and the bare
-//!    [blackboard](hil_session::link::bare), an [`exchange`] of payloads as large as the loop's frames.
-//! 3. The [`report`] puts all cases side by side, with the [`bars`] of one of them.
+//!    [blackboard](shared_types::link::bare), with an [`exchange`] of payloads of the same size as the loop's frames.
+//! 3. The [`report`] lists all cases, with a histogram ([`bars`]) of one of them.
 //!
-//! `hil latency RUN` makes the same report of a [`recorded`] run.
+//! `hil latency RUN` reports the same figures for a [`recorded`] run.
 
 #![expect(
     rustdoc::private_intra_doc_links,
@@ -45,7 +45,7 @@ use report::Report;
 /// Runs the command.
 ///
 /// # Errors
-/// If nothing could be measured, the run not be read or the results not be written.
+/// If no measurement is possible, the run cannot be read, or the results cannot be written.
 pub fn latency(arguments: &LatencyArguments) -> Result<Exit, Failure> {
     if let Some(csv) = &arguments.csv {
         check_folder_of(csv)?;
@@ -62,13 +62,13 @@ pub fn latency(arguments: &LatencyArguments) -> Result<Exit, Failure> {
     Ok(Exit::Pass)
 }
 
-/// Refuses a file in a folder that is not there, before a minute of measuring.
+/// Refuses an output file whose folder does not exist, before a minute of measuring.
 fn check_folder_of(file: &Path) -> Result<(), Failure> {
     let absolute = std::path::absolute(file).map_err(Failure::usage)?;
     match absolute.parent() {
         Some(folder) if folder.is_dir() && !file.is_dir() => Ok(()),
         _ => Err(Failure::usage(format!(
-            "{} cannot be written: its folder is not there, or it is one",
+            "{} cannot be written: its folder does not exist, or it is itself a folder",
             file.display()
         ))),
     }

@@ -1,7 +1,7 @@
-//! Measuring: the loop, the bare exchange and the raw limit, for each payload and rate.
+//! Measures the loop, the bare exchange and the raw limit for each payload and rate.
 //!
-//! One after the other and never two at once. While steps are exchanged this process has one thread
-//! awake, the plant's; nobody observes or records.
+//! Measurements run one after the other. During an exchange only one thread of this process, the plant's, is active;
+//! nothing observes or records.
 
 use controller_process::job::JOB_FILE;
 use hil_config::plan::Realtime;
@@ -32,68 +32,68 @@ use super::peer::{Peer, WAIT_LIMIT_S};
 use crate::arguments::{LatencyArguments, PeerWork};
 use crate::{null, raw};
 
-/// Steps that are left out at the beginning if nothing else is said.
+/// Default number of warm-up steps.
 const WARM_UP: u64 = 20_000;
-/// The most of them when they are paced, in s.
+/// Longest warm-up of a paced measurement, in s.
 const WARM_UP_S: f64 = 2.0;
 
 /// Measurement of one payload at one rate.
 #[derive(Clone, Debug)]
 pub struct Case {
-    /// Signals in a sample.
+    /// Number of signals in a sample.
     pub signals: usize,
-    /// Steps per second by the clock; `None` as fast as both sides can.
+    /// Steps per second by the clock; `None` for lockstep at maximum speed.
     pub rate: Option<Rate>,
-    /// Steps that were left out at the beginning.
+    /// Number of discarded warm-up steps.
     pub warm_up: u64,
-    /// The loop.
+    /// Figures of the loop.
     pub looped: Looped,
-    /// Limits of the machine for that payload; `None` of a recorded run.
+    /// Limits of the machine for that payload; `None` for a recorded run.
     pub limits: Option<Limits>,
 }
 
-/// Measurement of the loop.
+/// Figures of the loop.
 #[derive(Clone, Debug, Default)]
 pub struct Looped {
-    /// Legs and worst steps.
+    /// Latencies by leg, and the worst steps.
     pub latency: Latency,
-    /// Both ways of the round trip; `None` of a law that does not say when it was called.
+    /// Both directions of the round trip; `None` for a law that does not report when it was called.
     pub ways: Option<Ways>,
-    /// Times at which the first and the last step had their commands, or went on without.
+    /// Times of the first and the last step, taken when the command arrived or the step continued without one.
     pub span_ns: Option<(u64, u64)>,
-    /// Real-time settings of both sides; `None` of a recorded run.
+    /// Real-time settings of both sides; `None` for a recorded run.
     pub sides: Option<Sides>,
 }
 
-/// Real-time settings of both sides, as asked for and as granted.
+/// Real-time settings of both sides, as requested and as granted.
 #[derive(Clone, Debug, Serialize)]
 pub struct Sides {
-    /// The plant's loop.
+    /// Settings of the plant's loop.
     pub plant: Report,
-    /// The controller's.
+    /// Settings of the controller's loop.
     pub controller: Report,
 }
 
-/// The round trip, split where the law is called.
+/// Round trip, split at the call of the law.
 #[derive(Clone, Debug)]
 pub struct Ways {
-    /// From sending a sample to calling the law with it.
+    /// Time from sending a sample to the call of the law.
     pub sample: Times,
-    /// From there to having the command.
+    /// Time from the call of the law to the arrival of the command.
     pub command: Times,
 }
 
-/// Trips of payloads as large as the loop's frames.
+/// Round-trip times of payloads of the same size as the loop's frames.
 #[derive(Clone, Debug)]
 pub struct Limits {
-    /// Through atomics between two threads.
+    /// Exchange through atomics between two threads.
     pub raw: Times,
-    /// Through a bare iceoryx2 blackboard between two processes.
+    /// Exchange through a bare iceoryx2 blackboard between two processes.
     pub bare: Times,
 }
 
 impl Looped {
-    /// Mean time of a step, in ns.
+    /// Returns the mean duration of a step, in ns.
     #[must_use]
     pub fn step_ns(&self) -> Option<f64> {
         let (first_ns, last_ns) = self.span_ns?;
@@ -101,7 +101,7 @@ impl Looped {
         (steps > 0).then(|| last_ns.saturating_sub(first_ns) as f64 / steps as f64)
     }
 
-    /// Takes in a step.
+    /// Adds the timing of a step.
     pub fn take(&mut self, step: u64, timing: &Timing, called_ns: u64) {
         self.latency.take(step, timing);
         if timing.is_final() {
@@ -128,7 +128,7 @@ impl Looped {
 /// Measures every payload at every rate.
 ///
 /// # Errors
-/// If a core is not there, or a measurement did not come to its end.
+/// If a core does not exist, or a measurement did not complete.
 pub(crate) fn matrix(arguments: &LatencyArguments) -> Result<Vec<Case>, Failure> {
     let plans = plans(arguments)?;
     let realtime = arguments.sides.realtime();
@@ -139,8 +139,8 @@ pub(crate) fn matrix(arguments: &LatencyArguments) -> Result<Vec<Case>, Failure>
     };
     let mut cases: Vec<Case> = Vec::new();
     for (signals, rate, trips) in plans {
-        let known = cases.iter().find(|case| case.signals == signals);
-        let limits = match known.and_then(|case| case.limits.clone()) {
+        let earlier = cases.iter().find(|case| case.signals == signals);
+        let limits = match earlier.and_then(|case| case.limits.clone()) {
             Some(limits) => limits,
             None => {
                 let trips = Trips {
@@ -186,7 +186,7 @@ fn plans(arguments: &LatencyArguments) -> Result<Vec<(usize, Option<Rate>, Trips
                 }),
             };
             if trips.measured == 0 {
-                return Err(Failure::usage("--duration takes a time above 0"));
+                return Err(Failure::usage("--duration must be above 0"));
             }
             plans.push((signals, rate, trips));
         }
@@ -198,7 +198,7 @@ fn announce(what: &str) {
     tell!("measuring {what}");
 }
 
-/// On a thread of its own: what a side asks of the system for its thread ends with that.
+/// Runs a measurement on a separate thread, so that its scheduling settings end with it.
 fn apart<T: Send>(measure: impl FnOnce() -> T + Send) -> T {
     let measured = std::thread::scope(|scope| scope.spawn(measure).join());
     measured.unwrap_or_else(|panic| std::panic::resume_unwind(panic))
@@ -212,18 +212,18 @@ fn session() -> Result<Session, Failure> {
     Session::create(None).map_err(|error: SessionError| Failure::infrastructure(error))
 }
 
-/// State that all measurements share.
+/// State shared by all measurements.
 struct Bench {
     realtime: Realtime,
     interruption: Interruption,
 }
 
 impl Bench {
-    /// The raw limit for frames of N signals.
+    /// Measures the raw limit for frames of `signals` signals.
     fn raw_limit(&self, signals: usize, trips: Trips) -> Result<Times, Failure> {
-        let there = frame_words(signals);
+        let outgoing = frame_words(signals);
         let back = frame_words(null::answered_with(signals));
-        let (mut plant, mut controller) = raw::pair(there, back);
+        let (mut plant, mut controller) = raw::pair(outgoing, back);
         let stop = || self.interruption.came();
         let led = std::thread::scope(|scope| {
             scope.spawn(move || {
@@ -236,7 +236,7 @@ impl Bench {
         led.map_err(|error| self.gone(error, None))
     }
 
-    /// The bare exchange of frames of N signals.
+    /// Measures the bare exchange for frames of `signals` signals.
     fn bare_exchange(&self, signals: usize, trips: Trips) -> Result<Times, Failure> {
         let mut session = session()?;
         let (_, job) = null::jobs(session.info(), None, 0, &self.realtime, WAIT_LIMIT_S);
@@ -249,7 +249,7 @@ impl Bench {
             signals,
             trips: trips.all(),
         };
-        // A process starts with what its parent's thread has: first the peer, then the settings.
+        // A child process inherits the settings of the thread, so it is started before they are applied.
         let peer = Peer::start(&mut session, work, &supervision)?;
         let waiter = waiter(&apply(&self.realtime.plant()), limit());
         let stop = || self.interruption.came() || supervision.is_peer_gone();
@@ -272,7 +272,7 @@ impl Bench {
         })
     }
 
-    /// The loop with N signals: the engine in this thread, the runner in another process.
+    /// Measures the loop with `signals` signals: the engine in this thread, the runner in another process.
     fn looped(&self, signals: usize, rate: Option<Rate>, trips: Trips) -> Result<Looped, Failure> {
         let mut session = session()?;
         let info = session.info().clone();
@@ -296,7 +296,7 @@ impl Bench {
             interruption: &self.interruption,
             supervision: &supervision,
         };
-        // Before the peer, which opens what is there.
+        // The peer opens this link, so it must exist first.
         let link = IceoryxLink::create(&info).map_err(Failure::infrastructure)?;
         let kind = null::plant(signals);
         let engine = Engine::new(&kind, &[], plant_job, link, meter);
@@ -330,11 +330,11 @@ impl Bench {
     }
 }
 
-/// Takes the timing of records, and passes Ctrl-C on.
+/// Record sink that takes the timing of each record and passes Ctrl-C on.
 struct Meter<'a> {
     looped: &'a mut Looped,
     warm_up: u64,
-    /// Places of the timing and of the law's call in a record.
+    /// Indices of the timing and of the law's call time in a record.
     timing_place: usize,
     called_place: usize,
     interruption: &'a Interruption,
@@ -401,14 +401,14 @@ mod tests {
     }
 
     #[test]
-    fn each_payload_is_measured_at_each_rate_after_its_warm_up() {
+    fn each_payload_is_measured_at_each_rate_after_a_warm_up() {
         let planned = |warm_up| -> Vec<(usize, u64, u64)> {
             let plans = plans(&arguments(warm_up, 0.5)).expect("legal");
             let counts =
                 |(signals, _, trips): (usize, _, Trips)| (signals, trips.warm_up, trips.measured);
             plans.into_iter().map(counts).collect()
         };
-        // Two seconds of 1 kHz are fewer steps than 20 000; those of 20 kHz are more.
+        // Two seconds at 1 kHz are fewer than 20 000 steps; at 20 kHz they are more.
         let of = |signals| {
             [
                 (signals, 20_000, 777),
@@ -423,7 +423,7 @@ mod tests {
     }
 
     #[test]
-    fn the_round_trip_is_split_where_the_law_was_called() {
+    fn the_round_trip_is_split_at_the_call_of_the_law() {
         let mut looped = Looped {
             ways: Some(Ways {
                 sample: Times::default(),
@@ -446,7 +446,7 @@ mod tests {
         assert_eq!((ways.sample.min(), ways.sample.max()), (700, 700));
         assert_eq!((ways.command.min(), ways.command.max()), (300, 300));
         assert_eq!(looped.step_ns(), Some(2_000.0));
-        // A step that went on without a command took its time too; the record after the last step is none.
+        // A step without a command has a duration, too; the record after the last step has none.
         let without = Timing {
             epoch: 1,
             held_steps: 1,

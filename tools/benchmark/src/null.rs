@@ -1,7 +1,7 @@
-//! A plant and a law that do nothing: what is left is what engine, link and runner cost.
+//! Null plant and law, which do nothing, so that only the cost of engine, link and runner remains.
 //!
-//! The law shows one thing of itself, when it was called, by the clock that both processes share: that
-//! splits the round trip into its way there and its way back. No other law reads a clock.
+//! The law exposes a single value, the time of its call, by the clock that both processes share. It splits the round
+//! trip into its two directions. No other law reads a clock.
 
 use controller_process::controller::{Law, LawKind, Row};
 use hil_config::plan::{Clock, PlantPlan, Realtime, Run};
@@ -16,12 +16,12 @@ use shared_types::record::RecordLayout;
 use shared_types::table::Field;
 use shared_types::time::{Interval, Rate};
 
-/// Name of plant and law.
+/// Name of the plant and of the law.
 const NAME: &str = "null";
-/// Internal of the law: the time of its call, in ns of the monotonic clock.
+/// Internal signal of the law: the time of its call, in ns of the monotonic clock.
 const CALLED: &str = "called_ns";
 
-/// Plant that measures ones and computes nothing.
+/// Plant that measures the value 1 and computes nothing.
 pub struct NullPlant;
 
 impl Model for NullPlant {
@@ -52,14 +52,14 @@ impl Law for NullLaw {
         command: &mut [f64],
         internals: &mut [f64],
     ) -> Result<(), Failure> {
-        // Exact in a double for the first hundred days after boot, to 2 ns for the next hundred.
+        // Exact in a double for the first hundred days after boot, and to 2 ns for the next hundred.
         internals.fill(monotonic_ns() as f64);
         command.fill(1.0);
         Ok(())
     }
 }
 
-/// Signals in the frame that answers a sample: half as many, one of them the time.
+/// Returns the number of signals in the answer to a sample: half as many, including the time.
 #[must_use]
 pub(crate) fn answered_with(signals: usize) -> usize {
     (signals / 2).max(2)
@@ -70,7 +70,7 @@ fn fields(stem: &str, count: usize) -> Vec<Field> {
     (0..count).map(field).collect()
 }
 
-/// The plant, with N measured signals.
+/// Creates the plant with `signals` measured signals.
 #[must_use]
 pub(crate) fn plant(signals: usize) -> PlantKind {
     PlantKind {
@@ -88,7 +88,7 @@ pub(crate) fn plant(signals: usize) -> PlantKind {
     }
 }
 
-/// The law for that plant.
+/// Creates the law for that plant.
 #[must_use]
 pub(crate) fn law(signals: usize) -> LawKind {
     LawKind {
@@ -101,7 +101,7 @@ pub(crate) fn law(signals: usize) -> LawKind {
             measured: fields("measured", signals),
             reference: Vec::new(),
             commands: Some(fields("command", answered_with(signals) - 1)),
-            internals: vec![Field::signal(CALLED, "ns", "When the law was called.")],
+            internals: vec![Field::signal(CALLED, "ns", "Time of the law's call.")],
             saves: false,
             tuning: String::new(),
         },
@@ -109,7 +109,7 @@ pub(crate) fn law(signals: usize) -> LawKind {
     }
 }
 
-/// Finds the time of the law's call in a record.
+/// Returns the index of the law's call time in a record.
 #[must_use]
 pub(crate) fn called_place(layout: &RecordLayout) -> usize {
     let before = [&layout.truth, &layout.measured, &layout.reference];
@@ -117,7 +117,7 @@ pub(crate) fn called_place(layout: &RecordLayout) -> usize {
     layout.values_start() + before + 2 * layout.command.len()
 }
 
-/// Both sides' jobs: N steps at the monotonic clock's pace, or as fast as both can.
+/// Creates the jobs of both sides for a run at the monotonic clock's pace, or at maximum speed.
 #[must_use]
 pub(crate) fn jobs(
     session: &SessionInfo,
@@ -126,7 +126,7 @@ pub(crate) fn jobs(
     realtime: &Realtime,
     wait_limit_s: f64,
 ) -> (plant_process::job::Job, controller_process::job::Job) {
-    // In lockstep the rate is a number in the frames and nothing else.
+    // In lockstep the rate has no effect on timing.
     let nominal = || Rate::new(1000.0).expect("a legal rate");
     let clock = match rate {
         None => Clock::Lockstep,
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn half_as_many_signals_answer_and_one_is_the_time() {
+    fn an_answer_has_half_as_many_signals_including_the_time() {
         for (signals, answered) in [(1, 2), (3, 2), (8, 4), (33, 16), (512, 256)] {
             let law = law(signals).description;
             let commands = law.commands.expect("named").len();

@@ -1,7 +1,7 @@
-//! The other process: `hil` once more, as the controller of a measurement.
+//! The peer process: a second `hil`, as the controller of a measurement.
 //!
-//! Started through a hidden command with a group of its own, so that Ctrl-C reaches the measuring
-//! `hil` alone; it ends with its standard input, and with it.
+//! Started by a hidden command in its own process group, so that Ctrl-C reaches only the measuring `hil`. It
+//! ends when its standard input is closed.
 
 use std::io::Read;
 use std::os::unix::process::CommandExt;
@@ -27,21 +27,21 @@ use super::exchange::{Trips, follow};
 use super::null;
 use crate::arguments::{LatencyPeerArguments, PeerWork};
 
-/// Limit of one side's wait for a peer that lives.
+/// Longest wait of a side for a live peer, in s.
 pub const WAIT_LIMIT_S: f64 = 5.0;
-/// Limit for the end of a peer once its work is over.
+/// Longest time that a finished peer may take to exit.
 const GRACE: Duration = Duration::from_secs(2);
 
-/// The other process, as the one that measures sees it.
+/// Handle of the peer process.
 pub(super) struct Peer {
     process: Child,
-    /// Held open: it ends with this.
+    /// Kept open: closing it ends the process.
     input: Option<ChildStdin>,
-    said: Option<JoinHandle<String>>,
+    output_thread: Option<JoinHandle<String>>,
 }
 
 impl Peer {
-    /// Starts it. When it ends, the supervision knows.
+    /// Starts the process and registers it with the supervision, which detects its end.
     pub(crate) fn start(
         session: &mut Session,
         work: PeerWork,
@@ -61,11 +61,11 @@ impl Peer {
             .map_err(|error| Failure::infrastructure(format!("cannot start a process: {error}")))?;
         let (input, output) = (process.stdin.take(), process.stderr.take());
         let supervision = supervision.clone();
-        // Sleeps until the process is gone: nothing wakes up while steps are measured.
-        let said = std::thread::spawn(move || {
+        // Sleeps until the process exits, so that this thread stays idle during the measurement.
+        let output_thread = std::thread::spawn(move || {
             let mut bytes = Vec::new();
             if let Some(mut output) = output {
-                let _ = output.read_to_end(&mut bytes); // what was read before an error is all there is
+                let _ = output.read_to_end(&mut bytes); // partial output suffices after an error
             }
             supervision.peer_gone(1);
             String::from_utf8_lossy(&bytes).trim().to_owned()
@@ -73,19 +73,19 @@ impl Peer {
         let peer = Self {
             process,
             input,
-            said: Some(said),
+            output_thread: Some(output_thread),
         };
         (session.add_controller(1, peer.process.id())).map_err(Failure::infrastructure)?;
         Ok(peer)
     }
 
-    /// Tells it to end before its work is over; what it said of that.
+    /// Ends the process before its task is complete; returns its error output, if any.
     pub(crate) fn stop(mut self) -> Result<(), String> {
         drop(self.input.take());
         self.end()
     }
 
-    /// Waits for its end; what it said if it did not end well.
+    /// Waits for the end of the process; returns its error output if it failed.
     pub(crate) fn end(mut self) -> Result<(), String> {
         let since = Instant::now();
         let status = loop {
@@ -97,11 +97,14 @@ impl Peer {
                 _ => return Err("the controller's process did not end".into()),
             }
         };
-        let said = self.said.take().and_then(|thread| thread.join().ok());
-        match said.unwrap_or_default() {
+        let output = self
+            .output_thread
+            .take()
+            .and_then(|thread| thread.join().ok());
+        match output.unwrap_or_default() {
             _ if status.success() => Ok(()),
-            said if said.is_empty() => Err(format!("the controller's process: {status}")),
-            said => Err(format!("the controller's process: {said}")),
+            output if output.is_empty() => Err(format!("the controller's process: {status}")),
+            output => Err(format!("the controller's process: {output}")),
         }
     }
 }
@@ -116,10 +119,10 @@ impl Drop for Peer {
     }
 }
 
-/// Runs the hidden command: is the controller of a measurement.
+/// Runs the hidden command: acts as the controller of a measurement.
 ///
 /// # Errors
-/// If the measurement ended early.
+/// If the measurement ended prematurely.
 pub fn peer(arguments: &LatencyPeerArguments) -> Result<Exit, Failure> {
     let supervision = Supervision::from_stdin();
     let session = SessionInfo::read(&arguments.session).map_err(Failure::usage)?;

@@ -1,19 +1,18 @@
 //! The raw limit: two rows of atomics between two threads, each written by one side only.
 //!
-//! What any exchange through memory must do and nothing else: store the payload, publish its number,
-//! see the number, load the payload. Plain safe Rust; between processes the same memory traffic costs
-//! the same.
+//! Does only what any exchange through memory must do: store the payload, publish its number, detect the number,
+//! load the payload. The code is safe Rust; between processes the same memory traffic costs the same.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::exchange::End;
 
-/// A number on a cache line of its own; some processors fetch lines in pairs.
+/// Number on its own cache line, padded because some processors fetch lines in pairs.
 #[repr(align(128))]
 struct Line(AtomicU64);
 
-/// A payload and the number that announces it.
+/// Payload with the number that announces it.
 struct Cell {
     number: Line,
     words: Box<[AtomicU64]>,
@@ -56,7 +55,7 @@ impl End for Raw {
         self.outgoing.number.0.store(number, Ordering::Release);
     }
 
-    /// Both sides take turns, so that nobody writes while the other reads.
+    /// Both sides alternate, so that no side writes while the other reads.
     fn receive(&mut self) -> Option<u64> {
         let number = self.incoming.number.0.load(Ordering::Acquire);
         if number == self.last {
@@ -70,7 +69,8 @@ impl End for Raw {
     }
 }
 
-/// Two ends with N words there, from the first to the second, and back.
+/// Creates two connected ends, with payloads of `there` words from the first to the second, and of `back` words in
+/// the other direction.
 #[must_use]
 pub fn pair(there: usize, back: usize) -> (Raw, Raw) {
     let (there, back) = (Cell::new(there), Cell::new(back));
@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_sent_comes_once_and_whole() {
+    fn a_payload_arrives_once_and_complete() {
         let (mut plant, mut controller) = pair(5, 3);
         assert_eq!(controller.receive(), None);
         plant.send(7);

@@ -12,17 +12,17 @@ use hil_recording::reader::RunReader;
 
 use super::measurement::{Case, Looped, Sides};
 
-/// Reads a run; its first steps are left out.
+/// Reads the figures of a recorded run, without its first `warm_up` steps.
 ///
 /// # Errors
-/// If it cannot be read, or says nothing of time.
+/// If the run cannot be read, or has no timing.
 pub fn case(run: &Path, warm_up: u64) -> Result<Case, Failure> {
     let mut reader = RunReader::open(run).map_err(Failure::usage)?;
     reader.refuse_excerpt().map_err(Failure::usage)?;
     let places = TimingPlaces::of(&reader);
     if reader.place("round_trip_ns").is_none() {
         return Err(Failure::usage(format!(
-            "{} does not say how long its steps took",
+            "{} contains no step timing",
             run.display()
         )));
     }

@@ -1,5 +1,4 @@
-//! Report of `hil latency`: JSON for machines, a table, bars and spikes for people, and all histograms
-//! as CSV.
+//! Report of `hil latency`: JSON; text with a table, a histogram and spikes; and CSV with all histograms.
 
 use std::collections::BTreeMap;
 use std::fmt::{self, Write as _};
@@ -23,33 +22,32 @@ use super::exchange::frame_words;
 use super::measurement::{Case, Sides};
 use super::null::answered_with;
 
-/// Version of the report.
+/// Version of the report format.
 const SCHEMA: u32 = 1;
-/// Columns of the text.
+/// Width of the text, in columns.
 const WIDTH: usize = 80;
-/// Columns of a spike's figures.
+/// Width of a spike's figures, in columns.
 const SPIKE_FIGURES: usize = 42;
-/// Columns of a late release's figures.
+/// Width of a late release's figures, in columns.
 const RELEASE_FIGURES: usize = 33;
-/// The payload of the case that stands for all, if it was measured.
+/// Payload whose histogram is shown, if it was measured.
 const HEADLINE_SIGNALS: usize = 32;
 
-/// Every case, and one that stands for all.
+/// Figures of all cases, with one of them shown in detail.
 #[derive(Debug, Serialize)]
 pub(crate) struct Report {
     schema: u32,
-    /// The recorded run; null if this was measured now.
+    /// Recorded run; null for a new measurement.
     run: Option<String>,
-    /// Wait strategy of both sides; null if a recording does not say.
+    /// Wait strategy of both sides; null if a recording does not contain it.
     wait: Option<WaitStrategy>,
-    /// The cores that both sides may run on; null if a recording does not say, as its sides could
-    /// run on any.
+    /// Cores that both sides may use; null for a recording that does not restrict them.
     cores: Option<Vec<usize>>,
     /// Scheduling class of the plant's side.
     class: Option<String>,
-    /// Everything that was asked of the system for both sides, and what it granted.
+    /// Real-time settings of both sides, as requested and as granted.
     realtime: Option<Sides>,
-    /// Facts that `hil doctor` reads of the machine, without measuring.
+    /// Facts about the machine as read by `hil doctor`, without measuring.
     machine: BTreeMap<String, String>,
     #[serde(flatten)]
     headline: Figures,
@@ -58,37 +56,38 @@ pub(crate) struct Report {
     headline_case: usize,
 }
 
-/// The figures of one case.
+/// Figures of one case.
 #[derive(Clone, Debug, Serialize)]
 struct Figures {
     signals: usize,
-    /// Null: as fast as both sides can.
+    /// Steps per second by the clock; null for maximum speed.
     rate_hz: Option<f64>,
     warm_up_steps: u64,
-    /// Bytes of a sample's and of a command's frame.
+    /// Sizes of the sample and command frames, in bytes.
     frame_bytes: Option<[usize; 2]>,
     round_trip_ns: Percentiles,
-    /// Null of a recording: only the law that does nothing says when it was called.
+    /// Time from sending a sample to the call of the law; null for a recording, since only the null law reports its
+    /// call.
     sample_ns: Option<Percentiles>,
     command_ns: Option<Percentiles>,
     exchange_ns: Percentiles,
     controller_ns: Percentiles,
     plant_ns: Percentiles,
-    /// Null where nothing is due.
+    /// Lateness of releases; null in lockstep.
     release_ns: Option<Percentiles>,
-    /// Mean time from one step to the next.
+    /// Mean time from one step to the next, in ns.
     step_ns: Option<f64>,
     raw_limit_ns: Option<Percentiles>,
     bare_exchange_ns: Option<Percentiles>,
-    /// Round trip over raw limit.
+    /// Median round trip divided by that of the raw limit.
     ratio_p50: Option<f64>,
-    /// Round trip over bare exchange.
+    /// Median round trip divided by that of the bare exchange.
     ratio_bare_p50: Option<f64>,
-    /// Number of steps at which no command came.
+    /// Number of steps without a command.
     without_command: u64,
     grade: Option<Graded>,
     spikes: Vec<Spike>,
-    /// The latest releases; empty where nothing is due.
+    /// Latest releases; empty in lockstep.
     late_releases: Vec<Spike>,
 }
 
@@ -181,7 +180,7 @@ impl Figures {
     }
 }
 
-/// Goes on in a line that has N columns, with words and in as many more lines as it takes.
+/// Appends words to a line that already has some columns, wrapping into further lines as needed.
 fn write_wrapped(text: &mut String, words: &str, indent: usize) -> fmt::Result {
     let mut column = indent;
     for word in words.split(' ') {
@@ -195,14 +194,14 @@ fn write_wrapped(text: &mut String, words: &str, indent: usize) -> fmt::Result {
     writeln!(text)
 }
 
-/// A line of the table.
+/// Appends a row of percentiles to the table.
 fn row(table: &mut Table, name: &str, figures: &Percentiles) {
     let cells = [name.to_owned()].into_iter().chain(figures.shown());
     table.cells(cells.chain([figures.count.to_string()]));
 }
 
 impl Report {
-    /// The report of some cases, of which there is at least one.
+    /// Creates the report of at least one case.
     #[must_use]
     pub(crate) fn new(cases: &[Case], run: Option<&Path>) -> Self {
         let figures: Vec<Figures> = cases.iter().map(Figures::of).collect();
@@ -225,7 +224,7 @@ impl Report {
         }
     }
 
-    /// The report as a person reads it.
+    /// Formats the report for a person.
     #[must_use]
     pub(crate) fn text(&self, cases: &[Case]) -> String {
         output::text(|text| self.write(text, cases))
@@ -259,8 +258,8 @@ impl Report {
             }
         }
         for check in ["virtualisation", "load"] {
-            if let Some(found) = self.machine.get(&format!("doctor_{check}")) {
-                writeln!(text, "{check}: {found}")?;
+            if let Some(observation) = self.machine.get(&format!("doctor_{check}")) {
+                writeln!(text, "{check}: {observation}")?;
             }
         }
         let mut columns = [right(7).close(); 8];
@@ -283,7 +282,7 @@ impl Report {
         *text += &bars(round_trip);
         writeln!(
             text,
-            "\nits worst steps, and what happened since the look before"
+            "\nits worst steps, and the events since the previous poll"
         )?;
         writeln!(
             text,
@@ -312,7 +311,7 @@ impl Report {
         Ok(())
     }
 
-    /// The payload, and the limits of the machine for it.
+    /// Writes the payload and the limits of the machine for it.
     fn write_heading(table: &mut Table, figures: &Figures) {
         let heading = format!("{} signals", figures.signals);
         table.line("");
@@ -331,24 +330,24 @@ impl Report {
     }
 }
 
-/// The cores that both sides may run on: those that they were kept on, and for one that was not
-/// all that this process may use. `None` if they ran elsewhere and one was not kept.
+/// Returns the cores that both sides may use: the pinned core of a pinned side, all cores of this process for
+/// another. `None` if the sides ran elsewhere and one was not pinned.
 fn cores(sides: &Sides, ran_here: bool) -> Option<Vec<usize>> {
     let allowed = sched_getaffinity(None).unwrap_or_default();
-    let kept = [sides.plant.core.granted, sides.controller.core.granted];
-    if !ran_here && kept.contains(&None) {
+    let pinned = [sides.plant.core.granted, sides.controller.core.granted];
+    if !ran_here && pinned.contains(&None) {
         return None;
     }
     let may_run_on = |core: &usize| {
-        kept.iter().any(|kept| match kept {
-            Some(kept) => *kept as usize == *core,
+        pinned.iter().any(|pinned| match pinned {
+            Some(pinned) => *pinned as usize == *core,
             None => allowed.is_set(*core),
         })
     };
     Some((0..CpuSet::MAX_CPU).filter(may_run_on).collect())
 }
 
-/// Names the scheduling class of a side.
+/// Formats the scheduling class of a side.
 fn class(report: &realtime::Report) -> String {
     match report.priority.granted {
         0 => "ordinary".into(),
@@ -356,22 +355,22 @@ fn class(report: &realtime::Report) -> String {
     }
 }
 
-/// Lists the settings that were asked for one side and not granted.
+/// Lists the settings of one side that were requested but not granted.
 fn refusals(side: &str, report: &realtime::Report) -> Vec<String> {
-    let told = |what: &str, reason: Option<&str>| {
+    let refusal = |what: &str, reason: Option<&str>| {
         reason.map(|reason| format!("{side}'s {what} was not granted: {reason}"))
     };
     [
-        told("core", report.core.refusal(&None)),
-        told("priority", report.priority.refusal(&0)),
-        told("wait", report.wait.refusal(&WaitStrategy::default())),
+        refusal("core", report.core.refusal(&None)),
+        refusal("priority", report.priority.refusal(&0)),
+        refusal("wait", report.wait.refusal(&WaitStrategy::default())),
     ]
     .into_iter()
     .flatten()
     .collect()
 }
 
-/// Every histogram of every case, a row for each time that occurred: `from_ns <= t < to_ns`.
+/// Formats all histograms as CSV, with a row for each non-empty class: `from_ns <= t < to_ns`.
 #[must_use]
 pub(crate) fn csv(cases: &[Case]) -> String {
     let mut text = String::from("signals,rate_hz,leg,from_ns,to_ns,count\n");
@@ -385,7 +384,7 @@ pub(crate) fn csv(cases: &[Case]) -> String {
                 let _ = writeln!(text, "{signals},{rate},{leg},{from_ns},{to_ns},{count}");
             }
         };
-        // All rates of a payload share its limits.
+        // The limits are the same for all rates of a payload.
         if let Some(limits) = &case.limits
             && limits_of.replace(case.signals) != Some(case.signals)
         {
@@ -408,10 +407,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn long_words_of_a_spike_stay_in_their_columns() {
+    fn long_descriptions_of_a_spike_are_wrapped_to_their_columns() {
         let mut text = "x".repeat(60);
-        let seen = "plant moved from core 0 to 1; neither more";
-        write_wrapped(&mut text, seen, 60).expect("a string takes all");
+        let words = "plant moved from core 0 to 1; neither more";
+        write_wrapped(&mut text, words, 60).expect("a string takes all");
         let expected = format!(
             "{} plant moved from\n{} core 0 to 1;\n{} neither more\n",
             "x".repeat(60),

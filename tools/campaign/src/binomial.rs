@@ -1,28 +1,28 @@
 //! Exact bounds of a probability after a count of successes (Clopper and Pearson).
 //!
-//! The report calls [`bounds`] for every rate that it shows, and the verdict calls [`lower`] and
-//! [`upper`] for a requirement such as "at least 0.999 with 95 % confidence". No bound is an
-//! approximation: the confidence is reached for any true probability.
+//! The report calls [`bounds`] for every rate that it shows, and the verdict calls [`lower`] and [`upper`] for a
+//! requirement such as "at least 0.999 with 95 % confidence". All bounds are exact: their coverage is at least the
+//! stated confidence for any true probability.
 
 use crate::tail::above;
 
 /// Bounds of a probability.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
-    /// Smallest probability that the count does not refute.
+    /// Smallest probability that is consistent with the count.
     pub lower: f64,
-    /// Largest probability that the count does not refute.
+    /// Largest probability that is consistent with the count.
     pub upper: f64,
 }
 
-/// Two-sided bounds of the probability of a success, each with half of the risk.
+/// Two-sided bounds of the probability of success, with half of the risk on each side.
 ///
-/// With `a = 1 - confidence`: the one-sided bounds at `a/2`, which are `0..1 - (a/2)^(1/n)` after no success
-/// and `(a/2)^(1/n)..1` after no failure (C. J. Clopper and E. S. Pearson, Biometrika 26 (1934) 404-413;
-/// valid for `successes <= trials` and `0 < confidence < 1`). `None` outside of that and without trials.
+/// With `a = 1 - confidence`: the one-sided bounds at `a/2`, which are `0..1 - (a/2)^(1/n)` without a success and
+/// `(a/2)^(1/n)..1` without a failure (C. J. Clopper and E. S. Pearson, Biometrika 26 (1934) 404-413; valid for
+/// `successes <= trials` and `0 < confidence < 1`). `None` outside this range and for zero trials.
 ///
-/// No count takes the whole risk on one side: a side that the data choose would leave a coverage of 92.7 %
-/// at 95 %.
+/// The risk is split equally even without a success or a failure: a side chosen by the data would reduce the coverage
+/// to 92.7 % at 95 %.
 #[must_use]
 pub fn bounds(successes: u64, trials: u64, confidence: f64) -> Option<Bounds> {
     if !is_valid(successes, trials, confidence) {
@@ -35,12 +35,12 @@ pub fn bounds(successes: u64, trials: u64, confidence: f64) -> Option<Bounds> {
     })
 }
 
-/// Lower bound of the probability of a success, with the whole risk on this side.
+/// Lower bound of the probability of success, with the whole risk on this side.
 ///
-/// The `p` with `P(X >= successes) = 1 - confidence`, which is the quantile at `1 - confidence` of the
-/// beta distribution with `successes` and `trials - successes + 1` (Clopper and Pearson, 1934; G. J. Hahn
-/// and W. Q. Meeker, Statistical Intervals, 1991, section 6.2; valid for `successes <= trials` and
-/// `0 < confidence < 1`). 0 without a success; NaN outside and without trials.
+/// The `p` with `P(X >= successes) = 1 - confidence`, which is the quantile at `1 - confidence` of the beta
+/// distribution with parameters `successes` and `trials - successes + 1` (Clopper and Pearson, 1934; G. J. Hahn and
+/// W. Q. Meeker, Statistical Intervals, 1991, section 6.2; valid for `successes <= trials` and `0 < confidence < 1`).
+/// 0 without a success; NaN outside this range and for zero trials.
 #[must_use]
 pub fn lower(successes: u64, trials: u64, confidence: f64) -> f64 {
     if !is_valid(successes, trials, confidence) {
@@ -49,23 +49,23 @@ pub fn lower(successes: u64, trials: u64, confidence: f64) -> f64 {
     lowest(successes, trials, 1.0 - confidence)[0]
 }
 
-/// Upper bound of the probability of a success, with the whole risk on this side.
+/// Upper bound of the probability of success, with the whole risk on this side.
 ///
-/// The `p` with `P(X <= successes) = 1 - confidence`, which is the quantile at `confidence` of the beta
-/// distribution with `successes + 1` and `trials - successes` (Clopper and Pearson, 1934; Hahn and Meeker,
-/// 1991, section 6.2; valid for `successes <= trials` and `0 < confidence < 1`). 1 if everything
-/// succeeded; NaN outside and without trials.
+/// The `p` with `P(X <= successes) = 1 - confidence`, which is the quantile at `confidence` of the beta distribution
+/// with parameters `successes + 1` and `trials - successes` (Clopper and Pearson, 1934; Hahn and Meeker, 1991,
+/// section 6.2; valid for `successes <= trials` and `0 < confidence < 1`). 1 without a failure; NaN outside this
+/// range and for zero trials.
 #[must_use]
 pub fn upper(successes: u64, trials: u64, confidence: f64) -> f64 {
     if !is_valid(successes, trials, confidence) {
         return f64::NAN;
     }
-    // At most so many successes are at least so many failures.
+    // "At most `successes` successes" is the same event as "at least `trials - successes` failures".
     lowest(trials - successes, trials, 1.0 - confidence)[1]
 }
 
 fn is_valid(successes: u64, trials: u64, confidence: f64) -> bool {
-    // Neither end is reached, even where 1 - confidence rounds.
+    // Neither end is allowed, not even by the rounding of 1 - confidence.
     trials > 0
         && successes <= trials
         && confidence > 0.0
@@ -73,9 +73,9 @@ fn is_valid(successes: u64, trials: u64, confidence: f64) -> bool {
         && confidence < 1.0
 }
 
-/// The `p`, and `1 - p`, with `P(X >= k) = risk`.
+/// Solves `P(X >= k) = risk` for `p`; returns `p` and `1 - p`.
 ///
-/// Both are returned because a small one has lost its digits in the difference of the other from 1.
+/// Both are returned because computing a small one as the difference of the other from 1 would lose its digits.
 fn lowest(k: u64, n: u64, risk: f64) -> [f64; 2] {
     if k == 0 {
         return [0.0, 1.0];
@@ -87,7 +87,7 @@ fn lowest(k: u64, n: u64, risk: f64) -> [f64; 2] {
     if risk <= 0.5 {
         return solved(k, n, libm::log(risk));
     }
-    // The other tail is the smaller one: P(n - X >= n - k + 1) = 1 - risk.
+    // The opposite tail is smaller: P(n - X >= n - k + 1) = 1 - risk.
     let (k, risk) = (n - k + 1, 1.0 - risk);
     let [q, p] = if k == n {
         lowest(k, n, risk)
@@ -97,13 +97,13 @@ fn lowest(k: u64, n: u64, risk: f64) -> [f64; 2] {
     [p, q]
 }
 
-/// The `p`, and `1 - p`, with `ln P(X >= k) = wanted`, at most `ln 0.5`.
+/// Solves `ln P(X >= k) = ln_target` for `p`, with `ln_target` at most `ln 0.5`; returns `p` and `1 - p`.
 ///
-/// Newton's method over `s = ln(p / (1 - p))`, where the derivative is `k (1 - p) b(k) / P(X >= k)` with
-/// the probability `b` of exactly `k`. The logarithm of the tail is concave in `s`, so that every step
-/// after the first comes from below. The start `k/n` lies above the solution, since a whole `n p` is
-/// the median (R. Kaas and J. M. Buhrman, Statistica Neerlandica 34 (1980) 13-18).
-fn solved(k: u64, n: u64, wanted: f64) -> [f64; 2] {
+/// Newton's method over `s = ln(p / (1 - p))`, where the derivative is `k (1 - p) b(k) / P(X >= k)` with the
+/// probability `b` of exactly `k`. The logarithm of the tail is concave in `s`, so every step after the first
+/// approaches the solution from below. The start `k/n` lies above the solution, since `n p` is the median whenever it
+/// is an integer (R. Kaas and J. M. Buhrman, Statistica Neerlandica 34 (1980) 13-18).
+fn solved(k: u64, n: u64, ln_target: f64) -> [f64; 2] {
     let (count, rest) = (k as f64, (n - k) as f64);
     let highest = libm::log(count / rest);
     let mut s = highest;
@@ -111,9 +111,9 @@ fn solved(k: u64, n: u64, wanted: f64) -> [f64; 2] {
     for _ in 0..100 {
         let [p, q] = pair(s);
         let tail = above(k, n, p, q);
-        let step = (wanted - tail.ln) / (count * q * tail.first);
+        let step = (ln_target - tail.ln) / (count * q * tail.first);
         let next = s + step;
-        // A rounded density must not carry the solution to the rising side of the sum.
+        // Rounding of the density must not move the solution to the rising side of the sum.
         s = if next < highest { next } else { highest };
         if step.abs() < 1e-12 {
             break;
@@ -129,13 +129,13 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn assert_near(found: f64, wanted: f64) {
-        let is_near = (found - wanted).abs() <= 1e-9 * wanted;
-        assert!(is_near, "{found:e}, not {wanted:e}");
+    fn assert_near(actual: f64, expected: f64) {
+        let is_near = (actual - expected).abs() <= 1e-9 * expected;
+        assert!(is_near, "{actual:e}, not {expected:e}");
     }
 
     #[test]
-    fn none_and_all_of_ten_thousand_have_half_of_the_risk_on_their_side() {
+    fn zero_and_all_of_ten_thousand_successes_take_half_of_the_risk() {
         // 1 - 0.025^(1/10000), by mpmath.
         let largest = 0.0003688199146187623;
         let none = bounds(0, 10_000, 0.95).expect("bounds");
@@ -233,32 +233,32 @@ mod tests {
             ),
             (999, 1000, 0.9, 0.9952650064245002, 0.999948708021091),
         ] {
-            let found = bounds(k, n, c).expect("bounds");
-            assert_near(found.lower, smallest);
-            assert_near(found.upper, largest);
+            let actual = bounds(k, n, c).expect("bounds");
+            assert_near(actual.lower, smallest);
+            assert_near(actual.upper, largest);
         }
     }
 
     #[test]
-    fn a_single_success_has_a_closed_lower_bound() {
+    fn the_lower_bound_of_a_single_success_has_a_closed_form() {
         // P(X >= 1) = 1 - (1 - p)^n = a, so that p = 1 - (1 - a)^(1/n).
         for n in [2, 10, 1000, 10_000_000, 1 << 50] {
-            let wanted = -libm::expm1(libm::log1p(-0.01) / n as f64);
-            assert_near(lower(1, n, 0.99), wanted);
+            let expected = -libm::expm1(libm::log1p(-0.01) / n as f64);
+            assert_near(lower(1, n, 0.99), expected);
         }
     }
 
     #[test]
-    fn enormous_counts_have_the_bounds_of_a_normal_distribution() {
+    fn bounds_of_large_counts_approach_the_normal_distribution() {
         // p - 3.7190164854556804 sqrt(p q / n), with scipy.stats.norm.isf(1e-4).
         let (n, p) = (1_000_000_000_000_000, 0.1);
-        let wanted = p - 3.7190164854556804 * (p * (1.0 - p) / n as f64).sqrt();
-        assert_near(lower(n / 10, n, 0.9999), wanted);
+        let expected = p - 3.7190164854556804 * (p * (1.0 - p) / n as f64).sqrt();
+        assert_near(lower(n / 10, n, 0.9999), expected);
         assert!(upper(u64::MAX / 3, u64::MAX, 0.95) > 1.0 / 3.0);
     }
 
     #[test]
-    fn counts_that_cannot_be_have_no_bounds() {
+    fn impossible_counts_have_no_bounds() {
         for (k, n, c) in [
             (0, 0, 0.95),
             (2, 1, 0.95),
@@ -275,10 +275,10 @@ mod tests {
         #[test]
         fn bounds_lie_around_the_rate(n in 1u64.., share in 0.0..=1.0, c in 0.5..0.999999) {
             let k = n.min((share * n as f64) as u64);
-            let found = bounds(k, n, c).expect("bounds");
+            let actual = bounds(k, n, c).expect("bounds");
             let rate = k as f64 / n as f64;
-            prop_assert!(0.0 <= found.lower && found.lower <= rate * (1.0 + 1e-12));
-            prop_assert!(rate * (1.0 - 1e-12) <= found.upper && found.upper <= 1.0);
+            prop_assert!(0.0 <= actual.lower && actual.lower <= rate * (1.0 + 1e-12));
+            prop_assert!(rate * (1.0 - 1e-12) <= actual.upper && actual.upper <= 1.0);
         }
     }
 }

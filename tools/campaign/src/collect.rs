@@ -1,8 +1,9 @@
-//! All parts of a campaign in one pass: the digest over its rows, one table of them, and whatever else looks at them.
+//! Single pass over all parts of a campaign: computes the digest of the rows, writes them as one table and feeds
+//! other consumers.
 //!
-//! The digest is BLAKE3 over the cells of all rows in the order of cases, each cell as
-//! [`Values::feed`](crate::table::Values::feed) has it: the same on one core or many, under any engine, and after
-//! accidents. It does not depend on the form of the files.
+//! The digest is BLAKE3 over the cells of all rows in the order of cases, with each cell encoded by
+//! [`Values::feed`](crate::table::Values::feed). It is the same for any number of cores, for any engine and after
+//! interruptions, and does not depend on the file format.
 
 use std::io::{self, Write};
 use std::num::NonZero;
@@ -15,26 +16,26 @@ use crate::shard::part::{Part, circumstance_columns};
 use crate::shard::{PartError, Shard};
 use crate::table::{CLASS, Column, ColumnKind, LOST, TableError, Writer, sealed};
 
-/// A campaign's rows, collected.
+/// Summary of the collected rows of a campaign.
 #[derive(Clone, Debug, Default)]
 pub struct Collected {
     /// Number of rows.
     pub rows: u64,
-    /// Digest over all rows; none unless every case has one.
+    /// Digest over all rows; `None` unless every case has one.
     pub digest: Option<String>,
     /// Shards without a result.
     pub missing: Vec<u64>,
-    /// Shards whose result is broken, which counts as none, with what is wrong.
+    /// Shards with a broken result, which counts as missing, with the error.
     pub broken: Vec<(u64, String)>,
     /// Cases that were set aside.
     pub lost: Vec<u64>,
 }
 
-/// Reads the parts in the order of cases and hands each on. Changes nothing in the folder. As many parts as there are
-/// cores are read, checked and unpacked meanwhile, and as many wait at most.
+/// Reads the parts in the order of cases and passes each to `take`, without changing the folder. Up to one part per
+/// core is read, checked and unpacked at a time, and as many finished parts wait.
 ///
 /// # Errors
-/// If a part cannot be read, or what it is handed to fails.
+/// If a part cannot be read, or if the consumer fails.
 pub fn pass(
     folder: &Folder,
     mut take: impl FnMut(&Part) -> Result<(), TableError>,
@@ -47,7 +48,7 @@ pub fn pass(
     let mut hasher = blake3::Hasher::new();
     let mut collected = Collected::default();
     thread::scope(|scope| {
-        // Of as many shards in a row as there are readers each reads one.
+        // Readers take the shards in turn: with `n` readers each reads every `n`-th shard.
         let readers = (0..shards).take(cores).map(|first| {
             let (send, receive) = sync_channel(1);
             scope.spawn(move || {
@@ -96,21 +97,21 @@ pub fn pass(
     Ok(collected)
 }
 
-/// Joins the parts: rows of results into one table, their circumstances into another; and hands each on. Changes
-/// nothing in the folder. Both tables are to be [sealed](crate::table::sealed::seal).
+/// Joins all parts: writes the results to one table and the circumstances to another, and passes each part on. Does
+/// not change the folder. Both tables still have to be [sealed](crate::table::sealed::seal).
 ///
 /// # Errors
-/// If a table cannot be written, or a part not be read.
+/// If a table cannot be written or a part cannot be read.
 pub fn collect<W: Write + Send, V: Write + Send>(
     folder: &Folder,
     results: W,
     circumstances: V,
     mut take: impl FnMut(&Part),
 ) -> Result<(Collected, W, V), TableError> {
-    let mut own = vec![Column::new("case", ColumnKind::Count)];
-    own.extend(circumstance_columns());
+    let mut columns = vec![Column::new("case", ColumnKind::Count)];
+    columns.extend(circumstance_columns());
     let mut table = Writer::new(results, &folder.manifest().columns)?;
-    let mut second = Writer::new(circumstances, &own)?;
+    let mut second = Writer::new(circumstances, &columns)?;
     let collected = pass(folder, |part| {
         take(part);
         table.extend(&part.results().iter().collect::<Vec<_>>())?;
@@ -126,7 +127,7 @@ pub fn collect<W: Write + Send, V: Write + Send>(
     Ok((collected, results, circumstances))
 }
 
-/// Joins the curves of all shards that have a result; counts those whose curves are missing.
+/// Joins the curves of all shards that have a result; also counts the shards whose curves are missing.
 ///
 /// # Errors
 /// If a file cannot be read.

@@ -1,7 +1,7 @@
-//! Curves of many cases: pictures, no results.
+//! Curves of many cases, which serve only for plots.
 //!
-//! A shard keeps the envelope of its cases, the curves of some draws, which stand for all, and those of the worst
-//! cases. Rows, digest and comparisons know nothing of it: a shard whose curves are lost still has its result.
+//! A shard stores the envelope of its cases, the curves of a sample of draws, and those of the worst cases. Rows,
+//! digest and comparisons do not depend on them: a shard whose curves are lost still has its result.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -16,54 +16,54 @@ use crate::journal;
 use crate::manifest::Manifest;
 use crate::table::{CLASS, LOST, Row};
 
-/// Name of the file in the folder of a shard.
+/// Name of the curves file in the folder of a shard.
 pub(crate) const CURVES: &str = "curves.json";
-/// Class of cases whose values grow beyond every scale.
+/// Class of cases whose values diverge.
 const DIVERGED: &str = "diverged";
-/// First part of the names of columns with margins.
+/// Prefix of the names of margin columns.
 const MARGIN: &str = "robustness.";
 
-/// The case of the least margin.
+/// Case with the least margin.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Worst {
-    /// Variant.
+    /// Name of the variant.
     pub variant: String,
-    /// Requirement.
+    /// Name of the requirement.
     pub requirement: String,
     /// Number of the case.
     pub case: u64,
-    /// Margin.
+    /// Margin of the case.
     pub margin: f64,
-    /// Curve.
+    /// Curve of the case.
     pub curve: Curve,
 }
 
-/// Shard that curves are of.
+/// Shard from which curves come.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Origin {
-    /// Identity of its campaign.
+    /// Identity of the campaign.
     pub campaign: String,
     /// Number of the shard.
     pub shard: u64,
 }
 
-/// Curves of a shard, or of several.
+/// Curves of one or more shards.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Curves {
     /// Least and greatest values of all cases of each variant.
     pub envelopes: BTreeMap<String, Curve>,
-    /// Curves of the draws that stand for all, by case.
+    /// Curves of the sampled draws, by case.
     pub sampled: BTreeMap<u64, Curve>,
-    /// The worst case of each variant and requirement.
+    /// Worst case of each variant and requirement.
     pub worst: Vec<Worst>,
-    /// Shard that they are of; none of several, and of files of earlier versions.
+    /// Shard of the curves; `None` for joined shards, and in files of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<Origin>,
 }
 
 impl Curves {
-    /// Takes the curve of a case by its row; tells whether anything is different now, so that it must be kept.
-    /// Cases that diverged or have no result leave no curve: one of them would hide all others.
+    /// Adds the curve of a case, given its row; returns `true` if the curves changed, so that the curve must be
+    /// journaled. Ignores cases that diverged or have no result: a single one would hide all others.
     pub(crate) fn take(&mut self, manifest: &Manifest, row: &Row, curve: &Curve) -> bool {
         let Some(grid) = manifest.curves.as_ref().filter(|grid| curve.fits(grid)) else {
             return false;
@@ -97,7 +97,7 @@ impl Curves {
         is_needed
     }
 
-    /// Takes those of another shard.
+    /// Adds the curves of another shard.
     pub(crate) fn join(&mut self, other: Self) {
         for (variant, curve) in &other.envelopes {
             self.widen(variant, curve);
@@ -118,17 +118,17 @@ impl Curves {
         }
     }
 
-    /// Keeps a case if it is worse than the one that is known; of equal ones the first.
+    /// Retains a case if it is worse than the current worst one; of equal ones the first.
     fn worse(&mut self, new: Worst) -> bool {
-        let is_of = |known: &&mut Worst| {
-            (&known.variant, &known.requirement) == (&new.variant, &new.requirement)
+        let is_of = |current: &&mut Worst| {
+            (&current.variant, &current.requirement) == (&new.variant, &new.requirement)
         };
         match self.worst.iter_mut().find(is_of) {
-            Some(known) => {
-                let order = new.margin.total_cmp(&known.margin);
-                let is_worse = order.then(new.case.cmp(&known.case)).is_lt();
+            Some(current) => {
+                let order = new.margin.total_cmp(&current.margin);
+                let is_worse = order.then(new.case.cmp(&current.case)).is_lt();
                 if is_worse {
-                    *known = new;
+                    *current = new;
                 }
                 is_worse
             }
@@ -139,14 +139,14 @@ impl Curves {
         }
     }
 
-    /// Returns `true` if they are of a shard: by the origin that they name, and by their cases.
+    /// Returns `true` if the curves belong to the shard, judging by their origin and by their cases.
     fn is_of(&self, folder: &Folder, number: u64) -> bool {
         let is_it =
             |origin: &Origin| origin.shard == number && folder.has_results_of(&origin.campaign);
-        let known = folder.manifest().cases_of(number);
+        let expected = folder.manifest().cases_of(number);
         let worst = self.worst.iter().map(|worst| worst.case);
         let mut cases = self.sampled.keys().copied().chain(worst);
-        self.origin.as_ref().is_none_or(is_it) && cases.all(|case| known.contains(&case))
+        self.origin.as_ref().is_none_or(is_it) && cases.all(|case| expected.contains(&case))
     }
 
     fn fits(&self, grid: &Grid) -> bool {
@@ -155,7 +155,7 @@ impl Curves {
         all.chain(worst).all(|curve| curve.fits(grid))
     }
 
-    /// Writes them into the folder of a shard, with its name.
+    /// Writes the curves into the folder of a shard, with their origin.
     pub(crate) fn write(&mut self, shard: &Path, folder: &Folder, number: u64) -> io::Result<()> {
         self.origin = Some(Origin {
             campaign: folder.id().into(),
@@ -166,11 +166,11 @@ impl Curves {
         let part = journal::unfinished(shard)?;
         part.as_file().write_all(text.as_bytes())?;
         part.as_file().sync_all()?;
-        let written = part.persist(shard.join(CURVES));
-        written.map(|_| ()).map_err(|error| error.error)
+        let result = part.persist(shard.join(CURVES));
+        result.map(|_| ()).map_err(|error| error.error)
     }
 
-    /// Reads those of a shard; none if they are not there, not whole, or of another shard.
+    /// Reads the curves of a shard; `None` if they are missing, damaged or of another shard.
     pub(crate) fn read(
         shard: &Path,
         folder: &Folder,

@@ -1,8 +1,8 @@
 //! Values of the cases of a campaign.
 //!
-//! Case `i` is a pure function of the study, with its seed and number of draws, and of `i`: whoever computes it,
-//! on whatever machine and in whatever order, gets the same bits. Independent draws and Sobol' points do not
-//! depend on the number of draws either.
+//! Case `i` is a pure function of `i` and the study, including its seed and number of draws: it has the same bits on
+//! every machine and in any order of computation. Independent draws and Sobol' points do not depend on the number of
+//! draws either.
 
 use hil_config::expression::{Columns, Group, Program};
 use hil_config::problem::Problems;
@@ -12,31 +12,31 @@ use shared_types::random::RandomStream;
 use crate::table::Cell;
 use crate::{normal, permutation, sobol, truncated};
 
-/// Begin of the flag that gives a case its seed.
+/// Prefix of the flag that sets the seed of a case.
 const SEED: &str = "run.seed=";
-/// Largest seed of a case plus 1: a number that JSON and TOML carry exactly.
+/// Upper bound (exclusive) of the seed of a case: JSON and TOML represent smaller integers exactly.
 const SEEDS: f64 = (1_u64 << 53) as f64;
 
 const _: () = assert!(
     MOST_SOBOL == sobol::MOST_DIMENSIONS,
-    "a study admits no more"
+    "the sampler must support the dimensions of every study"
 );
 
-/// Values of a study, ready to be drawn.
+/// Sampler of a study's varied values.
 pub struct Draws {
     study: Study,
     sources: Vec<Source>,
-    /// Lower triangle of the Cholesky factor of the correlations, for the places in `normals`.
+    /// Lower triangle of the Cholesky factor of the correlations between the values in `normals`.
     factor: Vec<Vec<f64>>,
-    /// Varied values that have correlations.
+    /// Indices of the varied values with correlations.
     normals: Vec<usize>,
 }
 
 /// Source of a varied value.
 enum Source {
-    /// The random number of this dimension; the key is that of a permutation or a shift.
+    /// Random number of this dimension; the key selects a permutation or a shift.
     Random { dimension: usize, key: u64 },
-    /// Values before it, by their columns.
+    /// Expression over earlier values, by their columns.
     Computed { program: Program, from: Vec<usize> },
 }
 
@@ -52,7 +52,7 @@ pub enum Drawn {
 }
 
 impl Drawn {
-    /// Writes it as `--set` takes it.
+    /// Formats the value as `--set` accepts it.
     #[must_use]
     pub fn toml(&self) -> String {
         match self {
@@ -63,7 +63,7 @@ impl Drawn {
         }
     }
 
-    /// Makes the cell of a table of it.
+    /// Converts the value to a table cell.
     #[must_use]
     pub fn cell(&self) -> Cell {
         match self {
@@ -84,10 +84,10 @@ impl Drawn {
 }
 
 impl Draws {
-    /// Prepares the draws of a study.
+    /// Prepares the sampler of a study.
     ///
     /// # Errors
-    /// If its correlations cannot be those of any values.
+    /// If the matrix of correlations is not positive definite.
     pub fn new(study: Study) -> Result<Self, Problems> {
         let mut columns = Columns::default();
         let mut places = Vec::new();
@@ -132,7 +132,7 @@ impl Draws {
         &self.study
     }
 
-    /// Returns the draw and the variant of a case: draws follow each other, each with all variants.
+    /// Returns the draw and the variant of a case: the cases of one draw, one per variant, are consecutive.
     #[must_use]
     pub fn of_case(&self, case: u64) -> (u64, usize) {
         let variants = self.study.variants.len() as u64;
@@ -147,7 +147,7 @@ impl Draws {
         (RandomStream::new(self.study.seed, &path).uniform() * SEEDS) as u64
     }
 
-    /// Draws the varied values of a draw, in their order.
+    /// Draws the varied values of a draw, in the order of the study.
     #[must_use]
     pub fn values(&self, draw: u64) -> Vec<Drawn> {
         let mut uniform: Vec<f64> = self
@@ -179,20 +179,20 @@ impl Draws {
         values
     }
 
-    /// Returns the flags that make a case of the scenario, in the order in which they are applied.
+    /// Returns the `--set` flags that turn the scenario into a case, in the order of application.
     #[must_use]
     pub fn flags(&self, case: u64) -> Vec<String> {
         let (draw, variant) = self.of_case(case);
         self.flags_of(variant, self.seed(draw), &self.values(draw))
     }
 
-    /// Returns the seed that a case with these values runs with: the one of the study, or else the drawn one.
+    /// Returns the seed of a case with these values: the study's own if it sets one, otherwise the drawn one.
     #[must_use]
     pub fn seed_of(&self, variant: usize, drawn: u64, values: &[Drawn]) -> u64 {
         let flags = self.flags_of(variant, drawn, values);
-        let given = flags.iter().find_map(|flag| flag.strip_prefix(SEED));
-        // TOML may have `_` between digits.
-        given
+        let own_seed = flags.iter().find_map(|flag| flag.strip_prefix(SEED));
+        // TOML allows `_` between digits.
+        own_seed
             .and_then(|seed| seed.trim().replace('_', "").parse().ok())
             .unwrap_or_default()
     }
@@ -223,7 +223,7 @@ impl Draws {
         };
         match self.study.sampling {
             Sampling::Grid => 0.5,
-            // Half a step up: neither 0 nor 1 has a finite normal quantile.
+            // Moved up by half a step: the normal quantile is infinite at 0 and 1.
             Sampling::Independent => random("independent") + 0.5 / SEEDS,
             Sampling::LatinHypercube => {
                 let draws = self.study.draws;
@@ -239,7 +239,8 @@ impl Draws {
         }
     }
 
-    /// Returns the entry of a list in a grid, the last value changing fastest; elsewhere the drawn one.
+    /// Returns the index of a list entry: by position in a grid, where the last value changes fastest, and drawn
+    /// otherwise.
     fn chosen(&self, draw: u64, place: usize, drawn: usize) -> usize {
         if self.study.sampling != Sampling::Grid {
             return drawn;
@@ -278,7 +279,7 @@ fn key(seed: u64, name: &str) -> u64 {
     (half(stream.uniform()) << 32) | half(stream.uniform())
 }
 
-/// Returns the value of a distribution at the probability `u`.
+/// Returns the quantile of a distribution at the probability `u`.
 fn value(spread: &Spread, u: f64) -> f64 {
     let inside = |value: f64, [min, max]: [f64; 2]| {
         let value = if value < min { min } else { value };
@@ -308,31 +309,31 @@ fn value(spread: &Spread, u: f64) -> f64 {
     }
 }
 
-/// Returns the whole number of a distribution at the probability `u`: of uniform ones each has the same share of the
-/// probabilities, others are rounded.
+/// Returns the integer of a distribution at the probability `u`: all integers of a uniform one have the same share of
+/// the probabilities; values of others are rounded.
 fn whole(spread: &Spread, u: f64) -> f64 {
     match *spread {
         Spread::Uniform { min, max } => {
             let number = libm::floor(min + (max - min + 1.0) * u);
-            // The last number may be one too far where the sum is rounded.
+            // Rounding of the sum may pass the last number by one.
             if number < max { number } else { max }
         }
         _ => rounded(value(spread, u)),
     }
 }
 
-/// Rounds to the nearest whole number, halves away from zero. None is a negative zero.
+/// Rounds to the nearest integer, halves away from zero; never returns a negative zero.
 fn rounded(value: f64) -> f64 {
     libm::round(value) + 0.0
 }
 
-/// Returns the lower triangle `L` with `L L' = R` for the matrix `R` of correlations (Golub and Van Loan, Matrix
+/// Computes the lower triangle `L` with `L L' = R` for the matrix `R` of correlations (Golub and Van Loan, Matrix
 /// Computations, 4th ed., algorithm 4.2.1).
 fn factor(study: &Study, normals: &[usize]) -> Result<Vec<Vec<f64>>, Problems> {
     let correlation = |row: usize, column: usize| {
         let of = [normals[column], normals[row]];
-        let found = study.correlations.iter().find(|one| one.of == of);
-        found.map_or(0.0, |one| one.coefficient)
+        let correlation = study.correlations.iter().find(|one| one.of == of);
+        correlation.map_or(0.0, |one| one.coefficient)
     };
     let mut factor: Vec<Vec<f64>> = Vec::new();
     for (row, place) in normals.iter().enumerate() {

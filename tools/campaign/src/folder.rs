@@ -1,7 +1,7 @@
-//! The folder of a campaign: its manifest, what is there, and what is missing.
+//! A campaign's folder: its manifest, its shards and the conflicts between results.
 //!
-//! Nothing in it is decided by clocks, process numbers or times of files; hosts that share it need links and locks
-//! of the file system, which are tried when it is planned.
+//! No decision depends on clocks, process IDs or file times. Hosts that share a folder need hard links and locks from
+//! the file system; planning a campaign tests both.
 
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
@@ -13,9 +13,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::manifest::{Copied, Manifest, ManifestError};
 
-/// Folder of the shards.
+/// Subfolder of the shards.
 pub const SHARDS: &str = "shards";
-/// Folder of results that contradict earlier ones.
+/// Subfolder of results that contradict earlier ones.
 pub const CONFLICTS: &str = "conflicts";
 
 /// A campaign's folder.
@@ -27,18 +27,18 @@ pub struct Folder {
     id: String,
 }
 
-/// Two results of one case that are not the same.
+/// Conflict between two results of the same case.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Conflict {
-    /// The case.
+    /// Case number.
     pub case: u64,
     /// First column that differs.
     pub column: String,
-    /// Value that counts.
+    /// Value of the result that counts.
     pub first: String,
-    /// The other value.
+    /// Value of the other result.
     pub second: String,
-    /// Machine and attempt of the other value.
+    /// Host and attempt of the other result.
     pub by: String,
 }
 
@@ -53,7 +53,7 @@ impl std::fmt::Display for Conflict {
         } = self;
         write!(
             f,
-            "case {case} came out twice and not the same: {column} is {first}, and {second} by {by}"
+            "case {case} has two different results: {column} is {first}, but {second} from {by}"
         )
     }
 }
@@ -62,7 +62,7 @@ impl Folder {
     /// Opens the folder of a campaign.
     ///
     /// # Errors
-    /// If it is none.
+    /// If the folder has no readable manifest.
     pub fn open(path: &Path) -> Result<Self, ManifestError> {
         let (manifest, is_sealed) = Manifest::read_sealed(path)?;
         Ok(Self {
@@ -73,48 +73,48 @@ impl Folder {
         })
     }
 
-    /// Returns its path.
+    /// Returns the path of the folder.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Returns its manifest.
+    /// Returns the manifest of the campaign.
     #[must_use]
     pub const fn manifest(&self) -> &Manifest {
         &self.manifest
     }
 
-    /// Returns `true` if its manifest has a check sum, so that its identity can be relied on.
+    /// Returns `true` if the manifest has a check sum, so that the campaign's identity can be relied on.
     #[must_use]
     pub const fn is_sealed(&self) -> bool {
         self.is_sealed
     }
 
-    /// Returns the identity of its campaign.
+    /// Returns the identity of the campaign.
     #[must_use]
     pub fn id(&self) -> &str {
         &self.id
     }
 
-    /// Tells whether results with this identity are those of its campaign: its own, or of one that it grew from.
+    /// Returns `true` if `id` identifies this campaign or one that it grew from, so that its results are valid here.
     #[must_use]
     pub fn has_results_of(&self, id: &str) -> bool {
         self.id == id || self.manifest.grown.iter().any(|stage| stage.id == id)
     }
 
-    /// Checks the copies in it by their hashes.
+    /// Verifies the hashes of all copied files.
     ///
     /// # Errors
-    /// With the name of the first that is not as it was.
+    /// If a copy cannot be read or has changed; the message names the first one.
     pub fn check(&self) -> Result<(), String> {
         self.check_copies(self.manifest.files())
     }
 
-    /// Checks some of the copies in it by their hashes.
+    /// Verifies the hashes of some of the copied files.
     ///
     /// # Errors
-    /// With the name of the first that is not as it was.
+    /// If a copy cannot be read or has changed; the message names the first one.
     pub fn check_copies<'a>(
         &self,
         files: impl IntoIterator<Item = &'a Copied>,
@@ -124,10 +124,10 @@ impl Folder {
             let mut hasher = blake3::Hasher::new();
             let hashed = File::open(&path).and_then(|file| io::copy(&mut &file, &mut hasher));
             hashed.map_err(|error| format!("{}: {error}", path.display()))?;
-            let found = hasher.finalize().to_hex();
-            if *found != *file.blake3 {
+            let actual = hasher.finalize().to_hex();
+            if *actual != *file.blake3 {
                 return Err(format!(
-                    "{} has hash {found}, and the campaign was planned with {}",
+                    "{} has hash {actual}, and the campaign was planned with {}",
                     path.display(),
                     file.blake3
                 ));
@@ -136,7 +136,7 @@ impl Folder {
         Ok(())
     }
 
-    /// Notes a contradiction.
+    /// Records a conflict.
     ///
     /// # Errors
     /// If it cannot be written.
@@ -148,7 +148,7 @@ impl Folder {
         let path = folder.join(format!("{:09}-{}.json", conflict.case, &hash[..8]));
         let mut part = tempfile::Builder::new()
             .prefix(".")
-            // Less what the process's mask takes away, as of any new file.
+            // The umask applies, as for any new file.
             .permissions(fs::Permissions::from_mode(0o666))
             .tempfile_in(&folder)?;
         part.write_all(&text)?;
@@ -156,7 +156,7 @@ impl Folder {
         part.persist(path).map(|_| ()).map_err(|error| error.error)
     }
 
-    /// Lists the contradictions so far.
+    /// Lists the conflicts recorded so far.
     ///
     /// # Errors
     /// If the folder cannot be read.
@@ -182,34 +182,34 @@ impl Folder {
     }
 }
 
-/// Checks that a folder's file system has what workers need: links, and locks that another descriptor sees.
+/// Checks that the file system of a folder supports what workers need: hard links, and locks across descriptors.
 ///
 /// # Errors
-/// With what it lacks.
+/// If the folder cannot be written or a feature is missing; the message names the feature.
 pub fn try_out(folder: &Path) -> Result<(), String> {
-    let shown = folder.display();
+    let folder_text = folder.display();
     let lacks = |what: &str, error: &dyn std::fmt::Display| {
         format!(
-            "the file system of {shown} has no {what} ({error}); campaigns need them to count each case once"
+            "the file system of {folder_text} has no {what} ({error}); campaigns need them to count each case once"
         )
     };
     let probe = tempfile::Builder::new()
         .prefix(".probe-")
         .tempfile_in(folder);
-    let probe = probe.map_err(|error| format!("cannot write to {shown}: {error}"))?;
+    let probe = probe.map_err(|error| format!("cannot write to {folder_text}: {error}"))?;
     let other = probe.path().with_extension("link");
     let linked = fs::hard_link(probe.path(), &other);
     let again = fs::hard_link(probe.path(), &other);
-    let _ = fs::remove_file(&other); // it may not be there
+    let _ = fs::remove_file(&other); // may not exist
     linked.map_err(|error| lacks("links", &error))?;
     if again.is_ok() {
-        return Err(lacks("links that refuse a second one", &"it was made"));
+        return Err(lacks("exclusive links", &"a second link succeeded"));
     }
     flock(probe.as_file(), FlockOperation::NonBlockingLockExclusive)
         .map_err(|error| lacks("locks", &error))?;
     let second = File::open(probe.path()).map_err(|error| lacks("files", &error))?;
     match flock(&second, FlockOperation::NonBlockingLockShared) {
         Err(_) => Ok(()),
-        Ok(()) => Err(lacks("locks that keep others out", &"both got one")),
+        Ok(()) => Err(lacks("exclusive locks", &"both requests succeeded")),
     }
 }

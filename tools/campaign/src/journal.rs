@@ -1,8 +1,10 @@
-//! The journal of an attempt at a shard: each case before it starts, each row when it is there.
+//! The journal of an attempt at a shard: an entry for each case before it starts, and for each row once it is
+//! computed.
 //!
-//! A line is JSON and the beginning of its hash, so that a torn or damaged line is known and ends what counts. The
-//! owner holds a lock on the file, which the kernel drops with the process: whoever gets the lock knows that the
-//! attempt is dead. Rows of the dead are taken over; rows of the living are read but not waited for.
+//! Each line is JSON followed by the beginning of its hash, so that a torn or damaged line is detected and ends the
+//! valid part. The writer holds a lock on the file that the kernel releases when the process ends: a process that
+//! obtains the lock knows that the attempt is dead. Rows of dead attempts are reused; rows of live attempts are read
+//! without waiting for the rest.
 
 use std::collections::BTreeMap;
 use std::fs::{File, Permissions};
@@ -19,37 +21,37 @@ use tempfile::NamedTempFile;
 use crate::folder::Folder;
 use crate::table::{Cell, Row};
 
-/// Longest time for which rows are not on the disk.
+/// Longest time before rows are synced to disk.
 const UNSYNCED: Duration = Duration::from_millis(200);
-/// First part of the names of files that are not what they are to be yet.
+/// Prefix of the names of files that are not complete yet.
 pub(crate) const UNFINISHED: &str = "unfinished-";
-/// First and last part of the names of journals.
+/// Prefix and suffix of the names of journals.
 pub(crate) const PREFIX: &str = "attempt-";
 const SUFFIX: &str = ".journal";
 
-/// A line.
+/// Line of a journal.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 enum Line {
-    /// First line: the campaign, and where the attempt is made.
+    /// First line: the campaign, and the host of the attempt.
     Of { campaign: String, host: String },
-    /// A case starts.
+    /// Start of a case.
     Start(u64),
-    /// A case is left, through no fault of its own.
+    /// Case abandoned because the worker was asked to end; does not count as a failed try.
     Left(u64),
-    /// A case ended.
+    /// End of a case.
     Row {
         wall_s: f64,
         cells: Row,
         #[serde(default, skip_serializing_if = "Option::is_none")]
         curve: Option<Curve>,
-        /// Maker of a row that this attempt did not make.
+        /// Origin of a row that this attempt reuses from another.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         by: Option<Maker>,
     },
 }
 
-/// Maker of a row.
+/// Origin of a row.
 #[derive(Debug, Serialize, Deserialize)]
 struct Maker {
     host: String,
@@ -57,20 +59,20 @@ struct Maker {
     tries: u64,
 }
 
-/// Circumstances of a row, which may differ from one run of its case to the next.
+/// Data about the computation of a row that may differ between runs of the same case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Circumstances {
-    /// Time that the case took, in s.
+    /// Wall-clock time of the case, in s.
     pub wall_s: f64,
-    /// Machine that it ran on.
+    /// Host of the case.
     pub host: String,
     /// Name of the attempt.
     pub attempt: String,
-    /// Attempts that started it, this one included.
+    /// Number of attempts that started the case, including this one.
     pub tries: u64,
 }
 
-/// A journal being written.
+/// Journal open for writing.
 pub struct Journal {
     file: File,
     path: PathBuf,
@@ -80,31 +82,31 @@ pub struct Journal {
 }
 
 /// Content of a journal.
-pub(crate) struct Found {
+pub(crate) struct JournalContent {
     pub(crate) path: PathBuf,
-    /// True if nobody writes it any more.
+    /// Set if the writer has ended.
     pub(crate) is_dead: bool,
     pub(crate) started: Vec<u64>,
     pub(crate) rows: BTreeMap<u64, (Row, Circumstances)>,
-    /// Curves of those cases that need one kept.
+    /// Curves of the cases that need one retained.
     pub(crate) curves: BTreeMap<u64, Curve>,
 }
 
 impl Journal {
-    /// Begins a journal in the folder of a shard.
+    /// Creates a journal in the folder of a shard.
     ///
     /// # Errors
-    /// If it cannot be written or locked.
+    /// If the file cannot be written or locked.
     pub fn begin(shard: &Path, campaign: &str) -> io::Result<Self> {
         let (file, path) = loop {
-            // Nobody may see it as a journal before it is locked: it would look dead.
+            // The file must not be visible as a journal before it is locked: it would look dead.
             let (file, unfinished) = unfinished(shard)?.into_parts();
             let name = unfinished.file_name().unwrap_or_default().to_string_lossy();
             let name = name.replace(UNFINISHED, PREFIX) + SUFFIX;
             let path = shard.join(name);
             match unfinished.persist(&path) {
                 Ok(()) => break (file, path),
-                // Swept away before it was locked.
+                // Removed by a cleanup before it was locked.
                 Err(error) if error.error.kind() == io::ErrorKind::NotFound => {}
                 Err(error) => return Err(error.error),
             }
@@ -127,27 +129,27 @@ impl Journal {
         Ok(journal)
     }
 
-    /// Notes that a case starts.
+    /// Records the start of a case.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// If the journal cannot be written.
     pub fn start(&mut self, case: u64) -> io::Result<()> {
         self.write(&Line::Start(case))
     }
 
-    /// Notes that a case that started is left: its worker is asked to end.
+    /// Records that a started case is abandoned because the worker was asked to end.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// If the journal cannot be written.
     pub fn leave(&mut self, case: u64) -> io::Result<()> {
         self.write(&Line::Left(case))
     }
 
-    /// Notes the row of a case, and its curve if that must be kept; it is on the disk soon, and at once if the case
-    /// took long.
+    /// Records the row of a case, and its curve if that must be retained. The entry is synced to disk soon, and at
+    /// once after a long case.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// If the journal cannot be written.
     pub fn row(&mut self, cells: &Row, wall_s: f64, curve: Option<Curve>) -> io::Result<()> {
         self.write(&Line::Row {
             wall_s,
@@ -161,10 +163,10 @@ impl Journal {
         Ok(())
     }
 
-    /// Notes a row that an earlier attempt made.
+    /// Records a row that an earlier attempt computed.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// If the journal cannot be written.
     pub(crate) fn keep(&mut self, cells: &Row, of: &Circumstances) -> io::Result<()> {
         self.write(&Line::Row {
             wall_s: of.wall_s,
@@ -178,23 +180,23 @@ impl Journal {
         })
     }
 
-    /// Writes all notes to the disk.
+    /// Syncs all entries to disk.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// If the journal cannot be written.
     pub(crate) fn sync(&mut self) -> io::Result<()> {
         self.file.sync_data()?;
         self.synced = Instant::now();
         Ok(())
     }
 
-    /// Returns its name.
+    /// Returns the name of the journal.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Returns the machine that it is written on.
+    /// Returns the host of the attempt.
     #[must_use]
     pub fn host(&self) -> &str {
         &self.host
@@ -211,32 +213,32 @@ impl Journal {
     }
 }
 
-/// Makes a locked file in the folder of a shard that is not what it is to be yet: sweepers leave alone what is locked.
+/// Creates a locked temporary file in the folder of a shard; cleanups leave locked files alone.
 pub(crate) fn unfinished(shard: &Path) -> io::Result<NamedTempFile> {
-    let made = tempfile::Builder::new()
+    let file = tempfile::Builder::new()
         .prefix(UNFINISHED)
         .rand_bytes(10)
         .append(true)
-        // Less what the process's mask takes away, as of any new file.
+        // The umask applies, as for any new file.
         .permissions(Permissions::from_mode(0o666))
         .tempfile_in(shard)?;
-    flock(made.as_file(), FlockOperation::LockExclusive)?;
-    Ok(made)
+    flock(file.as_file(), FlockOperation::LockExclusive)?;
+    Ok(file)
 }
 
 fn sum(text: &str) -> String {
     blake3::hash(text.as_bytes()).to_hex()[..16].to_owned()
 }
 
-/// Makes the end of a line: its sum.
+/// Formats the end of a line: its check sum.
 pub(crate) fn sealed(json: &str) -> String {
     format!(" {}\n", sum(json))
 }
 
-/// Takes the end off a line; none if it is not whole.
+/// Verifies and strips the check sum of a line; `None` if the line is incomplete or damaged.
 pub(crate) fn unsealed(line: &str) -> Option<&str> {
-    let (json, told) = line.strip_suffix('\n')?.rsplit_once(' ')?;
-    (told == sum(json)).then_some(json)
+    let (json, sum_text) = line.strip_suffix('\n')?.rsplit_once(' ')?;
+    (sum_text == sum(json)).then_some(json)
 }
 
 fn name_of(path: &Path) -> String {
@@ -247,28 +249,29 @@ fn name_of(path: &Path) -> String {
 
 /// Lists the journals of a shard.
 pub(crate) fn paths(shard: &Path) -> io::Result<Vec<PathBuf>> {
-    let mut found = Vec::new();
+    let mut paths = Vec::new();
     for entry in std::fs::read_dir(shard)? {
         let path = entry?.path();
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         if name.starts_with(PREFIX) && name.ends_with(SUFFIX) {
-            found.push(path);
+            paths.push(path);
         }
     }
-    found.sort();
-    Ok(found)
+    paths.sort();
+    Ok(paths)
 }
 
-/// Reads a journal of this campaign, up to the first line that is not whole; none if it is gone or another's.
-pub(crate) fn read(path: &Path, folder: &Folder) -> io::Result<Option<Found>> {
+/// Reads a journal of this campaign up to the first invalid line; `None` if it is gone or belongs to another
+/// campaign.
+pub(crate) fn read(path: &Path, folder: &Folder) -> io::Result<Option<JournalContent>> {
     let mut file = match File::open(path) {
         Ok(file) => file,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         Err(error) => return Err(error),
     };
-    // Asked before it is read: what the dead wrote is all there is.
+    // Checked before reading: the content of a dead attempt is final.
     let is_dead = flock(&file, FlockOperation::NonBlockingLockShared).is_ok();
-    // Not by its name: the attempt may end meanwhile, and remove it.
+    // Read through the descriptor: the attempt may end meanwhile and remove the file.
     let mut text = Vec::new();
     file.read_to_end(&mut text)?;
     let text = String::from_utf8_lossy(&text);
@@ -280,7 +283,7 @@ pub(crate) fn read(path: &Path, folder: &Folder) -> io::Result<Option<Found>> {
     if !folder.has_results_of(&of) {
         return Ok(None);
     }
-    let mut found = Found {
+    let mut content = JournalContent {
         path: path.to_owned(),
         is_dead,
         started: Vec::new(),
@@ -289,10 +292,10 @@ pub(crate) fn read(path: &Path, folder: &Folder) -> io::Result<Option<Found>> {
     };
     for line in lines {
         match line {
-            Line::Start(case) => found.started.push(case),
+            Line::Start(case) => content.started.push(case),
             Line::Left(case) => {
-                let last = found.started.iter().rposition(|started| *started == case);
-                last.map(|last| found.started.remove(last));
+                let last = content.started.iter().rposition(|started| *started == case);
+                last.map(|last| content.started.remove(last));
             }
             Line::Row {
                 wall_s,
@@ -301,7 +304,7 @@ pub(crate) fn read(path: &Path, folder: &Folder) -> io::Result<Option<Found>> {
                 by,
             } => {
                 let case = cells.first().map_or(0, Cell::as_count);
-                found.curves.extend(curve.map(|curve| (case, curve)));
+                content.curves.extend(curve.map(|curve| (case, curve)));
                 let by = by.unwrap_or_else(|| Maker {
                     host: host.clone(),
                     attempt: name_of(path),
@@ -313,10 +316,10 @@ pub(crate) fn read(path: &Path, folder: &Folder) -> io::Result<Option<Found>> {
                     attempt: by.attempt,
                     tries: by.tries,
                 };
-                found.rows.insert(case, (cells, circumstances));
+                content.rows.insert(case, (cells, circumstances));
             }
             Line::Of { .. } => break,
         }
     }
-    Ok(Some(found))
+    Ok(Some(content))
 }

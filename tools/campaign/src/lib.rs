@@ -1,20 +1,22 @@
-//! Campaigns: very many runs of one scenario whose values vary, as the folder that all workers share.
+//! Campaigns: large numbers of runs of one scenario with varied values, organised as a folder that all workers share.
 //!
-//! The folder is the protocol. Whoever starts workers, and on which machine, is nobody's business here; what has
-//! no result is missing, and any worker may compute it.
+//! The folder is the protocol. Workers may be started by any means on any machine: a case without a result is
+//! missing, and any worker may compute it.
 //!
-//! 1. [`Draws`](draws::Draws) gives the values of each case, a pure function of study and case number.
-//! 2. A [`Manifest`](manifest::Manifest) says what a folder is for: study, scenario and programs by their hashes.
-//! 3. A worker claims a [`Shard`](shard::Shard), some cases in a row, notes every [`Row`](table::Row) in the journal
-//!    of its attempt, and publishes the whole once: the first result counts, and a second one is compared.
-//! 4. [`collect`] joins the parts into one [table] and gives the campaign's digest.
-//! 5. [`curves`] over time are pictures beside it, for the report alone.
-//! 6. Statistics say what follows: [`binomial`] bounds of probabilities, bounds of quantiles ([`order`]), [`rank`]
-//!    correlation, [`mcnemar`]'s test.
-//! 7. [`command`] is the verb, `hil campaign`, above all of these: it alone knows scenarios, programs and runs.
+//! 1. [`Draws`](draws::Draws) computes the values of each case, a pure function of the study and the case number.
+//! 2. A [`Manifest`](manifest::Manifest) identifies the campaign: study, scenario and programs by their hashes.
+//! 3. A worker claims a [`Shard`](shard::Shard), a block of consecutive cases, appends every [`Row`](table::Row) to
+//!    the journal of its attempt, and publishes the finished shard once. The first result counts; a later one is
+//!    compared with it.
+//! 4. [`collect`] joins the published parts into one [table] and computes the campaign's digest.
+//! 5. [`curves`] over time are stored beside the table and used only for the plots of the report.
+//! 6. The statistics are [`binomial`] bounds of probabilities, bounds of quantiles ([`order`]), [`rank`] correlation
+//!    and [`mcnemar`]'s test.
+//! 7. [`command`] implements the verb `hil campaign` on top of these; only this module knows scenarios, programs and
+//!    runs.
 //!
-//! No run is made here: that is [`hil_run`]. Below [`command`], of `hil-config` only studies and their expressions are
-//! used; no scenario is checked and no plant is known.
+//! Runs themselves are executed by [`hil_run`]. Apart from [`command`], the modules use only the studies and
+//! expressions of `hil-config`; they check no scenario and know no plant.
 
 #![expect(
     rustdoc::private_intra_doc_links,

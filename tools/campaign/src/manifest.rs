@@ -1,10 +1,11 @@
-//! The manifest of a campaign: the purpose of its folder, by names and hashes.
+//! The manifest of a campaign: identifies the folder's content by names and hashes.
 //!
-//! Written once when a campaign is planned, read by everybody who works on it. What follows from it is the same
-//! on every machine; times, hosts and engines never stand in it.
+//! `plan` and `grow` write it, and all other verbs read it. Everything derived from it is the same on every machine;
+//! it contains no times, hosts or engines.
 //!
-//! A key `blake3` has the hash of the whole file, taken with zeros in the place of its digits: a campaign whose
-//! manifest is damaged would take its own results for those of another one. A manifest of an earlier version has none.
+//! The key `blake3` holds the hash of the whole file, computed with zeros in place of its digits: with a damaged
+//! manifest a campaign would mistake its own results for those of another one. Manifests of earlier versions lack the
+//! key.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -17,9 +18,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::table::Column;
 
-/// Version of the folder's form.
+/// Version of the folder format.
 pub const SCHEMA: u32 = 1;
-/// Version of the form of a folder whose campaign grew.
+/// Version of the folder format for campaigns that grew.
 pub const GROWN: u32 = 2;
 
 /// A file of the folder.
@@ -31,57 +32,57 @@ pub struct Copied {
     pub blake3: String,
 }
 
-/// An earlier extent of a campaign that grew.
+/// Earlier extent of a campaign that grew.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stage {
-    /// Identity of the campaign then, which its parts still have.
+    /// Identity of the campaign at this stage, which the parts written then carry.
     pub id: String,
-    /// Number of cases then.
+    /// Number of cases up to and including this stage.
     pub cases: u64,
-    /// Number of cases in each shard that it added.
+    /// Number of cases in each shard that this stage added.
     pub shard_cases: u64,
 }
 
-/// Purpose of a folder.
+/// Content of a campaign's manifest.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
-    /// Version of the folder's form.
+    /// Version of the folder format.
     pub schema: u32,
     /// Name of the study.
     pub name: String,
     /// Number of cases.
     pub cases: u64,
-    /// Number of cases in a shard, of a campaign that grew in those of its last growth; the last may have fewer.
+    /// Number of cases per shard, of the last growth if the campaign grew; the last shard may have fewer.
     pub shard_cases: u64,
-    /// Extents before it grew, the first one first. Their shards stay as they are.
+    /// Earlier extents, oldest first; their shards stay as they are.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub grown: Vec<Stage>,
     /// The study.
     pub study: Copied,
     /// The scenario.
     pub scenario: Copied,
-    /// Copies of the tables of points that scenario and study name, by their names there.
+    /// Copies of the point tables that the scenario and the study refer to, by the names used there.
     pub tables: BTreeMap<String, Copied>,
-    /// The program that works on it.
+    /// Copy of `hil`, which runs the cases.
     pub hil: Copied,
-    /// Plant program; none for a plant that is built into `hil`.
+    /// Plant program; `None` for a plant that is built into `hil`.
     pub plant: Option<Copied>,
-    /// Controller program; none for a law that is built into `hil`.
+    /// Controller program; `None` for a law that is built into `hil`.
     pub controller: Option<Copied>,
-    /// Plant and controller program that run a case of what is built into `hil` in two processes; none if they were
-    /// not beside it. No row of the campaign comes from them.
+    /// Plant and controller programs that can run a case of built-in plant and law in two processes; `None` if they
+    /// were not beside `hil`. They never compute rows of the campaign.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pair: Option<[Copied; 2]>,
     /// Columns of the table of results.
     pub columns: Vec<Column>,
-    /// Signals whose curves are kept for the report.
+    /// Grid of the signals whose curves are recorded for the report.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curves: Option<Grid>,
-    /// Time in s that a case took when the campaign was planned; nothing but the size of jobs depends on it.
+    /// Duration of a case, measured during planning, in s; determines only the size of jobs.
     pub case_s: f64,
 }
 
-/// A manifest as the file has it.
+/// Manifest with its check sum, as stored in the file.
 #[derive(Serialize)]
 struct Sealed<'a> {
     #[serde(flatten)]
@@ -89,31 +90,31 @@ struct Sealed<'a> {
     blake3: &'a str,
 }
 
-/// The check sum of a manifest's file.
+/// Check sum of a manifest file.
 #[derive(Deserialize)]
 struct Seal {
     blake3: Option<String>,
 }
 
-/// Digits that stand for the check sum while it is taken.
+/// Placeholder for the check sum while it is computed.
 const NO_SUM: &str = "0000000000000000000000000000000000000000000000000000000000000000";
 
-/// Reason for which a manifest is none.
+/// Error of reading a manifest.
 #[derive(Debug, thiserror::Error)]
 pub enum ManifestError {
     /// The file cannot be read.
-    #[error("{0} is no folder of a campaign: {1}; `hil campaign plan STUDY -o DIR` makes one")]
+    #[error("{0} is not a campaign folder: {1}; `hil campaign plan STUDY -o DIR` creates one")]
     Absent(String, std::io::Error),
-    /// The file cannot be understood.
-    #[error("{0}/{MANIFEST} is broken: {1}")]
+    /// The file cannot be parsed.
+    #[error("{0}/{MANIFEST} is invalid: {1}")]
     Broken(String, serde_json::Error),
-    /// The check sum is that of another content.
+    /// The check sum does not match the content.
     #[error(
-        "{0}/{MANIFEST} is damaged: its check sum is not that of its content; no result was touched, so put the file back as it was"
+        "{0}/{MANIFEST} is damaged: its check sum does not match its content; no result was changed; restore the file"
     )]
     Damaged(String),
-    /// The folder has another form.
-    #[error("{0} has form {1}, and this hil knows the forms {SCHEMA} and {GROWN}")]
+    /// The format version is not supported.
+    #[error("{0} has format version {1}; this hil supports the versions {SCHEMA} and {GROWN}")]
     Version(String, u32),
 }
 
@@ -121,44 +122,44 @@ impl Manifest {
     /// Reads the manifest of a folder.
     ///
     /// # Errors
-    /// If there is none, or it cannot be understood.
+    /// If the file is missing or invalid.
     pub fn read(folder: &Path) -> Result<Self, ManifestError> {
         Self::read_sealed(folder).map(|(manifest, _)| manifest)
     }
 
-    /// Reads the manifest of a folder; `true` beside it if it has a check sum, which is right.
+    /// Reads the manifest of a folder; also returns `true` if it has a check sum, which then matches.
     ///
     /// # Errors
-    /// If there is none, or it cannot be understood, or its check sum is another.
+    /// If the file is missing or invalid, or its check sum does not match.
     pub fn read_sealed(folder: &Path) -> Result<(Self, bool), ManifestError> {
-        let shown = || folder.display().to_string();
+        let folder_text = || folder.display().to_string();
         let text = std::fs::read(folder.join(MANIFEST))
-            .map_err(|error| ManifestError::Absent(shown(), error))?;
-        let broken = |error| ManifestError::Broken(shown(), error);
+            .map_err(|error| ManifestError::Absent(folder_text(), error))?;
+        let broken = |error| ManifestError::Broken(folder_text(), error);
         let Seal { blake3: sum } = serde_json::from_slice(&text).map_err(broken)?;
         if let Some(sum) = &sum {
             let text = String::from_utf8_lossy(&text);
             let unsealed = text.replacen(sum.as_str(), NO_SUM, 1);
             if *blake3::hash(unsealed.as_bytes()).to_hex() != **sum {
-                return Err(ManifestError::Damaged(shown()));
+                return Err(ManifestError::Damaged(folder_text()));
             }
         }
         let manifest: Self = serde_json::from_slice(&text).map_err(broken)?;
         if ![SCHEMA, GROWN].contains(&manifest.schema) {
-            return Err(ManifestError::Version(shown(), manifest.schema));
+            return Err(ManifestError::Version(folder_text(), manifest.schema));
         }
         let is_sound = |(cases, size): (Range<u64>, u64)| size > 0 && cases.start <= cases.end;
         if !manifest.extents().all(is_sound) {
-            let error = serde_json::Error::custom("its shards cannot be counted");
-            return Err(ManifestError::Broken(shown(), error));
+            let error = serde_json::Error::custom("its shards are inconsistent");
+            return Err(ManifestError::Broken(folder_text(), error));
         }
         Ok((manifest, sum.is_some()))
     }
 
-    /// Writes the text of the file, with its check sum.
+    /// Formats the manifest as the text of the file, with its check sum.
     ///
     /// # Errors
-    /// If it cannot be written as JSON.
+    /// If it cannot be serialised.
     pub fn sealed_text(&self) -> serde_json::Result<String> {
         let text = |blake3| {
             serde_json::to_string_pretty(&Sealed {
@@ -169,7 +170,7 @@ impl Manifest {
         text(&blake3::hash(text(NO_SUM)?.as_bytes()).to_hex())
     }
 
-    /// Identity of the campaign: a hash over everything that its results follow from.
+    /// Returns the identity of the campaign: a hash over everything that determines its results.
     #[must_use]
     pub fn id(&self) -> String {
         let same = Self {
@@ -181,13 +182,13 @@ impl Manifest {
         blake3::hash(&text).to_hex().to_string()
     }
 
-    /// Returns the place of a column of the results.
+    /// Returns the index of a column of results.
     #[must_use]
     pub fn place(&self, name: &str) -> Option<usize> {
         self.columns.iter().position(|column| column.name == name)
     }
 
-    /// Cases of each extent, with the number of them in a shard.
+    /// Iterates over the extents: the cases of each and their number per shard.
     fn extents(&self) -> impl Iterator<Item = (Range<u64>, u64)> {
         let stages = self
             .grown
@@ -199,14 +200,14 @@ impl Manifest {
         })
     }
 
-    /// Number of shards.
+    /// Returns the number of shards.
     #[must_use]
     pub fn shards(&self) -> u64 {
         let extents = self.extents();
         extents.map(|(cases, size)| shards_of(&cases, size)).sum()
     }
 
-    /// Cases of a shard; none of one that is not there.
+    /// Returns the cases of a shard; empty for a shard that does not exist.
     #[must_use]
     pub fn cases_of(&self, shard: u64) -> Range<u64> {
         let mut before = 0;
@@ -222,7 +223,7 @@ impl Manifest {
         self.cases..self.cases
     }
 
-    /// Shard of a case.
+    /// Returns the shard of a case.
     #[must_use]
     pub fn shard_of(&self, case: u64) -> u64 {
         let extents = self.extents().map(|(cases, size)| match case {
@@ -233,14 +234,15 @@ impl Manifest {
         extents.sum()
     }
 
-    /// Number of cases of some shards.
+    /// Counts the cases of the given shards.
     #[must_use]
     pub fn count(&self, shards: &[u64]) -> u64 {
         let cases = shards.iter().map(|shard| self.cases_of(*shard));
         cases.map(|cases| cases.end - cases.start).sum()
     }
 
-    /// Files that cases are made of, with their hashes. `hil` is not among them: a worker looks at itself.
+    /// Iterates over the files that determine the cases, with their hashes. `hil` is not among them: a worker checks
+    /// its own executable.
     pub fn files(&self) -> impl Iterator<Item = &Copied> {
         [&self.study, &self.scenario]
             .into_iter()
@@ -249,7 +251,7 @@ impl Manifest {
             .chain(&self.controller)
     }
 
-    /// Plant and controller program of a case in two processes, if there are copies of them.
+    /// Returns the copies of plant and controller program for a case in two processes, if they exist.
     #[must_use]
     pub fn both(&self) -> Option<[&Copied; 2]> {
         match (&self.plant, &self.controller, &self.pair) {
@@ -265,7 +267,7 @@ const fn shards_of(cases: &Range<u64>, size: u64) -> u64 {
     (cases.end - cases.start).div_ceil(size)
 }
 
-/// Names of the differences between two manifests, for a person.
+/// Describes the differences between two manifests for a person.
 #[must_use]
 pub fn differences(one: &Manifest, other: &Manifest) -> Vec<String> {
     let copied = |file: Option<&Copied>| file.map_or("none".into(), |file| file.blake3.clone());
@@ -280,15 +282,15 @@ pub fn differences(one: &Manifest, other: &Manifest) -> Vec<String> {
             other.controller.as_ref(),
         ),
     ];
-    let mut found: Vec<String> = (pairs.into_iter())
+    let mut differences: Vec<String> = (pairs.into_iter())
         .map(|(what, one, other)| (what, copied(one), copied(other)))
         .filter(|(_, one, other)| one != other)
         .map(|(what, one, other)| format!("{what}: {} and {}", short(&one), short(&other)))
         .collect();
     if one.tables != other.tables {
-        found.push("tables of points".into());
+        differences.push("tables of points".into());
     }
-    found
+    differences
 }
 
 /// First digits of a hash.

@@ -1,17 +1,17 @@
 //! McNemar's exact test of two controllers over the same runs.
 //!
-//! The comparison of two campaigns calls [`exact`] with the runs on which they differ. Runs on which
-//! both agree say nothing about the difference, and are not asked for.
+//! The comparison of two campaigns calls [`exact`] with the number of runs on which they differ. Runs with equal
+//! verdicts carry no information about the difference and are not needed.
 
 use crate::tail::at_least;
 
-/// Probability, if both are equally good, of counts at least as uneven as these.
+/// Probability of counts at least as uneven as these if both controllers are equally good.
 ///
-/// `P = 2 P(X >= max(b, c))`, at most 1, for a binomial `X` of `b + c` trials with the probability 0.5,
-/// where `b` and `c` are the runs that only the first or only the second passed (Q. McNemar,
-/// Psychometrika 12 (1947) 153-157, in the exact form of W. J. Conover, Practical Nonparametric
-/// Statistics, 3rd ed. 1999, sections 3.4 and 3.5; valid for any counts). Equal counts, and none, give
-/// 1; probabilities below 5e-324 give 0, and a sum of the counts beyond 2^64 counts as 2^64 - 1.
+/// `P = 2 P(X >= max(b, c))`, at most 1, for a binomial `X` of `b + c` trials with the probability 0.5, where `b` and
+/// `c` are the numbers of runs that only the first or only the second passed (Q. McNemar, Psychometrika 12 (1947)
+/// 153-157, in the exact form of W. J. Conover, Practical Nonparametric Statistics, 3rd ed. 1999, sections 3.4 and
+/// 3.5; valid for any counts). Equal counts, including zero, give 1; probabilities below 5e-324 give 0, and a sum of
+/// the counts beyond 2^64 is taken as 2^64 - 1.
 #[must_use]
 pub fn exact(first_only: u64, second_only: u64) -> f64 {
     if first_only == second_only {
@@ -29,7 +29,7 @@ mod tests {
     #[test]
     fn probabilities_are_those_of_the_binomial_test() {
         // scipy.stats.binomtest(b, b + c, 0.5).pvalue
-        for (b, c, wanted) in [
+        for (b, c, expected) in [
             (0, 1, 1.0),
             (0, 6, 0.03125),
             (3, 9, 0.14599609375),
@@ -39,12 +39,12 @@ mod tests {
             (1_000_000, 997_000, 0.033820459839196446),
             (1_000_000, 999_999, 1.0),
         ] {
-            let found = exact(b, c);
+            let actual = exact(b, c);
             assert!(
-                (found - wanted).abs() <= 1e-11 * wanted,
-                "{found}, not {wanted}"
+                (actual - expected).abs() <= 1e-11 * expected,
+                "{actual}, not {expected}"
             );
-            assert_eq!(found, exact(c, b));
+            assert_eq!(actual, exact(c, b));
         }
     }
 
@@ -56,10 +56,10 @@ mod tests {
     }
 
     #[test]
-    fn only_one_winner_is_a_power_of_two() {
+    fn a_one_sided_difference_gives_a_power_of_two() {
         for n in [1, 2, 10, 52, 100] {
-            let wanted = libm::exp2(1.0 - n as f64);
-            assert!((exact(n, 0) - wanted).abs() <= 1e-13 * wanted);
+            let expected = libm::exp2(1.0 - n as f64);
+            assert!((exact(n, 0) - expected).abs() <= 1e-13 * expected);
         }
     }
 

@@ -1,11 +1,11 @@
 //! The normal distribution.
 //!
-//! The sampler calls these functions to turn a probability into a value; the intervals of the report
-//! use the same ones. Nothing here draws a random number.
+//! The sampler uses these functions to turn a probability into a value; the intervals of the report use them as well.
+//! They draw no random numbers.
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
-/// Deviations from the mean beyond which the tail is taken in logarithms; the probability there is about
+/// Number of standard deviations beyond which the tail is computed in logarithms. The probability there is about
 /// 5e-198, so that both sides of the limit are far from underflow.
 pub(crate) const FAR: f64 = 30.0;
 
@@ -94,11 +94,11 @@ pub fn cumulative(z: f64) -> f64 {
     0.5 * libm::erfc(-z * FRAC_1_SQRT_2)
 }
 
-/// Standard normal value below which a share `p` of all values lies.
+/// Quantile of the standard normal distribution: the value below which a share `p` of all values lies.
 ///
-/// `z = Phi^-1(p)` by three rational functions (M. J. Wichura, Algorithm AS 241, routine PPND16,
-/// Applied Statistics 37 (1988) 477-484; valid for `0 < p < 1`, to a share of 1e-15). 0 gives
-/// minus infinity, 1 gives infinity, and everything outside gives NaN.
+/// `z = Phi^-1(p)` by three rational functions (M. J. Wichura, Algorithm AS 241, routine PPND16, Applied Statistics
+/// 37 (1988) 477-484; valid for `0 < p < 1`, with a relative error of 1e-15). 0 gives minus infinity, 1 gives
+/// infinity, and other values give NaN.
 #[must_use]
 pub fn quantile(p: f64) -> f64 {
     if !(0.0..=1.0).contains(&p) {
@@ -125,11 +125,11 @@ pub fn quantile(p: f64) -> f64 {
     if q < 0.0 { -z } else { z }
 }
 
-/// Upper tail of the standard normal distribution over its density.
+/// Upper tail of the standard normal distribution divided by its density (Mills ratio).
 ///
-/// `M(z) = (1 - Phi(z)) / phi(z) = 1/(z + 1/(z + 2/(z + 3/(z + ..))))` (Abramowitz and Stegun,
-/// eq. 26.2.14, cut after 30 terms; valid for `z >= 30`, to the last bits). Infinity gives 0; below 30
-/// the fraction would need more terms.
+/// `M(z) = (1 - Phi(z)) / phi(z) = 1/(z + 1/(z + 2/(z + 3/(z + ..))))` (Abramowitz and Stegun, eq. 26.2.14, truncated
+/// after 30 terms; valid for `z >= 30`, to the last bits). Infinity gives 0; the fraction would need more terms below
+/// 30.
 pub(crate) fn mills(z: f64) -> f64 {
     let terms = (1..=30).rev().map(f64::from);
     1.0 / terms.fold(z, |rest, term| z + term / rest)
@@ -160,15 +160,15 @@ pub(crate) mod tests {
 
     const INF: f64 = f64::INFINITY;
 
-    pub(crate) fn assert_near(found: f64, wanted: f64, share: f64) {
-        let is_near = (found - wanted).abs() <= share * wanted.abs();
-        assert!(is_near, "{found:e}, not {wanted:e}");
+    pub(crate) fn assert_near(actual: f64, expected: f64, share: f64) {
+        let is_near = (actual - expected).abs() <= share * expected.abs();
+        assert!(is_near, "{actual:e}, not {expected:e}");
     }
 
     #[test]
     fn both_tails_keep_their_digits() {
         // scipy.special.ndtr(z)
-        for (z, wanted, share) in [
+        for (z, expected, share) in [
             (-37.0, 5.7255712225239266e-300, 3e-13),
             (-20.0, 2.7536241186061556e-89, 5e-14),
             (-8.0, 6.22096057427174e-16, 1e-14),
@@ -180,7 +180,7 @@ pub(crate) mod tests {
             (5.0, 0.9999997133484281, 1e-15),
             (8.0, 0.9999999999999993, 1e-15),
         ] {
-            assert_near(cumulative(z), wanted, share);
+            assert_near(cumulative(z), expected, share);
         }
         assert_eq!((cumulative(-INF), cumulative(INF)), (0.0, 1.0));
     }
@@ -188,7 +188,7 @@ pub(crate) mod tests {
     #[test]
     fn quantiles_agree_with_scipy_to_the_last_bits() {
         // scipy.special.ndtri(p)
-        for (p, wanted) in [
+        for (p, expected) in [
             (1e-300, -37.0470962993612),
             (1e-100, -21.273453560965322),
             (1e-20, -9.262340089798409),
@@ -201,7 +201,7 @@ pub(crate) mod tests {
             (0.95, 1.6448536269514722),
             (0.999, 3.090232306167813),
         ] {
-            assert_near(quantile(p), wanted, 1e-15);
+            assert_near(quantile(p), expected, 1e-15);
         }
         assert_eq!((quantile(0.0), quantile(1.0)), (-INF, INF));
         assert_eq!(quantile(0.5), 0.0);

@@ -1,20 +1,20 @@
-//! Quantiles of a sample, and bounds for those of its distribution.
+//! Quantiles of a sample, and confidence bounds for the quantiles of its distribution.
 //!
-//! The report calls both functions for every result of a campaign. No distribution is assumed, and no
-//! value needs to be finite.
+//! The report calls both functions for every result of a campaign. They assume no distribution and accept infinite
+//! values.
 
 use crate::tail::at_least;
 
-/// Share by which a risk may exceed its half: the rounding of a tail that should be exactly there.
+/// Relative excess over half of the risk that a tail may have due to rounding.
 const ROUNDING: f64 = 1e-12;
 
-/// Quantile of values in ascending order, with a straight line between neighbours.
+/// Quantile of values in ascending order, by linear interpolation between neighbours.
 ///
-/// `x = x_j + (x_(j+1) - x_j) g` with `j + g = (n - 1) p`, counted from 0 (R. J. Hyndman and Y. Fan,
-/// Sample Quantiles in Statistical Packages, Am. Stat. 50 (1996) 361-365, definition 7, the default of
-/// numpy.quantile; valid for `0 <= p <= 1`). An infinite neighbour gives infinity, unless the quantile
-/// lies on the other one; between minus infinity and infinity there is NaN. No values, NaN beside the
-/// quantile, and `p` outside of 0 to 1 give NaN. Values in any other order give some value of no meaning.
+/// `x = x_j + (x_(j+1) - x_j) g` with `j + g = (n - 1) p`, counted from 0 (R. J. Hyndman and Y. Fan, Sample Quantiles
+/// in Statistical Packages, Am. Stat. 50 (1996) 361-365, definition 7, the default of numpy.quantile; valid for `0 <=
+/// p <= 1`). An infinite neighbour gives infinity, unless the quantile coincides with the other neighbour; a quantile
+/// between minus infinity and infinity is NaN. An empty slice, a NaN neighbour, and `p` outside 0 to 1 give NaN.
+/// Values in any other order give a meaningless result.
 #[must_use]
 pub fn quantile(sorted: &[f64], p: f64) -> f64 {
     if sorted.is_empty() || !(0.0..=1.0).contains(&p) {
@@ -22,7 +22,7 @@ pub fn quantile(sorted: &[f64], p: f64) -> f64 {
     }
     let last = sorted.len() - 1;
     let place = last as f64 * p;
-    // The conversion saturates, and only rounding of a length beyond 2^53 could pass the last one.
+    // The conversion saturates; only rounding for a length beyond 2^53 could exceed the last index.
     let j = (place as usize).clamp(0, last);
     let g = place - libm::floor(place);
     let a = sorted[j];
@@ -38,10 +38,10 @@ fn between(a: f64, b: f64, g: f64) -> f64 {
     }
     let gap = b - a;
     if gap.is_infinite() {
-        // Either an end is infinite, or only the gap between two large values of either sign.
+        // Either an end is infinite, or only the difference of two large values of opposite sign is.
         return a * (1.0 - g) + b * g;
     }
-    // From the nearer end, as numpy does: the line ends exactly at both.
+    // Interpolating from the nearer end, as numpy does, is exact at both ends.
     if g < 0.5 {
         a + gap * g
     } else {
@@ -49,14 +49,13 @@ fn between(a: f64, b: f64, g: f64) -> f64 {
     }
 }
 
-/// Places, counted from 0, of the two values of a sorted sample that bound a quantile of its distribution.
+/// Indices, counted from 0, of the two values of a sorted sample that bound a quantile of its distribution.
 ///
-/// The largest `l` with `P(X <= l) <= a/2` and the smallest `u` with `P(X > u) <= a/2` for a binomial `X`
-/// of `count` trials with the probability `p`, and `a = 1 - confidence` (G. J. Hahn and W. Q. Meeker,
-/// Statistical Intervals, 1991, section 5.2; W. J. Conover, Practical Nonparametric Statistics, 3rd ed.
-/// 1999, section 3.2; valid for any distribution and independent values, `0 < p < 1` and
-/// `0 < confidence < 1`). `None` outside of that, and for a sample too small for half of the risk on
-/// each side.
+/// The largest `l` with `P(X <= l) <= a/2` and the smallest `u` with `P(X > u) <= a/2` for a binomial `X` of `count`
+/// trials with the probability `p`, and `a = 1 - confidence` (G. J. Hahn and W. Q. Meeker, Statistical Intervals,
+/// 1991, section 5.2; W. J. Conover, Practical Nonparametric Statistics, 3rd ed. 1999, section 3.2; valid for any
+/// distribution and independent values, `0 < p < 1` and `0 < confidence < 1`). `None` outside this range, and for a
+/// sample too small to have half of the risk on each side.
 #[must_use]
 pub fn quantile_bounds(count: u64, p: f64, confidence: f64) -> Option<(u64, u64)> {
     let is_share = |share: f64| share > 0.0 && share < 1.0;
@@ -65,18 +64,18 @@ pub fn quantile_bounds(count: u64, p: f64, confidence: f64) -> Option<(u64, u64)
     }
     let q = 1.0 - p;
     let risk = 0.5 * (1.0 - confidence) * (1.0 + ROUNDING);
-    // As many failures as leave few enough successes, and the other way round.
+    // The lower bound follows from the count of failures, the upper bound from that of successes.
     let fewest_failures = smallest(count, q, p, risk)?;
     let fewest_successes = smallest(count, p, q, risk)?;
     Some((count - fewest_failures, fewest_successes - 1))
 }
 
-/// The smallest `k` from 1 to `n` with `P(X >= k) <= risk`; `None` if there is none.
+/// Finds the smallest `k` from 1 to `n` with `P(X >= k) <= risk`.
 fn smallest(n: u64, p: f64, q: f64, risk: f64) -> Option<u64> {
     if n == 0 || at_least(n, n, p, q) > risk {
         return None;
     }
-    // 0 successes are always reached, n seldom enough.
+    // Zero successes are always reached, `n` rarely often enough.
     let (mut above, mut below) = (0, n);
     while below - above > 1 {
         let middle = above + (below - above) / 2;
@@ -96,10 +95,10 @@ mod tests {
     const INF: f64 = f64::INFINITY;
 
     #[test]
-    fn quantiles_are_those_of_numpy() {
+    fn quantiles_agree_with_numpy() {
         let values = [-3.0, -1.5, 0.0, 0.1, 2.0, 7.0, 7.0, 11.0];
         // numpy.quantile(values, p)
-        for (p, wanted) in [
+        for (p, expected) in [
             (0.0, -3.0),
             (0.05, -2.475),
             (0.1, -1.95),
@@ -110,12 +109,12 @@ mod tests {
             (0.99, 10.719999999999999),
             (1.0, 11.0),
         ] {
-            assert_eq!(quantile(&values, p), wanted, "{p}");
+            assert_eq!(quantile(&values, p), expected, "{p}");
         }
     }
 
     #[test]
-    fn infinite_ends_are_reached_only_by_their_neighbourhood() {
+    fn an_infinite_value_affects_only_adjacent_quantiles() {
         let values = [-INF, 1.0, 2.0, 3.0, INF];
         assert_eq!(quantile(&values, 0.0), -INF);
         assert_eq!(quantile(&values, 0.1), -INF);
@@ -128,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn no_value_or_no_share_gives_no_number() {
+    fn an_empty_sample_or_an_invalid_share_gives_nan() {
         assert!(quantile(&[], 0.5).is_nan());
         assert!(quantile(&[1.0], 1.1).is_nan() && quantile(&[1.0], f64::NAN).is_nan());
         assert!(quantile(&[1.0, f64::NAN], 0.5).is_nan());
@@ -137,9 +136,9 @@ mod tests {
     }
 
     #[test]
-    fn bounds_of_a_quantile_take_half_of_the_risk_each() {
+    fn quantile_bounds_leave_half_of_the_risk_on_each_side() {
         // scipy.stats.binom.cdf(l, n, p) and binom.sf(u, n, p), both at most (1 - confidence) / 2
-        for (count, p, confidence, wanted) in [
+        for (count, p, confidence, expected) in [
             (100, 0.5, 0.95, Some((39, 60))),
             (1000, 0.9, 0.95, Some((880, 918))),
             (10_000, 0.01, 0.99, Some((74, 127))),
@@ -149,18 +148,22 @@ mod tests {
             (6, 0.5, 0.95, Some((0, 5))),
             (5, 0.5, 0.95, None),
         ] {
-            assert_eq!(quantile_bounds(count, p, confidence), wanted, "{count} {p}");
+            assert_eq!(
+                quantile_bounds(count, p, confidence),
+                expected,
+                "{count} {p}"
+            );
         }
     }
 
     #[test]
-    fn a_tail_of_exactly_half_of_the_risk_is_enough() {
+    fn a_tail_of_exactly_half_of_the_risk_is_accepted() {
         // 2 / 2^5 is 1 - 0.9375.
         assert_eq!(quantile_bounds(5, 0.5, 0.9375), Some((0, 4)));
     }
 
     #[test]
-    fn bounds_without_meaning_are_none() {
+    fn bounds_of_invalid_arguments_are_none() {
         for (p, confidence) in [
             (0.0, 0.9),
             (1.0, 0.9),
@@ -172,7 +175,7 @@ mod tests {
         }
         assert_eq!(quantile_bounds(0, 0.5, 0.9), None);
         assert_eq!(quantile_bounds(1, 0.5, 0.9), None);
-        // Only that the search ends, for a count that no sample has.
+        // Checks only that the search ends for a count beyond any sample.
         assert!(quantile_bounds(u64::MAX, 0.5, 0.9).is_some());
     }
 }

@@ -1,20 +1,19 @@
-//! A shuffled order of any number of things, without a list of them.
+//! Pseudo-random permutations of any number of items, computed without storing them.
 //!
-//! The sampler calls [`permuted`] to pair the strata of one parameter with those of another. Every index
-//! is computed alone, in any order and on any machine. The order is no secret: nothing here is a cipher.
+//! The sampler calls [`permuted`] to pair the strata of one parameter with those of another. Each index is computed
+//! independently, in any order and on any machine. The permutation is not cryptographically secure.
 
-/// Rounds; four are enough for a random function (Luby and Rackoff), more for halves of a few bits.
+/// Number of rounds; four suffice for random round functions (Luby and Rackoff), halves of a few bits need more.
 const ROUNDS: usize = 8;
 /// Golden ratio as a fraction of 2^64, the increment of splitmix64.
 const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// Place of an index in the order of `count` things that belongs to a key.
+/// Returns the position of `index` in the permutation of `count` items that is selected by `key`.
 ///
-/// A Feistel network over the smallest power of 4 that holds `count`,
-/// `(left, right) -> (right, left xor f_round(right))`, is repeated until the place lies below `count`
-/// (J. Black and P. Rogaway, Ciphers with Arbitrary Finite Domains, CT-RSA 2002, methods 2 and 3; valid
-/// for `index < count`, each of which has a place of its own). On average fewer than four repeats are
-/// needed. An index from `count` on is returned as it is.
+/// A Feistel network over the smallest power of 4 that is at least `count`, `(left, right) -> (right, left xor
+/// f_round(right))`, is iterated until the position lies below `count` (J. Black and P. Rogaway, Ciphers with
+/// Arbitrary Finite Domains, CT-RSA 2002, methods 2 and 3; a bijection for `index < count`). It needs fewer than four
+/// iterations on average. An index of `count` or more is returned unchanged.
 #[must_use]
 pub(crate) fn permuted(index: u64, count: u64, key: u64) -> u64 {
     if count < 2 || index >= count {
@@ -28,7 +27,7 @@ pub(crate) fn permuted(index: u64, count: u64, key: u64) -> u64 {
         state = state.wrapping_add(GOLDEN);
         *round = mixed(state);
     }
-    // The network is a bijection, so that the walk comes back to the index at the latest.
+    // The network is a bijection, so the walk returns to the index at the latest.
     let mut place = crossed(index, half, &keys);
     while place >= count {
         place = crossed(place, half, &keys);
@@ -36,22 +35,22 @@ pub(crate) fn permuted(index: u64, count: u64, key: u64) -> u64 {
     place
 }
 
-/// The Feistel network over `2 half` bits.
+/// Applies the Feistel network over `2 half` bits.
 fn crossed(place: u64, half: u32, keys: &[u64; ROUNDS]) -> u64 {
     let mask = (1 << half) - 1;
     let (mut left, mut right) = (place >> half, place & mask);
     for key in keys {
-        // The highest bits of a mixed number are its best.
+        // The highest bits of the mixed number have the best quality.
         let mask = mixed(right ^ key) >> (u64::BITS - half);
         (left, right) = (right, left ^ mask);
     }
     left << half | right
 }
 
-/// A number with its bits mixed: a bijection of 64 bits in which every bit moves half of the others.
+/// Mixes the bits of a number: a bijection of 64 bits in which each input bit flips half of the output bits.
 ///
-/// Finaliser of splitmix64 (G. L. Steele, D. Lea and C. H. Flood, Fast Splittable Pseudorandom Number
-/// Generators, OOPSLA 2014, with the constants of D. Stafford's variant 13; valid for any number).
+/// Finaliser of splitmix64 (G. L. Steele, D. Lea and C. H. Flood, Fast Splittable Pseudorandom Number Generators,
+/// OOPSLA 2014, with the constants of D. Stafford's variant 13; valid for any number).
 fn mixed(number: u64) -> u64 {
     let z = (number ^ (number >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -67,7 +66,7 @@ mod tests {
     }
 
     #[test]
-    fn every_place_is_taken_once() {
+    fn every_position_is_used_exactly_once() {
         for count in 1..=300 {
             for key in [0, 1, 42, u64::MAX, 0xdead_beef_0bad_cafe] {
                 let mut places = order(count, key);
@@ -78,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn large_counts_have_places_of_their_own() {
+    fn positions_are_distinct_for_large_counts() {
         for count in [u64::from(u32::MAX), 1 << 62, (1 << 63) + 1, u64::MAX] {
             let mut places: Vec<u64> = (0..1000).map(|i| permuted(i, count, 7)).collect();
             places.sort_unstable();
@@ -96,40 +95,40 @@ mod tests {
         assert_eq!(orders.len(), 1000);
     }
 
-    /// Sum of `(found - expected)^2 / expected`.
-    fn chi_square(found: &[u32], expected: f64) -> f64 {
+    /// Chi-square statistic: sum of `(observed - expected)^2 / expected`.
+    fn chi_square(counts: &[u32], expected: f64) -> f64 {
         let square = |&n| (f64::from(n) - expected) * (f64::from(n) - expected);
-        found.iter().map(square).sum::<f64>() / expected
+        counts.iter().map(square).sum::<f64>() / expected
     }
 
     #[test]
-    fn every_index_goes_everywhere_equally_often() {
+    fn every_index_reaches_every_position_equally_often() {
         for index in 0..7 {
-            let mut found = [0; 7];
+            let mut counts = [0; 7];
             for key in 0..10_000 {
-                found[permuted(index, 7, key) as usize] += 1;
+                counts[permuted(index, 7, key) as usize] += 1;
             }
             // scipy.stats.chi2.ppf(0.999, 6)
-            let chi = chi_square(&found, 10_000.0 / 7.0);
+            let chi = chi_square(&counts, 10_000.0 / 7.0);
             assert!(chi < 22.457744484825323, "{chi} for {index}");
         }
     }
 
     #[test]
     fn all_orders_of_four_are_equally_frequent() {
-        let mut found = std::collections::BTreeMap::new();
+        let mut counts = std::collections::BTreeMap::new();
         for key in 0..10_000 {
-            *found.entry(order(4, key)).or_insert(0) += 1;
+            *counts.entry(order(4, key)).or_insert(0) += 1;
         }
-        let found: Vec<u32> = found.into_values().collect();
-        assert_eq!(found.len(), 24);
+        let counts: Vec<u32> = counts.into_values().collect();
+        assert_eq!(counts.len(), 24);
         // scipy.stats.chi2.ppf(0.999, 23)
-        let chi = chi_square(&found, 10_000.0 / 24.0);
+        let chi = chi_square(&counts, 10_000.0 / 24.0);
         assert!(chi < 49.7282324664315, "{chi}");
     }
 
     #[test]
-    fn neighbouring_indices_go_to_unrelated_places() {
+    fn neighbouring_indices_have_unrelated_positions() {
         let count = 10_000;
         let middle = 0.5 * (count - 1) as f64;
         // Variance of 0..count in closed form.
@@ -147,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbouring_keys_give_unrelated_places() {
+    fn neighbouring_keys_give_unrelated_positions() {
         let middle = 499.5;
         let place = |key| permuted(3, 1000, key) as f64 - middle;
         let sum: f64 = (0..10_000).map(|key| place(key) * place(key + 1)).sum();
@@ -156,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn indices_outside_stay_where_they_are() {
+    fn indices_outside_the_range_are_unchanged() {
         assert_eq!(permuted(0, 0, 5), 0);
         assert_eq!(permuted(9, 9, 5), 9);
         assert_eq!(permuted(0, 1, 5), 0);

@@ -1,9 +1,9 @@
 //! Ranks, and the rank correlation between a parameter and a result.
 //!
-//! The report calls [`spearman`] for every pair of a varied parameter and a result. A rank correlation
-//! sees any monotonic relation, and no other.
+//! The report calls [`spearman`] for every pair of a varied parameter and a result. Rank correlation detects
+//! monotonic relations only.
 
-/// Values in ascending order. Both zeros are equal; NaN of either sign is equal to itself and greater than infinity.
+/// Values in ascending order. Both zeros are equal; NaN of either sign equals itself and is greater than infinity.
 #[derive(Debug)]
 pub struct Order(Vec<u128>);
 
@@ -17,14 +17,14 @@ impl Order {
         Self(order)
     }
 
-    /// Returns the places of the values in this order; of equal values the first one comes first.
+    /// Returns the indices of the values in this order; equal values keep their original order.
     pub fn places(&self) -> impl Iterator<Item = usize> {
         self.0.iter().map(|one| place(*one))
     }
 
     /// Ranks of the values, counted from 1; equal values share the mean of their ranks.
     ///
-    /// `r = (first + last) / 2` over the places of equal values in ascending order (M. G. Kendall, Rank
+    /// `r = (first + last) / 2` over the positions of equal values in ascending order (M. G. Kendall, Rank
     /// Correlation Methods, 4th ed. 1970, chapter 3; valid for any values).
     #[must_use]
     pub fn ranks(&self) -> Vec<f64> {
@@ -41,14 +41,14 @@ impl Order {
     }
 }
 
-/// Bits of a sorted value that have its place; those above have its key.
+/// Low bits of a sorted entry that hold the value's index; the high bits hold its key.
 const PLACE: u32 = u64::BITS;
 
 const fn place(one: u128) -> usize {
     one as usize
 }
 
-/// Ranks of values, as [`Order`] has them.
+/// Ranks of values, as [`Order::ranks`] computes them.
 #[must_use]
 pub fn ranks(values: &[f64]) -> Vec<f64> {
     Order::of(values).ranks()
@@ -56,15 +56,15 @@ pub fn ranks(values: &[f64]) -> Vec<f64> {
 
 /// Spearman's rank correlation of two series, from -1 to 1.
 ///
-/// `rho = sum(x y) / sqrt(sum(x^2) sum(y^2))` over the ranks less their mean `(n + 1) / 2` (Kendall, 1970,
-/// chapter 3, with ties; valid from 3 pairs on). `None` for fewer pairs, for series of different
-/// lengths, and if all values of a series are equal.
+/// `rho = sum(x y) / sqrt(sum(x^2) sum(y^2))` over the ranks minus their mean `(n + 1) / 2` (Kendall, 1970, chapter
+/// 3, with ties; valid from 3 pairs on). `None` for fewer pairs, for series of different lengths, and if all values
+/// of a series are equal.
 #[must_use]
 pub fn spearman(x: &[f64], y: &[f64]) -> Option<f64> {
     of_ranks(&ranks(x), &ranks(y))
 }
 
-/// [`spearman`]'s correlation of two series by their [`ranks`], for series that are in several pairs.
+/// [`spearman`]'s correlation of two series given as [`ranks`], for series that occur in several pairs.
 #[must_use]
 pub fn of_ranks(x: &[f64], y: &[f64]) -> Option<f64> {
     if x.len() != y.len() || x.len() < 3 {
@@ -89,14 +89,13 @@ pub fn of_ranks(x: &[f64], y: &[f64]) -> Option<f64> {
     }
 }
 
-/// Spread of values, as a share of the largest size among them, up to which their differences are rounding.
+/// Spread of values, relative to the largest magnitude among them, up to which their differences count as rounding.
 ///
-/// A simulation of many steps repeats a result to some ten digits; a difference in the seventh digit means
-/// nothing to anybody, and is not shown.
+/// A simulation of many steps reproduces a result to some ten digits; a difference in the seventh digit is
+/// meaningless and not shown.
 const ROUNDING: f64 = 1e-6;
 
-/// Returns `true` if finite values differ, and by no more than rounding: by at most a millionth of the largest of
-/// their sizes.
+/// Returns `true` if finite values differ by no more than rounding: by at most a millionth of the largest magnitude.
 #[must_use]
 pub fn is_rounding(values: &[f64]) -> bool {
     let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -105,13 +104,13 @@ pub fn is_rounding(values: &[f64]) -> bool {
         most = if value > most { value } else { most };
     }
     let size = if -least > most { -least } else { most };
-    // Of no values the spread is minus infinity.
+    // The spread of an empty slice is minus infinity.
     let spread = most - least;
     spread > 0.0 && spread <= ROUNDING * size.abs()
 }
 
-/// Number that is greater for a greater value: one for both zeros, and one for NaN, whose sign differs between
-/// machines.
+/// Maps a value to an integer with the same order: both zeros map to one integer, and so do all NaN, whose sign
+/// differs between machines.
 fn key(value: f64) -> u64 {
     let bits = if value == 0.0 {
         0
@@ -120,7 +119,7 @@ fn key(value: f64) -> u64 {
     } else {
         value.to_bits()
     };
-    // Below zero the greater bits are of the lesser value.
+    // For negative values the order of the bits is reversed.
     if bits & SIGN == 0 { bits | SIGN } else { !bits }
 }
 
@@ -159,16 +158,22 @@ mod tests {
     }
 
     #[test]
-    fn correlation_with_ties_is_that_of_scipy() {
+    fn correlation_with_ties_agrees_with_scipy() {
         // scipy.stats.spearmanr(X, Y), and with -Y^2
-        let found = spearman(&X, &Y).expect("a correlation");
-        assert!((found - 0.8416311415311708).abs() < 1e-15, "{found}");
-        let found = spearman(&X, &Y.map(|y| -y * y)).expect("a correlation");
-        assert!((found + 0.8416311415311708).abs() < 1e-15, "{found}");
+        let correlation = spearman(&X, &Y).expect("a correlation");
+        assert!(
+            (correlation - 0.8416311415311708).abs() < 1e-15,
+            "{correlation}"
+        );
+        let correlation = spearman(&X, &Y.map(|y| -y * y)).expect("a correlation");
+        assert!(
+            (correlation + 0.8416311415311708).abs() < 1e-15,
+            "{correlation}"
+        );
     }
 
     #[test]
-    fn any_rising_relation_is_complete() {
+    fn any_strictly_rising_relation_has_correlation_one() {
         let x: Vec<f64> = (0..1000).map(f64::from).collect();
         let rising: Vec<f64> = x.iter().map(|x| x * x * x).collect();
         let falling: Vec<f64> = x.iter().map(|x| 1.0 / (1.0 + x)).collect();
@@ -203,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn too_little_to_compare_has_no_correlation() {
+    fn too_few_pairs_have_no_correlation() {
         assert_eq!(spearman(&[1.0, 2.0], &[1.0, 2.0]), None);
         assert_eq!(spearman(&[1.0, 2.0, 3.0], &[1.0, 2.0]), None);
         assert_eq!(spearman(&[1.0, 2.0, 3.0], &[4.0; 3]), None);

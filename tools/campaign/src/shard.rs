@@ -1,8 +1,8 @@
-//! Shards: cases in a row that one worker computes and publishes as a whole.
+//! Shards: blocks of consecutive cases that one worker computes and publishes as a whole.
 //!
-//! A claim saves work and decides nothing: a shard that two workers compute is published by the one that links its
-//! result first. The other one's rows are compared with it, so that a double execution, which no engine excludes,
-//! becomes a check that runs repeat.
+//! A claim only avoids duplicate work: if two workers compute the same shard, the first to link its result publishes
+//! it. The rows of the other are compared with it, so that a double execution, which no engine rules out, becomes a
+//! check of repeatability.
 
 pub mod attempt;
 pub mod part;
@@ -23,12 +23,12 @@ use crate::table::{self, Row, TableError};
 use attempt::{Attempt, difference};
 use part::Part;
 
-/// Times that a case may end its worker before it is set aside.
+/// Number of times that a case may kill its worker before it is set aside.
 pub const MOST_TRIES: u64 = 3;
-/// Name of a published result.
+/// File name of a published result.
 const PART: &str = "part.parquet";
 
-/// A shard.
+/// Shard of a campaign.
 #[derive(Clone, Copy, Debug)]
 pub struct Shard<'a> {
     folder: &'a Folder,
@@ -43,19 +43,19 @@ pub fn missing(folder: &Folder) -> Vec<u64> {
         .collect()
 }
 
-/// Claim on a shard, until it is dropped or its process ends.
-pub struct Claim(#[expect(dead_code, reason = "held, never read: it has the lock")] File);
+/// Claim on a shard, held until it is dropped or its process ends.
+pub struct Claim(#[expect(dead_code, reason = "never read: holds the lock")] File);
 
-/// Reason for which a part does not count.
+/// Error of reading a part.
 #[derive(Debug, thiserror::Error)]
 pub enum PartError {
-    /// No result.
+    /// The shard has no result.
     #[error("it has no result")]
     Missing,
-    /// Damaged file, or one of another campaign.
-    #[error("its result is broken: {0}")]
+    /// The file is damaged, or belongs to another campaign.
+    #[error("its result is invalid: {0}")]
     Broken(String),
-    /// The system refused.
+    /// An I/O operation failed.
     #[error(transparent)]
     Io(io::Error),
 }
@@ -71,19 +71,19 @@ impl From<TableError> for PartError {
 }
 
 impl<'a> Shard<'a> {
-    /// Makes a shard of a campaign by its number.
+    /// Creates the handle of a shard by its number.
     #[must_use]
     pub const fn of(folder: &'a Folder, number: u64) -> Self {
         Self { folder, number }
     }
 
-    /// Returns its number.
+    /// Returns the number of the shard.
     #[must_use]
     pub const fn number(&self) -> u64 {
         self.number
     }
 
-    /// Returns its cases.
+    /// Returns the cases of the shard.
     #[must_use]
     pub fn cases(&self) -> Range<u64> {
         self.folder.manifest().cases_of(self.number)
@@ -94,18 +94,18 @@ impl<'a> Shard<'a> {
         self.folder.path().join(SHARDS).join(name)
     }
 
-    /// Returns the place of its result.
+    /// Returns the path of the shard's result.
     pub(crate) fn result(&self) -> PathBuf {
         self.path().join(PART)
     }
 
-    /// Tells whether it has a result.
+    /// Returns `true` if the shard has a result.
     #[must_use]
     pub fn is_published(&self) -> bool {
         self.result().exists()
     }
 
-    /// Claims it; none if another worker has it.
+    /// Claims the shard; returns `None` if another worker holds it.
     ///
     /// # Errors
     /// If the folder cannot be written.
@@ -125,7 +125,7 @@ impl<'a> Shard<'a> {
         }
     }
 
-    /// Begins an attempt, with what earlier attempts left.
+    /// Begins an attempt, which starts with the rows of earlier attempts.
     ///
     /// # Errors
     /// If the folder cannot be read or written.
@@ -133,10 +133,10 @@ impl<'a> Shard<'a> {
         Attempt::begin(self)
     }
 
-    /// Counts the rows that there are before the result is published.
+    /// Counts the rows in the journals of a shard without a result; the flag is `true` if an attempt is alive.
     ///
     /// # Errors
-    /// If they cannot be read.
+    /// If the journals cannot be read.
     pub fn begun(&self) -> io::Result<(u64, bool)> {
         let path = self.path();
         let mut cases = BTreeSet::new();
@@ -146,36 +146,36 @@ impl<'a> Shard<'a> {
             paths => paths?,
         };
         for path in paths {
-            if let Some(found) = journal::read(&path, self.folder)? {
-                is_alive |= !found.is_dead;
-                cases.extend(found.rows.into_keys());
+            if let Some(content) = journal::read(&path, self.folder)? {
+                is_alive |= !content.is_dead;
+                cases.extend(content.rows.into_keys());
             }
         }
         Ok((cases.len() as u64, is_alive))
     }
 
-    /// Reads its result.
+    /// Reads the result of the shard.
     ///
     /// # Errors
-    /// If it has none, or one that does not count.
+    /// If the result is missing or invalid.
     pub fn part(&self) -> Result<Part, PartError> {
         let bytes = fs::read(self.result()).map_err(TableError::Io)?;
         Part::read(bytes, self.folder, self.cases())
     }
 
-    /// Reads its curves; none if they are not there, or not whole.
+    /// Reads the curves of the shard; `None` if they are missing or damaged.
     ///
     /// # Errors
-    /// If their file cannot be read.
+    /// If the file cannot be read.
     pub(crate) fn curves(&self, grid: &Grid) -> io::Result<Option<Curves>> {
         Curves::read(&self.path(), self.folder, self.number, grid)
     }
 
-    /// Removes what dead workers left beside its result. Rows among it are compared with the result first, and a
-    /// difference is noted: who died may have had no time for it.
+    /// Removes the files that dead workers left beside the result. Rows among them are compared with the result
+    /// first, and a difference is recorded, because a worker may have died before its own comparison.
     ///
     /// # Errors
-    /// If the folder cannot be read, a difference not be written, or the result does not count.
+    /// If the folder cannot be read, a difference cannot be recorded, or the result is invalid.
     pub fn sweep(&self) -> Result<(), PartError> {
         for entry in fs::read_dir(self.path()).map_err(PartError::Io)? {
             let path = entry.map_err(PartError::Io)?.path();
@@ -184,29 +184,29 @@ impl<'a> Shard<'a> {
             if !name.starts_with(journal::UNFINISHED) && !is_journal {
                 continue;
             }
-            // Whoever lives holds a lock on it.
+            // A live worker holds a lock on its file.
             let is_dead =
                 |file: File| flock(file, FlockOperation::NonBlockingLockExclusive).is_ok();
             if File::open(&path).is_ok_and(is_dead) {
                 if is_journal {
                     self.compare(&path)?;
                 }
-                let _ = fs::remove_file(&path); // another one may have done so
+                let _ = fs::remove_file(&path); // another worker may have removed it
             }
         }
         Ok(())
     }
 
-    /// Compares the rows of a journal with the result, and notes the first difference.
+    /// Compares the rows of a journal with the result, and records the first difference.
     fn compare(&self, journal: &Path) -> Result<(), PartError> {
-        let found = journal::read(journal, self.folder).map_err(PartError::Io)?;
-        let Some(found) = found.filter(|found| !found.rows.is_empty()) else {
+        let content = journal::read(journal, self.folder).map_err(PartError::Io)?;
+        let Some(content) = content.filter(|content| !content.rows.is_empty()) else {
             return Ok(());
         };
         let columns = &self.folder.manifest().columns;
         let part = self.part()?;
         let mut pairs = (part.cases().iter().enumerate())
-            .filter_map(|(place, case)| Some((place, found.rows.get(case)?)));
+            .filter_map(|(place, case)| Some((place, content.rows.get(case)?)));
         let differs = pairs.find_map(|(place, (row, by))| {
             let fits = table::fits(row, columns);
             fits.then(|| difference(&part.row(place), row, columns, &by.maker()))?
@@ -217,12 +217,12 @@ impl<'a> Shard<'a> {
         }
     }
 
-    /// Opens a result again for the rows that are not `kept`: the others go to the journal of an attempt that is
-    /// over, and whoever works on the shard next takes them over. Nothing happens while a worker has it.
+    /// Withdraws a result to recompute the rows for which `is_kept` returns `false`: the other rows go to the journal of
+    /// a finished attempt, from which the next worker takes them over. Does nothing while a worker holds the shard.
     ///
     /// # Errors
-    /// If it has no result that counts, or the folder cannot be written.
-    pub fn reopen(&self, kept: impl Fn(&Row) -> bool) -> Result<(), PartError> {
+    /// If the shard has no valid result, or the folder cannot be written.
+    pub fn reopen(&self, is_kept: impl Fn(&Row) -> bool) -> Result<(), PartError> {
         let io = PartError::Io;
         let Some(_claim) = self.claim().map_err(io)? else {
             return Ok(());
@@ -231,8 +231,10 @@ impl<'a> Shard<'a> {
         let path = self.path();
         let mut journal = Journal::begin(&path, self.folder.id()).map_err(io)?;
         for (place, row) in part.rows().enumerate() {
-            if kept(&row) {
-                journal.keep(&row, &part.made(place)).map_err(io)?;
+            if is_kept(&row) {
+                journal
+                    .keep(&row, &part.circumstances_of(place))
+                    .map_err(io)?;
             }
         }
         journal.sync().map_err(io)?;
@@ -241,16 +243,16 @@ impl<'a> Shard<'a> {
         fs::remove_file(self.result()).map_err(io)
     }
 
-    /// Sets a result that does not count aside, so that it is computed again; gives its new name.
+    /// Renames an invalid result so that it is computed again; returns the new path.
     ///
     /// # Errors
-    /// If it cannot be renamed.
+    /// If the file cannot be renamed.
     pub fn set_aside(&self) -> io::Result<PathBuf> {
         let path = self.path();
         let mut names = (1..).map(|number| path.join(format!("broken-{number}.parquet")));
         let free = names.find(|path| !path.exists()).unwrap_or_default();
         fs::rename(path.join(PART), &free)?;
-        let _ = fs::remove_file(path.join(CURVES)); // there may be none
+        let _ = fs::remove_file(path.join(CURVES)); // may not exist
         Ok(free)
     }
 }

@@ -1,16 +1,16 @@
-//! Points of the Sobol' sequence, each straight from its index.
+//! Points of the Sobol' sequence, each computed directly from its index.
 //!
-//! The sampler calls [`point`] once for each run and parameter. Nothing is kept from point to point, so
-//! that any run can be repeated alone. No scrambling and no shift happens here.
+//! The sampler calls [`point`] once for each run and parameter. Points are independent of each other, so that any run
+//! can be repeated alone. The points are neither scrambled nor shifted.
 
-/// Dimensions that have direction numbers.
+/// Number of dimensions that have direction numbers.
 pub(crate) const MOST_DIMENSIONS: usize = 64;
 
-/// Bits of a fraction.
+/// Number of bits of a fraction.
 const BITS: usize = 32;
 
-/// Primitive polynomials, with their leading and their last bit, and first direction integers `m` of
-/// the dimensions from the second on; the first dimension is van der Corput's sequence.
+/// Primitive polynomials, including their first and last bits, and first direction integers `m` of the dimensions
+/// from the second on; the first dimension is van der Corput's sequence.
 ///
 /// File `new-joe-kuo-6.21201` (S. Joe and F. Y. Kuo, Constructing Sobol' sequences with better
 /// two-dimensional projections, SIAM J. Sci. Comput. 30 (2008) 2635-2654).
@@ -83,13 +83,12 @@ const JOE_KUO: [(u32, &[u32]); MOST_DIMENSIONS - 1] = [
 /// Direction numbers, as fractions of 2^32.
 static DIRECTIONS: [[u32; BITS]; MOST_DIMENSIONS] = directions();
 
-/// Coordinate of a Sobol' point, as a fraction of 2^32.
+/// Returns a coordinate of a Sobol' point as a fraction of 2^32.
 ///
-/// `x = g_1 v_1 xor g_2 v_2 xor ..` with the bits `g` of the Gray code `index xor (index >> 1)`
-/// (P. Bratley and B. L. Fox, Algorithm 659, ACM Trans. Math. Softw. 14 (1988) 88-100; direction
-/// numbers of Joe and Kuo, 2008; valid for any index, and for dimensions, counted from 0, below
-/// [`MOST_DIMENSIONS`]). A dimension beyond gives the coordinate of the last dimension, so that a caller
-/// has to check the number of dimensions.
+/// `x = g_1 v_1 xor g_2 v_2 xor ..` with the bits `g` of the Gray code `index xor (index >> 1)` (P. Bratley and B. L.
+/// Fox, Algorithm 659, ACM Trans. Math. Softw. 14 (1988) 88-100; direction numbers of Joe and Kuo, 2008; valid for
+/// any index, and for dimensions, counted from 0, below [`MOST_DIMENSIONS`]). Larger dimensions give the coordinate
+/// of the last one, so callers have to check the number of dimensions.
 #[must_use]
 pub(crate) fn point(index: u32, dimension: usize) -> u32 {
     let directions = &DIRECTIONS[dimension.min(MOST_DIMENSIONS - 1)];
@@ -102,7 +101,7 @@ pub(crate) fn point(index: u32, dimension: usize) -> u32 {
     x
 }
 
-/// Direction numbers of all dimensions from their polynomials.
+/// Computes the direction numbers of all dimensions from their polynomials.
 ///
 /// `v_j = a_1 v_(j-1) xor .. xor a_(s-1) v_(j-s+1) xor v_(j-s) xor (v_(j-s) >> s)` for a polynomial
 /// `x^s + a_1 x^(s-1) + .. + 1`, and `v_j = m_j 2^(32-j)` for the first `s`,
@@ -144,7 +143,7 @@ const fn directions() -> [[u32; BITS]; MOST_DIMENSIONS] {
 mod tests {
     use super::*;
 
-    /// FNV-1a over whole words.
+    /// FNV-1a hash over 32-bit words.
     fn digest(words: impl Iterator<Item = u32>) -> u64 {
         words.fold(0xcbf2_9ce4_8422_2325, |digest: u64, word| {
             (digest ^ u64::from(word)).wrapping_mul(0x100_0000_01b3)
@@ -152,9 +151,9 @@ mod tests {
     }
 
     #[test]
-    fn first_points_of_all_dimensions_are_those_of_scipy() {
+    fn first_points_of_all_dimensions_agree_with_scipy() {
         // scipy.stats.qmc.Sobol(64, scramble=False, bits=32).random(1024), times 2^32.
-        for (index, dimension, wanted) in [
+        for (index, dimension, expected) in [
             (0, 0, 0),
             (1, 0, 2147483648),
             (2, 1, 1073741824),
@@ -163,16 +162,16 @@ mod tests {
             (777, 63, 1832910848),
             (1000, 36, 3644850176),
         ] {
-            assert_eq!(point(index, dimension), wanted);
+            assert_eq!(point(index, dimension), expected);
         }
         let all = (0..1024).flat_map(|i| (0..MOST_DIMENSIONS).map(move |d| point(i, d)));
         assert_eq!(digest(all), 0x8659_9089_dcb6_2325);
     }
 
     #[test]
-    fn late_points_are_those_of_scipy() {
+    fn late_points_agree_with_scipy() {
         // scipy.stats.qmc.Sobol(64, scramble=False, bits=32).fast_forward(index).random(1), times 2^32.
-        for (index, wanted) in [
+        for (index, expected) in [
             (
                 1_000_003,
                 [1187450880, 2413424640, 1145868288, 1251569664, 1323372544],
@@ -182,19 +181,19 @@ mod tests {
                 [4191448864, 3403469216, 2973295136, 2082040352, 1087637792],
             ),
         ] {
-            assert_eq!([0, 1, 7, 31, 63].map(|d| point(index, d)), wanted);
+            assert_eq!([0, 1, 7, 31, 63].map(|d| point(index, d)), expected);
         }
     }
 
     #[test]
-    fn direction_numbers_are_those_of_scipy() {
+    fn direction_numbers_agree_with_scipy() {
         // scipy.stats.qmc.Sobol(64, scramble=False, bits=32)._sv
         let all = DIRECTIONS.iter().flatten().copied();
         assert_eq!(digest(all), 0x96e7_b294_33e2_f043);
     }
 
     #[test]
-    fn every_interval_gets_one_point_of_a_power_of_two() {
+    fn every_dyadic_interval_contains_one_point() {
         for dimension in 0..MOST_DIMENSIONS {
             let mut cells: Vec<u32> = (0..4096).map(|i| point(i, dimension) >> 20).collect();
             cells.sort_unstable();

@@ -1,7 +1,7 @@
 //! Tables: named columns of counts, numbers and texts, as Parquet.
 //!
-//! The rows of a shard, of a whole campaign and of its cases are such tables. Any reader of Parquet can read
-//! them; [`read`] reads only what [`Writer`] wrote. Knows nothing of what the columns mean.
+//! A shard's rows, a campaign's results and their circumstances are stored as such tables. Any Parquet reader can
+//! read them; [`read`] accepts only files that [`Writer`] wrote. The module does not interpret the columns.
 
 mod cell;
 mod reader;
@@ -28,22 +28,22 @@ pub const LOST: &str = "lost";
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ColumnKind {
-    /// A whole number.
+    /// Unsigned integer.
     Count,
-    /// A number; one that does not exist is NaN.
+    /// Floating-point number; NaN if there is none.
     Number,
-    /// A text; one that does not exist is empty.
+    /// Text; empty if there is none.
     Text,
 }
 
-/// A column.
+/// Description of a column.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Column {
     /// Name.
     pub name: String,
     /// Type of its cells.
     pub kind: ColumnKind,
-    /// Unit of its numbers; empty if there is none.
+    /// Unit of its numbers; empty if they have none.
     #[serde(default)]
     pub unit: String,
 }
@@ -60,13 +60,13 @@ impl Column {
     }
 }
 
-/// Reason for which a table cannot be written or read.
+/// Error of reading or writing a table.
 #[derive(Debug, thiserror::Error)]
 pub enum TableError {
-    /// The system refused.
+    /// An I/O operation failed.
     #[error(transparent)]
     Io(#[from] io::Error),
-    /// The file is no table, or another one.
+    /// The file is not a table, or not the expected one.
     #[error("{0}")]
     Other(String),
 }

@@ -1,21 +1,21 @@
-//! The truncated normal distribution, for intervals anywhere on the axis.
+//! The truncated normal distribution, for any interval of the real axis.
 //!
-//! Called by the sampler. No value is clamped to the interval, except for its
-//! last bits: a clamped distribution would have a step at each end.
+//! Used by the sampler. Values are not clamped to the interval except to correct rounding: clamping would put a step
+//! at each end of the distribution.
 
 use crate::normal::{FAR, cumulative, mills, quantile};
 
-/// Value at probability `u` of a normal distribution truncated to the values from `min` to `max`.
+/// Quantile at `u` of a normal distribution truncated to the interval from `min` to `max`.
 ///
-/// `x = mean + deviation Phi^-1((1 - u) Phi(a) + u Phi(b))` with `a = (min - mean) / deviation` and
-/// `b = (max - mean) / deviation` (N. L. Johnson, S. Kotz and N. Balakrishnan, Continuous Univariate
-/// Distributions, vol. 1, 2nd ed. 1994, chapter 13; valid for `deviation > 0` and `min < max`,
-/// either of which may be infinite). Both sides of the mean are computed in the lower tail; an interval
-/// more than 30 deviations away is solved in logarithms.
+/// `x = mean + deviation Phi^-1((1 - u) Phi(a) + u Phi(b))` with `a = (min - mean) / deviation` and `b = (max - mean)
+/// / deviation` (N. L. Johnson, S. Kotz and N. Balakrishnan, Continuous Univariate Distributions, vol. 1, 2nd ed.
+/// 1994, chapter 13; valid for `deviation > 0` and `min < max`, either of which may be infinite). An interval above
+/// the mean is mirrored into the lower tail; an interval more than 30 standard deviations away is solved in
+/// logarithms.
 ///
-/// The result lies always from `min` to `max`. A `u` of 0 or 1 gives `min` or `max`; a deviation of 0
-/// gives the value of the interval nearest to the mean. A `u` outside of 0 to 1, a negative or infinite
-/// deviation, an infinite mean, `min > max` and NaN give NaN.
+/// The result never leaves the interval. A `u` of 0 or 1 gives `min` or `max`; a deviation of 0 gives the value of
+/// the interval nearest to the mean. A `u` outside 0 to 1, a negative or infinite deviation, an infinite mean, `min >
+/// max` and NaN give NaN.
 #[must_use]
 pub fn truncated(mean: f64, deviation: f64, min: f64, max: f64, u: f64) -> f64 {
     let is_valid = mean.is_finite()
@@ -43,9 +43,9 @@ pub fn truncated(mean: f64, deviation: f64, min: f64, max: f64, u: f64) -> f64 {
     within(x, min, max)
 }
 
-/// Standard normal value at probability `u` between `a` and `b`, neither end in the other far tail.
+/// Quantile at `u` of the standard normal distribution between `a` and `b`, with neither end in the far upper tail.
 fn between(a: f64, b: f64, u: f64) -> f64 {
-    // The weights 1 - u and u keep their digits where a difference of probabilities would not.
+    // The weights 1 - u and u keep digits that a difference of probabilities would lose.
     let lower = (1.0 - u) * cumulative(a) + u * cumulative(b);
     if lower <= 0.5 {
         return quantile(lower);
@@ -53,31 +53,31 @@ fn between(a: f64, b: f64, u: f64) -> f64 {
     -quantile((1.0 - u) * cumulative(-a) + u * cumulative(-b))
 }
 
-/// Distance from `a` at which the share `left` of the tail from `a` to `a + width` is still to come.
+/// Distance from `a` beyond which the share `share_beyond` of the tail from `a` to `a + width` lies.
 ///
-/// Newton's method for `ln Q(a + t) - ln Q(a) = ln(left + (1 - left) Q(a + width) / Q(a))`, where
-/// `Q = 1 - Phi` and the derivative is `-1 / M(a + t)`. `ln Q` is concave, so that every step after the
-/// first comes from the same side.
-fn beyond(a: f64, width: f64, left: f64) -> f64 {
+/// Newton's method for `ln Q(a + t) - ln Q(a) = ln(share_beyond + (1 - share_beyond) Q(a + width) / Q(a))`, where `Q = 1 - Phi` and
+/// the derivative is `-1 / M(a + t)`. `ln Q` is concave, so every step after the first approaches the solution from
+/// the same side.
+fn beyond(a: f64, width: f64, share_beyond: f64) -> f64 {
     let start = mills(a);
     let ln_share = |t: f64| -t * (a + 0.5 * t) + libm::log(mills(a + t) / start);
     let ln_rest = ln_share(width);
-    // The form that keeps its digits: a small share that is gone, or a small one that is left.
-    let gone = (1.0 - left) * -libm::expm1(ln_rest);
-    let wanted = if gone < 0.5 {
-        libm::log1p(-gone)
+    // Computed from whichever share is small, the one before or the one beyond the solution, to keep its digits.
+    let share_before = (1.0 - share_beyond) * -libm::expm1(ln_rest);
+    let ln_ratio = if share_before < 0.5 {
+        libm::log1p(-share_before)
     } else {
-        libm::log(left + (1.0 - left) * libm::exp(ln_rest))
+        libm::log(share_beyond + (1.0 - share_beyond) * libm::exp(ln_rest))
     };
-    // The root of -t (a + t/2) = wanted.
-    let mut t = -2.0 * wanted / (a + (a * a - 2.0 * wanted).sqrt());
+    // The root of -t (a + t/2) = ln_ratio.
+    let mut t = -2.0 * ln_ratio / (a + (a * a - 2.0 * ln_ratio).sqrt());
     for _ in 0..6 {
-        t += (ln_share(t) - wanted) * mills(a + t);
+        t += (ln_share(t) - ln_ratio) * mills(a + t);
     }
     t
 }
 
-/// The value, or the nearer end; the lower end for NaN, which an overflow may leave.
+/// Clamps a value to the interval; NaN, which an overflow may produce, becomes the lower end.
 fn within(x: f64, min: f64, max: f64) -> f64 {
     if x > max {
         max
@@ -99,7 +99,7 @@ mod tests {
     #[test]
     fn truncated_values_agree_with_scipy() {
         // scipy.stats.truncnorm.ppf(u, a, b, loc=mean, scale=deviation)
-        for ([mean, deviation, min, max, u], wanted) in [
+        for ([mean, deviation, min, max, u], expected) in [
             ([0.0, 1.0, -1.0, 2.0, 0.3], -0.2424038178892269),
             ([5.0, 2.0, 4.0, INF, 0.9], 7.964359356881815),
             ([5.0, 2.0, -INF, 4.0, 0.01], -0.47713482885411906),
@@ -107,27 +107,27 @@ mod tests {
             ([0.0, 1.0, -11.0, -10.0, 0.5], -10.068409369547618),
             ([0.0, 1.0, 25.0, INF, 1e-6], 25.000000039936328),
         ] {
-            let found = truncated(mean, deviation, min, max, u);
-            assert_near(found, wanted, 4e-15);
+            let actual = truncated(mean, deviation, min, max, u);
+            assert_near(actual, expected, 4e-15);
         }
     }
 
     #[test]
-    fn intervals_far_from_the_mean_are_still_exact() {
+    fn intervals_far_from_the_mean_keep_full_precision() {
         // mpmath.findroot with 50 digits, in judge.py.
-        for (min, max, u, wanted) in [
+        for (min, max, u, expected) in [
             (31.0, INF, 0.5, 31.022328367148035),
             (50.0, 51.0, 0.999, 50.13790987010764),
             (50.0, 50.001, 0.25, 50.00024535164034),
             (200.0, 201.0, 0.75, 200.0069311784347),
         ] {
-            assert_near(truncated(0.0, 1.0, min, max, u), wanted, 1e-15);
-            assert_near(truncated(0.0, 1.0, -max, -min, 1.0 - u), -wanted, 1e-15);
+            assert_near(truncated(0.0, 1.0, min, max, u), expected, 1e-15);
+            assert_near(truncated(0.0, 1.0, -max, -min, 1.0 - u), -expected, 1e-15);
         }
     }
 
     #[test]
-    fn no_spread_gives_the_nearest_value_of_the_interval() {
+    fn zero_deviation_gives_the_nearest_value_of_the_interval() {
         assert_eq!(truncated(0.0, 0.0, -1.0, 1.0, 0.3), 0.0);
         assert_eq!(truncated(5.0, 0.0, -1.0, 1.0, 0.3), 1.0);
         assert_eq!(truncated(5.0, 1.0, 2.0, 2.0, 0.3), 2.0);

@@ -1,4 +1,4 @@
-//! Other activity of the machine: work and sessions.
+//! Checks of other activity on the machine: load and sessions.
 
 use hil_session::session::SessionError;
 
@@ -6,13 +6,13 @@ use super::cores::Cores;
 use super::finding::{Check, Finding, known};
 use super::tree::Tree;
 
-const LOAD: Check = Check::new("load", "other work takes the cores and their caches");
+const LOAD: Check = Check::new("load", "other work occupies the cores and their caches");
 const SESSIONS: Check = Check::new(
     "sessions",
-    "other sessions take the cores, dead ones keep shared memory",
+    "other sessions occupy the cores; dead ones keep shared memory",
 );
 
-/// Judges the load of the last minute.
+/// Checks the load average of the last minute.
 #[must_use]
 pub(crate) fn load(tree: &dyn Tree, cores: &Cores) -> Finding {
     let text = known!(LOAD, tree.read("proc/loadavg"));
@@ -21,19 +21,19 @@ pub(crate) fn load(tree: &dyn Tree, cores: &Cores) -> Finding {
         return LOAD.unknown(text);
     };
     let count = cores.online.len();
-    let found = format!("{minute:.2} on {count} cores in the last minute");
+    let text = format!("{minute:.2} on {count} cores in the last minute");
     let per_core = minute / count as f64;
     let show = "ps -eo pcpu,pid,user,comm --sort=-pcpu | head";
     if per_core < 0.1 {
-        LOAD.good(found)
+        LOAD.good(text)
     } else if per_core < 0.5 {
-        LOAD.fair(found).mend(show)
+        LOAD.fair(text).mend(show)
     } else {
-        LOAD.poor(found).mend(show)
+        LOAD.poor(text).mend(show)
     }
 }
 
-/// Judges other sessions, running or dead, by their names.
+/// Checks for other sessions, live or dead.
 #[must_use]
 pub(crate) fn sessions(live: Result<Vec<String>, SessionError>, dead: &[String]) -> Finding {
     let live = match live {
@@ -74,7 +74,7 @@ mod tests {
     #[test]
     fn other_sessions_are_named() {
         let names = |names: &[&str]| names.iter().map(|&name| name.into()).collect::<Vec<_>>();
-        for (live, dead, grade, found, mend) in [
+        for (live, dead, grade, expected, mend) in [
             (names(&[]), names(&[]), Grade::Good, "none", None),
             (
                 names(&["a", "b"]),
@@ -92,7 +92,7 @@ mod tests {
             ),
         ] {
             let finding = sessions(Ok(live), &dead);
-            assert_eq!((finding.grade, finding.found.as_str()), (grade, found));
+            assert_eq!((finding.grade, finding.found.as_str()), (grade, expected));
             assert_eq!(finding.mend.as_deref(), mend);
         }
         let refused = sessions(Err(SessionError::Locked("/dev/shm/hil-0".into())), &[]);

@@ -32,17 +32,17 @@ fn two_cores(text: &str) -> Result<[u32; 2], String> {
     let core = |text: &str| text.trim().parse::<u32>().ok();
     match text.split_once(',').map(|(a, b)| (core(a), core(b))) {
         Some((Some(a), Some(b))) if a != b => Ok([a, b]),
-        _ => Err("two different cores, as in 2,3".into()),
+        _ => Err("expected two different cores, for example 2,3".into()),
     }
 }
 
-/// From enough for a hundred wake-ups to an hour.
+/// Parses a duration, from enough for a hundred wake-ups up to an hour.
 fn measurable(text: &str) -> Result<f64, String> {
     let length = seconds(text)?;
     if (0.1..=3600.0).contains(&length) {
         Ok(length)
     } else {
-        Err("from 0.1 to 3600 s".into())
+        Err("expected 0.1 to 3600 s".into())
     }
 }
 
@@ -51,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn two_different_cores_are_two_cores() {
+    fn two_different_cores_are_accepted() {
         assert_eq!(two_cores("2,3"), Ok([2, 3]));
         assert_eq!(two_cores("7, 0"), Ok([7, 0]));
         for text in ["", "2", "2,2", "2,3,4", "-1,2", "a,b"] {
@@ -60,7 +60,7 @@ mod tests {
     }
 
     #[test]
-    fn a_measurement_takes_a_tenth_of_a_second_to_an_hour() {
+    fn a_measurement_lasts_from_0_1_s_to_an_hour() {
         assert_eq!(measurable("100ms"), Ok(0.1));
         assert_eq!(measurable("3600"), Ok(3600.0));
         for text in ["0", "0.09", "3601", "nan", "long"] {

@@ -1,14 +1,14 @@
-//! Arguments on the kernel's command line, which every boot loader sets in another way.
+//! Kernel command-line arguments, which each boot loader sets differently.
 
 use super::tree::Tree;
 
-/// The command that adds arguments to the kernel's command line; none if the boot loader is not one
-/// of those known here, as in a virtual machine whose kernel is started from outside.
+/// Returns the command that adds arguments to the kernel's command line; `None` for an unknown boot loader, as in a
+/// virtual machine whose kernel is started from outside.
 #[must_use]
 pub(crate) fn add_arguments(tree: &dyn Tree, arguments: &str) -> Option<String> {
-    /// The one line of a Raspberry Pi's kernel arguments.
+    /// File with the kernel arguments of a Raspberry Pi, in a single line.
     const FIRMWARE: &str = "boot/firmware/cmdline.txt";
-    /// A command must not reboot the machine of someone who pastes it.
+    /// Left to the user: a pasted command must not reboot the machine.
     const REBOOT: &str = "# then reboot";
     if tree.has("usr/sbin/grubby") || tree.has("sbin/grubby") {
         return Some(format!(
@@ -29,7 +29,7 @@ pub(crate) fn add_arguments(tree: &dyn Tree, arguments: &str) -> Option<String> 
         .then(|| format!("sudo sed -i '1s/$/ {arguments}/' /{FIRMWARE} {REBOOT}"))
 }
 
-/// The value of the last `name=value` on the kernel's command line, which is the one that counts.
+/// Returns the value of the last `name=value` on the kernel's command line, which is the effective one.
 #[must_use]
 pub(crate) fn argument<'a>(command_line: &'a str, name: &str) -> Option<&'a str> {
     let value = |word: &'a str| word.strip_prefix(name)?.strip_prefix('=');
@@ -42,7 +42,7 @@ mod tests {
     use crate::tree::Fake;
 
     #[test]
-    fn each_boot_loader_is_told_in_its_own_way() {
+    fn each_boot_loader_has_its_own_command() {
         #[rustfmt::skip] // a table
         let cases: [(&[&str], Option<&str>); 5] = [
             (&["usr/sbin/grubby", "etc/default/grub"],
@@ -63,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn the_last_argument_of_a_name_counts() {
+    fn the_last_argument_of_a_name_is_effective() {
         let line = "quiet preempt=none xpreempt=lazy preempt=full preempt";
         assert_eq!(argument(line, "preempt"), Some("full"));
         assert_eq!(argument(line, "idle"), None);

@@ -1,4 +1,4 @@
-//! The cores: how many, which two are meant, and what they share.
+//! The cores of the machine: their number, the two that are checked, and the hardware that they share.
 
 use std::collections::BTreeSet;
 use std::fmt::{self, Display};
@@ -14,15 +14,15 @@ const COUNT: Check = Check::new(
 );
 const SMT: Check = Check::new("smt", "threads of one core take each other's time");
 
-/// List of the online cores.
+/// File that lists the online cores.
 const ONLINE: &str = "sys/devices/system/cpu/online";
 
-/// A set of cores, written as the kernel does: `0-3,8`.
+/// Set of cores, formatted as the kernel does: `0-3,8`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct CoreList(BTreeSet<u32>);
 
 impl CoreList {
-    /// Reads a list; what is no list, such as `(null)`, holds no cores.
+    /// Parses a list; an invalid text, such as `(null)`, gives an empty list.
     #[must_use]
     pub fn parse(text: &str) -> Self {
         let range = |part: &str| {
@@ -32,7 +32,7 @@ impl CoreList {
         Self(text.split(',').filter_map(range).flatten().collect())
     }
 
-    /// Iterates over the cores, in order.
+    /// Iterates over the cores in ascending order.
     pub fn iter(&self) -> impl DoubleEndedIterator<Item = u32> + Clone {
         self.0.iter().copied()
     }
@@ -43,37 +43,37 @@ impl CoreList {
         self.0.len()
     }
 
-    /// Reports an empty list.
+    /// Returns `true` if the list is empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// Reports a core of the list.
+    /// Returns `true` if the list contains the core.
     #[must_use]
     pub fn contains(&self, core: u32) -> bool {
         self.0.contains(&core)
     }
 
-    /// Reports a list whose cores are all in this one.
+    /// Returns `true` if the list contains all cores of another.
     #[must_use]
     pub(crate) fn covers(&self, other: &Self) -> bool {
         self.0.is_superset(&other.0)
     }
 
-    /// Reports a list that has a core in common with this one.
+    /// Returns `true` if the lists have a core in common.
     #[must_use]
     pub(crate) fn meets(&self, other: &Self) -> bool {
         !self.0.is_disjoint(&other.0)
     }
 
-    /// Returns the cores that are not in another list.
+    /// Returns the cores of this list that are not in another.
     #[must_use]
     pub fn without(&self, other: &Self) -> Self {
         self.0.difference(&other.0).copied().collect()
     }
 
-    /// Returns the cores of this list and of another.
+    /// Returns the union of this list and another.
     #[must_use]
     pub fn with(&self, other: &Self) -> Self {
         self.0.union(&other.0).copied().collect()
@@ -105,36 +105,36 @@ impl Display for CoreList {
     }
 }
 
-/// The cores of a machine, and those that are to be judged.
+/// Cores of a machine, and those that are checked.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cores {
-    /// All that are online.
+    /// Online cores.
     pub online: CoreList,
     /// Cores that this process may use.
     pub allowed: CoreList,
-    /// Cores that plant and controller would spin on: two, or one on a machine that has no other.
+    /// Cores that plant and controller would spin on: two, or one on a single-core machine.
     pub chosen: CoreList,
 }
 
 impl Cores {
-    /// The cores that were asked for, or the last two that do not share a physical core, isolated
-    /// ones first: the system's own work gathers on the first ones.
+    /// Chooses the requested cores, or the last two that share no physical core, preferring isolated ones: system
+    /// activity concentrates on the first cores.
     ///
     /// # Errors
-    /// If the cores of this machine are not told, or one that was asked for is not there.
-    pub fn choose(tree: &dyn Tree, asked: Option<[u32; 2]>) -> Result<Self, Failure> {
+    /// If the kernel does not list the cores, or a requested core does not exist.
+    pub fn choose(tree: &dyn Tree, requested: Option<[u32; 2]>) -> Result<Self, Failure> {
         let online = tree.read(ONLINE).map_err(Failure::infrastructure)?;
         let online = CoreList::parse(&online);
         let allowed = allowed(tree).unwrap_or_else(|_| online.clone());
-        let chosen = match asked {
+        let chosen = match requested {
             None => by_default(tree, &online, &allowed),
-            Some(asked) => {
-                if let Some(core) = asked.iter().find(|core| !online.contains(**core)) {
+            Some(requested) => {
+                if let Some(core) = requested.iter().find(|core| !online.contains(**core)) {
                     return Err(Failure::usage(format!(
                         "there is no core {core}; the cores are {online}"
                     )));
                 }
-                asked.into_iter().collect()
+                requested.into_iter().collect()
             }
         };
         Ok(Self {
@@ -144,7 +144,7 @@ impl Cores {
         })
     }
 
-    /// Cores of a test, in which this process may use all.
+    /// Creates the cores of a test in which this process may use all of them.
     #[cfg(test)]
     pub fn of(online: &str, chosen: &str) -> Self {
         Self {
@@ -154,7 +154,7 @@ impl Cores {
         }
     }
 
-    /// Returns the cores that are left for everything else.
+    /// Returns the cores that are not chosen.
     #[must_use]
     pub(crate) fn others(&self) -> CoreList {
         self.online.without(&self.chosen)
@@ -168,7 +168,7 @@ fn allowed(tree: &dyn Tree) -> Result<CoreList, Unread> {
 }
 
 fn by_default(tree: &dyn Tree, online: &CoreList, allowed: &CoreList) -> CoreList {
-    // The kernel takes isolated cores out of every mask; they are there to be asked for.
+    // Isolated cores are not in any default mask, but can be requested.
     let isolated = tree.read("sys/devices/system/cpu/isolated");
     let isolated = CoreList::parse(&isolated.unwrap_or_default());
     let isolated: CoreList = isolated.iter().filter(|c| online.contains(*c)).collect();
@@ -183,40 +183,40 @@ fn by_default(tree: &dyn Tree, online: &CoreList, allowed: &CoreList) -> CoreLis
         return CoreList::default();
     };
     let siblings = siblings(tree, last).unwrap_or_default();
-    let mut rest = candidates.iter().rev().skip(1);
-    let apart = rest.clone().find(|core| !siblings.contains(*core));
-    let second = apart.or_else(|| rest.next());
+    let mut others = candidates.iter().rev().skip(1);
+    let distant = others.clone().find(|core| !siblings.contains(*core));
+    let second = distant.or_else(|| others.next());
     [Some(last), second].into_iter().flatten().collect()
 }
 
-/// The threads that share a physical core with this one, itself included.
+/// Returns the threads of the physical core of this one, itself included.
 fn siblings(tree: &dyn Tree, core: u32) -> Result<CoreList, Unread> {
     let path = format!("sys/devices/system/cpu/cpu{core}/topology/thread_siblings_list");
     tree.read(&path).map(|text| CoreList::parse(&text))
 }
 
-/// Judges the number of cores: both sides spin.
+/// Checks the number of cores, given that both sides spin.
 #[must_use]
 pub(crate) fn count(cores: &Cores) -> Finding {
     let Cores {
         online, allowed, ..
     } = cores;
     let usable = allowed.len();
-    let mut found = format!("{} online ({online})", online.len());
+    let mut text = format!("{} online ({online})", online.len());
     if !allowed.covers(online) {
-        found += &format!(", this process may use {allowed}");
+        text += &format!(", this process may use {allowed}");
     }
     match usable {
-        0 => COUNT.unknown(found),
+        0 => COUNT.unknown(text),
         1 => COUNT
-            .poor(found)
+            .poor(text)
             .mend_if((online.len() > 1).then(|| format!("taskset -pc {online} $$"))),
-        2 | 3 => COUNT.fair(found),
-        _ => COUNT.good(found),
+        2 | 3 => COUNT.fair(text),
+        _ => COUNT.good(text),
     }
 }
 
-/// Judges the physical cores that the chosen cores share with each other or with others.
+/// Checks for physical cores shared by the chosen cores with each other or with other cores.
 #[must_use]
 pub(crate) fn smt(tree: &dyn Tree, cores: &Cores) -> Finding {
     let mut shared = CoreList::default();
@@ -246,7 +246,7 @@ mod tests {
     use crate::finding::Grade;
     use crate::tree::Fake;
 
-    /// A machine of this many cores whose threads pair up as core n with n + half.
+    /// Creates a machine with this many threads, where thread n and n + half share a physical core.
     fn hyperthreaded(threads: u32) -> Fake {
         let half = threads / 2;
         let mut files = vec![
@@ -275,8 +275,8 @@ mod tests {
     }
 
     #[test]
-    fn lists_of_cores_are_read_and_written_as_the_kernel_does() {
-        for (text, count, shown) in [
+    fn core_lists_are_parsed_and_formatted_like_the_kernels() {
+        for (text, count, formatted) in [
             ("0-3,8", 5, "0-3,8"),
             ("0", 1, "0"),
             ("0,1,2,5", 4, "0-2,5"),
@@ -285,12 +285,12 @@ mod tests {
             ("(null)", 0, ""),
         ] {
             let list = CoreList::parse(text);
-            assert_eq!((list.len(), list.to_string().as_str()), (count, shown));
+            assert_eq!((list.len(), list.to_string().as_str()), (count, formatted));
         }
     }
 
     #[test]
-    fn the_last_two_cores_that_are_not_threads_of_one_are_chosen() {
+    fn the_last_two_cores_that_share_no_physical_core_are_chosen() {
         for (threads, isolated, chosen) in [
             (8, "", "6-7"),
             (8, "1,5", "1,5"),
@@ -315,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn a_core_that_is_not_there_is_refused() {
+    fn a_nonexistent_core_is_refused() {
         let failure = Cores::choose(&hyperthreaded(4), Some([1, 9])).expect_err("no core 9");
         let message = failure.to_string();
         assert_eq!(message, "error: there is no core 9; the cores are 0-3");
@@ -344,11 +344,11 @@ mod tests {
     }
 
     #[test]
-    fn threads_of_one_core_are_poor_and_idle_siblings_fair() {
+    fn siblings_as_chosen_cores_are_poor_and_idle_siblings_fair() {
         let eight = hyperthreaded(8);
         let off = "echo off | sudo tee /sys/devices/system/cpu/smt/control";
-        for (asked, grade) in [([3, 7], Grade::Poor), ([2, 3], Grade::Fair)] {
-            let cores = Cores::choose(&eight, Some(asked)).expect("there");
+        for (requested, grade) in [([3, 7], Grade::Poor), ([2, 3], Grade::Fair)] {
+            let cores = Cores::choose(&eight, Some(requested)).expect("there");
             let finding = smt(&eight, &cores);
             assert_eq!((finding.grade, finding.mend.as_deref()), (grade, Some(off)));
         }

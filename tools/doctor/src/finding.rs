@@ -1,26 +1,26 @@
-//! Findings of checks: grade, text, and the command that mends.
+//! Findings of checks: a grade, an observation, and the command that remedies it.
 
 use serde::Serialize;
 use serde_json::Value;
 
 use super::tree::Unread;
 
-/// Fitness of something for claims about timing.
+/// Fitness for claims about timing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Grade {
-    /// Fit for limits and medians.
+    /// Suitable for claims about limits and medians.
     Good,
-    /// Medians can be claimed, limits with care.
+    /// Suitable for claims about medians, and about limits with care.
     Fair,
-    /// Measurements on this machine say more about this than about the program.
+    /// Unsuitable: measurements reflect this problem rather than the program.
     Poor,
-    /// Not found out.
+    /// Could not be determined.
     Unknown,
 }
 
 impl Grade {
-    /// The word for it.
+    /// Returns the grade as a word.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -32,7 +32,7 @@ impl Grade {
     }
 }
 
-/// Something to look at.
+/// Check of one aspect of the machine.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Check {
     name: &'static str,
@@ -42,72 +42,72 @@ pub(crate) struct Check {
 /// Result of a check.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finding {
-    /// The check's name, of which there is one in a report.
+    /// Name of the check, unique in a report.
     pub check: &'static str,
     /// Fitness.
     pub grade: Grade,
     /// Observation in a few words.
     pub found: String,
-    /// Reason for which the observation matters.
+    /// Reason why the observation matters.
     pub why: &'static str,
-    /// The command that mends it, or that shows what could not be read; never run by `hil`.
+    /// Command that remedies the problem, or that shows the value that could not be read; never run by `hil`.
     pub mend: Option<String>,
-    /// The figures, if something was measured.
+    /// Measured figures, if any.
     pub measured: Option<Value>,
 }
 
 impl Check {
-    /// A check by its name and why it matters.
+    /// Creates a check with its name and the reason why it matters.
     #[must_use]
     pub(crate) const fn new(name: &'static str, why: &'static str) -> Self {
         Self { name, why }
     }
 
-    /// Makes a finding of any grade.
+    /// Creates a finding with this grade.
     #[must_use]
-    pub(crate) fn graded(self, grade: Grade, found: impl Into<String>) -> Finding {
+    pub(crate) fn graded(self, grade: Grade, text: impl Into<String>) -> Finding {
         Finding {
             check: self.name,
             grade,
-            found: found.into(),
+            found: text.into(),
             why: self.why,
             mend: None,
             measured: None,
         }
     }
 
-    /// Makes a good finding.
+    /// Creates a good finding.
     #[must_use]
-    pub(crate) fn good(self, found: impl Into<String>) -> Finding {
-        self.graded(Grade::Good, found)
+    pub(crate) fn good(self, text: impl Into<String>) -> Finding {
+        self.graded(Grade::Good, text)
     }
 
-    /// Makes a fair finding.
+    /// Creates a fair finding.
     #[must_use]
-    pub(crate) fn fair(self, found: impl Into<String>) -> Finding {
-        self.graded(Grade::Fair, found)
+    pub(crate) fn fair(self, text: impl Into<String>) -> Finding {
+        self.graded(Grade::Fair, text)
     }
 
-    /// Makes a poor finding.
+    /// Creates a poor finding.
     #[must_use]
-    pub(crate) fn poor(self, found: impl Into<String>) -> Finding {
-        self.graded(Grade::Poor, found)
+    pub(crate) fn poor(self, text: impl Into<String>) -> Finding {
+        self.graded(Grade::Poor, text)
     }
 
-    /// Not found out.
+    /// Creates a finding that could not be determined.
     #[must_use]
-    pub(crate) fn unknown(self, found: impl Into<String>) -> Finding {
-        self.graded(Grade::Unknown, found)
+    pub(crate) fn unknown(self, text: impl Into<String>) -> Finding {
+        self.graded(Grade::Unknown, text)
     }
 
-    /// Makes a finding of a source that could not be read.
+    /// Creates the finding for a source that could not be read.
     #[must_use]
     pub(crate) fn unread(self, unread: &Unread) -> Finding {
         self.unknown(unread.to_string())
     }
 }
 
-/// Gives what a check looked at; returns from the check with that as its finding where it cannot be read.
+/// Unwraps the input of a check; if it could not be read, returns an unknown finding from the check.
 macro_rules! known {
     ($check:ident, $read:expr) => {
         match $read {
@@ -119,20 +119,20 @@ macro_rules! known {
 pub(crate) use known;
 
 impl Finding {
-    /// With the command that mends it.
+    /// Adds the command that remedies the problem.
     #[must_use]
     pub fn mend(self, command: impl Into<String>) -> Self {
         self.mend_if(Some(command.into()))
     }
 
-    /// With the command that mends it, if there is one.
+    /// Adds the command that remedies the problem, if there is one.
     #[must_use]
     pub fn mend_if(mut self, command: Option<String>) -> Self {
         self.mend = command;
         self
     }
 
-    /// With the figures behind it.
+    /// Adds the figures behind the finding.
     #[must_use]
     pub fn measured(mut self, figures: Value) -> Self {
         self.measured = Some(figures);

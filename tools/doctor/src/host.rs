@@ -1,4 +1,4 @@
-//! Host: a machine at all, or another one beneath it that takes its time.
+//! Check for a hypervisor beneath the machine, and for the time that it takes.
 
 use super::cores::Cores;
 use super::finding::{Check, Finding};
@@ -7,10 +7,10 @@ use super::tree::Tree;
 
 const VIRTUALISATION: Check = Check::new(
     "virtualisation",
-    "a host may stop the whole machine at any time: the longest delays are its own",
+    "a host may pause the whole machine at any time: the longest delays are due to it",
 );
 
-/// Names of makers that stand for hypervisors.
+/// Vendor and product names that identify hypervisors.
 const MAKERS: [&str; 13] = [
     "QEMU",
     "KVM",
@@ -27,39 +27,39 @@ const MAKERS: [&str; 13] = [
     "Apple Virtualization",
 ];
 
-/// Most of a core's time that a host may take before nothing measured means much.
+/// Stolen time of a core, in percent, above which measurements mean little.
 const STOLEN_PERCENT: f64 = 1.0;
 
-/// Judges virtualisation, and the share of the chosen cores' time that a host took.
+/// Checks for virtualisation, and the share of the chosen cores' time that the host took.
 #[must_use]
 pub(crate) fn virtualisation(tree: &dyn Tree, cores: &Cores, interval: &Interval) -> Finding {
     let Some(virtual_machine) = is_virtual(tree) else {
-        return VIRTUALISATION.unknown("neither processor nor maker's name tell");
+        return VIRTUALISATION.unknown("neither the processor nor the vendor's name shows it");
     };
     let stolen = interval.stolen_percent(&cores.chosen);
-    let told = match &stolen {
+    let steal_text = match &stolen {
         Ok(percent) => format!("{percent:.1} % of time stolen {}", interval.describe()),
         Err(unread) => unread.to_string(),
     };
-    let mut found = "bare metal".to_owned();
+    let mut text = "bare metal".to_owned();
     if virtual_machine {
         let name = maker(tree).map(|name| format!(" ({name})"));
-        found = format!("virtual machine{}, {told}", name.unwrap_or_default());
+        text = format!("virtual machine{}, {steal_text}", name.unwrap_or_default());
     }
     match stolen {
-        Ok(percent) if percent > STOLEN_PERCENT => VIRTUALISATION.poor(found),
-        _ if virtual_machine => VIRTUALISATION.fair(found),
-        _ => VIRTUALISATION.good(found),
+        Ok(percent) if percent > STOLEN_PERCENT => VIRTUALISATION.poor(text),
+        _ if virtual_machine => VIRTUALISATION.fair(text),
+        _ => VIRTUALISATION.good(text),
     }
 }
 
-/// Reports a hypervisor; `None` if nothing tells.
+/// Returns `true` if there is a hypervisor, or `None` if that is unknown.
 fn is_virtual(tree: &dyn Tree) -> Option<bool> {
     let cpuinfo = tree.read("proc/cpuinfo").unwrap_or_default();
     if let Some(present) = hypervisor_flag(&cpuinfo) {
         return Some(present);
     }
-    // Other processors have no such flag; the firmware's tables tell.
+    // Other processors have no such flag, but firmware tables may identify the hypervisor.
     let hypervisor = ["proc/device-tree/hypervisor", "sys/hypervisor/type"];
     if hypervisor.iter().any(|path| tree.has(path)) {
         return Some(true);
@@ -71,7 +71,7 @@ fn is_virtual(tree: &dyn Tree) -> Option<bool> {
     Some(compatible.contains("dummy-virt"))
 }
 
-/// The flag by which an x86 processor tells of a hypervisor, from `/proc/cpuinfo`; none on others.
+/// Reads the hypervisor flag of an x86 processor from `/proc/cpuinfo`; `None` for other processors.
 fn hypervisor_flag(cpuinfo: &str) -> Option<bool> {
     let line = cpuinfo.lines().find(|line| line.starts_with("flags"))?;
     Some(
@@ -80,12 +80,12 @@ fn hypervisor_flag(cpuinfo: &str) -> Option<bool> {
     )
 }
 
-/// Maker and model, as the firmware tells them.
+/// Returns vendor and model according to the firmware.
 fn maker(tree: &dyn Tree) -> Option<String> {
     let names = ["sys_vendor", "product_name"];
     let read = |name| tree.read(&format!("sys/class/dmi/id/{name}")).ok();
-    let known: Vec<String> = names.into_iter().filter_map(read).collect();
-    (!known.is_empty()).then(|| known.join(" "))
+    let parts: Vec<String> = names.into_iter().filter_map(read).collect();
+    (!parts.is_empty()).then(|| parts.join(" "))
 }
 
 #[cfg(test)]
@@ -104,7 +104,7 @@ mod tests {
     const PRODUCT: &str = "sys/class/dmi/id/product_name";
 
     fn look(files: &[(&str, &str)], steal: &str) -> Finding {
-        // 10 000 ticks on each core, of which the host took some.
+        // 10 000 ticks on each core, some of them taken by the host.
         let stat = format!(
             "cpu  1 1\ncpu0 0 0 0 10000 0 0 0 0 0 0\ncpu1 600 0 200 8000 0 0 0 {steal} 0 0\n"
         );
@@ -122,7 +122,7 @@ mod tests {
         #[rustfmt::skip] // a table
         let cases: [(Files, &str, Grade, &str); 10] = [
             (&[("proc/cpuinfo", METAL)], "0", Grade::Good, "bare metal"),
-            // A server rented whole: the maker's name is no hypervisor's.
+            // A rented bare-metal server: the vendor's name is not that of a hypervisor.
             (&[("proc/cpuinfo", METAL), (VENDOR, "Amazon EC2"), (PRODUCT, "c5.metal")], "0", Grade::Good, "bare metal"),
             (&[("proc/cpuinfo", GUEST)], "0", Grade::Fair, "virtual machine, 0.0 % of time stolen since boot"),
             (&[("proc/cpuinfo", GUEST), (VENDOR, "QEMU"), (PRODUCT, "Standard PC (Q35 + ICH9, 2009)")], "0", Grade::Fair,
@@ -135,10 +135,10 @@ mod tests {
             (&[("proc/cpuinfo", ARM), ("proc/device-tree/compatible", "raspberrypi,4-model-b\0brcm,bcm2711\0")], "0", Grade::Good, "bare metal"),
             (&[("proc/cpuinfo", ARM), ("proc/device-tree/compatible", "linux,dummy-virt\0")], "0", Grade::Fair, "virtual machine"),
         ];
-        for (files, steal, grade, found) in cases {
+        for (files, steal, grade, expected) in cases {
             let finding = look(files, steal);
             assert_eq!(finding.grade, grade, "{files:?}");
-            assert!(finding.found.starts_with(found), "{}", finding.found);
+            assert!(finding.found.starts_with(expected), "{}", finding.found);
         }
     }
 }

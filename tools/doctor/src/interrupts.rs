@@ -1,4 +1,4 @@
-//! Counts of the kernel: interrupts of devices, and time that a host took.
+//! Kernel counters: device interrupts, and time stolen by a host.
 
 use super::cores::{CoreList, Cores};
 use super::finding::{Check, Finding, Grade, known};
@@ -6,16 +6,16 @@ use super::tree::{Tree, Unread};
 
 const INTERRUPTS: Check = Check::new(
     "interrupts",
-    "each interrupt of a device takes some microseconds from the core it comes to",
+    "each device interrupt takes some microseconds from its core",
 );
 
-/// Interrupts of devices a second on the chosen cores that are still fair; at 5 us each they take
-/// half a percent.
+/// Rate of device interrupts on the chosen cores that is still fair; at 5 us each they take half a percent of the
+/// time.
 const MOST_INTERRUPTS_HZ: f64 = 1000.0;
-/// From how many on an interrupt is worth moving.
+/// Rate above which moving an interrupt is worthwhile.
 const FEW_INTERRUPTS_HZ: f64 = 1.0;
 
-/// Counts of the kernel at some time.
+/// Kernel counters at one time.
 #[derive(Clone, Debug)]
 pub(crate) struct Snapshot {
     interrupts: Result<String, Unread>,
@@ -23,14 +23,14 @@ pub(crate) struct Snapshot {
     uptime: Result<String, Unread>,
 }
 
-/// The counts between two times.
+/// Kernel counters between two times.
 #[derive(Clone, Debug)]
 pub(crate) struct Interval {
     earlier: Option<Snapshot>,
     later: Snapshot,
 }
 
-/// Interrupts of a device.
+/// Interrupt line of a device.
 #[derive(Clone, Debug, PartialEq)]
 struct Line {
     number: String,
@@ -39,7 +39,7 @@ struct Line {
 }
 
 impl Snapshot {
-    /// The counts of now.
+    /// Reads the current counters.
     #[must_use]
     pub(crate) fn take(tree: &dyn Tree) -> Self {
         Self {
@@ -54,7 +54,7 @@ impl Snapshot {
         let seconds = text.split(' ').next().and_then(|s| s.parse().ok());
         seconds.ok_or_else(|| Unread {
             path: "proc/uptime".into(),
-            reason: format!("it holds `{text}`"),
+            reason: format!("unexpected content `{text}`"),
         })
     }
 
@@ -65,7 +65,7 @@ impl Snapshot {
 }
 
 impl Interval {
-    /// From one time to a later one.
+    /// Creates the interval between two snapshots.
     #[must_use]
     pub(crate) const fn between(earlier: Snapshot, later: Snapshot) -> Self {
         Self {
@@ -74,7 +74,7 @@ impl Interval {
         }
     }
 
-    /// From the start of the machine.
+    /// Creates the interval since boot.
     #[must_use]
     pub(crate) const fn since_boot(later: Snapshot) -> Self {
         Self {
@@ -97,10 +97,10 @@ impl Interval {
         Ok(self.later.uptime_s()? - earlier)
     }
 
-    /// Computes the share of these cores' time that a host took, in percent.
+    /// Computes the percentage of these cores' time that a host took.
     ///
     /// # Errors
-    /// If the kernel does not tell.
+    /// If the counters cannot be read.
     pub(crate) fn stolen_percent(&self, cores: &CoreList) -> Result<f64, Unread> {
         let ticks = |snapshot: &Snapshot| {
             let text = snapshot.stat.as_deref().map_err(Unread::clone)?;
@@ -113,7 +113,7 @@ impl Interval {
         Ok(if all > 0.0 { 100.0 * stolen / all } else { 0.0 })
     }
 
-    /// Interrupts of devices that came to these cores, busiest first, with how many a second.
+    /// Returns the device interrupts on these cores with their rates, busiest first.
     fn interrupts_hz(&self, cores: &CoreList) -> Result<Vec<(Line, f64)>, Unread> {
         let seconds = self.seconds()?;
         let before = match &self.earlier {
@@ -139,8 +139,8 @@ impl Interval {
     }
 }
 
-/// The interrupts of devices in `/proc/interrupts` and how many of them came to these cores. The
-/// kernel's own, whose names are no numbers, are left out.
+/// Parses the device interrupts in `/proc/interrupts` and their counts on these cores. The kernel's own interrupts,
+/// whose names are not numbers, are omitted.
 fn device_interrupts(text: &str, cores: &CoreList) -> Vec<Line> {
     let mut rows = text.lines();
     let header = rows.next().unwrap_or_default();
@@ -168,7 +168,7 @@ fn device_interrupts(text: &str, cores: &CoreList) -> Vec<Line> {
     rows.filter_map(line).collect()
 }
 
-/// Ticks that a host took and all ticks of these cores, from `/proc/stat`.
+/// Returns the ticks stolen by a host and all ticks of these cores, from `/proc/stat`.
 fn stolen_of_all(text: &str, cores: &CoreList) -> (u64, u64) {
     let (mut stolen, mut all) = (0, 0);
     for line in text.lines() {
@@ -177,7 +177,7 @@ fn stolen_of_all(text: &str, cores: &CoreList) -> (u64, u64) {
         if !core.is_some_and(|core| cores.contains(core)) {
             continue;
         }
-        // user nice system idle iowait irq softirq steal; what guests got is in the first two.
+        // user nice system idle iowait irq softirq steal; guest time is contained in the first two.
         let ticks: Vec<u64> = fields.take(8).filter_map(|t| t.parse().ok()).collect();
         stolen += ticks.get(7).unwrap_or(&0);
         all += ticks.iter().sum::<u64>();
@@ -185,18 +185,18 @@ fn stolen_of_all(text: &str, cores: &CoreList) -> (u64, u64) {
     (stolen, all)
 }
 
-/// Interrupts of devices on the chosen cores: those that came and those that may come.
+/// Checks the device interrupts on the chosen cores: those counted and those routed there.
 #[must_use]
 pub(crate) fn interrupts(tree: &dyn Tree, cores: &Cores, interval: &Interval) -> Finding {
     let rates = known!(INTERRUPTS, interval.interrupts_hz(&cores.chosen));
     let came_hz: f64 = rates.iter().map(|(_, hz)| hz).sum();
     let aimed = |(line, _): &&(Line, f64)| aim(tree, &line.number).meets(&cores.chosen);
     let aimed: Vec<&(Line, f64)> = rates.iter().filter(aimed).collect();
-    let mut found = format!("{came_hz:.0}/s {}", interval.describe());
+    let mut text = format!("{came_hz:.0}/s {}", interval.describe());
     if let Some((busiest, _)) = rates.first().filter(|(_, hz)| *hz >= FEW_INTERRUPTS_HZ) {
-        found += &format!(", most from {}", busiest.device);
+        text += &format!(", most from {}", busiest.device);
     }
-    found += &format!("; {} of {} lines lead here", aimed.len(), rates.len());
+    text += &format!("; {} of {} lines are routed here", aimed.len(), rates.len());
     let grade = if came_hz > MOST_INTERRUPTS_HZ {
         Grade::Poor
     } else if came_hz >= FEW_INTERRUPTS_HZ || !aimed.is_empty() {
@@ -204,7 +204,7 @@ pub(crate) fn interrupts(tree: &dyn Tree, cores: &Cores, interval: &Interval) ->
     } else {
         Grade::Good
     };
-    let finding = INTERRUPTS.graded(grade, found);
+    let finding = INTERRUPTS.graded(grade, text);
     let others = cores.others();
     if aimed.is_empty() || others.is_empty() {
         return finding;
@@ -218,7 +218,7 @@ pub(crate) fn interrupts(tree: &dyn Tree, cores: &Cores, interval: &Interval) ->
     ))
 }
 
-/// The cores that an interrupt goes to.
+/// Returns the cores that an interrupt is routed to.
 fn aim(tree: &dyn Tree, number: &str) -> CoreList {
     let read = |file| tree.read(&format!("proc/irq/{number}/{file}"));
     let effective = read("effective_affinity_list").map(|list| CoreList::parse(&list));
@@ -233,7 +233,7 @@ mod tests {
     use super::*;
     use crate::tree::Fake;
 
-    /// Core 1 is offline, as the header tells; one row has a name of several words.
+    /// Core 1 is offline according to the header; one row has a name of several words.
     const INTERRUPTS_TEXT: &str = "\
            CPU0       CPU2       CPU3
   0:         44          0          0   IO-APIC   2-edge      timer
@@ -278,29 +278,33 @@ ERR:          0
     fn interrupts_on_the_chosen_cores_are_graded_by_their_rate() {
         let cores_with_others = Cores::of("0,2-3", "2-3");
         let before = Snapshot::take(&counted(INTERRUPTS_TEXT, "500.00 900.00"));
-        for (count, grade, found) in [
-            ("3000", Grade::Fair, "0/s in 2.0 s; 1 of 4 lines lead here"),
+        for (count, grade, expected) in [
+            (
+                "3000",
+                Grade::Fair,
+                "0/s in 2.0 s; 1 of 4 lines are routed here",
+            ),
             (
                 "3400",
                 Grade::Fair,
-                "200/s in 2.0 s, most from nvme0q0; 1 of 4 lines lead here",
+                "200/s in 2.0 s, most from nvme0q0; 1 of 4 lines are routed here",
             ),
             (
                 "9000",
                 Grade::Poor,
-                "3000/s in 2.0 s, most from nvme0q0; 1 of 4 lines lead here",
+                "3000/s in 2.0 s, most from nvme0q0; 1 of 4 lines are routed here",
             ),
         ] {
             let later = counted(&INTERRUPTS_TEXT.replace("3000", count), "502.00 902.00");
             let interval = Interval::between(before.clone(), Snapshot::take(&later));
             let finding = interrupts(&later, &cores_with_others, &interval);
-            assert_eq!((finding.grade, finding.found.as_str()), (grade, found));
+            assert_eq!((finding.grade, finding.found.as_str()), (grade, expected));
             assert_eq!(
                 finding.mend.as_deref(),
                 Some("for i in 125; do echo 0 | sudo tee /proc/irq/$i/smp_affinity_list; done")
             );
         }
-        // 3021 interrupts in 100 s since boot, and nowhere else to send them.
+        // 3021 interrupts in 100 s since boot, and no other core to route them to.
         let machine = counted(INTERRUPTS_TEXT, "100.00 1.00");
         let since_boot = Interval::since_boot(Snapshot::take(&machine));
         let finding = interrupts(&machine, &Cores::of("2-3", "2-3"), &since_boot);
@@ -313,7 +317,7 @@ ERR:          0
     }
 
     #[test]
-    fn cores_that_no_interrupt_comes_to_are_good() {
+    fn cores_without_interrupts_are_good() {
         let text = INTERRUPTS_TEXT.replace("3000", "0");
         let machine =
             counted(&text, "5000.00 1.00").with(&[("proc/irq/125/effective_affinity_list", "0")]);
@@ -326,7 +330,7 @@ ERR:          0
     }
 
     #[test]
-    fn stolen_time_is_that_of_the_interval_and_the_cores() {
+    fn stolen_time_covers_only_the_interval_and_the_cores() {
         let stat = |steal: u64, idle: u64| {
             let text = format!(
                 "cpu 9 9 9 9\ncpu0 0 0 0 {idle} 0 0 0 500 0 0\ncpu1 100 0 0 {idle} 0 0 0 {steal} 70 0\nintr 5\n"
@@ -335,7 +339,7 @@ ERR:          0
         };
         let interval = Interval::between(stat(50, 1000), stat(55, 1195));
         let percent = |cores| interval.stolen_percent(&CoreList::parse(cores));
-        // 5 of 200 ticks; none of core 0's.
+        // 5 of 200 ticks on core 1, and none on core 0.
         assert_eq!(percent("1"), Ok(2.5));
         assert_eq!(percent("0"), Ok(0.0));
         assert_eq!(percent("7"), Ok(0.0));

@@ -1,5 +1,4 @@
-//! Isolation: the chosen cores are kept free of other work, and this process may use them all
-//! the time.
+//! Checks that the chosen cores are free of other work, and that this process may use them without a time limit.
 
 use super::boot;
 use super::cores::{CoreList, Cores};
@@ -12,15 +11,15 @@ const ISOLATION: Check = Check::new(
 );
 const QUOTA: Check = Check::new(
     "quota",
-    "a control group with a quota is stopped when it is used up",
+    "the processes of a control group stop once its quota is used up",
 );
 
-/// Judges the isolation of the chosen cores from other work and from the scheduler's tick.
+/// Checks whether the chosen cores are isolated from other work and from the scheduler's tick.
 #[must_use]
 pub(crate) fn isolation(tree: &dyn Tree, cores: &Cores) -> Finding {
     let list = |path: &str| tree.read(path).map(|text| CoreList::parse(&text));
     let from_boot = known!(ISOLATION, list("sys/devices/system/cpu/isolated"));
-    // Both are missing on kernels that were built without them, where nothing is in them.
+    // Both files are missing in kernels built without these features.
     let from_group = list("sys/fs/cgroup/cpuset.cpus.isolated").unwrap_or_default();
     let without_tick = list("sys/devices/system/cpu/nohz_full").unwrap_or_default();
     let isolated = from_boot.with(&from_group);
@@ -28,27 +27,27 @@ pub(crate) fn isolation(tree: &dyn Tree, cores: &Cores) -> Finding {
         true => "none".to_owned(),
         false => list.to_string(),
     };
-    let found = format!(
+    let text = format!(
         "isolated: {}, without tick: {}",
         or_none(&isolated),
         or_none(&without_tick)
     );
     if isolated.covers(&cores.chosen) && without_tick.covers(&cores.chosen) {
-        return ISOLATION.good(found);
+        return ISOLATION.good(text);
     }
     let (chosen, others) = (&cores.chosen, cores.others());
     if others.is_empty() {
-        return ISOLATION.fair(format!("{found}; no core is left for other work"));
+        return ISOLATION.fair(format!("{text}; no core is left for other work"));
     }
     let arguments = format!(
         "isolcpus=managed_irq,domain,{chosen} nohz_full={chosen} rcu_nocbs={chosen} irqaffinity={others}"
     );
     ISOLATION
-        .fair(found)
+        .fair(text)
         .mend_if(boot::add_arguments(tree, &arguments))
 }
 
-/// A limit on processor time, as both versions of control groups tell it.
+/// Limit on processor time, in either version of control groups.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Quota {
     file: String,
@@ -56,7 +55,7 @@ struct Quota {
     period_us: u64,
 }
 
-/// Judges the limits of processor time in the control groups above this process.
+/// Checks the limits on processor time in the control groups above this process.
 #[must_use]
 pub(crate) fn quota(tree: &dyn Tree) -> Finding {
     let groups = known!(QUOTA, tree.read("proc/self/cgroup"));
@@ -88,11 +87,11 @@ pub(crate) fn quota(tree: &dyn Tree) -> Finding {
     }
     match looked {
         true => QUOTA.good("none"),
-        false => QUOTA.unknown("/sys/fs/cgroup is not there"),
+        false => QUOTA.unknown("/sys/fs/cgroup does not exist"),
     }
 }
 
-/// The first limit from a group up to the root of its hierarchy.
+/// Returns the first limit from a group up to the root of its hierarchy.
 fn quota_above(tree: &dyn Tree, root: &str, group: &str, unified: bool) -> Option<Quota> {
     let mut group = group;
     loop {
@@ -138,7 +137,7 @@ mod tests {
     use crate::tree::{Fake, Files};
 
     #[test]
-    fn isolation_is_good_when_neither_work_nor_tick_comes() {
+    fn isolation_is_good_without_other_work_and_tick() {
         let cores = Cores::of("0-7", "6-7");
         for (isolated, group, tick, grade) in [
             ("6-7", "", "6-7", Grade::Good),
@@ -160,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn cores_are_isolated_only_where_others_are_left() {
+    fn isolating_cores_is_suggested_only_if_others_remain() {
         let machine = Fake::new(&[
             ("sys/devices/system/cpu/isolated", ""),
             ("usr/sbin/grubby", ""),
@@ -179,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn a_quota_anywhere_above_the_process_is_found() {
+    fn a_quota_of_any_parent_group_is_detected() {
         let unified = "0::/user.slice/build.scope";
         let legacy = "5:devices:/\n3:cpuset,cpu,cpuacct:/docker/1\n0::/";
         #[rustfmt::skip] // a table

@@ -1,4 +1,4 @@
-//! The kernel: when it lets itself be interrupted, and which clock it reads.
+//! Checks of the kernel: its preemption model, and its clock source.
 
 use super::boot;
 use super::finding::{Check, Finding, known};
@@ -6,14 +6,14 @@ use super::tree::Tree;
 
 const PREEMPTION: Check = Check::new(
     "preemption",
-    "kernel code that cannot be interrupted makes wake-ups late",
+    "kernel code that cannot be preempted delays wake-ups",
 );
 const CLOCK_SOURCE: Check = Check::new(
     "clock_source",
     "a clock outside the processor is slow to read and coarse",
 );
 
-/// Preemption that a kernel was built with, from `/proc/version`.
+/// Preemption model that a kernel was built with, according to `/proc/version`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Build {
     RealTime,
@@ -36,33 +36,33 @@ impl Build {
     }
 }
 
-/// The kernel and when it lets itself be interrupted.
+/// Checks the kernel's preemption model.
 #[must_use]
 pub(crate) fn preemption(tree: &dyn Tree) -> Finding {
-    /// File in which a dynamic kernel shows and takes its mode.
+    /// File with the preemption mode of a dynamic kernel, readable and writable.
     const MODE: &str = "sys/kernel/debug/sched/preempt";
     let version = known!(PREEMPTION, tree.read("proc/version"));
     let release = version.split_ascii_whitespace().nth(2).unwrap_or("?");
-    let told = |what: &str| format!("Linux {release}, {what}");
+    let description = |what: &str| format!("Linux {release}, {what}");
     let real_time = tree.read("sys/kernel/realtime").is_ok_and(|one| one == "1");
     match Build::of(&version) {
-        _ if real_time => PREEMPTION.good(told("PREEMPT_RT")),
-        Build::RealTime => PREEMPTION.good(told("PREEMPT_RT")),
+        _ if real_time => PREEMPTION.good(description("PREEMPT_RT")),
+        Build::RealTime => PREEMPTION.good(description("PREEMPT_RT")),
         Build::Full => PREEMPTION
-            .fair(told("preemptible, not PREEMPT_RT"))
+            .fair(description("preemptible, not PREEMPT_RT"))
             .mend_if(real_time_kernel(tree)),
         Build::Other => PREEMPTION
-            .poor(told("not preemptible"))
+            .poor(description("not preemptible"))
             .mend_if(real_time_kernel(tree)),
         Build::Dynamic => match mode(tree.read(MODE).ok(), tree, release) {
             Some(mode) if mode == "full" || mode == "lazy" => PREEMPTION
-                .fair(told(&format!("preemption {mode}, not PREEMPT_RT")))
+                .fair(description(&format!("preemption {mode}, not PREEMPT_RT")))
                 .mend_if(real_time_kernel(tree)),
             Some(mode) => PREEMPTION
-                .poor(told(&format!("preemption {mode}")))
+                .poor(description(&format!("preemption {mode}")))
                 .mend(format!("echo full | sudo tee /{MODE}")),
             None => PREEMPTION
-                .unknown(told(&format!("/{MODE} cannot be read")))
+                .unknown(description(&format!("/{MODE} cannot be read")))
                 .mend(format!(
                     "sudo sh -c 'mount -t debugfs none /sys/kernel/debug; cat /{MODE}'"
                 )),
@@ -70,10 +70,10 @@ pub(crate) fn preemption(tree: &dyn Tree) -> Finding {
     }
 }
 
-/// The mode of a dynamic kernel: what it tells, or else what it was started or built with.
-fn mode(told: Option<String>, tree: &dyn Tree, release: &str) -> Option<String> {
-    if let Some(told) = told {
-        let (_, rest) = told.split_once('(')?;
+/// Returns the mode of a dynamic kernel: from its own file, or else from its command line or build configuration.
+fn mode(file_text: Option<String>, tree: &dyn Tree, release: &str) -> Option<String> {
+    if let Some(text) = file_text {
+        let (_, rest) = text.split_once('(')?;
         return rest.split_once(')').map(|(mode, _)| mode.to_owned());
     }
     let command_line = tree.read("proc/cmdline").unwrap_or_default();
@@ -96,7 +96,7 @@ fn mode(told: Option<String>, tree: &dyn Tree, release: &str) -> Option<String> 
     Some((*mode).to_owned())
 }
 
-/// The command that installs a PREEMPT_RT kernel, on distributions that have one.
+/// Returns the command that installs a PREEMPT_RT kernel, for distributions that have one.
 fn real_time_kernel(tree: &dyn Tree) -> Option<String> {
     let release = tree.read("etc/os-release").ok()?;
     let id = release.lines().find_map(|line| line.strip_prefix("ID="))?;
@@ -111,7 +111,7 @@ fn real_time_kernel(tree: &dyn Tree) -> Option<String> {
     Some(format!("{command} # then reboot"))
 }
 
-/// Judges the clock that the kernel reads.
+/// Checks the clock source of the kernel.
 #[must_use]
 pub(crate) fn clock_source(tree: &dyn Tree) -> Finding {
     const FOLDER: &str = "sys/devices/system/clocksource/clocksource0";
@@ -127,12 +127,12 @@ pub(crate) fn clock_source(tree: &dyn Tree) -> Finding {
         Some(name) => Some(format!(
             "echo {name} | sudo tee /{FOLDER}/current_clocksource"
         )),
-        // Tells the kernel not to give the counter up, if there is one.
+        // Tells the kernel to trust the counter, if there is one.
         None => boot::add_arguments(tree, "tsc=reliable"),
     };
     match current.as_str() {
         name if is_counter(name) => CLOCK_SOURCE.good(current),
-        // Counters that the hypervisor scales; still read without a system call.
+        // Counters scaled by the hypervisor; reading them needs no system call either.
         "kvm-clock" | "hyperv_clocksource_tsc_page" | "xen" => {
             CLOCK_SOURCE.fair(current).mend_if(mend)
         }
@@ -143,7 +143,7 @@ pub(crate) fn clock_source(tree: &dyn Tree) -> Finding {
     }
 }
 
-/// Counters within the processor, which every program reads by itself.
+/// Returns `true` for counters inside the processor, which programs read directly.
 fn is_counter(name: &str) -> bool {
     matches!(
         name,
@@ -169,7 +169,7 @@ mod tests {
     ];
 
     #[test]
-    fn the_version_tells_how_a_kernel_was_built() {
+    fn the_version_shows_the_build_of_a_kernel() {
         for (version, build) in VERSIONS {
             assert_eq!(Build::of(version), build, "{version}");
         }
@@ -190,7 +190,7 @@ mod tests {
             let finding = preemption(&Fake::new(&[("proc/version", *version)]));
             assert_eq!(finding.grade, grade, "{version}");
         }
-        // A vendor's own text does not hide what the kernel says of itself.
+        // A vendor's version text does not hide the kernel's own flag.
         let vendor = [
             ("proc/version", "Linux version 5.15.0-vendor #7 SMP"),
             ("sys/kernel/realtime", "1\n"),
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn the_mode_of_a_dynamic_kernel_comes_from_the_surest_source() {
+    fn the_mode_of_a_dynamic_kernel_comes_from_the_most_reliable_source() {
         let mode_file = "sys/kernel/debug/sched/preempt";
         let config = "boot/config-6.8.0-45-generic";
         #[rustfmt::skip] // a table
@@ -217,11 +217,11 @@ mod tests {
             (&[("lib/modules/6.8.0-45-generic/config", "CONFIG_PREEMPT=y")], Grade::Fair, "full"),
             (&[(config, "# CONFIG_PREEMPT is not set\nCONFIG_PREEMPT_DYNAMIC=y")], Grade::Unknown, "cannot be read"),
         ];
-        for (files, grade, found) in cases {
+        for (files, grade, expected) in cases {
             let machine = Fake::new(&[("proc/version", VERSIONS[2].0)]).with(files);
             let finding = preemption(&machine);
             assert_eq!(finding.grade, grade, "{files:?}");
-            assert!(finding.found.contains(found), "{}", finding.found);
+            assert!(finding.found.contains(expected), "{}", finding.found);
         }
         let none = Fake::new(&[("proc/version", VERSIONS[2].0), (mode_file, "(none) full")]);
         assert_eq!(
@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn a_counter_of_the_processor_is_the_clock_to_have() {
+    fn a_counter_of_the_processor_is_the_best_clock_source() {
         let folder = "sys/devices/system/clocksource/clocksource0";
         let use_tsc = format!("echo tsc | sudo tee /{folder}/current_clocksource");
         for (current, available, grade, mend) in [
@@ -270,8 +270,8 @@ mod tests {
                 (format!("{folder}/available_clocksource"), available),
             ]));
             assert_eq!((finding.grade, finding.found.as_str()), (grade, current));
-            let wanted = mend.filter(|_| grade != Grade::Good);
-            assert_eq!(finding.mend.as_ref(), wanted, "{current}");
+            let expected = mend.filter(|_| grade != Grade::Good);
+            assert_eq!(finding.mend.as_ref(), expected, "{current}");
         }
     }
 }

@@ -1,14 +1,13 @@
-//! `hil doctor`: whether this machine is fit for claims about timing, and what to change. Changes
-//! nothing of the machine, and runs no scenario.
+//! `hil doctor`: checks the fitness of this machine for claims about timing, and suggests changes. It changes nothing
+//! and runs no scenario.
 //!
-//! 1. [`cores`] chooses the two cores that are judged.
-//! 2. The checks read what the kernel tells below a [`tree`] of files: [`cores`], [`isolation`],
-//!    [`kernel`], [`throttling`], [`power`], [`rights`], [`memory`], [`activity`], [`host`],
-//!    [`interrupts`].
-//! 3. [`measure`] looks at what no file tells: wake-ups, exchanges, holes.
-//! 4. Each gives one [`finding`]: a grade, and the command that mends it ([`boot`] knows those for the
-//!    kernel's command line). A file that cannot be read is unknown, never guessed.
-//! 5. The [`report`] says it and draws the conclusion.
+//! 1. [`cores`] chooses the two cores that are checked.
+//! 2. The checks read kernel files through a [`tree`]: [`cores`], [`isolation`], [`kernel`], [`throttling`],
+//!    [`power`], [`rights`], [`memory`], [`activity`], [`host`], [`interrupts`].
+//! 3. [`measure`] measures what no file contains: wake-ups, exchanges, holes.
+//! 4. Each check gives one [`finding`]: a grade, and the command that remedies the problem ([`boot`] knows those for
+//!    the kernel's command line). A file that cannot be read makes the grade unknown; nothing is guessed.
+//! 5. The [`report`] presents the findings and the conclusion.
 //!
 //! `hil run` stores [`facts`] in its recordings.
 
@@ -59,12 +58,12 @@ use tree::{Root, Tree};
 /// Runs the command.
 ///
 /// # Errors
-/// If the chosen cores are not there or may not be used.
+/// If the chosen cores do not exist or may not be used.
 pub fn doctor(arguments: &DoctorArguments) -> Result<Exit, Failure> {
     let machine = Root::machine();
     let cores = Cores::choose(&machine, arguments.cores)?;
     let before = Snapshot::take(&machine);
-    // First, as measuring is load as well.
+    // Read first, because measuring causes load as well.
     let mut checks = read(&machine, &cores);
     checks.push(sessions());
     let mut report = Report {
@@ -106,8 +105,8 @@ pub fn doctor(arguments: &DoctorArguments) -> Result<Exit, Failure> {
     })
 }
 
-/// Returns the facts that a recording keeps of the machine it was made on: each check that reads files, by
-/// its name, with grade and finding. Takes a few milliseconds and measures nothing.
+/// Returns the facts about the machine that a recording stores: the grade and observation of each check that reads
+/// files, by name. Takes a few milliseconds and measures nothing.
 #[must_use]
 pub fn facts() -> Vec<(String, String)> {
     facts_of(&Root::machine())
@@ -134,7 +133,7 @@ fn facts_of(tree: &dyn Tree) -> Vec<(String, String)> {
     findings.map(fact).collect()
 }
 
-/// The checks that read what is so now.
+/// Runs the checks that read the current state.
 fn read(tree: &dyn Tree, cores: &Cores) -> Vec<Finding> {
     vec![
         activity::load(tree, cores),
@@ -155,7 +154,7 @@ fn read(tree: &dyn Tree, cores: &Cores) -> Vec<Finding> {
     ]
 }
 
-/// The checks that look at what was counted over an interval.
+/// Runs the checks that read counters over an interval.
 fn counted(tree: &dyn Tree, cores: &Cores, interval: &Interval) -> [Finding; 2] {
     [
         host::virtualisation(tree, cores, interval),
@@ -174,12 +173,12 @@ fn sessions() -> Finding {
     }
 }
 
-/// Reports a terminal whose user wants colours.
+/// Returns `true` if standard output is a terminal and colours are not disabled.
 fn colours() -> bool {
     std::io::stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none()
 }
 
-/// Settings that all measurements share.
+/// Settings shared by all measurements.
 struct Measurement<'a> {
     cores: &'a Cores,
     seconds: f64,
@@ -187,7 +186,7 @@ struct Measurement<'a> {
 }
 
 impl Measurement<'_> {
-    /// All that is measured without a load.
+    /// Runs all measurements without artificial load.
     fn undisturbed(&self) -> Result<Vec<Finding>, Failure> {
         let (seconds, class) = (self.seconds, self.class);
         let core = self.first_core()?;
@@ -216,15 +215,15 @@ impl Measurement<'_> {
         Ok(vec![company, self.with_priority(idle), exchange, holes])
     }
 
-    /// Wake-ups while every core works.
+    /// Measures wake-ups while every core is busy.
     fn loaded(&self) -> Result<Finding, Failure> {
         let core = self.first_core()?;
         self.announce(&format!("wake-ups on core {core} under load"));
         let load = wake_up::Load::on(&self.cores.allowed.with(&self.cores.chosen));
         let wake_ups = wake_up::measure(core, self.seconds);
         if !load.end() {
-            let found = "the load would run at real-time priority as well";
-            return Ok(wake_up::LOADED.unknown(found).mend(self.at_priority()));
+            let reason = "the load would run at real-time priority as well";
+            return Ok(wake_up::LOADED.unknown(reason).mend(self.at_priority()));
         }
         let wake_ups = wake_ups.map_err(|e| self.unusable(&e))?;
         Ok(self.with_priority(wake_up::finding(
@@ -238,11 +237,11 @@ impl Measurement<'_> {
 
     fn first_core(&self) -> Result<u32, Failure> {
         let first = self.cores.chosen.iter().next();
-        first.ok_or_else(|| Failure::infrastructure("this machine tells of no core to measure on"))
+        first.ok_or_else(|| Failure::infrastructure("this machine reports no core to measure on"))
     }
 
-    /// Late wake-ups and holes of an ordinary thread may be its own fault; the same at real-time
-    /// priority are the machine's.
+    /// Adds the suggestion to measure at real-time priority: late wake-ups and holes of an ordinary thread may be due
+    /// to its own priority, but at real-time priority they are due to the machine.
     fn with_priority(&self, finding: Finding) -> Finding {
         if finding.grade == Grade::Good || self.class.is_real_time() {
             return finding;
@@ -250,7 +249,7 @@ impl Measurement<'_> {
         finding.mend(self.at_priority())
     }
 
-    /// The command that measures at real-time priority; `-R` leaves the load an ordinary one.
+    /// Returns the command that measures at real-time priority; `-R` keeps the load at ordinary priority.
     fn at_priority(&self) -> String {
         let cores: Vec<String> = self.cores.chosen.iter().map(|c| c.to_string()).collect();
         let cores = match cores.len() {
@@ -278,14 +277,14 @@ mod tests {
     use crate::tree::Fake;
 
     #[test]
-    fn a_machine_that_tells_nothing_is_unknown_everywhere() {
+    fn a_machine_without_readable_files_is_unknown_everywhere() {
         let machine = Fake::new(&[("sys/devices/system/cpu/online", "0-3")]);
         let cores = Cores::choose(&machine, None).expect("chosen");
         let since_boot = Interval::since_boot(Snapshot::take(&machine));
         let mut findings = read(&machine, &cores);
         findings.extend(counted(&machine, &cores, &since_boot));
         for finding in findings {
-            // The cores are all that is told.
+            // Only the number of cores is available.
             let expected = match finding.check {
                 "cores" => Grade::Good,
                 _ => Grade::Unknown,
@@ -295,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn facts_are_findings_with_their_grades() {
+    fn facts_consist_of_findings_and_grades() {
         let machine = Fake::new(&[
             ("sys/devices/system/cpu/online", "0-3"),
             ("proc/loadavg", "0.10 0.30 0.20 1/350 4242"),

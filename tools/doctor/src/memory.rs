@@ -1,4 +1,4 @@
-//! Memory: what moves it about, and the room that sessions need.
+//! Checks of memory: mechanisms that move it, and the space that sessions need.
 
 use hil_session::shared_memory::{LEAST_INODES, SharedMemory};
 use shared_types::number::counted;
@@ -8,25 +8,22 @@ use super::tree::Tree;
 
 const HUGE_PAGES: Check = Check::new(
     "huge_pages",
-    "the kernel stops a process while it gathers its pages into huge ones",
+    "the kernel stalls a process while it merges its pages into huge ones",
 );
-const SWAP: Check = Check::new(
-    "swap",
-    "memory that was swapped out takes milliseconds to return",
-);
+const SWAP: Check = Check::new("swap", "swapped-out memory takes milliseconds to return");
 const SHARED_MEMORY: Check = Check::new(
     "shared_memory",
     "frames and records of a session live in /dev/shm",
 );
 
 const MIB: u64 = 1 << 20;
-/// Room for sessions of a thousand signals: a record of them is 8 KiB, and four observers may each be
-/// 8192 records behind.
+/// Sufficient for sessions of a thousand signals: their records have 8 KiB, and four observers may lag 8192 records
+/// each.
 const AMPLE_BYTES: u64 = 512 * MIB;
-/// Room for a session of some fifty signals, which takes half of it.
+/// Sufficient for a session of some fifty signals, which takes half of it.
 const ENOUGH_BYTES: u64 = 64 * MIB;
 
-/// Judges huge pages that the kernel makes unasked.
+/// Checks for transparent huge pages.
 #[must_use]
 pub(crate) fn huge_pages(tree: &dyn Tree) -> Finding {
     const FILE: &str = "sys/kernel/mm/transparent_hugepage/enabled";
@@ -47,41 +44,41 @@ pub(crate) fn huge_pages(tree: &dyn Tree) -> Finding {
     }
 }
 
-/// Judges memory that may be, or is, swapped out.
+/// Checks for memory that is or may be swapped out.
 #[must_use]
 pub(crate) fn swap(tree: &dyn Tree) -> Finding {
     let text = match tree.read("proc/swaps") {
         Ok(text) => text,
-        // There is no such file in a kernel that cannot swap.
+        // Kernels without swap support lack the file.
         Err(_) if tree.has("proc/version") => return SWAP.good("the kernel cannot swap"),
         Err(unread) => return SWAP.unread(&unread),
     };
     let mut total_kib = 0;
     let mut used_kib = 0;
     for row in text.lines().skip(1) {
-        // From the end: a file's name may hold spaces.
+        // Parsed from the end, since a file name may contain spaces.
         let mut fields = row.split_ascii_whitespace().rev().skip(1);
         let mut number = || fields.next().and_then(|field| field.parse::<u64>().ok());
         let (Some(used), Some(size)) = (number(), number()) else {
-            return SWAP.unknown(format!("/proc/swaps holds `{row}`"));
+            return SWAP.unknown(format!("/proc/swaps contains `{row}`"));
         };
         total_kib += size;
         used_kib += used;
     }
-    let found = format!("{} of {} MiB in use", used_kib / 1024, total_kib / 1024);
+    let text = format!("{} of {} MiB in use", used_kib / 1024, total_kib / 1024);
     match (total_kib, used_kib) {
         (0, _) => SWAP.good("none"),
-        (_, 0) => SWAP.fair(found).mend("sudo swapoff -a"),
-        _ => SWAP.poor(found).mend("sudo swapoff -a"),
+        (_, 0) => SWAP.fair(text).mend("sudo swapoff -a"),
+        _ => SWAP.poor(text).mend("sudo swapoff -a"),
     }
 }
 
-/// Judges `/dev/shm`: memory with room in it, for this user. `found` comes from the file system.
+/// Checks that `/dev/shm` is in memory and has space for this user; `state` holds the state of the file system.
 #[must_use]
-pub(crate) fn shared_memory(tree: &dyn Tree, found: Option<SharedMemory>) -> Finding {
+pub(crate) fn shared_memory(tree: &dyn Tree, state: Option<SharedMemory>) -> Finding {
     let mounts = known!(SHARED_MEMORY, tree.read("proc/self/mounts"));
     let mount = "sudo mount -t tmpfs -o mode=1777,nosuid,nodev tmpfs /dev/shm";
-    // The last one mounted there hides the others.
+    // The last mount hides earlier ones.
     let kind = mounts.lines().rev().find_map(|line| {
         let mut fields = line.split_ascii_whitespace().skip(1);
         (fields.next() == Some("/dev/shm")).then(|| fields.next().unwrap_or_default())
@@ -89,8 +86,8 @@ pub(crate) fn shared_memory(tree: &dyn Tree, found: Option<SharedMemory>) -> Fin
     match kind {
         None => SHARED_MEMORY.poor("/dev/shm is not mounted").mend(mount),
         Some("tmpfs") => {
-            let Some(shared) = found else {
-                return SHARED_MEMORY.unknown("tmpfs, but its free space is not told");
+            let Some(shared) = state else {
+                return SHARED_MEMORY.unknown("tmpfs, but its free space is unknown");
             };
             room(shared)
         }
@@ -100,29 +97,29 @@ pub(crate) fn shared_memory(tree: &dyn Tree, found: Option<SharedMemory>) -> Fin
     }
 }
 
-/// Judges rights and room for a run.
+/// Checks permissions and space for a run.
 fn room(shared: SharedMemory) -> Finding {
     if shared.is_read_only {
         let mend = "sudo mount -o remount,rw /dev/shm";
         return SHARED_MEMORY.poor("tmpfs, read-only").mend(mend);
     }
     if !shared.is_open {
-        let found = "tmpfs, but this user may not write to it";
-        return (SHARED_MEMORY.poor(found)).mend("sudo chmod 1777 /dev/shm");
+        let text = "tmpfs, but this user may not write to it";
+        return (SHARED_MEMORY.poor(text)).mend("sudo chmod 1777 /dev/shm");
     }
-    if let Some(left) = shared.free_inodes.filter(|left| *left < LEAST_INODES) {
-        let found = format!(
+    if let Some(count) = shared.free_inodes.filter(|count| *count < LEAST_INODES) {
+        let text = format!(
             "tmpfs, {}; a run takes up to {LEAST_INODES}",
-            counted(left, "free inode")
+            counted(count, "free inode")
         );
-        return (SHARED_MEMORY.poor(found)).mend("sudo mount -o remount,nr_inodes=1m /dev/shm");
+        return (SHARED_MEMORY.poor(text)).mend("sudo mount -o remount,nr_inodes=1m /dev/shm");
     }
-    let found = format!("tmpfs, {} MiB free", shared.free_bytes / MIB);
+    let text = format!("tmpfs, {} MiB free", shared.free_bytes / MIB);
     let grow = "sudo mount -o remount,size=1G /dev/shm";
     match shared.free_bytes {
-        AMPLE_BYTES.. => SHARED_MEMORY.good(found),
-        ENOUGH_BYTES.. => SHARED_MEMORY.fair(found).mend(grow),
-        _ => SHARED_MEMORY.poor(found).mend(grow),
+        AMPLE_BYTES.. => SHARED_MEMORY.good(text),
+        ENOUGH_BYTES.. => SHARED_MEMORY.fair(text).mend(grow),
+        _ => SHARED_MEMORY.poor(text).mend(grow),
     }
 }
 
@@ -133,7 +130,7 @@ mod tests {
     use crate::tree::Fake;
 
     #[test]
-    fn huge_pages_are_fair_when_nobody_asked_for_them() {
+    fn transparent_huge_pages_are_fair() {
         let file = "sys/kernel/mm/transparent_hugepage/enabled";
         let off = format!("echo madvise | sudo tee /{file}");
         for (text, grade, mend) in [
@@ -151,9 +148,9 @@ mod tests {
     }
 
     #[test]
-    fn swap_in_use_is_poor_and_swap_at_hand_fair() {
+    fn used_swap_is_poor_and_unused_swap_fair() {
         let header = "Filename\t\t\t\tType\t\tSize\t\tUsed\t\tPriority\n";
-        for (rows, grade, found) in [
+        for (rows, grade, expected) in [
             ("", Grade::Good, "none"),
             (
                 "/dev/nvme0n1p3                          partition\t8388604\t\t0\t\t-2\n",
@@ -169,14 +166,14 @@ mod tests {
         ] {
             let finding = swap(&Fake::new(&[("proc/swaps", format!("{header}{rows}"))]));
             assert_eq!(finding.grade, grade, "{rows}");
-            assert!(finding.found.contains(found), "{}", finding.found);
+            assert!(finding.found.contains(expected), "{}", finding.found);
         }
         let without = Fake::new(&[("proc/version", "Linux version 6.1.0")]);
         assert_eq!(swap(&without).grade, Grade::Good);
     }
 
     #[test]
-    fn shared_memory_must_be_memory_with_room() {
+    fn shared_memory_must_be_in_memory_and_have_space() {
         let tmpfs = "proc /proc proc rw 0 0\ntmpfs /dev/shm tmpfs rw,nosuid,nodev 0 0\n";
         let disk = "tmpfs /dev/shm tmpfs rw 0 0\n/dev/sda1 /dev/shm ext4 rw 0 0\n";
         for (mounts, free_mib, grade) in [
@@ -190,11 +187,11 @@ mod tests {
             ("proc /proc proc rw 0 0\n", Some(12_000), Grade::Poor),
         ] {
             let machine = Fake::new(&[("proc/self/mounts", mounts)]);
-            let found = free_mib.map(|mib: u64| SharedMemory {
+            let state = free_mib.map(|mib: u64| SharedMemory {
                 free_bytes: mib * 1024 * 1024,
                 ..AMPLE
             });
-            let finding = shared_memory(&machine, found);
+            let finding = shared_memory(&machine, state);
             assert_eq!(finding.grade, grade, "{mounts} {free_mib:?}");
             let mends = matches!(grade, Grade::Fair | Grade::Poor);
             assert_eq!(finding.mend.is_some(), mends);
@@ -209,9 +206,9 @@ mod tests {
     };
 
     #[test]
-    fn shared_memory_that_cannot_be_used_is_poor_whatever_its_size() {
+    fn unusable_shared_memory_is_poor_at_any_size() {
         let (is_read_only, free_inodes) = (true, Some(3));
-        for (found, told, mend) in [
+        for (state, expected, mend) in [
             (
                 SharedMemory {
                     is_read_only,
@@ -237,9 +234,9 @@ mod tests {
                 "nr_inodes",
             ),
         ] {
-            let finding = room(found);
-            assert_eq!(finding.grade, Grade::Poor, "{told}");
-            assert!(finding.found.contains(told), "{}", finding.found);
+            let finding = room(state);
+            assert_eq!(finding.grade, Grade::Poor, "{expected}");
+            assert!(finding.found.contains(expected), "{}", finding.found);
             assert!(finding.mend.unwrap_or_default().contains(mend));
         }
         let unlimited = SharedMemory {

@@ -1,4 +1,4 @@
-//! Power saving at the cost of time: changing clock rates and deep sleep.
+//! Checks of power saving that costs time: variable clock rates and deep sleep states.
 
 use super::boot;
 use super::cores::Cores;
@@ -15,11 +15,11 @@ const IDLE_STATES: Check = Check::new(
     "a core that sleeps deeply takes long to wake up",
 );
 
-/// Judges the governor of the chosen cores' clock rate.
+/// Checks the frequency governor of the chosen cores.
 #[must_use]
 pub(crate) fn governor(tree: &dyn Tree, cores: &Cores) -> Finding {
     let folder = |core: u32| format!("sys/devices/system/cpu/cpu{core}/cpufreq");
-    let mut found = Vec::new();
+    let mut governors = Vec::new();
     let mut grade = Grade::Good;
     for core in cores.chosen.iter() {
         let folder = folder(core);
@@ -29,11 +29,11 @@ pub(crate) fn governor(tree: &dyn Tree, cores: &Cores) -> Finding {
         let name = known!(GOVERNOR, tree.read(&format!("{folder}/scaling_governor")));
         let driver = tree.read(&format!("{folder}/scaling_driver"));
         grade = worse(grade, graded(&name, driver.as_deref().unwrap_or_default()));
-        if !found.contains(&name) {
-            found.push(name);
+        if !governors.contains(&name) {
+            governors.push(name);
         }
     }
-    let finding = GOVERNOR.graded(grade, found.join(", "));
+    let finding = GOVERNOR.graded(grade, governors.join(", "));
     if grade == Grade::Good {
         return finding;
     }
@@ -46,7 +46,7 @@ pub(crate) fn governor(tree: &dyn Tree, cores: &Cores) -> Finding {
 fn graded(governor: &str, driver: &str) -> Grade {
     match (governor, driver) {
         ("performance", _) => Grade::Good,
-        // With these drivers it means that the processor decides, not that it is kept slow.
+        // With these drivers the processor chooses the rate; it is not fixed at a low one.
         ("powersave", "intel_pstate" | "amd-pstate-epp") => Grade::Fair,
         ("powersave" | "userspace", _) => Grade::Poor,
         ("schedutil" | "ondemand" | "conservative", _) => Grade::Fair,
@@ -60,14 +60,14 @@ fn worse(a: Grade, b: Grade) -> Grade {
     if place(a) >= place(b) { a } else { b }
 }
 
-/// A sleeping state that a core may enter.
+/// Idle state that a core may enter.
 struct IdleState {
     name: String,
     exit_us: u64,
     disable: String,
 }
 
-/// Judges the time that the chosen cores take to leave the deepest state they may enter.
+/// Checks the exit latency of the deepest idle state of the chosen cores.
 #[must_use]
 pub(crate) fn idle_states(tree: &dyn Tree, cores: &Cores) -> Finding {
     let command_line = tree.read("proc/cmdline").unwrap_or_default();
@@ -81,7 +81,7 @@ pub(crate) fn idle_states(tree: &dyn Tree, cores: &Cores) -> Finding {
             let driver = tree.read("sys/devices/system/cpu/cpuidle/current_driver");
             let driver = driver.unwrap_or_else(|_| "none".into());
             return IDLE_STATES.unknown(format!(
-                "core {core} tells of no states (driver {driver}): firmware or a host decides"
+                "core {core} reports no states (driver {driver}): firmware or a host decides"
             ));
         }
         states.extend(of_core);
@@ -90,8 +90,8 @@ pub(crate) fn idle_states(tree: &dyn Tree, cores: &Cores) -> Finding {
         return IDLE_STATES.unknown("no cores");
     };
     let grade = jitter_grade(deepest.exit_us.saturating_mul(1000));
-    let found = format!("{} takes {} us to leave", deepest.name, deepest.exit_us);
-    let finding = IDLE_STATES.graded(grade, found);
+    let text = format!("{} takes {} us to leave", deepest.name, deepest.exit_us);
+    let finding = IDLE_STATES.graded(grade, text);
     if grade == Grade::Good {
         return finding;
     }
@@ -122,7 +122,7 @@ mod tests {
     use crate::tree::Fake;
 
     #[test]
-    fn only_a_fixed_clock_rate_at_its_highest_is_good() {
+    fn only_the_performance_governor_is_good() {
         for (governor2, governor3, driver, grade) in [
             ("performance", "performance", "intel_pstate", Grade::Good),
             ("performance", "schedutil", "acpi-cpufreq", Grade::Fair),
@@ -150,7 +150,7 @@ mod tests {
         assert_eq!(without.grade, Grade::Unknown);
     }
 
-    /// The states of a laptop's core, as `intel_idle` tells them.
+    /// Idle states of a laptop core, as reported by `intel_idle`.
     fn laptop(disabled: &[&str]) -> Fake {
         let states = [("POLL", 0), ("C1E", 10), ("C3", 40), ("C10", 890)];
         let mut files = Vec::new();
@@ -167,7 +167,7 @@ mod tests {
     #[test]
     fn the_deepest_enabled_state_decides_and_the_deep_ones_are_switched_off() {
         let file = |state| format!("/sys/devices/system/cpu/cpu3/cpuidle/state{state}/disable");
-        for (disabled, grade, found, mend) in [
+        for (disabled, grade, expected, mend) in [
             (
                 vec![],
                 Grade::Poor,
@@ -188,13 +188,13 @@ mod tests {
             ),
         ] {
             let finding = idle_states(&laptop(&disabled), &Cores::of("0-3", "3"));
-            assert_eq!((finding.grade, finding.found.as_str()), (grade, found));
+            assert_eq!((finding.grade, finding.found.as_str()), (grade, expected));
             assert_eq!(finding.mend, mend);
         }
     }
 
     #[test]
-    fn cores_that_tell_of_no_states_are_not_guessed_at() {
+    fn cores_without_reported_states_are_unknown() {
         let machine = Fake::new(&[("sys/devices/system/cpu/cpuidle/current_driver", "none")]);
         let finding = idle_states(&machine, &Cores::of("0-3", "2-3"));
         assert_eq!(finding.grade, Grade::Unknown);

@@ -1,4 +1,4 @@
-//! Report of the doctor, for a person and for a machine.
+//! The report of the doctor, as text and as JSON.
 
 use std::fmt::Write;
 
@@ -9,22 +9,22 @@ use serde_json::Value;
 
 use super::finding::{Finding, Grade};
 
-/// All findings and what follows from them.
+/// Findings and conclusion.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Report {
-    /// Version of this form.
+    /// Version of the report format.
     pub schema: u32,
-    /// Fitness for timing claims: no grade is poor.
+    /// Fitness for timing claims; unfit if a grade is poor.
     pub verdict: Verdict,
-    /// The cores that were judged.
+    /// Cores that were checked.
     pub cores: Vec<u32>,
-    /// All that are online.
+    /// Online cores of the machine.
     pub online_cores: String,
-    /// At which scheduling class it was measured; none if it was not.
+    /// Scheduling class of the measurements; `None` if nothing was measured.
     pub class: Option<String>,
-    /// Duration of each measurement; `None` if nothing was measured.
+    /// Duration of each measurement, in s; `None` if nothing was measured.
     pub seconds: Option<f64>,
-    /// The findings.
+    /// Findings of all checks.
     pub checks: Vec<Finding>,
 }
 
@@ -39,7 +39,7 @@ pub(crate) enum Verdict {
 }
 
 impl Verdict {
-    /// Concludes from findings.
+    /// Derives the verdict from findings.
     #[must_use]
     pub(crate) fn of(findings: &[Finding]) -> Self {
         let poor = |finding: &Finding| finding.grade == Grade::Poor;
@@ -52,11 +52,11 @@ impl Verdict {
 }
 
 impl Report {
-    /// The report as a person reads it.
+    /// Formats the report for a person.
     #[must_use]
     pub(crate) fn text(&self, colours: bool) -> String {
         let mut text = format!(
-            "judged: cores {} of {}",
+            "checked: cores {} of {}",
             list(&self.cores),
             self.online_cores
         );
@@ -118,7 +118,7 @@ impl Report {
         text
     }
 
-    /// The holes of each core, by their length.
+    /// Formats the holes of each core, by length.
     fn gaps(&self) -> Option<String> {
         let measured = |finding: &Finding| finding.measured.clone();
         let gaps = self.checks.iter().filter(|finding| finding.check == "gaps");
@@ -208,14 +208,14 @@ mod tests {
     }
 
     #[test]
-    fn a_person_reads_what_is_wrong_why_and_what_mends_it() {
+    fn the_text_names_each_problem_with_its_reason_and_remedy() {
         let checks = vec![
             SWAP.good("none"),
             LOAD.poor("3.00 on 2 cores").mend("ps | head"),
             GAPS.unknown("no core was watched"),
         ];
         let expected = "\
-judged: cores 2,3 of 0-3; nothing measured
+checked: cores 2,3 of 0-3; nothing measured
 
 GRADE    CHECK  FOUND
 good     swap   none
@@ -232,7 +232,7 @@ unknown: gaps
     }
 
     #[test]
-    fn holes_are_told_for_each_core() {
+    fn holes_are_listed_for_each_core() {
         let core = |core: u32, holes: [u64; 2], switches| {
             json!({"core": core, "watched_ns": 1_000_000, "lost_ns": 12_500, "longest_ns": 7_000,
                 "holes": holes, "switches": switches})
@@ -243,7 +243,7 @@ unknown: gaps
         report.class = Some("SCHED_OTHER".into());
         report.seconds = Some(0.5);
         let expected = "\
-judged: cores 2,3 of 0-3; measured 0.5 s each at SCHED_OTHER
+checked: cores 2,3 of 0-3; measured 0.5 s each at SCHED_OTHER
 
 GRADE    CHECK  FOUND
 good     gaps   few
@@ -258,7 +258,7 @@ fit for timing claims
     }
 
     #[test]
-    fn colours_change_nothing_but_colours() {
+    fn colours_do_not_change_the_text() {
         let report = report(vec![SWAP.fair("unused"), LOAD.good("none")]);
         let mut plain = report.text(true);
         for code in ["\x1b[32m", "\x1b[33m", "\x1b[0m"] {

@@ -1,27 +1,27 @@
-//! Rights of this user: real-time priority and locked memory.
+//! Checks of this user's permissions: real-time priority and locked memory.
 
 use super::finding::{Check, Finding};
 use super::tree::Tree;
 
 const PRIORITY: Check = Check::new(
     "priority",
-    "without real-time priority any other work may come first",
+    "without real-time priority other work may run first",
 );
 const LOCKED_MEMORY: Check = Check::new(
     "locked_memory",
-    "memory that is not locked may have to be fetched in the middle of a step",
+    "unlocked memory may have to be paged in during a step",
 );
 
-/// The number of the capability to raise priorities, `CAP_SYS_NICE`.
+/// Number of the capability to raise priorities, `CAP_SYS_NICE`.
 const SYS_NICE: u32 = 23;
-/// The number of the capability to lock memory, `CAP_IPC_LOCK`.
+/// Number of the capability to lock memory, `CAP_IPC_LOCK`.
 const IPC_LOCK: u32 = 14;
 
-/// Both limits at once: whoever needs one needs the other.
+/// Command that sets both limits, since a user who needs one needs the other.
 pub const LIMITS: &str = "printf '%s - rtprio 98\\n%s - memlock unlimited\\n' \"$USER\" \"$USER\" | \
     sudo tee /etc/security/limits.d/95-hil.conf # then log in again";
 
-/// Judges the right to real-time priority.
+/// Checks the right to use real-time priority.
 #[must_use]
 pub(crate) fn priority(tree: &dyn Tree) -> Finding {
     if has_capability(tree, SYS_NICE) {
@@ -34,7 +34,7 @@ pub(crate) fn priority(tree: &dyn Tree) -> Finding {
     }
 }
 
-/// Judges the amount of memory that this user may lock.
+/// Checks the amount of memory that this user may lock.
 #[must_use]
 pub(crate) fn locked_memory(tree: &dyn Tree) -> Finding {
     if has_capability(tree, IPC_LOCK) {
@@ -49,7 +49,7 @@ pub(crate) fn locked_memory(tree: &dyn Tree) -> Finding {
     }
 }
 
-/// A limit that is in force, from `/proc/self/limits`.
+/// Returns a soft limit from `/proc/self/limits`.
 fn soft_limit(tree: &dyn Tree, name: &str) -> Result<String, String> {
     let limits = (tree.read("proc/self/limits")).map_err(|unread| unread.to_string())?;
     let row = limits.lines().find_map(|line| line.strip_prefix(name));
@@ -59,9 +59,9 @@ fn soft_limit(tree: &dyn Tree, name: &str) -> Result<String, String> {
         .ok_or_else(|| format!("/proc/self/limits has no `{name}`"))
 }
 
-/// Reports a capability of this process that counts for the whole machine.
+/// Returns `true` if this process has a capability that is valid for the whole machine.
 fn has_capability(tree: &dyn Tree, number: u32) -> bool {
-    // Within a user namespace of its own a process has all of them, and none counts outside.
+    // A process in its own user namespace has all capabilities, none of which is valid outside.
     let whole_machine = tree.read("proc/self/uid_map").is_ok_and(|map| {
         let fields: Vec<&str> = map.split_ascii_whitespace().collect();
         fields == ["0", "0", "4294967295"]
@@ -78,7 +78,7 @@ mod tests {
     use crate::finding::Grade;
     use crate::tree::Fake;
 
-    /// A process with these capabilities and limits, as the kernel tells them.
+    /// Creates a process with these capabilities and limits, in the kernel's format.
     fn process(capabilities: &str, memory: &str, priority: &str) -> Fake {
         let limits = format!(
             "Limit                     Soft Limit           Hard Limit           Units     \n\
@@ -107,10 +107,14 @@ mod tests {
             ("0000000000004000", "65536", "0", (Grade::Poor, Grade::Good)),
         ] {
             let process = process(capabilities, memory, priority_limit);
-            let found = (priority(&process), locked_memory(&process));
-            assert_eq!((found.0.grade, found.1.grade), grades, "{capabilities}");
-            assert_eq!(found.0.mend.is_some(), grades.0 == Grade::Poor);
-            assert_eq!(found.1.mend.is_some(), grades.1 == Grade::Fair);
+            let findings = (priority(&process), locked_memory(&process));
+            assert_eq!(
+                (findings.0.grade, findings.1.grade),
+                grades,
+                "{capabilities}"
+            );
+            assert_eq!(findings.0.mend.is_some(), grades.0 == Grade::Poor);
+            assert_eq!(findings.1.mend.is_some(), grades.1 == Grade::Fair);
         }
     }
 

@@ -1,4 +1,4 @@
-//! Throttling: the share of a core that the kernel keeps from real-time work.
+//! Check of throttling: the share of a core's time that the kernel withholds from real-time work.
 
 use hil_console::terminal::duration::shown_ns;
 
@@ -8,18 +8,18 @@ use super::tree::Tree;
 
 const THROTTLING: Check = Check::new(
     "throttling",
-    "the kernel stops real-time work that never sleeps, every second",
+    "the kernel interrupts real-time work that never sleeps, every second",
 );
 
-/// Time that the kernel takes from real-time work on a core, to give it to ordinary work that waits. The
-/// older limit holds where real-time work is grouped; since Linux 6.12 a server takes 50 ms of each second
-/// besides, whatever the limit.
+/// Time that the kernel withholds from real-time work on a core for waiting ordinary work. The older limit applies
+/// where real-time work is grouped; since Linux 6.12 a server also takes 50 ms of each second, regardless of the
+/// limit.
 enum FairServer {
-    /// This kernel has none.
+    /// The kernel has no such server.
     Absent,
     /// Longest time that the server takes at once; 0 if it is off.
     Takes { longest_ns: u64 },
-    /// There is one, but it does not tell.
+    /// The server exists, but its setting cannot be read.
     Unread,
 }
 
@@ -51,14 +51,14 @@ impl FairServer {
     }
 }
 
-/// Major and minor number, from `/proc/version`.
+/// Parses the major and minor version from `/proc/version`.
 fn release(version: &str) -> Option<(u32, u32)> {
     let mut numbers = version.split_ascii_whitespace().nth(2)?.split(['.', '-']);
     let mut next = || numbers.next()?.parse().ok();
     Some((next()?, next()?))
 }
 
-/// Checks whether real-time work that never sleeps is stopped for a part of each second.
+/// Checks whether real-time work that never sleeps is interrupted for a part of each second.
 #[must_use]
 pub(crate) fn throttling(tree: &dyn Tree, cores: &Cores) -> Finding {
     let number = |name: &str| tree.read(&format!("proc/sys/kernel/{name}"));
@@ -69,33 +69,33 @@ pub(crate) fn throttling(tree: &dyn Tree, cores: &Cores) -> Finding {
     let (Ok(runtime_us), Ok(period_us)) = (runtime.parse::<i64>(), period.parse::<i64>()) else {
         return THROTTLING.unknown(format!("{runtime} of {period} us"));
     };
-    let mut found = vec!["no limit".to_owned()];
+    let mut parts = vec!["no limit".to_owned()];
     let mut mend = Vec::new();
     if (0..period_us).contains(&runtime_us) {
-        found[0] = format!("at most {runtime_us} of {period_us} us");
+        parts[0] = format!("at most {runtime_us} of {period_us} us");
         mend.push("sysctl -w kernel.sched_rt_runtime_us=-1".to_owned());
     }
     let server = FairServer::of(tree, cores);
     match server {
-        FairServer::Takes { longest_ns: 0 } => found.push("fair server off".into()),
+        FairServer::Takes { longest_ns: 0 } => parts.push("fair server off".into()),
         FairServer::Takes { longest_ns } => {
-            found.push(format!("fair server takes {}", shown_ns(longest_ns)));
+            parts.push(format!("fair server takes {}", shown_ns(longest_ns)));
             let files = FairServer::files(cores);
             mend.push(format!("echo 0 | tee /{}", files.join(" /")));
         }
-        FairServer::Unread => found.push("fair server cannot be read".into()),
+        FairServer::Unread => parts.push("fair server cannot be read".into()),
         FairServer::Absent => {}
     }
-    let found = found.join("; ");
+    let text = parts.join("; ");
     let mend_all = format!("sudo sh -c '{}'", mend.join("; "));
     match server {
-        _ if runtime_us == 0 => THROTTLING.poor(found).mend(mend_all),
-        _ if !mend.is_empty() => THROTTLING.fair(found).mend(mend_all),
-        FairServer::Unread => THROTTLING.unknown(found).mend(format!(
+        _ if runtime_us == 0 => THROTTLING.poor(text).mend(mend_all),
+        _ if !mend.is_empty() => THROTTLING.fair(text).mend(mend_all),
+        FairServer::Unread => THROTTLING.unknown(text).mend(format!(
             "sudo sh -c 'mount -t debugfs none /sys/kernel/debug; grep . /{}/cpu*/runtime'",
             FairServer::FOLDER
         )),
-        _ => THROTTLING.good(found),
+        _ => THROTTLING.good(text),
     }
 }
 
@@ -106,7 +106,7 @@ mod tests {
     use crate::tree::Fake;
 
     #[test]
-    fn real_time_work_must_be_limited_neither_by_the_old_way_nor_by_the_new() {
+    fn neither_throttling_mechanism_may_limit_real_time_work() {
         let sysctl = "sysctl -w kernel.sched_rt_runtime_us=-1";
         let server = "echo 0 | tee /sys/kernel/debug/sched/fair_server/cpu2/runtime \
             /sys/kernel/debug/sched/fair_server/cpu3/runtime";
@@ -126,7 +126,7 @@ mod tests {
             (new, "-1", Some(["0", "50000000"]), Grade::Fair, vec![server]),
             (new, "950000", Some(["50000000", "50000000"]), Grade::Fair, vec![sysctl, server]),
             (new, "-1", Some(["0", "0"]), Grade::Good, vec![]),
-            // A vendor's old kernel may have it as well.
+            // An old vendor kernel may contain the server as well.
             (old, "-1", Some(["50000000", "0"]), Grade::Fair, vec![server]),
         ];
         let cores = Cores::of("0-3", "2-3");

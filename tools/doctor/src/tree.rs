@@ -1,47 +1,47 @@
 //! Files that the checks read: `/proc`, `/sys` and a few more, below one root.
 //!
-//! The checks take a [`Tree`], so that tests give them the files of any machine. Nothing is written.
+//! The checks use a [`Tree`], so that tests can supply the files of any machine. Nothing is ever written.
 
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// The text files of a machine. Paths begin without a slash: `proc/version`.
+/// Text files of a machine. Paths have no leading slash: `proc/version`.
 pub trait Tree {
-    /// The whole of a file, without white space around it.
+    /// Reads a whole file, without surrounding white space.
     ///
     /// # Errors
     /// If the file cannot be read; the error names it and the reason.
     fn read(&self, path: &str) -> Result<String, Unread>;
 
-    /// The names in a folder, sorted; none if it is not there.
+    /// Lists the names in a folder, sorted; empty if the folder does not exist.
     fn names(&self, folder: &str) -> Vec<String>;
 
-    /// Reports a file or folder that exists.
+    /// Returns `true` if the file or folder exists.
     fn has(&self, path: &str) -> bool;
 }
 
-/// A file that could not be read.
+/// Error of reading a file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("/{path} cannot be read: {reason}")]
 pub struct Unread {
     /// Path of the file.
     pub path: String,
-    /// Reason for which the file cannot be read.
+    /// Reason why the file cannot be read.
     pub reason: String,
 }
 
-/// The files of this machine, or a copy of another's below a folder.
+/// Files of this machine, or a copy of another machine's files below a folder.
 #[derive(Clone, Debug)]
 pub struct Root(PathBuf);
 
 impl Root {
-    /// The files below a folder.
+    /// Creates the tree of the files below a folder.
     #[must_use]
     pub fn new(folder: &Path) -> Self {
         Self(folder.to_owned())
     }
 
-    /// The files of this machine.
+    /// Creates the tree of this machine.
     #[must_use]
     pub fn machine() -> Self {
         Self::new(Path::new("/"))
@@ -53,8 +53,8 @@ impl Tree for Root {
         let unread = |error: io::Error| Unread {
             path: path.into(),
             reason: match error.kind() {
-                io::ErrorKind::NotFound => "it is not there".into(),
-                io::ErrorKind::PermissionDenied => "not allowed".into(),
+                io::ErrorKind::NotFound => "it does not exist".into(),
+                io::ErrorKind::PermissionDenied => "permission denied".into(),
                 _ => error.to_string(),
             },
         };
@@ -76,7 +76,7 @@ impl Tree for Root {
     }
 }
 
-/// Paths and texts of some files.
+/// Paths and texts of files.
 #[cfg(test)]
 pub(crate) type Files<'a> = &'a [(&'a str, &'a str)];
 
@@ -87,12 +87,12 @@ pub(crate) struct Fake(std::collections::BTreeMap<String, String>);
 
 #[cfg(test)]
 impl Fake {
-    /// A machine with these files and no others.
+    /// Creates a machine with only these files.
     pub(crate) fn new<P: AsRef<str>, T: AsRef<str>>(files: &[(P, T)]) -> Self {
         Self::default().with(files)
     }
 
-    /// The same machine with these files besides, or changed.
+    /// Adds or replaces files.
     pub(crate) fn with<P: AsRef<str>, T: AsRef<str>>(mut self, files: &[(P, T)]) -> Self {
         for (path, text) in files {
             self.0.insert(path.as_ref().into(), text.as_ref().into());
@@ -107,7 +107,7 @@ impl Tree for Fake {
         let text = self.0.get(path).map(|text| text.trim().to_owned());
         text.ok_or_else(|| Unread {
             path: path.into(),
-            reason: "it is not there".into(),
+            reason: "it does not exist".into(),
         })
     }
 
@@ -132,13 +132,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_missing_file_is_told_with_its_path() {
+    fn a_missing_file_is_reported_with_its_path() {
         let error = Root::machine()
             .read("proc/no-such-file")
             .expect_err("missing");
         assert_eq!(
             error.to_string(),
-            "/proc/no-such-file cannot be read: it is not there"
+            "/proc/no-such-file cannot be read: it does not exist"
         );
     }
 

@@ -1,9 +1,9 @@
-//! Names the call of foreign code in which this process dies by a signal.
+//! Reports the call of foreign code during which this process dies of a signal.
 //!
-//! Every call of an FMU or a C callback is marked by [`calling`], two writes to memory. If a signal that ends the
-//! process comes meanwhile, a handler writes its name and that of the call to standard error, the log of the run, and
-//! lets the signal do its work: exit status and core dump are those of the crash. A call that ends the process by `exit`
-//! is named in the same way, with the exit code.
+//! Every call of an FMU or a C callback is marked by [`calling`], at the cost of two memory writes. If a fatal signal
+//! arrives meanwhile, a handler writes the names of signal and call to standard error, which is the log of the run,
+//! and re-raises the signal: exit status and core dump are those of the crash. A call that ends the process with
+//! `exit` is reported in the same way, with the exit code.
 
 use std::ffi::{c_int, c_void};
 use std::mem::MaybeUninit;
@@ -11,7 +11,7 @@ use std::ptr::{null, null_mut};
 use std::sync::Once;
 use std::sync::atomic::{AtomicBool, AtomicPtr, Ordering};
 
-/// Signals by which a program ends itself.
+/// Signals that are caused by the program itself.
 const SIGNALS: [(c_int, &str); 6] = [
     (libc::SIGSEGV, "SIGSEGV"),
     (libc::SIGABRT, "SIGABRT"),
@@ -20,28 +20,28 @@ const SIGNALS: [(c_int, &str); 6] = [
     (libc::SIGILL, "SIGILL"),
     (libc::SIGTRAP, "SIGTRAP"),
 ];
-/// Bytes of the stack of the handler where there is none: an overflow leaves none of the ordinary one.
+/// Size of the handler's stack, in bytes; a stack overflow leaves no space on the ordinary one.
 const STACK_BYTES: usize = 64 << 10;
 
-/// Name of the call that is going on; null if none is.
+/// Name of the current call; null outside of calls.
 static CALL: AtomicPtr<&'static str> = AtomicPtr::new(null_mut());
-/// Name of the version in front of all names, `fmi2` or `fmi3`; null for none.
+/// Prefix of all names, `fmi2` or `fmi3`; null for none.
 static FAMILY: AtomicPtr<&'static str> = AtomicPtr::new(null_mut());
 static INSTALLED: Once = Once::new();
-/// True while this process only tries a model, without running it.
+/// Set while this process only tries a model without running it.
 static IS_TRIAL: AtomicBool = AtomicBool::new(false);
-/// True once the work of a trial is done and the model is only taken down.
+/// Set once the work of a trial is done and the model is only being freed.
 static IS_EXCUSED: AtomicBool = AtomicBool::new(false);
 
-/// Mark of a call, taken back when dropped.
+/// Guard of a marked call, which removes the mark on drop.
 #[must_use]
 pub(crate) struct Calling(*mut &'static str);
 
-/// Marks the begin of a call of foreign code.
+/// Marks the start of a call of foreign code.
 #[inline]
 pub(crate) fn calling(name: &'static &'static str) -> Calling {
     let name = std::ptr::from_ref(name).cast_mut();
-    // Not one exchange, which would be a barrier at each call: one thread alone calls foreign code.
+    // Not an atomic exchange, which would be a barrier at each call: only one thread calls foreign code.
     let before = CALL.load(Ordering::Relaxed);
     CALL.store(name, Ordering::Relaxed);
     Calling(before)
@@ -54,43 +54,44 @@ impl Drop for Calling {
     }
 }
 
-/// Lets a signal that ends this process be named with the call from now on. All calls have this text in front.
+/// Installs the handlers that report fatal signals and exits with the current call. `family` is the prefix of all
+/// call names.
 pub(crate) fn install(family: &'static &'static str) {
     FAMILY.store(std::ptr::from_ref(family).cast_mut(), Ordering::Relaxed);
     INSTALLED.call_once(|| {
         provide_stack();
-        // SAFETY: the handler lives as long as the process and takes no argument.
+        // SAFETY: the handler lives as long as the process and ignores its argument.
         unsafe { on_exit(exited, null_mut()) };
         for (signal, _) in SIGNALS {
-            // SAFETY: a struct of numbers and pointers, for which zero is a value of each.
+            // SAFETY: all fields are numbers and pointers, for which zero is valid.
             let mut action: libc::sigaction = unsafe { MaybeUninit::zeroed().assume_init() };
             let handler: extern "C" fn(c_int) = died;
             action.sa_sigaction = handler as libc::sighandler_t;
             // Reset, so that the signal ends the process when it comes again.
             action.sa_flags = libc::SA_RESETHAND | libc::SA_ONSTACK;
-            // SAFETY: the handler takes the number alone, as without SA_SIGINFO, and calls only what may be called
-            // in one.
+            // SAFETY: the handler takes only the number, as required without SA_SIGINFO, and calls only
+            // async-signal-safe functions.
             unsafe { libc::sigaction(signal, &raw const action, null_mut()) };
         }
     });
 }
 
-/// Marks this process as one that only tries a model. A crash in taking down what it made is then no failure: there are
-/// models that can be freed only after a step.
+/// Marks this process as one that only tries a model. A crash while freeing the model is no failure then, since some
+/// models can be freed only after a step.
 pub(crate) fn begin_trial() {
     IS_TRIAL.store(true, Ordering::Relaxed);
 }
 
-/// Marks the work of a trial as done.
+/// Marks the work of a trial as complete.
 pub(crate) fn excuse_end() {
     IS_EXCUSED.store(IS_TRIAL.load(Ordering::Relaxed), Ordering::Relaxed);
 }
 
-/// Gives the handler a stack of its own on this thread, unless there is one, as on every thread of Rust.
+/// Sets up an alternate signal stack for this thread, unless it has one, as Rust's threads do.
 fn provide_stack() {
     // SAFETY: as in `install`.
     let mut present: libc::stack_t = unsafe { MaybeUninit::zeroed().assume_init() };
-    // SAFETY: asks only.
+    // SAFETY: only queries the current stack.
     let answer = unsafe { libc::sigaltstack(null(), &raw mut present) };
     if answer != 0 || present.ss_flags & libc::SS_DISABLE == 0 {
         return;
@@ -101,48 +102,48 @@ fn provide_stack() {
         ss_flags: 0,
         ss_size: memory.len(),
     };
-    // SAFETY: the memory is never freed or used otherwise.
+    // SAFETY: the memory is never freed or used for anything else.
     unsafe { libc::sigaltstack(&raw const stack, null_mut()) };
 }
 
-/// Handler: writes what happened and lets it happen.
+/// Signal handler: reports the crash and re-raises the signal.
 extern "C" fn died(signal: c_int) {
-    // SAFETY: null, or a reference that lives for ever.
+    // SAFETY: null, or a reference with static lifetime.
     let call = unsafe { CALL.load(Ordering::Relaxed).as_ref() };
     // SAFETY: as above.
     let family = unsafe { FAMILY.load(Ordering::Relaxed).as_ref() };
     if IS_EXCUSED.load(Ordering::Relaxed) {
         write("note: the model crashed when it was taken down after the trial\n");
-        // SAFETY: `_exit` may be called in a handler.
+        // SAFETY: `_exit` is async-signal-safe.
         unsafe { libc::_exit(0) };
     }
     if let Some(call) = call {
         let name = SIGNALS.iter().find(|(number, _)| *number == signal);
         let name = name.map_or("a signal", |(_, name)| name);
         let family = family.unwrap_or(&"");
-        for part in ["error: ", name, " came in ", family, call, "\n"] {
+        for part in ["error: ", name, " in ", family, call, "\n"] {
             write(part);
         }
     }
-    // Delivered when the handler returns, where the faulting instruction does not fault again.
-    // SAFETY: `raise` may be called in a handler.
+    // Delivered when the handler returns; the faulting instruction does not fault again first.
+    // SAFETY: `raise` is async-signal-safe.
     unsafe { libc::raise(signal) };
 }
 
-/// Handler of an exit: names the call that it came in, if one is going on.
+/// Exit handler: reports the current call, if there is one.
 extern "C" fn exited(code: c_int, _: *mut c_void) {
-    // SAFETY: null, or a reference that lives for ever.
+    // SAFETY: null, or a reference with static lifetime.
     let call = unsafe { CALL.load(Ordering::Relaxed).as_ref() };
     let Some(call) = call else { return };
     // SAFETY: as above.
     let family = unsafe { FAMILY.load(Ordering::Relaxed).as_ref() };
     let family = family.unwrap_or(&"");
-    // What the library said comes first, as the reason of an end is the last line of a log.
-    // SAFETY: writes out what the C library holds of all streams.
+    // Output of the library is flushed first, because the last line of a log is the reason of an end.
+    // SAFETY: flushes all streams of the C library.
     unsafe { libc::fflush(null_mut()) };
     if IS_EXCUSED.load(Ordering::Relaxed) {
         write("note: the model ended its process when it was taken down after the trial\n");
-        // SAFETY: ends the process, whose streams are written out.
+        // SAFETY: ends the process, whose streams are flushed.
         unsafe { libc::_exit(0) };
     }
     write(&format!(
@@ -150,12 +151,12 @@ extern "C" fn exited(code: c_int, _: *mut c_void) {
     ));
 }
 
-// As `atexit`, with the exit code; not among the functions of the crate `libc`.
+// Like `atexit`, with the exit code; missing in the crate `libc`.
 unsafe extern "C" {
     fn on_exit(handler: extern "C" fn(c_int, *mut c_void), argument: *mut c_void) -> c_int;
 }
 
 fn write(text: &str) {
-    // SAFETY: `write` may be called in a handler, and the text has so many bytes.
+    // SAFETY: `write` is async-signal-safe, and the text has this length.
     unsafe { libc::write(libc::STDERR_FILENO, text.as_ptr().cast(), text.len()) };
 }

@@ -1,20 +1,20 @@
-//! Modes of the floating-point unit that foreign code leaves behind: rounding, flush-to-zero and the precision of the
-//! x87 unit.
+//! Floating-point modes that foreign code changes: rounding, flush-to-zero and the precision of the x87 unit.
 //!
-//! The modes belong to a thread and outlive the call that set them, so a callback that leaves "round up" behind would
-//! change the bits of everything that the thread computes after it. [`settle`] looks after each call, names the first
-//! call of each mode in the log and puts the default back. Exception masks and flags change no number and stay.
+//! The modes belong to a thread and outlive the call that set them, so a callback that leaves "round up" set would
+//! change the bits of all later computations of the thread. [`settle`] checks them after each call, logs the first
+//! call that changed each mode, and restores the default. Exception masks and flags do not affect results and are
+//! left alone.
 
 use std::cell::Cell;
 use std::fmt::Write as _;
 
 use hil_session::program;
 
-/// Modes of a thread: the bits of its control words that change numbers.
+/// Floating-point modes of a thread: the bits of its control words that affect results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Modes(u64);
 
-/// A mode other than the default: its mask, the bits that it has there, and its name.
+/// Non-default mode: its mask, its bits under the mask, and its name.
 type Named = (u64, u64, &'static str);
 
 #[cfg(target_arch = "x86_64")]
@@ -27,7 +27,7 @@ mod words {
     const MXCSR: u32 = 0xe040;
     /// Precision and rounding of the x87 control word (same, 8.1.5).
     const X87: u16 = 0x0f00;
-    /// The x87 word stands above the 32 bits of MXCSR.
+    /// Position of the x87 word above the 32 bits of MXCSR.
     const ABOVE: u32 = 32;
     const EXTENDED: u64 = 0x0300 << ABOVE;
 
@@ -48,7 +48,7 @@ mod words {
     #[inline]
     fn words() -> (u32, u16) {
         let (mut mxcsr, mut x87) = (0_u32, 0_u16);
-        // SAFETY: both instructions store a control word at the place that they are given, of its size.
+        // SAFETY: both instructions store a control word of the right size at the given address.
         unsafe {
             asm!(
                 "stmxcsr [{mxcsr}]",
@@ -73,8 +73,8 @@ mod words {
         let [a, b, c, d, e, f, ..] = bytes;
         let mxcsr = mxcsr & !MXCSR | u32::from_le_bytes([a, b, c, d]);
         let x87 = x87 & !X87 | u16::from_le_bytes([e, f]);
-        // SAFETY: both instructions load a control word from the place that they are given. Each is the word as it was,
-        // with other modes: no reserved bit is set. The compiler assumes the default modes, which this puts back.
+        // SAFETY: both instructions load a control word from the given address. Each is the current word with other
+        // modes, so no reserved bit is set. The compiler assumes the default modes, which this restores.
         unsafe {
             asm!(
                 "ldmxcsr [{mxcsr}]",
@@ -93,7 +93,7 @@ mod words {
 
     use super::{Modes, Named};
 
-    /// Rounding, flush-to-zero of all sizes and default NaN of FPCR (Arm ARM, C5.2.8).
+    /// Rounding, flush-to-zero of all sizes, and default NaN of FPCR (Arm ARM, C5.2.8).
     const FPCR: u64 = 0x03c8_0000;
 
     pub(super) const DEFAULT: Modes = Modes(0);
@@ -109,7 +109,7 @@ mod words {
     #[inline]
     fn word() -> u64 {
         let word: u64;
-        // SAFETY: reads a register that every thread may read.
+        // SAFETY: reads a register that is accessible to every thread.
         unsafe { asm!("mrs {}, fpcr", out(reg) word, options(nomem, nostack, preserves_flags)) };
         word
     }
@@ -121,8 +121,8 @@ mod words {
 
     pub(super) fn write(modes: Modes) {
         let word = word() & !FPCR | modes.0;
-        // SAFETY: writes the register as it was, with other modes. The compiler assumes the default modes, which this
-        // puts back.
+        // SAFETY: writes the current word with other modes. The compiler assumes the default modes, which this
+        // restores.
         unsafe { asm!("msr fpcr, {}", in(reg) word, options(nostack, preserves_flags)) };
     }
 }
@@ -142,11 +142,11 @@ impl Modes {
 }
 
 thread_local! {
-    /// Modes that were named on this thread.
+    /// Modes that were already reported on this thread.
     static NAMED: Cell<u64> = const { Cell::new(0) };
 }
 
-/// Puts the default modes back after a call into foreign code, named in the log at the first call that leaves others.
+/// Restores the default modes after a call into foreign code; logs the first call that changes each mode.
 #[inline]
 pub(crate) fn settle(call: &str) {
     let modes = words::read();
@@ -166,7 +166,7 @@ fn restore(call: &str, modes: Modes) {
     NAMED.set(known | changed);
     let names = modes.names();
     program::say(&format!(
-        "warning: `{call}` left the floating-point unit at {names}, which would change what is computed after it; the \
+        "warning: `{call}` left the floating-point unit at {names}, which would change later results; the \
          default is restored"
     ));
 }
@@ -176,18 +176,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_mode_is_named_and_put_back() {
+    fn every_mode_is_reported_and_restored() {
         let others = words::NAMED.map(|(mask, bits, name)| {
             let modes = Modes(words::DEFAULT.0 & !mask | bits);
             (modes, name)
         });
         for (modes, name) in others {
             words::write(modes);
-            let found = words::read();
+            let current = words::read();
             settle("advance");
             let after = words::read();
             // 16-bit flush-to-zero is optional on aarch64.
-            if found == modes {
+            if current == modes {
                 assert_eq!(modes.names(), name);
             }
             assert_eq!(after, words::DEFAULT, "{name}");

@@ -1,12 +1,12 @@
 //! Plants and controllers that are not written in Rust.
 //!
-//! 1. A program in [`c`] describes itself in tables that are known when it starts; for an FMU, [`fmi`] makes them of
-//!    its model description.
-//! 2. They become a `PlantKind` or a `LawKind`, checked as the compiler checks those of Rust.
-//! 3. The program of every plant or controller runs it: each step is a call over rows of numbers. After each call
-//!    `float_modes` puts back how the processor rounds.
+//! 1. A C program ([`c`]) describes itself by tables that are known at its start; for an FMU, [`fmi`] derives them
+//!    from its model description.
+//! 2. The tables become a `PlantKind` or a `LawKind`, with the checks that the compiler makes for Rust.
+//! 3. The common program of plants and controllers runs it: each step is a call with rows of numbers. After each call
+//!    `float_modes` restores the rounding mode of the processor.
 //!
-//! It is the one package with `unsafe`. Nothing here knows `hil`, a scenario or a recording.
+//! This is the only package with `unsafe`. It knows nothing about `hil`, scenarios or recordings.
 
 #![deny(unsafe_op_in_unsafe_fn)]
 

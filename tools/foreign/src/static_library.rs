@@ -1,3 +1,3 @@
-//! The package as a static library: everything of it that C calls, and nothing else.
+//! The package as a static library that exports only the functions called from C.
 
 pub use hil_foreign::c;

@@ -1,8 +1,8 @@
-//! Both sides of a run in one thread, taking turns.
+//! Both sides of a run in one thread, alternating.
 //!
-//! Used by `hil run --link in-process` and campaigns, for the plants, kinds of faults and laws that are built into
-//! `hil`. Never waits for another process and starts none. A package of its own so that engine and runner of such a
-//! run are compiled once and in one part.
+//! Used by `hil run --link in-process` and by campaigns, for plants, fault kinds and laws that are built into `hil`.
+//! It starts no process and never waits for one. A separate package, so that engine and runner of such a run are
+//! compiled once and in one codegen unit.
 
 use std::sync::{Arc, LazyLock};
 
@@ -29,28 +29,28 @@ pub static FAULTS: LazyLock<Vec<FaultKindEntry>> = LazyLock::new(plant_process::
 /// Laws that are built into `hil`.
 pub static LAWS: LazyLock<Vec<LawKind>> = LazyLock::new(controller_process::laws::all);
 
-/// Finds the plant of a job.
+/// Returns the plant of a job.
 ///
 /// # Errors
-/// If there is none of this name.
+/// If there is no plant of this name.
 pub fn plant_of(job: &PlantJob) -> Result<&'static PlantKind, String> {
     let model = &job.plant.model;
     let kind = PLANTS.iter().find(|kind| kind.description.name == *model);
     kind.ok_or_else(|| format!("hil has no plant `{model}`"))
 }
 
-/// Checks a plant's job as `--check` of its program does.
+/// Validates a plant's job like `--check` of its program.
 ///
 /// # Errors
-/// Objection of the plant to its job.
+/// If the plant objects to its job.
 pub fn check_plant(job: PlantJob) -> Result<(), String> {
     program::check(plant_of(&job)?, &FAULTS, job)
 }
 
-/// Checks a controller's job as `--check` of its program does.
+/// Validates a controller's job like `--check` of its program.
 ///
 /// # Errors
-/// Objection of the controller to its job.
+/// If the controller objects to its job.
 pub fn check_controller(job: ControllerJob) -> Result<(), String> {
     runner(job, pair().1).map(|_| ())
 }
@@ -70,10 +70,10 @@ pub struct Turns<'a> {
 }
 
 impl<'a> Turns<'a> {
-    /// Makes both sides, whose records go to this sink.
+    /// Creates both sides; records go to `sink`.
     ///
     /// # Errors
-    /// Objection of a side to its job.
+    /// If a side objects to its job.
     pub fn new(
         plant: PlantJob,
         controller: ControllerJob,
@@ -93,13 +93,13 @@ impl<'a> Turns<'a> {
         self.engine.queue()
     }
 
-    /// Returns the builder of faults for this run.
+    /// Returns the fault builder of this run.
     #[must_use]
     pub fn builder(&self) -> Arc<FaultBuilder> {
         self.engine.builder()
     }
 
-    /// Polls both sides in turns until the run is over, and says how it ended.
+    /// Polls both sides alternately until the run is over; returns its end.
     ///
     /// # Errors
     /// If a side failed.
@@ -144,7 +144,7 @@ impl<'a> Turns<'a> {
                     }
                 }
                 Progress::Controller | Progress::ControllerUntil(_) => {
-                    // It had its turn; if nothing comes all the same, one of them is broken.
+                    // Each side has been polled; if still nothing comes, one of them is broken.
                     if waiter.pause() {
                         engine.interrupt(&PlantEvent::Deadline(waiter.limit().ms()))?;
                     }

@@ -38,7 +38,7 @@ Words = NDArray[np.uint64]
 
 
 class RecordingError(Exception):
-    """A file is no recording of a run, or a damaged one."""
+    """A file is not a recording of a run, or a damaged one."""
 
 
 class Column(NamedTuple):
@@ -83,7 +83,7 @@ class Recording:
         if not self.columns and not self.is_whole:
             raise RecordingError(f"{path} was cut off before its first record: nothing of the run is in it")
         if not self.columns:
-            raise RecordingError(f"{path} is no recording of a run: it has no channel `/record`")
+            raise RecordingError(f"{path} is not a recording of a run: it has no channel `/record`")
 
     def _index(self, file: BinaryIO, size: int) -> None:
         while len(head := file.read(HEAD.size)) == HEAD.size:

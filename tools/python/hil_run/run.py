@@ -31,7 +31,7 @@ def load(path: Union[str, "PathLike[str]"]) -> Run:
     if place.is_dir():
         place = place / RECORDING
         if not place.exists():
-            raise RecordingError(f"{path} has no recording; it was run with --no-record, or is no run's folder")
+            raise RecordingError(f"{path} has no recording; the run used --no-record, or this is not the folder of a run")
     return Run(Recording(place))
 
 

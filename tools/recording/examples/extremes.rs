@@ -1,4 +1,4 @@
-//! Prints the signals of a recorded run, or the least and the greatest value of one of them.
+//! Prints the signals of a recorded run, or the minimum and maximum of one of them.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -16,7 +16,7 @@ pub(crate) fn signals(run: &Path) -> Result<String, ReadError> {
     Ok(lines.collect())
 }
 
-/// Finds the least and the greatest value of a signal; `None` if the run has no such signal.
+/// Finds the minimum and maximum of a signal; `None` if the run has no such signal.
 ///
 /// # Errors
 /// If the run cannot be read.
@@ -28,7 +28,7 @@ pub(crate) fn extremes(run: &Path, signal: &str) -> Result<Option<String>, ReadE
     let (mut least, mut greatest) = (f64::INFINITY, f64::NEG_INFINITY);
     while reader.advance()? {
         let value = f64::from_bits(reader.words()[place]);
-        // A comparison with NaN, a value that is not there, is false.
+        // Comparisons with NaN, which marks a missing value, are false.
         if value < least {
             least = value;
         }
@@ -37,7 +37,7 @@ pub(crate) fn extremes(run: &Path, signal: &str) -> Result<Option<String>, ReadE
         }
     }
     let mut text = format!("{least} to {greatest} in {} records\n", reader.records());
-    // A file that broke off is read as far as it goes.
+    // A truncated file is read as far as it goes.
     if let Some(caveat) = reader.caveat() {
         text += &format!("note: {caveat}\n");
     }
@@ -52,11 +52,11 @@ fn main() -> ExitCode {
         return ExitCode::from(2);
     };
     let run = Path::new(&run);
-    let told = match arguments.next() {
+    let result = match arguments.next() {
         None => signals(run).map(Some),
         Some(signal) => extremes(run, &signal),
     };
-    match told {
+    match result {
         Ok(Some(text)) => {
             print!("{text}");
             return ExitCode::SUCCESS;

@@ -1,4 +1,4 @@
-//! Writes the recording of a second of free fall, as a program besides `hil` would.
+//! Writes the recording of one second of free fall, as a program other than `hil` could.
 
 use std::collections::BTreeMap;
 use std::io;

@@ -1,8 +1,8 @@
-//! A chunk of a recording: messages put together, indexed and compressed.
+//! Chunk of a recording: messages that are collected, indexed and compressed.
 //!
-//! Used by the [recording](super), which says when one is full, and written by
-//! [`McapFile`](super::mcap_file::McapFile). Records are the hot path of the recorder: they are
-//! copied once, straight to where they are compressed. Format: <https://mcap.dev/spec>.
+//! The [recording](super) decides when a chunk is full, and [`McapFile`](super::mcap_file::McapFile) writes it.
+//! Records are the hot path of the recorder: they are copied once, directly to the compressor. Format:
+//! <https://mcap.dev/spec>.
 
 use std::io;
 use std::time::{Duration, Instant};
@@ -14,28 +14,28 @@ use super::lz4::Encoder;
 use super::schema::ENCAPSULATION;
 use crate::compression::Compression;
 
-/// Bytes of a message in front of its content.
+/// Number of bytes of a message before its content.
 const HEAD_BYTES: usize = 31;
-/// Zeros that make whole words of the head of a record.
+/// Number of zero bytes that pad the head of a record to whole words.
 const PADDING: usize = 5;
 const HEAD_WORDS: usize = (PADDING + HEAD_BYTES + ENCAPSULATION.len()) / size_of::<u64>();
 
-/// Records get no smaller at the library's default of 3, which takes 1.7 times as long.
+/// At the library's default of 3, records get no smaller but take 1.7 times as long.
 const ZSTD_LEVEL: i32 = 1;
 
-/// A chunk in the making.
+/// Chunk under construction.
 pub(super) struct Chunk {
     body: Body,
-    /// Bytes before compression.
+    /// Size before compression, in bytes.
     bytes: usize,
-    /// Of these bytes.
+    /// Check sum of the uncompressed bytes.
     crc: crc32fast::Hasher,
-    /// First and last time of its messages.
+    /// Times of its first and last message.
     time_ns: Option<(u64, u64)>,
     since: Option<Instant>,
-    /// For each channel from number 1: time and place of each message.
+    /// For each channel from number 1: time and offset of each message.
     indexes: Vec<Vec<u8>>,
-    /// A record with its head, of whole words.
+    /// Record with its head, as whole words.
     row: Vec<u64>,
 }
 
@@ -46,7 +46,7 @@ enum Body {
 }
 
 impl Chunk {
-    /// An empty chunk of a file with N channels.
+    /// Creates an empty chunk of a file with `channels` channels.
     pub(super) fn new(compression: Compression, channels: u16) -> io::Result<Self> {
         let body = match compression {
             Compression::None => Body::Plain(Vec::new()),
@@ -64,7 +64,7 @@ impl Chunk {
         })
     }
 
-    /// Takes in the words of a record.
+    /// Adds a record, given as words.
     pub(super) fn record(&mut self, header: &MessageHeader, words: &[u64]) {
         let mut head = [0; size_of::<u64>() * HEAD_WORDS];
         let bytes = ENCAPSULATION.len() + size_of_val(words);
@@ -93,7 +93,7 @@ impl Chunk {
         self.note(header, HEAD_BYTES + bytes);
     }
 
-    /// Takes in a message.
+    /// Adds a message.
     pub(super) fn message(&mut self, header: &MessageHeader, content: &[u8]) {
         for part in [&head_of(header, content.len())[..], content] {
             match &mut self.body {
@@ -119,33 +119,33 @@ impl Chunk {
         }
     }
 
-    /// Bytes before compression.
+    /// Returns the size before compression, in bytes.
     pub(super) fn bytes(&self) -> usize {
         self.bytes
     }
 
-    /// CRC 32 of its bytes before compression.
+    /// Returns the CRC 32 of the uncompressed bytes.
     pub(super) fn crc(&self) -> u32 {
         self.crc.clone().finalize()
     }
 
-    /// Returns the time since the chunk's first message came; zero if none did.
+    /// Returns the time since the first message was added; zero for an empty chunk.
     pub(super) fn age(&self) -> Duration {
         self.since.map_or(Duration::ZERO, |since| since.elapsed())
     }
 
-    /// First and last time of its messages, if there are any.
+    /// Returns the times of the first and last message; `None` for an empty chunk.
     pub(super) fn time_ns(&self) -> Option<(u64, u64)> {
         self.time_ns
     }
 
-    /// The numbers of the channels that have messages in it, and their indexes.
+    /// Iterates over the channels with messages, as number and message index.
     pub(super) fn indexes(&self) -> impl Iterator<Item = (u16, &[u8])> {
         let numbered = (1..).zip(self.indexes.iter().map(Vec::as_slice));
         numbered.filter(|(_, entries)| !entries.is_empty())
     }
 
-    /// The name of the compression in the file.
+    /// Returns the name of the compression in the file.
     pub(super) fn compression(&self) -> &'static str {
         match self.body {
             Body::Plain(_) => "",
@@ -154,7 +154,8 @@ impl Chunk {
         }
     }
 
-    /// Packs the messages as they go into the file. No more can be added until the chunk is cleared.
+    /// Returns the compressed messages as they are stored in the file. The chunk accepts no more messages until it is
+    /// cleared.
     pub(super) fn packed(&mut self) -> io::Result<Packed<'_>> {
         Ok(match &mut self.body {
             Body::Plain(body) => Packed::Borrowed(body.as_slice()),
@@ -163,7 +164,7 @@ impl Chunk {
         })
     }
 
-    /// Empties it for the next one.
+    /// Empties the chunk for reuse.
     pub(super) fn clear(&mut self) {
         match &mut self.body {
             Body::Plain(body) | Body::Zstd(body, _) => body.clear(),
@@ -177,7 +178,7 @@ impl Chunk {
     }
 }
 
-/// The packed messages of a chunk.
+/// Compressed messages of a chunk.
 pub(super) type Packed<'a> = std::borrow::Cow<'a, [u8]>;
 
 fn head_of(header: &MessageHeader, bytes: usize) -> [u8; HEAD_BYTES] {

@@ -1,43 +1,43 @@
-//! The texts of events, which their plant wrote, made fit to be shown.
+//! Sanitising of event texts, which come from the plant, before they are displayed.
 
 use serde_json::Value;
 use shared_types::record::{ControllerFate, Event};
 use shared_types::text::printable;
 
-/// Most characters of a text of the plant.
+/// Maximum length of a text from the plant, in characters.
 const LONGEST_TEXT: usize = 1 << 16;
 
-/// Makes the texts of an event do nothing to a terminal, and no longer than one can read.
+/// Escapes control characters in the texts of an event, and truncates them to a readable length.
 #[must_use]
 pub fn clean(mut event: Event) -> Event {
-    let shown = |text: &mut String| {
+    let sanitise = |text: &mut String| {
         if text.len() > LONGEST_TEXT || printable(text) != *text {
             *text = printable(text).chars().take(LONGEST_TEXT).collect();
         }
     };
     match &mut event {
-        Event::Accepted(accepted) => texts(&mut accepted.fault, &shown),
+        Event::Accepted(accepted) => texts(&mut accepted.fault, &sanitise),
         Event::FaultEnded(_) => {}
-        Event::Fault(taken) => {
-            for text in [&mut taken.kind, &mut taken.target, &mut taken.parameter] {
-                shown(text);
+        Event::Fault(fault) => {
+            for text in [&mut fault.kind, &mut fault.target, &mut fault.parameter] {
+                sanitise(text);
             }
         }
         Event::Controller(change) => match &mut change.change {
             ControllerFate::Lost { reason: text, .. }
             | ControllerFate::Joined { law: text }
-            | ControllerFate::Refused { reason: text } => shown(text),
+            | ControllerFate::Refused { reason: text } => sanitise(text),
         },
-        Event::Mark(mark) => shown(&mut mark.text),
+        Event::Mark(mark) => sanitise(&mut mark.text),
         Event::Change(change) => {
-            change.clear.iter_mut().for_each(shown);
+            change.clear.iter_mut().for_each(sanitise);
             for one in &mut change.set {
-                shown(&mut one.key);
-                shown(&mut one.unit);
+                sanitise(&mut one.key);
+                sanitise(&mut one.unit);
             }
         }
         Event::End(end) => {
-            end.reason.iter_mut().for_each(shown);
+            end.reason.iter_mut().for_each(sanitise);
             for effect in &mut end.effects {
                 for text in [
                     &mut effect.kind,
@@ -45,7 +45,7 @@ pub fn clean(mut event: Event) -> Event {
                     &mut effect.parameter,
                     &mut effect.unit,
                 ] {
-                    shown(text);
+                    sanitise(text);
                 }
             }
         }
@@ -53,12 +53,12 @@ pub fn clean(mut event: Event) -> Event {
     event
 }
 
-/// Does something to every text of a value.
-fn texts(value: &mut Value, shown: &impl Fn(&mut String)) {
+/// Applies a function to every text of a value.
+fn texts(value: &mut Value, sanitise: &impl Fn(&mut String)) {
     match value {
-        Value::String(text) => shown(text),
-        Value::Array(all) => all.iter_mut().for_each(|one| texts(one, shown)),
-        Value::Object(all) => all.values_mut().for_each(|one| texts(one, shown)),
+        Value::String(text) => sanitise(text),
+        Value::Array(all) => all.iter_mut().for_each(|one| texts(one, sanitise)),
+        Value::Object(all) => all.values_mut().for_each(|one| texts(one, sanitise)),
         Value::Null | Value::Bool(_) | Value::Number(_) => {}
     }
 }

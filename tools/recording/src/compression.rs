@@ -1,12 +1,12 @@
-//! Choice of a recording's compression. Compresses nothing: that is `chunk` and `lz4`.
+//! The compression setting of a recording; compressing is done in `chunk` and `lz4`.
 
 /// Compression of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Compression {
     /// None.
     None,
-    /// Fast.
+    /// Fast compression.
     Lz4,
-    /// Small.
+    /// Small files.
     Zstd,
 }

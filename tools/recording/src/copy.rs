@@ -1,8 +1,7 @@
-//! A recording made of the records of another file.
+//! Copies the readable part of a recording into a new one.
 //!
-//! Used by `hil recover`. Facts, files, descriptions and messages are those of the other file, in its
-//! order; chunks, indexes and sums are made anew, because those of a file that broke off cannot be
-//! relied on.
+//! Used by `hil recover`. Facts, attachments, schemas and messages are copied in their order; chunks, indexes and
+//! check sums are rebuilt, because those of a truncated file cannot be relied on.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -20,26 +19,26 @@ use crate::compression::Compression;
 use crate::reader::content::Content;
 use crate::reader::{UNVOUCHED, Unvouched, VOUCHED};
 
-/// A copy of a recording, as far as it could be read.
+/// Parameters of copying the readable part of a recording.
 #[derive(Debug)]
 pub struct Rescue<'a> {
-    /// Messages that could be read.
+    /// Number of readable messages.
     pub messages: u64,
-    /// The other file is damaged somewhere: what it says of its end is not taken over, so that nothing of
-    /// it can pass for the run.
+    /// Set if the original is damaged. Its result is not copied then, so that the copy cannot pass for the complete
+    /// run.
     pub is_doubtful: bool,
-    /// Part of the other file that no check sum vouches for.
+    /// Part of the original without a check sum.
     pub unvouched: Option<&'a Unvouched>,
-    /// The result of the run, if the other file has none.
+    /// Result of the run, used if the original has none.
     pub result: BTreeMap<String, String>,
 }
 
 impl Rescue<'_> {
-    /// Copies the messages of a file into an empty one, as long as `goes_on` says so.
+    /// Copies the messages of a file into an empty one, while `goes_on` returns `true`.
     ///
     /// # Errors
-    /// If a file cannot be read or written, the original has fewer messages now, or it does not go on
-    /// ([`io::ErrorKind::Interrupted`]).
+    /// If a file cannot be read or written, the original has fewer messages than before, or `goes_on` returned
+    /// `false` ([`io::ErrorKind::Interrupted`]).
     pub fn copy(self, original: File, into: File, goes_on: impl Fn() -> bool) -> io::Result<()> {
         let mut copy = Copy::into(into, &self)?;
         let mut content = Content::of(original)?;
@@ -63,33 +62,33 @@ impl Rescue<'_> {
             }
         }
         if messages != self.messages {
-            return Err(io::Error::other("it changed while it was read"));
+            return Err(io::Error::other("the file changed while it was read"));
         }
         copy.finish(self.result)
     }
 }
 
-/// A recording being written.
+/// Recording being written.
 struct Copy {
     file: McapFile,
     chunk: Option<Chunk>,
-    /// New numbers of schemas.
+    /// New schema IDs, by those of the original.
     schemas: BTreeMap<u16, u16>,
-    /// New numbers of channels, and how their events are written, if they do not carry records.
+    /// New channel IDs, with the encoding of events for channels that carry no records.
     channels: BTreeMap<u16, (u16, Option<String>)>,
-    /// The words of a record.
+    /// Words of the current record.
     words: Vec<u64>,
     result: Option<Metadata>,
     is_doubtful: bool,
 }
 
 impl Copy {
-    /// Begins to write into an empty file.
+    /// Starts an empty file.
     fn into(file: File, rescue: &Rescue<'_>) -> io::Result<Self> {
         let library = concat!("hil ", env!("CARGO_PKG_VERSION"));
         let mut file = McapFile::create(file, "ros2", library)?;
         if let Some(unvouched) = rescue.unvouched {
-            // At its begin: it is still there if this file breaks off too.
+            // Stored at the beginning, so that it survives if the copy is truncated, too.
             file.metadata(Metadata {
                 name: FACTS.into(),
                 metadata: BTreeMap::from([
@@ -109,11 +108,11 @@ impl Copy {
         })
     }
 
-    /// Takes a record of the other file, which packs its messages in this way. Returns true if the record
-    /// is a message of a run.
+    /// Copies a record of the original, packing messages with this compression. Returns `true` if the record is a
+    /// message of the run.
     fn take(&mut self, record: Record<'_>, compression: Compression) -> io::Result<bool> {
         match record {
-            // The summary of a file repeats what it describes.
+            // The summary of a file repeats schemas and channels.
             Record::Schema { header, .. } if self.schemas.contains_key(&header.id) => {}
             Record::Channel(channel) if self.channels.contains_key(&channel.id) => {}
             Record::Schema { header, data } => {
@@ -126,7 +125,7 @@ impl Copy {
                 let schema = schema.unwrap_or_default();
                 let number = (self.file).channel(schema, topic, encoding, channel.metadata)?;
                 if number > CHANNELS {
-                    return Err(io::Error::other("it has a channel twice"));
+                    return Err(io::Error::other("a channel is defined twice"));
                 }
                 let events = (topic == EVENT_TOPIC).then_some(channel.message_encoding);
                 self.channels.insert(channel.id, (number, events));
@@ -135,7 +134,7 @@ impl Copy {
                 self.result = Some(metadata).filter(|_| !self.is_doubtful);
             }
             Record::Metadata(mut metadata) => {
-                // Said already, as it is now.
+                // Already written with its current value.
                 metadata.metadata.remove(VOUCHED);
                 metadata.metadata.remove(UNVOUCHED);
                 if !metadata.metadata.is_empty() {
@@ -191,7 +190,7 @@ impl Copy {
         Ok(true)
     }
 
-    /// Ends the file: with the result of the other file if it had one, else with this.
+    /// Ends the file with the result of the original, or with `result` if that has none.
     fn finish(mut self, result: BTreeMap<String, String>) -> io::Result<()> {
         if let Some(chunk) = &mut self.chunk {
             self.file.chunk(chunk)?;

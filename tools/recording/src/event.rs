@@ -1,19 +1,19 @@
-//! An event as a message: CDR by the schema of [`schema::event`], or JSON in files of earlier versions.
+//! Encoding of events as messages: CDR by the schema of [`schema::event`], or JSON in files of earlier versions.
 //!
-//! Used by the [recording](super) and by what serves it live, and by readers, for which only the JSON
-//! counts: it comes first, so that fields may be added behind it.
+//! Used by the [recording](super), by the live stream and by readers. Readers use only the JSON part, which comes
+//! first so that fields can be added after it.
 
 use shared_types::record::Event;
 
 use super::schema::{self, ENCAPSULATION};
 
-/// Encoding of events by earlier versions.
+/// Encoding of events in earlier versions.
 const EARLIER: &str = "json";
 
-/// The message of an event.
+/// Encodes an event as a message.
 ///
 /// # Errors
-/// If the event has no form in JSON.
+/// If the event cannot be serialised.
 pub fn message(event: &Event) -> serde_json::Result<Vec<u8>> {
     let facts = serde_json::to_value(event)?;
     let mut message = ENCAPSULATION.to_vec();
@@ -29,28 +29,28 @@ pub fn message(event: &Event) -> serde_json::Result<Vec<u8>> {
     Ok(message)
 }
 
-/// The event of a message with this encoding.
+/// Decodes an event from a message with this encoding.
 ///
 /// # Errors
-/// With what is wrong.
+/// If the message is invalid; the text says why.
 pub(crate) fn read(encoding: &str, message: &[u8]) -> Result<Event, String> {
     let json = if encoding == EARLIER {
         Some(message)
     } else {
         first_text(message)
     };
-    let json = json.ok_or("its text is longer than its message")?;
+    let json = json.ok_or("its text exceeds the message")?;
     serde_json::from_slice(json).map_err(|error| error.to_string())
 }
 
-/// The text that a message begins with, without its zero at the end.
+/// Returns the text at the beginning of a message, without its terminating zero.
 fn first_text(message: &[u8]) -> Option<&[u8]> {
     let (length, rest) = (message.get(ENCAPSULATION.len()..)?).split_first_chunk()?;
     let length = usize::try_from(u32::from_le_bytes(*length)).ok()?;
     rest.get(..length.checked_sub(1)?)
 }
 
-/// Fills up to a multiple of this behind the encapsulation.
+/// Pads the message to a multiple of `to` bytes after the encapsulation.
 fn align(message: &mut Vec<u8>, to: usize) {
     let length = message.len() - ENCAPSULATION.len();
     message.resize(ENCAPSULATION.len() + length.next_multiple_of(to), 0);
@@ -85,9 +85,9 @@ mod tests {
     }
 
     #[test]
-    fn an_event_is_its_json_and_then_each_fact_as_cdr_has_it() {
+    fn an_event_is_encoded_as_its_json_followed_by_each_fact_in_cdr() {
         let json = serde_json::to_string(&ended()).expect("JSON");
-        // By the rules of CDR: texts with their length and a zero, numbers at multiples of their size.
+        // By the rules of CDR: texts with length and terminating zero, numbers aligned to their size.
         let mut expected = vec![0, 1, 0, 0];
         let mut put = |size: usize, bytes: &[u8]| {
             while (expected.len() - 4) % size > 0 {
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn events_of_this_version_and_of_earlier_ones_are_read() {
+    fn events_of_this_and_of_earlier_versions_are_decoded() {
         let now = message(&ended()).expect("a message");
         assert_eq!(read("cdr", &now), Ok(ended()));
         let earlier = serde_json::to_vec(&ended()).expect("JSON");
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn an_event_that_is_cut_anywhere_in_its_json_is_refused() {
+    fn an_event_truncated_within_its_json_is_refused() {
         let whole = message(&ended()).expect("a message");
         let json = serde_json::to_string(&ended()).expect("JSON").len();
         for length in 0..8 + json {
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn every_fact_that_has_one_value_is_a_field_of_its_type() {
+    fn every_scalar_fact_is_a_field_of_its_type() {
         let events = [
             json!({"event": "accepted", "id": 1, "step": 2, "fault": {"kind": "bias"}}),
             json!({
@@ -165,7 +165,7 @@ mod tests {
         ];
         for event in events {
             let event: Event = serde_json::from_value(event).expect("an event");
-            // As it is recorded, with every fact that it has.
+            // Serialised as in a recording, with every fact.
             let recorded = serde_json::to_value(&event).expect("JSON");
             for (name, value) in recorded.as_object().expect("an object") {
                 let field = schema::FACTS.iter().find(|(_, field, _)| field == name);

@@ -1,9 +1,7 @@
-//! Excerpt of a run when not all of it is kept: some signals, every N steps, and all that is
-//! around a fault.
+//! Excerpt of a run: selected signals, every N-th step, and the steps around faults.
 //!
-//! Used by the [recording](super), which writes what comes out here. Rows before a fault are kept
-//! back until they are too old to belong to one, so that no time has to be known beforehand. Taking
-//! a row allocates nothing.
+//! Used by the [recording](super), which writes the resulting rows. Rows are buffered until they are too old to
+//! precede a fault, so the times of faults need not be known in advance. Processing a row allocates nothing.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -16,25 +14,25 @@ use shared_types::time::{Rate, Step};
 
 use crate::schema::column_name;
 
-/// Choice of what is to be kept.
+/// Selection of the signals and steps to record.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Choice {
-    /// Patterns of names; none means every signal.
+    /// Patterns of signal names; empty for all signals.
     pub signals: Vec<String>,
-    /// Every N steps; none means every step, or with `around` none but the first and last.
+    /// Stride between recorded steps; `None` for every step or, with `around_s`, only the first and last.
     pub every: Option<u64>,
-    /// Seconds before and after anything that happens to a fault.
+    /// Times before and after every fault event that are recorded completely, in s.
     pub around_s: Option<[f64; 2]>,
 }
 
 impl Choice {
-    /// Returns true if all is kept.
+    /// Returns `true` if everything is recorded.
     #[must_use]
     pub fn is_all(&self) -> bool {
         *self == Self::default()
     }
 
-    /// Describes the excerpt for the recording.
+    /// Describes the excerpt, as stored in the recording.
     #[must_use]
     pub fn describe(&self) -> String {
         let mut parts = Vec::new();
@@ -54,15 +52,15 @@ impl Choice {
         parts.join(", ")
     }
 
-    /// Returns a flag for each of these signals: true if the signal is kept.
+    /// Returns for each of these signals whether it is recorded.
     ///
     /// # Errors
-    /// If a pattern is none, or no signal fits it.
+    /// If a pattern is invalid or matches no signal.
     pub fn kept(&self, names: &[String]) -> Result<Vec<bool>, String> {
         let mut kept = vec![self.signals.is_empty(); names.len()];
         for text in &self.signals {
-            let pattern =
-                Pattern::new(text).map_err(|error| format!("`{text}` is no pattern: {error}"))?;
+            let pattern = Pattern::new(text)
+                .map_err(|error| format!("`{text}` is not a valid pattern: {error}"))?;
             let mut fits = false;
             for (name, kept) in names.iter().zip(&mut kept) {
                 if pattern.matches(name) {
@@ -71,14 +69,14 @@ impl Choice {
             }
             if !fits {
                 let near = near(text, names.iter().map(String::as_str));
-                return Err(format!("no signal of this run fits `{text}`{near}"));
+                return Err(format!("no signal of this run matches `{text}`{near}"));
             }
         }
         Ok(kept)
     }
 }
 
-/// Lists the signals of a record as recordings name them, in order.
+/// Lists the signals of a record in order, by their names in recordings.
 pub(super) fn names(layout: &RecordLayout) -> Vec<String> {
     let name = |group: &str, field: &Field| column_name(group, &field.name);
     let groups = GROUPS.iter().zip(layout.groups());
@@ -87,7 +85,7 @@ pub(super) fn names(layout: &RecordLayout) -> Vec<String> {
         .collect()
 }
 
-/// Head before the words of a record.
+/// Data that precedes the words of a record.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Head {
     pub(super) step: u64,
@@ -105,36 +103,36 @@ impl Head {
     }
 }
 
-/// The rows being chosen.
+/// Selection of rows in progress.
 pub(super) struct Excerpt {
     form: Form,
     last: Step,
     every: Option<u64>,
     before: u64,
     after: Option<u64>,
-    /// Rows that may yet turn out to be just before a fault, one after another.
+    /// Buffered rows that may turn out to precede a fault, concatenated.
     words: VecDeque<u64>,
     heads: VecDeque<Head>,
-    /// Up to this step every row is kept.
+    /// Last step up to which every row is recorded.
     whole_until: Option<u64>,
-    /// The row that is being written.
+    /// Current row.
     row: Vec<u64>,
 }
 
-/// Words of a record that are kept, and the way in which bits of validity move.
+/// Selection of the words of a record, including the rearrangement of validity bits.
 struct Form {
     groups: [Vec<Field>; GROUPS.len()],
     sample: Bits,
     command: Bits,
-    /// Signals and times, as places in a record.
+    /// Indices of signals and times in a record.
     places: Vec<usize>,
 }
 
-/// Bits of validity of the signals that are kept.
+/// Validity bits of the selected signals.
 struct Bits {
-    /// Place of the words in a record.
+    /// Range of the validity words in a record.
     from: Range<usize>,
-    /// Numbers of the bits that are kept, in order.
+    /// Numbers of the selected bits, in order.
     kept: Vec<usize>,
 }
 
@@ -179,7 +177,7 @@ impl Form {
         let times = layout.values_start() + index;
         places.extend(times..times + Timing::WORDS);
         let place_of = |group: &str| GROUPS.iter().position(|one| *one == group).unwrap_or(0);
-        // Numbers of the bits of those that are kept of a group.
+        // Returns the bit numbers of the selected signals of a group.
         let bits = |group: &str, bits: &mut dyn Iterator<Item = usize>| -> Vec<usize> {
             let place = place_of(group);
             let kept = &kept[starts[place]..][..groups[place].len()];
@@ -188,7 +186,7 @@ impl Form {
         };
         let measured = layout.measured.len();
         let first_internal = layout.command_signals - layout.internal.len();
-        // In the order of the frame, which need not be that of the plant.
+        // In the order of the frame, which may differ from that of the plant.
         let mut command = bits("command", &mut layout.command_places.iter().copied());
         command.sort_unstable();
         let sample_end = 1 + layout.sample_validity_words();
@@ -217,7 +215,7 @@ impl Form {
 
 impl Excerpt {
     /// # Errors
-    /// If a pattern fits no signal.
+    /// If a pattern is invalid or matches no signal.
     pub(super) fn new(
         layout: &RecordLayout,
         choice: &Choice,
@@ -245,7 +243,7 @@ impl Excerpt {
         })
     }
 
-    /// Words of validity bits of sample and command, and the signals of each group.
+    /// Returns the numbers of validity words of sample and command, and the signals of each group.
     pub(super) fn form(&self) -> (usize, usize, [&[Field]; GROUPS.len()]) {
         let Form {
             groups,
@@ -257,7 +255,7 @@ impl Excerpt {
         (sample.words(), command.words(), groups)
     }
 
-    /// Takes in a record.
+    /// Adds a record.
     pub(super) fn take(&mut self, words: &[u64], view: &RecordView<'_>) {
         self.heads.push_back(Head::of(view));
         let row = &mut self.words;
@@ -267,7 +265,7 @@ impl Excerpt {
         row.extend(self.form.places.iter().map(|place| words[*place]));
     }
 
-    /// Something happened to a fault before the next record: what waits is kept, and what comes.
+    /// Registers a fault event before the next record: the buffered rows and those that follow are recorded.
     pub(super) fn fault(&mut self, step: u64) {
         if let Some(after) = self.after {
             let until = step + after;
@@ -275,7 +273,7 @@ impl Excerpt {
         }
     }
 
-    /// The next row to be written, if one need not wait any longer; all of them at the end.
+    /// Returns the next row that is ready to be written; at the end also the remaining ones.
     pub(super) fn next(&mut self, is_over: bool) -> Option<(Head, &[u64])> {
         while let Some(head) = self.heads.front().copied() {
             let is_around = self.whole_until.is_some_and(|until| head.step <= until);
@@ -320,7 +318,7 @@ mod tests {
         }
     }
 
-    /// The steps that are kept of a run of 100 steps at 10 Hz, with a fault before step 50.
+    /// Returns the recorded steps of a run of 100 steps at 10 Hz, with a fault before step 50.
     fn steps(choice: &Choice) -> Vec<u64> {
         let layout = layout();
         let rate = Rate::new(10.0).expect("a rate");
@@ -345,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn every_so_many_steps_and_the_last_are_kept() {
+    fn every_nth_step_and_the_last_are_recorded() {
         let choice = Choice {
             every: Some(30),
             ..Choice::default()
@@ -354,7 +352,7 @@ mod tests {
     }
 
     #[test]
-    fn around_a_fault_every_step_is_kept() {
+    fn every_step_around_a_fault_is_recorded() {
         let around = Choice {
             around_s: Some([0.35, 0.2]), // 4 and 2 steps
             ..Choice::default()
@@ -368,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn signals_keep_their_values_and_their_validity() {
+    fn selected_signals_keep_their_values_and_validity() {
         let layout = layout();
         let choice = Choice {
             signals: [
@@ -386,14 +384,15 @@ mod tests {
         let mut words: Vec<u64> = (0..layout.words() as u64)
             .map(|index| 1000 + index)
             .collect();
-        // step, 73 bits of the sample, 3 of the frame with command 1, command 0 and the internal; then 2 of truth, 70 measured, 3 reference.
+        // Step; 73 bits of the sample; 3 of the frame for command 1, command 0 and the internal; then 2 truth, 70
+        // measured and 3 reference signals.
         words[..4].copy_from_slice(&[7, 1 << 60 | 1 << 62 | 1, 1 << (71 - 64), 0b101]);
         excerpt.take(&words, &layout.view(&words));
         let (sample_words, command_words, groups) = excerpt.form();
         assert_eq!((sample_words, command_words), (1, 1));
         assert_eq!(groups.map(<[Field]>::len), [0, 10, 1, 1, 0, 1, 0, 0, 0]);
         let (_, row) = excerpt.next(false).expect("a row");
-        // measured 60 to 69, reference 1; command 1, internal 0.
+        // Measured 60 to 69 and reference 1; command 1 and internal 0.
         assert_eq!(row[..3], [7, 0b101 | 1 << 10, 0b11]);
         let measured: Vec<u64> = (0..10).map(|i| 1000 + 4 + 2 + 60 + i).collect();
         assert_eq!(row[3..13], measured);
@@ -405,7 +404,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pattern_without_a_signal_names_the_nearest() {
+    fn the_error_for_a_pattern_without_match_names_the_nearest_signal() {
         let choice = Choice {
             signals: vec!["truth.s1_n".into()],
             ..Choice::default()

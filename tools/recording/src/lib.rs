@@ -1,28 +1,28 @@
-//! Recordings of runs: written record by record as a run goes, and read back by what the file says of
-//! itself, however it ended. Judges nothing and computes no figure; knows neither scenarios nor programs.
+//! Recordings of runs: written record by record during a run, and read back from self-describing files, however the
+//! run ended. The package judges nothing, computes no figures and knows neither scenarios nor programs.
 //!
-//! A recording is an MCAP file that other programs open too. It holds a message for each step, of the very
-//! words that crossed shared memory, the events between them, facts of the run before and after it, and
-//! text files that travel with it. The page `docs/recordings-in-rust.md` shows both ways in programs.
+//! A recording is an MCAP file that other programs can open, too. It contains a message for each step with the exact
+//! words from shared memory, the events between steps, facts about the run before and after it, and attached text
+//! files. The page `docs/recordings-in-rust.md` shows programs that write and read recordings.
 //!
-//! Written:
+//! Writing:
 //!
-//! 1. [`writer::Recording`] takes facts, then records and events one by one; [`schema`] and [`event`] say
-//!    in which form. Where not all is kept, [`excerpt`] chooses, and [`size`] tells beforehand how large a
-//!    file can get.
-//! 2. Messages are put together, indexed and compressed in `chunk`; rows of words by the project's LZ4,
-//!    `lz4`, which any reader unpacks. [`compression`] is only the choice.
-//! 3. `mcap_file` writes chunks from front to back, each with a `mark` that vouches for every byte before
-//!    it. [`reserve`] keeps room on the disk for the end.
+//! 1. [`writer::Recording`] takes facts, then records and events one by one, encoded as defined by [`schema`] and
+//!    [`event`]. For a partial recording [`excerpt`] selects signals and steps; [`size`] predicts the maximum size of
+//!    a file.
+//! 2. `chunk` collects, indexes and compresses messages, using the project's `lz4` for rows of words, whose output
+//!    any LZ4 reader unpacks. [`compression`] is only the setting.
+//! 3. `mcap_file` writes chunks sequentially, each with a `mark` that contains a check sum of every byte before it.
+//!    [`reserve`] reserves disk space for the end.
 //!
-//! Read:
+//! Reading:
 //!
-//! 1. [`reader::RunReader`] goes through a file of any state once: to its end, to where it broke off, or to
-//!    its damage. It checks every sum, computes the digest and keeps no record.
-//! 2. `unpack` takes chunks apart, torn ones too; [`clean`] makes texts of events fit to be shown.
-//! 3. [`copy::Rescue`] makes a whole file of what could be read of another.
+//! 1. [`reader::RunReader`] reads a file in any state once: up to its end, truncation or damage. It verifies every
+//!    check sum, computes the digest and retains no records.
+//! 2. `unpack` decompresses chunks, including truncated ones; [`clean`] sanitises event texts for display.
+//! 3. [`copy::Rescue`] copies the readable part of a file into a complete one.
 //!
-//! [`part_file`] makes files that appear whole or not at all, and removes what a killed `hil` left of one.
+//! [`part_file`] writes files atomically and removes leftovers of a killed `hil`.
 
 mod chunk;
 pub mod clean;

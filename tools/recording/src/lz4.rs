@@ -1,15 +1,14 @@
-//! LZ4 made for rows of 64-bit words that resemble the row before.
+//! LZ4 compressor for rows of 64-bit words that resemble the previous row.
 //!
-//! Used by the [chunk](super::chunk) of a recording. Any LZ4 reader unpacks what comes out: one
-//! [frame] of one [block]. A compressor that knows nothing of its input looks at every byte for
-//! an earlier place with the same four; here only two places come into question for a word, and
-//! both are known beforehand:
+//! Used by the [chunk](super::chunk) of a recording. The output is one [frame] of [blocks][block] that any LZ4 reader
+//! unpacks. A general compressor searches for an earlier occurrence of every four bytes; here each word has only two
+//! candidates, both known in advance:
 //!
-//! - where it stood in the row before (constants, flags, the high bytes of what changes slowly), and
-//! - where in its own row it stands already: its *echo* (what a sensor without fault shows of the
-//!   truth). Echoes are looked up once a block, in its second row.
+//! - the same position in the previous row (constants, flags, the high bytes of slowly changing values), and
+//! - an earlier position in the same row with the same word, its *echo* (for example the truth behind a fault-free
+//!   sensor). Echoes are searched for once per block, in its second row.
 //!
-//! Whatever matches neither is a literal, and a row of another length is one as a whole.
+//! Words without a match become literals, as do rows of a different length.
 //!
 //! [frame]: https://github.com/lz4/lz4/blob/dev/doc/lz4_Frame_format.md
 //! [block]: https://github.com/lz4/lz4/blob/dev/doc/lz4_Block_format.md
@@ -18,50 +17,49 @@ use std::ops::Range;
 
 use shared_types::zerocopy::IntoBytes;
 
-/// Magic number; version 1, independent blocks, no checksums, no sizes; blocks of at most 4 MiB; and
-/// the second byte of the `xxh32` of the two bytes before.
+/// Magic number; version 1, independent blocks, no check sums, no sizes; blocks of at most 4 MiB; and the second byte
+/// of the `xxh32` of the previous two bytes.
 const FRAME_HEAD: [u8; 7] = [0x04, 0x22, 0x4d, 0x18, 0x60, 0x70, 0x73];
-/// The block of size 0 that ends a frame.
+/// Block of size 0 that ends a frame.
 const FRAME_END: [u8; 4] = [0; 4];
-/// Bytes of a word.
+/// Size of a word, in bytes.
 const WORD: usize = size_of::<u64>();
-/// The format's shortest match.
+/// Shortest match of the format, in bytes.
 const MIN_MATCH: usize = 4;
-/// A match of fewer bytes saves less than it costs to write down.
+/// Shortest match that saves more bytes than its encoding takes.
 const WORTHWHILE: usize = 6;
-/// A change below this leaves N bytes of a word alone.
+/// Limit of the XOR difference below which the high `WORTHWHILE` bytes of a word are unchanged.
 const SLIGHT: u64 = 1 << (8 * (WORD - WORTHWHILE));
-/// Literals of at most N bytes are copied as if they were N, which is quicker.
+/// Size of a fixed copy of literals, which is faster than a copy of the exact length.
 const STRIDE: usize = 32;
-/// The format's longest way back.
+/// Longest match distance of the format.
 const MAX_DISTANCE: usize = u16::MAX as usize;
-/// No match reaches into the last bytes of a row: a block may end after any, and by its format its
-/// last match starts 12 bytes before its end and its last 5 bytes are literals.
+/// Number of words at the end of a row that matches avoid: a block may end after any row, and the format requires its
+/// last match to start at least 12 bytes, and its last literals to begin at least 5 bytes, before the end.
 const TAIL_WORDS: usize = 2;
 
-/// A frame in the making.
+/// Encoder of a frame.
 pub(super) struct Encoder {
-    /// The frame so far. Longer than `end`, so that there is room to write without asking.
+    /// Frame under construction, longer than `end`, so that writing needs no bounds checks.
     frame: Vec<u8>,
     end: usize,
-    /// Literals that wait for the match that ends them.
+    /// Literals that precede the next match.
     literals: Vec<u8>,
-    /// The last row.
+    /// Previous row.
     before: Vec<u64>,
-    /// Bytes between the start of the last row and what comes next.
+    /// Number of bytes from the start of the previous row to the next output.
     distance: usize,
-    /// Number of words before a word of a row at which the same word is expected; 0: nowhere.
+    /// Distance in words from each word to its expected echo; 0 if it has none.
     echoes: Vec<usize>,
-    /// Rows of this length in this block so far.
+    /// Number of rows of the current length in this block.
     rows: usize,
-    /// Bytes at the beginning of each row that only fill its first word.
+    /// Number of padding bytes at the beginning of each row.
     skipped: usize,
     is_finished: bool,
 }
 
 impl Encoder {
-    /// An encoder of rows whose first bytes, fewer than a word, only fill up their first word and
-    /// are left out.
+    /// Creates an encoder of rows whose first `skipped` bytes, fewer than a word, are padding and are omitted.
     pub(super) fn new(skipped: usize) -> Self {
         let mut encoder = Self {
             skipped,
@@ -78,7 +76,7 @@ impl Encoder {
         encoder
     }
 
-    /// Begins a frame; whatever was in the last one is forgotten.
+    /// Begins a new frame, discarding the previous one.
     pub(super) fn begin(&mut self) {
         self.end = FRAME_HEAD.len() + size_of::<u32>();
         self.make_room(0);
@@ -89,13 +87,13 @@ impl Encoder {
         self.is_finished = false;
     }
 
-    /// Takes in bytes as they are.
+    /// Appends uncompressed bytes.
     pub(super) fn plain(&mut self, bytes: &[u8]) {
         self.literals.extend_from_slice(bytes);
         self.distance += bytes.len();
     }
 
-    /// Takes in a row. The words left in `row` afterwards are of no use.
+    /// Appends a row. The contents of `row` are unspecified afterwards.
     pub(super) fn row(&mut self, row: &mut Vec<u64>) {
         let bytes = row.as_bytes();
         self.make_room(bytes.len());
@@ -115,7 +113,7 @@ impl Encoder {
         std::mem::swap(&mut self.before, row);
     }
 
-    /// Ends the frame, if it has not ended. Another one is begun with [`Encoder::begin`].
+    /// Ends the frame, unless it has ended. [`Encoder::begin`] starts another one.
     pub(super) fn finish(&mut self) -> &[u8] {
         if std::mem::replace(&mut self.is_finished, true) {
             return &self.frame[..self.end];
@@ -132,9 +130,9 @@ impl Encoder {
         &self.frame[..self.end]
     }
 
-    /// Writes every match of a row; returns how many of its bytes are done.
+    /// Writes all matches of a row; returns the number of bytes written.
     fn matches(&mut self, row: &[u64]) -> usize {
-        // The last row is not needed any more: from here on, which of its bits changed.
+        // The previous row is no longer needed; its buffer now holds the bits that changed.
         let mut changes = std::mem::take(&mut self.before);
         for (change, word) in changes.iter_mut().zip(row) {
             *change ^= word;
@@ -150,7 +148,7 @@ impl Encoder {
             let echo = echoes_in_reach[place];
             let (start, distance);
             if change < SLIGHT {
-                // The bytes that are as before begin in this word, or in the last one.
+                // The unchanged bytes begin in this word or in the previous one.
                 let last = if change == 0 && place > 0 {
                     high_bytes(changes[place - 1])
                 } else {
@@ -187,7 +185,7 @@ impl Encoder {
         done
     }
 
-    /// Finds for each word that changed the nearest place before it in its row that holds the same.
+    /// Finds for each changed word the nearest earlier position in its row with the same value.
     fn find_echoes(&mut self, row: &[u64]) {
         let before = &self.before;
         let reach = MAX_DISTANCE / WORD;
@@ -197,12 +195,12 @@ impl Encoder {
             nearest.filter(|_| has_changed).map_or(0, |words| words + 1)
         };
         self.echoes.clear();
-        // The first word may not be there as a whole.
+        // The first word may be incomplete.
         self.echoes.push(0);
         self.echoes.extend((1..row.len()).map(echo));
     }
 
-    /// Writes what waits and a range of these bytes as literals, then a match.
+    /// Writes the pending literals and a range of these bytes as literals, followed by a match.
     fn sequence(&mut self, bytes: &[u8], literals: Range<usize>, distance: usize, length: usize) {
         let extra = length - MIN_MATCH;
         self.token(self.literals.len() + literals.len(), extra);
@@ -223,7 +221,7 @@ impl Encoder {
         self.rest(extra);
     }
 
-    /// Writes the byte that says both lengths, as far as it can, and the rest of the first.
+    /// Writes the byte with both lengths and the extension of the first.
     fn token(&mut self, literals: usize, extra: usize) {
         let half = |count: usize| if count < 15 { count as u8 } else { 15 };
         self.byte(half(literals) << 4 | half(extra));
@@ -232,12 +230,12 @@ impl Encoder {
 
     fn rest(&mut self, count: usize) {
         if count >= 15 {
-            let mut left = count - 15;
-            while left >= 255 {
+            let mut remaining = count - 15;
+            while remaining >= 255 {
                 self.byte(255);
-                left -= 255;
+                remaining -= 255;
             }
-            self.byte(left as u8);
+            self.byte(remaining as u8);
         }
     }
 
@@ -251,29 +249,29 @@ impl Encoder {
         self.end += bytes.len();
     }
 
-    /// Makes room for N bytes of a row at its worst, after what waits.
+    /// Reserves space for a row of `bytes` bytes in the worst case, in addition to the pending literals.
     fn make_room(&mut self, bytes: usize) {
         let literals = self.literals.len() + bytes;
-        // A sequence takes at most 3 bytes more than its literals and saves at least as many; the
-        // lengths of literals take one byte in 255.
-        let wanted = self.end + literals + literals / 255 + 64 + STRIDE;
-        if self.frame.len() < wanted {
-            self.frame.resize(wanted + wanted / 2, 0);
+        // A sequence takes at most 3 bytes more than its literals and saves at least as many; the lengths of literals
+        // take one byte in 255.
+        let size = self.end + literals + literals / 255 + 64 + STRIDE;
+        if self.frame.len() < size {
+            self.frame.resize(size + size / 2, 0);
         }
     }
 }
 
-/// Counts the first items that are so, up to the first that is not.
+/// Counts the leading items that satisfy a predicate.
 fn length_of<T>(items: impl IntoIterator<Item = T>, is_so: impl Fn(&T) -> bool) -> usize {
     items.into_iter().take_while(is_so).count()
 }
 
-/// Bytes at the end of a word that do not change.
+/// Counts the unchanged bytes at the end of a word.
 const fn high_bytes(change: u64) -> usize {
     change.leading_zeros() as usize / 8
 }
 
-/// Bytes at the beginning of a word that do not change.
+/// Counts the unchanged bytes at the beginning of a word.
 const fn low_bytes(change: u64) -> usize {
     change.trailing_zeros() as usize / 8
 }
@@ -284,7 +282,7 @@ mod tests {
 
     use super::*;
 
-    /// Unpacks a frame by the reference implementation.
+    /// Unpacks a frame with the reference implementation.
     fn unpacked(frame: &[u8]) -> Vec<u8> {
         let mut bytes = Vec::new();
         let mut decoder = lz4::Decoder::new(frame).expect("a frame");
@@ -292,14 +290,14 @@ mod tests {
         bytes
     }
 
-    /// Words without any order (splitmix64).
+    /// Returns pseudo-random words (splitmix64).
     fn noise(seed: u64) -> u64 {
         let mixed = (seed ^ (seed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         mixed ^ (mixed >> 31)
     }
 
-    /// A row of each of the ways in which a word can go on.
+    /// Returns a row with every kind of change between rows.
     fn row(step: u64, words: u64) -> Vec<u64> {
         let word = |place: u64| match place % 13 {
             0 => step,
@@ -316,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn the_reference_implementation_unpacks_what_was_packed() {
+    fn the_reference_implementation_unpacks_the_output() {
         for skipped in [0, 5] {
             let mut encoder = Encoder::new(skipped);
             for words in [1, 2, 3, 4, 13, 40, 118, 300, 9000] {
@@ -324,7 +322,7 @@ mod tests {
                     let mut expected = Vec::new();
                     for step in 0..rows {
                         let mut row = row(step, words);
-                        // An echo of the first word must not be taken for one.
+                        // An echo of the padded first word must not be used.
                         row[0] <<= 8 * skipped;
                         *row.last_mut().expect("a word") = row[0];
                         row[words as usize / 2] = row[0];
@@ -345,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn only_words_that_are_new_take_place() {
+    fn only_new_words_take_space() {
         let packed = |word: fn(u64, u64) -> u64| {
             let mut encoder = Encoder::new(0);
             for step in 0..1000 {
@@ -359,14 +357,14 @@ mod tests {
         let echoed = packed(|step, place| noise(100 * step + place % 50));
         assert!(none < 30, "{none}");
         assert!((800..=810).contains(&all), "{all}");
-        // Two bytes are new; saying that the other six are not takes three.
+        // Two bytes are new; a match for the other six takes three.
         assert!((490..=520).contains(&small), "{small}");
-        // Half of the words, the two of the tail, and the echo of the first.
+        // Half of the words, the two at the end, and the echo of the first.
         assert!((424..=435).contains(&echoed), "{echoed}");
     }
 
     #[test]
-    fn rows_of_changing_length_and_huge_ones_are_kept() {
+    fn rows_of_varying_and_of_huge_length_are_encoded() {
         let mut encoder = Encoder::new(0);
         let mut expected = Vec::new();
         for words in [10, 10, 11, 11, 10, 3, 3, 20_000, 20_000, 20_000, 1, 1] {

@@ -1,9 +1,9 @@
-//! An MCAP file, written from front to back.
+//! MCAP file, written sequentially.
 //!
-//! Used by the [recording](super). The `mcap` crate's own writer compresses message by message and
-//! takes no finished chunk. This one takes chunks as [`Chunk`] makes them and leaves the form of all
-//! other records to the crate's types. It goes back only over what it could not write as a whole: what
-//! is on disk is right up to the last whole record, whatever happens. Format: <https://mcap.dev/spec>.
+//! Used by the [recording](super). The `mcap` crate's own writer compresses message by message and accepts no
+//! finished chunks. This writer takes chunks from [`Chunk`] and encodes all other records with the crate's types. It
+//! truncates the file only to remove an incomplete record, so the file on disk is valid up to its last complete
+//! record at any time. Format: <https://mcap.dev/spec>.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -15,20 +15,20 @@ use mcap::records::{self, op};
 use super::chunk::Chunk;
 use super::mark;
 
-/// A file being written.
+/// File open for writing.
 pub(super) struct McapFile {
     file: File,
-    /// Bytes written.
+    /// Number of bytes written.
     position: u64,
-    /// Of all bytes written.
+    /// Check sum of all bytes written.
     crc: crc32fast::Hasher,
-    /// Records of the summary, by opcode.
+    /// Records of the summary section, by opcode.
     summary: BTreeMap<u8, Vec<u8>>,
     statistics: records::Statistics,
 }
 
 impl McapFile {
-    /// Begins to write into an empty file.
+    /// Starts an empty file.
     pub(super) fn create(file: File, profile: &str, library: &str) -> io::Result<Self> {
         let mut file = Self {
             file,
@@ -46,7 +46,7 @@ impl McapFile {
         Ok(file)
     }
 
-    /// Writes a schema; returns its number.
+    /// Writes a schema; returns its ID.
     pub(super) fn schema(&mut self, name: &str, encoding: &str, data: &[u8]) -> io::Result<u16> {
         self.statistics.schema_count += 1;
         let header = records::SchemaHeader {
@@ -61,7 +61,7 @@ impl McapFile {
         Ok(header.id)
     }
 
-    /// Writes a channel; returns its number.
+    /// Writes a channel; returns its ID.
     pub(super) fn channel(
         &mut self,
         schema_id: u16,
@@ -77,20 +77,20 @@ impl McapFile {
             message_encoding: message_encoding.into(),
             metadata,
         };
-        let written = record(op::CHANNEL, &[&bytes_of(&channel)?]);
-        self.write(&written)?;
-        self.summarise(op::CHANNEL, &written);
+        let bytes = record(op::CHANNEL, &[&bytes_of(&channel)?]);
+        self.write(&bytes)?;
+        self.summarise(op::CHANNEL, &bytes);
         Ok(channel.id)
     }
 
     pub(super) fn metadata(&mut self, metadata: records::Metadata) -> io::Result<()> {
-        let written = record(op::METADATA, &[&bytes_of(&metadata)?]);
+        let bytes = record(op::METADATA, &[&bytes_of(&metadata)?]);
         let index = records::MetadataIndex {
             offset: self.position,
-            length: written.len() as u64,
+            length: bytes.len() as u64,
             name: metadata.name,
         };
-        self.write(&written)?;
+        self.write(&bytes)?;
         self.statistics.metadata_count += 1;
         let index = record(op::METADATA_INDEX, &[&bytes_of(&index)?]);
         self.summarise(op::METADATA_INDEX, &index);
@@ -105,32 +105,32 @@ impl McapFile {
         let length = data.len() as u64;
         let content = [&bytes_of(&header)?[..], &length.to_le_bytes(), data].concat();
         let crc = crc32fast::hash(&content).to_le_bytes();
-        let written = record(op::ATTACHMENT, &[&content, &crc]);
+        let bytes = record(op::ATTACHMENT, &[&content, &crc]);
         let index = records::AttachmentIndex {
             offset: self.position,
-            length: written.len() as u64,
+            length: bytes.len() as u64,
             log_time: header.log_time,
             create_time: header.create_time,
             data_size: length,
             name: header.name,
             media_type: header.media_type,
         };
-        self.write(&written)?;
+        self.write(&bytes)?;
         self.statistics.attachment_count += 1;
         let index = record(op::ATTACHMENT_INDEX, &[&bytes_of(&index)?]);
         self.summarise(op::ATTACHMENT_INDEX, &index);
         Ok(())
     }
 
-    /// Writes a chunk and the indexes of its messages, and empties it. One without messages is not
-    /// written. After an error the file is as before, and so is the chunk, to be written once more.
+    /// Writes a chunk with the indexes of its messages, and empties it. An empty chunk is not written. After an error
+    /// the file and the chunk are unchanged, so the write can be repeated.
     pub(super) fn chunk(&mut self, chunk: &mut Chunk) -> io::Result<()> {
         let before = self.state();
-        let written = self.write_chunk(chunk);
-        if written.is_err() {
+        let bytes = self.write_chunk(chunk);
+        if bytes.is_err() {
             self.go_back(before);
         }
-        written
+        bytes
     }
 
     fn write_chunk(&mut self, chunk: &mut Chunk) -> io::Result<()> {
@@ -167,24 +167,24 @@ impl McapFile {
         for (channel, entries) in chunk.indexes() {
             (index.message_index_offsets).insert(channel, self.position);
             let length = (entries.len() as u32).to_le_bytes();
-            let written = record(
+            let bytes = record(
                 op::MESSAGE_INDEX,
                 &[&channel.to_le_bytes(), &length, entries],
             );
-            self.write(&written)?;
+            self.write(&bytes)?;
             self.count(channel, (entries.len() / size_of::<[u64; 2]>()) as u64);
         }
         index.message_index_length = self.position - index.chunk_start_offset - index.chunk_length;
         let index = record(op::CHUNK_INDEX, &[&bytes_of(&index)?]);
         self.count_chunk(first_ns, last_ns);
         self.mark()?;
-        // Only now: what is taken back must not stand in the summary.
+        // Added only now, because a chunk that is rolled back must not be in the summary.
         self.summarise(op::CHUNK_INDEX, &index);
         chunk.clear();
         Ok(())
     }
 
-    /// Writes down the sum of all that is written, for the case that nothing else comes.
+    /// Writes a check sum of everything written so far, in case nothing else follows.
     pub(super) fn mark(&mut self) -> io::Result<()> {
         let crc = self.crc.clone().finalize();
         self.write(&mark::mark(self.position, crc))
@@ -208,7 +208,7 @@ impl McapFile {
         statistics.chunk_count += 1;
     }
 
-    /// Returns the present state of the file.
+    /// Returns the state for a rollback.
     fn state(&self) -> State {
         State {
             position: self.position,
@@ -217,9 +217,9 @@ impl McapFile {
         }
     }
 
-    /// Takes back what was written since.
+    /// Rolls back what was written since.
     fn go_back(&mut self, before: State) {
-        // If even that fails, the end of the file is a torn record, which readers pass over.
+        // If that fails, too, the file ends with a partial record, which readers skip.
         let _ = self.file.set_len(before.position);
         let _ = self.file.seek(SeekFrom::Start(before.position));
         State {
@@ -229,8 +229,8 @@ impl McapFile {
         } = before;
     }
 
-    /// Writes the last facts and the summary, and waits until all is on disk. After an error the file
-    /// ends with the last chunk.
+    /// Writes the last facts and the summary, and syncs the file to disk. After an error the file ends with the last
+    /// chunk.
     pub(super) fn finish(mut self, facts: records::Metadata) -> io::Result<()> {
         let before = self.state();
         let marked = self.metadata(facts).and_then(|()| self.mark());
@@ -263,7 +263,7 @@ impl McapFile {
         }
         let summary_offset_start = self.position;
         self.write(&offsets)?;
-        // The CRC covers the footer up to itself.
+        // The CRC covers the footer up to the CRC itself.
         let footer = bytes_of(&records::Footer {
             summary_start,
             summary_offset_start,
@@ -290,27 +290,27 @@ impl McapFile {
     }
 }
 
-/// Part of a file's state that changes with each write.
+/// State of the file that changes with each write.
 struct State {
     position: u64,
     crc: crc32fast::Hasher,
     statistics: records::Statistics,
 }
 
-/// A record of these parts.
+/// Builds a record from these parts.
 fn record(opcode: u8, parts: &[&[u8]]) -> Vec<u8> {
     let content = parts.concat();
     [&head(opcode, content.len())[..], &content].concat()
 }
 
-/// Returns the head that stands in front of N bytes of a record.
+/// Builds the head of a record with a content of this size.
 fn head(opcode: u8, bytes: usize) -> [u8; 9] {
     let mut head = [opcode; 9];
     head[1..].copy_from_slice(&(bytes as u64).to_le_bytes());
     head
 }
 
-/// The bytes of a record's content, or of the part of it that the crate has a type for.
+/// Encodes a record's content, or the part of it for which the crate has a type.
 fn bytes_of<T>(content: &T) -> io::Result<Vec<u8>>
 where
     T: for<'a> BinWrite<Args<'a> = ()>,

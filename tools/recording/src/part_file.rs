@@ -1,9 +1,9 @@
-//! A file or folder that appears whole or not at all, and of which nothing is left.
+//! Files and folders that appear atomically and leave nothing behind.
 //!
-//! Used by every command that writes a result. What is written has a hidden name beside its place and a
-//! lock that the kernel drops with the process; when it is complete it gets its own name. What a killed
-//! `hil` left has no lock any more, and the next one that comes to that folder removes it: its name, its
-//! owner and the free lock prove whose it was. Nothing else is ever removed.
+//! Used by every command that writes a result. The content is written under a hidden name beside its destination,
+//! with a lock that the kernel releases when the process ends; once complete, it is renamed. Leftovers of a killed
+//! `hil` are no longer locked, and the next command that writes to the folder removes them: the name, the owner and
+//! the free lock identify them. Nothing else is ever removed.
 
 use std::fs::{self, File, OpenOptions, Permissions};
 use std::io::{self, Write};
@@ -13,27 +13,27 @@ use std::path::{Path, PathBuf};
 use rustix::fs::{FlockOperation, OFlags, flock};
 use tempfile::{Builder, TempDir, TempPath};
 
-/// First part of the names of unfinished files.
+/// Prefix of the names of unfinished files.
 const PREFIX: &str = ".hil-part-";
 
-/// A file that is not there yet. Dropped before it is complete, nothing of it is left.
+/// Unfinished file, which is removed if it is dropped before completion.
 pub struct PartFile {
     file: File,
     temporary: TempPath,
 }
 
 impl PartFile {
-    /// Begins a file beside the place that it is for.
+    /// Creates an unfinished file beside its destination.
     ///
     /// # Errors
-    /// If no file can be made there.
+    /// If the file cannot be created.
     pub fn beside(path: &Path) -> io::Result<Self> {
         let folder = folder_of(path);
         sweep(folder);
         loop {
             let (file, temporary) = Builder::new()
                 .prefix(PREFIX)
-                // Less what the process's mask takes away, as of any new file.
+                // The umask applies, as for any new file.
                 .permissions(Permissions::from_mode(0o666))
                 .tempfile_in(folder)
                 .map_err(without_its_name)?
@@ -44,45 +44,45 @@ impl PartFile {
         }
     }
 
-    /// Returns the file that is written to.
+    /// Returns the file to write to.
     #[must_use]
     pub const fn file(&self) -> &File {
         &self.file
     }
 
-    /// Gives the file, of which all is written, its name, in place of another if that may be.
+    /// Renames the finished file to its destination; replaces an existing file only if `may_replace`.
     ///
     /// # Errors
-    /// If a full disk says so only now, or there is a file that may not be replaced.
+    /// If a write error surfaces only now, or the destination exists and may not be replaced.
     pub fn complete(self, path: &Path, may_replace: bool) -> io::Result<()> {
         self.file.sync_all()?;
-        let named = if may_replace {
+        let result = if may_replace {
             self.temporary.persist(path)
         } else {
             self.temporary.persist_noclobber(path)
         };
-        named.map_err(|error| error.error)
+        result.map_err(|error| error.error)
     }
 }
 
-/// Removes the hidden name, which nobody chose, from an error of the system.
+/// Removes the hidden name, which means nothing to the user, from an I/O error.
 fn without_its_name(error: io::Error) -> io::Error {
     let text = error.to_string();
-    let said = text.split(" at path ").next().unwrap_or_default();
-    io::Error::new(error.kind(), said)
+    let message = text.split(" at path ").next().unwrap_or_default();
+    io::Error::new(error.kind(), message)
 }
 
-/// A folder that is not there yet.
+/// Unfinished folder, which is removed if it is dropped before completion.
 pub struct PartFolder {
     folder: TempDir,
     _lock: File,
 }
 
 impl PartFolder {
-    /// Begins a folder beside the place that it is for.
+    /// Creates an unfinished folder beside its destination.
     ///
     /// # Errors
-    /// If no folder can be made there.
+    /// If the folder cannot be created.
     pub fn beside(path: &Path) -> io::Result<Self> {
         let parent = folder_of(path);
         sweep(parent);
@@ -102,32 +102,32 @@ impl PartFolder {
         }
     }
 
-    /// Returns the folder that is written to.
+    /// Returns the path of the folder to write to.
     #[must_use]
     pub fn path(&self) -> &Path {
         self.folder.path()
     }
 
-    /// Gives the folder, of which all is written, its name.
+    /// Renames the finished folder to its destination.
     ///
     /// # Errors
-    /// If there is one with something in it.
+    /// If a folder exists there that is not empty.
     pub fn complete(self, path: &Path) -> io::Result<()> {
         fs::rename(self.folder.path(), path)?;
-        // Nothing has its old name any more.
+        // The old name is gone, so there is nothing to clean up.
         let _: PathBuf = self.folder.keep();
         Ok(())
     }
 }
 
-/// Writes a small file, whole or not at all. A device or a pipe takes it as it is.
+/// Writes a small file atomically; a device or pipe is written directly.
 ///
 /// # Errors
 /// If it cannot be written.
 pub fn write(path: &Path, text: &[u8]) -> io::Result<()> {
     let path = match fs::metadata(path) {
-        Ok(found) if !found.is_file() => return fs::write(path, text),
-        // What a link leads to, not the link.
+        Ok(metadata) if !metadata.is_file() => return fs::write(path, text),
+        // Resolves links, so that the target is replaced and not the link.
         Ok(_) => path.canonicalize()?,
         Err(_) => path.to_owned(),
     };
@@ -136,8 +136,7 @@ pub fn write(path: &Path, text: &[u8]) -> io::Result<()> {
     part.complete(&path, true)
 }
 
-/// Removes from a folder the files that killed commands have left. A file that cannot be seen or
-/// removed stays.
+/// Removes leftovers of killed commands from a folder. Files that cannot be read or removed stay.
 pub fn sweep(folder: &Path) {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     for entry in entries {
@@ -157,26 +156,26 @@ fn remove_if_dead(path: &Path) -> io::Result<()> {
         .read(true)
         .custom_flags(flags.bits().cast_signed())
         .open(path)?;
-    let found = file.metadata()?;
-    if found.uid() != rustix::process::geteuid().as_raw() {
+    let metadata = file.metadata()?;
+    if metadata.uid() != rustix::process::geteuid().as_raw() {
         return Ok(());
     }
     flock(&file, FlockOperation::NonBlockingLockExclusive)?;
-    if found.is_dir() {
+    if metadata.is_dir() {
         fs::remove_dir_all(path)
-    } else if found.is_file() {
+    } else if metadata.is_file() {
         fs::remove_file(path)
     } else {
         Ok(())
     }
 }
 
-/// Locks what was just made; false if a sweep was quicker and has removed it.
+/// Locks a new file; returns `false` if a concurrent cleanup has removed it.
 fn is_locked(file: &File) -> io::Result<bool> {
     match flock(file, FlockOperation::NonBlockingLockExclusive) {
         Ok(()) => Ok(file.metadata()?.nlink() > 0),
         Err(rustix::io::Errno::WOULDBLOCK) => Ok(false),
-        // A file system without locks: nobody's sweep gets one either, and it stays.
+        // On a file system without locks, cleanups cannot lock it either, so the file stays.
         Err(_) => Ok(true),
     }
 }
@@ -201,15 +200,15 @@ mod tests {
         names
     }
 
-    /// A file or folder that a killed command has left: with the name, without the lock.
-    fn left(part: PathBuf, folder: &Path) -> PathBuf {
-        let left = folder.join(format!("{PREFIX}left-{}", part.is_dir()));
-        fs::rename(part, &left).expect("renamed");
-        left
+    /// Simulates the leftover of a killed command, with its name but without a lock.
+    fn leftover(part: PathBuf, folder: &Path) -> PathBuf {
+        let path = folder.join(format!("{PREFIX}left-{}", part.is_dir()));
+        fs::rename(part, &path).expect("renamed");
+        path
     }
 
     #[test]
-    fn a_file_or_folder_appears_only_when_it_is_complete() {
+    fn a_file_or_folder_appears_only_once_complete() {
         let folder = tempfile::tempdir().expect("a folder");
         let (file, inner) = (folder.path().join("a"), folder.path().join("b"));
         drop(PartFile::beside(&file).expect("begun"));
@@ -224,12 +223,12 @@ mod tests {
     }
 
     #[test]
-    fn what_a_killed_command_left_is_removed_and_nothing_else() {
+    fn only_leftovers_of_killed_commands_are_removed() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("result");
         let live = PartFile::beside(&path).expect("begun");
         let live_folder = PartFolder::beside(&path).expect("begun");
-        // Of a process that was killed the kernel drops the locks.
+        // The kernel releases the locks of a killed process.
         for is_folder in [false, true] {
             let dead = folder.path().join("dead");
             if is_folder {
@@ -238,7 +237,7 @@ mod tests {
             } else {
                 fs::write(&dead, "x").expect("written");
             }
-            assert!(left(dead, folder.path()).exists());
+            assert!(leftover(dead, folder.path()).exists());
         }
         let of_a_user = folder.path().join(".hil-export-notes");
         fs::write(&of_a_user, "mine").expect("written");
@@ -252,13 +251,13 @@ mod tests {
             live_folder.path().to_owned(),
         ];
         expected.sort();
-        let found = names(folder.path()).into_iter();
-        let found: Vec<PathBuf> = found.map(|name| folder.path().join(name)).collect();
-        assert_eq!(found, expected);
+        let paths = names(folder.path()).into_iter();
+        let paths: Vec<PathBuf> = paths.map(|name| folder.path().join(name)).collect();
+        assert_eq!(paths, expected);
     }
 
     #[test]
-    fn a_file_that_came_meanwhile_is_not_replaced_unless_that_is_meant() {
+    fn a_file_created_meanwhile_is_replaced_only_if_requested() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("a");
         let part = PartFile::beside(&path).expect("begun");
@@ -271,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn a_link_and_a_device_stay_what_they_are() {
+    fn links_and_devices_are_not_replaced() {
         let folder = tempfile::tempdir().expect("a folder");
         let (path, link) = (folder.path().join("a"), folder.path().join("link"));
         fs::write(&path, "old").expect("written");

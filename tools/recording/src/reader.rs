@@ -1,9 +1,8 @@
-//! Reads a recorded run: its records one by one, its events, and the files that travel with it.
+//! Reader of a recorded run: its records one by one, its events and its attachments.
 //!
-//! Used by every command that reads a recorded run. Goes through the file once and keeps no record, so
-//! the length of a run does not matter. Takes what a file says of itself: the names of signals come
-//! from its schema, so the recording of a plant that is not here can be read. A file whose writer was
-//! killed is read as far as it goes.
+//! Used by every command that reads a recorded run. The file is read once and no record is retained, so memory does
+//! not depend on the length of the run. Signal names come from the file's own schema, so recordings of unknown plants
+//! can be read. A file whose writer was killed is read as far as it goes.
 
 pub(crate) mod content;
 mod error;
@@ -36,49 +35,49 @@ pub use vouched::{UNVOUCHED, Unvouched};
 
 /// Name of the recording in the folder of a run.
 pub const RECORDING: &str = "run.mcap";
-/// The fact that says what was kept, if not all was.
+/// Fact that describes the selection of a partial recording.
 pub const EXCERPT: &str = "excerpt";
-/// The last step of the longest run that a scenario can ask for; what follows steps may count on it.
+/// Last step of the longest possible run; code that handles steps may rely on it.
 const LAST_STEP: u64 = 1 << 40;
 
-/// A recorded run, read from its begin.
+/// Reader of a recorded run, from its beginning.
 pub struct RunReader {
     path: PathBuf,
     content: Content,
     columns: Vec<Column>,
     hashed_words: usize,
-    /// Channels by number: how their events are written, if they do not carry records.
+    /// Channels by ID, with the encoding of events for channels that carry no records.
     channels: BTreeMap<u16, Option<String>>,
     schemas: BTreeMap<u16, String>,
     metadata: BTreeMap<String, BTreeMap<String, String>>,
     attachments: BTreeMap<String, String>,
     words: Vec<u64>,
-    /// The first step that the next record may have.
+    /// Smallest valid step of the next record.
     next_step: u64,
     events: Vec<Event>,
     records: u64,
     digest: Digest,
     is_hashing: bool,
-    /// Records that a check sum behind them vouches for; `None` before the first sum.
+    /// Number of records covered by a later check sum; `None` before the first check sum.
     vouched: Option<u64>,
-    /// True if nothing came after that check sum.
+    /// Set if nothing followed the last check sum.
     is_vouched: bool,
 }
 
-/// Next item of the file.
+/// Item of the file.
 enum Next {
     Record,
     Event(Event),
-    /// Something that was kept or that means nothing here.
+    /// Content that was stored or is not relevant.
     Other,
     End,
 }
 
 impl RunReader {
-    /// Opens a run: its folder, or its recording.
+    /// Opens a run, given its folder or its recording.
     ///
     /// # Errors
-    /// If there is no recording, or it is none of a run.
+    /// If there is no recording, or the file is not a recording of a run.
     pub fn open(run: &Path) -> Result<Self, ReadError> {
         let path = if run.is_dir() {
             part_file::sweep(run);
@@ -112,7 +111,7 @@ impl RunReader {
             vouched: None,
             is_vouched: false,
         };
-        // All that is known before a run stands before its channels.
+        // All facts known before a run precede its channels.
         while reader.columns.is_empty() {
             if matches!(reader.next()?, Next::End) {
                 return Err(match reader.end() {
@@ -127,14 +126,14 @@ impl RunReader {
         Ok(reader)
     }
 
-    /// The same for who does not ask for the digest, which takes longer than all else.
+    /// Disables the digest, whose computation takes longer than everything else.
     #[must_use]
     pub fn without_digest(mut self) -> Self {
         self.is_hashing = false;
         self
     }
 
-    /// The same for who wants what comes after a change of bits too: that is an error at the end then.
+    /// Continues after a changed bit, which then becomes an error at the end.
     #[must_use]
     pub fn patient(mut self) -> Self {
         self.content.be_patient();
@@ -148,77 +147,77 @@ impl RunReader {
         }
     }
 
-    /// The recording's file.
+    /// Returns the path of the recording.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The words of a record.
+    /// Returns the columns, one per word of a record.
     #[must_use]
     pub fn columns(&self) -> &[Column] {
         &self.columns
     }
 
-    /// Finds a word of a record by its name.
+    /// Returns the index of a word of a record by its name.
     #[must_use]
     pub fn place(&self, name: &str) -> Option<usize> {
         self.columns.iter().position(|column| column.name == name)
     }
 
-    /// Returns the number of a record's words that the digest covers, from the first.
+    /// Returns the number of leading words of a record that the digest covers.
     #[must_use]
     pub const fn hashed_words(&self) -> usize {
         self.hashed_words
     }
 
-    /// A fact that was written down before the run.
+    /// Returns a fact that was stored before the run.
     #[must_use]
     pub fn fact(&self, name: &str) -> Option<&str> {
         self.metadata.get(FACTS)?.get(name).map(String::as_str)
     }
 
-    /// All facts that were written down before the run.
+    /// Iterates over the facts that were stored before the run.
     pub fn facts(&self) -> impl Iterator<Item = (&str, &str)> {
         let facts = self.metadata.get(FACTS).into_iter().flatten();
         facts.map(|(name, fact)| (name.as_str(), fact.as_str()))
     }
 
-    /// A fact that was written down after the run; only at the end of the file.
+    /// Returns a fact that was stored after the run; available only at the end of the file.
     #[must_use]
     pub fn result(&self, name: &str) -> Option<&str> {
         self.metadata.get(RESULT)?.get(name).map(String::as_str)
     }
 
-    /// The rate of the run.
+    /// Returns the rate of the run.
     ///
     /// # Errors
-    /// If the recording does not say.
+    /// If the recording does not contain it.
     pub fn rate(&self) -> Result<Rate, ReadError> {
         let hz = self.fact("rate_hz").and_then(|hz| hz.parse().ok());
         hz.and_then(Rate::new)
-            .ok_or_else(|| self.foreign("it does not say its rate"))
+            .ok_or_else(|| self.foreign("it has no rate"))
     }
 
-    /// A file that travels with it.
+    /// Returns an attachment by its name.
     ///
     /// # Errors
-    /// If there is none of that name.
+    /// If there is no such attachment.
     pub fn attachment(&self, name: &str) -> Result<&str, ReadError> {
         let text = self.attachments.get(name).map(String::as_str);
-        text.ok_or_else(|| self.foreign(format!("it does not carry `{name}`")))
+        text.ok_or_else(|| self.foreign(format!("it has no attachment `{name}`")))
     }
 
-    /// A JSON file that travels with it.
+    /// Parses a JSON attachment.
     ///
     /// # Errors
-    /// If there is none of that name, or it cannot be understood.
+    /// If there is no such attachment, or it is invalid.
     pub fn attached<T: DeserializeOwned>(&self, name: &str) -> Result<T, ReadError> {
         let text = self.attachment(name)?;
         serde_json::from_str(text).map_err(|error| self.foreign(format!("`{name}`: {error}")))
     }
 
-    /// Goes to the next record; whether there is one.
+    /// Reads the next record; returns `false` at the end.
     ///
     /// # Errors
     /// If the file cannot be read.
@@ -239,7 +238,7 @@ impl RunReader {
                     if step < self.next_step || step > LAST_STEP {
                         let next = self.next_step;
                         return Err(self.damaged(format!(
-                            "step {step} where step {next} or a later one comes"
+                            "step {step}, but expected step {next} or a later one"
                         )));
                     }
                     self.next_step = step + 1;
@@ -253,31 +252,32 @@ impl RunReader {
         }
     }
 
-    /// The record, as words.
+    /// Returns the words of the current record.
     #[must_use]
     pub fn words(&self) -> &[u64] {
         &self.words
     }
 
-    /// The step of the record.
+    /// Returns the step of the current record.
     #[must_use]
     pub fn step(&self) -> u64 {
         self.words[0]
     }
 
-    /// Returns the events after the record before this one; at the end, those after the last.
+    /// Returns the events between the previous record and this one; at the end, those after the last record.
     #[must_use]
     pub fn events(&self) -> &[Event] {
         &self.events
     }
 
-    /// Records so far.
+    /// Returns the number of records so far.
     #[must_use]
     pub const fn records(&self) -> u64 {
         self.records
     }
 
-    /// The digest of what was read so far; of an excerpt that of the whole run, known at the end.
+    /// Returns the digest of the records so far; for an excerpt, the digest of the whole run, which is available at
+    /// the end.
     #[must_use]
     pub fn digest(&self) -> String {
         if self.is_excerpt() {
@@ -286,7 +286,7 @@ impl RunReader {
         self.digest.clone().finish()
     }
 
-    /// Returns true if not all of the run was kept.
+    /// Returns `true` if the recording contains only a part of the run.
     #[must_use]
     pub fn is_excerpt(&self) -> bool {
         self.fact(EXCERPT).is_some()
@@ -295,30 +295,30 @@ impl RunReader {
     /// Refuses an excerpt.
     ///
     /// # Errors
-    /// If it is one, with what was kept.
+    /// If the recording is an excerpt; the error describes its selection.
     pub fn refuse_excerpt(&self) -> Result<(), ReadError> {
         match self.fact(EXCERPT) {
             None => Ok(()),
-            Some(kept) => Err(ReadError::Excerpt {
+            Some(selection) => Err(ReadError::Excerpt {
                 path: self.path.clone(),
-                kept: kept.to_owned(),
+                kept: selection.to_owned(),
             }),
         }
     }
 
-    /// Returns true if the writer of the file finished it; known at the end.
+    /// Returns `true` if the file was completed by its writer; known at the end.
     #[must_use]
     pub fn is_whole(&self) -> bool {
         self.content.end() == Some(FileEnd::Whole)
     }
 
-    /// Returns the end of the file, whole or torn, and the number of its bytes; known at the end of reading.
+    /// Returns the kind of end, complete or truncated, and the size of the file in bytes; known at the end.
     #[must_use]
     pub fn end(&self) -> (Option<FileEnd>, u64) {
         (self.content.end(), self.content.length())
     }
 
-    /// Place in the file: bytes before what comes next outside of chunks.
+    /// Returns the offset of the next record outside of chunks.
     #[must_use]
     pub const fn position(&self) -> u64 {
         self.content.position()
@@ -347,7 +347,7 @@ impl RunReader {
                 self.channels.insert(channel.id, None);
                 let schema = self.schemas.get(&channel.schema_id);
                 let Some(columns) = schema::columns_of(schema.map_or("", String::as_str)) else {
-                    return Err(self.foreign("its schema cannot be understood"));
+                    return Err(self.foreign("its schema is invalid"));
                 };
                 if !self.columns.is_empty() && columns != self.columns {
                     return Err(self.damaged(format!("its channel {RECORD_TOPIC} changes")));
@@ -398,7 +398,7 @@ impl RunReader {
         let path = self.path.clone();
         match error {
             ContentError::Io(error) => ReadError::Io { path, error },
-            // Before the facts of a run it may be anybody's file.
+            // Before the facts of a run it may be any file.
             ContentError::Damaged { what, .. } if !self.metadata.contains_key(FACTS) => {
                 self.foreign(what)
             }
@@ -418,10 +418,10 @@ impl RunReader {
     }
 }
 
-/// The digest of the first records of a run.
+/// Computes the digest of the first records of a run.
 ///
 /// # Errors
-/// If it cannot be read.
+/// If the recording cannot be read.
 pub fn digest_of_first(run: &Path, records: u64) -> Result<String, ReadError> {
     let mut reader = RunReader::open(run)?;
     while reader.records() < records && reader.advance()? {}

@@ -1,8 +1,8 @@
-//! Schema of the messages of a recording.
+//! Schemas of the messages of a recording.
 //!
-//! Used by the [recording](super) when it is created. Records are described in `ros2msg`, made from
-//! the layout, and so are events: the profile `ros2` of MCAP knows nothing else, and who reads files of
-//! ROS 2 refuses one with another channel. PlotJuggler refuses a 64-bit integer that is no `f64`.
+//! Used when a [recording](super) is created. Records are described in `ros2msg`, derived from the layout, and so are
+//! events: the `ros2` profile of MCAP allows nothing else, and readers of ROS 2 files refuse other channels.
+//! PlotJuggler refuses 64-bit integers that have no exact `f64`.
 
 use std::fmt::Write as _;
 
@@ -10,17 +10,17 @@ use shared_types::layout::schema_name;
 use shared_types::record::{GROUPS, RecordLayout, Timing};
 use shared_types::table::Field;
 
-/// Line between the parts of a `ros2msg` schema.
+/// Separator between the parts of a `ros2msg` schema.
 pub(crate) const RULER: &str =
     "================================================================================";
 
-/// CDR, little-endian, no options.
+/// CDR encapsulation header: little-endian, no options.
 pub const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
 /// Topic of the records.
 pub const RECORD_TOPIC: &str = "/record";
-/// Encoding of records and events.
+/// Message encoding of records and events.
 pub const ENCODING: &str = "cdr";
-/// In what their schemas are written.
+/// Schema encoding of records and events.
 pub const LANGUAGE: &str = "ros2msg";
 /// Name of a record's schema.
 pub const RECORD_NAME: &str = "hil_msgs/msg/Record";
@@ -35,8 +35,8 @@ pub fn column_name(group: &str, signal: &str) -> String {
     format!("{group}.{}", schema_name(signal))
 }
 
-/// The schema of a record: a message of words with one nested message for each group of signals.
-/// An empty group has no message, because an empty message takes a byte in CDR.
+/// Builds the schema of a record: a message of words with a nested message for each group of signals. An empty group
+/// has no message, because an empty message takes a byte in CDR.
 #[must_use]
 pub fn record(layout: &RecordLayout) -> String {
     let (sample, command) = (
@@ -46,7 +46,7 @@ pub fn record(layout: &RecordLayout) -> String {
     of(sample, command, layout.groups())
 }
 
-/// The same of N words of validity bits of sample and command, and of these groups.
+/// Builds the schema for the given numbers of validity words of sample and command, and for these groups.
 pub(super) fn of(
     sample_words: usize,
     command_words: usize,
@@ -66,9 +66,9 @@ pub(super) fn of(
         let _ = writeln!(text, "hil_msgs/{message} {group}");
         let _ = writeln!(nested, "{RULER}\nMSG: hil_msgs/{message}");
         for field in fields {
-            let told = field.description.replace('\n', " ");
+            let description = field.description.replace('\n', " ");
             let name = schema_name(&field.name);
-            let _ = writeln!(nested, "float64 {name} # [{}] {told}", field.unit);
+            let _ = writeln!(nested, "float64 {name} # [{}] {description}", field.unit);
         }
     }
     for name in Timing::NAMES {
@@ -83,8 +83,8 @@ pub(super) fn of(
     text + &nested
 }
 
-/// Words that hold more than one number, or one that may be too large for an `f64`: messages of
-/// eight bytes, the lowest first.
+/// Words that hold several numbers, or one that may exceed the exact range of an `f64`: messages of eight bytes,
+/// lowest byte first.
 const PACKED: [(&str, &str); 4] = [
     (
         "Answered",
@@ -109,7 +109,7 @@ uint16 core",
     ),
 ];
 
-/// The message of a packed word.
+/// Returns the message type of a packed word.
 fn packed(name: &str) -> Option<&'static str> {
     match name {
         "published_ns" => Some("Monotonic"),
@@ -120,18 +120,18 @@ fn packed(name: &str) -> Option<&'static str> {
     }
 }
 
-/// The schema of an event: all of it as JSON, and what has one value also as a field of its own.
+/// Builds the schema of an event: the complete event as JSON, and each scalar fact also as a field.
 #[must_use]
 pub fn event() -> String {
     let mut text = String::from("string json # All facts of the event, as JSON.\n");
     text += "# What the JSON has of these; 0, false or empty without it.\n";
-    for (kind, name, told) in FACTS {
-        let _ = writeln!(text, "{kind} {name} # {told}");
+    for (kind, name, description) in FACTS {
+        let _ = writeln!(text, "{kind} {name} # {description}");
     }
     text
 }
 
-/// Facts of events that are fields: type, name and meaning.
+/// Facts of events that become fields: type, name and meaning.
 pub(super) const FACTS: [(&str, &str, &str); 19] = [
     (
         "string",

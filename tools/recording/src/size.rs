@@ -1,20 +1,20 @@
-//! Size that a recording can reach, estimated before the run.
+//! Estimate of a recording's maximum size before the run.
 
 use shared_types::record::{RecordLayout, Timing};
 
 use super::excerpt::{Choice, names};
 
-/// Bytes of a message besides its words: its head, its encapsulation and its entry in the index.
+/// Size of a message other than its words, in bytes: its head, its encapsulation and its index entry.
 const BESIDES: u64 = 31 + 4 + 16;
 
-/// Computes the largest size of a run of N steps in bytes without compression; without what
-/// happens around faults, whose number is not known.
+/// Computes the maximum size of a run of `steps` steps without compression, in bytes. The rows around faults are not
+/// included, because their number is unknown.
 ///
 /// # Errors
-/// If the choice names no signal of this run.
+/// If a pattern matches no signal of this run.
 pub fn largest(layout: &RecordLayout, steps: u64, choice: &Choice) -> Result<u64, String> {
-    let kept = choice.kept(&names(layout))?;
-    let signals = kept.iter().filter(|kept| **kept).count();
+    let included = choice.kept(&names(layout))?;
+    let signals = included.iter().filter(|included| **included).count();
     let words = layout.values_start() + signals + Timing::WORDS;
     let records = match (choice.every, choice.around_s) {
         (Some(every), _) => steps / every + 2,
@@ -24,7 +24,7 @@ pub fn largest(layout: &RecordLayout, steps: u64, choice: &Choice) -> Result<u64
     Ok(records * (8 * words as u64 + BESIDES))
 }
 
-/// A size as a person reads it.
+/// Formats a size for a person.
 #[must_use]
 pub fn shown(bytes: u64) -> String {
     match bytes {

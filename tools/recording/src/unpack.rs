@@ -1,23 +1,23 @@
-//! Unpacks the chunks of a recording, also one that broke off.
+//! Decompression of the chunks of a recording, including truncated ones.
 //!
-//! Used by whoever reads recordings. Whole chunks are the libraries' work; of a torn one they give what
-//! lies in whole blocks. The recorder packs a chunk into one LZ4 block, so that one is taken apart
-//! here, up to its last byte. What comes out never gets longer than was asked for.
+//! Used by all readers of recordings. The libraries unpack complete chunks, but only complete blocks of a truncated
+//! one. The recorder packs a chunk into a single LZ4 block, so that block is decoded here up to its last byte. The
+//! output never exceeds the requested length.
 
 use std::io::{self, Read};
 
-/// Flags of an LZ4 frame: version 1, and what may stand in its head and behind its blocks.
+/// Flags of an LZ4 frame: version 1, and the optional parts of its header and blocks.
 const VERSION: (u8, u8) = (0xc0, 0x40);
 const BLOCK_SUM: u8 = 1 << 4;
 const CONTENT_SIZE: u8 = 1 << 3;
 const DICTIONARY: u8 = 1;
 const MAGIC: [u8; 4] = [0x04, 0x22, 0x4d, 0x18];
-/// The bit of a block's size that says that it is not packed.
+/// Bit of a block's size that marks it as uncompressed.
 const PLAIN_BLOCK: u32 = 1 << 31;
-/// The format's shortest match.
+/// Shortest match of the format, in bytes.
 const MIN_MATCH: usize = 4;
 
-/// Unpacks a chunk that must give N bytes.
+/// Unpacks a chunk that must contain exactly `size` bytes.
 ///
 /// # Errors
 /// If it does not.
@@ -27,28 +27,26 @@ pub(crate) fn whole(
     size: usize,
     into: &mut Vec<u8>,
 ) -> Result<(), String> {
-    let told = |error: io::Error| format!("a chunk cannot be unpacked: {error}");
-    unpack(compression, packed, size + 1, into).map_err(told)?;
+    let unpack_error = |error: io::Error| format!("a chunk cannot be unpacked: {error}");
+    unpack(compression, packed, size + 1, into).map_err(unpack_error)?;
     if into.len() != size {
-        return Err(format!(
-            "a chunk of {size} bytes does not unpack to as many"
-        ));
+        return Err(format!("a chunk does not unpack to its {size} bytes"));
     }
     Ok(())
 }
 
-/// Unpacks what there is of a chunk that broke off.
+/// Unpacks the existing part of a truncated chunk.
 pub(crate) fn torn(compression: &str, packed: &[u8], limit: usize, into: &mut Vec<u8>) {
     if compression == "lz4" {
         let mut source = packed;
-        // Nothing to do with what is left: it is where the file broke off.
+        // The rest is ignored: it is the truncated end.
         let _ = torn_lz4(&mut source, limit, into);
     } else {
         let _ = unpack(compression, packed, limit, into); // as above
     }
 }
 
-/// Unpacks at most N bytes; what came before an error is there.
+/// Unpacks at most `limit` bytes; output before an error is preserved.
 fn unpack(compression: &str, packed: &[u8], limit: usize, into: &mut Vec<u8>) -> io::Result<()> {
     let limit = limit as u64;
     let read = match compression {
@@ -62,7 +60,7 @@ fn unpack(compression: &str, packed: &[u8], limit: usize, into: &mut Vec<u8>) ->
     read.map(drop)
 }
 
-/// Unpacks the blocks of an LZ4 frame; `None` where it breaks off or is wrong.
+/// Unpacks the blocks of an LZ4 frame; `None` where the frame is truncated or invalid.
 fn torn_lz4(source: &mut &[u8], limit: usize, into: &mut Vec<u8>) -> Option<()> {
     let head = source.split_off(..MAGIC.len() + 2)?;
     let flags = head[MAGIC.len()];
@@ -95,14 +93,14 @@ fn torn_lz4(source: &mut &[u8], limit: usize, into: &mut Vec<u8>) -> Option<()> 
     }
 }
 
-/// Unpacks the sequences of an LZ4 block, each some literals and a match, as far as they go.
+/// Unpacks the sequences of an LZ4 block, each consisting of literals and a match, as far as they exist.
 fn torn_block(block: &mut &[u8], limit: usize, into: &mut Vec<u8>) -> Option<()> {
     while let Some(token) = block.split_off_first() {
         let literals = length(usize::from(*token >> 4), block)?;
         let room = limit.saturating_sub(into.len());
-        let there = literals.min(block.len()).min(room);
-        into.extend_from_slice(block.split_off(..there)?);
-        if there < literals {
+        let available = literals.min(block.len()).min(room);
+        into.extend_from_slice(block.split_off(..available)?);
+        if available < literals {
             return None;
         }
         if block.is_empty() {
@@ -115,7 +113,7 @@ fn torn_block(block: &mut &[u8], limit: usize, into: &mut Vec<u8>) -> Option<()>
         if back == 0 || copied > limit.saturating_sub(into.len()) {
             return None;
         }
-        // A match may reach into what it makes.
+        // A match may overlap its own output.
         let mut done = 0;
         while done < copied {
             let part = (copied - done).min(into.len() - start);
@@ -126,7 +124,7 @@ fn torn_block(block: &mut &[u8], limit: usize, into: &mut Vec<u8>) -> Option<()>
     Some(())
 }
 
-/// A length of four bits, which goes on in bytes if all are set.
+/// Decodes a length of four bits, which continues in further bytes if all bits are set.
 fn length(bits: usize, source: &mut &[u8]) -> Option<usize> {
     let mut length = bits;
     if bits == 15 {

@@ -1,10 +1,9 @@
-//! The recording: an MCAP file that other programs open, written as the run goes.
+//! Writer of a recording: an MCAP file that other programs can open, written during the run.
 //!
-//! Topic `/record` carries one message a step: the CDR form of the record, which is 4 bytes of
-//! encapsulation and the very words that crossed shared memory, with a `ros2msg` schema made from the
-//! tables. Topic `/events` carries every event in the same way. `log_time` is simulated time,
-//! `publish_time` the monotonic clock. Chunks are closed on a time budget, so that what a killed
-//! process loses is bounded in time.
+//! Topic `/record` carries one message per step: the record in CDR, which is 4 bytes of encapsulation followed by the
+//! exact words from shared memory, with a `ros2msg` schema derived from the tables. Topic `/events` carries every
+//! event in the same way. `log_time` is the simulated time, `publish_time` the monotonic clock. Chunks are closed
+//! after a limited time, which bounds the loss if the process is killed.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -28,19 +27,19 @@ use crate::reserve::Reserve;
 
 /// Longest time that a chunk stays open.
 const CHUNK_TIME: Duration = Duration::from_millis(100);
-/// A chunk of N bytes is closed. With the message that makes it full it stays far below the
-/// 4 MiB of an LZ4 block.
+/// Size at which a chunk is closed, in bytes. With the message that exceeds it the chunk stays far below the 4 MiB of
+/// an LZ4 block.
 pub(super) const CHUNK_BYTES: usize = 1 << 20;
-/// The facts of a run; there may be several lists of them, one after another.
+/// Metadata record with facts about a run; there may be several.
 pub(super) const FACTS: &str = "hil.run";
-/// Facts that are known after a run.
+/// Metadata record with facts that are known after a run.
 pub(crate) const RESULT: &str = "hil.result";
-/// Room that is kept on the disk for the end: a chunk, and what the summary has of each chunk.
+/// Disk space reserved for the end, in bytes: a chunk, and the summary entries of all chunks.
 const RESERVE_BYTES: u64 = 4 << 20;
-/// Channels: records and events.
+/// Number of channels: records and events.
 pub(super) const CHANNELS: u16 = 2;
 
-/// A text file that travels in the recording.
+/// Text file attached to a recording.
 #[derive(Clone, Debug)]
 pub struct Attachment {
     /// File name.
@@ -51,47 +50,47 @@ pub struct Attachment {
     pub text: String,
 }
 
-/// Facts and files of a run that its recording carries.
+/// Facts about a run and attached files.
 #[derive(Clone, Debug, Default)]
 pub struct Provenance {
     /// Facts known before the run, by name.
     pub facts: BTreeMap<String, String>,
-    /// Files.
+    /// Attached files.
     pub attachments: Vec<Attachment>,
 }
 
-/// A part of a run.
+/// Part of a run to record.
 #[derive(Clone, Copy, Debug)]
 pub struct Part<'a> {
-    /// Choice of what is kept.
+    /// Selection of signals and steps.
     pub choice: &'a Choice,
-    /// The rate of the run.
+    /// Rate of the run.
     pub rate: Rate,
-    /// Last record.
+    /// Step of the last record.
     pub last: Step,
 }
 
-/// A recording being written.
+/// Recording open for writing.
 pub struct Recording {
     file: McapFile,
     records: u16,
     events: u16,
     chunk: Chunk,
-    /// Choice of what is kept, if not all is.
+    /// Selection of rows, if not all are recorded.
     excerpt: Option<Excerpt>,
-    /// Records in the chunks.
+    /// Number of records in the chunks.
     written: u64,
-    /// Records in closed chunks.
+    /// Number of records in closed chunks.
     safe: u64,
-    /// Room for its end on a full disk.
+    /// Disk space reserved for the end.
     reserve: Reserve,
     last_time_ns: u64,
     sequence: u32,
 }
 
 impl Recording {
-    /// Creates the file and writes down what is known before the first record. Without a part all is
-    /// kept.
+    /// Creates the file and writes everything that is known before the first record. Without a `part` the whole run
+    /// is recorded.
     ///
     /// # Errors
     /// If the file cannot be written.
@@ -106,7 +105,7 @@ impl Recording {
         let excerpt = excerpt.transpose().map_err(io::Error::other)?;
         let library = concat!("hil ", env!("CARGO_PKG_VERSION"));
         let file = File::create(path)?;
-        // Who mends recordings leaves this one alone. Where files have no locks nobody can be warned.
+        // `hil recover` leaves a locked file alone. Without file locks it cannot be warned.
         let _ = rustix::fs::flock(&file, FlockOperation::NonBlockingLockExclusive);
         let mut file = McapFile::create(file, "ros2", library)?;
         file.metadata(Metadata {
@@ -151,7 +150,7 @@ impl Recording {
         })
     }
 
-    /// Writes down more facts of the run.
+    /// Writes more facts about the run.
     ///
     /// # Errors
     /// If the file cannot be written.
@@ -178,7 +177,7 @@ impl Recording {
         self.close_if(self.chunk.bytes() >= CHUNK_BYTES)
     }
 
-    /// Writes the rows of an excerpt that need not wait any longer; all of them at the end.
+    /// Writes the excerpt's rows that are ready; at the end also the remaining ones.
     fn settle(&mut self, is_over: bool) -> io::Result<()> {
         while let Some((head, row)) =
             (self.excerpt.as_mut()).and_then(|excerpt| excerpt.next(is_over))
@@ -190,7 +189,7 @@ impl Recording {
         Ok(())
     }
 
-    /// Records in the file, those of its open chunk included.
+    /// Returns the number of records in the file, including those of the open chunk.
     #[must_use]
     pub const fn written(&self) -> u64 {
         self.written
@@ -208,7 +207,7 @@ impl Recording {
                 | Event::FaultEnded(FaultEnded { step, .. }) => excerpt.fault(*step),
                 Event::Controller(_) | Event::Change(_) | Event::Mark(_) | Event::End(_) => {}
             }
-            // Records stand before what comes after them.
+            // Records precede later events.
             self.settle(matches!(event, Event::End(_)))?;
         }
         self.sequence += 1;
@@ -222,7 +221,7 @@ impl Recording {
         self.close_if(self.chunk.bytes() >= CHUNK_BYTES)
     }
 
-    /// Closes the chunk if it was open for long enough.
+    /// Closes the chunk if it has been open long enough.
     ///
     /// # Errors
     /// If the file cannot be written.
@@ -238,23 +237,23 @@ impl Recording {
         Ok(())
     }
 
-    /// Closes the last chunk, into the room that was kept for it if there is no other.
+    /// Closes the last chunk, using the reserved space if the disk is full.
     ///
     /// # Errors
-    /// If the chunk cannot be written. Chunks that were closed before are in the file.
+    /// If the chunk cannot be written; previously closed chunks are in the file.
     pub fn close(&mut self) -> io::Result<()> {
         self.reserve.release();
         self.settle(true)?;
         self.close_if(true)
     }
 
-    /// Records in closed chunks, which are in the file whatever happens.
+    /// Returns the number of records in closed chunks, which are safely in the file.
     #[must_use]
     pub const fn safe(&self) -> u64 {
         self.safe
     }
 
-    /// Writes down what is known after the run and ends the file, after the last closed chunk.
+    /// Writes the facts that are known after the run and ends the file after the last closed chunk.
     ///
     /// # Errors
     /// If the file cannot be written.
@@ -275,7 +274,7 @@ impl Recording {
     }
 }
 
-/// The head of a record's message.
+/// Builds the head of a record's message.
 const fn header(channel_id: u16, head: Head) -> MessageHeader {
     MessageHeader {
         channel_id,

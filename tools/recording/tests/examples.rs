@@ -1,4 +1,4 @@
-//! The examples of this package do what they say.
+//! Tests of this package's examples.
 
 #[path = "../examples/extremes.rs"]
 mod extremes;
@@ -6,15 +6,15 @@ mod extremes;
 mod fall;
 
 #[test]
-fn the_recording_that_one_example_writes_is_read_by_the_other() {
+fn one_example_reads_the_recording_of_the_other() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("fall.mcap");
     fall::fall(&path).expect("written");
     let signals = extremes::signals(&path).expect("read");
     assert_eq!(signals, "truth.height_m [m]\n");
-    let found = extremes::extremes(&path, "truth.height_m").expect("read");
+    let text = extremes::extremes(&path, "truth.height_m").expect("read");
     // After a second: 10 m - 9.81 m / 2.
-    assert_eq!(found.as_deref(), Some("5.095 to 10 in 101 records\n"));
+    assert_eq!(text.as_deref(), Some("5.095 to 10 in 101 records\n"));
     let none = extremes::extremes(&path, "truth.depth_m").expect("read");
     assert_eq!(none, None);
 }

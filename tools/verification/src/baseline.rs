@@ -1,12 +1,12 @@
-//! `hil compare RUN --baseline NAME`: whether a run is still the one that was agreed on.
+//! `hil compare RUN --baseline NAME`: checks a run against an agreed baseline.
 //!
 //! 1. `figures` reads the run: digest, statistics, metrics.
-//! 2. `file` has the named run with its tolerances. It is made for review and for version control.
-//! 3. `changes` says what differs between the two.
-//! 4. With the same digest all signals are the same. Otherwise the recording of the baseline is compared
-//!    sample by sample, or, where it is not there, figure by figure. Metrics are compared always.
+//! 2. `file` holds the baseline with its tolerances, in a form made for review and version control.
+//! 3. `changes` determines the differences between the two.
+//! 4. If the digests are equal, so are all signals. Otherwise the signals are compared with the baseline's recording
+//!    sample by sample or, without a recording, figure by figure. Metrics are always compared.
 //!
-//! `--update` shows what changes, then writes it; with `--dry-run` it only shows.
+//! `--update` shows the changes and writes them; with `--dry-run` it only shows them.
 
 mod changes;
 mod figures;
@@ -29,7 +29,7 @@ use changes::{
 use figures::Figures;
 use file::{Baseline, BaselineFile};
 
-/// A run, held against a baseline.
+/// Comparison of a run with a baseline.
 #[derive(Debug, Serialize)]
 struct Judgement {
     baseline: String,
@@ -38,13 +38,13 @@ struct Judgement {
     verdict: Verdict,
     /// Basis of the verdict on signals.
     compared_by: ComparedBy,
-    /// Reason for which the samples are not the basis; null if they are, or need not be.
+    /// Reason why the samples were not compared; null if they were, or if there was no need.
     note: Option<String>,
-    /// Changes that show another run: of scenario, versions, binaries. None is a difference by itself.
+    /// Changes of scenario, versions and binaries; none of them counts as a difference by itself.
     identity: Vec<TextChange>,
     /// Figures that differ.
     figures: Vec<Change>,
-    /// The samples, if they were compared.
+    /// Comparison of the samples, if they were compared.
     comparison: Option<Comparison>,
 }
 
@@ -56,7 +56,7 @@ enum ComparedBy {
     Figures,
 }
 
-/// Changes that an update makes.
+/// Changes made by an update.
 #[derive(Debug, Serialize)]
 struct Update {
     baseline: String,
@@ -70,12 +70,12 @@ struct Update {
 /// Runs the command.
 ///
 /// # Errors
-/// If there is no such baseline, or the run cannot be read, or the file not be written.
+/// If the baseline does not exist, the run cannot be read, or the file cannot be written.
 pub(crate) fn command(arguments: &CompareArguments, name: &str) -> Result<Exit, Failure> {
     let legal = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
     if name.is_empty() || !name.chars().all(legal) {
         return Err(Failure::usage(format!(
-            "`{name}` is no name of a baseline: letters, digits, - and _"
+            "`{name}` is not a valid baseline name: use letters, digits, - and _"
         )));
     }
     let mut file = BaselineFile::read(&arguments.baselines, arguments.update)?;
@@ -98,7 +98,7 @@ fn judge(
     if figures.scenario != baseline.scenario {
         let (theirs, ours) = (&baseline.scenario, &figures.scenario);
         return Err(Failure::usage(format!(
-            "baseline `{name}` is of scenario `{theirs}`, {} of `{ours}`",
+            "baseline `{name}` belongs to scenario `{theirs}`, but {} to `{ours}`",
             run.display()
         )));
     }
@@ -113,12 +113,12 @@ fn judge(
     } else {
         note = Some(match &baseline.recording {
             Some(recording) => format!(
-                "{} is not there: only digest and figures are compared",
+                "{} is missing: only digest and figures are compared",
                 file.recording(baseline)
                     .unwrap_or_else(|| recording.clone())
                     .display()
             ),
-            None => "the baseline keeps no recording: only digest and figures are compared".into(),
+            None => "the baseline has no recording: only digest and figures are compared".into(),
         });
         changes.extend(signal_changes(baseline, &figures));
         ComparedBy::Figures
@@ -126,7 +126,7 @@ fn judge(
     let signals = match (&comparison, compared_by) {
         (Some(comparison), _) => comparison.verdict(),
         (None, ComparedBy::Digest) => Verdict::Same,
-        // Another digest, and no figure may show in what: what may not differ at all does.
+        // The digests differ, so some signal differs, even if no figure shows which one.
         (None, _) if baseline.is_exact() => Verdict::Different,
         (None, _) => Verdict::WithinTolerance,
     };
@@ -167,7 +167,7 @@ fn against(
     let comparison = compare(recording, run, &[], &tolerances)?;
     if comparison.digest_of_a() != baseline.digest {
         return Err(Failure::usage(format!(
-            "{} is not the recording of baseline `{name}`: its digest is {}",
+            "{} does not belong to baseline `{name}`: its digest is {}",
             recording.display(),
             comparison.digest_of_a()
         )));
@@ -186,7 +186,7 @@ fn update(
     let before = before.unwrap_or_default();
     let mut changes = metric_changes(&before, &figures);
     changes.extend(signal_changes(&before, &figures));
-    let told = Update {
+    let update = Update {
         baseline: name.into(),
         file: file.path().display().to_string(),
         is_new,
@@ -194,8 +194,8 @@ fn update(
         identity: identity_changes(&before, &figures),
         figures: changes,
     };
-    let is_changed = !told.identity.is_empty() || !told.figures.is_empty();
-    output::result(arguments.json, &told, || told.describe())?;
+    let is_changed = !update.identity.is_empty() || !update.figures.is_empty();
+    output::result(arguments.json, &update, || update.describe())?;
     if arguments.dry_run {
         return Ok(if is_changed { Exit::Failed } else { Exit::Pass });
     }

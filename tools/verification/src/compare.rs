@@ -1,8 +1,8 @@
-//! `hil compare`: whether two recorded runs are the same, and if not, where and by how much.
+//! `hil compare`: finds the first difference between two recorded runs and the size of each signal's deviation.
 //!
-//! Goes through both recordings step by step. The first difference is one of what the digest
-//! covers: a fault event, a validity bit or a signal; sizes of differences are per signal and over
-//! the steps that both have. `hil rerun` uses the same comparison.
+//! Both recordings are read step by step. The first difference concerns something that the digest covers: a fault
+//! event, a validity bit or a signal. Deviations are computed per signal over the steps that both runs have. `hil
+//! rerun` uses the same comparison.
 
 mod deviation;
 mod work;
@@ -24,37 +24,37 @@ pub(crate) use deviation::{Deviation, is_near, share, write_table};
 use hil_recording::reader::{ReadError, RunReader};
 use work::{ComparisonPass, Row};
 
-/// Two runs, compared.
+/// Result of comparing two runs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Comparison {
     verdict: Verdict,
     a: ComparedRun,
     b: ComparedRun,
-    /// True if a run has steps that the other has not; of excerpts that is not known.
+    /// Set if one run has steps that the other lacks; unknown for excerpts.
     lengths_differ: bool,
-    /// Signals that only one of them has.
+    /// Signals that occur in one run only.
     only_in_a: Vec<String>,
     only_in_b: Vec<String>,
-    /// Null if there is none among what both have.
+    /// First difference; null if the common part is equal.
     first_difference: Option<Difference>,
-    /// Each signal that differs somewhere.
+    /// Signals that differ at some step.
     signals: Vec<SignalDifference>,
 }
 
-/// Result of a comparison.
+/// Verdict of a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
-    /// Nothing that was looked at differs.
+    /// No compared value differs.
     Same,
-    /// Signals differ by no more than was allowed.
+    /// Differences are within the tolerances.
     WithinTolerance,
-    /// Something differs.
+    /// Some difference is not allowed.
     Different,
 }
 
 impl Verdict {
-    /// Gives its exit code.
+    /// Returns the exit code.
     pub const fn exit(self) -> Exit {
         match self {
             Self::Same | Self::WithinTolerance => Exit::Pass,
@@ -68,23 +68,23 @@ struct ComparedRun {
     run: String,
     records: u64,
     digest: String,
-    /// The recording was finished; one that was cut off is compared as far as it goes.
+    /// Set if the recording is complete; a truncated one is compared as far as it goes.
     whole: bool,
-    /// Description of what no check sum vouches for; null if that is nothing.
+    /// Description of the parts without a check sum; null if there are none.
     unvouched: Option<String>,
 }
 
-/// Name of the difference where one run has ended.
+/// Signal name of the difference at which one run has ended.
 const RECORD: &str = "record";
-/// Value of that difference for the run that has ended.
+/// Value of that difference in the run that has ended.
 const GONE: &str = "not there";
 
-/// The first thing that differs.
+/// First difference between two runs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Difference {
     step: u64,
     time_s: f64,
-    /// A signal, the validity of one, `faults`, or `record` where one run has ended.
+    /// Name of a signal, `validity of` a signal, `faults`, or `record` if one run has ended.
     signal: String,
     a: Value,
     b: Value,
@@ -113,13 +113,13 @@ impl std::fmt::Display for Difference {
     }
 }
 
-/// Two runs cannot be compared.
+/// Error of a comparison.
 #[derive(Debug, thiserror::Error)]
 pub enum CompareError {
-    /// Recording that cannot be read.
+    /// A recording cannot be read.
     #[error(transparent)]
     Read(#[from] ReadError),
-    /// The recordings have nothing to compare.
+    /// The recordings have nothing in common.
     #[error("{0}")]
     NotComparable(String),
 }
@@ -133,15 +133,13 @@ impl From<CompareError> for Failure {
 /// Runs the command.
 ///
 /// # Errors
-/// If the runs cannot be read or compared.
+/// If a run cannot be read, or the runs cannot be compared.
 pub fn command(arguments: &CompareArguments) -> Result<Exit, Failure> {
     if let Some(name) = &arguments.baseline {
         return baseline::command(arguments, name);
     }
     let Some(b) = &arguments.b else {
-        return Err(Failure::usage(
-            "two runs are compared, or one with a --baseline",
-        ));
+        return Err(Failure::usage("name two runs, or one run and a --baseline"));
     };
     let tolerances = Tolerances::typed(&arguments.tolerance);
     let comparison = compare(&arguments.a, b, &arguments.signal, &tolerances)?;
@@ -150,10 +148,10 @@ pub fn command(arguments: &CompareArguments) -> Result<Exit, Failure> {
     Ok(comparison.verdict.exit())
 }
 
-/// Compares two runs; of all signals, or of those that are named.
+/// Compares all signals of two runs, or only the given signals.
 ///
 /// # Errors
-/// If one cannot be read or they have nothing in common.
+/// If a run cannot be read, or the runs have nothing in common.
 pub fn compare(
     a: &Path,
     b: &Path,
@@ -165,7 +163,7 @@ pub fn compare(
     if rate != rate_b {
         let (a, b) = (rate.hz(), rate_b.hz());
         let what = format!(
-            "the runs have other rates, {} and {}: their steps are not the same times",
+            "the runs have different rates, {} and {}: their steps are at different times",
             exact_in(a, "Hz"),
             exact_in(b, "Hz")
         );
@@ -173,12 +171,12 @@ pub fn compare(
     }
     let is_excerpt = reader_a.is_excerpt() || reader_b.is_excerpt();
     let mut work = ComparisonPass::new(&reader_a, &reader_b, rate, signals, tolerances)?;
-    // A step is compared when it is known whether both runs go on: the last record of a run has no
-    // command, which is no difference to one that is longer.
-    let mut held: Option<(Row, Row)> = None;
+    // A step is compared once it is known that both runs continue: the last record of a run has no command, which
+    // must not count as a difference from a longer run.
+    let mut previous: Option<(Row, Row)> = None;
     loop {
         let (mut in_a, mut in_b) = (reader_a.advance()?, reader_b.advance()?);
-        // An excerpt has not every step.
+        // An excerpt lacks some steps.
         while is_excerpt && in_a && in_b && reader_a.step() != reader_b.step() {
             if reader_a.step() < reader_b.step() {
                 in_a = reader_a.advance()?;
@@ -187,11 +185,11 @@ pub fn compare(
             }
         }
         let is_longer = in_a != in_b && !is_excerpt;
-        if let Some((a, b)) = &held {
+        if let Some((a, b)) = &previous {
             work.step((a, b), reader_a.columns(), is_longer)?;
         }
         if in_a && in_b {
-            let (a, b) = held.get_or_insert_default();
+            let (a, b) = previous.get_or_insert_default();
             a.take(&reader_a);
             b.take(&reader_b);
             continue;
@@ -199,7 +197,7 @@ pub fn compare(
         if is_longer {
             work.ended(if in_a { &reader_a } else { &reader_b }, in_a);
         }
-        // To their ends: their digests are those of all they have.
+        // Both are read to the end to complete their digests.
         while reader_a.advance()? {}
         while reader_b.advance()? {}
         return Ok(work.finish(&reader_a, &reader_b, (a, b)));
@@ -207,7 +205,7 @@ pub fn compare(
 }
 
 impl Comparison {
-    /// Refuses two runs without a single record: that they agree says nothing.
+    /// Refuses two runs without any record: their equality means nothing.
     fn refuse_nothing(&self) -> Result<(), CompareError> {
         if self.a.records > 0 || self.b.records > 0 {
             return Ok(());
@@ -223,19 +221,19 @@ impl Comparison {
         self.verdict
     }
 
-    /// The digest of the first of both.
+    /// Returns the digest of the first run.
     #[must_use]
     pub fn digest_of_a(&self) -> &str {
         &self.a.digest
     }
 
-    /// The first thing that differs.
+    /// Returns the first difference.
     #[must_use]
     pub const fn first_difference(&self) -> Option<&Difference> {
         self.first_difference.as_ref()
     }
 
-    /// The comparison as a person reads it.
+    /// Formats the comparison for a person.
     #[must_use]
     pub fn describe(&self) -> String {
         output::text(|text| self.write(text))
@@ -251,7 +249,7 @@ impl Comparison {
             )?,
             Verdict::Same => writeln!(
                 text,
-                "same in what was looked at, {} records; the digests differ",
+                "same in all compared signals, {} records; the digests differ",
                 self.a.records
             )?,
             Verdict::WithinTolerance => writeln!(text, "within the tolerance")?,
@@ -268,7 +266,7 @@ impl Comparison {
             if !side.whole {
                 writeln!(
                     text,
-                    "  {0} was cut off and is compared as far as it goes; `hil recover {0}` makes a whole file of it",
+                    "  {0} was cut off and is compared as far as it goes; `hil recover {0}` makes a complete file of it",
                     side.run
                 )?;
             }
@@ -280,7 +278,7 @@ impl Comparison {
             let (a, b) = (self.a.records, self.b.records);
             writeln!(
                 text,
-                "  lengths differ: {a} records and {b}; what both have is compared"
+                "  lengths differ: {a} records and {b}; the common part is compared"
             )?;
         }
         for (side, only) in [(&self.a, &self.only_in_a), (&self.b, &self.only_in_b)] {
@@ -298,7 +296,7 @@ impl Comparison {
     }
 }
 
-/// A signal's value in JSON; what that has no number for, as text.
+/// Converts a signal's value to JSON; NaN and infinities become strings.
 pub(crate) fn number(value: f64) -> Value {
     serde_json::Number::from_f64(value)
         .map_or_else(|| Value::from(value.to_string()), Value::Number)

@@ -1,5 +1,5 @@
-//! A recording with any wrong byte, or cut anywhere, is an error or is read as far as it goes: no reader
-//! panics, hangs or asks for memory that the file cannot fill.
+//! Robustness of all readers against a recording with a wrong byte or a truncated end: it is refused or read as far
+//! as it goes, without panics, hangs or allocations beyond what the file could fill.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -14,7 +14,7 @@ use crate::compare::compare;
 use crate::fixture::{Content, layout, record, recorded, taken};
 use crate::repetition::RecordedScenario;
 
-/// A file of each compression, of some chunks.
+/// Creates a file of each compression, with several chunks.
 fn files() -> Vec<(Compression, Vec<u8>)> {
     let folder = tempfile::tempdir().expect("a folder");
     let all = [Compression::None, Compression::Lz4, Compression::Zstd];
@@ -49,9 +49,9 @@ fn files() -> Vec<(Compression, Vec<u8>)> {
     all.into_iter().map(write).collect()
 }
 
-/// Puts a file through everything that reads recordings; whether it read to its end as a whole one.
+/// Passes a file to every reader of recordings; returns `true` if it is read to the end as a complete one.
 fn read(path: &Path) -> bool {
-    // Whatever they say, they must say it.
+    // Any result is fine, but no panic.
     let _ = compare(path, path, &[], &Tolerances::default());
     let _ = RecordedScenario::read(path).and_then(|run| run.scenario());
     let _ = recorded::case(path, 0);
@@ -64,8 +64,8 @@ fn read(path: &Path) -> bool {
             Ok(true) => assert!(reader.records() <= 24, "more than were written"),
             Ok(false) => return reader.is_whole(),
             Err(error) => {
-                let told = error.to_string();
-                assert!(told.contains(&path.display().to_string()), "{told}");
+                let message = error.to_string();
+                assert!(message.contains(&path.display().to_string()), "{message}");
                 return false;
             }
         }
@@ -73,7 +73,7 @@ fn read(path: &Path) -> bool {
 }
 
 #[test]
-fn a_recording_that_was_cut_anywhere_is_never_taken_for_a_whole_one() {
+fn a_truncated_recording_never_passes_as_complete() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join(RECORDING);
     for (compression, bytes) in files() {
@@ -87,12 +87,12 @@ fn a_recording_that_was_cut_anywhere_is_never_taken_for_a_whole_one() {
 }
 
 #[test]
-fn a_recording_with_a_wrong_bit_anywhere_is_never_taken_for_a_whole_one() {
+fn a_recording_with_a_flipped_bit_never_passes_as_complete() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join(RECORDING);
     for (compression, bytes) in files() {
         for place in (0..bytes.len()).step_by(11) {
-            // A low bit and the highest, which makes lengths absurd.
+            // A low bit and the highest one, which makes lengths huge.
             let bit = [0, 7, 3, 5][place % 4];
             let mut wrong = bytes.clone();
             wrong[place] ^= 1 << bit;
@@ -103,28 +103,28 @@ fn a_recording_with_a_wrong_bit_anywhere_is_never_taken_for_a_whole_one() {
 }
 
 #[test]
-fn damage_in_what_travels_with_a_run_is_told_as_damage() {
+fn a_damaged_attachment_is_reported_as_damage() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join(RECORDING);
     for (compression, mut bytes) in files() {
         let place = bytes.windows(6).position(|bytes| bytes == b"a text");
         bytes[place.expect("an attachment")] ^= 1;
         std::fs::write(&path, &bytes).expect("written");
-        let told = RunReader::open(&path).err().expect("refused").to_string();
+        let message = RunReader::open(&path).err().expect("refused").to_string();
         let all = [
             "is damaged at byte ",
             "before its first record: ",
             "copy it again",
         ];
         assert!(
-            all.iter().all(|one| told.contains(one)),
-            "{compression:?}: {told}"
+            all.iter().all(|one| message.contains(one)),
+            "{compression:?}: {message}"
         );
     }
 }
 
 #[test]
-fn a_recording_that_goes_on_behind_its_end_is_never_taken_for_a_whole_one() {
+fn a_recording_with_trailing_bytes_never_passes_as_complete() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join(RECORDING);
     for (compression, bytes) in files() {
@@ -136,7 +136,7 @@ fn a_recording_that_goes_on_behind_its_end_is_never_taken_for_a_whole_one() {
 }
 
 #[test]
-fn a_length_that_cannot_be_is_no_memory_to_ask_for() {
+fn an_impossible_length_allocates_no_memory() {
     let contents: Vec<Content> = (0..10)
         .map(|step| Content::Record(record(step, 0.0, 0.0)))
         .collect();
@@ -145,7 +145,7 @@ fn a_length_that_cannot_be_is_no_memory_to_ask_for() {
     let bytes = std::fs::read(&path).expect("read");
     let summary = mcap::Summary::read(&bytes).expect("whole").expect("there");
     let chunk = summary.chunk_indexes[0].chunk_start_offset as usize;
-    // The length of the chunk; its size unpacked; the length of its compression's name; its size packed.
+    // The length of the chunk; its unpacked size; the length of the name of its compression; its packed size.
     for place in [chunk + 1, chunk + 25, chunk + 37, chunk + 44] {
         for length in [1_u64 << 27, 1 << 40, u64::MAX] {
             let mut wrong = bytes.clone();

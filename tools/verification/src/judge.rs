@@ -1,8 +1,8 @@
-//! `hil judge`: metrics and requirements of a recorded run, by its own scenario or by another.
+//! `hil judge`: evaluates metrics and requirements of a recorded run, by its own scenario or by another.
 //!
-//! Feeds the recorded rows to the same evaluation that the recorder fed while the run went on, so its
-//! own requirements come out to the last bit as they did then. Runs nothing: what a scenario is
-//! checked against travels in the recording.
+//! The recorded rows pass through the evaluation that the recorder uses during a run, so the run's own requirements
+//! give bit-identical results. No program is started: the recording contains everything that a scenario is checked
+//! against.
 
 use std::path::Path;
 
@@ -25,9 +25,9 @@ pub struct Judgement {
     scenario: String,
     /// `aborted` if the run did not end by itself.
     verdict: RunVerdict,
-    /// Outcome of the run, in one word; null if its recording broke off.
+    /// Outcome of the run, in one word; null if its recording is truncated.
     outcome: Option<String>,
-    /// Reason, if the run did not end by itself; null if nobody tells.
+    /// Reason, if the run did not end by itself; null if unknown.
     reason: Option<String>,
     records: u64,
     metrics: Vec<Metric>,
@@ -48,22 +48,22 @@ pub fn judge(arguments: &JudgeArguments) -> Result<Exit, Failure> {
     Ok(judgement.verdict.exit())
 }
 
-/// Judges a run by its own scenario or by another; also the plan that it was judged by.
+/// Judges a run by its own scenario or by another; also returns the plan used.
 ///
 /// # Errors
 /// If the run cannot be read, or the scenario does not fit it.
 pub fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failure> {
     let refused = |error: ReadError| Failure::usage(error);
-    let found = RecordedOutcome::of(run, by).map_err(refused)?;
-    found.reader.refuse_excerpt().map_err(refused)?;
-    let (outcome, reason) = found.outcome(None);
+    let outcome_of_run = RecordedOutcome::of(run, by).map_err(refused)?;
+    outcome_of_run.reader.refuse_excerpt().map_err(refused)?;
+    let (outcome, reason) = outcome_of_run.outcome(None);
     let RecordedOutcome {
         reader,
         recorded,
         damage,
         run: recorded_run,
         ..
-    } = found;
+    } = outcome_of_run;
     let plan = recorded_run?.plan;
     if let Some(damage) = damage {
         return Err(refused(damage));
@@ -71,7 +71,7 @@ pub fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failur
     if let Some(torn) = reader.caveat() {
         tell!("note: {torn}");
     }
-    // A plant that died told no end; who ended its recording did.
+    // A plant that died recorded no end, but the program that finished the recording did.
     let is_over = recorded.end.is_some() || reader.result("outcome").is_some();
     let requirements: Vec<Requirement> = (recorded.requirements.iter())
         .map(Requirement::from)
@@ -94,7 +94,7 @@ pub fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failur
 }
 
 impl Judgement {
-    /// Writes the judgement as a person reads it.
+    /// Formats the judgement for a person.
     fn write(&self, text: &mut String, plan: &Plan) -> std::fmt::Result {
         use std::fmt::Write as _;
         let (scenario, run) = (&self.scenario, &self.run);
@@ -103,7 +103,7 @@ impl Judgement {
         match self.outcome.as_deref() {
             Some("completed") => {}
             Some(outcome) => writeln!(text, "  the run has {outcome}: no verdict can be pass")?,
-            None => writeln!(text, "  the run was cut off: no verdict can be pass")?,
+            None => writeln!(text, "  the recording was cut off: no verdict can be pass")?,
         }
         if let Some(reason) = &self.reason {
             writeln!(text, "  {reason}")?;

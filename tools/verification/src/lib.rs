@@ -1,6 +1,6 @@
-//! Answers to "is it the same?" and "is it right?": runs compared, repeated, replayed, judged once
-//! more, compared with baselines, and put together as suites and audits; a single `hil run` is a suite
-//! of one. Scenarios are run by [`run`](hil_run); no plot is made here.
+//! Verification: compares, repeats, replays and judges runs, checks them against baselines, and combines runs to
+//! suites and audits; a single `hil run` is a suite of one. Scenarios are executed by [`run`](hil_run); plots are
+//! drawn elsewhere.
 
 #![expect(
     missing_docs,

@@ -1,9 +1,7 @@
-//! `hil scenario from`: the scenario that repeats a recorded run, what was done to it while it went
-//! on included.
+//! `hil scenario from`: the scenario that repeats a recorded run, including all live interventions.
 //!
-//! Made from what travels in the recording alone: the scenario as it was in effect, what plant and
-//! controller said of themselves, and the events. A live fault becomes one of the scenario that
-//! takes hold at the very steps at which it did. `hil rerun` runs the result.
+//! Built from the recording alone: the scenario in effect, the descriptions of plant and controller, and the
+//! events. A live fault becomes a scenario fault that takes hold at the same steps. `hil rerun` runs the result.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -29,40 +27,40 @@ use shared_types::time::{Rate, Step};
 
 use crate::arguments::recordings::ScenarioFromArguments;
 
-/// A recorded run as a scenario that repeats it, read to its end.
+/// Recorded run as a scenario that repeats it; the recording has been read to its end.
 pub struct RecordedScenario {
     recorded: RecordedRun,
     log: FaultLog,
-    /// Changes of values that were asked for while the run went on.
+    /// Value changes that were requested during the run.
     live_changes: Vec<ValueChange>,
     session: String,
     started: String,
-    /// Programs.
+    /// Programs of the run.
     pub programs: Recorded,
-    /// Records in it.
+    /// Number of records.
     pub records: u64,
-    /// Records lost while it was written.
+    /// Number of records lost while it was written.
     pub lost: u64,
-    /// The digest of its records.
+    /// Digest of its records.
     pub digest: String,
-    /// Outcome of the run, in one word; `None` if its plant or its writer died.
+    /// Outcome of the run, in one word; `None` if the plant or the recorder died.
     pub outcome: Option<String>,
-    /// Steps at which the controller was not in time.
+    /// Steps at which the controller was late.
     pub missed: Vec<Missed>,
-    /// Check of the checkpoint that it went on from, in words; `None` if it began at step 0.
+    /// Result of checking the checkpoint that the run resumed from; `None` if it began at step 0.
     pub resumed_check: Option<String>,
 }
 
 /// Runs the command.
 ///
 /// # Errors
-/// If the run cannot be read, or the scenario not be written.
+/// If the run cannot be read, or the scenario cannot be written.
 pub fn scenario_from(arguments: &ScenarioFromArguments) -> Result<Exit, Failure> {
     let recorded = RecordedScenario::read(&arguments.run)?;
     let text = recorded.scenario()?;
     if !recorded.missed.is_empty() {
         tell!(
-            "note: {} steps of the run missed their command, which no scenario can repeat; `hil rerun` does",
+            "note: the command was late at {} steps of the run, which no scenario can repeat; `hil rerun` does",
             recorded.missed.len()
         );
     }
@@ -73,8 +71,8 @@ pub fn scenario_from(arguments: &ScenarioFromArguments) -> Result<Exit, Failure>
     Ok(Exit::Pass)
 }
 
-/// Refuses a run whose controller changed: nobody knows what a dead controller would have answered, and the
-/// state of another one depends on when it took over.
+/// Refuses a run whose controller changed: the answers of a dead controller are unknown, and the state of its
+/// successor depends on when it took over.
 fn refuse_succession(run: &Path, change: &ControllerChange) -> Result<(), Failure> {
     let (run, epoch, step) = (run.display(), change.epoch, change.step);
     let what = match &change.change {
@@ -85,15 +83,15 @@ fn refuse_succession(run: &Path, change: &ControllerChange) -> Result<(), Failur
         ControllerFate::Refused { .. } => return Ok(()),
     };
     Err(Failure::usage(format!(
-        "{run} {what}: a run whose controller changed cannot be repeated; `hil judge`, `hil compare` and `hil export` read it"
+        "{run} {what}: a run whose controller changed cannot be repeated; `hil judge`, `hil compare` and `hil export` still work"
     )))
 }
 
 impl RecordedScenario {
-    /// Reads a run: its folder, or its recording.
+    /// Reads a run, given its folder or its recording.
     ///
     /// # Errors
-    /// If it has no recording, or what travels in that cannot be understood.
+    /// If the recording is missing, or its contents are invalid.
     pub fn read(run: &Path) -> Result<Self, Failure> {
         let refused = |error: ReadError| Failure::usage(error);
         let mut reader = RunReader::open(run).map_err(refused)?;
@@ -103,7 +101,7 @@ impl RecordedScenario {
                 reader.fact("resumed_from").unwrap_or_default(),
             );
             return Err(Failure::usage(format!(
-                "{run} went on from a checkpoint with other sizes of fault {faults}, which had begun: no scenario repeats that; `hil run --from {from}` with the same --set does"
+                "{run} resumed from a checkpoint with changed parameters of the active fault {faults}: no scenario repeats that; `hil run --from {from}` with the same --set does"
             )));
         }
         let recorded = RecordedRun::of(&reader, run)?;
@@ -137,7 +135,7 @@ impl RecordedScenario {
         let needs_all =
             plan.run.clock == Clock::Realtime || outcome.as_deref() != Some("completed");
         if needs_all {
-            // What it was has to be found in its steps.
+            // Late commands can be determined only from all steps.
             reader.refuse_excerpt().map_err(refused)?;
         }
         if let Some(torn) = reader.caveat() {
@@ -163,24 +161,23 @@ impl RecordedScenario {
         })
     }
 
-    /// Returns true if the controller could be late.
+    /// Returns `true` if the controller could be late.
     #[must_use]
     pub fn is_against_clock(&self) -> bool {
         self.recorded.plan.run.clock == Clock::Realtime
     }
 
-    /// The same without what it asked of its machine: times are not repeated, and another machine
-    /// may not have those cores.
+    /// Removes the real-time settings of the run: timing is not reproduced, and another machine may lack the cores.
     #[must_use]
     pub fn for_any_machine(mut self) -> Self {
         self.recorded.plan.realtime = Realtime::default();
         self
     }
 
-    /// The scenario that repeats it.
+    /// Returns the scenario that repeats the run.
     ///
     /// # Errors
-    /// If the result would be no scenario for the plant and the controller of the run.
+    /// If the result is not a valid scenario for the run's plant and controller.
     pub fn scenario(&self) -> Result<String, Failure> {
         let RecordedRun {
             plant_program,
@@ -191,11 +188,11 @@ impl RecordedScenario {
         let mut plan = self.recorded.plan.clone();
         let rate = plan.run.rate;
         plan.programs = self.programs.programs();
-        let gone = without_cleared(&mut plan.faults, &self.log);
+        let removed = without_cleared(&mut plan.faults, &self.log);
         let (plants, laws) = (&plant_program.plants, &controller_program.laws);
         let kinds = &plant_program.faults;
         let mut text = format!(
-            "# Repeats session `{}` of {}, with what was done to it while it ran.\n",
+            "# Repeats session `{}` of {}, including live interventions.\n",
             comment(&self.session),
             comment(&self.started)
         );
@@ -204,14 +201,14 @@ impl RecordedScenario {
                 // Writing to a string cannot fail.
                 let _ = writeln!(
                     text,
-                    "# Recorded by another user or elsewhere with the {} program {}; `{}` names the one to run.",
+                    "# Recorded by another user or elsewhere with the {} program {}; `{}` chooses the program to run.",
                     role.side,
                     comment(&path.display().to_string()),
                     role.key
                 );
             }
         }
-        for event in gone {
+        for event in removed {
             // Writing to a string cannot fail.
             let _ = writeln!(
                 text,
@@ -234,15 +231,15 @@ impl RecordedScenario {
         let mut live: Vec<&LiveFault> = self.log.accepted.iter().collect();
         live.sort_by_key(|live| live.event.id);
         for fault in live {
-            let asked = comment(&asked(fault, rate));
+            let request = comment(&request_text(fault, rate));
             match resolved(fault, &self.log, rate) {
                 Some(event) => {
                     let toml =
                         show::fault_toml(&event, plant, kinds, rate).map_err(Failure::usage)?;
-                    let _ = write!(text, "\n# {asked}.\n{}", toml.trim_start());
+                    let _ = write!(text, "\n# {request}.\n{}", toml.trim_start());
                 }
                 None => {
-                    let _ = writeln!(text, "\n# {asked}; it never took hold.");
+                    let _ = writeln!(text, "\n# {request}; it never took hold.");
                 }
             }
         }
@@ -256,10 +253,10 @@ impl RecordedScenario {
     }
 }
 
-/// Ends the faults of a scenario where they were cleared. Takes out and returns those that were
-/// cleared before they took hold, and those that could only have followed them.
+/// Ends the scenario's faults where they were cleared. Removes and returns faults that were cleared before they took
+/// effect, and those that could only have followed them.
 fn without_cleared(faults: &mut Vec<FaultEvent>, log: &FaultLog) -> Vec<FaultEvent> {
-    let mut gone = BTreeSet::new();
+    let mut removed = BTreeSet::new();
     for event in faults.iter_mut() {
         let Some(cleared) = cleared(event.id, log) else {
             continue;
@@ -268,20 +265,20 @@ fn without_cleared(faults: &mut Vec<FaultEvent>, log: &FaultLog) -> Vec<FaultEve
             let end = event.end.step.unwrap_or(cleared);
             event.end.step = Some(cleared.min(end));
         } else {
-            gone.insert(event.id);
+            removed.insert(event.id);
         }
     }
     loop {
-        let follows = |event: &&FaultEvent| matches!(event.trigger, Trigger::After { event, .. } if gone.contains(&event));
+        let follows = |event: &&FaultEvent| matches!(event.trigger, Trigger::After { event, .. } if removed.contains(&event));
         let more: Vec<u32> = faults
             .iter()
             .filter(follows)
             .map(|event| event.id)
             .collect();
-        let before = gone.len();
-        gone.extend(more);
-        if gone.len() == before {
-            let is_gone = |event: &mut FaultEvent| gone.contains(&event.id);
+        let before = removed.len();
+        removed.extend(more);
+        if removed.len() == before {
+            let is_gone = |event: &mut FaultEvent| removed.contains(&event.id);
             let left_out = faults.extract_if(.., is_gone).collect();
             renumber(faults);
             return left_out;
@@ -289,7 +286,7 @@ fn without_cleared(faults: &mut Vec<FaultEvent>, log: &FaultLog) -> Vec<FaultEve
     }
 }
 
-/// Numbers events by their place, as a scenario does, also where one follows another.
+/// Renumbers events consecutively, as a scenario does, including references between events.
 fn renumber(faults: &mut [FaultEvent]) {
     let before: Vec<u32> = faults.iter().map(|event| event.id).collect();
     let now = |id: u32| (1..).zip(&before).find(|(_, before)| **before == id);
@@ -301,19 +298,21 @@ fn renumber(faults: &mut [FaultEvent]) {
     }
 }
 
-/// The first step without an event that somebody cleared.
+/// Returns the first step after an event was cleared.
 fn cleared(id: u32, log: &FaultLog) -> Option<Step> {
     let is_it = |ended: &&FaultEnded| ended.id == id && ended.cleared;
     log.ended.iter().find(is_it).map(|ended| Step(ended.step))
 }
 
-fn taken(id: u32, log: &FaultLog) -> impl Iterator<Item = &FaultBegun> {
-    log.taken.iter().filter(move |taken| taken.id == id)
+fn begun_effects(id: u32, log: &FaultLog) -> impl Iterator<Item = &FaultBegun> {
+    log.taken.iter().filter(move |effect| effect.id == id)
 }
 
-/// Keeps the effects of a cleared event that had taken hold; whether there are any.
+/// Keeps the effects of a cleared event that had taken hold; returns `true` if there are any.
 fn keep_taken(event: &mut FaultEvent, log: &FaultLog) -> bool {
-    let numbers: BTreeSet<u32> = taken(event.id, log).map(|taken| taken.effect).collect();
+    let numbers: BTreeSet<u32> = begun_effects(event.id, log)
+        .map(|begun| begun.effect)
+        .collect();
     let mut number = 0..;
     event.effects.retain(|_| {
         number
@@ -323,17 +322,17 @@ fn keep_taken(event: &mut FaultEvent, log: &FaultLog) -> bool {
     !event.effects.is_empty()
 }
 
-/// A live fault as the scenario must have it to repeat what it did; `None` if it never took hold.
+/// Converts a live fault to a scenario fault with the same effect; `None` if it never took hold.
 fn resolved(live: &LiveFault, log: &FaultLog, rate: Rate) -> Option<FaultEvent> {
     let mut event = live.event.clone();
     let id = event.id;
-    let first = taken(id, log).min_by_key(|taken| taken.step)?;
+    let first = begun_effects(id, log).min_by_key(|begun| begun.step)?;
     let at = Step(first.step);
     let planned = event.effects.get(first.effect as usize)?.skew_steps;
     for (number, effect) in (0..).zip(&mut event.effects) {
-        let step = taken(id, log)
-            .find(|taken| taken.effect == number)
-            .map(|taken| taken.step);
+        let step = begun_effects(id, log)
+            .find(|begun| begun.effect == number)
+            .map(|begun| begun.step);
         effect.skew_steps = match step {
             Some(step) => step - at.0,
             None => effect.skew_steps.saturating_sub(planned),
@@ -352,7 +351,7 @@ fn resolved(live: &LiveFault, log: &FaultLog, rate: Rate) -> Option<FaultEvent> 
         keep_taken(&mut event, log);
     }
     match ends.first() {
-        // All at once, whatever the reason was.
+        // All effects ended at once, for whatever reason.
         Some(step) if ends.len() == 1 && ended >= event.effects.len() => {
             event.end = FaultEnd {
                 step: Some(Step(*step)),
@@ -364,13 +363,13 @@ fn resolved(live: &LiveFault, log: &FaultLog, rate: Rate) -> Option<FaultEvent> 
     Some(event)
 }
 
-/// Describes the fault that was asked for, in words.
-fn asked(live: &LiveFault, rate: Rate) -> String {
+/// Describes the requested fault in words.
+fn request_text(live: &LiveFault, rate: Rate) -> String {
     let LiveFault { step, event } = live;
     let when = match &event.trigger {
         Trigger::Now => "at once".into(),
         Trigger::Step { step, at_s } => format!("at {at_s} s, step {step}"),
-        Trigger::Condition(condition) => format!("when {}", held(condition)),
+        Trigger::Condition(condition) => format!("when {}", condition_text(condition)),
         Trigger::After { event, delay_steps } => format!("{delay_steps} steps after fault {event}"),
     };
     let FaultEnd {
@@ -385,7 +384,7 @@ fn asked(live: &LiveFault, rate: Rate) -> String {
         occurrences.map(|times| format!("{times} times")),
         condition
             .as_ref()
-            .map(|condition| format!("until {}", held(condition))),
+            .map(|condition| format!("until {}", condition_text(condition))),
     ];
     let ends: String = ends
         .into_iter()
@@ -394,19 +393,19 @@ fn asked(live: &LiveFault, rate: Rate) -> String {
         .collect();
     let time_s = rate.seconds(Step(*step));
     format!(
-        "Live fault {}, asked for before step {step} ({time_s} s): {when}{ends}",
+        "Live fault {}, requested before step {step} ({time_s} s): {when}{ends}",
         event.id
     )
 }
 
-fn held(condition: &Condition) -> String {
+fn condition_text(condition: &Condition) -> String {
     match condition.records {
         0 | 1 => format!("`{}` holds", condition.expression),
         records => format!("`{}` has held for {records} steps", condition.expression),
     }
 }
 
-/// Text that may stand behind a `#`.
+/// Removes line breaks from a text for use behind a `#`.
 fn comment(text: &str) -> String {
     text.replace(char::is_control, " ")
 }

@@ -1,14 +1,13 @@
-//! `hil replay`: recorded samples against a controller, answer by answer.
+//! `hil replay`: sends recorded samples to a controller and compares its answers with the recorded ones.
 //!
-//! The back-to-back test between two builds of a controller, or between desk and target: the
-//! controller runs as in any run, over the same link and protocol, and `hil` plays the plant with
-//! what was recorded.
+//! This is the back-to-back test between two builds of a controller, or between desk and target: the controller runs
+//! as in any run, over the same link and protocol, and `hil` plays the plant from the recording.
 //!
-//! 1. `original` takes from the recording who took part and where its records have what.
-//! 2. `tape` reads samples and answers ahead on a thread of its own.
-//! 3. `host` sends the samples and takes the answers.
-//! 4. `comparison` holds each against the recorded one.
-//! 5. `report` says what came out.
+//! 1. `original` extracts the participants and the layout of the records from the recording.
+//! 2. `tape` reads samples and answers ahead on its own thread.
+//! 3. `host` sends the samples and receives the answers.
+//! 4. `comparison` compares each answer with the recorded one.
+//! 5. `report` presents the result.
 
 mod comparison;
 mod host;
@@ -56,7 +55,7 @@ use original::Original;
 use report::Report;
 use tape::Tape;
 
-/// A replay about to begin.
+/// Replay that is ready to start.
 struct PreparedReplay {
     original: Arc<Original>,
     plan: Plan,
@@ -70,11 +69,11 @@ struct PreparedReplay {
 /// Runs the command.
 ///
 /// # Errors
-/// If the run cannot be replayed with that controller, or the controller did not live to its end.
+/// If the run cannot be replayed with that controller, or the controller died before the end.
 pub fn replay(arguments: &ReplayArguments) -> Result<Exit, Failure> {
     if arguments.wait_limit.is_nan() || arguments.wait_limit <= 0.0 {
         return Err(Failure::usage(
-            "--wait-limit takes a number above 0, or inf",
+            "--wait-limit must be a number above 0, or inf",
         ));
     }
     asking::allow_seconds(arguments.wait_limit);
@@ -82,15 +81,18 @@ pub fn replay(arguments: &ReplayArguments) -> Result<Exit, Failure> {
     let open = || RunReader::open(&arguments.run);
     let reader = interruption.at_once(open)?.map_err(Failure::usage)?;
     reader.refuse_excerpt().map_err(Failure::usage)?;
-    if let Some(told) = reader.fact(UNVOUCHED) {
-        tell!("note: {} was recovered: {told}", reader.path().display());
+    if let Some(unverified) = reader.fact(UNVOUCHED) {
+        tell!(
+            "note: {} was recovered: {unverified}",
+            reader.path().display()
+        );
     }
     let original = interruption.at_once(|| Original::of(&reader, &arguments.run))??;
     let recorded = Recorded::of(&reader, &arguments.run);
-    let given = arguments.controller_bin.as_deref();
+    let path = arguments.controller_bin.as_deref();
     let at = Reached::by(&arguments.target, arguments.wait_limit, &interruption)?;
     let controller = Binary::controller(
-        given,
+        path,
         &Named::Recorded(&recorded),
         at.as_ref(),
         &interruption,
@@ -129,7 +131,7 @@ pub fn replay(arguments: &ReplayArguments) -> Result<Exit, Failure> {
 }
 
 impl PreparedReplay {
-    /// Refuses before anything is started what the controller would be refused for.
+    /// Checks, before anything starts, that the controller will accept the run.
     fn check(&self) -> Result<(), Failure> {
         let path = self.controller.path.display();
         let laws = &self.controller.description.laws;
@@ -138,8 +140,9 @@ impl PreparedReplay {
             .law_among(laws)
             .ok_or_else(|| Failure::usage(format!("{path} has no law for this run")))?;
         let offer = self.original.offer(0);
-        let welcome = agree(&Hello::of(&law, offer.session), &offer)
-            .map_err(|refused| Failure::usage(format!("{path} is not for this run: {refused}")))?;
+        let welcome = agree(&Hello::of(&law, offer.session), &offer).map_err(|refused| {
+            Failure::usage(format!("{path} does not fit this run: {refused}"))
+        })?;
         Comparison::new(
             &self.original.places.answer,
             &welcome.command,
@@ -212,13 +215,13 @@ impl PreparedReplay {
             .join()
             .map_err(|_| Failure::infrastructure("the reader of the recording panicked"))?;
         self.interruption.check()?;
-        let shown = self.original.run.display();
+        let run_text = self.original.run.display();
         let length =
-            length.map_err(|error| Failure::usage(format!("cannot replay {shown}: {error}")))?;
+            length.map_err(|error| Failure::usage(format!("cannot replay {run_text}: {error}")))?;
         let replayed = replayed.map_err(Failure::infrastructure)?;
         let comparison = conclude(replayed.end, replayed.comparison, child.as_ref())?;
         if comparison.answers == 0 {
-            return Err(Failure::usage(format!("{shown} has no answered sample")));
+            return Err(Failure::usage(format!("{run_text} has no answered sample")));
         }
         Ok(Report::new(
             &self.original,
@@ -229,7 +232,7 @@ impl PreparedReplay {
         ))
     }
 
-    /// Looks after the controller's process until the replay is over and it has ended.
+    /// Watches the controller's process until the replay is over and the process has ended.
     fn watch<T>(
         &self,
         host: &JoinHandle<T>,
@@ -262,7 +265,7 @@ impl PreparedReplay {
     }
 }
 
-/// Values that the loop's thread takes with it.
+/// Values that move into the loop's thread.
 struct Loop {
     session: SessionInfo,
     original: Arc<Original>,
@@ -285,7 +288,7 @@ impl Loop {
         )
     }
 
-    /// Replays to a controller in a process of its own.
+    /// Replays to a controller in its own process.
     fn with_a_process(self) -> Result<Replayed, String> {
         let link = IceoryxLink::create(&self.session).map_err(|e| e.to_string())?;
         let (limit, supervision) = (self.limit, self.supervision.clone());
@@ -296,7 +299,7 @@ impl Loop {
         Ok(host.finish())
     }
 
-    /// Replays to a law that is built into `hil`, in turns with it.
+    /// Replays to a law that is built into `hil`, by alternating with it.
     fn in_one_thread(self, job: Job) -> Result<Replayed, String> {
         let laws = controller_process::laws::all();
         let law = choose(&laws, &job.law, &job.plant).map_err(|e| e.to_string())?;
@@ -325,7 +328,7 @@ fn turns(
         match host.poll()? {
             host::Progress::Over => return Ok(()),
             host::Progress::Busy => waiter.done(),
-            // It had its turn; if nothing comes all the same, one of them is broken.
+            // Each side has been polled; if still nothing comes, one of them is broken.
             host::Progress::Controller => {
                 if waiter.pause() {
                     host.interrupt(&PlantEvent::Deadline(waiter.limit().ms()))?;
@@ -335,7 +338,7 @@ fn turns(
     }
 }
 
-/// The comparison of a replay that came to its end, or why it did not.
+/// Returns the comparison of a completed replay, or the reason why it did not complete.
 fn conclude(
     end: ReplayEnd,
     comparison: Option<Comparison>,
@@ -347,22 +350,22 @@ fn conclude(
         (ReplayEnd::Short, Some(comparison)) => return Ok(comparison),
         (ReplayEnd::Completed, Some(comparison)) => match fate {
             None => return Ok(comparison),
-            // Something is wrong with it all the same.
+            // The controller failed although the replay had completed.
             Some(fate) => fate,
         },
         (ReplayEnd::Aborted(abort), comparison) => {
-            let told = fate.map_or_else(|| abort.to_string(), |fate| format!("{fate}; {abort}"));
+            let message = fate.map_or_else(|| abort.to_string(), |fate| format!("{fate}; {abort}"));
             let first = comparison.as_ref().and_then(Comparison::first);
             match first {
-                Some(first) => format!("{told}; {first}"),
-                None => told,
+                Some(first) => format!("{message}; {first}"),
+                None => message,
             }
         }
         (_, None) => "the replay ended before it began".into(),
     };
-    let said = child.map(SideProcess::excerpt).unwrap_or_default();
-    if !said.is_empty() {
-        output::tell(&format!("controller:\n{said}\n"));
+    let excerpt = child.map(SideProcess::excerpt).unwrap_or_default();
+    if !excerpt.is_empty() {
+        output::tell(&format!("controller:\n{excerpt}\n"));
     }
     Err(Failure::infrastructure(reason))
 }

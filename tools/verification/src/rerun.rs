@@ -1,5 +1,4 @@
-//! `hil rerun`: a recorded run once more, what was done to it while it went on included, and
-//! whether the same came out.
+//! `hil rerun`: repeats a recorded run, including its live interventions, and compares the digests.
 
 use hil_config::plan::Clock;
 use hil_config::scenario::Scenario;
@@ -26,15 +25,15 @@ use crate::repetition::RecordedScenario;
 pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
     let options = &arguments.options;
     let recorded = RecordedScenario::read(&arguments.run)?.for_any_machine();
-    let shown = arguments.run.display();
+    let run_text = arguments.run.display();
     if recorded.lost > 0 {
         let lost = recorded.lost;
         return Err(Failure::usage(format!(
-            "{shown} lost {lost} records: there is no digest to compare with"
+            "{run_text} lost {lost} records: there is no digest to compare with"
         )));
     }
-    // Of a run that was stopped or died all that was recorded must come again; what happened after the
-    // last record is no part of that. In real time it is not known what that one's controller saw.
+    // A run that was stopped or died must be reproduced up to its last record; later events do not matter. In real
+    // time it is unknown what its controller saw after that.
     let is_whole = matches!(recorded.outcome.as_deref(), Some("completed" | "diverged"));
     let (records, expected) = if is_whole {
         (recorded.records, recorded.digest.clone())
@@ -48,12 +47,12 @@ pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
     };
     if records == 0 {
         return Err(Failure::usage(format!(
-            "{shown} has no record to compare with"
+            "{run_text} has no records to compare with"
         )));
     }
     if options.changes.clock == Some(ClockKind::Realtime) {
         return Err(Failure::usage(
-            "a rerun repeats in lockstep what came too late; --clock realtime would be late in its own way",
+            "a rerun reproduces late commands in lockstep; with --clock realtime other commands would be late",
         ));
     }
     refuse_set(&options.changes.set, |role| role.flag)?;
@@ -71,15 +70,15 @@ pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
             .as_ref()
             .is_some_and(|before| *before != binary.blake3)
         {
-            let (path, found) = (binary.path.display(), &binary.blake3);
+            let (path, hash) = (binary.path.display(), &binary.blake3);
             let before = before.as_deref().unwrap_or_default();
             tell!(
-                "warning: {path} is not the binary of the recorded run: it has hash {found}, that one had {before}"
+                "warning: {path} is not the binary of the recorded run: its hash is {hash}, but was {before}"
             );
         }
     }
     let text = recorded.scenario()?;
-    let scenario = Scenario::parse(&text, format!("the scenario of {shown}"));
+    let scenario = Scenario::parse(&text, format!("the scenario of {run_text}"));
     let check = || scenario::check(scenario, &options.changes, binaries, options.json);
     let mut plan = interruption.at_once(check)??;
     if options.changes.clock.is_none() && plan.run.clock == Clock::Realtime {
@@ -90,12 +89,12 @@ pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
         missed: recorded.missed,
     };
     let ran = hil_run::execute(plan, environment, Origin::Repeated(repeated))?;
-    let found = if is_whole {
+    let digest = if is_whole {
         &ran.summary.digest
     } else {
         &ran.partial_digests.get(&records).cloned()
     };
-    let is_same = found.as_ref() == Some(&expected);
+    let is_same = digest.as_ref() == Some(&expected);
     let difference: Option<Difference> = match &ran.recording {
         Some(recording) if !is_same => {
             let exact = Tolerances::default();
@@ -106,14 +105,14 @@ pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
         }
         _ => None,
     };
-    let told = if options.json {
+    let output_text = if options.json {
         let summary: serde_json::Value =
             serde_json::from_str(&ran.json).map_err(Failure::infrastructure)?;
         let result = json!({
             "same": is_same,
             "records": records,
             "recorded_digest": expected,
-            "digest": found,
+            "digest": digest,
             "first_difference": difference,
             "resumed_check": recorded.resumed_check,
             "summary": summary,
@@ -124,28 +123,27 @@ pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
         let compared = if is_whole {
             String::new()
         } else {
-            format!(", over its first {records} records: it did not end by itself")
+            format!(", over its first {records} records: the run did not end by itself")
         };
         text += &if is_same {
-            format!("same digest as {shown}{compared}\n")
+            format!("same digest as {run_text}{compared}\n")
         } else {
-            let found = found.as_deref().unwrap_or("none");
-            format!(
-                "NOT the digest of {shown}{compared}: {expected} was recorded, {found} came now\n"
-            )
+            let digest = digest.as_deref().unwrap_or("none");
+            format!("NOT the digest of {run_text}{compared}: recorded {expected}, now {digest}\n")
         };
         if let Some(difference) = &difference {
             text += &format!("{difference}\n");
         }
         if let (false, Some(check)) = (is_same, &recorded.resumed_check) {
-            text +=
-                &format!("{shown} went on from a checkpoint, whose restored state is: {check}\n");
+            text += &format!(
+                "{run_text} resumed from a checkpoint, whose restored state is: {check}\n"
+            );
         }
         text
     };
-    let told = output::write(&told);
+    let result = output::write(&output_text);
     ran.written?;
-    told?;
+    result?;
     Ok(match ran.exit {
         Exit::Infrastructure | Exit::Interrupted => ran.exit,
         _ if is_same => Exit::Pass,

@@ -1,9 +1,9 @@
-//! `hil run`: one scenario or several, once, repeatedly or under the conditions of an audit, from the
-//! command line to the verdicts.
+//! `hil run`: runs one or more scenarios, once, repeatedly or under the conditions of an audit, from the command line
+//! to the verdicts.
 //!
-//! Every run has a session, a folder and processes or threads of its own; N of them go on at a time
-//! as there are cores for. All scenarios are checked before the first run starts. What repeats a
-//! scenario must have its digest: that is a verdict too.
+//! Every run has its own session, folder and processes or threads; as many runs as the cores allow are active at a
+//! time. All scenarios are checked before the first run starts. All runs of a scenario must have the same digest: a
+//! difference affects the verdict.
 
 mod audit;
 mod case;
@@ -37,7 +37,7 @@ use case::{Case, Row};
 /// Runs the command.
 ///
 /// # Errors
-/// If nothing could be started, or results not be written.
+/// If no run could be started, or results cannot be written.
 pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
     if arguments.audit {
         audit::refuse_arguments(arguments)?;
@@ -49,7 +49,7 @@ pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
     let (settings, interruption) = hil_run::begin(&arguments.options)?;
     if let (Some(flag), Some(_)) = (settings.by_hand.flag(), arguments.jobs) {
         return Err(Failure::usage(format!(
-            "{flag} is for a single run; leave out --jobs"
+            "{flag} requires a single run; omit --jobs"
         )));
     }
     if let Some(from) = &arguments.from.from {
@@ -64,10 +64,10 @@ pub fn run(arguments: &RunArguments) -> Result<Exit, Failure> {
     }
 }
 
-/// Runs one case, with the summary of its run as the result.
+/// Runs one case and prints the summary of its run.
 fn single(arguments: &RunArguments, case: &Case, origin: Origin) -> Result<Exit, Failure> {
     let row = case.row(Some(Ok(case.run(origin)?)));
-    let told = row.ran.as_ref().map_or(Ok(()), |ran| {
+    let result = row.ran.as_ref().map_or(Ok(()), |ran| {
         output::write(&if arguments.options.json {
             format!("{}\n", ran.json)
         } else {
@@ -77,26 +77,22 @@ fn single(arguments: &RunArguments, case: &Case, origin: Origin) -> Result<Exit,
     if let Some(failure) = &row.failure {
         output::tell(&failure.to_string());
     }
-    let written = write_reports(arguments, std::slice::from_ref(&row));
-    told?;
-    written?;
+    let reports = write_reports(arguments, std::slice::from_ref(&row));
+    result?;
+    reports?;
     Ok(row.exit)
 }
 
-/// Runs several cases, with one table of verdicts.
+/// Runs several cases and prints a table of verdicts.
 fn several(arguments: &RunArguments, mut cases: Vec<Case>) -> Result<Exit, Failure> {
     let jobs = jobs(arguments, &cases)?;
     for (number, case) in (1..).zip(&mut cases) {
         let settings = &mut case.environment.settings;
         if settings.pause_at_s.is_some() {
-            return Err(Failure::usage(
-                "--pause-at is for a single run; several run by themselves",
-            ));
+            return Err(Failure::usage("--pause-at requires a single run"));
         }
         if let Some(flag) = settings.by_hand.flag() {
-            return Err(Failure::usage(format!(
-                "{flag} is for a single run; several run by themselves"
-            )));
+            return Err(Failure::usage(format!("{flag} requires a single run")));
         }
         settings.is_one_of_many = true;
         settings.out = (settings.out.take()).map(|folder| folder.join(&case.label));
@@ -115,7 +111,7 @@ fn several(arguments: &RunArguments, mut cases: Vec<Case>) -> Result<Exit, Failu
         Err(early) => return early,
     };
     let worst = worst(&rows);
-    let told = output::write(&if arguments.options.json {
+    let result = output::write(&if arguments.options.json {
         let runs: Result<Vec<serde_json::Value>, _> = rows.iter().map(json_of).collect();
         let runs = runs.map_err(Failure::infrastructure)?;
         let verdict = match worst {
@@ -129,11 +125,11 @@ fn several(arguments: &RunArguments, mut cases: Vec<Case>) -> Result<Exit, Failu
         table::of(&rows)
     });
     write_reports(arguments, &rows)?;
-    told?;
+    result?;
     Ok(worst)
 }
 
-/// Finds the checkpoint that a run goes on from, and what goes on.
+/// Loads the checkpoint that a run resumes from, and plans the rest of the run.
 fn resumed(
     arguments: &RunArguments,
     from: &Path,
@@ -142,7 +138,7 @@ fn resumed(
 ) -> Result<(Case, Origin), Failure> {
     if arguments.repeat > 1 {
         return Err(Failure::usage(
-            "--repeat is for scenarios; --from goes on once",
+            "--repeat applies to scenarios; --from resumes a single run",
         ));
     }
     let options = &arguments.options;
@@ -162,7 +158,7 @@ fn resumed(
     Ok((case, Origin::Checkpoint(Box::new(past), branch)))
 }
 
-/// Checks all scenarios and puts the runs in order: the first of each, then the second, and so on.
+/// Checks all scenarios and orders the runs: the first of each, then the second of each, and so on.
 fn cases(
     arguments: &RunArguments,
     settings: &Settings,
@@ -220,10 +216,10 @@ fn jobs(arguments: &RunArguments, cases: &[Case]) -> Result<usize, Failure> {
     };
     match arguments.jobs.map(|jobs| jobs as usize) {
         Some(jobs) if jobs > cores => Err(Failure::usage(format!(
-            "--jobs {jobs} is more than the {cores} cores there are; every run wants {wants}"
+            "--jobs {jobs} exceeds the {cores} available cores; every run needs {wants}"
         ))),
         Some(2..) if arguments.options.target.serves_one() => Err(Failure::usage(
-            "--jobs: an agent that listens serves one session at a time",
+            "--jobs: a listening agent serves one session at a time",
         )),
         Some(jobs) => Ok(jobs),
         None if against_clock || arguments.options.target.target.is_some() => Ok(1),
@@ -231,28 +227,28 @@ fn jobs(arguments: &RunArguments, cases: &[Case]) -> Result<usize, Failure> {
     }
 }
 
-/// Refuses a file whose folder is not there, before hours of runs.
+/// Refuses a file whose folder does not exist, before hours of runs.
 fn refuse_unwritable(path: &Path) -> Result<(), Failure> {
     let folder = path.parent().filter(|folder| *folder != Path::new(""));
     let is_there = folder.is_none_or(Path::is_dir);
     if is_there && !path.is_dir() {
         return Ok(());
     }
-    let shown = path.display();
+    let path_text = path.display();
     Err(Failure::usage(if is_there {
-        format!("cannot write {shown}: it is a folder")
+        format!("cannot write {path_text}: it is a folder")
     } else {
-        format!("cannot write {shown}: there is no such folder")
+        format!("cannot write {path_text}: its folder does not exist")
     }))
 }
 
-/// The exit code that stands for all: a run that could not end says more than one that failed.
+/// Returns the exit code of the suite: an aborted run outranks a failed one.
 fn worst(rows: &[Row]) -> Exit {
     let exits = rows.iter().map(|row| row.exit);
     exits.max_by_key(|exit| *exit as u8).unwrap_or(Exit::Pass)
 }
 
-/// A run as a machine reads it: its summary, its label and folder, and what else is wrong with it.
+/// Converts a run to JSON: its summary, label and folder, and errors beyond the summary.
 fn json_of(row: &Row) -> serde_json::Result<serde_json::Value> {
     let mut value = match &row.ran {
         Some(ran) => serde_json::from_str(&ran.json)?,

@@ -1,7 +1,7 @@
-//! Exact coverage of the bounds: for a true probability, the chance that the bounds contain it.
+//! Exact coverage of the bounds: the chance that the bounds contain a given true probability.
 //!
-//! Independent of the functions that compute the bounds: logarithms of factorials by recurrence, and plain
-//! sums of probabilities.
+//! The computation is independent of the functions under test: logarithms of factorials by recurrence, and plain sums
+//! of probabilities.
 
 #![expect(
     clippy::disallowed_methods,
@@ -10,13 +10,13 @@
 
 use super::{bounds, lower, upper};
 
-/// Distance from the probability at which a sum is certain: logarithms of factorials up to 4000 are about
-/// 30,000 and have errors of some 1e-12.
+/// Tolerance of a sum of probabilities: logarithms of factorials up to 4000 are about 30,000, with errors of some
+/// 1e-12.
 const ROUNDING: f64 = 1e-10;
 const TRIALS: [u64; 12] = [10, 11, 13, 20, 33, 50, 100, 200, 400, 1000, 2000, 4000];
 const CONFIDENCES: [f64; 3] = [0.9, 0.95, 0.99];
 
-/// Probabilities of the counts of a number of trials.
+/// Binomial distribution of a number of trials.
 struct Binomial {
     /// Logarithms of the binomial coefficients.
     ln_choose: Vec<f64>,
@@ -24,7 +24,7 @@ struct Binomial {
 
 impl Binomial {
     fn new(n: usize) -> Self {
-        // ln k! = ln (k - 1)! + ln k, with the rounding of each sum carried (W. Kahan, 1965).
+        // ln k! = ln (k - 1)! + ln k, by compensated summation (W. Kahan, 1965).
         let (mut factorials, mut sum, mut carried) = (vec![0.0], 0.0, 0.0);
         for k in 1..=n {
             let term = (k as f64).ln() - carried;
@@ -50,7 +50,7 @@ impl Binomial {
     }
 }
 
-/// Probabilities at which the coverage is computed: a grid, and the two numbers beside each bound, where the
+/// Probabilities at which the coverage is evaluated: a grid, and the two numbers adjacent to each bound, where the
 /// coverage jumps.
 fn probabilities(bounds: impl Iterator<Item = f64>) -> Vec<f64> {
     let grid = (1..500).map(|step| f64::from(step) / 500.0);
@@ -59,7 +59,7 @@ fn probabilities(bounds: impl Iterator<Item = f64>) -> Vec<f64> {
     grid.chain(beside).filter(is_inside).collect()
 }
 
-/// Every how many counts the bounds of a large number of trials give points; the ends give all of theirs.
+/// Stride between the counts whose bounds are evaluated; the counts near both ends are all evaluated.
 fn stride(n: u64) -> u64 {
     n.div_ceil(400)
 }
@@ -69,7 +69,7 @@ fn is_chosen(k: u64, n: u64) -> bool {
 }
 
 #[test]
-fn two_sided_bounds_contain_any_probability_at_least_as_often_as_they_say() {
+fn the_coverage_of_two_sided_bounds_is_at_least_the_confidence() {
     for (n, confidence) in TRIALS.into_iter().flat_map(|n| CONFIDENCES.map(|c| (n, c))) {
         let binomial = Binomial::new(n as usize);
         let all: Vec<_> = (0..=n)
@@ -88,7 +88,7 @@ fn two_sided_bounds_contain_any_probability_at_least_as_often_as_they_say() {
 }
 
 #[test]
-fn one_sided_bounds_lie_on_their_side_at_least_as_often_as_they_say() {
+fn the_coverage_of_one_sided_bounds_is_at_least_the_confidence() {
     for (n, confidence) in TRIALS.into_iter().flat_map(|n| CONFIDENCES.map(|c| (n, c))) {
         let binomial = Binomial::new(n as usize);
         for (bound, is_lower) in [(lower as fn(u64, u64, f64) -> f64, true), (upper, false)] {
@@ -106,8 +106,8 @@ fn one_sided_bounds_lie_on_their_side_at_least_as_often_as_they_say() {
 }
 
 #[test]
-fn a_side_chosen_by_the_data_would_not_cover_what_it_says() {
-    // The rule that this one replaced: at 95 % the whole risk on one side after no success or no failure.
+fn choosing_the_side_by_the_data_would_miss_the_confidence() {
+    // The rule that this one replaced: at 95 %, the whole risk on one side without a success or without a failure.
     let (n, confidence) = (10, 0.95);
     let binomial = Binomial::new(n as usize);
     let all: Vec<[f64; 2]> = (0..=n)

@@ -1,4 +1,4 @@
-//! Tests of curves, from the rows of workers to what a reader gets.
+//! Tests of curves, from the rows of workers to the joined file.
 
 use std::fs;
 
@@ -42,7 +42,7 @@ fn campaign_of(name: &str) -> Campaign {
     })
 }
 
-/// Value of a signal in a bin: one of many that no order of cases makes greater or smaller.
+/// Value of a signal in a bin, independent of the order of cases.
 fn value(case: u64, signal: usize, bin: usize) -> f64 {
     let mixed = (case * 7 + signal as u64 * 3 + bin as u64 * 11) % 23;
     mixed as f64 - 11.0
@@ -85,10 +85,10 @@ fn curve(case: u64) -> Curve {
     curve
 }
 
-fn run(campaign: &Campaign, shard: u64, kept: impl Fn(u64) -> bool) {
+fn run(campaign: &Campaign, shard: u64, is_included: impl Fn(u64) -> bool) {
     let mut attempt = campaign.attempt(shard);
     for case in Shard::of(&campaign.folder, shard).cases() {
-        if !attempt.has(case) && kept(case) {
+        if !attempt.has(case) && is_included(case) {
             attempt
                 .row(row(case), 0.1, Some(curve(case)))
                 .expect("noted");
@@ -103,7 +103,7 @@ fn run(campaign: &Campaign, shard: u64, kept: impl Fn(u64) -> bool) {
 }
 
 #[test]
-fn envelopes_and_worst_cases_are_those_of_all_cases_whoever_ran_them() {
+fn envelopes_and_worst_cases_cover_all_cases_of_all_workers() {
     let campaign = campaign();
     // The first shard had three workers, of which two died.
     run(&campaign, 0, |case| case % 3 == 0);
@@ -143,7 +143,7 @@ fn envelopes_and_worst_cases_are_those_of_all_cases_whoever_ran_them() {
 }
 
 #[test]
-fn curves_that_change_nothing_are_not_noted() {
+fn curves_inside_the_envelope_are_not_journaled() {
     let campaign = campaign();
     run(&campaign, 1, |case| case != 19);
     let shard = campaign.folder.path().join("shards/00000001");
@@ -151,12 +151,12 @@ fn curves_that_change_nothing_are_not_noted() {
     let noted = fs::read_to_string(&journal).expect("a journal");
     let with = noted.matches("\"curve\"").count();
     assert!(with > 0 && with < 9, "{with}");
-    // The same cases once more are within what is known.
-    let found = journal::read(&journal, &campaign.folder).expect("read");
-    let found = found.expect("whole");
+    // The curves of the same cases are inside the envelope when they are run again.
+    let content = journal::read(&journal, &campaign.folder).expect("read");
+    let content = content.expect("whole");
     let mut curves = Curves::default();
     let manifest = campaign.folder.manifest();
-    for (case, curve) in &found.curves {
+    for (case, curve) in &content.curves {
         curves.take(manifest, &row(*case), curve);
     }
     for case in 10_u64..19 {
@@ -184,7 +184,7 @@ fn a_damaged_file_of_curves_costs_no_result() {
     assert_eq!(without, 1);
     assert!(curves.sampled.keys().all(|case| !(20..30).contains(case)));
     assert!(Shard::of(&campaign.folder, 2).part().is_ok());
-    // A result that is set aside takes its curves with it, and has new ones when it is computed again.
+    // A result that is set aside takes its curves along; computing it again restores them.
     Shard::of(&campaign.folder, 2).set_aside().expect("renamed");
     run(&campaign, 2, |_| true);
     assert_eq!(collect::curves(&campaign.folder).expect("read").1, 0);
@@ -210,7 +210,7 @@ fn curves_of_another_shard_or_campaign_count_as_missing() {
         assert_eq!(without, 1, "{}", foreign.display());
         assert!(curves.sampled.keys().all(|case| !(20..30).contains(case)));
     }
-    // Earlier versions named no shard.
+    // Earlier versions did not record the shard.
     let text = String::from_utf8(whole).expect("a text");
     let json = journal::unsealed(&text).expect("whole");
     let mut value: serde_json::Value = serde_json::from_str(json).expect("JSON");

@@ -24,8 +24,8 @@ fn a_broken_result_counts_as_none_and_is_computed_again_once_it_is_set_aside() {
 }
 
 #[test]
-fn the_digest_is_over_the_cells_in_the_order_of_cases_however_they_are_sharded() {
-    // By hand, in the documented form.
+fn the_digest_covers_the_cells_in_case_order_for_any_sharding() {
+    // Built by hand, in the documented form.
     let mut bytes = Vec::new();
     for case in 0..7_u64 {
         bytes.extend(case.to_le_bytes());

@@ -1,9 +1,9 @@
 //! Answers of a complete campaign: classes, probabilities with bounds, margins with quantiles, worst cases, rank
-//! correlations, and whether the study's goals are met.
+//! correlations and the study's goals.
 //!
-//! Bounds only where draws are independent. A diverged case has not passed and is worse than any other; an undecided
-//! one has not passed either and is a class of its own; a case that was set aside makes every probability a matter
-//! of belief, so there is none.
+//! Bounds are given only for independent draws. A diverged case has not passed and ranks below any other; an
+//! undecided one has not passed either and has a class of its own. A case that was set aside could have any outcome,
+//! so no bounds are given then.
 
 mod gathered;
 
@@ -23,17 +23,17 @@ pub(super) use gathered::Gathered;
 
 /// Classes of cases.
 pub(super) const CLASSES: [&str; 5] = ["pass", "fail", "diverged", "undecided", LOST];
-/// The classes in words for a person: cases without a requirement are not called a pass.
+/// Returns the class names to display: cases without a requirement are not called a pass.
 pub(super) fn classes_in_words(requirements: usize) -> [&'static str; CLASSES.len()] {
     CLASSES.map(|class| requirements::in_words(class, requirements))
 }
 
-/// Quantiles of margins that are told.
+/// Quantiles of margins that are reported.
 const QUANTILES: [f64; 3] = [0.01, 0.05, 0.5];
-/// Number of worst cases and of correlations that are told.
+/// Maximum number of worst cases and correlations that are reported.
 const MOST: usize = 5;
 
-/// Answers of a campaign.
+/// Results of a campaign.
 #[derive(Debug, Serialize)]
 pub(super) struct Answers {
     pub(super) name: String,
@@ -49,7 +49,7 @@ pub(super) struct Answers {
 }
 
 impl Answers {
-    /// Number of the requirements that cases are judged by.
+    /// Returns the number of requirements.
     pub(super) fn requirements(&self) -> usize {
         self.variants
             .first()
@@ -57,7 +57,7 @@ impl Answers {
     }
 }
 
-/// A share of cases, with bounds of the probability behind it.
+/// Share of cases, with bounds of the underlying probability.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(super) struct Share {
     pub(super) count: u64,
@@ -70,56 +70,56 @@ pub(super) struct Share {
 pub(super) struct BoundsAnswer {
     pub(super) lower: f64,
     pub(super) upper: f64,
-    /// Always `both`: each bound takes half of the risk.
+    /// Always `both`: each bound has half of the risk.
     pub(super) sided: &'static str,
 }
 
-/// Answers for a variant.
+/// Results of a variant.
 #[derive(Debug, Serialize)]
 pub(super) struct VariantAnswer {
     pub(super) name: String,
-    /// Cases of each class, in the order of [`CLASSES`].
+    /// Number of cases of each class, in the order of [`CLASSES`].
     pub(super) classes: [u64; 5],
     pub(super) passes: Share,
     pub(super) requirements: Vec<RequirementAnswer>,
-    /// Cases that diverged, the first few.
+    /// First few cases that diverged.
     pub(super) diverged: Vec<u64>,
 }
 
-/// Answers for a requirement of a variant.
+/// Results of a requirement in a variant.
 #[derive(Debug, Serialize)]
 pub(super) struct RequirementAnswer {
     pub(super) name: String,
     pub(super) unit: String,
     pub(super) holds: Share,
     pub(super) quantiles: Vec<QuantileAnswer>,
-    /// Cases without a margin, neither good nor bad.
+    /// Number of cases with a NaN margin, which is neither good nor bad.
     pub(super) without: u64,
     pub(super) worst: Vec<WorstAnswer>,
-    /// Rank correlations of the margin with varied values, the strongest first.
+    /// Rank correlations of the margin with varied values, strongest first.
     pub(super) correlations: Vec<(String, f64)>,
-    /// Differences between the margins are rounding, which follows nothing.
+    /// Set if the margins differ by rounding only, which correlates with nothing.
     pub(super) is_rounding: bool,
 }
 
-/// A quantile of a margin.
+/// Quantile of a margin.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(super) struct QuantileAnswer {
     pub(super) p: f64,
-    /// NaN without any margin, and between minus infinity and infinity.
+    /// NaN without a margin, and between minus infinity and infinity.
     pub(super) value: Margin,
     /// Bounds, if there are enough independent draws.
     pub(super) bounds: Option<[Margin; 2]>,
 }
 
-/// A case and its margin.
+/// Case with its margin.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(super) struct WorstAnswer {
     pub(super) case: u64,
     pub(super) margin: Margin,
 }
 
-/// A margin that may be infinite; in JSON infinities travel as text, and NaN is null.
+/// Margin that may be infinite; in JSON infinities become strings and NaN becomes null.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Margin(pub(super) f64);
 
@@ -132,11 +132,11 @@ impl Serialize for Margin {
     }
 }
 
-/// Answer to a goal.
+/// Result of a goal.
 #[derive(Debug, Serialize)]
 pub(super) struct GoalAnswer {
     pub(super) variant: String,
-    /// None if it is about cases that pass.
+    /// `None` for a goal about cases that pass.
     pub(super) requirement: Option<String>,
     pub(super) probability: f64,
     pub(super) confidence: f64,
@@ -153,13 +153,13 @@ pub(super) fn class_of<'a>(manifest: &Manifest, row: &'a Row) -> &'a str {
         .map_or("", |place| row[place].as_text())
 }
 
-/// Returns the place of a class among [`CLASSES`]; an unknown one counts as lost.
+/// Returns the index of a class in [`CLASSES`]; unknown classes count as lost.
 pub(super) fn place_of(class: &str) -> usize {
     let known = CLASSES.iter().position(|known| *known == class);
     known.unwrap_or(CLASSES.len() - 1)
 }
 
-/// Computes the answers of the cases of a campaign.
+/// Computes the results of a campaign from its cases.
 pub(super) fn of(gathered: Gathered, collected: &Collected) -> Answers {
     let Gathered {
         manifest,
@@ -196,8 +196,8 @@ pub(super) fn of(gathered: Gathered, collected: &Collected) -> Answers {
     }
 }
 
-/// Returns the margin by which cases are ordered: a diverged one is worse than any, and a verdict without a margin
-/// is beyond every margin.
+/// Returns the margin that orders cases: a diverged case ranks below any other, and a verdict without a margin is
+/// infinite.
 pub(super) fn margin(verdict: &str, class: &str, robustness: f64) -> f64 {
     match verdict {
         _ if class == "diverged" => f64::NEG_INFINITY,
@@ -226,17 +226,17 @@ fn answer(
     let answers = requirements.iter().zip(&cases.holds).zip(&cases.margins);
     let requirements = answers.map(|(((name, unit), holds), margins)| {
         let order = Order::of(margins);
-        // Those without a margin come last.
+        // NaN margins sort last.
         let is_there = |place: &usize| !margins[*place].is_nan();
         let places: Vec<usize> = order.places().take_while(is_there).collect();
         let sorted: Vec<f64> = places.iter().map(|place| margins[*place]).collect();
-        // Those with a margin are no sample of all.
+        // The cases with a margin are not a random sample of all cases.
         let bounded = confidence.filter(|_| sorted.len() == margins.len());
         let worst = places.iter().take(MOST).map(|place| WorstAnswer {
             case: cases.case[*place],
             margin: Margin(margins[*place]),
         });
-        // Of cases with a margin; nearly always these are all.
+        // Over the cases with a margin, which are nearly always all of them.
         let is_rounding = rank::is_rounding(&sorted);
         let margin_ranks = match is_rounding {
             true => rank::ranks(&existing(margins, without_rounding(margins))),
@@ -272,20 +272,20 @@ fn answer(
     VariantAnswer {
         name: name.into(),
         classes: cases.classes,
-        // Where nothing can fail, passing says nothing.
+        // Without a requirement, passing means nothing.
         passes: share(cases.classes[0], of, confidence.filter(|_| can_fail)),
         requirements: requirements.collect(),
         diverged,
     }
 }
 
-/// Makes all finite margins equal, so that only infinite ones differ.
+/// Replaces all finite margins by the same value, so that only infinite ones differ.
 fn without_rounding(margins: &[f64]) -> Vec<f64> {
     let equal = |margin: &f64| if margin.is_finite() { 0.0 } else { *margin };
     margins.iter().map(equal).collect()
 }
 
-/// Leaves out the values of cases without a margin.
+/// Removes the values of cases without a margin.
 fn existing(margins: &[f64], mut values: Vec<f64>) -> Vec<f64> {
     let mut margins = margins.iter();
     values.retain(|_| margins.next().is_some_and(|margin| !margin.is_nan()));
@@ -315,7 +315,7 @@ fn quantile(sorted: &[f64], p: f64, confidence: Option<f64>) -> QuantileAnswer {
     }
 }
 
-/// Judges a goal for a variant; without independent draws of every case none is met.
+/// Evaluates a goal for a variant; it is met only with independent draws and a result for every case.
 fn goal_answer(goal: &Goal, variant: &VariantAnswer, is_sure: bool) -> GoalAnswer {
     let none = Share {
         count: 0,
@@ -325,8 +325,8 @@ fn goal_answer(goal: &Goal, variant: &VariantAnswer, is_sure: bool) -> GoalAnswe
     let share = match &goal.requirement {
         None => variant.passes,
         Some(name) => {
-            let found = variant.requirements.iter().find(|one| one.name == *name);
-            found.map_or(none, |one| one.holds)
+            let requirement = variant.requirements.iter().find(|one| one.name == *name);
+            requirement.map_or(none, |one| one.holds)
         }
     };
     let lower = match is_sure {
@@ -352,35 +352,35 @@ mod tests {
 
     const INF: f64 = f64::INFINITY;
 
-    fn written(sorted: &[f64], p: f64) -> serde_json::Value {
+    fn quantile_json(sorted: &[f64], p: f64) -> serde_json::Value {
         serde_json::to_value(quantile(sorted, p, Some(0.9))).expect("JSON")
     }
 
     #[test]
-    fn an_infinite_margin_at_a_quantile_is_not_written_as_too_few_cases() {
+    fn an_infinite_quantile_is_distinguished_from_too_few_cases() {
         // Two of twenty diverged, two hold without a margin.
         let mut sorted = vec![-INF, -INF];
         sorted.extend((1..17).map(f64::from));
         sorted.extend([INF, INF]);
-        let low = written(&sorted, 0.05);
+        let low = quantile_json(&sorted, 0.05);
         assert_eq!(low["value"], "-inf");
         // Too few for a bound below the quantile at 5 %.
         assert_eq!(low["bounds"], json!(null));
-        let high = written(&sorted, 0.9);
+        let high = quantile_json(&sorted, 0.9);
         assert_eq!(high["value"], json!("inf"));
-        let median = written(&sorted, 0.5);
+        let median = quantile_json(&sorted, 0.5);
         assert_eq!(median["value"], json!(8.5));
         assert!(median["bounds"][0].is_number(), "{median}");
         // The bounds of the quantile at 20 % begin with a case that diverged.
-        let bounded = written(&sorted, 0.2);
+        let bounded = quantile_json(&sorted, 0.2);
         assert_eq!(bounded["bounds"][0], json!("-inf"), "{bounded}");
         assert!(bounded["bounds"][1].is_number(), "{bounded}");
-        assert_eq!(written(&[], 0.5)["value"], json!(null));
-        assert_eq!(written(&[-INF, INF], 0.5)["value"], json!(null));
+        assert_eq!(quantile_json(&[], 0.5)["value"], json!(null));
+        assert_eq!(quantile_json(&[-INF, INF], 0.5)["value"], json!(null));
     }
 
     #[test]
-    fn cases_that_diverged_still_differ_from_margins_that_vary_by_rounding() {
+    fn diverged_cases_still_differ_from_margins_equal_up_to_rounding() {
         let margins = [1.0, 1.0 + 1e-12, -INF, 1.0 - 1e-12, f64::NAN];
         assert_eq!(without_rounding(&margins)[..4], [0.0, 0.0, -INF, 0.0]);
         assert!(without_rounding(&margins)[4].is_nan());

@@ -1,4 +1,4 @@
-//! Case of a campaign again: as a scenario, or as a run with a recording whose digest must be the same.
+//! `hil campaign case`: prints a case as a scenario, or runs it again with a recording and compares the digest.
 
 use std::sync::Arc;
 
@@ -26,7 +26,7 @@ use crate::arguments::CaseArguments;
 /// Runs a case.
 ///
 /// # Errors
-/// If it cannot be run.
+/// If the case does not exist or cannot be run.
 pub(super) fn case(arguments: &CaseArguments) -> Result<Exit, Failure> {
     let interruption = Interruption::listen()?;
     let folder = open(&arguments.folder)?;
@@ -40,14 +40,14 @@ pub(super) fn case(arguments: &CaseArguments) -> Result<Exit, Failure> {
     }
     let cases = Cases::of_folder(&folder, &interruption)?;
     values::check(&folder, cases.study()).map_err(|why| {
-        let shown = quoted(folder.path());
+        let folder_text = quoted(folder.path());
         Failure::usage(format!(
-            "{why}; hil campaign run {shown} writes it anew, and so does hil campaign collect {shown} once all cases have a result"
+            "{why}; hil campaign run {folder_text} rewrites it, and so does hil campaign collect {folder_text} once all cases have a result"
         ))
     })?;
     let plan = cases.plan(case)?;
     if arguments.show {
-        output::write(&cases.shown(&plan)?)?;
+        output::write(&cases.scenario_text(&plan)?)?;
         return Ok(Exit::Pass);
     }
     let link = match arguments.in_process {
@@ -80,7 +80,7 @@ pub(super) fn case(arguments: &CaseArguments) -> Result<Exit, Failure> {
     }
     match published(&folder, case) {
         Some(known) if known == digest => {
-            tell!("case {case} has the digest of the campaign");
+            tell!("case {case} reproduced the campaign's digest");
             Ok(ran.exit)
         }
         Some(known) => {
@@ -91,8 +91,8 @@ pub(super) fn case(arguments: &CaseArguments) -> Result<Exit, Failure> {
     }
 }
 
-/// Chooses the programs of a case that needs none but those of `hil`: the copies in the folder, whatever is beside the
-/// `hil` that was called.
+/// Chooses the programs of a case with built-in plant and law: the copies in the folder, not those beside the running
+/// `hil`.
 fn built_in(folder: &Folder, link: LinkKind) -> Result<Choices, Failure> {
     let root = std::path::absolute(folder.path()).map_err(Failure::usage)?;
     let copies = folder.manifest().both();
@@ -110,17 +110,17 @@ fn built_in(folder: &Folder, link: LinkKind) -> Result<Choices, Failure> {
             Choices::of(&BinaryArguments::default(), &Named::Nothing, None)
         }
         (None, _) => Err(Failure::usage(
-            "the folder has no copies of plant-process and controller-process, which were not beside hil when it was planned; --in-process runs the case in the planned hil",
+            "the folder has no copies of plant-process and controller-process, because they were not beside hil when the campaign was planned; --in-process runs the case inside the planned hil",
         )),
     }
 }
 
-/// Returns the digest that a case has in the campaign, if it has one.
+/// Returns the campaign's digest of a case, if it has one.
 fn published(folder: &Folder, case: u64) -> Option<String> {
     let manifest = folder.manifest();
     let place = manifest.place("digest")?;
     let part = Shard::of(folder, manifest.shard_of(case)).part().ok()?;
-    let row = part.cases().iter().position(|known| *known == case)?;
+    let row = part.cases().iter().position(|number| *number == case)?;
     let digest = part.results()[place].text(row);
     Some(digest.to_owned()).filter(|digest| !digest.is_empty())
 }

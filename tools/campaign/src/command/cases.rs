@@ -1,4 +1,4 @@
-//! The cases of a study: the plan of each, and the row that comes of running it.
+//! The cases of a study: the plan of each case, and the row that results from running it.
 
 mod own;
 
@@ -34,19 +34,19 @@ pub(super) struct Cases {
     pub(super) draws: Draws,
     scenario: Scenario,
     rig: Rig,
-    /// Copies of tables of points, by the names that scenario and study have for them.
+    /// Copies of point tables, by the names that the scenario and the study use.
     tables: BTreeMap<String, String>,
-    /// Keys of the scenario that name such tables.
+    /// Scenario keys that refer to such tables, with the names.
     files: Vec<(String, String)>,
-    /// Grid of their curves, if they are kept.
+    /// Grid of the curves, if they are recorded.
     grid: Option<Arc<Grid>>,
 }
 
-/// Programs of the cases.
+/// Plant and controller of the cases.
 enum Rig {
     /// Plants and laws that are built into `hil`.
     BuiltIn(Box<[Description; 2]>),
-    /// Programs of their own.
+    /// External programs.
     Own(Box<Own>),
 }
 
@@ -58,10 +58,10 @@ type Described<'a> = (
 );
 
 impl Cases {
-    /// Joins a study with the scenario and the programs that it names.
+    /// Combines a study with the scenario and the programs that it refers to.
     ///
     /// # Errors
-    /// If something is wrong with one of them.
+    /// If one of them is invalid.
     pub(super) fn of_study(
         study: Study,
         binaries: &BinaryArguments,
@@ -89,19 +89,19 @@ impl Cases {
         Ok(Self::new(draws, scenario, rig, BTreeMap::new()))
     }
 
-    /// Takes the cases of a campaign from its folder, with the copies there.
+    /// Loads the cases of a campaign from the copies in its folder.
     ///
     /// # Errors
-    /// If something there is not as it was.
+    /// If a copy has changed.
     pub(super) fn of_folder(folder: &Folder, interruption: &Interruption) -> Result<Self, Failure> {
         let study = folder.path().join(&folder.manifest().study.path);
         Self::by_folder(Study::read(study)?, folder, interruption)
     }
 
-    /// Takes the cases of a study whose scenario, programs and tables are the copies in the folder of a campaign.
+    /// Creates the cases of a study with the scenario, programs and tables of a campaign folder.
     ///
     /// # Errors
-    /// If something there is not as it was.
+    /// If a copy has changed.
     pub(super) fn by_folder(
         study: Study,
         folder: &Folder,
@@ -119,7 +119,7 @@ impl Cases {
                     plant_bin: Some(path.join(&plant.path)),
                     controller_bin: Some(path.join(&controller.path)),
                 };
-                // The programs are the copies; what belongs to them is not.
+                // The program files are replaced by the copies, but their settings are kept.
                 let first = scenario.clone().set(&draws.flags(0));
                 let of_first = own::with_copies(&first, first.programs(), &tables);
                 let named = Programs::default();
@@ -162,7 +162,7 @@ impl Cases {
         &self.scenario
     }
 
-    /// Returns the programs of their own, if the cases have some, as the first case has them.
+    /// Returns the external programs, if any, as described for the first case.
     pub(super) fn binaries(&self) -> Option<&Binaries> {
         match &self.rig {
             Rig::BuiltIn(_) => None,
@@ -170,10 +170,10 @@ impl Cases {
         }
     }
 
-    /// Returns the programs of their own with the permissions and settings of a case, if the cases have some.
+    /// Returns the external programs, if any, with the permissions and settings of a case.
     ///
     /// # Errors
-    /// If they refuse the settings.
+    /// If a program rejects the settings.
     pub(super) fn binaries_with(
         &self,
         programs: &Programs,
@@ -194,7 +194,7 @@ impl Cases {
         }
     }
 
-    /// Lists the tables of points that scenario and study name.
+    /// Lists the point tables that the scenario and the study refer to.
     pub(super) fn named_tables(&self) -> Vec<String> {
         let study = self.study();
         let variants = study.variants.iter().flat_map(|variant| &variant.set);
@@ -225,7 +225,7 @@ impl Cases {
         all
     }
 
-    /// Returns the flags of a case, with the copies of tables in place of the tables.
+    /// Returns the flags of a case with tables replaced by their copies.
     fn flags(&self, flags: Vec<String>) -> Vec<String> {
         let copy = |name: &str| self.tables.get(name).map(|path| toml_string(path));
         let mut all: Vec<String> = flags
@@ -250,25 +250,25 @@ impl Cases {
         all
     }
 
-    /// Makes the plan of a case.
+    /// Builds the plan of a case.
     ///
     /// # Errors
-    /// Everything that is wrong with it, at the places of the study that brought it about.
+    /// All errors of the case, located at the entries of the study that cause them.
     pub(super) fn plan(&self, case: u64) -> Result<Plan, Failure> {
         self.planned(self.draws.flags(case))
     }
 
-    /// Makes the plan of a case with these flags.
+    /// Builds the plan of a case with the given flags.
     ///
     /// # Errors
-    /// As of [`plan`](Self::plan).
+    /// See [`plan`](Self::plan).
     pub(super) fn planned(&self, flags: Vec<String>) -> Result<Plan, Failure> {
         let scenario = self.scenario.clone().set(&self.flags(flags));
         let programs = own::with_copies(&scenario, scenario.programs(), &self.tables);
         let binaries = self.binaries_with(&programs)?;
         if let (None, Some(key)) = (&binaries, keys_of_fmus(&programs).next()) {
             return Err(Failure::usage(format!(
-                "the plants and laws in hil are no FMUs, so `{key}` has no effect"
+                "the plants and laws inside hil are not FMUs, so `{key}` has no effect"
             )));
         }
         let (plants, laws, kinds) = self.described(binaries.as_deref());
@@ -286,10 +286,10 @@ impl Cases {
         })
     }
 
-    /// Makes the plan of a case and has its sides look at it, where that starts no process.
+    /// Builds the plan of a case and lets plant and law validate it, as far as that starts no process.
     ///
     /// # Errors
-    /// As of [`plan`](Self::plan), or the objection of a side.
+    /// See [`plan`](Self::plan); also an objection of the plant or the law.
     pub(super) fn check(&self, case: u64) -> Result<Plan, Failure> {
         let plan = self.plan(case)?;
         alone::refuse_clock(&plan)?;
@@ -299,44 +299,44 @@ impl Cases {
         Ok(plan)
     }
 
-    /// Returns the layout of a plan's records.
+    /// Returns the layout of the records of a plan.
     ///
     /// # Errors
-    /// If the plan is not of these cases.
+    /// If the plan does not belong to these cases.
     pub(super) fn record_layout(&self, plan: &Plan) -> Result<RecordLayout, Failure> {
         let binaries = self.binaries_with(&plan.programs)?;
         let (plants, laws, _) = self.described(binaries.as_deref());
         let both = plan.plant_among(plants).zip(plan.law_among(laws));
         both.map(|(plant, law)| plan.record_layout(plant, &law))
-            .ok_or_else(|| Failure::infrastructure("a case lost its plant or law"))
+            .ok_or_else(|| Failure::infrastructure("the plant or law of a case is missing"))
     }
 
-    /// Writes a plan as a complete scenario.
+    /// Formats a plan as a complete scenario.
     ///
     /// # Errors
-    /// If it is not of these cases.
-    pub(super) fn shown(&self, plan: &Plan) -> Result<String, Failure> {
+    /// If the plan does not belong to these cases.
+    pub(super) fn scenario_text(&self, plan: &Plan) -> Result<String, Failure> {
         let binaries = self.binaries_with(&plan.programs)?;
         let (plants, laws, kinds) = self.described(binaries.as_deref());
         hil_config::show::show(plan, plants, laws, kinds).map_err(Failure::usage)
     }
 
-    /// Runs a plan; programs of their own in processes that are kept, unless the study wants new ones or the
-    /// scenario replaces a lost controller, which starts some anyway.
+    /// Runs a plan. External programs run in persistent processes, unless the study requests fresh ones, or the
+    /// scenario replaces a lost controller, which starts new processes anyway.
     ///
     /// # Errors
-    /// If it did not end by itself: that is no result.
+    /// If the run did not end by itself, so that it has no result.
     pub(super) fn run(
         &self,
         plan: &Plan,
-        kept: &mut Kept,
+        processes: &mut Kept,
         interruption: &Interruption,
     ) -> Result<CaseResult, Failure> {
         match &self.rig {
             Rig::Own(own) if self.keeps_processes(plan) => {
                 let began = Instant::now();
                 let (ended, is_to_check) =
-                    kept.run(plan, &own.first, self.grid.clone(), interruption)?;
+                    processes.run(plan, &own.first, self.grid.clone(), interruption)?;
                 let mut result = CaseResult::of_ended(ended, began)?;
                 result.is_to_check = is_to_check;
                 Ok(result)
@@ -345,7 +345,7 @@ impl Cases {
         }
     }
 
-    /// Tells whether a case runs in processes that are kept: not where settings of its own would stay with them.
+    /// Returns `true` if a case may run in persistent processes, which must not retain settings of its own.
     pub(super) fn keeps_processes(&self, plan: &Plan) -> bool {
         let is_first = match &self.rig {
             Rig::BuiltIn(_) => false,
@@ -361,10 +361,10 @@ impl Cases {
             && plan.realtime == of_processes
     }
 
-    /// Runs a plan in processes of its own, or in this one.
+    /// Runs a plan in new processes, or inside this one.
     ///
     /// # Errors
-    /// As of [`run`](Self::run).
+    /// See [`run`](Self::run).
     pub(super) fn run_fresh(
         &self,
         plan: &Plan,
@@ -383,7 +383,7 @@ impl Cases {
         }
     }
 
-    /// Lists the columns of the table of results, as the result of a case has them.
+    /// Lists the columns of the table of results, given the result of a case.
     pub(super) fn columns(&self, result: &CaseResult) -> Vec<Column> {
         let mut columns = vec![
             Column::new("case", ColumnKind::Count),
@@ -402,14 +402,14 @@ impl Cases {
         columns
     }
 
-    /// Makes the row of a case.
+    /// Builds the row of a case.
     pub(super) fn row(&self, case: u64, result: &CaseResult) -> Row {
         let mut row = self.head(case);
         row.extend(result.cells());
         row
     }
 
-    /// Makes the row of a case that was set aside.
+    /// Builds the row of a case that was set aside.
     pub(super) fn lost(&self, case: u64, columns: &[Column], reason: &str) -> Row {
         let mut row = self.head(case);
         let rest = columns.get(row.len()..).unwrap_or_default();
@@ -426,13 +426,13 @@ impl Cases {
         row
     }
 
-    /// Makes the cells of a case that are known before it runs.
+    /// Builds the cells of a case that are known before it runs.
     pub(super) fn head(&self, case: u64) -> Row {
         values::head(&self.draws, case)
     }
 }
 
-/// Refuses programs in the study: all cases of a campaign have the same.
+/// Refuses studies that set programs, since all cases of a campaign share them.
 fn refuse_programs(study: &Study) -> Result<(), Failure> {
     let variants = study.variants.iter().flat_map(|variant| &variant.set);
     let set = study.set.iter().chain(variants);
@@ -445,7 +445,7 @@ fn refuse_programs(study: &Study) -> Result<(), Failure> {
     match set.chain(varied).find(names) {
         None => Ok(()),
         Some(key) => Err(Failure::usage(format!(
-            "{key} in a study: all cases have the same programs; name them in the scenario, or by --plant-bin and --controller-bin, and compare two campaigns with hil campaign compare"
+            "{key} in a study: all cases share the same programs; set them in the scenario, or with --plant-bin and --controller-bin, and compare two campaigns with hil campaign compare"
         ))),
     }
 }
@@ -456,7 +456,7 @@ fn names_file(key: &str) -> bool {
     key.rsplit('.').next() == Some("file") || of_fmu.iter().any(|table| key.starts_with(table))
 }
 
-/// Takes the quotes from a text of TOML; what has none is a text as it is.
+/// Removes the quotes of a TOML string; text without quotes is returned unchanged.
 fn unquoted(value: &str) -> String {
     let parsed: Result<toml_edit::Value, _> = value.trim().parse();
     let text = parsed
@@ -469,12 +469,12 @@ fn toml_string(text: &str) -> String {
     toml_edit::Value::from(text).to_string()
 }
 
-/// Refuses a path that cannot be written down.
+/// Refuses a path that is not valid UTF-8 and thus cannot be stored as text.
 pub(super) fn text_of(path: &Path) -> Result<&str, Failure> {
-    let shown = path.display();
+    let path_text = path.display();
     path.to_str().ok_or_else(|| {
         Failure::usage(format!(
-            "{shown}: its name is to be written down, so all of it must be UTF-8"
+            "{path_text}: the path is stored as text, so it must be valid UTF-8"
         ))
     })
 }

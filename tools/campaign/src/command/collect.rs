@@ -1,4 +1,5 @@
-//! The results of a campaign as one table in its folder, and the circumstances of its cases as another.
+//! `hil campaign collect`: joins the results into one table in the folder, and the circumstances of the cases into
+//! another.
 
 use std::io::BufWriter;
 
@@ -21,14 +22,14 @@ use super::values;
 use super::work::{cannot, open};
 use crate::arguments::CollectArguments;
 
-/// Name of the table of results.
+/// File name of the table of results.
 pub(super) const RESULTS: &str = "results.parquet";
-/// Name of the table of circumstances.
+/// File name of the table of circumstances.
 const CIRCUMSTANCES: &str = "circumstances.parquet";
-/// Most cases or shards that are listed.
+/// Maximum number of cases or shards that are listed.
 const MOST_LISTED: usize = 10;
 
-/// Joins the results.
+/// Runs the command.
 ///
 /// # Errors
 /// If cases are missing, or a table cannot be written.
@@ -42,9 +43,9 @@ pub(super) fn collect(arguments: &CollectArguments) -> Result<Exit, Failure> {
     let conflicts = folder
         .conflicts()
         .map_err(|error| cannot(&folder, &error))?;
-    let shown = folder.path().join(RESULTS);
+    let path = folder.path().join(RESULTS);
     let result = json!({
-        "file": shown.display().to_string(),
+        "file": path.display().to_string(),
         "rows": collected.rows,
         "digest": collected.digest,
         "missing_shards": collected.missing.len(),
@@ -60,7 +61,7 @@ pub(super) fn collect(arguments: &CollectArguments) -> Result<Exit, Failure> {
         format!(
             "{} in {}\n{digest}\n",
             counted(collected.rows, "row"),
-            shown.display()
+            path.display()
         )
     })?;
     for conflict in &conflicts {
@@ -69,7 +70,7 @@ pub(super) fn collect(arguments: &CollectArguments) -> Result<Exit, Failure> {
     Ok(exit(&collected, !conflicts.is_empty()))
 }
 
-/// Returns the exit code of what was collected.
+/// Returns the exit code for a collected campaign.
 pub(super) const fn exit(collected: &Collected, conflicts: bool) -> Exit {
     if conflicts {
         Exit::Failed
@@ -80,12 +81,11 @@ pub(super) const fn exit(collected: &Collected, conflicts: bool) -> Exit {
     }
 }
 
-/// Joins the results of a campaign and hands each part on, sets those aside that do not count, and removes what dead
-/// workers left. Without the former the campaign may not be complete any more: tables are written then only if
-/// `partial`.
+/// Joins the results of a campaign, passes each part on, sets invalid parts aside, and removes the files of dead
+/// workers. Setting a part aside can leave the campaign incomplete; tables are then written only if `partial`.
 ///
 /// # Errors
-/// If cases are missing before, or a table cannot be written.
+/// If cases are missing at the start, or a table cannot be written.
 pub(super) fn join(
     folder: &Folder,
     study: &Study,
@@ -98,7 +98,7 @@ pub(super) fn join(
     }
     let cannot_join = |error: &dyn std::fmt::Display| match missing.is_empty() {
         true => Failure::infrastructure(format!(
-            "cannot join the results in {}: {error}; every case has its own, and hil campaign show {} reads them and writes nothing",
+            "cannot join the results in {}: {error}; the individual results are intact, and hil campaign show {} reads them without writing",
             folder.path().display(),
             quoted(folder.path())
         )),
@@ -113,15 +113,12 @@ pub(super) fn join(
     };
     let (results, to, path) = part(RESULTS)?;
     let (circumstances, also_to, other) = part(CIRCUMSTANCES)?;
-    let written = crate::collect::collect(folder, to, also_to, take);
-    let (collected, to, also_to) = written.map_err(|error| cannot_join(&error))?;
+    let joined = crate::collect::collect(folder, to, also_to, take);
+    let (collected, to, also_to) = joined.map_err(|error| cannot_join(&error))?;
     for (number, what) in &collected.broken {
         let aside = Shard::of(folder, *number).set_aside();
         let aside = aside.map_err(|error| cannot(folder, &error))?;
-        tell!(
-            "shard {number}: {what}; it is set aside as {}",
-            aside.display()
-        );
+        tell!("shard {number}: {what}; set aside as {}", aside.display());
     }
     for number in 0..folder.manifest().shards() {
         let shard = Shard::of(folder, number);
@@ -144,8 +141,8 @@ pub(super) fn join(
     Ok(collected)
 }
 
-/// Reads the results of a campaign, complete or not if `partial`, and hands each part on. Writes nothing, as an archive
-/// may be read-only.
+/// Reads the results of a campaign and passes each part on; an incomplete campaign is accepted if `partial`. Writes
+/// nothing, since an archive may be read-only.
 ///
 /// # Errors
 /// If cases are missing, or a part cannot be read.
@@ -172,16 +169,16 @@ pub(super) fn read(
     Ok(collected)
 }
 
-/// Tells of tables in the folder that do not have these results, with the command that writes them anew. The results
-/// are those of the shards, whatever is wrong with a table.
+/// Reports tables in the folder that do not match the results, with the command that rewrites them. The shards stay
+/// authoritative in any case.
 ///
-/// Returns `true` unless a table is damaged; one that was written before some results came is not.
+/// Returns `true` unless a table is damaged; a table older than the last results is not.
 pub(super) fn tell_damaged_tables(folder: &Folder, study: &Study, collected: &Collected) -> bool {
     let mut are_whole = true;
     if let Err(why) = values::check(folder, study) {
         are_whole = false;
         tell!(
-            "error: {why}; what is shown here is read from the shards, and hil campaign collect {} writes it anew",
+            "error: {why}; the figures below come from the shards, and hil campaign collect {} rewrites it",
             quoted(folder.path())
         );
     }
@@ -189,21 +186,18 @@ pub(super) fn tell_damaged_tables(folder: &Folder, study: &Study, collected: &Co
         if !path.is_file() {
             continue; // not collected yet
         }
-        let shown = path.display();
-        let mend = format!(
-            "hil campaign collect {} writes it anew",
-            quoted(folder.path())
-        );
+        let path_text = path.display();
+        let mend = format!("hil campaign collect {} rewrites it", quoted(folder.path()));
         match sealed::checked_fact(&path, "digest") {
             Ok(digest) if digest == collected.digest => {}
             Ok(None) => tell!(
-                "note: {shown} has no check sum, as earlier versions wrote it, so nobody can tell that it is whole; {mend}"
+                "note: {path_text} was written by an earlier version without a check sum, so it cannot be verified; {mend}"
             ),
-            Ok(Some(_)) => tell!("note: {shown} is older than the last results; {mend}"),
+            Ok(Some(_)) => tell!("note: {path_text} is older than the latest results; {mend}"),
             Err(error) => {
                 are_whole = false;
                 tell!(
-                    "error: {shown} is damaged: {error}; what is shown here is read from the shards and is not, and {mend}"
+                    "error: {path_text} is damaged: {error}; the figures below come from the intact shards, and {mend}"
                 );
             }
         }
@@ -211,24 +205,24 @@ pub(super) fn tell_damaged_tables(folder: &Folder, study: &Study, collected: &Co
     are_whole
 }
 
-/// Tells of cases that were set aside.
+/// Reports the cases that were set aside.
 fn tell_lost(folder: &Folder, collected: &Collected) {
     if !collected.lost.is_empty() {
         tell!(
-            "{}; hil campaign run {} --again tries once more",
+            "{}; hil campaign run {} --again retries them",
             set_aside(&collected.lost),
             quoted(folder.path())
         );
     }
 }
 
-/// Names cases that were set aside.
+/// Lists the cases that were set aside.
 pub(super) fn set_aside(lost: &[u64]) -> String {
     let cases = counted(lost.len() as u64, "case");
     format!("{cases} set aside: {}", listed(lost))
 }
 
-/// Tells of results that contradict each other; counts them.
+/// Reports contradictory results and returns their number.
 ///
 /// # Errors
 /// If the folder cannot be read.
@@ -246,13 +240,13 @@ fn refuse_missing(folder: &Folder, missing: &[u64]) -> Result<(), Failure> {
     }
     let manifest = folder.manifest();
     let cases = manifest.count(missing);
-    let (all, shown) = (manifest.cases, quoted(folder.path()));
+    let (all, folder_text) = (manifest.cases, quoted(folder.path()));
     Err(Failure::infrastructure(format!(
-        "{cases} of {all} cases have no result; hil campaign run {shown} computes them, and a campaign that is not complete gives no probability: slow cases come last"
+        "{cases} of {all} cases have no result; hil campaign run {folder_text} computes them. An incomplete campaign gives no probabilities, because slow cases come last"
     )))
 }
 
-/// Lists numbers, of many the first.
+/// Lists numbers, abbreviating long lists.
 pub(super) fn listed(numbers: &[u64]) -> String {
     let first: Vec<String> = numbers
         .iter()
@@ -271,14 +265,14 @@ mod tests {
     use super::set_aside;
 
     #[test]
-    fn cases_that_were_set_aside_are_named_of_many_the_first() {
+    fn cases_set_aside_are_listed_and_long_lists_abbreviated() {
         assert_eq!(set_aside(&[3]), "1 case set aside: 3");
         assert_eq!(set_aside(&[3, 9]), "2 cases set aside: 3, 9");
         let many: Vec<u64> = (0..12).collect();
-        let told = set_aside(&many);
+        let text = set_aside(&many);
         assert!(
-            told.ends_with(": 0, 1, 2, 3, 4, 5, 6, 7, 8, 9 and 2 more"),
-            "{told}"
+            text.ends_with(": 0, 1, 2, 3, 4, 5, 6, 7, 8, 9 and 2 more"),
+            "{text}"
         );
     }
 }

@@ -1,4 +1,5 @@
-//! Two campaigns on the same draws: which cases pass in one and not in the other, and whether chance explains it.
+//! Comparison of two campaigns on the same draws: cases that pass in only one of them, and the significance of the
+//! difference.
 
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
@@ -14,16 +15,16 @@ use super::collect::{listed, read, tell_conflicts};
 use super::work::open;
 use crate::arguments::CompareCampaignArguments;
 
-/// Difference of two campaigns in a variant.
+/// Difference of two campaigns in one variant.
 #[derive(Debug, Serialize)]
 struct Flips {
     variant: String,
     cases: u64,
-    /// Cases that are left out, as one campaign has no result of them.
+    /// Number of cases that are left out because a campaign has no result for them.
     lost: u64,
-    /// Cases that pass in the first campaign alone.
+    /// Cases that pass only in the first campaign.
     first_only: Vec<u64>,
-    /// Cases that pass in the second campaign alone.
+    /// Cases that pass only in the second campaign.
     second_only: Vec<u64>,
     /// Exact two-sided p value of McNemar's test.
     p: f64,
@@ -37,7 +38,7 @@ pub(super) fn compare(arguments: &CompareCampaignArguments) -> Result<Exit, Fail
     let (first, second) = (open(&arguments.first)?, open(&arguments.second)?);
     let flips = flips(&first, &second)?;
     output::result(arguments.json, &flips, || describe(&flips))?;
-    // What came out twice and not the same cannot be told from what flipped.
+    // A contradictory result cannot be distinguished from a changed verdict.
     let conflicts = tell_conflicts(&first)? + tell_conflicts(&second)?;
     let has_flipped = |one: &Flips| !(one.first_only.is_empty() && one.second_only.is_empty());
     Ok(match conflicts > 0 || flips.iter().any(has_flipped) {
@@ -58,7 +59,7 @@ fn describe(flips: &[Flips]) -> String {
             p,
         } = one;
         text += &format!(
-            "{variant}: {}, {} pass in the first alone, {} in the second alone; McNemar p = {}\n",
+            "{variant}: {}, {} pass only in the first, {} only in the second; McNemar p = {}\n",
             counted(*cases, "case"),
             first_only.len(),
             second_only.len(),
@@ -66,30 +67,30 @@ fn describe(flips: &[Flips]) -> String {
         );
         if *lost > 0 {
             text += &format!(
-                "  {} left out: a campaign has no result of them\n",
+                "  {} left out: a campaign has no result for them\n",
                 counted(*lost, "case")
             );
         }
         for (which, cases) in [("first", first_only), ("second", second_only)] {
             if !cases.is_empty() {
-                text += &format!("  in the {which} alone: {}\n", listed(cases));
+                text += &format!("  only in the {which}: {}\n", listed(cases));
             }
         }
     }
     text
 }
 
-/// A case as far as it is compared.
+/// Data of a case that is compared.
 struct Case {
     /// Hash of its number, variant, seed and varied values.
     values: blake3::Hash,
-    /// Place of its variant.
+    /// Index of its variant.
     variant: usize,
-    /// None if it was set aside.
+    /// `None` if the case was set aside.
     passes: Option<bool>,
 }
 
-/// Counts the columns before the classes, which make a case what it is.
+/// Counts the columns before the class, which identify a case.
 fn head(manifest: &Manifest) -> usize {
     manifest.place(CLASS).unwrap_or(0)
 }
@@ -124,7 +125,7 @@ fn cases(folder: &Folder) -> Result<(Vec<Case>, Vec<String>), Failure> {
     Ok((all, names))
 }
 
-/// Finds the cases that flipped, by variants of one name.
+/// Finds the cases whose verdict changed, for variants of the same name.
 fn flips(first: &Folder, second: &Folder) -> Result<Vec<Flips>, Failure> {
     let (one, other) = (first.manifest(), second.manifest());
     let column = |place: usize| [&one.columns, &other.columns].map(|columns| columns.get(place));
@@ -144,7 +145,7 @@ fn flips(first: &Folder, second: &Folder) -> Result<Vec<Flips>, Failure> {
     };
     if is_other {
         return Err(not_comparable(format!(
-            "{} has {} cases and {} has {}, or other values vary",
+            "{} has {} cases and {} has {}, or their varied values differ",
             first.path().display(),
             one.cases,
             second.path().display(),
@@ -165,7 +166,7 @@ fn flips(first: &Folder, second: &Folder) -> Result<Vec<Flips>, Failure> {
     for (case, (a, b)) in (0..).zip(first.iter().zip(&second)) {
         if a.values != b.values {
             return Err(not_comparable(format!(
-                "case {case} has other values in one than in the other"
+                "case {case} has different values in the two campaigns"
             )));
         }
         let flips = &mut all[a.variant];

@@ -1,4 +1,4 @@
-//! Signals and bins of a campaign's curves: those that a report of a run would plot first.
+//! Signals and bins of a campaign's curves: those that the report of a run would plot first.
 
 use hil_config::plan::{Derived, Plan};
 use hil_facts::results::curve::Grid;
@@ -9,13 +9,14 @@ use hil_views::plots::{Choice, Subject, choose, columns_of};
 use shared_types::record::RecordLayout;
 use shared_types::time::Step;
 
-/// Most signals and most bins.
+/// Maximum numbers of signals and bins.
 const MOST_SIGNALS: usize = 8;
 const MOST_BINS: u64 = 100;
-/// Draws that keep their curves, about.
+/// Approximate number of draws whose curves are stored.
 pub(super) const DRAWS: u64 = 1000;
 
-/// Chooses them, by the first case of each variant with the layout of its records; none if there is nothing to plot.
+/// Chooses signals and bins from the first case of each variant and its record layout; `None` if there is nothing to
+/// plot.
 pub(super) fn chosen(
     variants: &[(Plan, RecordLayout)],
     longest_s: f64,
@@ -41,10 +42,10 @@ pub(super) fn chosen(
         asked: &[],
         values: None,
     });
-    // What sensors and channels change is seldom worth a second plot.
-    let shown = plots.iter().filter(|plot| plot.section != "Interface");
+    // Differences due to sensors and channels are seldom worth a second plot.
+    let main_plots = plots.iter().filter(|plot| plot.section != "Interface");
     let mut signals: Vec<(String, String)> = Vec::new();
-    for name in shown.flat_map(|plot| &plot.signals) {
+    for name in main_plots.flat_map(|plot| &plot.signals) {
         let place = recorded.iter().position(|column| column.name == *name);
         let Some(column) = place.map(|place| &columns[place]) else {
             continue;

@@ -1,7 +1,7 @@
-//! A campaign that grows: more draws of the same study, beside the results that are there.
+//! `hil campaign grow`: adds draws of the same study and keeps the existing results.
 //!
-//! The planned `hil` does it, and every new case is checked before anything is written. Earlier shards stay as they
-//! are; the manifest comes last and at once, so whoever works on the folder meanwhile loses nothing.
+//! The planned `hil` does the work, and every new case is checked before anything is written. Earlier shards stay as
+//! they are. The manifest is replaced last and atomically, so workers that use the folder meanwhile lose nothing.
 
 use std::fs::{File, Permissions};
 use std::io::Write as _;
@@ -29,13 +29,13 @@ use super::values;
 use super::work::{cannot, open};
 use crate::arguments::GrowArguments;
 
-/// File whose lock keeps two from adding draws at once.
+/// File whose lock prevents two processes from adding draws at once.
 const LOCK: &str = ".growth";
 
 /// Adds draws to a campaign.
 ///
 /// # Errors
-/// If its cases would be others, a new one is refused, or the folder cannot be written.
+/// If existing cases would change, a new case is invalid, or the folder cannot be written.
 pub(super) fn grow(arguments: &GrowArguments) -> Result<Exit, Failure> {
     let interruption = Interruption::listen()?;
     let folder = open(&arguments.folder)?;
@@ -43,16 +43,18 @@ pub(super) fn grow(arguments: &GrowArguments) -> Result<Exit, Failure> {
     let cannot = |error: std::io::Error| cannot(&folder, &error);
     let lock = File::create(folder.path().join(LOCK)).map_err(cannot)?;
     if flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err() {
-        return Err(Failure::usage("another hil campaign grow is at it"));
+        return Err(Failure::usage(
+            "another hil campaign grow is running on this folder",
+        ));
     }
-    // As it is now that nobody else adds to it.
+    // Reopened under the lock, so that the content is current.
     let folder = open(&arguments.folder)?;
     planned::check(&folder)?;
     let cases = Cases::of_folder(&folder, &interruption)?;
     refuse(cases.study(), arguments.cases)?;
     let origin = folder.path().join(&folder.manifest().study.path);
     let text = with_cases(cases.study().text(), arguments.cases)
-        .ok_or_else(|| Failure::usage("the study does not say `cases`"))?;
+        .ok_or_else(|| Failure::usage("the study does not set `cases`"))?;
     let study = Study::parse(&text, origin)?;
     let before = folder.manifest().cases;
     let cases = Cases::by_folder(study, &folder, &interruption)?;
@@ -71,13 +73,11 @@ pub(super) fn grow(arguments: &GrowArguments) -> Result<Exit, Failure> {
     output::result(arguments.json, &result, || {
         let is_judged = !cases.study().goals.is_empty();
         let note = match is_judged {
-            true => {
-                "  who adds draws until a goal is met has not the confidence that it asks for\n"
-            }
+            true => "  adding draws until a goal is met invalidates its confidence\n",
             false => "",
         };
         format!(
-            "{}: {} now, {more} of them new, about {} on one core; earlier results stay\n{note}hil campaign run {}\n",
+            "{}: {} now, {more} of them new, about {} on one core; earlier results are kept\n{note}hil campaign run {}\n",
             manifest.name,
             counted(manifest.cases, "case"),
             shown_ns((core_s * 1e9) as u64),
@@ -87,18 +87,18 @@ pub(super) fn grow(arguments: &GrowArguments) -> Result<Exit, Failure> {
     Ok(Exit::Pass)
 }
 
-/// Refuses what would change the cases that are there.
+/// Refuses changes that would alter existing cases.
 fn refuse(study: &Study, draws: u64) -> Result<(), Failure> {
     let why = match study.sampling {
         Sampling::LatinHypercube => {
-            "a Latin hypercube divides the range of each value by the number of draws, so with more of them every case would be another one: plan another campaign, or use sampling = \"independent\" or \"sobol\""
+            "a Latin hypercube divides the range of each value by the number of draws, so adding draws would change every case: plan another campaign, or use sampling = \"independent\" or \"sobol\""
         }
         Sampling::Grid => {
-            "a grid has as many draws as points, so with more of them its cases would be others: plan another campaign"
+            "a grid has one draw per point, so adding draws would change its cases: plan another campaign"
         }
         Sampling::Independent | Sampling::Sobol if draws <= study.draws => {
             return Err(Failure::usage(format!(
-                "--cases {draws}: the campaign has {} already, and none is taken away",
+                "--cases {draws}: the campaign already has {}, and draws are never removed",
                 counted(study.draws, "draw")
             )));
         }
@@ -107,7 +107,7 @@ fn refuse(study: &Study, draws: u64) -> Result<(), Failure> {
     Err(Failure::usage(why))
 }
 
-/// Writes what is new into the folder; the manifest last.
+/// Writes the new files into the folder, the manifest last.
 fn write(folder: &Folder, cases: &Cases) -> Result<Manifest, Failure> {
     let cannot = |error: std::io::Error| cannot(folder, &error);
     let (old, study) = (folder.manifest(), cases.study());
@@ -115,7 +115,7 @@ fn write(folder: &Folder, cases: &Cases) -> Result<Manifest, Failure> {
         let path = folder.path().join(name);
         let part = PartFile::beside(&path)?;
         part.file().write_all(text)?;
-        // Whatever the process's mask allows: a file that others can write is not believed.
+        // Independent of the umask: a file that others can write is not trusted.
         let mode = part.file().metadata()?.permissions().mode();
         let own = Permissions::from_mode(mode & !0o022);
         part.file().set_permissions(own)?;
@@ -139,7 +139,7 @@ fn write(folder: &Folder, cases: &Cases) -> Result<Manifest, Failure> {
         shard_cases: old.shard_cases,
     });
     if let Some(grid) = &mut manifest.curves {
-        // A multiple, so that the draws that keep their curves are among those that kept them before.
+        // A multiple of the old stride, so that the sampled draws are a subset of the previous ones.
         grid.every *= study.draws.div_ceil(DRAWS * grid.every);
     }
     values::write(folder.path(), &manifest, &cases.draws)?;
@@ -148,7 +148,7 @@ fn write(folder: &Folder, cases: &Cases) -> Result<Manifest, Failure> {
     Ok(manifest)
 }
 
-/// Returns a study with another number of draws, and everything else as it is; none if it does not say `cases`.
+/// Returns a study with another number of draws and otherwise the same text; `None` if it does not set `cases`.
 pub(super) fn with_cases(text: &str, draws: u64) -> Option<String> {
     let mut document: toml_edit::DocumentMut = text.parse().ok()?;
     let value = document.get_mut("cases")?.as_value_mut()?;
@@ -163,7 +163,7 @@ mod tests {
     use super::with_cases;
 
     #[test]
-    fn a_study_with_more_cases_is_otherwise_the_same_text() {
+    fn changing_the_number_of_cases_keeps_the_rest_of_the_study() {
         let text = "schema = 1\ncases  =  200 # draws\n\n[[vary]] # one\nkey = \"a\"\n";
         let more = with_cases(text, 3000);
         assert_eq!(more, Some(text.replace("200", "3000")));

@@ -1,12 +1,13 @@
-//! `hil campaign`: very many cases of one scenario, on the cores of this machine and of others. Draws, counts and
-//! tables are [this package](crate::draws)'s, runs are [`run`](hil_run)'s; neither is made here.
+//! `hil campaign`: large numbers of cases of one scenario, run on the cores of this and other machines. Draws,
+//! statistics and tables come from [the rest of this package](crate::draws), runs from [`hil_run`].
 //!
-//! 1. [`cases`] joins a study with its scenario and programs: the plan of each case, and its row.
-//! 2. [`plan`] checks a study and writes the folder that everybody works on; [`grow`] adds cases to it.
-//! 3. [`values`] writes and checks the table of all values, [`planned`] refuses a folder whose programs others can have written, before anything in it is run.
-//! 4. [`work`] is the one worker that every engine starts; [`workers`] and [`slurm`] start it.
-//! 5. [`collect`] joins the results, [`answers`] computes what they mean, [`show`] tells it, and
-//!    [`report`](mod@report) draws it; [`case`] runs one of them again.
+//! 1. [`cases`] combines a study with its scenario and programs: the plan of each case, and its row.
+//! 2. [`plan`] checks a study and writes the folder that all workers share; [`grow`] adds cases to it.
+//! 3. [`values`] writes and checks the table of all values; [`planned`] refuses a folder whose programs others could
+//!    have written, before any of them runs.
+//! 4. [`work`] is the worker that every engine starts; [`workers`] and [`slurm`] start it.
+//! 5. [`collect`] joins the results, [`answers`] evaluates them, [`show`] prints the evaluation and
+//!    [`report`](mod@report) plots it; [`case`] runs a single case again.
 
 mod answers;
 mod case;
@@ -39,7 +40,7 @@ use crate::arguments::CampaignAction;
 /// Runs the command.
 ///
 /// # Errors
-/// Everything that keeps it from its result.
+/// Everything that prevents the command from completing.
 pub fn campaign(action: &CampaignAction) -> Result<Exit, Failure> {
     match action {
         CampaignAction::Check(arguments) => plan::check(arguments),
@@ -56,7 +57,7 @@ pub fn campaign(action: &CampaignAction) -> Result<Exit, Failure> {
     }
 }
 
-/// Tells whether a path is the folder of a campaign.
+/// Returns `true` if the path is the folder of a campaign.
 pub fn is_campaign(path: &Path) -> bool {
     path.join(MANIFEST).is_file()
 }
@@ -64,16 +65,16 @@ pub fn is_campaign(path: &Path) -> bool {
 /// Runs `hil report` for the folder of a campaign.
 ///
 /// # Errors
-/// Everything that keeps it from its result.
+/// Everything that prevents the command from completing.
 pub fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
     report::report(arguments)
 }
 
-/// Writes a path as a shell takes it.
+/// Quotes a path for a shell.
 fn quoted(path: &Path) -> String {
-    let shown = path.display().to_string();
-    let quoted = shlex::try_quote(&shown).map(|quoted| quoted.into_owned());
-    quoted.unwrap_or(shown)
+    let path_text = path.display().to_string();
+    let quoted = shlex::try_quote(&path_text).map(|quoted| quoted.into_owned());
+    quoted.unwrap_or(path_text)
 }
 
 #[cfg(test)]
@@ -81,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_folder_stands_in_a_command_as_a_shell_takes_it() {
+    fn folders_in_suggested_commands_are_quoted_for_a_shell() {
         assert_eq!(quoted(Path::new("runs/common-mode")), "runs/common-mode");
         assert_eq!(quoted(Path::new("my runs/a")), "'my runs/a'");
     }

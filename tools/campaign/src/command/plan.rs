@@ -1,4 +1,4 @@
-//! A study checked, and the [folder] of its campaign.
+//! `hil campaign check` and `plan`: checks a study and writes the [folder] of its campaign.
 
 mod folder;
 
@@ -29,7 +29,7 @@ use crate::arguments::{CheckArguments, PlanArguments};
 pub(super) use folder::shard_cases;
 use folder::{refuse_other, write};
 
-/// A study that can be planned.
+/// Study that passed all checks.
 struct Checked {
     cases: Cases,
     columns: Vec<Column>,
@@ -37,7 +37,7 @@ struct Checked {
     facts: Facts,
 }
 
-/// Facts of a checked study.
+/// Facts about a checked study.
 #[derive(Debug, Serialize)]
 struct Facts {
     study: String,
@@ -46,13 +46,13 @@ struct Facts {
     sampling: &'static str,
     variants: Vec<String>,
     varied: Vec<String>,
-    /// Time of one case, in s.
+    /// Duration of one case, in s.
     case_s: f64,
-    /// Time of all cases on one core, in s.
+    /// Duration of all cases on one core, in s.
     core_s: f64,
     /// Size of the table of results before compression.
     bytes: u64,
-    /// Plant and law run in one process, by what is built into `hil`.
+    /// Set if plant and law are built into `hil` and run in one process.
     is_built_in: bool,
 }
 
@@ -68,7 +68,7 @@ impl Facts {
         let seconds = |s: f64| shown_ns((s * 1e9) as u64);
         let programs = match self.is_built_in {
             true => "built into hil, both sides in one process",
-            false => "programs of their own, in two processes for each worker",
+            false => "external, in two processes for each worker",
         };
         let names = |names: &[String]| match names {
             [] => "nothing".into(),
@@ -91,7 +91,7 @@ impl Facts {
 /// Checks a study.
 ///
 /// # Errors
-/// Everything that is wrong with it.
+/// All errors of the study.
 pub(super) fn check(arguments: &CheckArguments) -> Result<Exit, Failure> {
     let checked = checked(arguments, &Interruption::listen()?)?;
     output::result(arguments.json, &checked.facts, || checked.facts.describe())?;
@@ -101,7 +101,7 @@ pub(super) fn check(arguments: &CheckArguments) -> Result<Exit, Failure> {
 /// Writes the folder of a campaign.
 ///
 /// # Errors
-/// If the study is wrong, or the folder cannot be written.
+/// If the study is invalid, or the folder cannot be written.
 pub(super) fn plan(arguments: &PlanArguments) -> Result<Exit, Failure> {
     let interruption = Interruption::listen()?;
     let checked = checked(&arguments.check, &interruption)?;
@@ -109,10 +109,10 @@ pub(super) fn plan(arguments: &PlanArguments) -> Result<Exit, Failure> {
     let out = out.unwrap_or_else(|| Path::new("runs").join(&checked.facts.study));
     refuse_other(&out, &checked)?;
     write(&checked, &out)?;
-    let (shown, quoted) = (out.display(), quoted(&out));
+    let (out_text, quoted) = (out.display(), quoted(&out));
     output::result(arguments.check.json, &checked.facts, || {
         format!(
-            "{}\nplanned in {shown}; hil campaign run {quoted}\n",
+            "{}\nplanned in {out_text}; hil campaign run {quoted}\n",
             checked.facts.describe()
         )
     })?;
@@ -127,13 +127,13 @@ fn checked(arguments: &CheckArguments, interruption: &Interruption) -> Result<Ch
     alone::refuse_clock(&first)?;
     refuse_ineffective(&cases)?;
     let longest_s = every_plan(&cases, 0, interruption)?;
-    let mut kept = Kept::default();
-    let mut result = cases.run(&first, &mut kept, interruption)?;
+    let mut processes = Kept::default();
+    let mut result = cases.run(&first, &mut processes, interruption)?;
     if cases.keeps_processes(&first) {
-        // The first one started its processes, the others do not.
-        result = cases.run(&first, &mut kept, interruption)?;
+        // The first run started its processes; later runs do not, and are representative.
+        result = cases.run(&first, &mut processes, interruption)?;
     }
-    let columns = columns(&cases, &result, &mut kept, interruption)?;
+    let columns = columns(&cases, &result, &mut processes, interruption)?;
     refuse_unknown_goals(study, &columns)?;
     let curves = curves(&cases, longest_s)?;
     let bytes: u64 = columns.iter().map(cell_bytes).sum();
@@ -157,7 +157,7 @@ fn checked(arguments: &CheckArguments, interruption: &Interruption) -> Result<Ch
     })
 }
 
-/// Chooses the curves that are kept for the report.
+/// Chooses the curves that are recorded for the report.
 fn curves(cases: &Cases, longest_s: f64) -> Result<Option<Grid>, Failure> {
     let study = cases.study();
     let first = (0..).zip(&study.variants).map(|(case, _)| {
@@ -169,7 +169,7 @@ fn curves(cases: &Cases, longest_s: f64) -> Result<Option<Grid>, Failure> {
     Ok(envelopes::chosen(&first, longest_s, study.draws))
 }
 
-/// Returns the bytes of a cell, about.
+/// Estimates the size of a cell in bytes.
 fn cell_bytes(column: &Column) -> u64 {
     match (column.kind, &*column.name) {
         (ColumnKind::Text, "digest") => 64,
@@ -177,11 +177,11 @@ fn cell_bytes(column: &Column) -> u64 {
     }
 }
 
-/// Lists the columns of results, which must be those of every variant.
+/// Lists the columns of the results, which must be the same for every variant.
 fn columns(
     cases: &Cases,
     first: &CaseResult,
-    kept: &mut Kept,
+    processes: &mut Kept,
     interruption: &Interruption,
 ) -> Result<Vec<Column>, Failure> {
     let columns = cases.columns(first);
@@ -191,20 +191,26 @@ fn columns(
             .any(|other| other.name == column.name)
         {
             return Err(Failure::usage(format!(
-                "two columns of the results would have the name `{}`: give the varied value, or the metric, another one",
+                "two columns of the results would be called `{}`: rename the varied value or the metric",
                 column.name
             )));
         }
     }
     for (case, variant) in (1..).zip(&cases.study().variants[1..]) {
         let plan = cases.plan(case)?;
-        let found = cases.columns(&cases.run(&plan, kept, interruption)?);
-        if found != columns {
-            let differs = found.iter().find(|column| !columns.contains(column));
-            let differs = differs.or_else(|| columns.iter().find(|column| !found.contains(column)));
+        let variant_columns = cases.columns(&cases.run(&plan, processes, interruption)?);
+        if variant_columns != columns {
+            let differs = variant_columns
+                .iter()
+                .find(|column| !columns.contains(column));
+            let differs = differs.or_else(|| {
+                columns
+                    .iter()
+                    .find(|column| !variant_columns.contains(column))
+            });
             let name = differs.map_or("", |column| &column.name);
             return Err(Failure::usage(format!(
-                "variant `{}` has other results than `{}`: `{name}`; variants are compared by the same metrics and requirements",
+                "variants `{}` and `{}` differ in the result `{name}`; all variants need the same metrics and requirements",
                 variant.name,
                 cases.study().variants[0].name
             )));
@@ -213,12 +219,12 @@ fn columns(
     Ok(columns)
 }
 
-/// Refuses a study in which nothing varies, and a variation that changes nothing in any variant.
+/// Refuses a study in which nothing varies, and varied values that have no effect in any variant.
 pub(super) fn refuse_ineffective(cases: &Cases) -> Result<(), Failure> {
     let study = cases.study();
     if study.varied.is_empty() && study.sets("run.seed") && study.draws > 1 {
         return Err(Failure::usage(
-            "nothing varies from draw to draw: the study has no [[vary]] and gives run.seed",
+            "nothing varies from draw to draw: the study has no [[vary]] and sets run.seed",
         ));
     }
     let first = cases.draws.values(0);
@@ -228,7 +234,7 @@ pub(super) fn refuse_ineffective(cases: &Cases) -> Result<(), Failure> {
                 Spread::Expression(expression) => expression.signals().any(|name| name == one.name),
                 _ => false,
             };
-            // One that is computed may stand in the table alone.
+            // A computed value may be a mere column of the table.
             let is_computed = matches!(one.spread, Spread::Expression(_));
             if !is_computed && !study.varied.iter().any(uses) {
                 return Err(Failure::usage(format!(
@@ -246,13 +252,13 @@ pub(super) fn refuse_ineffective(cases: &Cases) -> Result<(), Failure> {
         changed[place] = other;
         let mut is_effective = false;
         for variant in 0..study.variants.len() {
-            let shown = |values| {
+            let plan_text = |values| {
                 let flags = cases.draws.flags_of(variant, 0, values);
                 let plan = cases.planned(flags)?;
-                cases.shown(&plan)
+                cases.scenario_text(&plan)
             };
-            // No case has these values together; that they are refused shows that they do something.
-            is_effective |= match (shown(&first), shown(&changed)) {
+            // No case has this combination of values; a refusal also shows that they have an effect.
+            is_effective |= match (plan_text(&first), plan_text(&changed)) {
                 (Ok(first), Ok(changed)) => first != changed,
                 _ => true,
             };
@@ -269,7 +275,7 @@ pub(super) fn refuse_ineffective(cases: &Cases) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Refuses goals about requirements that the scenario does not have.
+/// Refuses goals for requirements that the scenario does not have.
 fn refuse_unknown_goals(study: &Study, columns: &[Column]) -> Result<(), Failure> {
     let names = columns
         .iter()
@@ -296,7 +302,8 @@ fn refuse_unknown_goals(study: &Study, columns: &[Column]) -> Result<(), Failure
     Ok(())
 }
 
-/// Checks every case from this one on once, on all cores: none is refused later. Gives the time of the longest, in s.
+/// Plans every case from `from` on once, on all cores, so that none is refused later; returns the longest simulated
+/// time, in s.
 pub(super) fn every_plan(
     cases: &Cases,
     from: u64,
@@ -306,7 +313,7 @@ pub(super) fn every_plan(
     let bar = bar(all - from, "checking cases");
     let (next, is_over) = (AtomicU64::new(from), AtomicBool::new(false));
     let first: Mutex<Option<(u64, Failure)>> = Mutex::new(None);
-    // Numbers above zero are in the order of their bits.
+    // Positive floating-point numbers are ordered like their bits.
     let longest = AtomicU64::new(0);
     let work = || {
         while !is_over.load(Ordering::Relaxed) && !interruption.came() {
@@ -344,7 +351,7 @@ pub(super) fn every_plan(
     }
 }
 
-/// Makes a progress bar over `all` things, drawn where a person watches.
+/// Creates a progress bar over `all` items, drawn only on a terminal.
 pub(super) fn bar(all: u64, what: &'static str) -> ProgressBar {
     if !output::person_watches() {
         return ProgressBar::hidden();

@@ -1,7 +1,7 @@
-//! Copies in the folder of a campaign, before they are run or believed: nobody but this user and root can have
-//! written them, as of a program that a scenario names, and each has the hash that it was planned with.
+//! Verification of the copies in a campaign folder before they are run or trusted: like a program that a scenario
+//! names, they must not be writable by users other than the owner and root, and each must have its planned hash.
 //!
-//! Results are not among them: a folder that is only read may be anybody's.
+//! Results are exempt: a folder that is only read may belong to anybody.
 
 use std::fs;
 use std::os::unix::process::CommandExt;
@@ -17,19 +17,19 @@ use hil_target::machine::hash;
 use super::quoted;
 use super::work::cannot;
 
-/// Folder of the programs; `hil` finds the others beside itself there.
+/// Subfolder of the programs, where `hil` also finds its companions.
 pub(super) const PROGRAMS: &str = "programs";
 
-/// Checks all copies: their owners and modes, then their hashes.
+/// Checks the owner, mode and hash of every copy.
 ///
 /// # Errors
-/// If another user can have written one, or one is not as it was.
+/// If another user could have written a copy, or a copy has changed.
 pub(super) fn check(folder: &Folder) -> Result<(), Failure> {
     refuse_foreign(folder)?;
     folder.check().map_err(Failure::usage)
 }
 
-/// Goes on as the `hil` that the campaign was planned with, if this is another one.
+/// Re-executes the `hil` that the campaign was planned with, unless it is this one.
 pub(super) fn become_planned(folder: &Folder) -> Result<(), Failure> {
     let own = std::env::current_exe().map_err(Failure::infrastructure)?;
     let planned = &folder.manifest().hil;
@@ -53,16 +53,16 @@ pub(super) fn become_planned(folder: &Folder) -> Result<(), Failure> {
     )))
 }
 
-/// Returns the `hil` of a campaign, by a path without links.
+/// Returns the path of the campaign's `hil`, with links resolved.
 ///
 /// # Errors
-/// If another user can have written it.
+/// If another user could have written it.
 pub(super) fn program(folder: &Folder) -> Result<PathBuf, Failure> {
     let copy = folder.path().join(&folder.manifest().hil.path);
     trusted::program(&copy).map_err(|why| foreign(folder, &why))
 }
 
-/// Refuses a folder in which another user can have written a program, the manifest, or a copy that it names.
+/// Refuses a folder in which another user could have written a program, the manifest, or a copy that it refers to.
 fn refuse_foreign(folder: &Folder) -> Result<(), Failure> {
     let (path, manifest) = (folder.path(), folder.manifest());
     let refused = |why: String| foreign(folder, &why);
@@ -97,9 +97,9 @@ fn programs(path: &Path, manifest: &Manifest) -> Result<Vec<PathBuf>, Failure> {
 }
 
 fn foreign(folder: &Folder, why: &str) -> Failure {
-    let shown = folder.path().display();
+    let folder_text = folder.path().display();
     Failure::usage(format!(
-        "{shown} is not run: {why}; if you trust whoever made it, cp -r {} FOLDER makes a copy that is yours, in a folder that only you can write to",
+        "refusing to run {folder_text}: {why}; if you trust its origin, make a copy that you own, with cp -r {} FOLDER, in a folder that only you can write to",
         quoted(folder.path())
     ))
 }

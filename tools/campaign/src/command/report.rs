@@ -1,11 +1,11 @@
-//! `hil report` of a campaign: one HTML file that shows all cases, for eyes and for the file of evidence.
+//! `hil report` for a campaign: one HTML file that presents all cases, for reading and for archiving as evidence.
 //!
-//! 1. The results are read once, as far as there are any, and [`answers`] computes what they mean.
+//! 1. The available results are read once, and [`answers`] evaluates them.
 //! 2. [`data`] packs margins, metrics and varied values for the script, [`envelopes`] the curves over time.
-//! 3. [`tables`] writes what reads without a script, [`page`] joins everything.
+//! 3. [`tables`] renders the parts that need no script, [`page`] joins everything.
 //!
-//! The page asks for nothing from anywhere: its policy forbids connections, and whatever a study says is escaped.
-//! Nothing here judges: the answers are those of `hil campaign show`.
+//! The page loads nothing: its policy forbids connections, and all text of the study is escaped. It evaluates nothing
+//! itself: the numbers are those of `hil campaign show`.
 
 mod data;
 mod envelopes;
@@ -30,11 +30,11 @@ use super::work::{cannot, open};
 
 /// Summary of the written page.
 #[derive(Debug, Serialize)]
-struct Written {
+struct PageSummary {
     file: String,
     campaign: String,
     cases: u64,
-    /// Cases that the plots show.
+    /// Number of cases that the plots show.
     shown: usize,
     bytes: usize,
 }
@@ -42,16 +42,16 @@ struct Written {
 /// Runs the command for the folder of a campaign.
 ///
 /// # Errors
-/// If options are of a report of runs, the folder is broken, or the file cannot be written.
+/// If an option applies only to reports of runs, the folder is invalid, or the file cannot be written.
 pub(super) fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
     let [path] = &*arguments.runs else {
         return Err(Failure::usage(
-            "a report of a campaign shows that campaign alone; make one for each, or compare two with hil campaign compare A B",
+            "a campaign report covers a single campaign; create one for each, or compare two with hil campaign compare A B",
         ));
     };
     if !arguments.signal.is_empty() || arguments.scenario.is_some() {
         return Err(Failure::usage(
-            "a campaign has no recorded signals; --signal and --scenario are for runs, and hil campaign case DIR N makes a run of a case",
+            "a campaign has no recorded signals; --signal and --scenario apply to runs, and hil campaign case DIR N runs a case",
         ));
     }
     let folder = open(path)?;
@@ -71,26 +71,26 @@ pub(super) fn write(
 ) -> Result<Exit, Failure> {
     if json && out.is_none() {
         return Err(Failure::usage(
-            "--json goes to standard output, where the report goes too; name a file with -o",
+            "--json and the report would both go to standard output; choose a file for the report with -o",
         ));
     }
-    // A file that cannot be written is told before the work.
+    // An unwritable file is reported before the work starts.
     let destination = Destination::open(out, force)?;
-    let (text, mut written) = made(folder)?;
+    let (text, mut summary) = build(folder)?;
     deliver(&text, destination, out)?;
     if let Some(path) = out {
-        written.file = path.display().to_string();
-        output::result(json, &written, || {
-            let Written { file, cases, .. } = &written;
-            let size = written.bytes as f64 / 1e6;
+        summary.file = path.display().to_string();
+        output::result(json, &summary, || {
+            let PageSummary { file, cases, .. } = &summary;
+            let size = summary.bytes as f64 / 1e6;
             format!("{file}: {}, {size:.1} MB\n", counted(*cases, "case"))
         })?;
     }
     Ok(Exit::Pass)
 }
 
-/// Makes the page and its summary.
-fn made(folder: &Folder) -> Result<(String, Written), Failure> {
+/// Builds the page and its summary.
+fn build(folder: &Folder) -> Result<(String, PageSummary), Failure> {
     let manifest = folder.manifest();
     let study = study(folder)?;
     let mut gathered = Gathered::new(manifest, &study);
@@ -111,12 +111,12 @@ fn made(folder: &Folder) -> Result<(String, Written), Failure> {
         conflicts: &conflicts,
     };
     let text = page::page(&campaign, &data)?;
-    let written = Written {
+    let summary = PageSummary {
         file: String::new(),
         campaign: manifest.name.clone(),
         cases: collected.rows,
         shown: data.rows(),
         bytes: text.len(),
     };
-    Ok((text, written))
+    Ok((text, summary))
 }

@@ -1,4 +1,4 @@
-//! The result of a case: what came of its run, as cells of the table.
+//! The result of a case as cells of the table.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -25,19 +25,19 @@ pub(super) struct CaseResult {
     reason: String,
     requirements: Vec<Requirement>,
     metrics: Vec<Metric>,
-    /// True if the case ran in processes that ran other cases before, and is to be run once more in new ones.
+    /// Set if the case ran in reused processes and is to be verified in new ones.
     pub(super) is_to_check: bool,
-    /// Curve of its signals, if one is kept.
+    /// Curves of its signals, if they are recorded.
     pub(super) curve: Option<Curve>,
-    /// Time that it took, in s.
+    /// Duration of the case, in s.
     pub(super) wall_s: f64,
 }
 
 impl CaseResult {
-    /// Makes the result of a run that ended by itself.
+    /// Creates the result of a run that ended by itself.
     ///
     /// # Errors
-    /// If it did not.
+    /// If the run ended in any other way.
     pub(super) fn of_ended(ended: EndedRun, began: Instant) -> Result<Self, Failure> {
         let recorded = ended.recorded;
         let requirements = recorded.requirements.iter().map(Requirement::from);
@@ -55,10 +55,10 @@ impl CaseResult {
         })
     }
 
-    /// Runs a plan by programs of its own, in a session and a folder that are gone afterwards.
+    /// Runs a plan with external programs, in a temporary session and folder.
     ///
     /// # Errors
-    /// If it did not end by itself: that is no result.
+    /// If the run did not end by itself, so that it has no result.
     pub(super) fn in_processes(
         plan: &Plan,
         binaries: &Arc<Binaries>,
@@ -95,7 +95,7 @@ impl CaseResult {
         })
     }
 
-    /// Lists its columns.
+    /// Lists the columns of the result.
     pub(super) fn columns(&self) -> Vec<Column> {
         let mut columns = vec![
             Column::new(CLASS, ColumnKind::Text),
@@ -129,7 +129,7 @@ impl CaseResult {
         columns
     }
 
-    /// Returns its cells.
+    /// Returns the cells of the result.
     pub(super) fn cells(&self) -> Row {
         let number = |value: Option<f64>| Cell::number(value.unwrap_or(f64::NAN));
         let mut row = vec![Cell::Text(self.class.into()), Cell::Count(self.steps)];
@@ -144,7 +144,7 @@ impl CaseResult {
     }
 }
 
-/// Names the class of a run that ended by itself.
+/// Classifies a run that ended by itself.
 fn class(
     outcome: Outcome,
     requirements: &[Requirement],

@@ -1,4 +1,4 @@
-//! The answers of a campaign as a person reads them, and its exit code.
+//! `hil campaign show`: prints the evaluation of a campaign and determines the exit code.
 
 use std::fmt::Write as _;
 
@@ -17,10 +17,10 @@ use super::quoted;
 use super::work::open;
 use crate::arguments::ShowArguments;
 
-/// Tells what a campaign shows.
+/// Runs the command.
 ///
 /// # Errors
-/// If it is not complete.
+/// If the campaign is incomplete.
 pub(super) fn show(arguments: &ShowArguments) -> Result<Exit, Failure> {
     let folder = open(&arguments.folder)?;
     let study = study(&folder)?;
@@ -38,42 +38,42 @@ pub(super) fn show(arguments: &ShowArguments) -> Result<Exit, Failure> {
 /// Reads the study of a campaign.
 ///
 /// # Errors
-/// If it cannot be read, or is another one than the campaign was planned with: its goals would be others.
+/// If the study cannot be read or is not the planned one, since its goals could differ.
 pub(super) fn study(folder: &Folder) -> Result<Study, Failure> {
     let copy = &folder.manifest().study;
     let path = folder.path().join(&copy.path);
     folder.check_copies([copy]).map_err(|why| {
-        let (shown, study) = (folder.path().display(), quoted(&path));
+        let (folder_text, study) = (folder.path().display(), quoted(&path));
         if !path.exists() {
             return Failure::usage(format!(
-                "{why}; the goals and variants of the results in {shown} stand in it. Put back the study that the campaign was planned with, whose BLAKE3 hash is {}",
+                "{why}; it defines the goals and variants of the results in {folder_text}. Restore the study that the campaign was planned with, whose BLAKE3 hash is {}",
                 copy.blake3
             ));
         }
         Failure::usage(format!(
-            "{why}; the results in {shown} are not those of another study. Put the study back as it was, or plan a campaign of this one: hil campaign plan {study} -o OTHER"
+            "{why}; the results in {folder_text} belong to the original study. Restore it, or plan a campaign of the changed one: hil campaign plan {study} -o OTHER"
         ))
     })?;
     Ok(Study::read(path)?)
 }
 
-/// Tells of copies beside the study that are not as they were planned: the results are of those that were.
+/// Reports copies that have changed since planning; the results belong to the originals.
 ///
-/// Returns `true` if there is none.
+/// Returns `true` if there are none.
 fn tell_changed_copies(folder: &Folder) -> bool {
     let changed = (folder.manifest().files()).filter_map(|copy| folder.check_copies([copy]).err());
     changed.fold(true, |_, why| {
         tell!(
-            "error: {why}; what is shown here is of the campaign as it was planned, and no case can be run again before it is put back as it was"
+            "error: {why}; the figures below belong to the campaign as planned, and no case can be run again until the file is restored"
         );
         false
     })
 }
 
-/// Prints the answers of a collected campaign.
+/// Prints the evaluation of a collected campaign.
 ///
 /// # Errors
-/// If it cannot be written.
+/// If the output cannot be written.
 pub(super) fn print(
     folder: &Folder,
     collected: &Collected,
@@ -92,11 +92,11 @@ pub(super) fn print(
 }
 
 fn text(answers: &Answers, folder: &Folder) -> String {
-    let shown = quoted(folder.path());
-    output::text(|text| write(text, answers, &shown))
+    let folder_text = quoted(folder.path());
+    output::text(|text| write(text, answers, &folder_text))
 }
 
-fn write(text: &mut String, answers: &Answers, shown: &str) -> std::fmt::Result {
+fn write(text: &mut String, answers: &Answers, folder_text: &str) -> std::fmt::Result {
     let Answers {
         name,
         cases,
@@ -107,7 +107,7 @@ fn write(text: &mut String, answers: &Answers, shown: &str) -> std::fmt::Result 
     if !answers.lost.is_empty() {
         writeln!(
             text,
-            "{}; no probability has bounds",
+            "{}; probabilities have no bounds",
             set_aside(&answers.lost)
         )?;
     }
@@ -139,14 +139,14 @@ fn write(text: &mut String, answers: &Answers, shown: &str) -> std::fmt::Result 
     writeln!(text)?;
     classes(text, answers)?;
     for variant in &answers.variants {
-        requirements(text, variant, shown)?;
+        requirements(text, variant, folder_text)?;
     }
     for goal in &answers.goals {
         let what = goal.requirement.as_deref().unwrap_or("pass");
         let verdict = if goal.is_met { "met" } else { "NOT MET" };
         writeln!(
             text,
-            "goal {verdict}: {} {what} with probability {} at {} %: at least {} shown",
+            "goal {verdict}: {} {what} with probability {} at {} %: at least {} demonstrated",
             goal.variant,
             goal.probability,
             goal.confidence * 100.0,
@@ -186,7 +186,7 @@ fn percent(share: Share) -> String {
     format!("{} %", short(share.count as f64 / share.of as f64 * 100.0))
 }
 
-/// Writes the bounds of a probability.
+/// Formats the bounds of a probability.
 pub(super) fn bounds(share: Share) -> String {
     match share.bounds {
         None => "-".into(),
@@ -198,7 +198,7 @@ pub(super) fn bounds(share: Share) -> String {
     }
 }
 
-fn requirements(text: &mut String, variant: &VariantAnswer, shown: &str) -> std::fmt::Result {
+fn requirements(text: &mut String, variant: &VariantAnswer, folder_text: &str) -> std::fmt::Result {
     if variant.requirements.is_empty() {
         return Ok(());
     }
@@ -252,7 +252,7 @@ fn requirements(text: &mut String, variant: &VariantAnswer, shown: &str) -> std:
             table.line(format!("    margin follows {}", strong.join(", ")));
         }
         if one.is_rounding {
-            table.line("    margin varies by rounding only, and follows nothing");
+            table.line("    margin varies by rounding only");
         }
         if one.without > 0 {
             table.line(format!(
@@ -267,13 +267,13 @@ fn requirements(text: &mut String, variant: &VariantAnswer, shown: &str) -> std:
         .iter()
         .filter_map(|one| Some((one.worst.first()?, one)));
     let worst = worst.filter(|(worst, _)| worst.margin.0 < 0.0);
-    let mut told: Vec<u64> = Vec::new();
+    let mut listed: Vec<u64> = Vec::new();
     for (worst, one) in worst {
-        if !told.contains(&worst.case) {
-            told.push(worst.case);
+        if !listed.contains(&worst.case) {
+            listed.push(worst.case);
             writeln!(
                 text,
-                "  worst of {}: hil campaign case {shown} {}",
+                "  worst of {}: hil campaign case {folder_text} {}",
                 one.name, worst.case
             )?;
         }

@@ -1,7 +1,6 @@
-//! Workers on a cluster that Slurm keeps: a job array over what is missing.
+//! Workers on a Slurm cluster: submits a job array over the missing shards.
 //!
-//! Slurm starts tasks and restarts some of them; nothing that it says decides about a result. [`Tasks`] are what it
-//! says.
+//! Slurm starts tasks and may restart them, but its reports never determine a result. [`Tasks`] holds its reports.
 
 mod tasks;
 
@@ -21,22 +20,22 @@ use super::planned::{self, program};
 use super::work::{cannot, open};
 use crate::arguments::SubmitArguments;
 
-/// Folder with a file for each job that was submitted.
+/// Subfolder with a file for each submitted job.
 const JOBS: &str = "jobs";
-/// Folder of the tasks' output.
+/// Subfolder of the tasks' output.
 const LOGS: &str = "logs";
-/// Share of a partition's time limit that a task may take by the measured case.
+/// Maximum estimated duration of a task, as a share of the partition's time limit.
 const SHARE_OF_LIMIT: f64 = 0.5;
 
-/// Submits what is missing.
+/// Submits the missing shards.
 ///
 /// # Errors
-/// If there is no Slurm, or it refuses.
+/// If Slurm is not available, or refuses the job.
 pub(super) fn submit(arguments: &SubmitArguments) -> Result<Exit, Failure> {
     let folder = open(&arguments.folder)?;
     planned::check(&folder)?;
     let (manifest, missing) = (folder.manifest(), missing(&folder));
-    // Of an earlier submission, which nobody may look at again.
+    // Left over from an earlier submission whose status may never be asked for again.
     if let Some(tasks) = tasks(&folder) {
         let stuck = tasks.stuck(missing.is_empty(), true);
         stuck.iter().for_each(|line| tell!("{line}"));
@@ -56,7 +55,7 @@ pub(super) fn submit(arguments: &SubmitArguments) -> Result<Exit, Failure> {
         let quoted = shlex::try_quote(&path).map_err(Failure::usage)?;
         Ok::<_, Failure>(quoted.into_owned())
     };
-    let (program, shown) = (quoted(&program(&folder)?)?, quoted(&path)?);
+    let (program, folder_text) = (quoted(&program(&folder)?)?, quoted(&path)?);
     for folder in [LOGS, JOBS] {
         fs::create_dir_all(path.join(folder)).map_err(Failure::infrastructure)?;
     }
@@ -67,14 +66,14 @@ pub(super) fn submit(arguments: &SubmitArguments) -> Result<Exit, Failure> {
         .arg("--requeue")
         .arg("--open-mode=append")
         .arg(format!("--job-name={}", manifest.name))
-        // Slurm replaces what is behind a percent sign.
+        // Slurm expands patterns that begin with a percent sign.
         .arg(format!(
             "--output={}/%A_%a.log",
             text(&path.join(LOGS))?.replace('%', "%%")
         ))
         .args(&arguments.options)
         .arg(format!(
-            "--wrap=exec {program} campaign work {shown} --task $SLURM_ARRAY_TASK_ID/{tasks}"
+            "--wrap=exec {program} campaign work {folder_text} --task $SLURM_ARRAY_TASK_ID/{tasks}"
         ));
     if arguments.dry_run {
         let all = std::iter::once("sbatch".into())
@@ -96,7 +95,7 @@ pub(super) fn submit(arguments: &SubmitArguments) -> Result<Exit, Failure> {
     fs::write(path.join(JOBS).join(&job), "").map_err(|error| cannot(&folder, &error))?;
     let each_ns = cases as f64 * manifest.case_s / tasks as f64 * 1e9;
     output::write(&format!(
-        "job {job}: {} for {} in {}, about {} each\nhil campaign status {shown} --watch\n",
+        "job {job}: {} for {} in {}, about {} each\nhil campaign status {folder_text} --watch\n",
         counted(tasks, "task"),
         counted(cases, "case"),
         counted(missing.len() as u64, "shard"),
@@ -105,12 +104,12 @@ pub(super) fn submit(arguments: &SubmitArguments) -> Result<Exit, Failure> {
     Ok(Exit::Pass)
 }
 
-/// Runs a program of Slurm and returns its output.
+/// Runs a Slurm program and returns its output.
 fn output_of(command: &mut Command) -> Result<String, Failure> {
     let name = command.get_program().to_string_lossy().into_owned();
     let output = command.output().map_err(|error| {
         Failure::usage(format!(
-            "cannot run {name}: {error}; --slurm needs a machine that submits to Slurm"
+            "cannot run {name}: {error}; --slurm needs a machine that can submit to Slurm"
         ))
     })?;
     if output.status.success() {
@@ -130,10 +129,10 @@ fn most_tasks() -> Result<u64, Failure> {
     Ok(most.unwrap_or(1001).max(1))
 }
 
-/// Chooses the time of a task: as asked for, and well below the limit of the partition.
+/// Chooses the duration of a task: as requested, but well below the time limit of the partition.
 fn task_s(arguments: &SubmitArguments) -> Result<f64, Failure> {
     if !(arguments.task_s.is_finite() && arguments.task_s > 0.0) {
-        return Err(Failure::usage("--task-s takes a number above 0"));
+        return Err(Failure::usage("--task-s must be a number above 0"));
     }
     let mut sinfo = Command::new("sinfo");
     sinfo.args(["--noheader", "--format=%l"]);
@@ -141,8 +140,8 @@ fn task_s(arguments: &SubmitArguments) -> Result<f64, Failure> {
         sinfo.arg(format!("--partition={partition}"));
     }
     let limits = output_of(&mut sinfo)?;
-    let given = option(&arguments.options, "-t", "--time");
-    let all = limits.lines().chain(given.as_deref());
+    let time_option = option(&arguments.options, "-t", "--time");
+    let all = limits.lines().chain(time_option.as_deref());
     let least = all
         .filter_map(|limit| limit_s(limit.trim()))
         .fold(f64::INFINITY, |a, b| if a < b { a } else { b });
@@ -154,7 +153,7 @@ fn task_s(arguments: &SubmitArguments) -> Result<f64, Failure> {
     })
 }
 
-/// Finds the value of an option among those of sbatch.
+/// Finds the value of an option in the arguments of sbatch.
 fn option(options: &[String], short: &str, long: &str) -> Option<String> {
     options.iter().enumerate().find_map(|(place, one)| {
         if one == short || one == long {
@@ -163,13 +162,13 @@ fn option(options: &[String], short: &str, long: &str) -> Option<String> {
         let long = one
             .strip_prefix(long)
             .and_then(|rest| rest.strip_prefix('='));
-        // `-pshort`, as sbatch takes it too.
+        // sbatch also accepts the form `-pshort`.
         let short = one.strip_prefix(short).filter(|_| !one.starts_with("--"));
         long.or(short).map(str::to_owned)
     })
 }
 
-/// Reads a time limit, `minutes`, `hours:minutes:seconds` or `days-hours:minutes:seconds`; none for no limit.
+/// Parses a time limit, `minutes`, `hours:minutes:seconds` or `days-hours:minutes:seconds`; `None` means no limit.
 fn limit_s(text: &str) -> Option<f64> {
     let (days, rest) = text
         .split_once('-')
@@ -187,7 +186,7 @@ fn limit_s(text: &str) -> Option<f64> {
     Some(days * 86_400.0 + seconds).filter(|limit| *limit > 0.0) // 0 is no limit for sbatch
 }
 
-/// Asks Slurm for the tasks of a campaign; none if nothing was submitted or it does not answer.
+/// Queries Slurm for the tasks of a campaign; `None` if nothing was submitted or Slurm does not answer.
 pub(super) fn tasks(folder: &Folder) -> Option<Tasks> {
     let jobs = fs::read_dir(folder.path().join(JOBS)).ok()?;
     let mut jobs: Vec<String> = jobs
@@ -204,7 +203,7 @@ pub(super) fn tasks(folder: &Folder) -> Option<Tasks> {
         squeue.args(["--noheader", "--array", "--format=%i %T %r"]);
         match output_of(squeue.arg(format!("--jobs={job}"))) {
             Ok(listed) => tasks.take(&job, &listed),
-            // It ended long ago.
+            // The job ended so long ago that Slurm has forgotten it.
             Err(failure) if failure.to_string().contains("Invalid job id") => {}
             Err(_) => return None,
         }
@@ -217,7 +216,7 @@ mod tests {
     use super::{limit_s, option};
 
     #[test]
-    fn time_limits_are_read_as_slurm_writes_them() {
+    fn time_limits_are_parsed_in_each_format_of_slurm() {
         for (text, seconds) in [
             ("30", Some(1800.0)),
             ("1:30", Some(90.0)),

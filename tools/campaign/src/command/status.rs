@@ -1,4 +1,5 @@
-//! Status of a campaign: done, missing and under way, from the folder alone; tasks of a cluster, as it says.
+//! `hil campaign status`: cases done, missing and under way, from the folder alone; and the tasks of a cluster, from
+//! Slurm.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -17,7 +18,7 @@ use super::slurm::{self, Tasks};
 use super::work::{cannot, open};
 use crate::arguments::StatusArguments;
 
-/// Time between two looks.
+/// Interval between two refreshes.
 const LOOK: Duration = Duration::from_secs(1);
 
 /// State of a campaign.
@@ -25,26 +26,26 @@ const LOOK: Duration = Duration::from_secs(1);
 struct Status {
     name: String,
     cases: u64,
-    /// Cases of published shards.
+    /// Number of cases in published shards.
     published: u64,
-    /// Cases with a row in shards that are not published.
+    /// Number of cases with a row in unpublished shards.
     begun: u64,
     missing: u64,
     shards: u64,
     shards_published: u64,
-    /// Shards that a worker is at, on this machine or another whose locks are seen here.
+    /// Number of shards with an active worker, on this machine or another whose locks are visible here.
     shards_under_way: u64,
-    /// Shards whose result does not count, with what is wrong; their cases are missing.
+    /// Shards with an invalid result, with the error; their cases are missing.
     shards_damaged: BTreeMap<u64, String>,
     conflicts: Vec<Conflict>,
-    /// Tasks of a cluster; null if none was submitted, or it cannot be asked.
+    /// Tasks of a cluster; `None` if none was submitted, or Slurm does not answer.
     tasks: Option<Tasks>,
 }
 
-/// Tells the state of a campaign.
+/// Runs the command.
 ///
 /// # Errors
-/// If its folder cannot be read.
+/// If the folder cannot be read.
 pub(super) fn status(arguments: &StatusArguments) -> Result<Exit, Failure> {
     let interruption = Interruption::listen()?;
     let folder = open(&arguments.folder)?;
@@ -66,7 +67,8 @@ pub(super) fn status(arguments: &StatusArguments) -> Result<Exit, Failure> {
 }
 
 impl Status {
-    /// Looks at a folder; shards that are `sound` are not read once more.
+    /// Determines the status of a folder; `sound` holds the shards that were verified before and need no second
+    /// reading.
     fn of(folder: &Folder, sound: &mut BTreeSet<u64>) -> Result<Self, Failure> {
         let manifest = folder.manifest();
         let mut status = Self {
@@ -89,7 +91,7 @@ impl Status {
                 if !sound.contains(&number) {
                     match shard.part() {
                         Ok(_) => sound.insert(number),
-                        // Set aside meanwhile, by whoever computes it again.
+                        // Set aside by a worker that computes it again.
                         Err(PartError::Missing) => continue,
                         Err(PartError::Broken(what)) => {
                             status.shards_damaged.insert(number, what);
@@ -111,7 +113,7 @@ impl Status {
     }
 
     fn describe(&self, folder: &Folder) -> String {
-        let shown = quoted(folder.path());
+        let folder_text = quoted(folder.path());
         let Self {
             name,
             published,
@@ -128,8 +130,9 @@ impl Status {
             self.shards_under_way
         );
         for (number, what) in &self.shards_damaged {
-            text +=
-                &format!("  shard {number}: {what}; hil campaign run {shown} computes it again\n");
+            text += &format!(
+                "  shard {number}: {what}; hil campaign run {folder_text} computes it again\n"
+            );
         }
         for conflict in &self.conflicts {
             text += &format!("  {conflict}\n");
@@ -140,7 +143,8 @@ impl Status {
         }
         let is_left = self.shards_published < self.shards && self.shards_under_way == 0;
         if is_left && self.tasks.as_ref().is_none_or(|tasks| tasks.running == 0) {
-            text += &format!("  nobody works on it here; hil campaign run {shown} goes on\n");
+            text +=
+                &format!("  no worker is active here; hil campaign run {folder_text} continues\n");
         }
         text
     }

@@ -1,5 +1,5 @@
-//! The table of the values of every case, for readers of Parquet. No case is run by it: it follows from the study,
-//! so a table that is damaged is written anew.
+//! The table of the values of every case, for Parquet readers. No run depends on it: it follows from the study, so a
+//! damaged table is rewritten.
 
 use std::fs;
 use std::io::BufWriter;
@@ -13,12 +13,12 @@ use hil_config::study::Study;
 use hil_console::files::part_file::PartFile;
 use hil_console::terminal::exit::Failure;
 
-/// Name of the table.
+/// File name of the table.
 const CASES: &str = "cases.parquet";
-/// Name of the fact that binds the table to its campaign.
+/// Metadata key that binds the table to its campaign.
 const CAMPAIGN: &str = "campaign";
 
-/// Makes the cells of a case that are known before it runs.
+/// Builds the cells of a case that are known before it runs.
 pub(super) fn head(draws: &Draws, case: u64) -> Row {
     let (draw, variant) = draws.of_case(case);
     let values = draws.values(draw);
@@ -36,7 +36,7 @@ pub(super) fn head(draws: &Draws, case: u64) -> Row {
 /// Writes the table into the folder of a campaign, with a check sum and the campaign's identity.
 ///
 /// # Errors
-/// If it cannot be written.
+/// If the file cannot be written.
 pub(super) fn write(folder: &Path, manifest: &Manifest, draws: &Draws) -> Result<(), Failure> {
     let cannot = |error: &dyn std::fmt::Display| {
         Failure::infrastructure(format!("cannot write the cases: {error}"))
@@ -47,8 +47,8 @@ pub(super) fn write(folder: &Path, manifest: &Manifest, draws: &Draws) -> Result
     let table = Writer::new(BufWriter::new(file), columns(manifest, draws.study()));
     let mut table = table.map_err(|error| cannot(&error))?;
     for case in 0..draws.study().cases() {
-        let written = table.row(&head(draws, case));
-        written.map_err(|error| cannot(&error))?;
+        let result = table.row(&head(draws, case));
+        result.map_err(|error| cannot(&error))?;
     }
     let facts = [(CAMPAIGN, manifest.id()), sealed::unsealed()];
     let file = table.finish(&facts).map_err(|error| cannot(&error))?;
@@ -57,45 +57,47 @@ pub(super) fn write(folder: &Path, manifest: &Manifest, draws: &Draws) -> Result
     part.complete(&path, true).map_err(|error| cannot(&error))
 }
 
-/// Writes the table anew if it is not as it was planned, and tells the reason.
+/// Rewrites the table if it is missing or damaged, and reports the reason.
 ///
 /// # Errors
-/// If it cannot be written.
+/// If the file cannot be written.
 pub(super) fn mend(folder: &Folder, study: &Study) -> Result<(), Failure> {
     let Err(why) = check(folder, study) else {
         return Ok(());
     };
     let draws = Draws::new(study.clone())?;
     write(folder.path(), folder.manifest(), &draws)?;
-    tell!("note: {why}; it is written anew");
+    tell!("note: {why}; it will be rewritten");
     Ok(())
 }
 
-/// Checks the table of a campaign: by its check sum and the identity of the campaign, and one of an earlier version,
+/// Verifies the table of a campaign by its check sum and the identity of the campaign; a table of an earlier version,
 /// which has neither, by its content.
 ///
 /// # Errors
-/// With what is wrong.
+/// If the table does not match; the message says why.
 pub(super) fn check(folder: &Folder, study: &Study) -> Result<(), String> {
     let path = folder.path().join(CASES);
-    let shown = path.display();
+    let path_text = path.display();
     if !path.exists() {
-        return Err(format!("{shown} is missing"));
+        return Err(format!("{path_text} is missing"));
     }
-    let damaged = |error: &dyn std::fmt::Display| format!("{shown} is damaged: {error}");
+    let damaged = |error: &dyn std::fmt::Display| format!("{path_text} is damaged: {error}");
     match sealed::checked_fact(&path, CAMPAIGN) {
         Ok(Some(id)) if id == folder.id() => Ok(()),
-        Ok(Some(_)) => Err(format!("{shown} is that of another campaign")),
+        Ok(Some(_)) => Err(format!("{path_text} belongs to another campaign")),
         Ok(None) => match has_values(&path, folder.manifest(), study) {
             Ok(true) => Ok(()),
-            Ok(false) => Err(format!("{shown} has other values than the study draws")),
+            Ok(false) => Err(format!(
+                "{path_text} differs from the values that the study draws"
+            )),
             Err(error) => Err(damaged(&error)),
         },
         Err(error) => Err(damaged(&error)),
     }
 }
 
-/// Returns `true` if a table has the values that a study draws.
+/// Returns `true` if the table holds the values that the study draws.
 fn has_values(path: &PathBuf, manifest: &Manifest, study: &Study) -> Result<bool, Failure> {
     let bytes = fs::read(path).map_err(Failure::usage)?;
     let table = table::read(bytes, columns(manifest, study)).map_err(Failure::usage)?;
@@ -113,6 +115,6 @@ fn has_values(path: &PathBuf, manifest: &Manifest, study: &Study) -> Result<bool
 
 /// Lists the columns that are known before a case runs.
 fn columns<'a>(manifest: &'a Manifest, study: &Study) -> &'a [Column] {
-    let known = manifest.columns.len().min(4 + study.varied.len());
-    &manifest.columns[..known]
+    let count = manifest.columns.len().min(4 + study.varied.len());
+    &manifest.columns[..count]
 }

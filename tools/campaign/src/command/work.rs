@@ -1,8 +1,9 @@
-//! The worker: cases of free shards, one after the other, until none is free.
+//! The worker: runs the cases of free shards, one after the other, until no shard is free.
 //!
-//! Every engine starts it, and it asks none. It ends with its cases noted, whatever ends it; a case that ends
-//! three workers, or that cannot be run three times, is set aside and its shard goes on. Where processes are kept
-//! from case to case, some cases are run once more in new ones before they count, and a difference ends the worker.
+//! Every engine starts this worker, and it depends on none of them. Whatever ends it, its finished cases are in the
+//! journal. A case that kills three workers, or that fails three times, is set aside and its shard continues. Where
+//! processes are reused, some cases are verified in new processes before they count, and a difference stops the
+//! worker.
 
 use std::cell::RefCell;
 use std::io::Read;
@@ -30,20 +31,20 @@ use super::planned::{self, become_planned};
 use super::result::CaseResult;
 use crate::arguments::WorkArguments;
 
-/// Word of a worker when a case came out otherwise in new processes.
+/// Message of a worker when a case had another result in new processes.
 pub(super) const DIFFERS: &str = "differs";
-/// Word of a worker that cannot go on, before the reason as a text of JSON.
+/// Message of a worker that cannot continue, followed by the reason as a JSON string.
 pub(super) const FAILED: &str = "failed ";
-/// Time between two looks of the watchdog.
+/// Interval between two checks of the watchdog.
 const LOOK: Duration = Duration::from_millis(100);
 
-/// Works on the shards that are asked for.
+/// Works on the requested shards.
 ///
 /// # Errors
-/// If the folder cannot be worked on.
+/// If the folder cannot be used.
 pub(super) fn work(arguments: &WorkArguments) -> Result<Exit, Failure> {
-    match worked(arguments) {
-        // The command that started this worker says so itself, of all its workers once.
+    match run_shards(arguments) {
+        // The parent command reports an interruption once for all its workers.
         Err(Failure::Interrupted) if arguments.leash => Ok(Exit::Interrupted),
         Err(failure @ (Failure::Usage(_) | Failure::Infrastructure(_))) if arguments.leash => {
             let reason = serde_json::to_string(&failure.reason());
@@ -55,7 +56,7 @@ pub(super) fn work(arguments: &WorkArguments) -> Result<Exit, Failure> {
     }
 }
 
-fn worked(arguments: &WorkArguments) -> Result<Exit, Failure> {
+fn run_shards(arguments: &WorkArguments) -> Result<Exit, Failure> {
     let interruption = Interruption::listen()?;
     let folder = open(&arguments.folder)?;
     become_planned(&folder)?;
@@ -67,19 +68,19 @@ fn worked(arguments: &WorkArguments) -> Result<Exit, Failure> {
     let worker = Worker {
         watchdog: Watchdog::begin(cases.study().case_limit_s),
         cases,
-        kept: RefCell::default(),
+        processes: RefCell::default(),
         folder: &folder,
         interruption,
         tells: arguments.tell,
     };
     let mut exit = Exit::Pass;
-    for number in wanted(arguments, &folder)? {
+    for number in requested_shards(arguments, &folder)? {
         let shard = Shard::of(&folder, number);
         if shard.is_published() {
             continue;
         }
         let claim = shard.claim().map_err(|error| cannot(&folder, &error))?;
-        // Another worker may have been faster between the two looks.
+        // Another worker may have published the shard between the two checks.
         let is_taken = claim.is_none() && !arguments.ignore_claims;
         if is_taken || shard.is_published() {
             continue;
@@ -94,7 +95,7 @@ fn worked(arguments: &WorkArguments) -> Result<Exit, Failure> {
 /// Opens the folder of a campaign.
 ///
 /// # Errors
-/// If it is none.
+/// If the folder is not that of a campaign.
 pub(super) fn open(path: &Path) -> Result<Folder, Failure> {
     Folder::open(path).map_err(|error| match error {
         ManifestError::Damaged(_) => Failure::infrastructure(error),
@@ -102,35 +103,35 @@ pub(super) fn open(path: &Path) -> Result<Folder, Failure> {
     })
 }
 
-/// Makes the failure of a folder that cannot be worked on.
+/// Creates the error for a folder that cannot be used.
 pub(super) fn cannot(folder: &Folder, error: &dyn std::fmt::Display) -> Failure {
-    let shown = folder.path().display();
+    let folder_text = folder.path().display();
     Failure::infrastructure(format!(
-        "cannot work on {shown}: {error}; what is there stays, and the same command goes on"
+        "cannot work on {folder_text}: {error}; existing results are kept, and the same command continues"
     ))
 }
 
-/// Ends the worker when its input does: whoever started it is gone.
+/// Ends the worker at the end of its input, when its parent is gone.
 fn end_with_input() {
     std::thread::spawn(|| {
         let mut input = std::io::stdin().lock();
         while matches!(input.read(&mut [0; 64]), Ok(1..)) {}
-        let _ = kill_process(getpid(), Signal::TERM); // it is there
+        let _ = kill_process(getpid(), Signal::TERM); // cannot fail for its own process
     });
 }
 
-/// Lists the shards that are asked for.
-fn wanted(arguments: &WorkArguments, folder: &Folder) -> Result<Vec<u64>, Failure> {
+/// Lists the requested shards.
+fn requested_shards(arguments: &WorkArguments, folder: &Folder) -> Result<Vec<u64>, Failure> {
     let shards = folder.manifest().shards();
     if let Some(list) = &arguments.shards {
         let all = listed(list).ok_or_else(|| {
             Failure::usage(format!(
-                "--shards {list}: it takes numbers and ranges, as 0-9,12"
+                "--shards {list}: expected numbers and ranges, for example 0-9,12"
             ))
         })?;
         if let Some(beyond) = all.iter().find(|number| **number >= shards) {
             return Err(Failure::usage(format!(
-                "--shards: there is no shard {beyond}; the campaign has {shards}, counted from 0"
+                "--shards: there is no shard {beyond}; the campaign has {shards} shards, counted from 0"
             )));
         }
         return Ok(all);
@@ -143,20 +144,17 @@ fn wanted(arguments: &WorkArguments, folder: &Folder) -> Result<Vec<u64>, Failur
         let (part, of): (u64, u64) = (part.parse().ok()?, of.parse().ok()?);
         (part < of).then_some((part, of))
     });
-    let (part, of) = part.ok_or_else(|| {
-        Failure::usage(format!(
-            "--task {task}: it takes a part of a number of parts, as 0/16"
-        ))
-    })?;
-    // By the number of the shard, mixed: what other tasks have done meanwhile moves nothing, and what one of them
-    // left is not one task's again.
+    let (part, of) = part
+        .ok_or_else(|| Failure::usage(format!("--task {task}: expected K/N, for example 0/16")))?;
+    // Assigned by a hash of the shard number, so that the assignment does not depend on finished shards, and the
+    // shards that one task left are spread over several tasks.
     let mixed = |number: u64| number.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32;
     Ok((missing.into_iter())
         .filter(|number| mixed(*number) % of == part)
         .collect())
 }
 
-/// Reads a list such as `0-9,12`.
+/// Parses a list such as `0-9,12`.
 fn listed(list: &str) -> Option<Vec<u64>> {
     let mut all = Vec::new();
     for part in list.split(',') {
@@ -172,7 +170,7 @@ fn listed(list: &str) -> Option<Vec<u64>> {
 
 struct Worker<'a> {
     cases: Cases,
-    kept: RefCell<Kept>,
+    processes: RefCell<Kept>,
     folder: &'a Folder,
     interruption: Interruption,
     watchdog: Watchdog,
@@ -180,7 +178,7 @@ struct Worker<'a> {
 }
 
 impl Worker<'_> {
-    /// Computes what a shard lacks, and publishes it.
+    /// Computes the missing cases of a shard and publishes it.
     fn shard(&self, shard: Shard<'_>) -> Result<Exit, Failure> {
         let cannot = |error: std::io::Error| cannot(self.folder, &error);
         let mut attempt = shard.attempt().map_err(cannot)?;
@@ -219,11 +217,11 @@ impl Worker<'_> {
         }
     }
 
-    /// Runs a case until it has a row, and its curve if one is kept.
+    /// Runs a case until it has a row, with its curve if that is recorded.
     fn row(&self, case: u64, attempt: &mut Attempt<'_>) -> Result<(Row, Option<Curve>), Failure> {
         let columns = &self.folder.manifest().columns;
         let mut tries = attempt.tries(case);
-        let mut why = format!("it ended its worker {tries} times");
+        let mut why = format!("it killed its worker {tries} times");
         while tries < MOST_TRIES {
             attempt
                 .start(case)
@@ -233,20 +231,22 @@ impl Worker<'_> {
             match self.try_once(case) {
                 Ok((row, result)) if crate::table::fits(&row, columns) => {
                     if result.is_to_check {
-                        // Before it counts: what ends this worker meanwhile leaves no row of the case.
+                        // Verified before it counts: if the worker dies meanwhile, the case has no row.
                         self.check(case, &row)?;
                     }
                     return Ok((row, result.curve));
                 }
-                Ok(_) => why = "its results have other columns than those of the first case".into(),
+                Ok(_) => {
+                    why = "its results have different columns from those of the first case".into()
+                }
                 Err(Failure::Interrupted) => {
-                    let left = attempt.leave(case);
-                    left.map_err(|error| cannot(self.folder, &error))?;
+                    let result = attempt.leave(case);
+                    result.map_err(|error| cannot(self.folder, &error))?;
                     return Err(Failure::Interrupted);
                 }
                 Err(failure) => {
                     why = failure.to_string();
-                    // What is refused once is refused always.
+                    // An invalid case stays invalid.
                     tries += if matches!(failure, Failure::Usage(_)) {
                         MOST_TRIES
                     } else {
@@ -259,10 +259,10 @@ impl Worker<'_> {
         Ok((self.cases.lost(case, columns, &why), None))
     }
 
-    /// Runs a case once more in new processes, and compares.
+    /// Runs a case again in new processes and compares the results.
     ///
     /// # Errors
-    /// If the two differ, or new processes give no result.
+    /// If the results differ, or the new processes give no result.
     fn check(&self, case: u64, row: &Row) -> Result<(), Failure> {
         let columns = &self.folder.manifest().columns;
         let fresh = self.fresh(case)?;
@@ -279,15 +279,15 @@ impl Worker<'_> {
         } = conflict;
         let advice = match difference(&fresh, &self.fresh(case)?, columns, "") {
             None => {
-                "the plant or the controller keeps something from one run to the next, as a static value. Mend it, or plan the campaign anew with `fresh_processes = true` in its study"
+                "the plant or the controller keeps state from one run to the next, for example in a static variable. Fix it, or plan the campaign again with `fresh_processes = true` in its study"
             }
             Some(_) => {
-                "and something else in other new ones: the plant or the controller depends on more than its job, as a clock, a file or a random seed"
+                "and yet another value in other new ones: the plant or the controller depends on more than its inputs, such as a clock, a file or a random seed"
             }
         };
         self.tell(DIFFERS)?; // whoever hears it ends all workers
         Err(Failure::Differ(format!(
-            "case {case}: {column} is {first} in processes that ran cases before it, and {second} in new ones; {advice}"
+            "case {case}: {column} is {first} in processes that ran earlier cases, but {second} in new ones; {advice}"
         )))
     }
 
@@ -303,7 +303,7 @@ impl Worker<'_> {
                 Err(Failure::Infrastructure(_)) if tries < MOST_TRIES => {}
                 Err(Failure::Infrastructure(why)) => {
                     return Err(Failure::infrastructure(format!(
-                        "case {case} has a result in processes that ran cases before it, and none in new ones: {why}"
+                        "case {case} has a result in processes that ran earlier cases, but none in new ones: {why}"
                     )));
                 }
                 Err(failure) => return Err(failure),
@@ -315,12 +315,12 @@ impl Worker<'_> {
         let _watched = self.watchdog.watch(case);
         let run = || {
             let plan = self.cases.plan(case)?;
-            let result = self
-                .cases
-                .run(&plan, &mut self.kept.borrow_mut(), &self.interruption)?;
+            let result =
+                self.cases
+                    .run(&plan, &mut self.processes.borrow_mut(), &self.interruption)?;
             Ok((self.cases.row(case, &result), result))
         };
-        // What the run was about goes with it; nothing of it is looked at again.
+        // The state of a panicked run is discarded, so it cannot be observed broken.
         std::panic::catch_unwind(std::panic::AssertUnwindSafe(run))
             .unwrap_or_else(|panic| Err(Failure::panicked("the run", &*panic)))
     }
@@ -333,27 +333,27 @@ impl Worker<'_> {
     }
 }
 
-/// Ends the process when a case takes too long: nothing else can end a law that computes for ever.
+/// Kills the process when a case takes too long: a law in an endless loop cannot be ended otherwise.
 struct Watchdog(Arc<Mutex<Option<(u64, Instant)>>>);
 
-/// A case that is being watched.
+/// Guard of a case under watch.
 struct Watched<'a>(&'a Watchdog);
 
 impl Watchdog {
     fn begin(limit_s: f64) -> Self {
         let limit = Duration::from_secs_f64(limit_s);
         let watched = Arc::<Mutex<Option<(u64, Instant)>>>::default();
-        let seen = Arc::clone(&watched);
+        let shared = Arc::clone(&watched);
         std::thread::spawn(move || {
             loop {
                 std::thread::sleep(LOOK);
-                let case = *seen.lock().unwrap_or_else(PoisonError::into_inner);
+                let case = *shared.lock().unwrap_or_else(PoisonError::into_inner);
                 if let Some((case, _)) = case.filter(|(_, since)| since.elapsed() > limit) {
                     tell!(
-                        "error: case {case} took longer than {limit_s} s (case_limit_s); its worker ends"
+                        "error: case {case} took longer than {limit_s} s (case_limit_s); killing its worker"
                     );
                     session::abandon();
-                    let _ = kill_process(getpid(), Signal::KILL); // it is there
+                    let _ = kill_process(getpid(), Signal::KILL); // cannot fail for its own process
                 }
             }
         });
@@ -381,7 +381,7 @@ mod tests {
     use super::listed;
 
     #[test]
-    fn a_list_has_numbers_and_ranges() {
+    fn lists_consist_of_numbers_and_ranges() {
         assert_eq!(listed("0-2,7"), Some(vec![0, 1, 2, 7]));
         for wrong in ["", "a", "2-1", "1-", "-1", "1,,2"] {
             assert_eq!(listed(wrong), None, "{wrong}");

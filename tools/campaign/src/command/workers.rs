@@ -1,6 +1,6 @@
-//! Workers on the cores of this machine: started, watched, started again when one dies.
+//! Workers on the cores of this machine: starts them, watches them and restarts those that die.
 //!
-//! Decides nothing about results: whoever finishes a shard first, here or elsewhere, is right.
+//! No result depends on it: the first worker to publish a shard wins, here or elsewhere.
 
 use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader};
@@ -25,19 +25,19 @@ use super::work::{DIFFERS, FAILED, cannot, open};
 use super::{collect, quoted, show};
 use crate::arguments::RunCampaignArguments;
 
-/// Time between two looks at what nobody tells.
+/// Interval of polling for changes without notification.
 const LOOK: Duration = Duration::from_millis(100);
-/// Time between two looks at shards that others have claimed.
+/// Interval of polling for shards that other workers have claimed.
 const ELSEWHERE: Duration = Duration::from_secs(1);
-/// Time between two lines of progress where nobody watches.
+/// Interval between progress lines when standard error is not a terminal.
 const LINES: Duration = Duration::from_secs(10);
-/// Deaths in a row of workers that began no case, after which it is no case's fault.
+/// Number of consecutive worker deaths without a started case that points to a fault other than a case.
 const MOST_STILLBORN: u32 = 5;
 
-/// Runs what is missing.
+/// Runs the missing cases.
 ///
 /// # Errors
-/// If workers cannot work, or it was interrupted.
+/// If workers fail, or the command is interrupted.
 pub(super) fn run(arguments: &RunCampaignArguments) -> Result<Exit, Failure> {
     let interruption = Interruption::listen()?;
     let folder = open(&arguments.folder)?;
@@ -63,13 +63,13 @@ pub(super) fn run(arguments: &RunCampaignArguments) -> Result<Exit, Failure> {
         ran?;
         let mut gathered = Gathered::new(folder.manifest(), &study);
         let collected = collect::join(&folder, &study, false, |part| gathered.take(part))?;
-        // A result that does not count is known once it is read.
+        // Invalid results are detected only when they are read.
         if collected.missing.is_empty() {
             break (collected, gathered);
         }
         for (number, what) in &collected.broken {
             if !broken.insert(*number) {
-                let again = format!("the result of shard {number} was computed again, and {what}");
+                let again = format!("the result of shard {number} was recomputed, but {what}");
                 return Err(cannot(&folder, &again));
             }
         }
@@ -77,7 +77,7 @@ pub(super) fn run(arguments: &RunCampaignArguments) -> Result<Exit, Failure> {
     show::print(&folder, &collected, gathered, arguments.json)
 }
 
-/// Opens the results again that have cases without one, for these cases alone.
+/// Withdraws the results with cases that were set aside, to retry only these cases.
 fn try_again(folder: &Folder) -> Result<(), Failure> {
     let mut count = 0;
     for number in 0..folder.manifest().shards() {
@@ -91,11 +91,11 @@ fn try_again(folder: &Folder) -> Result<(), Failure> {
         }
         count += lost as u64;
     }
-    tell!("{} tried again", counted(count, "case"));
+    tell!("retrying {}", counted(count, "case"));
     Ok(())
 }
 
-/// Starts workers until nothing is missing.
+/// Runs rounds of workers until nothing is missing.
 fn all(
     folder: &Folder,
     jobs: usize,
@@ -123,7 +123,7 @@ fn all(
             };
             let before = done(folder)?;
             round(folder, workers, interruption, progress)?;
-            // A worker in order computes what is free, or says why it cannot.
+            // A working worker computes a free shard or reports why it cannot.
             let is_idle = !interruption.came()
                 && self::missing(folder) == missing
                 && done(folder)? == before
@@ -131,15 +131,15 @@ fn all(
             if is_idle {
                 let program = program(folder)?;
                 return Err(Failure::infrastructure(format!(
-                    "all workers ended without an error, and computed nothing although nobody else has shard {free}: {} does not work as the hil of this campaign; what is there stays",
+                    "all workers ended without an error but computed nothing, although shard {free} is free: {} does not behave like the hil of this campaign; existing results are kept",
                     program.display()
                 )));
             }
         } else {
             if !std::mem::replace(&mut has_told, true) {
                 let count = counted(missing.len() as u64, "shard");
-                let shown = quoted(folder.path());
-                progress.tell(&format!("waiting for {count} that other workers have claimed; hil campaign work {shown} --ignore-claims computes them too"));
+                let folder_text = quoted(folder.path());
+                progress.tell(&format!("waiting for {count} that other workers have claimed; hil campaign work {folder_text} --ignore-claims computes them too"));
             }
             progress.look(folder)?;
             std::thread::sleep(ELSEWHERE);
@@ -150,25 +150,25 @@ fn all(
     }
 }
 
-/// Returns `true` if nobody works on a shard.
+/// Returns `true` if no worker holds the shard.
 fn is_free(folder: &Folder, number: u64) -> Result<bool, Failure> {
     let claim = Shard::of(folder, number).claim();
     Ok(claim.map_err(|error| cannot(folder, &error))?.is_some())
 }
 
 fn interrupted(folder: &Folder) -> Failure {
-    let shown = quoted(folder.path());
-    tell!("interrupted; hil campaign run {shown} goes on");
+    let folder_text = quoted(folder.path());
+    tell!("interrupted; hil campaign run {folder_text} continues");
     Failure::Interrupted
 }
 
-/// News of a worker.
+/// Message from the thread that watches a worker.
 enum News {
     Line(String),
     Ended(usize),
 }
 
-/// Runs N workers until each finds nothing to do; those that die are started again.
+/// Runs workers until each finds nothing to do, restarting those that die.
 fn round(
     folder: &Folder,
     workers: usize,
@@ -187,7 +187,7 @@ fn round(
     while children.iter().any(Option::is_some) {
         if (interruption.came() || failed.is_some()) && !is_ending {
             is_ending = true;
-            // Their input ends, and so do they.
+            // Closing their input ends the workers.
             let inputs = children
                 .iter_mut()
                 .flatten()
@@ -200,7 +200,7 @@ fn round(
         match news {
             News::Line(line) if line == DIFFERS => {
                 failed = Some(Failure::Differ(
-                    "cases came out otherwise in new processes; what was published before may be wrong too".into(),
+                    "cases had different results in new processes; results published earlier may be wrong, too".into(),
                 ));
             }
             News::Line(line) => {
@@ -239,10 +239,10 @@ fn round(
 }
 
 fn died(status: ExitStatus) -> String {
-    format!("a worker died ({status}); another one goes on")
+    format!("a worker died ({status}); starting another one")
 }
 
-/// Starts a worker, with a thread that listens to it.
+/// Starts a worker, with a thread that reads its output.
 fn start(folder: &Folder, number: usize, send: &Sender<News>) -> Result<Child, Failure> {
     let program = program(folder)?;
     let child = Command::new(&program)
@@ -265,21 +265,21 @@ fn start(folder: &Folder, number: usize, send: &Sender<News>) -> Result<Child, F
                 return;
             }
         }
-        let _ = send.send(News::Ended(number)); // nobody may be left to hear it
+        let _ = send.send(News::Ended(number)); // fails only if the receiver is gone
     });
     Ok(child)
 }
 
-/// Progress of a campaign on standard error.
+/// Progress display on standard error.
 struct Progress {
     bar: ProgressBar,
     all: u64,
     done: u64,
-    /// Cases that were there when it began.
+    /// Number of finished cases at the start.
     before: u64,
     failures: u64,
     began: Instant,
-    said: Instant,
+    last_line: Instant,
 }
 
 impl Progress {
@@ -297,7 +297,7 @@ impl Progress {
             before: done,
             failures: 0,
             began: now,
-            said: now,
+            last_line: now,
         })
     }
 
@@ -311,8 +311,8 @@ impl Progress {
         self.bar.set_position(self.done);
         self.bar
             .set_message(format!("cases, {} no pass", self.failures));
-        if self.bar.is_hidden() && self.said.elapsed() > LINES {
-            self.said = Instant::now();
+        if self.bar.is_hidden() && self.last_line.elapsed() > LINES {
+            self.last_line = Instant::now();
             let rate =
                 self.done.saturating_sub(self.before) as f64 / self.began.elapsed().as_secs_f64();
             let left_ns = (self.all.saturating_sub(self.done)) as f64 / rate * 1e9;
@@ -327,7 +327,7 @@ impl Progress {
         }
     }
 
-    /// Looks at what others have done meanwhile.
+    /// Updates the count with cases that other workers have finished.
     fn look(&mut self, folder: &Folder) -> Result<(), Failure> {
         self.done = done(folder)?;
         self.bar.set_position(self.done);

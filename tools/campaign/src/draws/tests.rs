@@ -53,7 +53,7 @@ fn variants_have_the_same_draws_and_their_own_flags() {
 }
 
 #[test]
-fn a_seed_that_the_study_gives_is_not_drawn() {
+fn a_seed_set_by_the_study_is_not_drawn() {
     let draws = draws(&format!("cases = 5\nset = [\"run.seed=7\"]\n{TWO}"));
     assert_eq!(
         draws
@@ -66,17 +66,17 @@ fn a_seed_that_the_study_gives_is_not_drawn() {
 }
 
 #[test]
-fn a_given_seed_is_the_one_that_the_scenario_reads() {
-    for (given, seed) in [("7", 7), ("1_000", 1000)] {
-        let draws = draws(&format!("cases = 5\nset = [\"run.seed={given}\"]\n{TWO}"));
-        assert_eq!(draws.seed_of(0, 3, &draws.values(0)), seed, "{given}");
+fn the_seed_of_a_case_is_the_one_that_the_scenario_reads() {
+    for (value, seed) in [("7", 7), ("1_000", 1000)] {
+        let draws = draws(&format!("cases = 5\nset = [\"run.seed={value}\"]\n{TWO}"));
+        assert_eq!(draws.seed_of(0, 3, &draws.values(0)), seed, "{value}");
     }
     let draws = draws(&format!("cases = 5\n{TWO}"));
     assert_eq!(draws.seed_of(0, 3, &draws.values(0)), 3);
 }
 
 #[test]
-fn independent_and_sobol_draws_stay_when_a_campaign_grows_and_those_of_a_hypercube_do_not() {
+fn growing_a_campaign_keeps_independent_and_sobol_draws_but_not_those_of_a_hypercube() {
     for (sampling, stays) in [
         ("independent", true),
         ("sobol", true),
@@ -94,7 +94,7 @@ fn independent_and_sobol_draws_stay_when_a_campaign_grows_and_those_of_a_hypercu
 }
 
 #[test]
-fn each_seed_gives_other_values_and_each_value_its_own() {
+fn seeds_and_varied_values_have_independent_streams() {
     let of = |seed: u64| draws(&format!("cases = 9\nseed = {seed}\n{TWO}"));
     assert_ne!(of(1).values(0), of(2).values(0));
     assert_ne!(of(1).values(0), of(1).values(1));
@@ -102,26 +102,26 @@ fn each_seed_gives_other_values_and_each_value_its_own() {
 }
 
 #[test]
-fn a_hypercube_has_one_draw_in_each_of_as_many_equal_ranges() {
+fn a_hypercube_has_exactly_one_draw_per_stratum() {
     let draws = draws(&format!(
         "cases = 1000\nsampling = \"latin-hypercube\"\n{TWO}"
     ));
-    let mut seen = [0; 1000];
+    let mut counts = [0; 1000];
     for draw in 0..1000 {
         let x = numbers(&draws, draw)[0];
-        seen[((x - 2.0) / 2.0 * 1000.0) as usize] += 1;
+        counts[((x - 2.0) / 2.0 * 1000.0) as usize] += 1;
     }
-    assert_eq!(seen, [1; 1000]);
+    assert_eq!(counts, [1; 1000]);
 }
 
 #[test]
 fn shifted_sobol_points_fill_each_dyadic_range_once() {
     let draws = draws(&format!("cases = 256\nsampling = \"sobol\"\n{TWO}"));
-    let mut seen = [0; 256];
+    let mut counts = [0; 256];
     for draw in 0..256 {
-        seen[((numbers(&draws, draw)[0] - 2.0) * 128.0) as usize] += 1;
+        counts[((numbers(&draws, draw)[0] - 2.0) * 128.0) as usize] += 1;
     }
-    assert_eq!(seen, [1; 256]);
+    assert_eq!(counts, [1; 256]);
 }
 
 #[test]
@@ -146,7 +146,7 @@ fn a_grid_has_every_combination_once_and_its_last_value_changes_fastest() {
     );
 }
 
-/// Mean, deviation and correlation of the first two numbers of 20,000 draws.
+/// Means, standard deviations and correlation of the first two numbers of 20,000 draws.
 fn moments(draws: &Draws) -> ([f64; 2], [f64; 2], f64) {
     let all: Vec<Vec<f64>> = (0..20_000).map(|draw| numbers(draws, draw)).collect();
     let count = all.len() as f64;
@@ -160,7 +160,7 @@ fn moments(draws: &Draws) -> ([f64; 2], [f64; 2], f64) {
 }
 
 #[test]
-fn moments_and_correlations_are_those_of_the_distributions() {
+fn moments_and_correlations_match_the_distributions() {
     let text = |coefficient: f64| {
         format!(
             "cases = 20000\n[[vary]]\nname = \"a\"\nkind = \"normal\"\nmean = 5\ndeviation = 2\n\
@@ -186,13 +186,13 @@ fn moments_and_correlations_are_those_of_the_distributions() {
 #[test]
 fn lognormal_values_agree_with_scipy() {
     // scipy.stats.lognorm.ppf(u, sigma, scale=median)
-    for (median, sigma, u, wanted) in [
+    for (median, sigma, u, expected) in [
         (2.0, 0.5, 0.5, 2.0),
         (2.0, 0.5, 0.975, 5.328816523105796),
         (1e-3, 1.5, 0.01, 3.051546083870337e-5),
     ] {
         let within = [0.0, f64::INFINITY];
-        let found = value(
+        let actual = value(
             &Spread::Lognormal {
                 median,
                 sigma,
@@ -200,12 +200,12 @@ fn lognormal_values_agree_with_scipy() {
             },
             u,
         );
-        assert!((found - wanted).abs() <= 2e-14 * wanted, "{found:e}");
+        assert!((actual - expected).abs() <= 2e-14 * expected, "{actual:e}");
     }
 }
 
 #[test]
-fn correlations_that_no_values_can_have_are_refused_with_their_place() {
+fn impossible_correlations_are_refused_with_their_location() {
     let one = |name: &str| {
         format!("[[vary]]\nkey = \"a.{name}\"\nkind = \"normal\"\nmean = 0\ndeviation = 1\n")
     };
@@ -222,15 +222,15 @@ fn correlations_that_no_values_can_have_are_refused_with_their_place() {
         with("x", "z", -0.9),
     );
     let study = Study::parse(&text, "demo.toml").unwrap_or_else(|problems| panic!("{problems}"));
-    let told = Draws::new(study).err().expect("refused").to_string();
+    let message = Draws::new(study).err().expect("refused").to_string();
     assert!(
-        told.contains("not positive definite") && told.contains("a.z"),
-        "{told}"
+        message.contains("not positive definite") && message.contains("a.z"),
+        "{message}"
     );
 }
 
 #[test]
-fn whole_numbers_are_equally_frequent_or_rounded_and_written_without_a_point() {
+fn integers_are_equally_frequent_or_rounded_and_formatted_without_a_point() {
     let draws = draws(
         r#"
 cases = 512

@@ -1,4 +1,4 @@
-//! An attempt at a shard: the rows of one worker, with those that earlier ones left, until they are published.
+//! An attempt at a shard: rows of one worker, together with those of earlier attempts, until they are published.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -15,32 +15,32 @@ use crate::folder::Conflict;
 use crate::journal::{self, Circumstances, Journal};
 use crate::table::{self, CLASS, Column, LOST, Row};
 
-/// An attempt at a shard.
+/// Attempt at a shard.
 pub struct Attempt<'a> {
     pub(super) shard: Shard<'a>,
     pub(super) journal: Journal,
     pub(super) rows: BTreeMap<u64, (Row, Circumstances)>,
-    /// Dead attempts that started a case and have no row of it.
+    /// Number of dead attempts that started a case without recording its row.
     tries: BTreeMap<u64, u64>,
-    /// Journals of the dead.
+    /// Journals of dead attempts.
     stale: Vec<PathBuf>,
     conflict: Option<Conflict>,
     curves: Curves,
 }
 
-/// End of an attempt.
+/// Outcome of publishing an attempt.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Published {
-    /// Counts, as the first result of its case.
+    /// The result was the first one of the shard and counts.
     First,
-    /// Another one was first, with the same rows.
+    /// An earlier result exists, with the same rows.
     Again,
-    /// Another one was first, with other rows.
+    /// An earlier result exists, with different rows.
     Otherwise(Conflict),
 }
 
 impl<'a> Attempt<'a> {
-    /// Begins it, with what earlier ones left.
+    /// Begins an attempt with the rows of earlier attempts.
     pub(super) fn begin(shard: Shard<'a>) -> io::Result<Self> {
         let path = shard.path();
         fs::create_dir_all(&path)?;
@@ -54,7 +54,7 @@ impl<'a> Attempt<'a> {
             conflict: None,
             curves: Curves::default(),
         };
-        // Those of a result that was opened again, or of a worker that died just before it had one.
+        // Curves of a withdrawn result, or of a worker that died just before publishing.
         if let Some(grid) = &shard.folder.manifest().curves {
             attempt.curves =
                 Curves::read(&path, shard.folder, shard.number, grid)?.unwrap_or_default();
@@ -68,39 +68,39 @@ impl<'a> Attempt<'a> {
     }
 
     fn take_over(&mut self, path: &Path) -> io::Result<()> {
-        let Some(found) = journal::read(path, self.shard.folder)? else {
+        let Some(content) = journal::read(path, self.shard.folder)? else {
             return Ok(());
         };
         let columns = &self.shard.folder.manifest().columns;
-        for case in found
+        for case in content
             .started
             .iter()
-            .filter(|case| !found.rows.contains_key(case))
+            .filter(|case| !content.rows.contains_key(case))
         {
-            *self.tries.entry(*case).or_default() += u64::from(found.is_dead);
+            *self.tries.entry(*case).or_default() += u64::from(content.is_dead);
         }
-        for (case, (row, circumstances)) in found.rows {
+        for (case, (row, circumstances)) in content.rows {
             if !self.shard.cases().contains(&case) || !table::fits(&row, columns) {
                 continue;
             }
-            if let Some(curve) = found.curves.get(&case) {
+            if let Some(curve) = content.curves.get(&case) {
                 self.curves.take(self.shard.folder.manifest(), &row, curve);
             }
             self.keep(case, row, circumstances);
         }
-        if found.is_dead {
-            self.stale.push(found.path);
+        if content.is_dead {
+            self.stale.push(content.path);
         }
         Ok(())
     }
 
-    /// Keeps the first row of a case, and compares later ones with it.
+    /// Retains the first row of a case, and compares later ones with it.
     fn keep(&mut self, case: u64, row: Row, circumstances: Circumstances) {
         match self.rows.get(&case) {
             Some((first, _)) => {
                 let columns = &self.shard.folder.manifest().columns;
-                let found = difference(first, &row, columns, &circumstances.maker());
-                self.conflict = self.conflict.take().or(found);
+                let conflict = difference(first, &row, columns, &circumstances.maker());
+                self.conflict = self.conflict.take().or(conflict);
             }
             None => {
                 self.rows.insert(case, (row, circumstances));
@@ -108,41 +108,41 @@ impl<'a> Attempt<'a> {
         }
     }
 
-    /// Tells whether a case has its row.
+    /// Returns `true` if the row of the case is available.
     #[must_use]
     pub fn has(&self, case: u64) -> bool {
         self.rows.contains_key(&case)
     }
 
-    /// Counts the workers that a case has ended.
+    /// Returns the number of workers that died while running the case.
     #[must_use]
     pub fn tries(&self, case: u64) -> u64 {
         self.tries.get(&case).copied().unwrap_or_default()
     }
 
-    /// Notes that a case starts.
+    /// Records the start of a case.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// If the journal cannot be written.
     pub fn start(&mut self, case: u64) -> io::Result<()> {
         self.journal.start(case)
     }
 
-    /// Notes that a case that started is left: the worker is asked to end.
+    /// Records that a started case is abandoned because the worker was asked to end.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// If the journal cannot be written.
     pub fn leave(&mut self, case: u64) -> io::Result<()> {
         self.journal.leave(case)
     }
 
-    /// Takes the row of a case, with its curve if it has one.
+    /// Adds the row of a case, with its curve if there is one.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// If the journal cannot be written.
     pub fn row(&mut self, row: Row, wall_s: f64, curve: Option<Curve>) -> io::Result<()> {
         let manifest = self.shard.folder.manifest();
-        // What lies within the curves of rows that were noted before follows from those.
+        // A curve inside the envelope of journaled curves adds nothing.
         let curve = curve.filter(|curve| self.curves.take(manifest, &row, curve));
         self.journal.row(&row, wall_s, curve)?;
         let case = row[0].as_count();
@@ -159,14 +159,15 @@ impl<'a> Attempt<'a> {
     fn remove_journals(&self) {
         let stale = self.stale.iter().map(PathBuf::as_path);
         for path in stale.chain([self.journal.path()]) {
-            let _ = fs::remove_file(path); // another worker may have done so
+            let _ = fs::remove_file(path); // another worker may have removed it
         }
     }
 
-    /// Publishes the rows, of which there must be one for each case, and removes what is not needed any more.
+    /// Publishes the rows, which must include every case of the shard, and removes the files that are no longer
+    /// needed.
     ///
     /// # Errors
-    /// If they cannot be written, or an earlier result not be read.
+    /// If the result cannot be written, or an earlier result cannot be read.
     pub fn publish(mut self) -> Result<Published, PartError> {
         let io = PartError::Io;
         let path = self.shard.path();
@@ -179,19 +180,19 @@ impl<'a> Attempt<'a> {
             std::mem::take(&mut self.rows).into_values().unzip();
         let columns = &self.shard.folder.manifest().columns;
         let bytes = Part::bytes(self.shard.folder, &rows, &circumstances)?;
-        // In the folder of the shard: some file systems refuse links across folders.
+        // Created in the shard's folder: some file systems refuse links across folders.
         let part = journal::unfinished(&path).map_err(io)?;
         part.as_file().write_all(&bytes).map_err(io)?;
         part.as_file().sync_all().map_err(io)?;
         let linked = fs::hard_link(part.path(), &place);
-        // A network file system may lose the answer to a link that it made.
+        // A network file system may lose the reply to a successful link.
         let is_there = linked.is_ok()
             || part
                 .as_file()
                 .metadata()
                 .is_ok_and(|file| file.nlink() == 2);
         let mut published = Published::First;
-        // Sweepers leave alone what is locked; they may have been faster than the lock.
+        // Cleanups spare locked files, but may have come before the lock.
         let is_late = linked.is_err() && place.exists();
         if is_there {
             File::open(&path)
@@ -204,9 +205,9 @@ impl<'a> Attempt<'a> {
         } else {
             let first = self.shard.part()?;
             let mut pairs = first.rows().zip(rows.iter().zip(&circumstances));
-            let found = pairs
+            let conflict = pairs
                 .find_map(|(first, (second, by))| difference(&first, second, columns, &by.maker()));
-            published = found.map_or(Published::Again, Published::Otherwise);
+            published = conflict.map_or(Published::Again, Published::Otherwise);
         }
         if let Some(conflict) = self.conflict.take() {
             published = Published::Otherwise(conflict);
@@ -219,8 +220,8 @@ impl<'a> Attempt<'a> {
     }
 }
 
-/// Finds the first column in which two rows of a case differ, the second made `by` somebody. A case that was set
-/// aside contradicts nothing.
+/// Returns the first column in which two rows of a case differ; `by` names the origin of the second row. A case that
+/// was set aside contradicts nothing.
 #[must_use]
 pub fn difference(first: &Row, second: &Row, columns: &[Column], by: &str) -> Option<Conflict> {
     if first == second || is_lost(first, columns) || is_lost(second, columns) {
@@ -237,7 +238,7 @@ pub fn difference(first: &Row, second: &Row, columns: &[Column], by: &str) -> Op
     })
 }
 
-/// Tells whether a row is of a case that was set aside.
+/// Returns `true` if the row is of a case that was set aside.
 fn is_lost(row: &Row, columns: &[Column]) -> bool {
     let class = columns.iter().position(|column| column.name == CLASS);
     class.is_some_and(|class| row[class].as_text() == LOST)

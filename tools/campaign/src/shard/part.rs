@@ -8,10 +8,10 @@ use crate::journal::Circumstances;
 use crate::manifest::MANIFEST;
 use crate::table::{self, Cell, Column, ColumnKind, Row, TableError, Values, Writer};
 
-/// Facts in a part.
+/// Keys of the metadata of a part.
 const CAMPAIGN: &str = "campaign";
 const SUM: &str = "sum";
-/// Place of the check sum in a part: behind this word, in `DIGITS` digits, which are zeros while it is computed.
+/// Marker before the check sum, which has `DIGITS` digits that are zeros while it is computed.
 const SEAL: &str = "hil-part-sum:";
 const DIGITS: usize = 64;
 
@@ -19,11 +19,11 @@ const DIGITS: usize = 64;
 pub struct Part {
     /// Columns of results, then those of circumstances.
     columns: Vec<Values>,
-    /// Number of the former.
+    /// Number of columns of results.
     results: usize,
 }
 
-/// Columns of the circumstances of a row.
+/// Returns the columns of the circumstances of a row.
 #[must_use]
 pub fn circumstance_columns() -> Vec<Column> {
     let seconds = Column {
@@ -53,54 +53,54 @@ impl Circumstances {
         ]
     }
 
-    /// Names who made the row.
+    /// Names the host and attempt that computed the row.
     pub(super) fn maker(&self) -> String {
         format!("{} (attempt {})", self.host, self.attempt)
     }
 }
 
 impl Part {
-    /// Reads the part of some cases.
+    /// Reads the part of a range of cases.
     pub(super) fn read(
         mut bytes: Vec<u8>,
         folder: &Folder,
         cases: Range<u64>,
     ) -> Result<Self, PartError> {
-        // Before anything else: a reader of Parquet believes what it reads.
-        let told = unsealed(&mut bytes);
-        if told.is_none_or(|told| told != seal(&bytes)) {
-            return Err(PartError::Broken("its check sum is another".into()));
+        // Verified before parsing: the Parquet reader trusts its input.
+        let sum = unsealed(&mut bytes);
+        if sum.is_none_or(|sum| sum != seal(&bytes)) {
+            return Err(PartError::Broken("its check sum does not match".into()));
         }
         Self::fitting(bytes, folder, cases).map_err(|error| match error {
-            // The part is whole: what does not fit may be the manifest.
+            // The part is intact, so a mismatch may be due to the manifest.
             PartError::Broken(what) if !folder.is_sealed() => {
-                let shown = folder.path().display();
+                let folder_text = folder.path().display();
                 PartError::Io(std::io::Error::other(format!(
-                    "{what}, or {shown}/{MANIFEST} is damaged, which has no check sum; no result was touched"
+                    "{what}, or {folder_text}/{MANIFEST}, which has no check sum, is damaged; no result was changed"
                 )))
             }
             error => error,
         })
     }
 
-    /// Reads the part of some cases of bytes whose check sum is right.
+    /// Parses a part whose check sum has been verified.
     fn fitting(bytes: Vec<u8>, folder: &Folder, cases: Range<u64>) -> Result<Self, PartError> {
         let table = table::read(bytes, &all_columns(folder))?;
         let of = table.fact(CAMPAIGN);
         if !of.is_some_and(|id| folder.has_results_of(id)) {
-            return Err(PartError::Broken("it is of another campaign".into()));
+            return Err(PartError::Broken("it belongs to another campaign".into()));
         }
         let part = Self {
             columns: table.columns,
             results: folder.manifest().columns.len(),
         };
         if !part.cases().iter().copied().eq(cases) {
-            return Err(PartError::Broken("it has other cases".into()));
+            return Err(PartError::Broken("it contains other cases".into()));
         }
         Ok(part)
     }
 
-    /// Makes the bytes of the part of some rows.
+    /// Encodes rows as the bytes of a part.
     pub(super) fn bytes(
         folder: &Folder,
         rows: &[Row],
@@ -122,19 +122,19 @@ impl Part {
         Ok(bytes)
     }
 
-    /// Columns of results: each has a cell for each case, in their order.
+    /// Returns the columns of results, each with a cell per case in their order.
     #[must_use]
     pub fn results(&self) -> &[Values] {
         &self.columns[..self.results]
     }
 
-    /// Columns of circumstances, behind the one of the cases.
+    /// Returns the columns of circumstances, preceded by the case column.
     pub(crate) fn circumstances(&self) -> Vec<&Values> {
-        let own = self.columns[self.results..].iter();
-        self.columns[..1].iter().chain(own).collect()
+        let circumstances = self.columns[self.results..].iter();
+        self.columns[..1].iter().chain(circumstances).collect()
     }
 
-    /// Returns the cases of its rows.
+    /// Returns the case numbers of the rows.
     #[must_use]
     pub fn cases(&self) -> &[u64] {
         match &self.columns[..] {
@@ -143,7 +143,7 @@ impl Part {
         }
     }
 
-    /// Returns a row of results by its place.
+    /// Returns a row of results by its index.
     ///
     /// # Panics
     /// If there is no such row.
@@ -158,12 +158,12 @@ impl Part {
         (0..self.cases().len()).map(|place| self.row(place))
     }
 
-    /// Returns the circumstances of a row by its place.
+    /// Returns the circumstances of a row by its index.
     ///
     /// # Panics
     /// If there is no such row.
     #[must_use]
-    pub fn made(&self, place: usize) -> Circumstances {
+    pub fn circumstances_of(&self, place: usize) -> Circumstances {
         let of = &self.columns[self.results..];
         Circumstances {
             wall_s: of[0].number(place),
@@ -173,7 +173,7 @@ impl Part {
         }
     }
 
-    /// Returns what a digest over its rows is over.
+    /// Encodes the rows as the input of the campaign's digest.
     pub(crate) fn fed(&self) -> Vec<u8> {
         let bytes = self.results().iter().map(Values::fed_bytes);
         let mut fed = Vec::with_capacity(bytes.sum());
@@ -186,24 +186,24 @@ impl Part {
     }
 }
 
-/// Computes the check sum of a part whose own is zeros.
+/// Computes the check sum of a part whose check-sum digits are zeros.
 fn seal(bytes: &[u8]) -> [u8; DIGITS] {
     let mut digits = [b'0'; DIGITS];
     digits.copy_from_slice(blake3::hash(bytes).to_hex().as_bytes());
     digits
 }
 
-/// Finds the check sum of a part: its last, as rows stand before it.
+/// Finds the digits of the check sum: the last occurrence, since rows precede it.
 fn sealed(bytes: &mut [u8]) -> Option<&mut [u8]> {
     let seal = SEAL.as_bytes();
     let place = bytes.windows(seal.len()).rposition(|word| word == seal)? + seal.len();
     bytes.get_mut(place..place + DIGITS)
 }
 
-/// Takes the check sum out of a part.
+/// Extracts the check sum of a part and replaces it by zeros.
 fn unsealed(bytes: &mut [u8]) -> Option<[u8; DIGITS]> {
     let place = sealed(bytes)?;
-    let mut told = [b'0'; DIGITS];
-    told.swap_with_slice(place);
-    Some(told)
+    let mut digits = [b'0'; DIGITS];
+    digits.swap_with_slice(place);
+    Some(digits)
 }

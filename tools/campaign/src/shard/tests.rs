@@ -10,7 +10,7 @@ use crate::folder::{CONFLICTS, Conflict};
 use crate::manifest::{Copied, MANIFEST, Manifest, SCHEMA, Stage};
 use crate::table::{Cell, Column, ColumnKind, LOST};
 
-/// A small campaign in a folder that is gone afterwards.
+/// Small campaign in a temporary folder.
 pub(crate) struct Campaign {
     _root: tempfile::TempDir,
     pub(crate) folder: Folder,
@@ -21,7 +21,7 @@ impl Campaign {
         Self::with(cases, shard_cases, |_| {})
     }
 
-    /// Makes a shard whose manifest is changed before it is written.
+    /// Creates a campaign whose manifest is changed before it is written.
     pub(crate) fn with(cases: u64, shard_cases: u64, change: impl FnOnce(&mut Manifest)) -> Self {
         let root = tempfile::tempdir().expect("a folder");
         let file = || Copied {
@@ -75,7 +75,7 @@ impl Campaign {
     }
 }
 
-/// Numbers of all kinds.
+/// Numbers of all kinds, including NaN and infinities.
 pub(crate) fn value(case: u64) -> f64 {
     match case % 5 {
         0 => f64::NAN,
@@ -116,9 +116,15 @@ fn published_rows_are_read_back_to_the_bit() {
         part.rows()
             .eq([row(10, f64::NAN), row(11, f64::NEG_INFINITY)])
     );
-    assert_eq!((part.made(0).wall_s, part.made(0).tries), (0.5, 1));
-    let left = fs::read_dir(Shard::of(&campaign.folder, 2).path()).expect("a folder");
-    assert_eq!(left.count(), 1, "no journal is left");
+    assert_eq!(
+        (
+            part.circumstances_of(0).wall_s,
+            part.circumstances_of(0).tries
+        ),
+        (0.5, 1)
+    );
+    let entries = fs::read_dir(Shard::of(&campaign.folder, 2).path()).expect("a folder");
+    assert_eq!(entries.count(), 1, "no journal is left");
 }
 
 #[test]
@@ -138,7 +144,7 @@ fn fifty_workers_on_one_shard_give_one_result() {
             .map(|thread| thread.join().expect("no panic"));
         ended.collect()
     });
-    let count = |wanted: &Published| all.iter().filter(|one| *one == wanted).count();
+    let count = |outcome: &Published| all.iter().filter(|one| *one == outcome).count();
     assert_eq!(
         (count(&Published::First), count(&Published::Again)),
         (1, 49)
@@ -154,7 +160,7 @@ fn fifty_workers_on_one_shard_give_one_result() {
 }
 
 #[test]
-fn a_second_result_that_differs_is_told_with_case_and_column() {
+fn a_differing_second_result_is_reported_with_case_and_column() {
     let campaign = Campaign::new(3, 3);
     let (mut first, mut second) = (campaign.attempt(0), campaign.attempt(0));
     complete(&mut first, |case| row(case, 1.0));
@@ -193,8 +199,8 @@ fn rows_of_a_dead_attempt_are_taken_over_and_compared() {
     complete(&mut attempt, |case| row(case, 1.0));
     assert_eq!(attempt.publish().expect("published"), Published::First);
     let part = Shard::of(&campaign.folder, 0).part().expect("a part");
-    assert_eq!(part.made(0).attempt, name);
-    assert_ne!(part.made(3).attempt, name);
+    assert_eq!(part.circumstances_of(0).attempt, name);
+    assert_ne!(part.circumstances_of(3).attempt, name);
 
     let campaign = Campaign::new(1, 1);
     for x in [1.0, 2.0] {
@@ -207,17 +213,17 @@ fn rows_of_a_dead_attempt_are_taken_over_and_compared() {
 }
 
 #[test]
-fn only_dead_attempts_that_did_not_leave_a_case_count_against_it() {
+fn only_dead_attempts_that_did_not_abandon_a_case_count_against_it() {
     let campaign = Campaign::new(2, 2);
     let mut alive = campaign.attempt(0);
     alive.start(0).expect("noted");
     for _ in 0..2 {
         campaign.attempt(0).start(0).expect("noted");
     }
-    let mut left = campaign.attempt(0);
-    left.start(0).expect("noted");
-    left.leave(0).expect("noted");
-    drop(left);
+    let mut abandoned = campaign.attempt(0);
+    abandoned.start(0).expect("noted");
+    abandoned.leave(0).expect("noted");
+    drop(abandoned);
     let attempt = campaign.attempt(0);
     assert_eq!((attempt.tries(0), attempt.tries(1)), (2, 0));
     drop(alive);
@@ -241,8 +247,7 @@ fn a_case_that_was_set_aside_contradicts_nothing() {
 }
 
 #[test]
-fn rows_of_a_worker_that_died_between_a_lost_race_and_its_comparison_are_compared_when_it_is_swept()
-{
+fn rows_of_a_worker_that_died_after_losing_the_race_are_compared_during_cleanup() {
     for (second, differs) in [(1.0, false), (2.0, true)] {
         let campaign = Campaign::new(2, 2);
         let mut late = campaign.attempt(0);
@@ -259,15 +264,15 @@ fn rows_of_a_worker_that_died_between_a_lost_race_and_its_comparison_are_compare
         shard.sweep().expect("swept");
         assert!(!path.exists());
         let conflicts = campaign.folder.conflicts().expect("listed");
-        let told = conflicts
+        let entries = conflicts
             .first()
             .map(|one| (one.case, &*one.column, &*one.second));
-        assert_eq!(told, differs.then_some((0, "x", "2")));
+        assert_eq!(entries, differs.then_some((0, "x", "2")));
     }
 }
 
 #[test]
-fn a_result_that_is_opened_again_keeps_its_other_rows_and_who_made_them() {
+fn a_reopened_result_keeps_its_other_rows_and_their_origin() {
     let campaign = Campaign::new(3, 3);
     let shard = Shard::of(&campaign.folder, 0);
     let mut first = campaign.attempt(0);
@@ -289,13 +294,13 @@ fn a_result_that_is_opened_again_keeps_its_other_rows_and_who_made_them() {
     assert_eq!(again.publish().expect("published"), Published::First);
     let part = shard.part().expect("a part");
     assert!(part.rows().eq([row(0, 1.0), row(1, 2.0), row(2, 1.0)]));
-    let makers = [0, 1, 2].map(|place| part.made(place).attempt == maker);
+    let makers = [0, 1, 2].map(|place| part.circumstances_of(place).attempt == maker);
     assert_eq!(makers, [true, false, true]);
-    assert_eq!(part.made(0).wall_s, 0.5);
+    assert_eq!(part.circumstances_of(0).wall_s, 0.5);
 }
 
 #[test]
-fn a_campaign_that_grew_keeps_its_shards_and_their_rows() {
+fn growing_a_campaign_keeps_its_shards_and_their_rows() {
     let small = Campaign::new(5, 2);
     small.run();
     let mut manifest = small.folder.manifest().clone();
@@ -319,7 +324,7 @@ fn a_campaign_that_grew_keeps_its_shards_and_their_rows() {
     assert_eq!(missing(&grown), [3, 4, 5]);
     assert_eq!(Shard::of(&grown, 2).part().expect("a part").cases(), [4]);
     assert_ne!(grown.id(), small.folder.id());
-    // What was made after it grew is nothing of the campaign as it was.
+    // Attempts made after the growth do not belong to the campaign as it was before.
     let mut attempt = Shard::of(&grown, 5).attempt().expect("an attempt");
     complete(&mut attempt, |case| row(case, value(case)));
     attempt.publish().expect("published");
@@ -328,7 +333,7 @@ fn a_campaign_that_grew_keeps_its_shards_and_their_rows() {
 }
 
 #[test]
-fn a_claim_keeps_others_out_until_it_is_gone() {
+fn a_claim_excludes_other_workers_until_it_is_dropped() {
     let campaign = Campaign::new(1, 1);
     let shard = Shard::of(&campaign.folder, 0);
     let claim = shard.claim().expect("claimed");
@@ -358,7 +363,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
-    fn a_journal_that_is_cut_or_damaged_anywhere_gives_a_part_of_its_rows(cut in 0_usize..1500, flip in 0_u8..255) {
+    fn a_truncated_or_damaged_journal_yields_its_first_rows(cut in 0_usize..1500, flip in 0_u8..255) {
         let campaign = Campaign::new(5, 5);
         let mut dead = campaign.attempt(0);
         complete(&mut dead, |case| row(case, value(case)));
@@ -381,7 +386,7 @@ proptest! {
     }
 
     #[test]
-    fn a_part_with_a_damaged_byte_is_refused_or_has_the_same_rows(place in 0_usize..10_000, flip in 1_u8..255) {
+    fn a_part_with_a_damaged_byte_is_refused_or_yields_the_same_rows(place in 0_usize..10_000, flip in 1_u8..255) {
         let campaign = Campaign::new(6, 6);
         campaign.run();
         let shard = Shard::of(&campaign.folder, 0);
@@ -398,7 +403,7 @@ proptest! {
 }
 
 #[test]
-fn a_manifest_whose_shards_cannot_be_counted_is_broken() {
+fn a_manifest_with_inconsistent_shards_is_invalid() {
     let campaign = Campaign::new(12, 5);
     let (folder, sound) = (campaign.folder.path(), campaign.folder.manifest());
     let stage = |cases| Stage {
@@ -418,13 +423,13 @@ fn a_manifest_whose_shards_cannot_be_counted_is_broken() {
         };
         let text = serde_json::to_vec(&broken).expect("JSON");
         std::fs::write(folder.join(MANIFEST), text).expect("written");
-        let told = Manifest::read(folder).expect_err("broken").to_string();
-        assert!(told.contains("its shards cannot be counted"), "{told}");
+        let message = Manifest::read(folder).expect_err("broken").to_string();
+        assert!(message.contains("its shards are inconsistent"), "{message}");
     }
 }
 
 #[test]
-fn no_damaged_byte_of_a_manifest_gives_another_campaign() {
+fn no_damaged_byte_of_a_manifest_yields_another_campaign() {
     let campaign = Campaign::new(12, 5);
     let path = campaign.folder.path().join(MANIFEST);
     let whole = fs::read(&path).expect("a manifest");
@@ -450,7 +455,7 @@ fn no_damaged_byte_of_a_manifest_gives_another_campaign() {
 }
 
 #[test]
-fn a_whole_result_beside_a_manifest_without_a_check_sum_is_not_broken() {
+fn an_intact_result_beside_a_manifest_without_a_check_sum_is_not_blamed() {
     let campaign = Campaign::new(2, 2);
     campaign.run();
     let path = campaign.folder.path().join(MANIFEST);
@@ -472,7 +477,7 @@ fn a_whole_result_beside_a_manifest_without_a_check_sum_is_not_broken() {
 }
 
 #[test]
-fn a_contradiction_is_for_whoever_reads_the_results() {
+fn a_recorded_conflict_is_readable_by_everyone_who_can_read_the_results() {
     let campaign = Campaign::new(1, 1);
     let conflict = Conflict {
         case: 0,

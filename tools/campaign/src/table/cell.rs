@@ -1,4 +1,4 @@
-//! A cell of a table, and cells in a row: the form in which rows are made and noted.
+//! Cells and rows of a table, in the form that is also used in journals.
 
 use serde::{Deserialize, Serialize};
 use shared_types::table::canonical;
@@ -9,12 +9,12 @@ use super::{Column, ColumnKind};
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Cell {
-    /// A whole number.
+    /// Unsigned integer.
     Count(u64),
-    /// A number, as its bits in text: JSON has no NaN and no infinity.
+    /// Floating-point number, serialised as its bits because JSON has no NaN and no infinity.
     #[serde(with = "bits")]
     Number(f64),
-    /// A text.
+    /// Text.
     Text(String),
 }
 
@@ -22,13 +22,13 @@ pub enum Cell {
 pub type Row = Vec<Cell>;
 
 impl Cell {
-    /// Makes a number; any NaN is the same one, and zero has no sign.
+    /// Creates a number cell; all NaN become one bit pattern, and zero loses its sign.
     #[must_use]
     pub fn number(value: f64) -> Self {
         Self::Number(canonical(value))
     }
 
-    /// Returns the number, if it is one.
+    /// Returns the number, or `None` for other kinds.
     #[must_use]
     pub const fn as_number(&self) -> Option<f64> {
         match self {
@@ -37,7 +37,7 @@ impl Cell {
         }
     }
 
-    /// Returns the text; empty if it is none.
+    /// Returns the text; empty for other kinds.
     #[must_use]
     pub fn as_text(&self) -> &str {
         match self {
@@ -46,7 +46,7 @@ impl Cell {
         }
     }
 
-    /// Returns the count; 0 if it is none.
+    /// Returns the count; 0 for other kinds.
     #[must_use]
     pub const fn as_count(&self) -> u64 {
         match self {
@@ -65,7 +65,7 @@ impl Cell {
 }
 
 impl PartialEq for Cell {
-    /// Compares bits: a number that does not exist is equal to itself.
+    /// Compares numbers by their bits, so that NaN equals itself.
     fn eq(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Count(one), Self::Count(other)) => one == other,
@@ -86,7 +86,7 @@ impl std::fmt::Display for Cell {
     }
 }
 
-/// Numbers in JSON: exact, with those that JSON does not know.
+/// Serialisation of numbers in JSON: exact, including values that JSON lacks.
 mod bits {
     use serde::{Deserialize, Deserializer, Serializer};
 
@@ -108,7 +108,7 @@ mod bits {
     }
 }
 
-/// Checks that cells are of these columns.
+/// Returns `true` if the cells have the kinds of these columns.
 #[must_use]
 pub fn fits(row: &[Cell], columns: &[Column]) -> bool {
     row.iter()

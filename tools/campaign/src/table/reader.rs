@@ -1,4 +1,4 @@
-//! Reading a table from memory, whole columns at a time.
+//! Reading a table from memory, one column at a time.
 
 use bytes::Bytes;
 use parquet::basic::{Encoding, Type as Physical};
@@ -8,31 +8,31 @@ use parquet::file::reader::{FileReader, SerializedFileReader};
 
 use super::{Column, ColumnKind, TableError, Values};
 
-/// A table that was read.
+/// Table read into memory.
 pub struct Table {
-    /// Cells of its columns, of each as many.
+    /// Cells of the columns, all of the same length.
     pub columns: Vec<Values>,
     facts: Vec<KeyValue>,
 }
 
 impl Table {
-    /// Returns a fact that stands beside the table.
+    /// Returns a metadata entry of the table by its key.
     #[must_use]
     pub fn fact(&self, key: &str) -> Option<&str> {
-        let found = self.facts.iter().find(|fact| fact.key == key)?;
-        found.value.as_deref()
+        let entry = self.facts.iter().find(|fact| fact.key == key)?;
+        entry.value.as_deref()
     }
 }
 
-/// Reads a table, which must have these columns in this order.
+/// Reads a table, which must have exactly these columns in this order.
 ///
 /// # Errors
-/// If it is none, has other columns, or is written in another way than by [`Writer`](super::Writer).
+/// If the bytes are not a table, the columns differ, or the file was not written by [`Writer`](super::Writer).
 pub fn read(bytes: Vec<u8>, columns: &[Column]) -> Result<Table, TableError> {
     let other = |what: &str| TableError::Other(what.into());
     let file = SerializedFileReader::new(Bytes::from(bytes))?;
     let about = file.metadata().file_metadata();
-    let found = about.schema_descr().columns().iter().map(|column| {
+    let actual = about.schema_descr().columns().iter().map(|column| {
         let kind = match column.physical_type() {
             Physical::INT64 => Some(ColumnKind::Count),
             Physical::DOUBLE => Some(ColumnKind::Number),
@@ -41,11 +41,11 @@ pub fn read(bytes: Vec<u8>, columns: &[Column]) -> Result<Table, TableError> {
         };
         (column.name(), kind)
     });
-    let wanted = columns
+    let expected = columns
         .iter()
         .map(|column| (&*column.name, Some(column.kind)));
-    if !found.eq(wanted) {
-        return Err(other("it has other columns"));
+    if !actual.eq(expected) {
+        return Err(other("its columns differ"));
     }
     let mut all: Vec<Values> = (columns.iter())
         .map(|column| Values::new(column.kind))
@@ -55,7 +55,7 @@ pub fn read(bytes: Vec<u8>, columns: &[Column]) -> Result<Table, TableError> {
         for (place, values) in all.iter_mut().enumerate() {
             let mut pages = group.get_column_page_reader(place)?;
             while let Some(page) = pages.get_next_page()? {
-                // No cell may be missing, so nothing stands before the cells.
+                // Cells are never null, so the page has no levels before them.
                 let decoded = match &page {
                     Page::DataPage {
                         buf,
@@ -65,7 +65,7 @@ pub fn read(bytes: Vec<u8>, columns: &[Column]) -> Result<Table, TableError> {
                     } => values.decode(buf, usize::try_from(*num_values).unwrap_or(usize::MAX)),
                     _ => None,
                 };
-                decoded.ok_or_else(|| other("a column has another form"))?;
+                decoded.ok_or_else(|| other("a column is encoded differently"))?;
             }
         }
     }

@@ -1,7 +1,7 @@
-//! Check sum of a table in a file, as one of the facts beside it: BLAKE3 over all bytes, with zeros in place of its
-//! own digits.
+//! Check sum of a table file, stored in its metadata: BLAKE3 over all bytes, with zeros in place of its own digits.
 //!
-//! Parquet has none of its own, and a reader of Parquet believes what it reads: a file is checked before it is read.
+//! Parquet has no check sum of the whole file, and its reader trusts its input: a file is verified before it is
+//! parsed.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read};
@@ -12,34 +12,34 @@ use parquet::file::reader::{FileReader, SerializedFileReader};
 
 use super::TableError;
 
-/// Text before the digits of the sum.
+/// Marker before the digits of the sum.
 const WORD: &str = "hil-table-sum:";
 const DIGITS: usize = 64;
-/// Last bytes of a table: the length of the part with the facts, and this word.
+/// Last bytes of a table: the length of the metadata, and this word.
 const END: [u8; 4] = *b"PAR1";
 const END_BYTES: u64 = 8;
 
-/// Returns the fact that a table needs to be sealed, by name and value.
+/// Returns the metadata entry, as key and value, that reserves space for the check sum.
 #[must_use]
 pub fn unsealed() -> (&'static str, String) {
     ("sum", format!("{WORD}{}", "0".repeat(DIGITS)))
 }
 
-/// Writes the check sum into a table that has the fact of [`unsealed`].
+/// Writes the check sum into a table that has the entry of [`unsealed`].
 ///
 /// # Errors
-/// If the file cannot be read or written, or has no place for it.
+/// If the file cannot be read or written, or has no space for the check sum.
 pub fn seal(file: &File) -> Result<(), TableError> {
-    let place = place(file)?.ok_or_else(|| other("it has no place for a check sum"))?;
+    let place = place(file)?.ok_or_else(|| other("it has no space for a check sum"))?;
     file.write_all_at(&sum(file, place)?, place)?;
     Ok(())
 }
 
-/// Checks a table by its check sum; returns the fact of this name if it has one, and none of a table without a sum, as
-/// earlier versions wrote it.
+/// Verifies the check sum of a table and returns the metadata entry with this key, if present; `None` for a table
+/// without a check sum, as earlier versions wrote it.
 ///
 /// # Errors
-/// If the file cannot be read, its end is missing, or its sum is another.
+/// If the file cannot be read, its end is missing, or its check sum does not match.
 pub fn checked_fact(path: &Path, name: &str) -> Result<Option<String>, TableError> {
     let file = File::open(path)?;
     let Some(place) = place(&file)? else {
@@ -48,7 +48,7 @@ pub fn checked_fact(path: &Path, name: &str) -> Result<Option<String>, TableErro
     let mut digits = [0; DIGITS];
     file.read_exact_at(&mut digits, place)?;
     if digits != sum(&file, place)? {
-        return Err(other("its check sum is another"));
+        return Err(other("its check sum does not match"));
     }
     let file = SerializedFileReader::new(file)?;
     let facts = file.metadata().file_metadata().key_value_metadata();
@@ -56,7 +56,7 @@ pub fn checked_fact(path: &Path, name: &str) -> Result<Option<String>, TableErro
     Ok(fact.and_then(|fact| fact.value.clone()))
 }
 
-/// Finds the digits of the sum among the facts, which stand at the end.
+/// Finds the digits of the sum in the metadata at the end of the file.
 fn place(file: &File) -> Result<Option<u64>, TableError> {
     let bytes = file.metadata()?.len();
     let missing = || other("its end is missing");
@@ -71,14 +71,14 @@ fn place(file: &File) -> Result<Option<u64>, TableError> {
     let begin = last.checked_sub(length).ok_or_else(missing)?;
     let mut facts = vec![0; usize::try_from(length).map_err(|_| missing())?];
     file.read_exact_at(&mut facts, begin)?;
-    let found = facts
+    let offset = facts
         .windows(WORD.len())
         .rposition(|word| word == WORD.as_bytes());
-    let place = found.map(|found| begin + (found + WORD.len()) as u64);
+    let place = offset.map(|offset| begin + (offset + WORD.len()) as u64);
     Ok(place.filter(|place| place + DIGITS as u64 <= last))
 }
 
-/// Computes the sum of a file whose digits stand at a place.
+/// Computes the sum of a file whose digits begin at `place`.
 fn sum(file: &File, place: u64) -> io::Result<[u8; DIGITS]> {
     let mut hasher = blake3::Hasher::new();
     let mut bytes = BufReader::new(ReadAt { file, at: 0 });
@@ -92,7 +92,7 @@ fn sum(file: &File, place: u64) -> io::Result<[u8; DIGITS]> {
     Ok(digits)
 }
 
-/// Reads a file from its begin on, wherever its descriptor stands.
+/// Reader of a file from its beginning, independent of the position of its descriptor.
 struct ReadAt<'a> {
     file: &'a File,
     at: u64,
@@ -117,7 +117,7 @@ mod tests {
     use super::*;
     use crate::table::{Cell, Column, ColumnKind, Writer};
 
-    /// A table of a thousand rows, with these facts beside the digest.
+    /// Creates a table of a thousand rows with these metadata entries in addition to the digest.
     fn table(facts: &[(&str, String)]) -> Vec<u8> {
         let columns = [Column::new("case", ColumnKind::Count)];
         let mut writer = Writer::new(Vec::new(), &columns).expect("a table");
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn any_bit_that_is_another_is_noticed() {
+    fn any_changed_bit_is_detected() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("table");
         fs::write(&path, table(&[unsealed()])).expect("written");
@@ -142,7 +142,7 @@ mod tests {
             let mut damaged = whole.clone();
             damaged[place] ^= 1 << (place % 8);
             fs::write(&path, damaged).expect("written");
-            // Where the word before the sum is damaged, there is none, as in a table of an earlier version.
+            // A damaged marker hides the sum, as in a table of an earlier version.
             let is_noticed = digest().map_or(true, |digest| digest.is_none());
             assert!(is_noticed, "byte {place}");
         }
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn a_table_without_a_sum_has_no_fact_to_trust() {
+    fn metadata_of_a_table_without_a_check_sum_is_not_trusted() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("table");
         fs::write(&path, table(&[])).expect("written");

@@ -1,4 +1,4 @@
-//! Columns in memory: cells of one kind, one after the other.
+//! Columns in memory: consecutive cells of one kind.
 
 use std::ops::Range;
 
@@ -10,16 +10,16 @@ use super::{Cell, ColumnKind};
 /// Cells of one column.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Values {
-    /// Of counts.
+    /// Unsigned integers.
     Counts(Vec<u64>),
-    /// Of numbers.
+    /// Floating-point numbers.
     Numbers(Vec<f64>),
-    /// Of texts.
+    /// Texts.
     Texts(Texts),
 }
 
 impl Values {
-    /// Makes a column without cells.
+    /// Creates an empty column.
     pub(super) fn new(kind: ColumnKind) -> Self {
         match kind {
             ColumnKind::Count => Self::Counts(Vec::new()),
@@ -36,7 +36,7 @@ impl Values {
         }
     }
 
-    /// Counts its cells.
+    /// Returns the number of cells.
     pub const fn rows(&self) -> usize {
         match self {
             Self::Counts(values) => values.len(),
@@ -45,7 +45,7 @@ impl Values {
         }
     }
 
-    /// Counts the bytes of its part of a digest.
+    /// Returns the number of bytes that the column adds to the input of a digest.
     pub(crate) const fn fed_bytes(&self) -> usize {
         let texts = match self {
             Self::Counts(_) | Self::Numbers(_) => 0,
@@ -54,7 +54,7 @@ impl Values {
         texts + self.rows() * size_of::<u64>()
     }
 
-    /// Returns the count of a row; 0 if it is none.
+    /// Returns the count of a row; 0 for other kinds.
     ///
     /// # Panics
     /// If there is no such row.
@@ -66,7 +66,7 @@ impl Values {
         }
     }
 
-    /// Returns the number of a row; NaN if it is none.
+    /// Returns the number of a row; NaN for other kinds.
     ///
     /// # Panics
     /// If there is no such row.
@@ -78,7 +78,7 @@ impl Values {
         }
     }
 
-    /// Returns the text of a row; empty if it is none.
+    /// Returns the text of a row; empty for other kinds.
     ///
     /// # Panics
     /// If there is no such row.
@@ -103,8 +103,8 @@ impl Values {
         }
     }
 
-    /// Adds the cell of a row to what a digest is over: counts and the bits of numbers as 8 bytes, little end first;
-    /// texts after their length in bytes as such a count.
+    /// Appends the cell of a row to the input of a digest: counts and the bits of numbers as 8 bytes, little-endian;
+    /// texts as their length in bytes, encoded like a count, followed by the bytes.
     ///
     /// # Panics
     /// If there is no such row.
@@ -120,7 +120,7 @@ impl Values {
         }
     }
 
-    /// Adds a cell; false if it is of another kind.
+    /// Appends a cell; returns `false` if it is of another kind.
     pub(super) fn push(&mut self, cell: &Cell) -> bool {
         match (self, cell) {
             (Self::Counts(to), Cell::Count(count)) => to.push(*count),
@@ -131,7 +131,7 @@ impl Values {
         true
     }
 
-    /// Adds some rows of another column; nothing of one of another kind.
+    /// Appends rows of another column; does nothing if the kinds differ.
     pub(super) fn extend(&mut self, from: &Self, rows: Range<usize>) {
         match (self, from) {
             (Self::Counts(to), Self::Counts(from)) => to.extend_from_slice(&from[rows]),
@@ -141,7 +141,7 @@ impl Values {
         }
     }
 
-    /// Adds the cells of a page in the plain encoding of Parquet; none if it is another number of them.
+    /// Appends the cells of a page in Parquet's plain encoding; `None` if their number differs.
     pub(super) fn decode(&mut self, page: &[u8], cells: usize) -> Option<()> {
         if let Self::Texts(values) = self {
             return values.decode(page, cells);
@@ -160,7 +160,7 @@ impl Values {
     }
 }
 
-/// Texts in a row, as one text and the end of each in it.
+/// Texts concatenated into one string, with the end of each.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Texts {
     text: String,
@@ -192,7 +192,7 @@ impl Texts {
     }
 
     fn decode(&mut self, page: &[u8], cells: usize) -> Option<()> {
-        // Each has its length before it: no page makes room for more of them than it has.
+        // Each text is preceded by its length, so a page never reserves more cells than its size allows.
         if cells > page.len() / size_of::<u32>() {
             return None;
         }
@@ -214,7 +214,7 @@ impl Texts {
         is_whole.then_some(())
     }
 
-    /// Takes all of them, in the form in which `parquet` writes texts.
+    /// Drains all texts in the representation that `parquet` writes.
     pub(super) fn drain(&mut self) -> Vec<ByteArray> {
         let bytes = Bytes::from(std::mem::take(&mut self.text));
         let mut start = 0;
@@ -240,26 +240,26 @@ mod tests {
     }
 
     #[test]
-    fn texts_of_pages_stand_one_after_the_other() {
+    fn texts_of_consecutive_pages_are_appended() {
         let mut values = Values::new(ColumnKind::Text);
         values
             .decode(&page(&[b"a", b"", "\u{e4}".as_bytes()]), 3)
             .expect("texts");
         values.decode(&page(&[b"bc"]), 1).expect("a text");
-        let found: Vec<&str> = (0..4).map(|row| values.text(row)).collect();
-        assert_eq!(found, ["a", "", "\u{e4}", "bc"]);
+        let texts: Vec<&str> = (0..4).map(|row| values.text(row)).collect();
+        assert_eq!(texts, ["a", "", "\u{e4}", "bc"]);
         let mut more = Values::new(ColumnKind::Text);
         assert!(more.push(&Cell::Text("x".into())));
         more.extend(&values, 1..4);
-        let found: Vec<&str> = (0..4).map(|row| more.text(row)).collect();
-        assert_eq!(found, ["x", "", "\u{e4}", "bc"]);
+        let texts: Vec<&str> = (0..4).map(|row| more.text(row)).collect();
+        assert_eq!(texts, ["x", "", "\u{e4}", "bc"]);
         assert!(!more.push(&Cell::Count(1)));
     }
 
     #[test]
-    fn a_page_with_another_number_of_cells_or_without_utf8_is_none() {
+    fn a_page_with_another_cell_count_or_invalid_utf8_is_rejected() {
         let two = page(&[b"a", b"b"]);
-        // A character cut by the end of a text makes UTF-8 only together with the next one.
+        // A character split by the end of a text is valid UTF-8 only together with the next text.
         let cut = page(&[b"\xc3", b"\xa4"]);
         for (page, cells) in [
             (&*two, 1),

@@ -1,4 +1,4 @@
-//! Writing a table, by rows or whole columns at a time.
+//! Writing a table, by rows or by whole columns.
 
 use std::io::Write;
 use std::sync::Arc;
@@ -12,21 +12,21 @@ use parquet::schema::types::Type;
 
 use super::{Cell, Column, ColumnKind, TableError, Values};
 
-/// Rows of a group, which are in memory at once.
+/// Number of rows of a row group, which are in memory at once.
 const GROUP: usize = 1 << 16;
 
-/// A table being written, in bytes that depend on its rows alone.
+/// Table open for writing; its bytes depend on the rows only.
 pub struct Writer<W: Write + Send> {
     file: SerializedFileWriter<W>,
-    /// Rows of the next group.
+    /// Rows of the next row group.
     columns: Vec<Values>,
 }
 
 impl<W: Write + Send> Writer<W> {
-    /// Begins a table of these columns.
+    /// Creates a table with these columns.
     ///
     /// # Errors
-    /// If nothing can be written.
+    /// If the output cannot be written.
     pub fn new(to: W, columns: &[Column]) -> Result<Self, TableError> {
         let fields = columns.iter().map(|column| {
             let (physical, logical) = match column.kind {
@@ -57,16 +57,16 @@ impl<W: Write + Send> Writer<W> {
         })
     }
 
-    /// Adds a row.
+    /// Appends a row.
     ///
     /// # Errors
-    /// If it is not of the columns, or cannot be written.
+    /// If the row does not match the columns, or the output cannot be written.
     pub fn row<'a>(&mut self, row: impl IntoIterator<Item = &'a Cell>) -> Result<(), TableError> {
         let mut cells = row.into_iter();
         let mut columns = self.columns.iter_mut();
         let fits = columns.all(|column| cells.next().is_some_and(|cell| column.push(cell)));
         if !fits || cells.next().is_some() {
-            return Err(TableError::Other("a row is not of the columns".into()));
+            return Err(TableError::Other("a row does not match the columns".into()));
         }
         if self.rows() == GROUP {
             self.group()?;
@@ -74,16 +74,16 @@ impl<W: Write + Send> Writer<W> {
         Ok(())
     }
 
-    /// Adds the rows of whole columns.
+    /// Appends rows given as whole columns.
     ///
     /// # Errors
-    /// If they are not of the columns, or cannot be written.
+    /// If they do not match the columns of the table, or the output cannot be written.
     pub fn extend(&mut self, columns: &[&Values]) -> Result<(), TableError> {
         let rows = columns.first().map_or(0, |column| column.rows());
-        let found = columns.iter().map(|column| (column.kind(), column.rows()));
-        if !found.eq(self.columns.iter().map(|column| (column.kind(), rows))) {
+        let actual = columns.iter().map(|column| (column.kind(), column.rows()));
+        if !actual.eq(self.columns.iter().map(|column| (column.kind(), rows))) {
             return Err(TableError::Other(
-                "columns are not those of the table".into(),
+                "columns do not match those of the table".into(),
             ));
         }
         let mut from = 0;
@@ -93,7 +93,7 @@ impl<W: Write + Send> Writer<W> {
                 column.extend(more, from..to);
             }
             from = to;
-            // Groups of one size, whatever the size of what is added: the bytes follow from the rows.
+            // Row groups have one size for any chunk size, so the bytes depend on the rows only.
             if self.rows() == GROUP {
                 self.group()?;
             }
@@ -101,10 +101,10 @@ impl<W: Write + Send> Writer<W> {
         Ok(())
     }
 
-    /// Writes what is left, with facts that stand beside the table.
+    /// Writes the remaining rows and the metadata.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// If the output cannot be written.
     pub fn finish(mut self, facts: &[(&str, String)]) -> Result<W, TableError> {
         self.group()?;
         for (key, value) in facts {
@@ -129,7 +129,7 @@ impl<W: Write + Send> Writer<W> {
             };
             match column {
                 Values::Counts(values) => {
-                    // The bits of an unsigned number, as the logical type says.
+                    // Parquet stores unsigned integers as the bits of signed ones.
                     let values: Vec<i64> = values.drain(..).map(u64::cast_signed).collect();
                     writer
                         .typed::<Int64Type>()
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_follow_from_the_rows_however_they_are_added() {
+    fn bytes_depend_only_on_the_rows() {
         let count = GROUP as u64 + 5000;
         let mut by_rows = Writer::new(Vec::new(), &columns()).expect("a table");
         for case in 0..count {
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_of_the_columns_is_refused() {
+    fn rows_that_do_not_match_the_columns_are_refused() {
         let refused = |row: &[Cell]| {
             let mut writer = Writer::new(Vec::new(), &columns()).expect("a table");
             writer.row(row).is_err()

@@ -1,5 +1,5 @@
-//! List of the runs that this process has begun, for its guard to read after its death: a file in memory that both
-//! hold open, so that nobody has to look for it and nothing of it is left.
+//! List of the runs that this process has started, which its guard reads after its death. It is an anonymous file in
+//! memory that both hold open, so it needs no name and leaves nothing behind.
 
 use std::fs::File;
 use std::io::{Read, Seek, Write};
@@ -8,10 +8,10 @@ use std::sync::OnceLock;
 
 use serde::{Deserialize, Serialize};
 
-/// List that this process writes, if it has a guard.
+/// List of this process, if it has a guard.
 static LIST: OnceLock<File> = OnceLock::new();
 
-/// A run that was begun: what its folder does not say by itself.
+/// Started run, with the data that its folder may lack.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct BegunRun {
     pub folder: PathBuf,
@@ -24,7 +24,7 @@ pub struct BegunRun {
     pub clock: String,
     pub rate_hz: f64,
     pub seed: u64,
-    /// The folder is known to be that of the run, and not one that was there before.
+    /// Set if the folder belongs to the run and did not exist before it.
     #[serde(skip)]
     pub has_folder: bool,
 }
@@ -32,37 +32,37 @@ pub struct BegunRun {
 /// Line of the list.
 #[derive(Serialize, Deserialize)]
 enum Line {
-    /// A run begins: its folder is made next.
+    /// A run starts; its folder is created next.
     Run(BegunRun),
-    /// The run with this folder has made it.
+    /// The run with this folder has created it.
     Folder(PathBuf),
 }
 
-/// Writes runs that are begun from now on into a list, which is opened to append.
+/// Sets the list for the runs that start from now on; the file must be opened for appending.
 pub fn write_to(list: File) {
-    let _ = LIST.set(list); // a process has one guard
+    let _ = LIST.set(list); // already set only if called twice
 }
 
-/// Notes a run that begins, before its folder is made: so there is no moment at which a folder is left that nobody knows.
+/// Records the start of a run before its folder is created, so that no folder can be left without an entry.
 pub fn note(run: impl FnOnce() -> BegunRun) {
     write(|| Line::Run(run()));
 }
 
-/// Notes that the folder of a run was made.
+/// Records that the folder of a run was created.
 pub fn note_folder(folder: &Path) {
     write(|| Line::Folder(folder.to_owned()));
 }
 
 fn write(line: impl FnOnce() -> Line) {
     let Some(mut list) = LIST.get() else { return };
-    // Without its line the run has no summary if this process is killed, which is no reason to end it now.
+    // Without the entry, a run lacks a summary if this process is killed, which does not justify ending it now.
     if let Ok(mut line) = serde_json::to_vec(&line()) {
         line.push(b'\n');
         let _ = list.write_all(&line);
     }
 }
 
-/// Reads the runs of a list, in the order in which they were begun.
+/// Reads the runs of a list, in the order of their start.
 pub fn read(mut list: &File) -> Vec<BegunRun> {
     let mut text = String::new();
     let _ = list.rewind().and_then(|()| list.read_to_string(&mut text)); // as far as it can be read
@@ -86,7 +86,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_list_tells_which_runs_made_their_folders_also_if_its_last_line_broke_off() {
+    fn a_list_with_a_truncated_last_line_still_tells_which_runs_created_their_folders() {
         let run = |folder: &str| {
             let run = serde_json::json!({
                 "folder": folder, "scenario": "a", "law": "b", "session": "c", "started_utc": "d", "set": [],

@@ -1,4 +1,4 @@
-//! Destination of a table or a page: a file that appears whole or not at all, a device, or standard output.
+//! Destination of a table or a page: an atomically written file, a device, or standard output.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, ErrorKind, Write};
@@ -8,14 +8,14 @@ use std::path::{Path, PathBuf};
 use crate::files::part_file::PartFile;
 use crate::terminal::exit::Failure;
 
-/// File that is written to.
+/// Output of a command.
 pub struct Destination {
     file: BufWriter<File>,
-    /// `None`: every byte is out at once, as on a pipe.
+    /// `None` if the output is unbuffered and final, as for a pipe.
     whole: Option<Whole>,
 }
 
-/// A file that is not there yet.
+/// File that does not exist yet.
 struct Whole {
     part: PartFile,
     path: PathBuf,
@@ -23,36 +23,37 @@ struct Whole {
 }
 
 impl Destination {
-    /// Begins a file, under another name until it is complete; standard output without a path.
+    /// Opens the destination: a file under a temporary name until it is complete, or standard output without a path.
     pub fn open(path: Option<&Path>, may_replace: bool) -> Result<Self, Failure> {
         let at_once = |file| Self {
             file: BufWriter::new(file),
             whole: None,
         };
         let Some(path) = path else {
-            // Not `Stdout`, which looks for the ends of lines in everything.
+            // `Stdout` would search all output for line ends.
             let descriptor = io::stdout().as_fd().try_clone_to_owned();
             let descriptor = descriptor.map_err(Failure::infrastructure)?;
             return Ok(at_once(descriptor.into()));
         };
-        let shown = path.display();
-        let cannot = |error: io::Error| Failure::usage(format!("cannot write {shown}: {error}"));
+        let path_text = path.display();
+        let cannot =
+            |error: io::Error| Failure::usage(format!("cannot write {path_text}: {error}"));
         let mut path = path.to_owned();
         match fs::metadata(&path) {
             Err(error) if error.kind() == ErrorKind::NotFound => {}
             Err(error) => return Err(cannot(error)),
-            Ok(found) if found.is_dir() => {
+            Ok(metadata) if metadata.is_dir() => {
                 return Err(Failure::usage(format!(
-                    "{shown} is a folder; name a file in it"
+                    "{path_text} is a folder; name a file in it"
                 )));
             }
-            Ok(found) if !found.is_file() => {
-                // A device or a pipe must not be replaced by a file.
+            Ok(metadata) if !metadata.is_file() => {
+                // A device or pipe is written directly instead of being replaced by a file.
                 let file = File::options().write(true).open(&path);
                 return file.map(at_once).map_err(cannot);
             }
-            Ok(_) if !may_replace => return Err(Failure::usage(there_already(&path))),
-            // What a link leads to, not the link.
+            Ok(_) if !may_replace => return Err(Failure::usage(already_exists(&path))),
+            // Resolves links, so that the target is replaced and not the link.
             Ok(_) => path = path.canonicalize().map_err(cannot)?,
         }
         let part = PartFile::beside(&path).map_err(cannot)?;
@@ -68,7 +69,7 @@ impl Destination {
         })
     }
 
-    /// All is written: the file gets its name.
+    /// Completes the output: a file gets its final name.
     pub fn complete(mut self) -> io::Result<()> {
         self.file.flush()?;
         let Some(whole) = self.whole else {
@@ -80,17 +81,14 @@ impl Destination {
             may_replace,
         } = whole;
         (part.complete(&path, may_replace)).map_err(|error| match error.kind() {
-            ErrorKind::AlreadyExists => io::Error::new(error.kind(), there_already(&path)),
+            ErrorKind::AlreadyExists => io::Error::new(error.kind(), already_exists(&path)),
             _ => error,
         })
     }
 }
 
-fn there_already(path: &Path) -> String {
-    format!(
-        "{} is there already; --force writes over it",
-        path.display()
-    )
+fn already_exists(path: &Path) -> String {
+    format!("{} already exists; --force overwrites it", path.display())
 }
 
 impl Write for Destination {
@@ -112,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_appears_only_when_it_is_complete() {
+    fn a_file_appears_only_once_complete() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("table.csv");
         let entries = || fs::read_dir(folder.path()).expect("a folder").count();
@@ -131,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_is_there_is_replaced_only_if_that_is_meant() {
+    fn an_existing_file_is_replaced_only_if_requested() {
         let folder = tempfile::tempdir().expect("a folder");
         let (path, link) = (
             folder.path().join("old.csv"),
@@ -141,7 +139,7 @@ mod tests {
         fs::write(&path, "old").expect("written");
         std::os::unix::fs::symlink(&path, &link).expect("linked");
         assert!(refused(Destination::open(Some(&path), false)).contains("--force"));
-        // It came while the other one was written.
+        // The file was created while the other one was being written.
         let error = late.complete().expect_err("refused");
         assert_eq!(error.kind(), ErrorKind::AlreadyExists);
         assert_eq!(fs::read(&path).expect("there"), b"old");
@@ -154,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn a_place_that_cannot_be_a_file_is_named() {
+    fn an_impossible_destination_is_named() {
         let folder = tempfile::tempdir().expect("a folder");
         let nowhere = folder.path().join("nowhere/table.csv");
         assert!(refused(Destination::open(Some(folder.path()), true)).contains("is a folder"));

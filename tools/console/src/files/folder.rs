@@ -8,7 +8,7 @@ use std::time::SystemTime;
 use crate::files::part_file;
 use crate::terminal::exit::Failure;
 
-/// Names the folder of a run: `--out`, or a new one under `runs`.
+/// Returns the folder of a run: `--out`, or a new one below `runs`.
 pub fn of_run(out: Option<&Path>, scenario: &str, session: &str) -> PathBuf {
     out.map_or_else(|| default(scenario, session), Path::to_owned)
 }
@@ -18,7 +18,7 @@ pub fn of_run(out: Option<&Path>, scenario: &str, session: &str) -> PathBuf {
 /// # Errors
 /// If it exists with something in it, or cannot be written.
 pub fn create(folder: &Path) -> Result<(), Failure> {
-    // Other processes are told of it.
+    // The absolute path is passed on to other processes as text.
     refuse_odd(&std::path::absolute(folder).map_err(Failure::usage)?)?;
     let cannot = |error: std::io::Error| {
         let hint = match error.kind() {
@@ -34,29 +34,29 @@ pub fn create(folder: &Path) -> Result<(), Failure> {
         fs::create_dir_all(parent).map_err(cannot)?;
     }
     match fs::create_dir(folder) {
-        // Nobody else put anything into it, and its owner may write to it.
+        // The folder is new and empty, and its owner can write to it.
         Ok(()) => return Ok(()),
         Err(error) if error.kind() == ErrorKind::AlreadyExists && folder.is_dir() => {}
         Err(error) => return Err(cannot(error)),
     }
     part_file::sweep(folder);
     if fs::read_dir(folder).map_err(cannot)?.next().is_some() {
-        let shown = folder.display();
+        let folder_text = folder.display();
         return Err(Failure::usage(format!(
-            "{shown} is not empty; a run needs a folder of its own"
+            "{folder_text} is not empty; a run needs an empty folder"
         )));
     }
-    // Whether it can be written shows only when it is.
+    // Only a write shows whether the folder is writable.
     tempfile::tempfile_in(folder).map_err(cannot)?;
     Ok(())
 }
 
-/// Refuses a path that cannot be written into JSON or TOML.
+/// Refuses a path that cannot be represented in JSON or TOML.
 pub fn refuse_odd(path: &Path) -> Result<(), Failure> {
     match path.to_str() {
         Some(_) => Ok(()),
         None => Err(Failure::usage(format!(
-            "{path:?}: its name is to be written down, so all of it must be UTF-8"
+            "{path:?}: the path is stored as text, so it must be valid UTF-8"
         ))),
     }
 }

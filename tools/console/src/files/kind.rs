@@ -1,7 +1,7 @@
-//! Kinds of files that people hand to `hil`, known by their beginning, their keys or their name.
+//! Kinds of files that users pass to `hil`, recognised by their first bytes, their keys or their name.
 //!
-//! Asked before a command reads its file, so that a file for another command is answered with that command. What is
-//! not surely of a kind is of none, and the command itself says what is wrong with it.
+//! Checked before a command reads its file, so that a file for another command is answered with that command. A file
+//! that is not clearly of a kind has none, and the command itself reports the error.
 
 use std::fs::File;
 use std::io::Read;
@@ -10,9 +10,9 @@ use std::path::Path;
 use hil_recording::reader::RECORDING;
 use toml_edit::DocumentMut;
 
-/// Name of the file that the folder of a campaign has.
+/// Name of the manifest in the folder of a campaign.
 pub const MANIFEST: &str = "manifest.json";
-/// Most bytes of a file that is read for its kind.
+/// Maximum number of bytes that are read to determine the kind.
 const MOST: u64 = 1 << 20;
 
 /// Kind of a file or folder.
@@ -20,7 +20,7 @@ const MOST: u64 = 1 << 20;
 pub enum FileKind {
     Scenario,
     Study,
-    /// The folder of a run, or its recording.
+    /// Folder of a run, or its recording.
     Recording,
     /// `summary.json` of a run.
     Summary,
@@ -30,7 +30,7 @@ pub enum FileKind {
 }
 
 impl FileKind {
-    /// Finds the kind of a path.
+    /// Determines the kind of a path.
     pub fn of(path: &Path) -> Option<Self> {
         if path.is_dir() {
             return match path {
@@ -59,14 +59,14 @@ impl FileKind {
         }
     }
 
-    /// Finds the kind of a JSON text: a summary has a verdict and names its scenario.
+    /// Determines the kind of a JSON text: a summary has a verdict and names its scenario.
     fn of_json(bytes: &[u8]) -> Option<Self> {
         let value: serde_json::Value = serde_json::from_slice(bytes).ok()?;
         let has = |key: &str| value.get(key).is_some();
         (has("verdict") && has("scenario") && has("digest")).then_some(Self::Summary)
     }
 
-    /// Finds the kind of a TOML text: a study names a scenario, a scenario says what runs.
+    /// Determines the kind of a TOML text: a study refers to a scenario; a scenario has a run, plant or controller.
     fn of_text(text: &str) -> Option<Self> {
         let document: DocumentMut = text.parse().ok()?;
         let has = |key: &&str| document.contains_key(key);
@@ -77,7 +77,7 @@ impl FileKind {
         }
     }
 
-    /// The kind in words, and the commands that take it.
+    /// Returns the kind in words, and the commands that accept it.
     pub const fn in_words(self) -> (&'static str, &'static str) {
         match self {
             Self::Scenario => (
@@ -91,7 +91,7 @@ impl FileKind {
             ),
             Self::Summary => (
                 "the summary of a run",
-                "read it as JSON; its folder is a run, which `hil report`, `hil compare` and `hil rerun` take",
+                "read it as JSON; its folder is a run, which `hil report`, `hil compare` and `hil rerun` accept",
             ),
             Self::Campaign => (
                 "the folder of a campaign",
@@ -114,7 +114,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_is_known_by_its_content_and_a_missing_one_by_its_name() {
+    fn a_file_is_recognised_by_content_and_a_missing_one_by_name() {
         let folder = tempfile::tempdir().expect("a folder");
         let kind = |name: &str, content: &[u8]| {
             let path = folder.path().join(name);

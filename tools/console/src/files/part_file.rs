@@ -1,4 +1,4 @@
-//! Results of commands as files that appear whole or not at all.
+//! Results of commands as atomically written files.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ pub use hil_recording::part_file::{PartFile, PartFolder, sweep};
 
 use crate::terminal::exit::Failure;
 
-/// Writes a file whole or not at all.
+/// Writes a file atomically.
 pub fn write_text(path: &Path, text: &str) -> Result<(), Failure> {
     write(path, text.as_bytes()).map_err(|error| {
         Failure::infrastructure(format!("cannot write {}: {error}", path.display()))

@@ -1,4 +1,4 @@
-//! Folders of runs below a folder, and the newest of them: what `latest` names.
+//! Folders of runs below a folder, and the newest of them, for which `latest` stands.
 
 use std::ffi::OsString;
 use std::fs::{self, File};
@@ -10,35 +10,35 @@ use clap::builder::{OsStringValueParser, TypedValueParser};
 use hil_recording::reader::RECORDING;
 use serde_json::Value;
 
-/// Folder below which runs lie, unless another one is named.
+/// Default folder that contains runs.
 pub const RUNS: &str = "runs";
 /// Name that stands for the newest run.
 pub const LATEST: &str = "latest";
-/// File that each folder of a run has from its start.
+/// File that exists in the folder of a run from its start.
 pub const SCENARIO: &str = "scenario.toml";
-/// File that the folder of an ended run has.
+/// File that exists in the folder of an ended run.
 pub const SUMMARY: &str = "summary.json";
-/// Files of the folder of a run: the scenario, and at least one more.
+/// Files by which the folder of a run is recognised: the scenario, and at least one of the others.
 pub const FILES: [&str; 4] = [SCENARIO, SUMMARY, RECORDING, "plant.log"];
-/// Most folders between the one that is searched and that of a run.
+/// Maximum depth of run folders below the searched one.
 const DEEPEST: usize = 8;
-/// Most bytes of a summary.
+/// Maximum size of a summary, in bytes.
 const LARGEST: u64 = 16 << 20;
 
 /// Folder of a run.
 #[derive(Clone, Debug)]
 pub struct RunFolder {
     pub path: PathBuf,
-    /// Time at which the run was begun.
+    /// Time of the run's start.
     pub started: SystemTime,
-    /// `summary.json`, if there is one that can be read.
+    /// Content of `summary.json`, if readable.
     pub summary: Option<Value>,
 }
 
-/// Returns the runs below a folder, the newest first. Links are not followed.
+/// Returns the runs below a folder, newest first. Links are not followed.
 ///
 /// # Errors
-/// If the folder cannot be read. What cannot be read below it is left out.
+/// If the folder cannot be read. Unreadable folders below it are skipped.
 pub fn below(folder: &Path) -> io::Result<Vec<RunFolder>> {
     let mut runs = Vec::new();
     search(folder, DEEPEST, &mut runs)?;
@@ -46,7 +46,7 @@ pub fn below(folder: &Path) -> io::Result<Vec<RunFolder>> {
     Ok(runs)
 }
 
-/// Returns the newest runs below a folder, N at most, by the times of their folders alone.
+/// Returns at most `most` of the newest runs below a folder, judging only by file times.
 pub fn newest(folder: &Path, most: usize) -> Vec<PathBuf> {
     let mut runs = Vec::new();
     look(folder, DEEPEST, &mut runs);
@@ -55,12 +55,12 @@ pub fn newest(folder: &Path, most: usize) -> Vec<PathBuf> {
     runs.into_iter().map(|(_, path)| path).collect()
 }
 
-/// Lists folders of runs with the times of their scenarios, which are written when a run begins.
+/// Lists run folders with the modification times of their scenarios, which are written when a run starts.
 fn look(folder: &Path, depth: usize, runs: &mut Vec<(SystemTime, PathBuf)>) {
     if let Ok(scenario) = fs::metadata(folder.join(SCENARIO)) {
-        let begun = scenario.modified().unwrap_or(SystemTime::UNIX_EPOCH);
+        let started = scenario.modified().unwrap_or(SystemTime::UNIX_EPOCH);
         if FILES[1..].iter().any(|name| folder.join(name).is_file()) {
-            runs.push((begun, folder.to_owned()));
+            runs.push((started, folder.to_owned()));
         }
         return;
     }
@@ -86,7 +86,7 @@ fn search(folder: &Path, depth: usize, runs: &mut Vec<RunFolder>) -> io::Result<
 }
 
 impl RunFolder {
-    /// Reads what a folder says of its run, if it is that of one.
+    /// Reads a folder, if it is that of a run.
     fn read(path: &Path) -> Option<Self> {
         let scenario = fs::metadata(path.join(SCENARIO)).ok()?;
         (FILES[1..].iter().any(|name| path.join(name).is_file())).then_some(())?;
@@ -95,7 +95,7 @@ impl RunFolder {
             let text = summary.get("started_utc")?.as_str()?;
             humantime::parse_rfc3339(text).ok()
         });
-        // The scenario is written when a run begins, and never again.
+        // The scenario is written when a run starts and never changed.
         let started = started.or_else(|| scenario.modified().ok())?;
         Some(Self {
             path: path.to_owned(),
@@ -105,7 +105,7 @@ impl RunFolder {
     }
 }
 
-/// Reads a summary, if there is one that can be read.
+/// Reads a summary, if it exists and is valid.
 pub fn summary(path: &Path) -> Option<Value> {
     let file = File::open(path).ok().filter(|file| {
         file.metadata()
@@ -116,10 +116,10 @@ pub fn summary(path: &Path) -> Option<Value> {
     serde_json::from_slice(&text).ok().filter(Value::is_object)
 }
 
-/// Reads the path of a run or of something in its folder: `latest` at its begin is the newest run below `runs`.
+/// Parses the path of a run or of a file in its folder; a leading `latest` stands for the newest run below `runs`.
 ///
 /// # Errors
-/// If there is none.
+/// If `latest` is given and there is no run.
 pub fn path(typed: OsString) -> Result<PathBuf, String> {
     named(typed.into(), Path::new(RUNS))
 }
@@ -128,10 +128,10 @@ fn named(typed: PathBuf, folder: &Path) -> Result<PathBuf, String> {
     let Ok(rest) = typed.strip_prefix(LATEST) else {
         return Ok(typed);
     };
-    let shown = folder.display();
+    let folder_text = folder.display();
     let runs = match below(folder) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => {
-            return Err(format!("cannot look for runs in {shown}: {error}"));
+            return Err(format!("cannot look for runs in {folder_text}: {error}"));
         }
         runs => runs.unwrap_or_default(),
     };
@@ -139,12 +139,12 @@ fn named(typed: PathBuf, folder: &Path) -> Result<PathBuf, String> {
         Some(run) if rest == Path::new("") => Ok(run.path),
         Some(run) => Ok(run.path.join(rest)),
         None => Err(format!(
-            "there is no run below {shown} here, and `{LATEST}` is the newest of them; a file or folder of that name is ./{LATEST}"
+            "`{LATEST}` stands for the newest run below {folder_text}, but there is none; use ./{LATEST} for a file or folder of that name"
         )),
     }
 }
 
-/// Returns the reader of an argument that names a run.
+/// Returns the value parser of an argument that names a run.
 pub fn run_path() -> impl TypedValueParser<Value = PathBuf> {
     OsStringValueParser::new().try_map(path)
 }

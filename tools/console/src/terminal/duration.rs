@@ -1,23 +1,23 @@
-//! Lengths of time as people type them: `2s`, `500ms`, `100us`, or a plain number.
+//! Durations as typed by users: `2s`, `500ms`, `100us`, or a plain number.
 //!
-//! Used by the command line and by the values of faults. The result is the double nearest to what
-//! was typed: the unit moves the decimal exponent, nothing is multiplied.
+//! Used by the command line and for the parameters of faults. The result is the double nearest to the typed value:
+//! the unit shifts the decimal exponent, without a multiplication.
 
-/// Units of time with their decimal exponents, the ones that end like others first.
+/// Units of time with their decimal exponents; units that end like another come first.
 const UNITS: [(&str, i32); 4] = [("ms", -3), ("us", -6), ("ns", -9), ("s", 0)];
 
-/// A length of time in s.
+/// Parses a duration, in s.
 ///
 /// # Errors
-/// If the text is no length of time; the error says what would be right.
+/// If the text is not a duration; the message shows valid forms.
 pub fn seconds(text: &str) -> Result<f64, String> {
-    let expected = || format!("`{text}` is no length of time: 2s, 500ms, 100us or seconds");
+    let expected = || format!("`{text}` is not a duration: use 2s, 500ms, 100us or seconds");
     in_unit(text, "s")
         .filter(|value| *value >= 0.0)
         .ok_or_else(expected)
 }
 
-/// A number, which may carry a unit of time if `unit` is one, in `unit`.
+/// Parses a number and converts it to `unit`; the text may contain a unit of time only if `unit` is one.
 #[must_use]
 pub fn in_unit(text: &str, unit: &str) -> Option<f64> {
     let text = text.trim();
@@ -27,13 +27,13 @@ pub fn in_unit(text: &str, unit: &str) -> Option<f64> {
             .find(|known| known.0 == unit)
             .map(|known| known.1)
     };
-    let given =
+    let typed =
         (UNITS.iter()).find_map(|(unit, exponent)| Some((text.strip_suffix(unit)?, exponent)));
-    let (Some(asked), Some((number, given))) = (exponent_of(unit), given) else {
+    let (Some(target), Some((number, typed))) = (exponent_of(unit), typed) else {
         return text.parse().ok();
     };
     let number = number.trim_end();
-    // `1_e-3` or `infe-3` must not become numbers by what is appended to them.
+    // Appending an exponent must not turn `1_e-3` or `infe-3` into numbers.
     number
         .parse::<f64>()
         .ok()
@@ -42,11 +42,11 @@ pub fn in_unit(text: &str, unit: &str) -> Option<f64> {
         Some((digits, exponent)) => (digits, exponent.parse().ok()?),
         None => (number, 0_i32),
     };
-    let exponent = exponent.checked_add(given - asked)?;
+    let exponent = exponent.checked_add(typed - target)?;
     format!("{digits}e{exponent}").parse().ok()
 }
 
-/// A time as a person reads it: three digits and a unit.
+/// Formats a time with three digits and a unit.
 #[must_use]
 pub fn shown_ns(ns: u64) -> String {
     let (value, unit) = match ns {
@@ -68,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_duration_is_the_number_nearest_to_what_was_typed() {
+    fn a_duration_is_the_double_nearest_to_the_typed_value() {
         for (text, expected) in [
             ("2s", 2.0),
             ("500ms", 0.5),
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn a_unit_of_time_counts_only_where_time_is_asked_for() {
+    fn a_unit_of_time_is_accepted_only_for_times() {
         assert_eq!(in_unit("2ms", "us"), Some(2000.0));
         assert_eq!(in_unit("200", "us"), Some(200.0));
         assert_eq!(in_unit("-3", "rad"), Some(-3.0));

@@ -1,4 +1,4 @@
-//! Exit codes and the failures behind them.
+//! Exit codes and the failures that cause them.
 
 use std::any::Any;
 use std::fmt::Display;
@@ -6,17 +6,17 @@ use std::process::ExitCode;
 
 use hil_config::problem::Problems;
 
-/// Exit code of `hil`, by severity: of several runs the largest stands for all.
+/// Exit code of `hil`, ordered by severity: the largest of several runs determines the overall code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
-    /// All as it should be.
+    /// Success.
     Pass = 0,
-    // Not the code of `Outcome::Failed`, which is `Infrastructure`.
-    /// A requirement failed, a run diverged, runs differ, or a machine is unfit.
+    // Differs from the code of `Outcome::Failed`, which is `Infrastructure`.
+    /// A requirement failed, a run diverged, runs differ, or the machine is unfit.
     Failed = 1,
     /// Wrong usage or configuration; nothing was started.
     Usage = 2,
-    /// A process died, a wait ran out, a disk is full, there is no shared memory.
+    /// A process died, a wait timed out, a disk is full, or shared memory is missing.
     Infrastructure = 3,
     /// Interrupted by the user.
     Interrupted = 130,
@@ -28,19 +28,19 @@ impl From<Exit> for ExitCode {
     }
 }
 
-/// Reason for which a command could not do its work.
+/// Reason why a command failed.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
     /// Wrong usage or configuration; nothing was started.
     #[error("{0}")]
     Usage(String),
-    /// Runs that must be the same are not.
+    /// Runs that must be equal differ.
     #[error("error: {0}")]
     Differ(String),
-    /// The user did not want it any more.
+    /// The user interrupted the command.
     #[error("interrupted")]
     Interrupted,
-    /// The machine or a process let it down.
+    /// The machine or a process failed.
     #[error("error: {0}")]
     Infrastructure(String),
 }
@@ -52,25 +52,25 @@ impl From<Problems> for Failure {
 }
 
 impl Failure {
-    /// A usage failure with the word `error` in front.
+    /// Creates a usage failure with the prefix `error: `.
     pub fn usage(message: impl Display) -> Self {
         Self::Usage(format!("error: {message}"))
     }
 
-    /// An infrastructure failure.
+    /// Creates an infrastructure failure.
     pub fn infrastructure(message: impl Display) -> Self {
         Self::Infrastructure(message.to_string())
     }
 
-    /// Makes an infrastructure failure of a panic, with what the panic said.
+    /// Converts a panic to an infrastructure failure with the panic's message.
     pub fn panicked(who: &str, panic: &(dyn Any + Send)) -> Self {
-        let said = panic.downcast_ref::<String>().map(String::as_str);
-        let said = said.or_else(|| panic.downcast_ref::<&str>().copied());
-        let said = said.unwrap_or("no reason given");
-        Self::infrastructure(format!("{who} panicked: {said}"))
+        let message = panic.downcast_ref::<String>().map(String::as_str);
+        let message = message.or_else(|| panic.downcast_ref::<&str>().copied());
+        let message = message.unwrap_or("no reason given");
+        Self::infrastructure(format!("{who} panicked: {message}"))
     }
 
-    /// Says what is wrong, without the word `error` in front.
+    /// Returns the message without the prefix `error: `.
     pub fn reason(&self) -> String {
         self.to_string().trim_start_matches("error: ").to_owned()
     }

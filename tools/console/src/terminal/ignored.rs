@@ -1,14 +1,16 @@
-//! Signals that this process was started to ignore, as SIGHUP by `nohup`: a handler would undo that.
+//! Signals that this process inherited as ignored, such as SIGHUP under `nohup`: installing a handler would undo
+//! that.
 
 use std::sync::LazyLock;
 
-/// Bits of the ignored signals, from the first on.
+/// Bits of the ignored signals; bit 0 is signal 1.
 static IGNORED: LazyLock<u64> = LazyLock::new(|| {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     ignored_in(&status)
 });
 
-/// Returns `true` if this process was started to ignore a signal. To be asked before any handler of a signal is registered.
+/// Returns `true` if this process was started with the signal ignored. Must be called before any handler is
+/// registered.
 pub fn is_ignored(signal: i32) -> bool {
     let bit = u32::try_from(signal - 1).ok();
     bit.and_then(|bit| IGNORED.checked_shr(bit)).unwrap_or(0) & 1 == 1
@@ -25,11 +27,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ignored_signals_are_read_from_the_status_of_a_process() {
+    fn ignored_signals_are_parsed_from_the_process_status() {
         let status = "Name:\thil\nSigBlk:\t00000000000000ff\nSigIgn:\t0000000000001003\n";
         assert_eq!(ignored_in(status), 1 << 12 | 1 << 1 | 1);
         assert_eq!(ignored_in("Name:\thil\n"), 0);
-        // The runtime of Rust ignores SIGPIPE, the tests no SIGKILL.
+        // Rust's runtime ignores SIGPIPE; SIGKILL cannot be ignored.
         assert!(is_ignored(13) && !is_ignored(9) && !is_ignored(0) && !is_ignored(70));
     }
 }

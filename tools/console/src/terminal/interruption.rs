@@ -1,10 +1,10 @@
-//! Ctrl-C and its like: the end of a command that leaves nothing behind, and else a flag to look at; and
-//! the one signal after which nothing can go on.
+//! Handling of Ctrl-C and similar signals: a command without side effects ends immediately, others check a flag. Also
+//! handles SIGBUS, after which nothing can continue.
 //!
-//! A command that has begun nothing ends at once. One that starts processes or writes files listens
-//! before that and looks at the flag where it waits; the parts of it that only compute, which may take
-//! long and look at nothing, are done with [`Interruption::at_once`]. SIGHUP stays ignored if the process was
-//! started to ignore it, as by `nohup`; SIGINT does not, since a script ends its background job by it.
+//! A command that starts processes or writes files calls [`Interruption::listen`] first and checks the flag where it
+//! waits; parts that only compute, possibly for long, run inside [`Interruption::at_once`]. SIGHUP stays ignored if
+//! the process was started with it ignored, as by `nohup`; SIGINT does not, because scripts use it to end their
+//! background jobs.
 
 use std::io::{self, ErrorKind, PipeWriter, Read, Write};
 use std::os::fd::OwnedFd;
@@ -21,13 +21,13 @@ use crate::terminal::exit::{Exit, Failure};
 use crate::terminal::ignored::is_ignored;
 use crate::terminal::output;
 
-/// A signal ends the process at once.
+/// Set while a signal ends the process immediately.
 static AT_ONCE: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 
-/// Makes Ctrl-C the end of this process, with its exit code, until a command listens.
+/// Makes Ctrl-C end this process immediately, with the proper exit code, until a command listens.
 ///
 /// # Errors
-/// If the signal cannot be listened to.
+/// If the handler cannot be registered.
 pub fn end_at_once() -> Result<(), Failure> {
     AT_ONCE.store(true, Ordering::SeqCst);
     end_on(SIGINT)
@@ -40,16 +40,16 @@ fn end_on(signal: i32) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Wish of the user that the command ends.
+/// Flag that the user wants the command to end.
 #[derive(Clone, Debug, Default)]
 pub struct Interruption(Arc<AtomicBool>);
 
 impl Interruption {
-    /// Listens to the signals from now on. They are those of the process: whoever listens shares one flag, and the
-    /// handlers with their descriptors and their thread are made once.
+    /// Starts listening to the signals. The handlers with their descriptors and thread are created once per process,
+    /// and all listeners share one flag.
     ///
     /// # Errors
-    /// If they cannot be listened to.
+    /// If a handler cannot be registered.
     pub fn listen() -> Result<Self, Failure> {
         static OF_PROCESS: Mutex<Option<Interruption>> = Mutex::new(None);
         let mut of_process = OF_PROCESS.lock().unwrap_or_else(PoisonError::into_inner);
@@ -61,7 +61,7 @@ impl Interruption {
         Ok(interruption)
     }
 
-    /// Registers the handlers of the process, which stay as long as it.
+    /// Registers the handlers, which stay for the lifetime of the process.
     fn register() -> Result<Self, Failure> {
         let flag = Arc::new(AtomicBool::new(false));
         let ends = [SIGINT, SIGTERM, SIGHUP].into_iter();
@@ -70,22 +70,22 @@ impl Interruption {
             signal_hook::flag::register(signal, Arc::clone(&flag))
                 .map_err(Failure::infrastructure)?;
         }
-        // A file that may grow no more is an error to whoever writes it, not the end of the process.
+        // A file at its size limit must give an error to its writer instead of ending the process.
         signal_hook::flag::register(SIGXFSZ, Arc::default()).map_err(Failure::infrastructure)?;
         end_without_shared_memory().map_err(Failure::infrastructure)?;
         Ok(Self(flag))
     }
 
-    /// Reports a signal that came.
+    /// Returns `true` if a signal has arrived.
     #[must_use]
     pub fn came(&self) -> bool {
         self.0.load(Ordering::Acquire)
     }
 
-    /// Ends a command that a signal came to.
+    /// Returns an error if a signal has arrived.
     ///
     /// # Errors
-    /// If one came.
+    /// [`Failure::Interrupted`] after a signal.
     pub fn check(&self) -> Result<(), Failure> {
         match self.came() {
             true => Err(Failure::Interrupted),
@@ -93,52 +93,52 @@ impl Interruption {
         }
     }
 
-    /// Does work that looks at no flag, waits for nobody and leaves nothing behind wherever it stops:
-    /// a signal ends the process at once.
+    /// Performs work that checks no flag, waits for nothing and can be stopped anywhere: a signal ends the process
+    /// immediately.
     ///
     /// # Errors
-    /// If a signal came before.
+    /// If a signal arrived before.
     pub fn at_once<T>(&self, work: impl FnOnce() -> T) -> Result<T, Failure> {
         AT_ONCE.store(true, Ordering::SeqCst);
-        // One that came until then has set the flag, any later one ends the process.
+        // An earlier signal has set the flag; a later one ends the process.
         let done = (!self.came()).then(work);
         AT_ONCE.store(false, Ordering::SeqCst);
         done.ok_or(Failure::Interrupted)
     }
 }
 
-/// Ends the process in order when memory that it shares is taken away under it: it says so, ends what it
-/// started and removes its sessions. One with a guard leaves that to the guard, which holds none of its locks, and
-/// dies of the signal, by which the guard knows the cause.
+/// Ends the process in an orderly way when shared memory disappears (SIGBUS): prints a message, ends the child
+/// processes and removes the sessions. A process with a guard leaves that to the guard, which holds none of its
+/// locks, and dies of the signal, by which the guard recognises the cause.
 fn end_without_shared_memory() -> io::Result<()> {
-    let (mut heard, told) = UnixStream::pair()?;
-    pipe::register(SIGBUS, told)?;
-    // The thread that met the hole would meet it again at once, and die of it with the process: the
-    // standard library's own handler has put the default back by then. A full pipe holds it.
+    let (mut receiver, sender) = UnixStream::pair()?;
+    pipe::register(SIGBUS, sender)?;
+    // The faulting thread would fault again immediately and die with the whole process, because the standard
+    // library's handler has restored the default action by then. Writing to a full pipe blocks it.
     let (held_open, full) = io::pipe()?;
     let blocking = full.try_clone()?;
     pipe::register(SIGBUS, OwnedFd::from(full))?;
     fill(&blocking)?;
     fcntl_setfl(&blocking, OFlags::empty())?;
     std::thread::spawn(move || {
-        if heard.read_exact(&mut [0]).is_err() {
+        if receiver.read_exact(&mut [0]).is_err() {
             return;
         }
         output::tell(
-            "error: shared memory that is in use cannot be read or written any more (SIGBUS): a file of the session in /dev/shm was cut short, or /dev/shm is full. `hil recover` makes a whole recording of what was written",
+            "error: shared memory in use has become inaccessible (SIGBUS): a file of the session in /dev/shm was truncated, or /dev/shm is full. `hil recover` makes a complete recording of the written part",
         );
         if session::guard::own().is_some() {
             let _ = emulate_default_handler(SIGBUS); // it does not return
         }
         session::abandon();
-        // Not before: without a reader the pipe holds nobody.
+        // Not dropped earlier: the pipe blocks only while it has a reader.
         let _held_open = held_open;
         std::process::exit(Exit::Infrastructure as i32);
     });
     Ok(())
 }
 
-/// Fills a pipe that does not block.
+/// Fills a non-blocking pipe.
 fn fill(mut pipe: &PipeWriter) -> io::Result<()> {
     for size in [4096, 1] {
         loop {
@@ -158,7 +158,7 @@ mod tests {
 
     use super::*;
 
-    /// Counts descriptors that lead to a pipe or a socket, as those of handlers do.
+    /// Counts descriptors of pipes and sockets, which handlers use.
     fn pipes_and_sockets() -> usize {
         let descriptors = read_dir("/proc/self/fd")
             .expect("own descriptors")
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn listening_again_and_again_takes_no_more_descriptors_and_threads() {
+    fn repeated_listening_uses_no_more_descriptors_and_threads() {
         const CALLS: usize = 300;
         let threads = || read_dir("/proc/self/task").expect("own threads").count();
         let first = Interruption::listen().expect("listens");
@@ -187,7 +187,7 @@ mod tests {
             );
         }
         let after = (pipes_and_sockets(), threads());
-        // Tests beside this one open and close some of their own.
+        // Concurrent tests open and close some of their own.
         assert!(after.0 < before.0 + CALLS / 2, "{before:?}, {after:?}");
         assert!(after.1 < before.1 + CALLS / 2, "{before:?}, {after:?}");
     }

@@ -1,8 +1,8 @@
-//! The way to and from the person at the terminal: exit codes and failures, advice on them, standard output, tables,
-//! progress, interruption, lengths of time as they are typed. Of a run it knows steps and time for the progress bar,
-//! nothing else, and it opens no file of a run.
+//! Terminal input and output: exit codes and failures, advice on them, standard output, tables, progress,
+//! interruption, and parsing of durations. It knows only the steps and time of a run, for the progress bar, and never
+//! opens files of a run.
 
-// First, because its macro `tell!` is used everywhere.
+// Declared first because its macro `tell!` is used everywhere.
 #[macro_use]
 pub mod output;
 

@@ -1,4 +1,4 @@
-//! Standard output: results, and what it means when nobody takes them.
+//! Standard output and standard error, including readers that have gone away.
 
 use std::fmt;
 use std::io::{ErrorKind, IsTerminal, Write};
@@ -8,20 +8,20 @@ use shared_types::text::printable;
 
 use crate::terminal::exit::Failure;
 
-/// Writes a formatted line to standard error. Unlike the standard library's, it is no panic if nobody
-/// takes it: a note that is not read changes nothing.
+/// Writes a formatted line to standard error. Unlike the standard library's macro it does not panic if nobody reads
+/// it: an unread note must not affect the command.
 #[macro_export]
 macro_rules! tell {
     ($($text:tt)*) => { $crate::terminal::output::tell(&::std::format!($($text)*)) };
 }
 
-/// Writes a line to standard error, which may be gone, as a terminal that was closed.
+/// Writes a line to standard error; ignores errors, such as a closed terminal.
 pub fn tell(line: &str) {
     let _ = writeln!(std::io::stderr(), "{}", printable(line));
 }
 
-/// Writes text to standard output, without what a terminal obeys. A reader that went away wanted no
-/// more, which is no failure.
+/// Writes text to standard output with terminal control characters escaped. A reader that has gone away is not an
+/// error.
 ///
 /// # Errors
 /// If the text cannot be written for any other reason.
@@ -29,10 +29,10 @@ pub fn write(text: &str) -> Result<(), Failure> {
     write_coloured(&printable(text))
 }
 
-/// Like [`write()`], with colours; nothing of the text may be of others.
+/// Like [`write()`], but permits colours; the text must not contain foreign content.
 ///
 /// # Errors
-/// As of [`write()`].
+/// See [`write()`].
 pub fn write_coloured(text: &str) -> Result<(), Failure> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
@@ -43,35 +43,35 @@ pub fn write_coloured(text: &str) -> Result<(), Failure> {
     }
 }
 
-/// Writes a result as JSON for a machine, or in words for a person.
+/// Writes a result as JSON or as text.
 ///
 /// # Errors
-/// As of [`write()`].
+/// See [`write()`].
 pub fn result(
     json: bool,
     result: &impl Serialize,
-    told: impl FnOnce() -> String,
+    to_text: impl FnOnce() -> String,
 ) -> Result<(), Failure> {
-    write(&if json { pretty(result)? } else { told() })
+    write(&if json { pretty(result)? } else { to_text() })
 }
 
-/// Gives a result as indented JSON.
+/// Formats a result as indented JSON.
 ///
 /// # Errors
-/// If it has no form in JSON.
+/// If it cannot be serialised.
 pub fn pretty(result: &impl Serialize) -> Result<String, Failure> {
     let json = serde_json::to_string_pretty(result).map_err(Failure::infrastructure)?;
     Ok(json + "\n")
 }
 
-/// Collects what is written into a string, which cannot fail.
+/// Collects formatted output in a string, which cannot fail.
 pub fn text(write: impl FnOnce(&mut String) -> fmt::Result) -> String {
     let mut text = String::new();
     let _ = write(&mut text);
     text
 }
 
-/// Tells whether a person reads standard error as it comes.
+/// Returns `true` if standard error is a terminal.
 pub fn person_watches() -> bool {
     std::io::stderr().is_terminal()
 }

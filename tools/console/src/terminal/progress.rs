@@ -1,4 +1,4 @@
-//! Progress of a run on standard error: simulated time, speed, time left, and where it holds.
+//! Progress of a run on standard error: simulated time, speed, remaining time, and pauses.
 
 use std::io::Write as _;
 use std::time::{Duration, SystemTime};
@@ -8,24 +8,24 @@ use shared_types::time::{Rate, Step};
 
 use crate::terminal::output;
 
-/// A progress bar, drawn where a person watches.
+/// Progress bar, drawn only on a terminal.
 pub struct Progress {
     bar: ProgressBar,
     rate: Rate,
     pause: Option<Pause>,
-    /// Step of the newest notice of a pause.
+    /// Step of the latest announced pause.
     told_pause: Option<Step>,
     shown: bool,
 }
 
-/// A hold that was asked for before the run.
+/// Pause that was requested before the run.
 struct Pause {
     step: Step,
     notice: String,
 }
 
 impl Progress {
-    /// A bar for N steps; not shown if several share the terminal.
+    /// Creates a bar for `steps` steps; `shown` is `false` if several runs share the terminal.
     #[must_use]
     pub fn new(steps: u64, rate: Rate, shown: bool) -> Self {
         let is_drawn = shown && output::person_watches();
@@ -66,7 +66,7 @@ impl Progress {
         }
     }
 
-    /// Lets a person know when the run gets to where it is to hold.
+    /// Schedules a notice for the step at which the run will pause.
     pub fn announce_pause(&mut self, pause_at_s: f64, session: &str) {
         let step = self.rate.step_at_or_after(pause_at_s);
         let time_s = self.rate.seconds(step);
@@ -76,7 +76,7 @@ impl Progress {
         });
     }
 
-    /// Says that the run is held before a step, unless that was announced.
+    /// Reports that the run is paused before a step, unless that was announced.
     pub fn tell_pause(&mut self, step: u64, since: SystemTime, session: &str) {
         let step = Step(step);
         self.bar.set_message("paused");
@@ -89,12 +89,12 @@ impl Progress {
         }
     }
 
-    /// Writes something beside the bar.
+    /// Prints a line above the bar.
     pub fn tell(&self, text: &str) {
         self.bar.suspend(|| output::tell(text));
     }
 
-    /// All steps before this one are done.
+    /// Updates the bar: all steps before this one are done.
     pub fn set(&mut self, next_step: u64) {
         if self.bar.position() != next_step {
             self.bar.set_message("");
@@ -112,8 +112,8 @@ impl Drop for Progress {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
         if self.shown && crate::terminal::output::person_watches() {
-            // Ctrl-C shows as `^C` in the bar's line, which the bar does not know of.
-            let _ = write!(std::io::stderr(), "\r\x1b[2K"); // it may be gone
+            // Ctrl-C prints `^C` in the bar's line without the bar's knowledge.
+            let _ = write!(std::io::stderr(), "\r\x1b[2K"); // fails only if the terminal is gone
         }
     }
 }

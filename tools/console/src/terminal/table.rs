@@ -1,10 +1,10 @@
-//! Tables for a person: rows of cells, each column as wide as its widest cell.
+//! Text tables: rows of cells, with each column as wide as its widest cell.
 //!
-//! Every room that lists something uses it. Nothing is cut, and no line ends with blanks.
+//! Used by every package that prints lists. Nothing is cut, and lines have no trailing blanks.
 
 use std::fmt::{self, Display};
 
-/// A column.
+/// Column of a table.
 #[derive(Clone, Copy, Debug)]
 pub struct Column {
     is_right: bool,
@@ -12,7 +12,7 @@ pub struct Column {
     gap: usize,
 }
 
-/// A column of words, at least this wide.
+/// Creates a left-aligned column for words, with a minimum width.
 #[must_use]
 pub const fn left(least: usize) -> Column {
     Column {
@@ -22,7 +22,7 @@ pub const fn left(least: usize) -> Column {
     }
 }
 
-/// A column of numbers, at least this wide.
+/// Creates a right-aligned column for numbers, with a minimum width.
 #[must_use]
 pub const fn right(least: usize) -> Column {
     Column {
@@ -32,14 +32,14 @@ pub const fn right(least: usize) -> Column {
 }
 
 impl Column {
-    /// The same column, one blank after the one before: a unit after its number.
+    /// Reduces the gap before the column to one blank, as for a unit after its number.
     #[must_use]
     pub const fn close(self) -> Self {
         Self { gap: 1, ..self }
     }
 }
 
-/// Rows under each other.
+/// Table of rows.
 #[derive(Clone, Debug, Default)]
 pub struct Table {
     indent: usize,
@@ -54,7 +54,7 @@ enum Row {
 }
 
 impl Table {
-    /// A table without rows, N blanks from the left.
+    /// Creates an empty table, indented by `indent` blanks.
     #[must_use]
     pub fn new(indent: usize, columns: impl Into<Vec<Column>>) -> Self {
         Self {
@@ -64,18 +64,18 @@ impl Table {
         }
     }
 
-    /// Adds a row; columns at its end may be missing.
+    /// Adds a row; cells at its end may be missing.
     pub fn row(&mut self, cells: &[&dyn Display]) {
         self.cells(cells.iter().map(ToString::to_string));
     }
 
-    /// Adds a row of texts, as a heading.
+    /// Adds a row of texts, for example a heading.
     pub fn cells(&mut self, cells: impl IntoIterator<Item = impl Into<String>>) {
         let cells = cells.into_iter().map(Into::into);
         self.rows.push(Row::Cells(cells.collect()));
     }
 
-    /// Adds a line that belongs to the row above and to no column.
+    /// Adds a line below the previous row that spans all columns.
     pub fn line(&mut self, text: impl Into<String>) {
         self.rows.push(Row::Text(text.into()));
     }
@@ -118,7 +118,7 @@ impl Display for Table {
     }
 }
 
-/// Places that a text takes, without the codes of colours.
+/// Returns the displayed width of a text, without colour codes.
 fn width(text: &str) -> usize {
     let mut is_code = false;
     let is_shown = |character: &char| {
@@ -134,7 +134,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn columns_are_as_wide_as_their_widest_cell_and_lines_end_with_a_letter() {
+    fn columns_fit_their_widest_cell_and_lines_have_no_trailing_blanks() {
         let mut table = Table::new(2, [left(6), right(0), left(4).close(), left(0)]);
         table.row(&[&"name", &"value", &"", &"note"]);
         table.row(&[&"a_long_name", &1.5, &"m", &"seen"]);

@@ -1,4 +1,4 @@
-//! Company: the time of the cores that other programs take while `hil` sleeps.
+//! Measurement of company: the time of the cores that other programs take while `hil` sleeps.
 
 use std::time::Duration;
 
@@ -11,17 +11,17 @@ use crate::tree::{Tree, Unread};
 
 const CHECK: Check = Check::new(
     "company",
-    "a step waits while another program has its core; a core of its own is what helps most",
+    "a step waits while another program uses its core; an exclusive core helps most",
 );
 
-/// Least shares of a core that are fair and poor.
+/// Smallest shares of a core that are graded fair and poor.
 const FAIR: f64 = 0.1;
 const POOR: f64 = 0.5;
 
-/// Processor time so far.
+/// Processor time up to some moment.
 #[derive(Clone, Debug)]
 struct Times {
-    /// Ticks that each core was busy, and all its ticks.
+    /// Busy ticks and total ticks of each core.
     cores: Vec<(u32, u64, u64)>,
     programs: Vec<Program>,
 }
@@ -35,10 +35,10 @@ struct Program {
     ticks: u64,
 }
 
-/// Sleeps for so long and judges the time that others took of these cores meanwhile.
+/// Sleeps for the given time and grades the time that other programs took of these cores meanwhile.
 pub(crate) fn measure(tree: &dyn Tree, cores: &CoreList, seconds: f64) -> Finding {
     let judge = || {
-        // Cores are read next to the sleep: reading the programs is work of this process.
+        // The cores are read right next to the sleep, because reading the programs is work of this process.
         let programs = Program::all(tree);
         let before = Times {
             cores: busy_of(tree, cores)?,
@@ -62,7 +62,7 @@ fn busy_of(tree: &dyn Tree, cores: &CoreList) -> Result<Vec<(u32, u64, u64)>, Un
 }
 
 impl Program {
-    /// Reads those of all programs.
+    /// Reads the times of all programs.
     fn all(tree: &dyn Tree) -> Vec<Self> {
         let program = |name: String| {
             let process = name.parse().ok()?;
@@ -73,8 +73,8 @@ impl Program {
             .collect()
     }
 
-    /// Reads its `stat`: behind the name, which may hold anything, user and system time are the 12th and
-    /// 13th word and the core is the 37th.
+    /// Parses a `stat` file: after the name, which may contain anything, user and system time are the 12th and 13th
+    /// word and the core is the 37th.
     fn of(process: u32, stat: &str) -> Option<Self> {
         let (head, rest) = stat.rsplit_once(')')?;
         let (_, name) = head.split_once('(')?;
@@ -97,26 +97,26 @@ fn finding(before: &Times, after: &Times) -> Finding {
     };
     let shares: Vec<(u32, f64)> = after.cores.iter().filter_map(share).collect();
     let Some((_, most)) = shares.iter().max_by(|a, b| a.1.total_cmp(&b.1)) else {
-        return CHECK.unknown("/proc/stat tells nothing of these cores");
+        return CHECK.unknown("/proc/stat has no data for these cores");
     };
-    let spent = |program: &Program| {
+    let ticks = |program: &Program| {
         let same = |other: &&Program| other.process == program.process;
         let then = before.programs.iter().find(same);
         program.ticks - then.map_or(0, |then| then.ticks.min(program.ticks))
     };
-    // This process sleeps: it is never what disturbs a run.
+    // This process sleeps, so it never disturbs a run.
     let is_other = |program: &&Program| {
         program.process != std::process::id()
             && shares.iter().any(|(core, _)| *core == program.core)
     };
     let busiest = (after.programs.iter().filter(is_other))
-        .max_by_key(|program| spent(program))
-        .filter(|program| spent(program) > 0);
+        .max_by_key(|program| ticks(program))
+        .filter(|program| ticks(program) > 0);
 
-    let told: Vec<String> = (shares.iter())
+    let shares_text: Vec<String> = (shares.iter())
         .map(|(core, share)| format!("{:.0} % of core {core}", 100.0 * share))
         .collect();
-    let mut found = format!("other programs take {}", told.join(" and "));
+    let mut text = format!("other programs take {}", shares_text.join(" and "));
     let grade = if *most < FAIR {
         Check::good
     } else if *most < POOR {
@@ -128,13 +128,13 @@ fn finding(before: &Times, after: &Times) -> Finding {
     if let Some(Program { process, name, .. }) = busiest
         && *most >= FAIR
     {
-        found += &format!("; the busiest is {} ({process})", name.escape_default());
+        text += &format!("; the busiest is {} ({process})", name.escape_default());
         mend = Some(format!("kill -STOP {process} # and later kill -CONT"));
     }
     let cores = shares
         .iter()
         .map(|(core, share)| json!({"core": core, "others": share}));
-    (grade(CHECK, found).mend_if(mend)).measured(json!({"cores": cores.collect::<Vec<_>>()}))
+    (grade(CHECK, text).mend_if(mend)).measured(json!({"cores": cores.collect::<Vec<_>>()}))
 }
 
 #[cfg(test)]
@@ -143,7 +143,7 @@ mod tests {
     use crate::finding::Grade;
     use crate::tree::Fake;
 
-    /// A machine of which the second core was busy for N ticks of 1000, all of them with one program.
+    /// Creates a machine whose second core was busy for `busy` ticks of 1000, all of them with one program.
     fn machine(busy: u64) -> Fake {
         let idle = 1000 - busy;
         let stat = format!(
@@ -167,10 +167,10 @@ mod tests {
     }
 
     #[test]
-    fn others_are_named_with_the_core_that_they_take() {
+    fn the_busiest_program_is_named_with_its_core() {
         let idle = Times {
             cores: vec![(0, 0, 0), (1, 0, 0)],
-            // It came to core 1 meanwhile and has done nothing there.
+            // Moved to core 1 meanwhile without doing any work there.
             programs: vec![Program {
                 process: 14,
                 name: "moved".into(),
@@ -179,7 +179,7 @@ mod tests {
             }],
         };
         let stop = Some("kill -STOP 41 # and later kill -CONT");
-        for (busy, grade, found, mend) in [
+        for (busy, grade, expected, mend) in [
             (60, Grade::Good, "6 % of core 1", None),
             (
                 200,
@@ -200,14 +200,14 @@ mod tests {
                 programs: Program::all(&machine),
             };
             let finding = finding(&idle, &now);
-            let found = format!("other programs take 1 % of core 0 and {found}");
-            assert_eq!((finding.grade, finding.found), (grade, found));
+            let expected = format!("other programs take 1 % of core 0 and {expected}");
+            assert_eq!((finding.grade, finding.found), (grade, expected));
             assert_eq!(finding.mend.as_deref(), mend);
         }
     }
 
     #[test]
-    fn cores_of_which_nothing_is_told_are_unknown() {
+    fn cores_without_data_are_unknown() {
         for (machine, core) in [(machine(0), "7"), (Fake::default(), "0")] {
             let finding = measure(&machine, &CoreList::parse(core), 0.0);
             assert_eq!(finding.grade, Grade::Unknown, "{}", finding.found);

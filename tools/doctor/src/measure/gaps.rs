@@ -1,7 +1,7 @@
-//! Holes in the time of a thread that never sleeps: whoever took them, they could have been a step's.
+//! Measurement of holes in the time of a thread that never sleeps; any of them could have delayed a step.
 //!
-//! The thread reads the clock without a pause; where two readings are far apart something else had
-//! the core: an interrupt, another thread, firmware, a hypervisor.
+//! The thread reads the clock continuously. If two readings are far apart, something else used the core in between:
+//! an interrupt, another thread, firmware, a hypervisor.
 
 use std::io;
 
@@ -17,11 +17,11 @@ use crate::tree::{Root, Tree};
 
 const CHECK: Check = Check::new(
     "gaps",
-    "time that is taken from a spinning thread is missing in some step",
+    "time taken from a spinning thread is missing in some step",
 );
 
-/// Lower limits of the classes of holes: a shorter gap is no hole. The three in the middle are the limits
-/// of the grades.
+/// Lower limits of the classes of holes; shorter gaps do not count. The three in the middle are the limits of the
+/// grades.
 pub const CLASSES_NS: [u64; 5] = [
     5_000,
     EXCELLENT_BELOW_NS,
@@ -30,26 +30,26 @@ pub const CLASSES_NS: [u64; 5] = [
     5_000_000,
 ];
 
-/// The holes on one core.
+/// Holes on one core.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Gaps {
     /// Number of the core.
     pub core: u32,
-    /// Time of observation.
+    /// Observed time, in ns.
     pub watched_ns: u64,
-    /// Mean duration of a reading of the clock without a hole.
+    /// Mean duration of a clock reading without a hole, in ns.
     pub reading_ns: f64,
-    /// Time in holes.
+    /// Total length of the holes, in ns.
     pub lost_ns: u64,
-    /// The longest hole.
+    /// Longest hole, in ns.
     pub longest_ns: u64,
-    /// Number of holes in each class; see [`CLASSES_NS`].
+    /// Number of holes in each class of [`CLASSES_NS`].
     pub holes: [u64; CLASSES_NS.len()],
-    /// Number of switches to other threads meanwhile, if the kernel tells.
+    /// Number of switches to other threads meanwhile, if the kernel reports it.
     pub switches: Option<u64>,
 }
 
-/// Watches for holes on a core.
+/// Measures the holes on a core.
 ///
 /// # Errors
 /// If the thread may not run on that core.
@@ -65,7 +65,7 @@ pub fn measure(core: u32, seconds: f64) -> io::Result<Gaps> {
     })
 }
 
-/// The holes between the readings of a clock.
+/// Collects the holes between the readings of a clock.
 fn watch(core: u32, watch_ns: u64, mut clock_ns: impl FnMut() -> u64) -> Gaps {
     let mut holes = [0; CLASSES_NS.len()];
     let (mut lost_ns, mut longest_ns, mut readings) = (0, 0, 0_u64);
@@ -102,7 +102,7 @@ fn involuntary_switches() -> Option<u64> {
     count.trim().parse().ok()
 }
 
-/// The grade of the holes: by the longest.
+/// Grades the holes by the longest one.
 #[must_use]
 pub fn finding(gaps: &[Gaps], seconds: f64, class: Class) -> Finding {
     let Some(longest_ns) = gaps.iter().map(|gaps| gaps.longest_ns).max() else {
@@ -112,11 +112,11 @@ pub fn finding(gaps: &[Gaps], seconds: f64, class: Class) -> Finding {
     let watched: u64 = gaps.iter().map(|gaps| gaps.watched_ns).sum();
     let percent = 100.0 * lost as f64 / watched.max(1) as f64;
     let longest = shown_ns(longest_ns);
-    let found = format!(
+    let text = format!(
         "longest {longest}, {percent:.2} % of the time lost{}",
         remark(longest_ns)
     );
-    (CHECK.graded(jitter_grade(longest_ns), found)).measured(json!({
+    (CHECK.graded(jitter_grade(longest_ns), text)).measured(json!({
         "seconds": seconds,
         "class": class.to_string(),
         "classes_from_ns": CLASSES_NS,
@@ -129,7 +129,7 @@ mod tests {
     use super::*;
     use crate::finding::Grade;
 
-    /// A clock that steps 40 ns, and once so much more at each of these readings.
+    /// Creates a clock that advances 40 ns per reading, and additionally by the given times at the given readings.
     fn clock(holes: &[(u64, u64)]) -> impl FnMut() -> u64 {
         let holes = holes.to_vec();
         let (mut reading, mut now_ns) = (0, 0);
@@ -167,7 +167,7 @@ mod tests {
     #[test]
     fn the_longest_hole_of_all_cores_decides() {
         let class = Class::of_this_thread(&Root::machine()).expect("told");
-        for (longest_ns, grade, found) in [
+        for (longest_ns, grade, expected) in [
             (0, Grade::Good, "longest 0 ns, 0.00 % of the time lost"),
             (
                 9_000,
@@ -188,10 +188,10 @@ mod tests {
             let quiet = watch(0, 1_000_000, clock(&[]));
             let holes = [(100, longest_ns)];
             let other = clock(if longest_ns > 0 { &holes } else { &[] });
-            // A hole at the end of a millisecond makes the watch so much longer.
+            // A hole at the end of a millisecond extends the observation by its length.
             let gaps = [quiet, watch(1, 1_000_000 + longest_ns, other)];
             let finding = finding(&gaps, 0.001, class);
-            assert_eq!((finding.grade, finding.found.as_str()), (grade, found));
+            assert_eq!((finding.grade, finding.found.as_str()), (grade, expected));
         }
         assert_eq!(finding(&[], 1.0, class).grade, Grade::Unknown);
     }

@@ -1,8 +1,8 @@
-//! Measuring: what the checks of files cannot tell.
+//! Measurements of properties that no file contains.
 //!
-//! All of it runs on the thread that calls, pinned to the core in question, at the scheduling class
-//! that `hil` was started with; threads besides are a [partner](ping_pong) and a [load](wake_up).
-//! Nothing here is the project's own link or loop: it is the machine that is measured.
+//! Each runs on the calling thread, pinned to the core under test, in the scheduling class that `hil` was started
+//! with; a [partner](ping_pong) and a [load](wake_up) run on other threads. The measurements never use the project's
+//! link or loop: they measure the machine.
 
 pub(crate) mod company;
 pub mod gaps;
@@ -21,7 +21,7 @@ use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use super::finding::Grade;
 use super::tree::{Tree, Unread};
 
-/// The grade of a longest delay, after the limits that LinuxCNC's users live by.
+/// Grades the longest delay by the limits customary among users of LinuxCNC.
 #[must_use]
 pub(crate) const fn jitter_grade(longest_ns: u64) -> Grade {
     match longest_ns {
@@ -31,7 +31,7 @@ pub(crate) const fn jitter_grade(longest_ns: u64) -> Grade {
     }
 }
 
-/// Returns the remark that the grade leaves out.
+/// Returns a remark on delays far beyond the limit of the worst grade.
 const fn remark(longest_ns: u64) -> &'static str {
     if longest_ns > UNFIT_NS {
         ": unfit for real time"
@@ -40,14 +40,14 @@ const fn remark(longest_ns: u64) -> &'static str {
     }
 }
 
-/// Median, 99 % and longest.
+/// Formats median, 99 % quantile and maximum.
 fn shown(figures: &Percentiles) -> String {
     let Percentiles { p50, p99, max, .. } = *figures;
     let [p50, p99, max] = [p50, p99, max].map(shown_ns);
     format!("p50 {p50}, p99 {p99}, max {max}")
 }
 
-/// The calling thread on one core, as long as this lives.
+/// Guard that pins the calling thread to a core while it lives.
 #[derive(Debug)]
 pub(crate) struct Pinned {
     before: CpuSet,
@@ -57,7 +57,7 @@ impl Pinned {
     /// Moves the calling thread to a core.
     ///
     /// # Errors
-    /// If it may not run there.
+    /// If the thread may not run there.
     pub(crate) fn to(core: u32) -> io::Result<Self> {
         let before = sched_getaffinity(None)?;
         let mut one = CpuSet::new();
@@ -72,12 +72,12 @@ impl Pinned {
 
 impl Drop for Pinned {
     fn drop(&mut self) {
-        let _ = sched_setaffinity(None, &self.before); // what it was before is allowed
+        let _ = sched_setaffinity(None, &self.before); // the previous mask is always allowed
     }
 }
 
-/// Exact timers for the calling thread, as long as this lives: by default the kernel lets wake-ups of
-/// ordinary threads be 50 us late to save power.
+/// Guard that makes timers of the calling thread exact while it lives: by default the kernel may delay wake-ups of
+/// ordinary threads by 50 us to save power.
 #[derive(Debug)]
 struct ExactTimers {
     before_ns: u64,
@@ -111,19 +111,19 @@ impl Class {
     /// Returns the class of the calling thread.
     ///
     /// # Errors
-    /// If the kernel does not tell.
+    /// If the kernel does not report it.
     pub fn of_this_thread(tree: &dyn Tree) -> Result<Self, Unread> {
         const STAT: &str = "proc/thread-self/stat";
         let stat = tree.read(STAT)?;
         Self::parse(&stat).ok_or_else(|| Unread {
             path: STAT.into(),
-            reason: format!("it holds `{stat}`"),
+            reason: format!("unexpected content `{stat}`"),
         })
     }
 
-    /// From the `stat` of a thread: priority and policy are its 40th and 41st field.
+    /// Parses the `stat` file of a thread, whose 40th and 41st fields are priority and policy.
     fn parse(stat: &str) -> Option<Self> {
-        // The second field is a name, which may hold anything but ends with the last bracket.
+        // The second field is a name that may contain anything but ends with the last bracket.
         let (_, after_name) = stat.rsplit_once(')')?;
         let mut fields = after_name.split_ascii_whitespace().skip(40 - 3);
         let mut next = || fields.next()?.parse().ok();
@@ -132,7 +132,7 @@ impl Class {
         Some(Self { policy, priority })
     }
 
-    /// Reports a class that comes before all ordinary work.
+    /// Returns `true` if the class has precedence over all ordinary work.
     #[must_use]
     pub const fn is_real_time(self) -> bool {
         matches!(self.policy, 1 | 2 | 6)
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn the_class_of_a_thread_is_read_behind_its_name() {
+    fn the_class_of_a_thread_is_parsed_after_its_name() {
         let stat = |rest: &str| {
             format!(
                 "77 (a (b) 9 9) S 1 77 77 0 -1 4194304 100 0 0 0 0 0 0 0 20 0 1 0 5 1000 2 \
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn a_thread_is_pinned_as_long_as_it_should_be() {
+    fn a_thread_is_pinned_until_the_guard_is_dropped() {
         let mask = || {
             let set = sched_getaffinity(None).expect("told");
             let cores = (0..CpuSet::MAX_CPU).filter(|core| set.is_set(*core));

@@ -1,8 +1,8 @@
-//! Ping-pong: the time that two cores take to exchange a number through memory, the least that any exchange between
-//! plant and controller takes.
+//! Ping-pong: the time that two cores take to exchange a number through memory, which is a lower bound for any
+//! exchange between plant and controller.
 //!
-//! Two threads, two plain atomics on cache lines of their own, both sides spinning: no link of the
-//! project, no process, no payload.
+//! Two threads use two atomics on separate cache lines, and both spin: no link, process or payload of the project is
+//! involved.
 
 use std::io;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -21,21 +21,21 @@ const CHECK: Check = Check::new(
     "no exchange between two processes is faster than memory between their cores",
 );
 
-/// Trips that find cold caches; they are left out.
+/// Number of discarded round trips, which find cold caches.
 const WARM_UP: u64 = 1_000;
-/// Polls between two looks at the clock while an answer is late.
+/// Number of polls between two checks of the clock while an answer is late.
 const POLLS: u32 = 1_024;
-/// Limit for an answer: the partner may have lost its core for a while.
+/// Limit for an answer, in ns: the partner may lose its core for a while.
 const GIVE_UP_NS: u64 = 5_000_000_000;
-/// Number that ends the partner.
+/// Number that stops the partner.
 const END: u64 = u64::MAX;
 
-/// Median under which the cores share a cache.
+/// Median in ns below which the cores share a cache.
 const NEAR_NS: u64 = 500;
-/// Median under which they are at least in one package.
+/// Median in ns below which the cores are at least in one package.
 const FAR_NS: u64 = 1_000;
 
-/// A number on a cache line of its own; some processors fetch lines in pairs.
+/// Number on its own cache line, padded because some processors fetch lines in pairs.
 #[repr(align(128))]
 #[derive(Default)]
 struct Line(AtomicU64);
@@ -46,7 +46,7 @@ struct Pair {
     back: Line,
 }
 
-/// Exchanges a number between two cores again and again; the times of the round trips in ns.
+/// Exchanges a number between two cores repeatedly; returns the round-trip times in ns.
 ///
 /// # Errors
 /// If a thread may not run on its core.
@@ -66,9 +66,9 @@ pub(crate) fn measure(cores: [u32; 2], seconds: f64) -> io::Result<Times> {
         let Ok(Ok(())) = is_ready.recv() else {
             return Err(io::ErrorKind::InvalidInput.into());
         };
-        let asked = Pinned::to(cores[0]).map(|_pinned| ask(&pair, seconds));
+        let result = Pinned::to(cores[0]).map(|_pinned| ask(&pair, seconds));
         pair.there.0.store(END, Ordering::Release);
-        asked
+        result
     })
 }
 
@@ -96,7 +96,7 @@ fn ask(pair: &Pair, seconds: f64) -> Times {
         if !answered(pair, number) {
             break;
         }
-        // The end of one trip is the start of the next: one reading of the clock is in each.
+        // Each trip starts at the end of the previous one, so each includes one reading of the clock.
         let now_ns = monotonic_ns();
         if number > WARM_UP {
             trips_ns.record(now_ns - asked_ns);
@@ -125,7 +125,7 @@ fn answered(pair: &Pair, number: u64) -> bool {
     }
 }
 
-/// The grade of the exchange: by its median, which tells how far apart the cores are.
+/// Grades the exchange by its median, which shows the distance of the cores.
 #[must_use]
 pub(crate) fn finding(trips_ns: &Times, cores: [u32; 2], seconds: f64, class: Class) -> Finding {
     let figures = Percentiles::of(trips_ns);
@@ -139,15 +139,15 @@ pub(crate) fn finding(trips_ns: &Times, cores: [u32; 2], seconds: f64, class: Cl
         "cores": cores,
         "seconds": seconds,
         "class": class.to_string(),
-        "exchange": "one atomic each way between two threads that spin",
+        "exchange": "one atomic each way between two spinning threads",
         "round_trip_ns": figures,
     }))
 }
 
-/// There is only one core.
+/// Returns the finding for a machine with only one core.
 #[must_use]
 pub(crate) fn impossible() -> Finding {
-    CHECK.unknown("takes two cores")
+    CHECK.unknown("needs two cores")
 }
 
 #[cfg(test)]
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn a_core_that_is_not_there_is_an_error_and_not_a_hang() {
+    fn a_nonexistent_core_is_an_error_and_not_a_hang() {
         assert!(measure([0, u32::MAX], 0.1).is_err());
         assert!(measure([u32::MAX, 0], 0.1).is_err());
     }

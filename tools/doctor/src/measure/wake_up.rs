@@ -1,4 +1,4 @@
-//! Lateness of a sleeping thread: at 1 kHz, by absolute deadlines, with and without other work.
+//! Measurement of wake-up latency: a thread sleeps at 1 kHz until absolute deadlines, with and without other work.
 
 use std::io;
 use std::sync::Arc;
@@ -18,31 +18,31 @@ use crate::cores::CoreList;
 use crate::finding::{Check, Finding};
 use crate::tree::Root;
 
-/// Between two wake-ups.
+/// Time between two deadlines, in ns.
 const PERIOD_NS: u64 = 1_000_000;
-/// The first wake-ups find cold caches; they are left out.
+/// Number of discarded wake-ups, which find cold caches.
 const WARM_UP: u32 = 20;
-/// Words that the load works through: more than a core's own cache holds.
+/// Number of words that the load writes to: more than a core's own cache holds.
 const LOAD_WORDS: usize = 1 << 19;
 
-/// Wake-ups of an otherwise idle machine.
+/// Wake-ups on an otherwise idle machine.
 pub(crate) const IDLE: Check = Check::new(
     "wake_up_idle",
     "a paced or real-time step starts as late as its thread wakes up",
 );
-/// Wake-ups while every core works.
+/// Wake-ups while every core is busy.
 pub(crate) const LOADED: Check =
     Check::new("wake_up_loaded", "a busy machine must not make a step late");
 
-/// Lateness of wake-ups.
+/// Lateness of the wake-ups.
 #[derive(Clone, Debug)]
 pub(crate) struct WakeUps {
     lateness_ns: Times,
-    /// Deadlines that passed during another's delay; each delay counts once.
+    /// Deadlines that passed during the delay of another; each delay counts once.
     missed: u64,
 }
 
-/// Sleeps until one deadline after another.
+/// Sleeps until consecutive deadlines and measures the lateness.
 ///
 /// # Errors
 /// If the thread may not run on that core.
@@ -84,7 +84,7 @@ fn sleep_until(due_ns: u64) -> io::Result<()> {
     }
 }
 
-/// The grade of wake-ups: by the latest, as one late step is enough.
+/// Grades the wake-ups by the latest one, because a single late step matters.
 #[must_use]
 pub(crate) fn finding(
     check: Check,
@@ -97,8 +97,8 @@ pub(crate) fn finding(
     if figures.count == 0 {
         return check.unknown(format!("core {core} did not wake up within {seconds} s"));
     }
-    let found = format!("{}{}", shown(&figures), remark(figures.max));
-    (check.graded(jitter_grade(figures.max), found)).measured(json!({
+    let text = format!("{}{}", shown(&figures), remark(figures.max));
+    (check.graded(jitter_grade(figures.max), text)).measured(json!({
         "core": core,
         "seconds": seconds,
         "class": class.to_string(),
@@ -109,7 +109,7 @@ pub(crate) fn finding(
     }))
 }
 
-/// Ordinary work on every core, as long as this lives.
+/// Ordinary work on every core, until this value is dropped.
 #[derive(Debug)]
 pub(crate) struct Load {
     stop: Arc<AtomicBool>,
@@ -117,14 +117,14 @@ pub(crate) struct Load {
 }
 
 impl Load {
-    /// Starts one thread for each core, which computes and writes to memory without a pause.
+    /// Starts one thread per core, each of which computes and writes to memory continuously.
     #[must_use]
     pub(crate) fn on(cores: &CoreList) -> Self {
         let stop = Arc::new(AtomicBool::new(false));
         let start = |core| {
             let stop = Arc::clone(&stop);
             std::thread::spawn(move || {
-                // Where it may not be pinned the kernel places it; the core is busy either way.
+                // If pinning is not allowed the kernel places the thread; the core is busy in either case.
                 let _pinned = Pinned::to(core);
                 let class = Class::of_this_thread(&Root::machine()).ok();
                 if class.is_some_and(|class| !class.is_real_time()) {
@@ -137,8 +137,8 @@ impl Load {
         Self { stop, threads }
     }
 
-    /// Ends the work; whether all of it was ordinary. Work at real-time priority would not let the
-    /// measuring thread run, so none is done then.
+    /// Ends the load; returns `true` if all of it ran at ordinary priority. Threads with real-time priority do no
+    /// work, because they would block the measuring thread.
     #[must_use]
     pub(crate) fn end(self) -> bool {
         self.stop.store(true, Ordering::Relaxed);
@@ -146,7 +146,7 @@ impl Load {
             let class = thread.join().ok().flatten();
             class.is_some_and(|class| !class.is_real_time())
         };
-        // To the end of all of them, not only up to the first that was not.
+        // All threads are joined, even after one that was not ordinary.
         let all: Vec<bool> = self.threads.into_iter().map(ordinary).collect();
         all.into_iter().all(|ordinary| ordinary)
     }
@@ -156,7 +156,7 @@ fn work(stop: &AtomicBool) {
     let mut words = vec![1_u64; LOAD_WORDS];
     let mut sum = 0_u64;
     while !stop.load(Ordering::Relaxed) {
-        // Short enough to end soon when asked to.
+        // Short enough to react to a stop request soon.
         for word in &mut words {
             sum = sum
                 .wrapping_mul(6_364_136_223_846_793_005)
@@ -190,7 +190,7 @@ mod tests {
 
     #[test]
     fn the_latest_wake_up_decides() {
-        for (latest_ns, grade, found) in [
+        for (latest_ns, grade, expected) in [
             (19_000, Grade::Good, "p50 3.00 us, p99 3.00 us, max 19"),
             (45_000, Grade::Fair, "max 45"),
             (300_000, Grade::Poor, "max 300 us"),
@@ -200,7 +200,7 @@ mod tests {
             all.push(latest_ns);
             let finding = finding(IDLE, &wake_ups(&all), 1, 1.0, class());
             assert_eq!(finding.grade, grade, "{latest_ns}");
-            assert!(finding.found.contains(found), "{}", finding.found);
+            assert!(finding.found.contains(expected), "{}", finding.found);
             let figures = &finding.measured.expect("measured")["lateness_ns"];
             assert_eq!(
                 (&figures["count"], &figures["max"]),
@@ -210,18 +210,18 @@ mod tests {
     }
 
     #[test]
-    fn no_wake_up_is_no_grade() {
+    fn no_wake_up_gives_no_grade() {
         let finding = finding(IDLE, &wake_ups(&[]), 1, 1.0, class());
         assert_eq!(finding.grade, Grade::Unknown);
     }
 
     #[test]
-    fn every_deadline_is_waited_for_or_counted_as_missed() {
+    fn every_deadline_is_met_or_counted_as_missed() {
         let mask = sched_getaffinity(None).expect("told");
         let core = (0..64).find(|core| mask.is_set(*core)).expect("a core") as u32;
         let wake_ups = measure(core, 0.2).expect("measured");
         let (woken, missed) = (wake_ups.lateness_ns.len(), wake_ups.missed);
-        // 200 deadlines; the last delay may pass some after the end.
+        // 200 deadlines; the last delay may extend beyond the end.
         assert!(
             woken + missed + u64::from(WARM_UP) >= 200,
             "{woken} {missed}"
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn a_load_works_until_its_end() {
+    fn a_load_runs_until_its_end() {
         let before_ns = monotonic_ns();
         let load = Load::on(&CoreList::parse("0"));
         assert_eq!(load.threads.len(), 1);

@@ -1,8 +1,9 @@
-//! Bench `callbacks`: what does a step of a plant in C cost beside its twin in Rust, in one process?
+//! Bench `callbacks`: the cost of a step of a plant in C compared with its twin in Rust, in one process.
 //!
-//! `cargo bench -p hil-foreign --bench callbacks` compiles `examples/c-plant/pendulum.c`, loads it, and drives it and
-//! the same plant in Rust in turns, each as the engine sees it. Both must end in the same bits. Here and not in the
-//! package `tests`, because loading is unsafe. Without a C compiler it says so and ends.
+//! `cargo bench -p hil-foreign --bench callbacks` compiles `examples/c-plant/pendulum.c`, loads it, and runs it
+//! alternately with the same plant in Rust, each through the engine's interface. Both must end with the same bits.
+//! The bench is in this package rather than in `tests`, because loading is unsafe. Without a C compiler it prints a
+//! note and exits.
 
 use std::ffi::{CString, c_char, c_int, c_void};
 use std::hint::black_box;
@@ -20,9 +21,9 @@ use shared_types::describe::{Invalid, Settings};
 use shared_types::table;
 use shared_types::time::Interval;
 
-/// Turns of each side.
+/// Number of turns of each side.
 const TURNS: usize = 10;
-/// Steps of a turn.
+/// Number of steps in a turn.
 const STEPS: u64 = 1_000_000;
 /// `RTLD_NOW` of Linux.
 const NOW: c_int = 2;
@@ -42,7 +43,7 @@ table! {
 }
 
 table! {
-    /// Truth and measured.
+    /// Truth and measured signals.
     struct Motion {
         /// Angle.
         angle_rad: "rad",
@@ -52,7 +53,7 @@ table! {
 }
 
 table! {
-    /// Command.
+    /// Command signals.
     struct Torque {
         /// Torque.
         torque_nm: "N m",
@@ -177,8 +178,8 @@ fn loaded(path: &Path) -> PlantKind {
         symbol
     };
     let symbol = |name: &str| symbol(&CString::new(name).expect("a name"));
-    // SAFETY: `taken.c` and the options make these a function, two pointers to functions and a plant of `hil.h`, and nothing
-    // else uses them while they are set.
+    // SAFETY: `taken.c` and the options make these symbols a function, two function pointers and a plant of `hil.h`,
+    // and nothing else uses them while they are set.
     unsafe {
         let sin: *mut extern "C" fn(f64) -> f64 = symbol("bench_sin").cast();
         sin.write(mathematics::hil_sin);
@@ -191,7 +192,7 @@ fn loaded(path: &Path) -> PlantKind {
     }
 }
 
-/// Time of a step in ns, and the bits that the turn ends with.
+/// Runs a turn; returns the duration of a step in ns, and the bits of the final state.
 fn turn(kind: &PlantKind) -> (f64, [u64; 2]) {
     let mut model = (kind.start)(&Settings::of(&Parameters::default())).expect("starts");
     let (mut measured, mut truth) = ([0.0; 2], [0.0; 2]);
@@ -204,7 +205,7 @@ fn turn(kind: &PlantKind) -> (f64, [u64; 2]) {
         };
         model.measure(&mut measured).expect("measured");
         let [a, a_dot] = *black_box(&measured);
-        // To 0.3 rad: numbers that fade to nothing would be slow ones.
+        // Around 0.3 rad, because denormal numbers near zero would be slow.
         let command = [-9.0 * (a - 0.3) - 2.95 * a_dot];
         (model.truth(interval.start_s, &command, &mut truth)).expect("told");
         black_box(&truth);

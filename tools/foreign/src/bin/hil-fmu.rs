@@ -1,6 +1,6 @@
 //! `hil-fmu plant|controller MODEL.fmu`: an FMU as a plant or controller program.
 //!
-//! Started by `hil`, which names the FMU and asks and runs it as any program.
+//! Started by `hil`, which passes the FMU and otherwise treats it like any plant or controller program.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -34,7 +34,7 @@ fn main() -> ExitCode {
     ExitCode::from(code)
 }
 
-/// Does what the arguments say; gives the exit code, and true if the FMU needs its tool.
+/// Executes the arguments; returns the exit code, and `true` if the FMU needs its tool.
 fn run() -> Result<(u8, bool), String> {
     let mut arguments = std::env::args_os();
     let own = arguments.next().unwrap_or_else(|| NAME.into());
@@ -61,19 +61,19 @@ fn run() -> Result<(u8, bool), String> {
     };
     let is_loaded = flag("--load");
     let rest = std::iter::once(own).chain(arguments);
-    let told = |error: &dyn std::fmt::Display| describe(&path, error);
+    let with_name = |error: &dyn std::fmt::Display| describe(&path, error);
     let fmu = Arc::new(
-        Fmu::open(&path, &patterns, permissions, &settings).map_err(|error| told(&error))?,
+        Fmu::open(&path, &patterns, permissions, &settings).map_err(|error| with_name(&error))?,
     );
     let mut imported = fmu.model().tables.imported.clone();
     if is_loaded {
-        imported.library = Some(fmu.needs().map_err(|error| told(&error))?);
+        imported.library = Some(fmu.needs().map_err(|error| with_name(&error))?);
     }
     let imported = &imported;
     let needs_tool = fmu.model().description.needs_tool;
     match side.to_str() {
         Some("plant") => {
-            let kind = sides::plant(&fmu).map_err(|error| told(&error))?;
+            let kind = sides::plant(&fmu).map_err(|error| with_name(&error))?;
             let inner = plant_process::program::of(NAME, VERSION, vec![kind]);
             let model = fmu.model();
             Ok((
@@ -89,7 +89,7 @@ fn run() -> Result<(u8, bool), String> {
             ))
         }
         Some("controller") => {
-            let kind = sides::law(&fmu).map_err(|error| told(&error))?;
+            let kind = sides::law(&fmu).map_err(|error| with_name(&error))?;
             let inner = controller_process::program::of(NAME, VERSION, vec![kind]);
             let model = fmu.model();
             Ok((
@@ -111,7 +111,7 @@ fn run() -> Result<(u8, bool), String> {
 fn pattern(text: Option<OsString>) -> Result<Pattern, String> {
     let text = text.ok_or(USAGE)?;
     let text = text.to_string_lossy();
-    Pattern::new(&text).map_err(|error| format!("{text:?} is no pattern: {error}"))
+    Pattern::new(&text).map_err(|error| format!("{text:?} is not a valid pattern: {error}"))
 }
 
 fn describe(path: &Path, error: &dyn std::fmt::Display) -> String {
@@ -119,7 +119,7 @@ fn describe(path: &Path, error: &dyn std::fmt::Display) -> String {
     format!("{}: {error}", name.to_string_lossy())
 }
 
-/// A program whose description has the facts of the FMU.
+/// Program with the facts of the FMU added to its description.
 struct Described<'a, P> {
     inner: P,
     imported: &'a Imported,

@@ -1,4 +1,4 @@
-//! The structs of `hil.h`, field by field. A test compiles the header and compares sizes and places.
+//! The structs of `hil.h`, field by field. A test compiles the header and compares sizes and offsets.
 
 use std::ffi::{c_char, c_int, c_uint, c_void};
 
@@ -23,13 +23,13 @@ pub struct Parameter {
     pub name: *const c_char,
     /// Unit.
     pub unit: *const c_char,
-    /// Description in one sentence.
+    /// One-sentence description.
     pub description: *const c_char,
-    /// Default.
+    /// Default value.
     pub initial: f64,
-    /// Smallest legal value.
+    /// Smallest valid value.
     pub min: f64,
-    /// Largest legal value.
+    /// Largest valid value.
     pub max: f64,
     /// Flags.
     pub flags: c_uint,
@@ -43,11 +43,11 @@ pub struct Signal {
     pub name: *const c_char,
     /// Unit.
     pub unit: *const c_char,
-    /// Description in one sentence.
+    /// One-sentence description.
     pub description: *const c_char,
-    /// Smallest legal value.
+    /// Smallest valid value.
     pub min: f64,
-    /// Largest legal value.
+    /// Largest valid value.
     pub max: f64,
 }
 
@@ -55,7 +55,7 @@ pub struct Signal {
 #[derive(Debug)]
 #[repr(C)]
 pub struct Rows<T> {
-    /// The first row.
+    /// Pointer to the first row.
     pub rows: *const T,
     /// Number of rows.
     pub count: usize,
@@ -65,11 +65,11 @@ pub struct Rows<T> {
 #[derive(Debug)]
 #[repr(C)]
 pub struct Interval {
-    /// Simulated time in s.
+    /// Simulated time at the start of the interval, in s.
     pub start_s: f64,
-    /// Length in s.
+    /// Length of the interval, in s.
     pub length_s: f64,
-    /// Equal parts.
+    /// Number of equal substeps.
     pub substeps: u32,
 }
 
@@ -77,11 +77,11 @@ pub struct Interval {
 #[derive(Debug)]
 #[repr(C)]
 pub struct Setup {
-    /// Row of parameters.
+    /// Values of the parameters.
     pub parameters: *const f64,
-    /// Row of the model.
+    /// Values of the model parameters.
     pub model: *const f64,
-    /// Time between two samples in s.
+    /// Time between two samples, in s.
     pub period_s: f64,
 }
 
@@ -89,50 +89,50 @@ pub struct Setup {
 #[derive(Debug)]
 #[repr(C)]
 pub struct Sample {
-    /// Simulated time in s.
+    /// Simulated time, in s.
     pub time_s: f64,
-    /// Row of measured signals.
+    /// Values of the measured signals.
     pub measured: *const f64,
-    /// Row of reference signals.
+    /// Values of the reference signals.
     pub reference: *const f64,
-    /// Not 0 if all of these signals are valid.
+    /// Nonzero if all of these signals are valid.
     pub valid: c_int,
-    /// Steps for which a command has been held.
+    /// Number of steps for which a command has been held.
     pub held_steps: u32,
 }
 
-/// Callback that takes a row.
+/// Callback that reads a row.
 pub type TakeRow = unsafe extern "C" fn(*mut c_void, *const f64) -> c_int;
 /// Callback that writes a row.
 pub type WriteRow = unsafe extern "C" fn(*const c_void, *mut f64) -> c_int;
-/// Callback that tells the truth.
+/// Callback that writes the true state.
 pub type WriteTruth = unsafe extern "C" fn(*const c_void, f64, *const f64, *mut f64) -> c_int;
 /// Callback that integrates.
 pub type Advance = unsafe extern "C" fn(*mut c_void, *const Interval, *const f64) -> c_int;
 /// Callback that starts a law.
 pub type StartLaw = unsafe extern "C" fn(*mut c_void, *const Setup) -> c_int;
-/// Callback that takes new parameters of a law.
+/// Callback that applies new parameters to a law.
 pub type RetuneLaw = unsafe extern "C" fn(*mut c_void, *const Setup, c_int);
-/// Callback that answers a sample.
+/// Callback that computes the answer to a sample.
 pub type Answer = unsafe extern "C" fn(*mut c_void, *const Sample, *mut f64, *mut f64) -> c_int;
-/// Callback that saves.
+/// Callback that saves the state.
 pub type Save = unsafe extern "C" fn(*const c_void, *mut c_void) -> c_int;
-/// Callback that restores.
+/// Callback that restores a state.
 pub type Restore = unsafe extern "C" fn(*mut c_void, *const c_void) -> c_int;
-/// Callback after the last call.
+/// Callback that frees resources after the last call.
 pub type End = unsafe extern "C" fn(*mut c_void);
-/// Callback of the integrator.
+/// Callback that computes derivatives for the integrator.
 pub type Rates = unsafe extern "C" fn(*const c_void, f64, *const f64, *mut f64);
 
 /// `hil_plant`.
 #[derive(Debug)]
 #[repr(C)]
 pub struct Plant {
-    /// [`API`] of the header.
+    /// API version of the header, [`API`].
     pub api: u32,
     /// Name.
     pub name: *const c_char,
-    /// Summary in one sentence.
+    /// One-sentence summary.
     pub summary: *const c_char,
     /// Version of the program.
     pub version: *const c_char,
@@ -140,29 +140,29 @@ pub struct Plant {
     pub parameters: Rows<Parameter>,
     /// True state and outputs.
     pub truth: Rows<Signal>,
-    /// Readings of the sensors.
+    /// Sensor readings.
     pub measured: Rows<Signal>,
-    /// The commands it takes.
+    /// Commands that the plant accepts.
     pub commands: Rows<Signal>,
-    /// Bytes of its own memory.
+    /// Size of its state memory, in bytes.
     pub size: usize,
-    /// Makes the state at step 0.
+    /// Initialises the state at step 0.
     pub start: Option<TakeRow>,
-    /// Takes new parameters.
+    /// Applies new parameters.
     pub retune: Option<TakeRow>,
-    /// Writes the measured row.
+    /// Writes the measured signals.
     pub measure: Option<WriteRow>,
-    /// Writes the row of truth.
+    /// Writes the true state.
     pub tell_truth: Option<WriteTruth>,
     /// Integrates over an interval.
     pub advance: Option<Advance>,
-    /// Bytes of a saved state.
+    /// Size of a saved state, in bytes.
     pub saved_size: usize,
     /// Saves the state.
     pub save: Option<Save>,
-    /// Puts a state back.
+    /// Restores a saved state.
     pub restore: Option<Restore>,
-    /// Function that is called at the end.
+    /// Called once at the end.
     pub end: Option<End>,
 }
 
@@ -170,44 +170,44 @@ pub struct Plant {
 #[derive(Debug)]
 #[repr(C)]
 pub struct Controller {
-    /// [`API`] of the header.
+    /// API version of the header, [`API`].
     pub api: u32,
     /// Name.
     pub name: *const c_char,
-    /// Summary in one sentence.
+    /// One-sentence summary.
     pub summary: *const c_char,
     /// Version of the program.
     pub version: *const c_char,
-    /// The plant it is made for.
+    /// Name of the plant that the controller is made for.
     pub plant: *const c_char,
     /// Parameters.
     pub parameters: Rows<Parameter>,
-    /// Model that it has of the plant.
+    /// Parameters of its model of the plant.
     pub model: Rows<Parameter>,
-    /// Measured signals it needs.
+    /// Measured signals that it needs.
     pub measured: Rows<Signal>,
-    /// Reference signals it needs.
+    /// Reference signals that it needs.
     pub reference: Rows<Signal>,
-    /// The commands it gives.
+    /// Commands that it produces.
     pub commands: Rows<Signal>,
-    /// Inner quantities it shows.
+    /// Internal signals that it exposes.
     pub internals: Rows<Signal>,
-    /// Bytes of its own memory.
+    /// Size of its state memory, in bytes.
     pub size: usize,
-    /// Makes it ready for the first sample.
+    /// Prepares for the first sample.
     pub start: Option<StartLaw>,
-    /// Answers a sample.
+    /// Computes the answer to a sample.
     pub step: Option<Answer>,
-    /// Takes new parameters.
+    /// Applies new parameters.
     pub retune: Option<RetuneLaw>,
-    /// Sentence for whoever tunes it.
+    /// Sentence for users who tune it.
     pub tuning: *const c_char,
-    /// Bytes of a saved state.
+    /// Size of a saved state, in bytes.
     pub saved_size: usize,
     /// Saves the state.
     pub save: Option<Save>,
-    /// Puts a state back.
+    /// Restores a saved state.
     pub restore: Option<Restore>,
-    /// Function that is called at the end.
+    /// Called once at the end.
     pub end: Option<End>,
 }

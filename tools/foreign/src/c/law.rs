@@ -13,7 +13,7 @@ use super::reason::outcome;
 use super::tables::{check_form, parameters, required, saving, signals, text};
 use crate::float_modes;
 
-/// Functions of a controller and the lengths of its rows.
+/// Functions of a controller, and the lengths of its rows.
 #[derive(Clone, Copy, Debug)]
 struct Calls {
     step: Answer,
@@ -23,30 +23,30 @@ struct Calls {
     reference: usize,
     commands: usize,
     internals: usize,
-    /// Of the parameters and of the model.
+    /// Lengths of the rows of parameters and model parameters.
     setup: (usize, usize),
 }
 
-/// A controller that has started.
+/// Controller instance that has started.
 struct InC {
     calls: Calls,
     memory: Memory,
 }
 
-/// The entry of a controller in C.
+/// Builds the law entry of a controller in C.
 ///
 /// # Safety
-/// As of [`plant::kind`](super::plant::kind).
+/// See [`plant::kind`](super::plant::kind).
 ///
 /// # Errors
-/// The first thing in the struct that cannot be used.
+/// For the first invalid item in the struct.
 pub unsafe fn kind(controller: &Controller) -> Result<LawKind, Invalid> {
     check_form(controller.api, controller.size)?;
     let saving = saving(controller.saved_size, controller.save, controller.restore)?;
     let made_for = (!controller.plant.is_null()).then_some(controller.plant);
-    // SAFETY: the caller says so of all texts and tables.
+    // SAFETY: the caller guarantees all texts and tables.
     let (description, commands) = unsafe {
-        let made_for = made_for.map(|plant| text(plant, "the plant that it is made for"));
+        let made_for = made_for.map(|plant| text(plant, "the plant of the controller"));
         let commands = signals(&controller.commands, "commands")?;
         let description = LawDescription {
             name: text(controller.name, "the name of the controller")?,
@@ -88,7 +88,7 @@ pub unsafe fn kind(controller: &Controller) -> Result<LawKind, Invalid> {
         };
         let mut memory = Memory::new(size);
         let _call = calling(&"start");
-        // SAFETY: `start` gets memory of the size that it asked for and rows as long as their tables.
+        // SAFETY: `start` receives memory of the size that it requested, and rows as long as their tables.
         let status = unsafe { start(memory.change(), &setup) };
         outcome("start", status).map_err(|failure| Invalid(failure.to_string()))?;
         memory.end = end;
@@ -96,7 +96,7 @@ pub unsafe fn kind(controller: &Controller) -> Result<LawKind, Invalid> {
     })
 }
 
-/// Checks that a controller with tunable parameters says how it takes them.
+/// Checks that a controller with tunable parameters declares how it applies them.
 fn check_tuning(law: &LawDescription, retune: Option<RetuneLaw>) -> Result<(), Invalid> {
     let Some(first) = law.parameters.iter().find(|field| field.tunable) else {
         return Ok(());
@@ -118,10 +118,10 @@ impl Law for InC {
         internals: &mut [f64],
     ) -> Result<(), Failure> {
         let calls = &self.calls;
-        let given = (row.measured.len(), row.reference.len());
-        assert_eq!(given, (calls.measured, calls.reference));
-        let wanted = (command.len(), internals.len());
-        assert_eq!(wanted, (calls.commands, calls.internals));
+        let sizes = (row.measured.len(), row.reference.len());
+        assert_eq!(sizes, (calls.measured, calls.reference));
+        let output_sizes = (command.len(), internals.len());
+        assert_eq!(output_sizes, (calls.commands, calls.internals));
         command.fill(f64::NAN);
         internals.fill(f64::NAN);
         let sample = Sample {
@@ -133,7 +133,7 @@ impl Law for InC {
         };
         let (command, internals) = (command.as_mut_ptr(), internals.as_mut_ptr());
         let _call = calling(&"step");
-        // SAFETY: the callback is that of this memory, which has started, and all rows are as long as their tables.
+        // SAFETY: the callback belongs to this started memory, and all rows are as long as their tables.
         let status = unsafe { (calls.step)(self.memory.change(), &sample, command, internals) };
         outcome("step", status)
     }
@@ -150,7 +150,7 @@ impl Law for InC {
         };
         let jumps = transition == Transition::Step;
         let _call = calling(&"retune");
-        // SAFETY: the callback is that of this memory, which has started, and the rows are as long as their tables.
+        // SAFETY: the callback belongs to this started memory, and the rows are as long as their tables.
         unsafe { retune(self.memory.change(), &setup, jumps.into()) }
         float_modes::settle("retune");
     }

@@ -1,4 +1,4 @@
-//! Mathematics for programs in C: functions whose last bit is the same everywhere, and the integrator.
+//! Mathematics for C programs: functions with the same last bit on every machine, and the integrator.
 
 use std::ffi::{c_int, c_void};
 use std::ptr;
@@ -75,17 +75,17 @@ pub unsafe extern "C" fn hil_integrate(
         // SAFETY: a literal.
         _ => return unsafe { hil_failed(c"hil_integrate takes up to 64 numbers".as_ptr()) },
     };
-    // SAFETY: no arm has less room than `count`; `state` is not null, so it points to so many numbers, and the caller says
-    // so of the rates.
+    // SAFETY: every arm has space for at least `count` numbers; `state` is not null, so it points to `count` numbers,
+    // and the caller guarantees the rates.
     unsafe { padded(state, count, &interval, rates, context) };
     OK
 }
 
-/// Integrates with zeros behind the state: the method keeps every component to itself. The state is written at the
-/// end, so the rates may read it where it stands.
+/// Integrates a state padded with zeros; the method treats every component separately. The state is written only at
+/// the end, so the rates may read it.
 ///
 /// # Safety
-/// `state` points to `count` numbers, at most `N`, and the rates read and write as many.
+/// `state` points to `count` numbers, at most `N`, and the rates read and write `count` numbers.
 unsafe fn padded<const N: usize>(
     state: *mut f64,
     count: usize,
@@ -93,10 +93,10 @@ unsafe fn padded<const N: usize>(
     rates: Rates,
     context: *const c_void,
 ) {
-    // A copy of a length that the compiler knows is no call.
+    // A copy of a length known to the compiler needs no function call.
     let is_whole = count == N;
     let mut whole = [0.0; N];
-    // SAFETY: the caller says so of `state`.
+    // SAFETY: the caller guarantees `state`.
     unsafe {
         match is_whole {
             true => whole = state.cast::<[f64; N]>().read(),
@@ -105,10 +105,10 @@ unsafe fn padded<const N: usize>(
     }
     integrate(&mut whole, interval, |time_s, x| {
         let mut dx = [0.0; N];
-        // SAFETY: both arrays have room for at least as many numbers as the state.
+        // SAFETY: both arrays have at least as many elements as the state.
         unsafe { rates(context, time_s, x.as_ptr(), dx.as_mut_ptr()) };
         float_modes::settle("rates");
-        // One by one, as they were written: a wider load would wait until all have left the store buffer.
+        // Read one by one, as they were written: a wider load would wait until all have left the store buffer.
         let dx = dx.each_ref();
         // SAFETY: a reference is valid for reads.
         dx.map(|rate| unsafe { ptr::read_volatile(rate) })
@@ -129,7 +129,7 @@ mod tests {
     use super::*;
 
     unsafe extern "C" fn decay(count: *const c_void, time_s: f64, x: *const f64, dx: *mut f64) {
-        // SAFETY: the test gives the number of states, and arrays that are as long.
+        // SAFETY: the test passes the number of states, and arrays of that length.
         let (x, dx) = unsafe {
             let count = *count.cast::<usize>();
             (
@@ -145,12 +145,12 @@ mod tests {
     fn integrated(state: &mut [f64], interval: &Interval) -> c_int {
         let count = state.len();
         let context = (&raw const count).cast();
-        // SAFETY: `decay` takes the number of states as its context.
+        // SAFETY: `decay` expects the number of states as its context.
         unsafe { hil_integrate(state.as_mut_ptr(), count, interval, Some(decay), context) }
     }
 
     #[test]
-    fn every_number_of_states_has_the_bits_of_the_integrator_of_rust() {
+    fn results_are_bit_identical_to_the_rust_integrator_for_any_number_of_states() {
         let interval = Interval {
             start_s: 0.5,
             length_s: 0.1,
@@ -171,8 +171,8 @@ mod tests {
                 })
                 .collect();
             assert_eq!(integrated(&mut state, &interval), OK);
-            let found: Vec<u64> = state.iter().map(|x| x.to_bits()).collect();
-            assert_eq!(found, expected, "{count}");
+            let actual: Vec<u64> = state.iter().map(|x| x.to_bits()).collect();
+            assert_eq!(actual, expected, "{count}");
         }
         assert_ne!(integrated(&mut [0.0; 65], &interval), OK);
     }

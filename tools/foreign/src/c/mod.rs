@@ -1,13 +1,13 @@
-//! The C interface: what `include/hil.h` declares.
+//! The C interface, as declared in `include/hil.h`.
 //!
-//! 1. `main` of a program in C is a call of [`hil_plant_main`](program::hil_plant_main) or
+//! 1. `main` of a C program calls [`hil_plant_main`](program::hil_plant_main) or
 //!    [`hil_controller_main`](program::hil_controller_main) with a struct of [`interface`].
-//! 2. `tables` reads its tables once, before anything starts, and refuses the first mistake by name.
-//! 3. [`plant`] and [`law`] call its functions at each step over `memory` of its own.
-//! 4. A function that fails keeps its reason in [`reason`]; it ends the run as that of Rust would.
+//! 2. `tables` reads the struct's tables once, before anything starts, and reports the first error by name.
+//! 3. [`plant`] and [`law`] call its functions at each step, with `memory` for its state.
+//! 4. A function that fails stores its reason with [`reason`]; it ends the run like a failure in Rust.
 //!
-//! [`mathematics`] has functions whose last bit is the same everywhere, and the integrator. No panic leaves a
-//! function that C calls: a program that panics ends as one of Rust does, and all else aborts with a message.
+//! [`mathematics`] provides functions with the same last bit on every machine, and the integrator. No panic crosses
+//! into C: a panicking program ends like one in Rust, and anything else aborts with a message.
 
 pub mod interface;
 pub mod law;

@@ -13,7 +13,7 @@ use super::memory::{Memory, Saving};
 use super::reason::outcome;
 use super::tables::{check_form, parameters, required, saving, signals, text};
 
-/// Functions of a plant and the lengths of its rows.
+/// Functions of a plant, and the lengths of its rows.
 #[derive(Clone, Copy, Debug)]
 struct Calls {
     retune: Option<TakeRow>,
@@ -27,25 +27,25 @@ struct Calls {
     commands: usize,
 }
 
-/// A plant that has started.
+/// Plant instance that has started.
 struct InC {
     calls: Calls,
     memory: Memory,
 }
 
-/// The entry of a plant in C.
+/// Builds the plant entry of a plant in C.
 ///
 /// # Safety
-/// The struct is one of `hil.h`: its tables have N rows, each text is null or ends with a zero, and its
-/// callbacks are functions of their type, write no more than the rows that they are given and `size` bytes of
-/// `self`, and may be called for as long as the program runs.
+/// The struct must be valid as defined by `hil.h`: its tables have the declared number of rows, each text is null or
+/// zero-terminated, and its callbacks have the declared types, write no more than the given rows and `size` bytes of
+/// `self`, and may be called as long as the program runs.
 ///
 /// # Errors
-/// The first thing in the struct that cannot be used.
+/// For the first invalid item in the struct.
 pub unsafe fn kind(plant: &Plant) -> Result<PlantKind, Invalid> {
     check_form(plant.api, plant.size)?;
     let saving = saving(plant.saved_size, plant.save, plant.restore)?;
-    // SAFETY: the caller says so of all texts and tables.
+    // SAFETY: the caller guarantees all texts and tables.
     let description = unsafe {
         PlantDescription {
             name: text(plant.name, "the name of the plant")?,
@@ -61,7 +61,7 @@ pub unsafe fn kind(plant: &Plant) -> Result<PlantKind, Invalid> {
     let start = required(plant.start, "start")?;
     if let (None, [first, ..]) = (plant.retune, &description.parameters[..]) {
         return Err(Invalid(format!(
-            "the callback `retune` is missing, which takes `{}`",
+            "the callback `retune` is missing, which applies `{}`",
             first.name
         )));
     }
@@ -81,7 +81,7 @@ pub unsafe fn kind(plant: &Plant) -> Result<PlantKind, Invalid> {
         assert_eq!(row.len(), calls.parameters);
         let mut memory = Memory::new(size);
         let _call = calling(&"start");
-        // SAFETY: `start` gets memory of the size that it asked for and a row as long as its table.
+        // SAFETY: `start` receives memory of the size that it requested, and a row as long as its table.
         let status = unsafe { start(memory.change(), row.as_ptr()) };
         outcome("start", status).map_err(|failure| Invalid(failure.to_string()))?;
         memory.end = end;
@@ -96,7 +96,7 @@ impl Model for InC {
             return Ok(());
         };
         let _call = calling(&"retune");
-        // SAFETY: the callback is that of this memory, which has started, and the row is as long as its table.
+        // SAFETY: the callback belongs to this started memory, and the row is as long as its table.
         let status = unsafe { retune(self.memory.change(), parameters.as_ptr()) };
         outcome("retune", status)
     }
@@ -105,7 +105,7 @@ impl Model for InC {
         assert_eq!(measured.len(), self.calls.measured);
         measured.fill(f64::NAN);
         let _call = calling(&"measure");
-        // SAFETY: the callback is that of this memory, which has started, and the row is as long as its table.
+        // SAFETY: the callback belongs to this started memory, and the row is as long as its table.
         let status = unsafe { (self.calls.measure)(self.memory.read(), measured.as_mut_ptr()) };
         outcome("measure", status)
     }
@@ -116,7 +116,7 @@ impl Model for InC {
         truth.fill(f64::NAN);
         let (command, truth) = (command.as_ptr(), truth.as_mut_ptr());
         let _call = calling(&"tell_truth");
-        // SAFETY: the callback is that of this memory, which has started, and both rows are as long as their tables.
+        // SAFETY: the callback belongs to this started memory, and both rows are as long as their tables.
         let status = unsafe { (self.calls.tell_truth)(self.memory.read(), time_s, command, truth) };
         outcome("tell_truth", status)
     }
@@ -129,7 +129,7 @@ impl Model for InC {
             substeps: interval.substeps,
         };
         let _call = calling(&"advance");
-        // SAFETY: the callback is that of this memory, which has started, and the row is as long as its table.
+        // SAFETY: the callback belongs to this started memory, and the row is as long as its table.
         let status =
             unsafe { (self.calls.advance)(self.memory.change(), &interval, command.as_ptr()) };
         outcome("advance", status)

@@ -1,4 +1,4 @@
-//! `main` of a program in C.
+//! The `main` functions of C programs.
 
 use std::ffi::{CStr, OsStr, OsString, c_char, c_int};
 use std::os::unix::ffi::OsStrExt;
@@ -14,10 +14,10 @@ use super::tables::text;
 use super::{law, plant};
 use crate::float_modes;
 
-/// Exit code of a program of Rust that panicked.
+/// Exit code of a Rust program that panicked.
 const PANICKED: c_int = 101;
 
-/// Steps of the start of a program in Rust that a program in C lacks.
+/// Startup steps of a Rust program that a C program lacks.
 mod start {
     use std::ffi::{c_char, c_int};
     use std::ptr;
@@ -35,23 +35,23 @@ mod start {
         fn setvbuf(stream: *mut u8, buffer: *mut c_char, mode: c_int, size: usize) -> c_int;
     }
 
-    /// Writes standard output line by line, so that a crash takes no line of the log with it.
+    /// Makes standard output line-buffered, so that a crash loses no line of the log.
     pub(super) fn write_lines() {
-        // SAFETY: called at the start of `main`, before another thread or a write; the stream is the library's own.
+        // SAFETY: called at the start of `main`, before other threads or writes; the stream belongs to the library.
         unsafe { setvbuf(stdout, ptr::null_mut(), LINES, 0) };
     }
 
-    /// Makes a write to a pipe that nobody reads an error instead of the end.
+    /// Turns a write to a pipe without a reader into an error instead of a signal.
     pub(super) fn outlive_readers() {
-        // SAFETY: the number is a signal that may be ignored.
+        // SAFETY: the number is that of a signal that may be ignored.
         unsafe { signal(BROKEN_PIPE, IGNORED) };
     }
 }
 
-/// Runs a program of C with its arguments. A panic ends it as it does one of Rust.
+/// Runs a C program with its arguments. A panic ends it like a Rust program.
 ///
 /// # Safety
-/// `argv` points to `argc` texts, as `main` gets them.
+/// `argv` points to `argc` texts, as passed to `main`.
 unsafe fn run(
     argc: c_int,
     argv: *const *const c_char,
@@ -63,12 +63,12 @@ unsafe fn run(
         usize::try_from(argc).unwrap_or(0)
     };
     let arguments = (0..count).map(|place| {
-        // SAFETY: the place is one of the arguments, each of which is a text.
+        // SAFETY: the index is below `argc`, and each argument is a text.
         let argument = unsafe { CStr::from_ptr(*argv.add(place)) };
         OsStr::from_bytes(argument.to_bytes()).to_owned()
     });
     let arguments = arguments.collect();
-    // A program that was linked with -ffast-math or crtfastmath.o starts with flush-to-zero.
+    // A program linked with -ffast-math or crtfastmath.o starts with flush-to-zero enabled.
     float_modes::settle("main");
     start::write_lines();
     start::outlive_readers();
@@ -84,22 +84,22 @@ unsafe fn run(
     }
 }
 
-/// Version of a program that may say none.
+/// Returns the version of a program, which is optional.
 ///
 /// # Safety
-/// The text is null or ends with a zero.
-unsafe fn version(told: *const c_char) -> Result<String, Invalid> {
-    match told.is_null() {
+/// The text is null or zero-terminated.
+unsafe fn version(version: *const c_char) -> Result<String, Invalid> {
+    match version.is_null() {
         true => Ok("0".into()),
-        // SAFETY: the caller says so.
-        false => unsafe { text(told, "the version") },
+        // SAFETY: guaranteed by the caller.
+        false => unsafe { text(version, "the version") },
     }
 }
 
 /// `hil_plant_main` of the header.
 ///
 /// # Safety
-/// The arguments are those of `main`; the plant is null or as [`plant::kind`] asks for.
+/// The arguments are those of `main`; the plant is null or valid as required by [`plant::kind`].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hil_plant_main(
     argc: c_int,
@@ -107,10 +107,10 @@ pub unsafe extern "C" fn hil_plant_main(
     plant: *const Plant,
 ) -> c_int {
     let body = |arguments| {
-        // SAFETY: the caller says so.
+        // SAFETY: guaranteed by the caller.
         let plant = unsafe { plant.as_ref() };
         let plant = plant.ok_or_else(|| Invalid("hil_plant_main got a null pointer".into()))?;
-        // SAFETY: the caller says so.
+        // SAFETY: guaranteed by the caller.
         let (kind, version) = unsafe { (plant::kind(plant)?, version(plant.version)?) };
         let program = kind.description.name.clone();
         let plants = vec![kind];
@@ -118,14 +118,14 @@ pub unsafe extern "C" fn hil_plant_main(
             arguments, program, version, plants,
         ))
     };
-    // SAFETY: the caller says so.
+    // SAFETY: guaranteed by the caller.
     unsafe { run(argc, argv, body) }
 }
 
 /// `hil_controller_main` of the header.
 ///
 /// # Safety
-/// The arguments are those of `main`; the controller is null or as [`law::kind`] asks for.
+/// The arguments are those of `main`; the controller is null or valid as required by [`law::kind`].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hil_controller_main(
     argc: c_int,
@@ -133,10 +133,10 @@ pub unsafe extern "C" fn hil_controller_main(
     controller: *const Controller,
 ) -> c_int {
     let body = |arguments| {
-        // SAFETY: the caller says so.
+        // SAFETY: guaranteed by the caller.
         let law = unsafe { controller.as_ref() };
         let law = law.ok_or_else(|| Invalid("hil_controller_main got a null pointer".into()))?;
-        // SAFETY: the caller says so.
+        // SAFETY: guaranteed by the caller.
         let (kind, version) = unsafe { (law::kind(law)?, version(law.version)?) };
         let program = kind.description.name.clone();
         let laws = vec![kind];
@@ -144,6 +144,6 @@ pub unsafe extern "C" fn hil_controller_main(
             arguments, program, version, laws,
         ))
     };
-    // SAFETY: the caller says so.
+    // SAFETY: guaranteed by the caller.
     unsafe { run(argc, argv, body) }
 }

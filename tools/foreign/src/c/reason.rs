@@ -1,6 +1,6 @@
-//! Reasons that a callback gives before it returns that it failed.
+//! Failure reasons that a callback passes before it returns an error status.
 //!
-//! Kept for each thread until the status that they belong to comes back; never shown without one.
+//! A reason is stored per thread until the status is returned; it is never shown without one.
 
 use std::cell::RefCell;
 use std::ffi::{CStr, c_char, c_int};
@@ -14,10 +14,10 @@ thread_local! {
     static REASON: RefCell<Option<String>> = const { RefCell::new(None) };
 }
 
-/// Result of a callback that returned a status, after the modes that it left behind are the default again.
+/// Converts the status of a callback to a result, after resetting floating-point modes that the callback changed.
 ///
 /// # Errors
-/// If it is not [`OK`]: the reason that was kept, or else the status.
+/// If the status is not [`OK`]: with the stored reason, or else with the status.
 #[inline]
 pub(super) fn outcome(callback: &'static str, status: c_int) -> Result<(), Failure> {
     float_modes::settle(callback);
@@ -30,45 +30,46 @@ pub(super) fn outcome(callback: &'static str, status: c_int) -> Result<(), Failu
 #[cold]
 fn failure(callback: &str, status: c_int) -> Failure {
     let reason = REASON.take();
-    let reason = reason.unwrap_or_else(|| format!("`{callback}` returned {status} and no reason"));
+    let reason =
+        reason.unwrap_or_else(|| format!("`{callback}` returned {status} without a reason"));
     match status {
         DIVERGED => Failure::diverged(reason),
         _ => Failure::lost(reason),
     }
 }
 
-/// Keeps a text of C as the reason.
+/// Stores a C text as the reason.
 ///
 /// # Safety
-/// The text is null or ends with a zero.
+/// The text is null or zero-terminated.
 unsafe fn keep(reason: *const c_char) {
     let text = match reason.is_null() {
         true => None,
-        // SAFETY: the caller says so.
+        // SAFETY: guaranteed by the caller.
         false => Some(unsafe { CStr::from_ptr(reason) }),
     };
     let text = text.map(|text| text.to_string_lossy().into_owned());
     REASON.set(text.filter(|text| !text.is_empty()));
 }
 
-/// `hil_diverged` of the header: keeps the reason, gives [`DIVERGED`].
+/// `hil_diverged` of the header: stores the reason and returns [`DIVERGED`].
 ///
 /// # Safety
-/// The text is null or ends with a zero.
+/// The text is null or zero-terminated.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hil_diverged(reason: *const c_char) -> c_int {
-    // SAFETY: the caller says so.
+    // SAFETY: guaranteed by the caller.
     unsafe { keep(reason) };
     DIVERGED
 }
 
-/// `hil_failed` of the header: keeps the reason, gives [`FAILED`].
+/// `hil_failed` of the header: stores the reason and returns [`FAILED`].
 ///
 /// # Safety
-/// The text is null or ends with a zero.
+/// The text is null or zero-terminated.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hil_failed(reason: *const c_char) -> c_int {
-    // SAFETY: the caller says so.
+    // SAFETY: guaranteed by the caller.
     unsafe { keep(reason) };
     FAILED
 }
@@ -78,19 +79,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_reason_belongs_to_the_next_failure_alone() {
+    fn a_reason_applies_only_to_the_next_failure() {
         assert_eq!(outcome("step", OK), Ok(()));
-        // SAFETY: a literal with a zero at its end.
+        // SAFETY: a zero-terminated literal.
         let status = unsafe { hil_diverged(c"the rod broke".as_ptr()) };
         assert_eq!(
             outcome("step", status),
             Err(Failure::diverged("the rod broke"))
         );
-        let silent = Failure::lost("`step` returned 7 and no reason");
+        let silent = Failure::lost("`step` returned 7 without a reason");
         assert_eq!(outcome("step", 7), Err(silent));
         // SAFETY: null is allowed.
         let status = unsafe { hil_failed(std::ptr::null()) };
-        let silent = Failure::lost("`step` returned 2 and no reason");
+        let silent = Failure::lost("`step` returned 2 without a reason");
         assert_eq!(outcome("step", status), Err(silent));
     }
 }

@@ -1,4 +1,4 @@
-//! Tables of C as those of the framework: read once, before anything starts.
+//! Conversion of the tables of a C program to those of the framework, once, before anything starts.
 
 use std::ffi::{CStr, c_char};
 use std::slice;
@@ -10,36 +10,36 @@ use shared_types::table::Field;
 use super::interface::{API, FAULTABLE, Parameter, Restore, Rows, Save, Signal, TUNABLE};
 use super::memory::{MOST_BYTES, Saving};
 
-/// Refuses a program that was compiled with another header, or whose memory has no possible size.
+/// Refuses a program that was compiled with another header version, or that requests too much memory.
 ///
 /// # Errors
-/// Both versions, or the size.
+/// If the version or the size is invalid; the message contains both values.
 pub(super) fn check_form(api: u32, size: usize) -> Result<(), Invalid> {
     if api != API {
         return Err(Invalid(format!(
-            "`api` is {api}, and this library speaks {API}: set it to HIL_API and compile with the header of the library"
+            "`api` is {api}, but this library supports {API}: set it to HIL_API and compile with the library's header"
         )));
     }
     if size > MOST_BYTES {
         return Err(Invalid(format!(
-            "`size` is {size} bytes, and {MOST_BYTES} is the most"
+            "`size` is {size} bytes, above the maximum of {MOST_BYTES}"
         )));
     }
     Ok(())
 }
 
-/// The callback of a name.
+/// Unwraps a callback.
 ///
 /// # Errors
-/// If it is missing.
+/// If the callback is missing; the message names it.
 pub(super) fn required<T>(callback: Option<T>, name: &str) -> Result<T, Invalid> {
     callback.ok_or_else(|| Invalid(format!("the callback `{name}` is missing")))
 }
 
-/// Takes the functions for checkpoints: all or none.
+/// Returns the callbacks for checkpoints, which must be given completely or not at all.
 ///
 /// # Errors
-/// If a part is missing.
+/// If one of them is missing.
 pub(super) fn saving(
     size: usize,
     save: Option<Save>,
@@ -53,32 +53,32 @@ pub(super) fn saving(
             restore,
         })),
         _ => Err(Invalid(
-            "`saved_size`, `save` and `restore` belong together: all three or none".into(),
+            "`saved_size`, `save` and `restore` belong together: set all three or none".into(),
         )),
     }
 }
 
-/// A text.
+/// Copies a C text.
 ///
 /// # Safety
-/// It is null or ends with a zero.
+/// The text is null or zero-terminated.
 ///
 /// # Errors
-/// If it is null or no UTF-8.
+/// If the text is null or not UTF-8.
 pub(super) unsafe fn text(text: *const c_char, what: &str) -> Result<String, Invalid> {
     if text.is_null() {
         return Err(Invalid(format!("{what} is a null pointer")));
     }
-    // SAFETY: it is not null, so it ends with a zero.
+    // SAFETY: it is not null, so it is zero-terminated.
     let text = unsafe { CStr::from_ptr(text) };
     let text = text.to_str();
     (text.map(Into::into)).map_err(|_| Invalid(format!("{what} is not UTF-8")))
 }
 
-/// The rows of a table.
+/// Returns the rows of a table.
 ///
 /// # Safety
-/// If the pointer is not null it points to N rows.
+/// If the pointer is not null, it points to the given number of rows.
 unsafe fn rows<'t, T>(table: &'t Rows<T>, name: &str) -> Result<&'t [T], Invalid> {
     let count = table.count;
     if count == 0 {
@@ -91,51 +91,52 @@ unsafe fn rows<'t, T>(table: &'t Rows<T>, name: &str) -> Result<&'t [T], Invalid
     }
     if count > MOST_FIELDS {
         return Err(Invalid(format!(
-            "`{name}` has {count} rows, and {MOST_FIELDS} is the most"
+            "`{name}` has {count} rows, above the maximum of {MOST_FIELDS}"
         )));
     }
-    // SAFETY: the caller says so, and so many rows are far below the largest slice.
+    // SAFETY: guaranteed by the caller; the number of rows is far below the limit of slices.
     Ok(unsafe { slice::from_raw_parts(table.rows, count) })
 }
 
-/// The columns of a table of signals.
+/// Converts the columns of a table of signals.
 ///
 /// # Safety
-/// The table is one of `hil.h`: N rows, each text null or with a zero at its end.
+/// The table is valid as defined by `hil.h`: it has the given number of rows, and each text is null or
+/// zero-terminated.
 ///
 /// # Errors
-/// The row that has a null pointer or a text that is no UTF-8.
+/// If a row has a null pointer or a text that is not UTF-8.
 pub(super) unsafe fn signals(table: &Rows<Signal>, name: &str) -> Result<Vec<Field>, Invalid> {
-    // SAFETY: the caller says so.
+    // SAFETY: guaranteed by the caller.
     let rows = unsafe { rows(table, name) }?;
     let field = |(number, row): (usize, &Signal)| {
-        // SAFETY: the caller says so of the texts of each row.
+        // SAFETY: the caller guarantees the texts of each row.
         let field = unsafe { column((row.name, row.unit, row.description), name, number) }?;
         Ok(in_range(field, row.min, row.max))
     };
     rows.iter().enumerate().map(field).collect()
 }
 
-/// The columns of a table of parameters.
+/// Converts the columns of a table of parameters.
 ///
 /// # Safety
-/// As [`signals`].
+/// See [`signals`].
 ///
 /// # Errors
-/// As [`signals`], and a flag that is none.
+/// See [`signals`]; also for unknown flags.
 pub(super) unsafe fn parameters(
     table: &Rows<Parameter>,
     name: &str,
 ) -> Result<Vec<Field>, Invalid> {
-    // SAFETY: the caller says so.
+    // SAFETY: guaranteed by the caller.
     let rows = unsafe { rows(table, name) }?;
     let field = |(number, row): (usize, &Parameter)| {
-        // SAFETY: the caller says so of the texts of each row.
+        // SAFETY: the caller guarantees the texts of each row.
         let field = unsafe { column((row.name, row.unit, row.description), name, number) }?;
-        let (flags, shown) = (row.flags, &field.name);
+        let (flags, parameter) = (row.flags, &field.name);
         if flags & !(FAULTABLE | TUNABLE) != 0 {
             return Err(Invalid(format!(
-                "`{shown}` of `{name}` has flags that are none: {flags}"
+                "`{parameter}` of `{name}` has unknown flags: {flags}"
             )));
         }
         Ok(Field {
@@ -148,17 +149,17 @@ pub(super) unsafe fn parameters(
     rows.iter().enumerate().map(field).collect()
 }
 
-/// A column without default and range.
+/// Converts a column without default and range.
 ///
 /// # Safety
-/// Each text is null or ends with a zero.
+/// Each text is null or zero-terminated.
 unsafe fn column(
     (name, unit, description): (*const c_char, *const c_char, *const c_char),
     table: &str,
     number: usize,
 ) -> Result<Field, Invalid> {
     let of = |what: &str| format!("the {what} of row {} of `{table}`", number + 1);
-    // SAFETY: the caller says so of all three.
+    // SAFETY: the caller guarantees all three.
     let (name, unit, description) = unsafe {
         (
             text(name, &of("name"))?,
@@ -169,7 +170,7 @@ unsafe fn column(
     Ok(Field::signal(&name, &unit, &description))
 }
 
-/// A column with its range; both ends 0 are none.
+/// Adds a range to a column, unless both ends are 0.
 fn in_range(field: Field, min: f64, max: f64) -> Field {
     match (min, max) {
         (0.0, 0.0) => field,

@@ -1,9 +1,9 @@
-//! The archive that an FMU is: a ZIP file, read with limits and without trust.
+//! The ZIP archive of an FMU, read with limits and without trust.
 //!
-//! The whole list of entries is checked before any of them is read. Refused by name: names that climb out or
-//! could mean two things, links and devices, encryption, entries that share bytes, more entries or content
-//! than the [`Limits`] say. Content is unpacked into memory of the size that the list gives and compared
-//! with its sum. Nothing here writes a file but [`Archive::extract`], into a folder that is there already.
+//! The whole list of entries is checked before any of them is read. Refused with a reason: paths that leave the
+//! archive or are ambiguous, links and devices, encryption, overlapping entries, and more entries or content than the
+//! [`Limits`] allow. Content is unpacked into memory of the listed size and compared with its check sum. Only
+//! [`Archive::extract`] writes files, into an existing folder.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};
@@ -13,45 +13,45 @@ use std::path::Path;
 
 use miniz_oxide::inflate::decompress_to_vec_with_limit;
 
-/// An archive cannot be used as an FMU's.
+/// Error of reading an FMU archive.
 #[derive(Debug, thiserror::Error)]
 pub enum ArchiveError {
     /// The file cannot be read.
     #[error("cannot read it: {0}")]
     Read(#[from] io::Error),
-    /// The file is no ZIP archive, or a damaged one.
-    #[error("it is no sound ZIP archive: {0}")]
+    /// The file is not a ZIP archive, or a damaged one.
+    #[error("it is not a valid ZIP archive: {0}")]
     Damaged(&'static str),
     /// The archive uses a feature that FMUs do not need.
-    #[error("{0}, which is not read")]
+    #[error("{0}, which is not supported")]
     Unsupported(String),
-    /// An entry's name leads elsewhere or can be read in two ways.
+    /// The name of an entry leaves the archive or is ambiguous.
     #[error("entry {0:?} does not name a file inside the archive")]
     Name(String),
-    /// An entry is there twice and the second is not the first, or a file is used as a folder.
-    #[error("entry {0:?} is there twice, with different content or as a file and a folder")]
+    /// An entry occurs twice with different content, or a file is also used as a folder.
+    #[error("entry {0:?} occurs twice, with different content or as a file and a folder")]
     Twice(String),
-    /// An entry is a link, a device or the like.
+    /// An entry is a link, a device or another special file.
     #[error("entry {0:?} is a link or a device, not a file")]
     Link(String),
-    /// The archive is larger than the limits allow.
+    /// The archive exceeds a limit.
     #[error("{0}")]
     Large(String),
-    /// The archive unpacks to more than the ratio allows.
-    #[error("its entries have {total_mib} MiB unpacked, more than {ratio} times its size")]
+    /// The archive unpacks to more than the allowed ratio.
+    #[error("its entries unpack to {total_mib} MiB, more than {ratio} times its size")]
     Ratio {
-        /// Content of all entries in MiB.
+        /// Unpacked size of all entries, in MiB.
         total_mib: u64,
-        /// Ratio of the limits.
+        /// Allowed ratio.
         ratio: u64,
     },
-    /// An entry is not what the list says of it.
+    /// An entry does not match its list entry.
     #[error("entry {0:?} is damaged")]
     Content(String),
-    /// There is no such entry.
+    /// The entry does not exist.
     #[error("it has no {0}")]
     Missing(String),
-    /// A file of it cannot be written.
+    /// A file cannot be written.
     #[error("cannot unpack {path}: {error}")]
     Write {
         /// Name of the entry.
@@ -64,15 +64,15 @@ pub enum ArchiveError {
 /// Limits on an archive.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Most entries.
+    /// Maximum number of entries.
     pub entries: usize,
-    /// Most bytes of the archive itself.
+    /// Maximum size of the archive, in bytes.
     pub archive: u64,
-    /// Most bytes of all entries together, unpacked.
+    /// Maximum unpacked size of all entries, in bytes.
     pub total: u64,
-    /// Most bytes of all entries together for each byte of the archive, if they are more than `free`.
+    /// Maximum ratio of the unpacked size to the size of the archive, if the unpacked size exceeds `free`.
     pub ratio: u64,
-    /// Unpacked bytes that no ratio is asked of.
+    /// Unpacked size up to which the ratio is not checked, in bytes.
     pub free: u64,
 }
 
@@ -85,37 +85,37 @@ pub const LIMITS: Limits = Limits {
     free: 32 << 20,
 };
 
-/// Limits for an FMU whose user says that its content is what it should be: only the ratio is free.
+/// Limits for an FMU that its user trusts: the ratio is unlimited.
 pub const TRUSTED: Limits = Limits {
     ratio: u64::MAX,
     ..LIMITS
 };
 
-/// Bytes of the record at the end of an archive, without its comment.
+/// Size of the end record of an archive, without its comment.
 const END_BYTES: u64 = 22;
-/// Bytes of an entry in the list, without names.
+/// Size of an entry in the list, without names.
 const LISTED_BYTES: usize = 46;
-/// Bytes of an entry's own head, without names.
+/// Size of an entry's local header, without names.
 const HEAD_BYTES: usize = 30;
 const END_MARK: [u8; 4] = *b"PK\x05\x06";
 const LISTED_MARK: [u8; 4] = *b"PK\x01\x02";
 const HEAD_MARK: [u8; 4] = *b"PK\x03\x04";
 /// First bytes of every archive.
 pub const MARK: [u8; 4] = HEAD_MARK;
-/// Longest name of an entry.
+/// Maximum length of an entry's name.
 const LONGEST_NAME: usize = 512;
-/// Most folders on the way to an entry.
+/// Maximum number of folders in the path of an entry.
 const DEEPEST: usize = 32;
-/// Bits of an entry that tell of encryption.
+/// Flag bits of an entry that indicate encryption.
 const ENCRYPTED: u16 = 1 | 1 << 6 | 1 << 13;
 const STORED: u16 = 0;
 const DEFLATED: u16 = 8;
-/// Bits of a UNIX mode that tell the type of a file, and those of a file and a folder.
+/// File type bits of a UNIX mode, and those of a file and a folder.
 const TYPE: u32 = 0o170_000;
 const FILE: u32 = 0o100_000;
 const FOLDER: u32 = 0o040_000;
 
-/// An entry as the list has it.
+/// Entry of the archive's list.
 #[derive(Clone, Debug)]
 struct Entry {
     name: String,
@@ -132,7 +132,7 @@ impl Entry {
     }
 }
 
-/// An archive whose list of entries was checked.
+/// Archive whose list of entries has been checked.
 #[derive(Debug)]
 pub struct Archive<R> {
     source: R,
@@ -143,11 +143,11 @@ impl Archive<File> {
     /// Opens the archive at a path.
     ///
     /// # Errors
-    /// If it is none, or breaks a limit.
+    /// If the file is not an archive, or exceeds a limit.
     pub fn open(path: &Path, limits: &Limits) -> Result<Self, ArchiveError> {
         let file = File::open(path)?;
         if !file.metadata()?.is_file() {
-            return Err(ArchiveError::Damaged("it is no regular file"));
+            return Err(ArchiveError::Damaged("it is not a regular file"));
         }
         Self::read(file, limits)
     }
@@ -157,12 +157,12 @@ impl<R: Read + Seek> Archive<R> {
     /// Reads and checks the list of entries.
     ///
     /// # Errors
-    /// The first thing that is wrong.
+    /// For the first problem found.
     pub fn read(mut source: R, limits: &Limits) -> Result<Self, ArchiveError> {
         let length = source.seek(SeekFrom::End(0))?;
         if length > limits.archive {
             let most = limits.archive >> 20;
-            return Err(ArchiveError::Large(format!("it has more than {most} MiB")));
+            return Err(ArchiveError::Large(format!("it is larger than {most} MiB")));
         }
         let end = EndRecord::find(&mut source, length)?;
         if usize::from(end.entries) > limits.entries {
@@ -180,32 +180,32 @@ impl<R: Read + Seek> Archive<R> {
         Ok(Self { source, entries })
     }
 
-    /// Names of all files in it.
+    /// Iterates over the names of all files.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         let files = self.entries.iter().filter(|entry| !entry.is_folder());
         files.map(|entry| entry.name.as_str())
     }
 
-    /// Content of a file.
+    /// Reads a file.
     ///
     /// # Errors
-    /// If there is no such file, or its content is not what the list says.
+    /// If the file does not exist, exceeds `most` bytes, or does not match its list entry.
     pub fn content(&mut self, name: &str, most: u64) -> Result<Vec<u8>, ArchiveError> {
         let entry = self.entries.iter().find(|entry| entry.name == name);
         let entry = entry.ok_or_else(|| ArchiveError::Missing(name.into()))?;
         if entry.size > most {
             let most = most >> 20;
             return Err(ArchiveError::Large(format!(
-                "entry {name:?} has more than {most} MiB"
+                "entry {name:?} is larger than {most} MiB"
             )));
         }
         content(&mut self.source, entry)
     }
 
-    /// Unpacks all files whose names begin so into a folder; gives their number.
+    /// Unpacks all files whose names begin with `beginning` into a folder; returns their number.
     ///
     /// # Errors
-    /// If one of them is damaged or cannot be written.
+    /// If a file is damaged or cannot be written.
     pub fn extract(&mut self, beginning: &str, folder: &Path) -> Result<usize, ArchiveError> {
         let mut count = 0;
         for entry in &self.entries {
@@ -213,18 +213,18 @@ impl<R: Read + Seek> Archive<R> {
                 continue;
             }
             let bytes = content(&mut self.source, entry)?;
-            let told = |error| ArchiveError::Write {
+            let write_error = |error| ArchiveError::Write {
                 path: entry.name.clone(),
                 error,
             };
-            write(&folder.join(&entry.name), &bytes).map_err(told)?;
+            write(&folder.join(&entry.name), &bytes).map_err(write_error)?;
             count += 1;
         }
         Ok(count)
     }
 }
 
-/// Writes a new file that its owner alone can read or run, with the folders on the way.
+/// Writes a new file that only its owner can read or run, and creates parent folders.
 fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     if let Some(folder) = path.parent() {
         (fs::DirBuilder::new().recursive(true).mode(0o700)).create(folder)?;
@@ -257,8 +257,8 @@ impl EndRecord {
             let (record, comment) = bytes[*at..].split_at(END_BYTES as usize);
             record.starts_with(&END_MARK) && usize::from(short(record, 20)) == comment.len()
         };
-        let found = starts.into_iter().find(is_end);
-        let at = found.ok_or(ArchiveError::Damaged("it has no list of entries"))?;
+        let start = starts.into_iter().find(is_end);
+        let at = start.ok_or(ArchiveError::Damaged("it has no list of entries"))?;
         let record = &bytes[at..];
         let (entries, list_bytes, list) = (
             short(record, 10),
@@ -267,18 +267,18 @@ impl EndRecord {
         );
         let is_large = entries == u16::MAX || list == u64::from(u32::MAX);
         if is_large {
-            return Err(ArchiveError::Unsupported("it is in the form ZIP64".into()));
+            return Err(ArchiveError::Unsupported("it is in ZIP64 format".into()));
         }
         let is_split = short(record, 4) != 0 || short(record, 6) != 0;
         if is_split || short(record, 8) != entries {
             return Err(ArchiveError::Unsupported(
-                "it is one of several parts".into(),
+                "it is one part of several".into(),
             ));
         }
-        // Anything else has bytes that no entry accounts for, or a list that is not where it says.
+        // Otherwise there are bytes outside of all entries, or the list is at another offset.
         if list + list_bytes != length - tail + at as u64 {
             return Err(ArchiveError::Damaged(
-                "its list of entries is not at its end",
+                "its list of entries is not at the end",
             ));
         }
         Ok(Self {
@@ -293,12 +293,12 @@ fn listed(mut list: &[u8], count: u16) -> Result<Vec<Entry>, ArchiveError> {
     let mut entries = Vec::new();
     for _ in 0..count {
         if list.len() < LISTED_BYTES || !list.starts_with(&LISTED_MARK) {
-            return Err(ArchiveError::Damaged("its list of entries is cut off"));
+            return Err(ArchiveError::Damaged("its list of entries is truncated"));
         }
         let [name, extra, comment] = [28, 30, 32].map(|at| usize::from(short(list, at)));
         let length = LISTED_BYTES + name + extra + comment;
         if list.len() < length {
-            return Err(ArchiveError::Damaged("its list of entries is cut off"));
+            return Err(ArchiveError::Damaged("its list of entries is truncated"));
         }
         let (made_by, flags) = (list[5], short(list, 8));
         let mode = long(list, 38) >> 16;
@@ -322,10 +322,10 @@ fn listed(mut list: &[u8], count: u16) -> Result<Vec<Entry>, ArchiveError> {
         if ![STORED, DEFLATED].contains(&entry.method) {
             let (name, method) = (&entry.name, entry.method);
             return Err(ArchiveError::Unsupported(format!(
-                "entry {name:?} is packed by method {method}"
+                "entry {name:?} is compressed with method {method}"
             )));
         }
-        // Some tools leave the mode out, and some write that of a folder without a slash at the end.
+        // Some tools omit the mode, and some write that of a folder for names without a trailing slash.
         let kind = mode & TYPE;
         let is_plain = kind == 0 || kind == if entry.is_folder() { FOLDER } else { FILE };
         if !is_plain && [3, 19].contains(&made_by) {
@@ -348,7 +348,7 @@ fn check_names(entries: &[Entry]) -> Result<(), ArchiveError> {
     for entry in entries {
         let name = &entry.name;
         let path = name.strip_suffix('/').unwrap_or(name);
-        // The folder of the archive itself, as some tools list it.
+        // The root folder of the archive, as some tools list it.
         if path == "." && entry.is_folder() && entry.size == 0 {
             continue;
         }
@@ -384,7 +384,7 @@ fn check_size(entries: &[Entry], length: u64, limits: &Limits) -> Result<(), Arc
     if total > limits.total {
         let (total, most) = (total >> 20, limits.total >> 20);
         return Err(ArchiveError::Large(format!(
-            "its entries have {total} MiB unpacked, more than {most} MiB"
+            "its entries unpack to {total} MiB, more than {most} MiB"
         )));
     }
     if total > limits.free && total / limits.ratio > length {
@@ -394,18 +394,17 @@ fn check_size(entries: &[Entry], length: u64, limits: &Limits) -> Result<(), Arc
     Ok(())
 }
 
-/// The entries without those that are there once more with the same content, as tools that pack a file twice leave
-/// them.
+/// Removes duplicate entries with the same content, as left by tools that pack a file twice.
 fn without_copies<R: Read + Seek>(
     source: &mut R,
     entries: Vec<Entry>,
 ) -> Result<Vec<Entry>, ArchiveError> {
     let mut first: BTreeMap<String, Entry> = BTreeMap::new();
-    let mut kept = Vec::with_capacity(entries.len());
+    let mut unique = Vec::with_capacity(entries.len());
     for entry in entries {
         let Some(before) = first.get(&entry.name).filter(|_| !entry.is_folder()) else {
             first.insert(entry.name.clone(), entry.clone());
-            kept.push(entry);
+            unique.push(entry);
             continue;
         };
         let is_alike = (before.size, before.crc) == (entry.size, entry.crc);
@@ -413,10 +412,10 @@ fn without_copies<R: Read + Seek>(
             return Err(ArchiveError::Twice(entry.name));
         }
     }
-    Ok(kept)
+    Ok(unique)
 }
 
-/// Checks that no two entries share bytes, as those of a bomb do that is small and unpacks to very much.
+/// Checks that no two entries overlap, as they do in a small archive bomb that unpacks to a huge size.
 fn check_places(entries: &[Entry], list: u64) -> Result<(), ArchiveError> {
     let mut places: Vec<(u64, u64)> = (entries.iter())
         .map(|entry| {
@@ -428,7 +427,7 @@ fn check_places(entries: &[Entry], list: u64) -> Result<(), ArchiveError> {
     places.sort_unstable();
     match places.windows(2).all(|pair| pair[0].1 <= pair[1].0) {
         true => Ok(()),
-        false => Err(ArchiveError::Damaged("two of its entries share bytes")),
+        false => Err(ArchiveError::Damaged("two of its entries overlap")),
     }
 }
 
@@ -456,14 +455,14 @@ fn content<R: Read + Seek>(source: &mut R, entry: &Entry) -> Result<Vec<u8>, Arc
     is_sound.then_some(bytes).ok_or_else(damaged)
 }
 
-/// Reads a number of bytes of the archive; memory is taken as they come.
+/// Reads `count` bytes of the archive, allocating memory only as they arrive.
 fn read_at<R: Read + Seek>(source: &mut R, at: u64, count: u64) -> Result<Vec<u8>, ArchiveError> {
     source.seek(SeekFrom::Start(at))?;
     let mut bytes = Vec::new();
     source.take(count).read_to_end(&mut bytes)?;
     match bytes.len() as u64 == count {
         true => Ok(bytes),
-        false => Err(ArchiveError::Damaged("it is cut off")),
+        false => Err(ArchiveError::Damaged("it is truncated")),
     }
 }
 

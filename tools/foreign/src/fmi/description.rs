@@ -1,9 +1,8 @@
-//! Description of an FMU: its `modelDescription.xml`, of FMI 2.0 and 3.0, in one form.
+//! Model description of an FMU: its `modelDescription.xml`, of FMI 2.0 or 3.0, in a common form.
 //!
-//! [`ModelDescription::decode`] takes the bytes in whatever encoding tools write; [`ModelDescription::read`] takes the
-//! text and never asks for anything else: a document type, and with it
-//! every entity that a document could declare, is refused. Nothing here knows signals or plants; which
-//! variable becomes which is the work of [`tables`](super::tables).
+//! [`ModelDescription::decode`] accepts any encoding that tools write. [`ModelDescription::read`] parses the text and
+//! refuses document types, so that no entities are expanded. The module knows no signals or plants;
+//! [`tables`](super::tables) maps variables to them.
 
 use std::fmt;
 
@@ -16,22 +15,22 @@ mod tree;
 #[cfg(test)]
 mod tests;
 
-/// A model description cannot be used.
+/// Error of reading a model description.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DescriptionError {
-    /// The document is damaged, or uses what no model description needs.
+    /// The document is malformed, or uses features that no model description needs.
     #[error("modelDescription.xml: {0}")]
     Xml(String),
-    /// An attribute is missing or has no sense.
+    /// An attribute is missing or invalid.
     #[error("modelDescription.xml: {0}")]
     Content(String),
-    /// The FMU cannot be run here; the text says why.
+    /// The FMU cannot be run here; the text gives the reason.
     #[error("{0}")]
     Unsupported(String),
 }
 
 impl DescriptionError {
-    /// The reason without the name of the file.
+    /// Returns the reason without the name of the file.
     pub(super) fn reason(self) -> String {
         match self {
             Self::Xml(reason) | Self::Content(reason) | Self::Unsupported(reason) => reason,
@@ -39,7 +38,7 @@ impl DescriptionError {
     }
 }
 
-/// Version of the standard.
+/// Version of the FMI standard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Version {
     /// FMI 2.0.
@@ -57,60 +56,60 @@ impl fmt::Display for Version {
     }
 }
 
-/// An FMU for co-simulation as its model description has it.
+/// Model description of an FMU for co-simulation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ModelDescription {
     /// Version of the standard.
     pub version: Version,
     /// Name of the model.
     pub name: String,
-    /// Sentence about the model.
+    /// Description in one sentence.
     pub description: String,
-    /// Tool that made the FMU.
+    /// Tool that generated the FMU.
     pub tool: String,
-    /// Text by which library and description know each other.
+    /// Token that library and description must share.
     pub token: String,
-    /// Name of the library, without its ending.
+    /// Name of the library, without its extension.
     pub identifier: String,
-    /// True if it says that it needs the tool that it was made with.
+    /// Set if the FMU declares that it needs the tool that generated it.
     pub needs_tool: bool,
-    /// True if the FMU's state can be taken, put back and written as bytes.
+    /// Set if the FMU's state can be saved, restored and serialised.
     pub saves: bool,
-    /// Step of the FMU's own solver in s, above 0, if that is fixed and told.
+    /// Step of the FMU's own solver in s, above 0, if it is fixed and declared.
     pub internal_step_s: Option<f64>,
-    /// Experiment that the model is made for.
+    /// Default experiment of the model.
     pub experiment: Experiment,
-    /// Categories of messages.
+    /// Log categories.
     pub categories: Vec<String>,
-    /// Units by name.
+    /// Units, by name.
     pub units: Vec<Unit>,
-    /// All variables, aliases included.
+    /// All variables, including aliases.
     pub variables: Vec<Variable>,
-    /// For each output that the model structure names, the variables it depends on directly.
+    /// Direct dependencies of the outputs that the model structure lists.
     pub dependencies: Vec<Dependency>,
-    /// Attributes that the standard does not allow and that count as left out.
+    /// Remarks on attributes that violate the standard and are ignored.
     pub notes: Vec<String>,
 }
 
-/// Default experiment, as far as it is given.
+/// Default experiment, as far as it is declared.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Experiment {
-    /// Time of the begin in s.
+    /// Start time, in s.
     pub start_s: Option<f64>,
     /// Relative tolerance, above 0.
     pub tolerance: Option<f64>,
 }
 
-/// A unit, in terms of base units.
+/// Unit, expressed in base units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unit {
     /// Name.
     pub name: String,
-    /// Base unit, if it is told.
+    /// Base unit, if it is declared.
     pub base: Option<BaseUnit>,
 }
 
-/// A unit as a product of powers: a value `v` in the unit is `factor v + offset` in base units.
+/// Unit as a product of powers: a value `v` in the unit is `factor v + offset` in base units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BaseUnit {
     /// Exponents of kg, m, s, A, K, mol, cd and rad.
@@ -129,7 +128,7 @@ pub const BASE_UNITS: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"]
 pub struct Dependency {
     /// Value reference of the output.
     pub output: u32,
-    /// Value references of variables; `None`: all of them.
+    /// Value references of the variables it depends on; `None` for all.
     pub on: Option<Vec<u32>>,
 }
 
@@ -156,9 +155,9 @@ pub enum VariableType {
     Int64,
     /// Unsigned 64-bit integer.
     UInt64,
-    /// True or false.
+    /// Boolean value.
     Boolean,
-    /// Number of an item of a list.
+    /// Value of an item of an enumeration.
     Enumeration,
     /// Text.
     String,
@@ -169,7 +168,7 @@ pub enum VariableType {
 }
 
 impl VariableType {
-    /// In one word.
+    /// Returns the type in words.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -191,10 +190,11 @@ impl VariableType {
         }
     }
 
-    /// Smallest and largest value that a row of numbers can carry exactly; `None`: it carries none.
+    /// Returns the smallest and largest value that a row of numbers can represent exactly; `None` for types that are
+    /// not numeric.
     #[must_use]
     pub fn range(self) -> Option<(f64, f64)> {
-        /// Integers up to here are all numbers of 64 bits.
+        /// Largest integer up to which every integer has an exact `f64`.
         const EXACT: f64 = 9_007_199_254_740_992.0;
         Some(match self {
             Self::Float32 => (f64::from(f32::MIN), f64::from(f32::MAX)),
@@ -212,93 +212,94 @@ impl VariableType {
         })
     }
 
-    /// Checks for a type of floating-point numbers; all others are whole.
+    /// Returns `true` for floating-point types; all others are integers.
     #[must_use]
     pub const fn is_float(self) -> bool {
         matches!(self, Self::Float32 | Self::Float64)
     }
 }
 
-/// Role of a variable.
+/// Causality of a variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Causality {
-    /// Value that stays as it was set.
+    /// Constant value that is set from outside.
     Parameter,
-    /// Parameter that follows from others.
+    /// Parameter that is computed from others.
     CalculatedParameter,
-    /// Parameter that sets sizes of arrays.
+    /// Parameter that determines sizes of arrays.
     StructuralParameter,
-    /// Value from outside.
+    /// Value set from outside.
     Input,
-    /// Value for the outside.
+    /// Value provided to the outside.
     Output,
-    /// Inner value.
+    /// Local value.
     Local,
-    /// Time.
+    /// Independent variable, usually time.
     Independent,
 }
 
-/// Initial value of a variable.
+/// Determination of a variable's initial value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Initial {
-    /// The start value.
+    /// Start value.
     Exact,
-    /// Value that an iteration finds, which begins at the start value.
+    /// Result of an iteration that begins at the start value.
     Approx,
-    /// Value that follows from others.
+    /// Value computed from others.
     Calculated,
 }
 
-/// Variable.
+/// Variable of a model description.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variable {
     /// Name.
     pub name: String,
-    /// Sentence about the variable.
+    /// Description in one sentence.
     pub description: String,
-    /// Number by which the library knows it.
+    /// Value reference in the library.
     pub reference: u32,
-    /// Type.
+    /// Data type.
     pub kind: VariableType,
-    /// Role.
+    /// Causality.
     pub causality: Causality,
-    /// True if it may change between steps although it is a parameter.
+    /// Set if the parameter may change between steps.
     pub is_tunable: bool,
-    /// True if it never changes.
+    /// Set if the value never changes.
     pub is_constant: bool,
-    /// Clocks by which it is active; such a variable has no value at other times.
+    /// Set if the variable belongs to clocks, and has a value only when they tick.
     pub is_clocked: bool,
-    /// True if its start values are of another size than the scenario chose.
+    /// Set if its start values do not match the size that the scenario chose.
     pub is_resized: bool,
-    /// Initial value.
+    /// Determination of the initial value.
     pub initial: Initial,
-    /// Start values; one for each element.
+    /// Start values, one per element.
     pub start: Vec<f64>,
-    /// Values of the items, if it is of an enumeration that has some.
+    /// Values of the items, for an enumeration that declares some.
     pub items: Vec<f64>,
-    /// Reason for which it cannot be used, if it is an inner variable that cannot.
+    /// Reason why a local variable cannot be used.
     pub unusable: Option<String>,
     /// Unit.
     pub unit: Option<String>,
-    /// True if it is a difference of two values, whose unit converts without an offset.
+    /// Set if it is a difference of two values, whose unit converts without an offset.
     pub is_difference: bool,
-    /// Smallest value.
+    /// Smallest allowed value.
     pub min: Option<f64>,
-    /// Largest value.
+    /// Largest allowed value.
     pub max: Option<f64>,
-    /// Size in each dimension; none for a single value.
+    /// Sizes in each dimension; empty for a scalar.
     pub dimensions: Vec<usize>,
 }
 
 impl Variable {
-    /// Values of items as text.
+    /// Formats values of items as text.
     #[must_use]
     pub fn items_text(items: &[f64]) -> String {
         let items: Vec<String> = items.iter().map(f64::to_string).collect();
         items.join(", ")
     }
 
-    /// Smallest and largest value that both its type and its own bounds allow. Bounds in the wrong order count as none.
+    /// Returns the smallest and largest value allowed by its type and its own bounds. Bounds in the wrong order are
+    /// ignored.
     #[must_use]
     pub fn bounds(&self) -> (f64, f64) {
         let (low, high) = (self.kind.range()).unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
@@ -308,7 +309,7 @@ impl Variable {
         (min.unwrap_or(low), max.unwrap_or(high))
     }
 
-    /// Returns true if nobody outside needs it.
+    /// Returns `true` if the variable is not needed from outside.
     #[must_use]
     pub const fn is_inner(&self) -> bool {
         matches!(
@@ -317,13 +318,13 @@ impl Variable {
         )
     }
 
-    /// Number of elements.
+    /// Returns the number of elements.
     #[must_use]
     pub fn elements(&self) -> usize {
         self.dimensions.iter().product()
     }
 
-    /// Name of an element: `x` of a single value, `x[2,1]` of a matrix, whose last index runs fastest.
+    /// Returns the name of an element: `x` for a scalar, `x[2,1]` for a matrix, whose last index varies fastest.
     #[must_use]
     pub fn element_name(&self, element: usize) -> String {
         if self.dimensions.is_empty() {

@@ -1,13 +1,13 @@
-//! Instance of an FMU, called in the order of the standard.
+//! FMU instance, called in the order that the standard defines.
 //!
-//! 1. [`Instance::start`]: instantiated, configured, parameters and initial values set, initialised; all signals and
-//!    parameters are read.
-//! 2. [`Instance::step`]: inputs and changed parameters are set, the step is done, all signals and the changed
-//!    parameters are read.
+//! 1. [`Instance::start`]: the FMU is instantiated, configured and initialised with parameters and initial values;
+//!    then all signals and parameters are read.
+//! 2. [`Instance::step`]: inputs and changed parameters are set, the step is executed, and all signals and the
+//!    changed parameters are read.
 //!
-//! So the signals of a step are always read before its inputs are set, which FMI 2 asks for, and nothing is read
-//! between setting and stepping. After an answer that ends an instance only what the standard allows is called:
-//! nothing at all after `Fatal`, and freeing after `Error`.
+//! Thus the signals of a step are always read before its inputs are set, as FMI 2 requires, and nothing is read
+//! between setting and stepping. After a fatal or error status only permitted functions are called: none after
+//! `Fatal`, and only freeing after `Error`.
 
 use std::cell::Cell;
 use std::ffi::{CString, c_char, c_int};
@@ -35,51 +35,51 @@ mod preset;
 mod saved;
 mod tuning;
 
-/// Number of the question whether the model ended, in FMI 2.
+/// Status kind of FMI 2 that asks whether the model has ended.
 const TERMINATED: c_int = 3;
-/// Deviation of a period from a multiple of the internal step, as a part of it, that is rounding alone.
+/// Relative deviation of a period from a multiple of the internal step that counts as rounding.
 const ROUNDING: f64 = 1e-6;
 
-/// Stage of an instance.
+/// Life cycle stage of an instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Life {
-    /// Made, and not stepped yet.
+    /// Instantiated but not yet stepped.
     Made,
-    /// Steps may be done.
+    /// Ready for steps.
     Stepping,
-    /// Failed with an error: the instance can be freed.
+    /// Failed with an error; the instance can still be freed.
     Broken,
-    /// No function may be called any more.
+    /// Failed fatally; no function may be called.
     Fatal,
 }
 
-/// An instance.
+/// Running instance of an FMU.
 pub(super) struct Instance {
     model: Arc<Model>,
     functions: Arc<Functions>,
     handle: Handle,
     life: Cell<Life>,
     parameters: Values,
-    /// Places of the tunable parameters in the row of all.
+    /// Indices of the tunable parameters in the row of all parameters.
     tunable_places: Vec<usize>,
-    /// Tunable parameters as the instance has them, and as it is to have them.
+    /// Tunable parameters as currently set, and as requested.
     tuned: Vec<f64>,
     wanted: Vec<f64>,
     unconfirmed: Unconfirmed,
     inputs: Values,
     outputs: Values,
-    /// Outputs, then inner signals, as they were read last.
+    /// Latest values of outputs, then of local signals.
     signals: Vec<f64>,
-    // Both are known to the library by their addresses, until the instance is freed.
+    // The library holds pointers to both until the instance is freed.
     journal: Arc<Journal>,
     _callbacks: Option<Box<CallbacksTwo>>,
 }
 
 impl Instance {
-    /// An instance at its start with these parameters.
+    /// Starts an instance with these parameters.
     ///
     /// # Errors
-    /// If the library refuses; the error has its message.
+    /// If the library fails; the error contains its message.
     pub(super) fn start(
         model: &Arc<Model>,
         functions: &Arc<Functions>,
@@ -125,7 +125,7 @@ impl Instance {
         let model = Arc::clone(&self.model);
         let start = &model.start;
         self.configure(&start.structural)?;
-        // SAFETY: the instance is made and not initialised: parameters may be set.
+        // SAFETY: the instance exists and is not initialised, so parameters may be set.
         let set = unsafe { (self.parameters).set(&self.functions, self.handle, parameters) };
         self.accept(set)?;
         self.preset(start)?;
@@ -134,7 +134,7 @@ impl Instance {
         match functions.own {
             Own::Two { setup, enter, .. } => {
                 let call = calling(&"SetupExperiment");
-                // SAFETY: the instance is made.
+                // SAFETY: the instance exists.
                 self.judge("SetupExperiment", unsafe {
                     setup(
                         self.handle,
@@ -147,12 +147,12 @@ impl Instance {
                 })?;
                 drop(call);
                 let _call = calling(&"EnterInitializationMode");
-                // SAFETY: the experiment is set up.
+                // SAFETY: the experiment has been set up.
                 self.judge("EnterInitializationMode", unsafe { enter(self.handle) })?;
             }
             Own::Three { enter, .. } => {
                 let _call = calling(&"EnterInitializationMode");
-                // SAFETY: the instance is made.
+                // SAFETY: the instance exists.
                 self.judge("EnterInitializationMode", unsafe {
                     enter(
                         self.handle,
@@ -177,7 +177,7 @@ impl Instance {
         self.confirm_all(parameters)
     }
 
-    /// Asks for messages of everything that goes wrong, if the library tells them apart from the others.
+    /// Enables messages about all errors, if the library distinguishes them from others.
     fn ask_for_messages(&self) -> Result<(), Failure> {
         let all = self.model.description.categories.iter();
         let wrong = all.filter(|name| name.starts_with("logStatus"));
@@ -190,7 +190,7 @@ impl Instance {
         let pointers: Vec<*const c_char> = names.iter().map(|name| name.as_ptr()).collect();
         let functions = Arc::clone(&self.functions);
         let _call = calling(&"SetDebugLogging");
-        // SAFETY: the instance is made, and the list has so many texts, which live until the call is over.
+        // SAFETY: the instance exists, and the list has this many texts, which live until the call returns.
         self.judge("SetDebugLogging", unsafe {
             match functions.own {
                 Own::Two { logging, .. } => {
@@ -203,33 +203,33 @@ impl Instance {
         })
     }
 
-    /// Description and tables.
+    /// Returns the description and tables.
     pub(super) fn model(&self) -> &Model {
         &self.model
     }
 
-    /// Signals as they were read last: outputs, then inner signals.
+    /// Returns the latest values of outputs, then of local signals.
     pub(super) fn signals(&self) -> &[f64] {
         &self.signals
     }
 
-    /// Takes a row of all parameters; tunable ones act from the next step on.
+    /// Accepts a row of all parameters; tunable ones take effect from the next step on.
     pub(super) fn retune(&mut self, parameters: &[f64]) {
         for (wanted, &place) in self.wanted.iter_mut().zip(&self.tunable_places) {
             *wanted = parameters[place];
         }
     }
 
-    /// Does one step under constant inputs and reads all signals.
+    /// Executes one step with constant inputs and reads all signals.
     ///
     /// # Errors
-    /// If the FMU ends or fails; the failure has its last message.
+    /// If the FMU ends or fails; the failure contains its last message.
     pub(super) fn step(&mut self, interval: &Interval, inputs: &[f64]) -> Result<(), Failure> {
         if self.life.get() != Life::Stepping {
-            return Err(self.failure("cannot go on after it failed"));
+            return Err(self.failure("cannot continue after a failure"));
         }
         let changed = self.tune()?;
-        // SAFETY: the instance is between two steps: inputs may be set.
+        // SAFETY: the instance is between two steps, so inputs may be set.
         let set = unsafe { (self.inputs).set(&self.functions, self.handle, inputs) };
         self.accept(set)?;
         let functions = Arc::clone(&self.functions);
@@ -239,17 +239,17 @@ impl Instance {
         match functions.own {
             Own::Two { step, .. } => {
                 let _call = calling(&"DoStep");
-                // The state before the step is never asked for again: 1, true.
+                // 1 (true): the state before the step will not be needed again.
                 // SAFETY: the instance is between two steps.
                 let status = unsafe { step(self.handle, at_s, length_s, 1) };
                 self.judge("DoStep", status)?
             }
             Own::Three { step, .. } => {
-                // As bytes, so that no value of the library is a wrong one.
+                // Bytes instead of `bool`, so that any value from the library is valid.
                 let (mut event, mut is_over, mut is_early) = (0_u8, 0_u8, 0_u8);
                 let mut reached_s = at_s;
                 let _call = calling(&"DoStep");
-                // SAFETY: the instance is between two steps, and all four places live until the call is over.
+                // SAFETY: the instance is between two steps, and all four variables live until the call returns.
                 self.judge("DoStep", unsafe {
                     step(
                         self.handle,
@@ -269,9 +269,8 @@ impl Instance {
                 }
                 if is_early != 0 {
                     self.life.set(Life::Broken);
-                    return Err(
-                        self.failure("returned early from a step, which it was told not to do")
-                    );
+                    return Err(self
+                        .failure("returned early from a step although early return is disabled"));
                 }
             }
         }
@@ -280,7 +279,7 @@ impl Instance {
     }
 
     fn read(&mut self) -> Result<(), Failure> {
-        // SAFETY: the instance is initialised and nothing was set since its last step.
+        // SAFETY: the instance is initialised, and nothing was set since its last step.
         let got = unsafe { (self.outputs).get(&self.functions, self.handle, &mut self.signals) };
         self.accept(got)
     }
@@ -301,7 +300,7 @@ impl Instance {
         }
     }
 
-    /// Makes the failure of an answer that is no success, and notes what may still be called.
+    /// Creates the failure for an unsuccessful status, and records which calls are still permitted.
     fn refused(&self, function: &str, status: Status) -> Failure {
         let what = format!("answered {function} with {status}");
         let life = match status {
@@ -319,14 +318,14 @@ impl Instance {
         self.failure(&what)
     }
 
-    /// Checks whether a discarded step of FMI 2 was the model's end.
+    /// Returns `true` if a discarded step of FMI 2 was the end of the model.
     fn is_ended(&self) -> bool {
         let Own::Two { status, .. } = self.functions.own else {
             return false;
         };
         let mut is_ended = 0;
         let _call = calling(&"GetBooleanStatus");
-        // SAFETY: a step of the instance was discarded, when its status may be asked.
+        // SAFETY: a step was discarded, after which the status may be queried.
         let answer = unsafe { status(self.handle, TERMINATED, &raw mut is_ended) };
         float_modes::settle("GetBooleanStatus");
         Status::of(answer).is_done() && is_ended != 0
@@ -346,8 +345,8 @@ impl Instance {
 
 impl Drop for Instance {
     fn drop(&mut self) {
-        // SAFETY: an instance that steps may be terminated, and one that is not at a fatal end be freed; it is
-        // not used again. The answer of an instance that goes away is nobody's concern.
+        // SAFETY: an instance in stepping mode may be terminated, and one without a fatal error freed; it is not used
+        // again. The status of terminating is irrelevant.
         unsafe {
             if self.life.get() == Life::Stepping {
                 crash::excuse_end();
@@ -363,10 +362,10 @@ impl Drop for Instance {
     }
 }
 
-/// Checks that the steps of a run fit the FMU's own; `key` is the scenario's key of their rate.
+/// Checks that the period of a run fits the FMU's internal step; `key` is the scenario's key of the rate.
 ///
 /// # Errors
-/// If the FMU's own fixed step does not divide the period.
+/// If the period is not a multiple of the FMU's fixed step.
 pub(super) fn check_period(model: &Model, period_s: f64, key: &str) -> Result<(), Invalid> {
     let Some(own_s) = model.description.internal_step_s else {
         return Ok(());
@@ -378,6 +377,6 @@ pub(super) fn check_period(model: &Model, period_s: f64, key: &str) -> Result<()
     }
     let rate_hz = 1.0 / own_s;
     Err(Invalid(format!(
-        "the FMU moves in steps of {own_s} s, which do not fit the {period_s} s between two samples; {key} must be {rate_hz} divided by a whole number"
+        "the FMU's fixed step of {own_s} s does not divide the {period_s} s between two samples; {key} must be {rate_hz} divided by an integer"
     )))
 }

@@ -1,8 +1,8 @@
-//! Messages of an FMU: written to the log as they come, and the last one kept for the reason of an end.
+//! Messages of an FMU: each is written to the log, and the last one is retained as the reason of an end.
 //!
-//! The library calls back here, from any thread. A callback never panics, never calls the library and never
-//! believes that a pointer is one: a library that lost its environment, and some pass a constant, writes to the journal
-//! of the instance that was made last.
+//! The library may call back from any thread. A callback never panics, never calls the library and never trusts a
+//! pointer: for an invalid environment, and some libraries pass a constant, it uses the journal of the newest
+//! instance.
 
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
@@ -12,20 +12,20 @@ use shared_types::text;
 
 use super::status::Status;
 
-/// Most bytes of a message that is written or kept.
+/// Maximum length of a message, in bytes.
 const LONGEST: usize = 1024;
 
-/// Journals of the instances of this process, the newest last.
+/// Journals of the instances of this process, newest last.
 static JOURNALS: Mutex<Vec<Weak<Journal>>> = Mutex::new(Vec::new());
 
-/// Place that the messages of one instance come to.
+/// Receiver of the messages of one instance.
 #[derive(Debug, Default)]
 pub(super) struct Journal {
     last: Mutex<Option<String>>,
 }
 
 impl Journal {
-    /// Makes a journal that the callbacks find by its address.
+    /// Creates a journal that callbacks find by its address.
     pub(super) fn open() -> Arc<Self> {
         let journal = Arc::default();
         let mut journals = journals();
@@ -34,7 +34,7 @@ impl Journal {
         journal
     }
 
-    /// The journal at an address, else the newest one.
+    /// Returns the journal at an address, or else the newest one.
     fn at(address: *const c_void) -> Option<Arc<Self>> {
         let journals = journals();
         let is_here = |journal: &&Weak<Self>| journal.as_ptr().cast() == address;
@@ -42,7 +42,7 @@ impl Journal {
         here.or_else(|| journals.iter().rev().find_map(Weak::upgrade))
     }
 
-    /// The last message that told of something wrong.
+    /// Returns the last message about an error.
     pub(super) fn last(&self) -> Option<String> {
         let last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         last.clone()
@@ -64,15 +64,15 @@ fn journals() -> MutexGuard<'static, Vec<Weak<Journal>>> {
     JOURNALS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Text at a pointer of the library, cut to a bounded length.
+/// Reads a text of the library, truncated to the maximum length.
 ///
 /// # Safety
-/// The pointer is null, or leads to a text with a zero at its end.
+/// The pointer is null or refers to a zero-terminated text.
 unsafe fn read(pointer: *const c_char) -> String {
     if pointer.is_null() {
         return String::new();
     }
-    // SAFETY: not null, and the caller says that it is a text.
+    // SAFETY: not null, and the caller guarantees a text.
     let text = unsafe { CStr::from_ptr(pointer) };
     let bytes = text.to_bytes();
     String::from_utf8_lossy(&bytes[..bytes.len().min(LONGEST)]).into_owned()
@@ -81,30 +81,31 @@ unsafe fn read(pointer: *const c_char) -> String {
 /// Logger of FMI 3.
 ///
 /// # Safety
-/// `category` and `message` are texts or null.
+/// `category` and `message` are null or zero-terminated texts.
 pub(super) unsafe extern "C" fn log_three(
     environment: *mut c_void,
     status: c_int,
     category: *const c_char,
     message: *const c_char,
 ) {
-    // SAFETY: texts are the library's to keep sound.
+    // SAFETY: the library guarantees valid texts.
     unsafe { log(environment, status, category, message, None) }
 }
 
 /// Logger of FMI 2, whose type in C is variadic: `(void*, const char*, int, const char*, const char*, ...)`.
 ///
-/// Stable Rust can call a variadic function and not define one. This function takes the fixed arguments and
-/// leaves the others where they are, so a message with `%d` is shown with the mark. The first of the others stands
-/// where a sixth fixed argument stands, and is shown if the first mark is `%s`: many tools say everything that way.
-/// A caller that passes five leaves any number there, so it is an address only by that mark, and read by a system
-/// call that fails where nothing is. The function may be called as the variadic one: in the System V ABI of x86-64 (section 3.5.7) and in the procedure call standard of ARM for
-/// 64 bits (AAPCS64, section 6.8.2) named arguments of a variadic call are passed as those of any other, the
-/// caller takes back the stack, and what is passed besides (in `al`, the number of vector registers used) is
-/// of a register that every function may change.
+/// Stable Rust can call a variadic function but cannot define one. This function takes the fixed arguments and
+/// ignores the rest, so a message with `%d` is shown with the placeholder. The first variadic argument is in the
+/// position of a sixth fixed argument and is shown if the first placeholder is `%s`, which suffices for many tools.
+/// If the caller passes only five, that position contains an arbitrary number, so it is treated as an address only
+/// for that placeholder, and read by a system call that fails for invalid addresses. The function may be called as a
+/// variadic one: in the System V ABI of x86-64 (section 3.5.7) and in the procedure call standard of ARM for 64 bits
+/// (AAPCS64, section 6.8.2), named arguments of a variadic call are passed like those of any other, the caller cleans
+/// up the stack, and the additional information (in `al`, the number of vector registers used) is passed in a
+/// caller-saved register.
 ///
 /// # Safety
-/// As of [`log_three`].
+/// See [`log_three`].
 pub(super) unsafe extern "C" fn log_two(
     environment: *mut c_void,
     _instance: *const c_char,
@@ -118,7 +119,7 @@ pub(super) unsafe extern "C" fn log_two(
 }
 
 /// # Safety
-/// As of [`log_three`].
+/// See [`log_three`].
 unsafe fn log(
     environment: *mut c_void,
     status: c_int,
@@ -129,7 +130,7 @@ unsafe fn log(
     let Some(journal) = Journal::at(environment) else {
         return;
     };
-    // SAFETY: the caller says that they are texts.
+    // SAFETY: the caller guarantees texts.
     let (category, mut message) = unsafe { (read(category), read(message)) };
     if let Some(address) = first
         && let Some(at) = first_text_mark(&message)
@@ -140,7 +141,7 @@ unsafe fn log(
     journal.note(status, &category, &message);
 }
 
-/// Place of the first mark of a format, if that is `%s`.
+/// Finds the first placeholder of a format, if it is `%s`.
 fn first_text_mark(format: &str) -> Option<usize> {
     let mut from = 0;
     while let Some(at) = format[from..].find('%').map(|at| from + at) {
@@ -153,27 +154,28 @@ fn first_text_mark(format: &str) -> Option<usize> {
     None
 }
 
-/// The text at an address of this process, cut to a bounded length; `None` if there is none. The kernel reads it, so an
-/// address that is none is no crash.
+/// Reads the text at an address of this process, truncated to the maximum length; `None` if there is none. The kernel
+/// copies it, so an invalid address causes no crash.
 fn text_at(address: usize) -> Option<String> {
-    /// Size of the smallest page: what is readable ends where one does.
+    /// Smallest page size: readable memory ends at a page boundary.
     const PAGE: usize = 4096;
     let mut bytes = Vec::new();
     while bytes.len() < LONGEST {
         let at = address.checked_add(bytes.len())?;
         let mut part = [0_u8; PAGE];
         let count = (PAGE - at % PAGE).min(LONGEST - bytes.len());
-        let here = libc::iovec {
+        let local = libc::iovec {
             iov_base: part.as_mut_ptr().cast(),
             iov_len: count,
         };
-        let there = libc::iovec {
+        let remote = libc::iovec {
             iov_base: at as *mut c_void,
             iov_len: count,
         };
-        // SAFETY: the kernel writes `count` bytes at most to `part`, which has as many, and checks the other address.
+        // SAFETY: the kernel writes at most `count` bytes to `part`, which has that size, and checks the other
+        // address.
         let read = unsafe {
-            libc::process_vm_readv(libc::getpid(), &raw const here, 1, &raw const there, 1, 0)
+            libc::process_vm_readv(libc::getpid(), &raw const local, 1, &raw const remote, 1, 0)
         };
         if usize::try_from(read) != Ok(count) {
             return None;
@@ -195,11 +197,11 @@ mod tests {
 
     use super::*;
 
-    /// The message that a journal keeps of these arguments.
-    fn kept(format: &str, first: usize) -> String {
+    /// Returns the message that a journal retains for these arguments.
+    fn last_message(format: &str, first: usize) -> String {
         let journal = Journal::open();
         let format = CString::new(format).expect("text");
-        // SAFETY: texts, and a number that need not be an address.
+        // SAFETY: valid texts, and a number that need not be an address.
         unsafe {
             log_two(
                 Arc::as_ptr(&journal).cast_mut().cast(),
@@ -214,26 +216,29 @@ mod tests {
     }
 
     #[test]
-    fn a_message_by_its_first_text_argument_is_shown() {
+    fn the_first_text_argument_of_a_message_is_shown() {
         let text = CString::new("the solver gives up").expect("text");
         let address = text.as_ptr() as usize;
-        assert_eq!(kept("%s", address), "the solver gives up");
+        assert_eq!(last_message("%s", address), "the solver gives up");
         assert_eq!(
-            kept("at 100%%: %s after %d steps", address),
+            last_message("at 100%%: %s after %d steps", address),
             "at 100%%: the solver gives up after %d steps"
         );
-        // Only where the first argument is a text.
-        assert_eq!(kept("%d: %s", address), "%d: %s");
-        assert_eq!(kept("no mark", address), "no mark");
-        assert_eq!(kept("100%", address), "100%");
+        // Only if the first placeholder is a text.
+        assert_eq!(last_message("%d: %s", address), "%d: %s");
+        assert_eq!(last_message("no mark", address), "no mark");
+        assert_eq!(last_message("100%", address), "100%");
         let long = CString::new("x".repeat(3 * LONGEST)).expect("text");
-        assert_eq!(kept("%s", long.as_ptr() as usize), "x".repeat(LONGEST));
+        assert_eq!(
+            last_message("%s", long.as_ptr() as usize),
+            "x".repeat(LONGEST)
+        );
     }
 
     #[test]
-    fn an_address_where_nothing_is_leaves_the_mark_and_is_no_crash() {
+    fn an_invalid_address_leaves_the_placeholder_without_a_crash() {
         for address in [0, 1, usize::MAX, usize::MAX - 4095, 1 << 63] {
-            assert_eq!(kept("%s", address), "%s");
+            assert_eq!(last_message("%s", address), "%s");
         }
     }
 }

@@ -1,8 +1,8 @@
 //! The shared library of an FMU and its functions, looked up by name.
 //!
-//! Whatever the library does, it does in this process: it may crash it, end it or never return. This module
-//! makes sure of what it can: that every function that will be called is there, and is of the version that
-//! the model description tells.
+//! The library runs in this process: it may crash it, exit or never return. This module checks as much as possible in
+//! advance: that every function that will be called exists, and that the library has the version that the model
+//! description declares.
 
 use std::collections::BTreeMap;
 use std::ffi::{CStr, c_char, c_int, c_void};
@@ -19,22 +19,22 @@ use crate::float_modes;
 mod elf;
 pub(super) mod host;
 
-/// Instance of an FMU, or a state of one, as its library knows it.
+/// Handle of an instance, or of a saved state, in the library.
 pub(super) type Handle = *mut c_void;
 
-/// A library cannot be used.
+/// Error of loading a library.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LibraryError {
-    /// Failure of loading the library.
+    /// The library cannot be loaded.
     #[error("its library cannot be loaded: {0}")]
     Load(String),
     /// A function is missing.
     #[error("its library has no function `{0}`")]
     Missing(String),
-    /// Library of another version than the model description.
+    /// The versions of library and model description differ.
     #[error("its library is of FMI {library}, its model description of {description}")]
     Version {
-        /// Version that the library tells.
+        /// Version that the library reports.
         library: String,
         /// Version of the description.
         description: Version,
@@ -51,11 +51,11 @@ pub(super) type Deserialize = unsafe extern "C" fn(Handle, *const u8, usize, *mu
 
 type GetVersion = unsafe extern "C" fn() -> *const c_char;
 
-/// `fmi2GetXXX`: instance, references, their number, values.
+/// `fmi2GetXXX`: instance, value references, their number, values.
 pub(super) type GetTwo = unsafe extern "C" fn(Handle, *const u32, usize, *mut c_void) -> c_int;
 /// `fmi2SetXXX`.
 pub(super) type SetTwo = unsafe extern "C" fn(Handle, *const u32, usize, *const c_void) -> c_int;
-/// `fmi3GetXXX`: as that of FMI 2, and the number of values.
+/// `fmi3GetXXX`: as in FMI 2, followed by the number of values.
 pub(super) type GetThree =
     unsafe extern "C" fn(Handle, *const u32, usize, *mut c_void, usize) -> c_int;
 /// `fmi3SetXXX`.
@@ -69,7 +69,7 @@ pub(super) enum Access {
     Three(GetThree, SetThree),
 }
 
-/// Callbacks that FMI 2 takes as one struct; its pointer must stay valid while the instance lives.
+/// Callbacks that FMI 2 passes as one struct; its pointer must stay valid while the instance lives.
 #[repr(C)]
 pub(super) struct CallbacksTwo {
     pub(super) logger: unsafe extern "C" fn(
@@ -122,7 +122,7 @@ pub(super) type StepThree =
 pub(super) type LoggingThree =
     unsafe extern "C" fn(Handle, bool, usize, *const *const c_char) -> c_int;
 
-/// Functions that differ between the versions.
+/// Functions that differ between the versions of the standard.
 #[derive(Debug)]
 pub(super) enum Own {
     Two {
@@ -131,7 +131,7 @@ pub(super) enum Own {
         enter: OnInstance,
         step: StepTwo,
         logging: LoggingTwo,
-        /// Tells whether a discarded step was the model's end.
+        /// Queries whether a discarded step was the end of the model.
         status: StatusTwo,
     },
     Three {
@@ -142,7 +142,7 @@ pub(super) enum Own {
     },
 }
 
-/// Functions of a state that can be saved.
+/// Functions for saving and restoring the state.
 #[derive(Debug)]
 pub(super) struct StateFunctions {
     pub(super) get: OnStatePlace,
@@ -153,18 +153,18 @@ pub(super) struct StateFunctions {
     pub(super) deserialize: Deserialize,
 }
 
-/// Uses of a library that not every run has.
+/// Optional capabilities that a run uses.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Uses {
     /// States are saved.
     pub(super) state: bool,
-    /// The library needs the tool that it was made with.
+    /// The library needs the tool that generated it.
     pub(super) tool: bool,
     /// Structural parameters are set.
     pub(super) configuration: bool,
 }
 
-/// Every function of a library that is called.
+/// Functions of a library that are called.
 #[derive(Debug)]
 pub(super) struct Functions {
     pub(super) own: Own,
@@ -172,29 +172,29 @@ pub(super) struct Functions {
     pub(super) terminate: OnInstance,
     pub(super) free: FreeInstance,
     pub(super) state: Option<StateFunctions>,
-    /// Begin and end of the configuration, in which structural parameters are set.
+    /// Entry and exit of configuration mode, in which structural parameters are set.
     pub(super) configuration: Option<[OnInstance; 2]>,
     pub(super) access: BTreeMap<VariableType, Access>,
 }
 
 impl Functions {
-    /// Loads a library, for variables of these types. It is never closed: a thread that it left running
-    /// would go on in memory that is gone. The symbols of one that needs its tool are for all that it loads.
+    /// Loads a library, for variables of these types. It is never unloaded, because a thread that it started could
+    /// still be running. If it needs its tool, its symbols become available to all libraries that it loads.
     ///
     /// # Errors
-    /// If it cannot be loaded, is of another version or lacks a function.
+    /// If it cannot be loaded, has another version or lacks a function.
     pub(super) fn load(
         path: &Path,
         version: Version,
         kinds: &[VariableType],
         uses: &Uses,
     ) -> Result<Self, LibraryError> {
-        // Constructors of the library run as it is loaded.
+        // Constructors of the library run during loading.
         crash::install(&"");
         let call = calling(&"dlopen");
         let library = host::load(path, uses.tool);
         drop(call);
-        // A library that was linked with -ffast-math sets flush-to-zero as it is loaded.
+        // A library linked with -ffast-math enables flush-to-zero during loading.
         float_modes::settle("dlopen");
         let library = library?;
         let library = ManuallyDrop::new(library);
@@ -207,7 +207,7 @@ impl Functions {
             version,
         };
         find.check_version()?;
-        // SAFETY: each name stands with the type that the headers of its version give it.
+        // SAFETY: each name has the type that the headers of its version declare.
         let functions = unsafe {
             Self {
                 own: find.own()?,
@@ -235,26 +235,26 @@ impl Functions {
     }
 }
 
-/// A library and the version that the names of its functions begin with.
+/// Library, with the version that prefixes the names of its functions.
 struct Find<'a> {
     library: &'a Library,
     version: Version,
 }
 
 impl Find<'_> {
-    /// A function by the name that it has without the version in front.
+    /// Looks up a function by its name without the version prefix.
     ///
     /// # Safety
-    /// `T` must be the type that the function has in C.
+    /// `T` must be the function's C type.
     unsafe fn function<T: Copy>(&self, name: &str) -> Result<T, LibraryError> {
         let number = match self.version {
             Version::Two => 2,
             Version::Three => 3,
         };
         let full = format!("fmi{number}{name}\0");
-        // SAFETY: as the caller says.
-        let found = unsafe { self.library.get::<T>(full.as_bytes()) };
-        match found {
+        // SAFETY: guaranteed by the caller.
+        let symbol = unsafe { self.library.get::<T>(full.as_bytes()) };
+        match symbol {
             Ok(symbol) if !symbol.clone().into_raw().is_null() => Ok(*symbol),
             _ => Err(LibraryError::Missing(full.trim_end_matches('\0').into())),
         }
@@ -262,17 +262,17 @@ impl Find<'_> {
 
     fn check_version(&self) -> Result<(), LibraryError> {
         // SAFETY: `const char* fmiXGetVersion(void)` in both versions.
-        let told = unsafe {
+        let version_text = unsafe {
             let version: GetVersion = self.function("GetVersion")?;
             let _call = calling(&"GetVersion");
             version()
         };
         float_modes::settle("GetVersion");
-        let library = if told.is_null() {
+        let library = if version_text.is_null() {
             String::new()
         } else {
             // SAFETY: not null, and a text of the library.
-            text::line(&unsafe { CStr::from_ptr(told) }.to_string_lossy())
+            text::line(&unsafe { CStr::from_ptr(version_text) }.to_string_lossy())
         };
         let expected = match self.version {
             Version::Two => "2.0",
@@ -288,7 +288,7 @@ impl Find<'_> {
     }
 
     /// # Safety
-    /// None of its own: the types are those of the headers.
+    /// None required from the caller: the types are those of the headers.
     unsafe fn own(&self) -> Result<Own, LibraryError> {
         // SAFETY: the types are those of fmi2FunctionTypes.h and fmi3FunctionTypes.h.
         unsafe {
@@ -312,13 +312,13 @@ impl Find<'_> {
     }
 
     /// # Safety
-    /// As of [`own`](Self::own).
+    /// See [`own`](Self::own).
     unsafe fn state(&self) -> Result<StateFunctions, LibraryError> {
         let (state, de) = match self.version {
             Version::Two => ("state", "DeSerialize"),
             Version::Three => ("State", "Deserialize"),
         };
-        // SAFETY: the types are those of the headers, where both versions agree but for the names.
+        // SAFETY: the types are those of the headers; both versions differ only in the names.
         unsafe {
             Ok(StateFunctions {
                 get: self.function(&format!("GetFMU{state}"))?,
@@ -332,13 +332,13 @@ impl Find<'_> {
     }
 
     /// # Safety
-    /// As of [`own`](Self::own).
+    /// See [`own`](Self::own).
     unsafe fn access(&self, kind: VariableType) -> Result<Access, LibraryError> {
         let names = access_names(self.version, kind);
         let Some([get, set]) = names else {
             return Err(LibraryError::Missing(format!("for a {}", kind.name())));
         };
-        // SAFETY: as the headers have them; a pointer to values of any type is passed as any other.
+        // SAFETY: as in the headers; a pointer to values of any type is passed like any other.
         unsafe {
             Ok(match self.version {
                 Version::Two => Access::Two(self.function(get)?, self.function(set)?),
@@ -348,7 +348,7 @@ impl Find<'_> {
     }
 }
 
-/// Names of the functions that read and write variables of a type, without the version in front.
+/// Returns the names of the functions that read and write variables of a type, without the version prefix.
 pub(super) fn access_names(
     version: Version,
     kind: VariableType,

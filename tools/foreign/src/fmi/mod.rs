@@ -1,15 +1,15 @@
-//! FMUs of FMI 2.0 and 3.0 for co-simulation, as plants and as controllers.
+//! FMUs for co-simulation, of FMI 2.0 and 3.0, as plants and as controllers.
 //!
-//! 1. [`archive`] is the file, read without trust; [`description`] is what the model says of itself.
-//! 2. [`tables`] makes signals and parameters of its variables. So far nothing was unpacked or run, and
-//!    `--describe` needs no more.
-//! 3. `library` loads the shared library, which was unpacked into a [private folder](PrivateFolder); `instance` calls
-//!    its functions in the order of the standard, `values` carries rows to its types, `journal` takes its
+//! 1. [`archive`] reads the file without trust; [`description`] is the model description.
+//! 2. [`tables`] maps its variables to signals and parameters. Up to here nothing is unpacked or run, which suffices
+//!    for `--describe`.
+//! 3. `library` loads the shared library, unpacked into a [private folder](PrivateFolder); `instance` calls its
+//!    functions in the order of the standard, `values` converts rows to its types, and `journal` receives its
 //!    messages.
-//! 4. [`sides`] makes a plant and a law of it, for the program `hil-fmu`.
+//! 4. [`sides`] turns the FMU into a plant or a law for the program `hil-fmu`.
 //!
-//! An FMU is native code of somebody else. It runs in a process of its own, so that a crash is the loss of one
-//! side with a name; nothing here keeps it from doing what any program of this user can do.
+//! An FMU is third-party native code. It runs in its own process, so that a crash is reported as the loss of that
+//! side; it is not restricted beyond the rights of the user.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -38,16 +38,16 @@ mod values;
 
 /// Name of the model description in an archive.
 const DESCRIPTION: &str = "modelDescription.xml";
-/// Most bytes of a model description: those of large vehicles have some 30 MB.
+/// Maximum size of a model description in bytes; those of large vehicles have about 30 MB.
 const LONGEST_DESCRIPTION: u64 = 64 << 20;
 
-/// An FMU cannot be used.
+/// Error of using an FMU.
 #[derive(Debug, thiserror::Error)]
 pub enum FmuError {
-    /// The archive.
+    /// The archive is invalid.
     #[error(transparent)]
     Archive(#[from] ArchiveError),
-    /// The model description.
+    /// The model description is invalid.
     #[error(transparent)]
     Description(#[from] DescriptionError),
     /// There is no library for this machine.
@@ -55,29 +55,29 @@ pub enum FmuError {
     Platform {
         /// Folder of this machine's libraries.
         platform: &'static str,
-        /// Name that the library must have.
+        /// Required name of the library.
         name: String,
-        /// Libraries that are there, in a sentence.
+        /// Description of the existing libraries.
         there: String,
     },
-    /// Refused unless the user permits it.
+    /// Requires the user's permission.
     #[error(
-        "{reason}; `{key} = true` in the scenario runs it all the same, and --{} describes it",
+        "{reason}; `{key} = true` in the scenario runs it nevertheless, and --{} describes it",
         flag(key)
     )]
     Forbidden {
-        /// Reason.
+        /// Reason of the refusal.
         reason: String,
-        /// Key of the scenario.
+        /// Key of the permission in the scenario.
         key: &'static str,
     },
-    /// The shared library.
+    /// The shared library cannot be used.
     #[error(transparent)]
     Library(#[from] LibraryError),
-    /// The variables cannot have names, or the parameters do not go together.
+    /// The variables have conflicting names, or the parameters are inconsistent.
     #[error("{0}")]
     Invalid(String),
-    /// There is no place to unpack into.
+    /// The folder for unpacking cannot be created.
     #[error("cannot make a folder to unpack into: {0}")]
     Place(std::io::Error),
 }
@@ -88,20 +88,20 @@ impl From<Invalid> for FmuError {
     }
 }
 
-/// The flag of `hil describe` for a key of the scenario.
+/// Returns the flag of `hil describe` that corresponds to a key of the scenario.
 fn flag(key: &str) -> String {
     let name = key.split_once('.').map_or(key, |(_, name)| name);
     name.replace('_', "-")
 }
 
-/// Permissions that the user gives to an FMU.
+/// Permissions of an FMU.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Permissions {
     /// Permission to unpack to many times the archive's size.
     pub trust_archive: bool,
-    /// Permission to use the tool that it says it needs.
+    /// Permission to use the tool that the FMU declares to need.
     pub allow_execution_tool: bool,
-    /// True if they are those of the controller, not of the plant.
+    /// Set for a controller, clear for a plant.
     pub is_of_controller: bool,
 }
 
@@ -126,18 +126,18 @@ impl Permissions {
 pub struct Model {
     /// The description as the FMU has it.
     pub description: ModelDescription,
-    /// Signals and parameters made of it.
+    /// Signals and parameters derived from it.
     pub tables: Tables,
-    /// Start of its instances.
+    /// Start settings of its instances.
     start: Start,
 }
 
 impl Model {
-    /// The model of a description, with the inner signals whose names match a pattern, whose instances start with
+    /// Builds the model of a description, including the local signals that match a pattern; its instances start with
     /// these settings.
     ///
     /// # Errors
-    /// If two names cannot be told apart, a pattern matches none or a setting does not fit.
+    /// If two names conflict, a pattern matches nothing, or a setting is invalid.
     pub fn of(
         description: ModelDescription,
         patterns: &[Pattern],
@@ -150,7 +150,7 @@ impl Model {
         })
     }
 
-    /// Checks that a run of this length ends before the stop time that its scenario gives.
+    /// Checks that a run of this length ends before the stop time of the scenario.
     ///
     /// # Errors
     /// If the run is longer.
@@ -159,7 +159,7 @@ impl Model {
     }
 }
 
-/// An FMU, described; unpacked and loaded when the first instance is made.
+/// FMU with its description; unpacked and loaded when the first instance is created.
 #[derive(Debug)]
 pub struct Fmu {
     path: PathBuf,
@@ -168,21 +168,21 @@ pub struct Fmu {
     loaded: OnceLock<Loaded>,
 }
 
-/// An FMU's library in the memory of this process, and the folder that it came from.
+/// Loaded library of an FMU, with the folder that contains it.
 #[derive(Debug)]
 struct Loaded {
     functions: Arc<Functions>,
     resources: PathBuf,
-    // Removed with the process; files of it may be read at any time.
+    // Removed at the end of the process, because its files may be read at any time.
     _unpacked: PrivateFolder,
 }
 
 impl Fmu {
-    /// Reads the archive and the model description at a path; runs nothing of it. Inner signals whose names match
-    /// a pattern are part of the truth, and instances start with these settings.
+    /// Reads the archive and the model description; runs no code of the FMU. Local signals that match a pattern
+    /// become part of the truth, and instances start with these settings.
     ///
     /// # Errors
-    /// If it is no FMU that can be run here.
+    /// If the file is not an FMU that can be run here.
     pub fn open(
         path: &Path,
         patterns: &[Pattern],
@@ -205,7 +205,7 @@ impl Fmu {
                 "controller.allow_execution_tool",
             ];
             return Err(FmuError::Forbidden {
-                reason: "it says that it needs the tool that it was made with (needsExecutionTool)"
+                reason: "it declares that it needs the tool that generated it (needsExecutionTool)"
                     .into(),
                 key: permissions.key(keys),
             });
@@ -219,7 +219,7 @@ impl Fmu {
         })
     }
 
-    /// Description and tables.
+    /// Returns the description and tables.
     #[must_use]
     pub fn model(&self) -> &Arc<Model> {
         &self.model
@@ -234,7 +234,7 @@ impl Fmu {
         Ok(self.loaded.get_or_init(|| loaded))
     }
 
-    /// Loads the library to say what it needs and what of it this machine does not have.
+    /// Loads the library to list its dependencies and the missing ones.
     ///
     /// # Errors
     /// If it cannot be unpacked.
@@ -245,7 +245,7 @@ impl Fmu {
         Ok(library::host::needs(&library, description.needs_tool))
     }
 
-    /// Unpacks the libraries of this machine and the resources.
+    /// Unpacks this machine's libraries and the resources.
     fn unpack(&self) -> Result<PrivateFolder, FmuError> {
         let unpacked = PrivateFolder::create("fmu").map_err(FmuError::Place)?;
         let mut archive = Archive::open(&self.path, self.permissions.limits())?;
@@ -264,7 +264,7 @@ impl Fmu {
         let unpacked = self.unpack()?;
         let library = library_name(description);
         let resources = unpacked.folder().join("resources");
-        // Asked for by the standard also where the archive has none.
+        // The standard requires the folder even if the archive has none.
         std::fs::create_dir_all(&resources).map_err(FmuError::Place)?;
         let columns: [&[_]; 6] = [
             &tables.parameters,
@@ -296,15 +296,16 @@ impl Fmu {
     }
 }
 
-/// Marks this process as one that only tries an FMU: a crash in freeing an instance that did no step is then no failure.
+/// Marks this process as one that only tries an FMU: a crash while freeing an instance without a step is no failure
+/// then.
 pub fn begin_trial() {
     crate::crash::begin_trial();
 }
 
-/// Ends this process without what the libraries in it do at an exit: an interpreter that an FMU brought along takes
-/// itself apart there while its extensions still use it, which ends a complete run as a crash.
+/// Ends this process without running exit handlers: an interpreter embedded in an FMU would tear itself down there
+/// while its extensions still use it, so that a complete run would end in a crash.
 pub fn leave(code: u8) -> ! {
-    // SAFETY: writes out what the C library holds of all streams, and ends the process.
+    // SAFETY: flushes all streams of the C library and ends the process.
     unsafe {
         libc::fflush(std::ptr::null_mut());
         libc::_exit(code.into())
@@ -338,7 +339,7 @@ fn check_platform(
         name.strip_prefix("sources/")
             .is_some_and(|name| name.ends_with(".c"))
     });
-    let there = if !beside.is_empty() {
+    let existing = if !beside.is_empty() {
         let beside = beside.join(", ");
         format!("{platform} has {beside}, and the name must be modelIdentifier's")
     } else if has_sources {
@@ -352,6 +353,6 @@ fn check_platform(
     Err(FmuError::Platform {
         platform,
         name: format!("{}.so", description.identifier),
-        there,
+        there: existing,
     })
 }

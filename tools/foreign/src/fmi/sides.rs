@@ -1,7 +1,7 @@
-//! An FMU as a plant and as a law.
+//! An FMU as a plant or as a law.
 //!
-//! As a plant its inputs are the commands, its outputs are measured and truth, and inner signals are truth if they
-//! were asked for. As a law its inputs are measured and reference signals, and its outputs are the commands.
+//! For a plant, inputs are the commands, outputs are measured and truth signals, and requested local signals are
+//! truth. For a law, inputs are measured and reference signals, and outputs are the commands.
 
 use std::sync::Arc;
 
@@ -18,10 +18,10 @@ use super::instance::{Instance, check_period};
 use super::tables::{Column, reference_name};
 use super::{Fmu, FmuError, Model};
 
-/// The plant that an FMU is.
+/// Creates the plant of an FMU.
 ///
 /// # Errors
-/// If its variables do not make sound tables.
+/// If its variables do not form valid tables.
 pub fn plant(fmu: &Arc<Fmu>) -> Result<PlantKind, FmuError> {
     let described = plant_description(fmu.model());
     let fmu = Arc::clone(fmu);
@@ -31,7 +31,7 @@ pub fn plant(fmu: &Arc<Fmu>) -> Result<PlantKind, FmuError> {
     Ok(kind?)
 }
 
-/// Tables of a model as a plant.
+/// Builds the tables of a model as a plant.
 #[must_use]
 pub fn plant_description(model: &Model) -> PlantDescription {
     let Model {
@@ -52,10 +52,10 @@ pub fn plant_description(model: &Model) -> PlantDescription {
     }
 }
 
-/// The law that an FMU is.
+/// Creates the law of an FMU.
 ///
 /// # Errors
-/// If its variables do not make sound tables.
+/// If its variables do not form valid tables.
 pub fn law(fmu: &Arc<Fmu>) -> Result<LawKind, FmuError> {
     let described = law_description(fmu.model());
     let fmu = Arc::clone(fmu);
@@ -75,7 +75,7 @@ pub fn law(fmu: &Arc<Fmu>) -> Result<LawKind, FmuError> {
     Ok(kind?)
 }
 
-/// Tables of a model as a law.
+/// Builds the tables of a model as a law.
 #[must_use]
 pub fn law_description(model: &Model) -> LawDescription {
     let Model {
@@ -98,7 +98,7 @@ pub fn law_description(model: &Model) -> LawDescription {
         internals: fields(&tables.locals).iter().map(free).collect(),
         saves: description.saves,
         tuning: match is_tunable {
-            true => "The FMU takes the values before its next step; its own equations say what the command does.".into(),
+            true => "The FMU applies the values before its next step; its own equations determine the command.".into(),
             false => String::new(),
         },
     }
@@ -132,7 +132,7 @@ fn fields(columns: &[Column]) -> Vec<Field> {
     columns.iter().map(|column| column.field.clone()).collect()
 }
 
-/// A signal that is refused for no value.
+/// Returns a signal without range limits.
 fn free(field: &Field) -> Field {
     Field {
         min: f64::NEG_INFINITY,
@@ -141,7 +141,7 @@ fn free(field: &Field) -> Field {
     }
 }
 
-/// A parameter of a law, which no fault moves.
+/// Returns a parameter of a law, which faults cannot change.
 fn of_law(field: &Field) -> Field {
     Field {
         faultable: false,
@@ -150,7 +150,7 @@ fn of_law(field: &Field) -> Field {
     }
 }
 
-/// An FMU as a plant.
+/// FMU as a plant.
 struct FmuPlant(Instance);
 
 impl PlantModel for FmuPlant {
@@ -186,10 +186,10 @@ impl PlantModel for FmuPlant {
     }
 }
 
-/// An FMU as a law. The sample of a step is set, one period is done, and the command is read.
+/// FMU as a law. The sample of a step is set, one period is executed, and the command is read.
 struct FmuLaw {
     instance: Instance,
-    /// For each input whether it is a reference signal.
+    /// For each input, `true` if it is a reference signal.
     is_reference: Vec<bool>,
     inputs: Vec<f64>,
     commands: usize,
@@ -197,12 +197,13 @@ struct FmuLaw {
     clock: Clock,
 }
 
-/// Time of the FMU in a law: it begins at 0 with the first sample, which is later where a controller takes over.
+/// Clock of the FMU in a law: it starts at 0 with the first sample, which comes later for a controller that takes
+/// over.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Clock {
-    /// Simulated time of the first sample in s.
+    /// Simulated time of the first sample, in s.
     first_s: Option<f64>,
-    /// Time up to which the FMU was stepped in s, in its own time.
+    /// Time that the FMU has reached, in s of its own clock.
     reached_s: f64,
 }
 
@@ -223,7 +224,7 @@ impl Law for FmuLaw {
             *input = next.copied().unwrap_or_default();
         }
         let at_s = sample.time_s - *self.clock.first_s.get_or_insert(sample.time_s);
-        // In real time samples may be left out: an FMU moves in equal steps, so it makes up for them.
+        // In real time samples may be skipped; the FMU has a fixed step and catches up.
         while at_s - self.clock.reached_s > 0.5 * self.period_s {
             self.advance(self.clock.reached_s)?;
         }

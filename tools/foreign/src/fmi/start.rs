@@ -1,7 +1,7 @@
-//! Start of an instance: what the scenario sets before or at its initialisation besides the parameters.
+//! Start of an instance: settings of the scenario that apply before or during initialisation, other than parameters.
 //!
-//! Names are those of the FMU or those they have here. A variable may be set where the standard allows it: an input, or
-//! one whose `initial` is `exact` or `approx`.
+//! Names may be those of the FMU or the corresponding names here. A variable may be set where the standard allows it:
+//! inputs, and variables whose `initial` is `exact` or `approx`.
 
 use std::collections::BTreeMap;
 use std::ffi::CString;
@@ -15,27 +15,27 @@ use shared_types::table::{Field, listed, nearest};
 use super::description::{Causality, Initial, ModelDescription, Variable, VariableType};
 use super::tables::Column;
 
-/// Most names that a message lists.
+/// Maximum number of names that a message lists.
 const MOST_LISTED: usize = 12;
-/// Part of a length by which it may pass the stop time, which is rounding alone.
+/// Relative excess over the stop time that counts as rounding.
 const ROUNDING: f64 = 1e-6;
 
-/// Start of an instance, checked against the model.
+/// Start settings, checked against the model.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Start {
     pub(super) tolerance: Option<f64>,
-    /// Time at step 0 in s.
+    /// Time at step 0, in s.
     pub(super) time_s: f64,
     pub(super) stop_s: Option<f64>,
     /// Structural parameters.
     pub(super) structural: Preset,
     /// Initial values.
     pub(super) initial: Preset,
-    /// Texts by value reference.
+    /// Texts, by value reference.
     pub(super) texts: Vec<(u32, CString)>,
 }
 
-/// Columns with the values that they are set to.
+/// Columns with the values to set.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Preset {
     pub(super) columns: Vec<Column>,
@@ -54,10 +54,10 @@ impl Preset {
 }
 
 impl Start {
-    /// The start that these settings ask for; times and tolerance are else those of the model's default experiment.
+    /// Builds the start from these settings; times and tolerance default to those of the model's default experiment.
     ///
     /// # Errors
-    /// If a name is unknown, a variable may not be set or a value is not one of it.
+    /// If a name is unknown, a variable may not be set, or a value is invalid.
     pub(super) fn of(model: &ModelDescription, settings: &ModelSettings) -> Result<Self, Invalid> {
         let time_s = settings.start_time_s.or(model.experiment.start_s);
         let time_s = time_s.unwrap_or(0.0);
@@ -76,7 +76,7 @@ impl Start {
         })
     }
 
-    /// Checks that a run ends before the time that the FMU is told to be its last.
+    /// Checks that a run ends before the stop time passed to the FMU.
     ///
     /// # Errors
     /// If the run is longer.
@@ -84,14 +84,14 @@ impl Start {
         match self.stop_passed_by(self.time_s, length_s) {
             None => Ok(()),
             Some(stop_s) => Err(Invalid(format!(
-                "`stop_time_s` is {stop_s}, and a run of {length_s} s from the start at {} goes on to {}",
+                "`stop_time_s` is {stop_s}, but a run of {length_s} s from the start at {} lasts until {}",
                 self.time_s,
                 self.time_s + length_s
             ))),
         }
     }
 
-    /// Checks the same of a step: a law is not told how long its run is.
+    /// Checks the same for a step, since a law does not know the length of its run.
     ///
     /// # Errors
     /// If the step would end later.
@@ -99,19 +99,19 @@ impl Start {
         match self.stop_passed_by(at_s, length_s) {
             None => Ok(()),
             Some(stop_s) => Err(Failure::lost(format!(
-                "`stop_time_s` is {stop_s}, and the step of {length_s} s from {at_s} would pass it"
+                "`stop_time_s` is {stop_s}, but the step of {length_s} s from {at_s} would exceed it"
             ))),
         }
     }
 
-    /// The stop time, if this interval ends after it.
+    /// Returns the stop time, if this interval ends after it.
     fn stop_passed_by(&self, at_s: f64, length_s: f64) -> Option<f64> {
         let is_passed = |stop_s: &f64| at_s + length_s > stop_s + ROUNDING * length_s;
         self.stop_s.filter(is_passed)
     }
 }
 
-/// Names of the variables whose initial values can be set, besides the inputs.
+/// Iterates over the variables other than inputs whose initial values can be set.
 pub(super) fn with_initial_value(model: &ModelDescription) -> impl Iterator<Item = &Variable> {
     let all = model.variables.iter();
     all.filter(|one| one.kind.range().is_some() && may_be_set(one).is_ok() && !is_input(one))
@@ -122,7 +122,7 @@ fn is_input(variable: &Variable) -> bool {
 }
 
 /// # Errors
-/// If the variable has no initial value of its own; the text is the reason.
+/// If the variable has no settable initial value; the text is the reason.
 fn may_be_set(variable: &Variable) -> Result<(), &'static str> {
     if variable.unusable.is_some() {
         return Err("cannot be read from the model description");
@@ -144,7 +144,7 @@ fn may_be_set(variable: &Variable) -> Result<(), &'static str> {
     }
 }
 
-/// Structural parameters, whose names and values were checked when the model was read.
+/// Builds the preset of structural parameters, whose names and values were checked when the description was read.
 fn structural(model: &ModelDescription, given: &BTreeMap<String, u64>) -> Preset {
     let mut preset = Preset::default();
     for (place, variable) in model.variables.iter().enumerate() {
@@ -178,7 +178,7 @@ fn initial(model: &ModelDescription, given: &BTreeMap<String, f64>) -> Result<Pr
                 let before = values.insert(key, (name.clone(), number));
                 if let Some((other, before)) = before.filter(|(_, before)| *before != number) {
                     return Err(Invalid(format!(
-                        "`initial.{other}` is {before} and `initial.{name}` is {number}, but both are names of one variable"
+                        "`initial.{other}` is {before} and `initial.{name}` is {number}, but both name the same variable"
                     )));
                 }
                 *value = Some(number);
@@ -221,7 +221,7 @@ fn check_value(variable: &Variable, name: &str, value: f64) -> Result<(), Invali
     if !is_item || (!variable.kind.is_float() && value.fract() != 0.0) {
         let kind = variable.kind.name();
         return Err(Invalid(format!(
-            "`initial.{name}` is {value}, which is no value of its type, {kind}"
+            "`initial.{name}` is {value}, which is not a value of its type, {kind}"
         )));
     }
     Ok(())
@@ -253,7 +253,7 @@ fn texts(
         };
         if !is_settable_text(variable) {
             return Err(Invalid(format!(
-                "`{key}.{name}`: it is no parameter or input, and its `initial` is neither exact nor approx"
+                "`{key}.{name}`: it is neither a parameter nor an input, and its `initial` is neither exact nor approx"
             )));
         }
         if !variable.dimensions.is_empty() {
@@ -261,23 +261,23 @@ fn texts(
         }
         if key == "files" && !Path::new(text).exists() {
             return Err(Invalid(format!(
-                "`files.{name}` is {text}, which is not there (a path in a scenario begins at its folder)"
+                "`files.{name}` is {text}, which does not exist (paths in a scenario are relative to its folder)"
             )));
         }
         let other = before.insert(variable.reference, (key, name, text));
         if let Some((other_key, other, value)) = other.filter(|(.., value)| value != text) {
             return Err(Invalid(format!(
-                "`{other_key}.{other}` is {value:?} and `{key}.{name}` is {text:?}, but both are names of one variable"
+                "`{other_key}.{other}` is {value:?} and `{key}.{name}` is {text:?}, but both name the same variable"
             )));
         }
         let bytes = CString::new(text.as_str());
-        let bytes = bytes.map_err(|_| Invalid(format!("`{key}.{name}` has a zero in it")))?;
+        let bytes = bytes.map_err(|_| Invalid(format!("`{key}.{name}` contains a zero byte")))?;
         texts.push((variable.reference, bytes));
     }
     Ok(texts)
 }
 
-/// Returns `true` if a text can be set.
+/// Returns `true` if the text can be set.
 pub(super) fn is_settable_text(variable: &Variable) -> bool {
     variable.causality == Causality::Parameter && !variable.is_constant
         || may_be_set(variable).is_ok()
@@ -286,12 +286,12 @@ pub(super) fn is_settable_text(variable: &Variable) -> bool {
 fn unknown(key: &str, name: &str, known: &[&str]) -> Invalid {
     let near = nearest(name, known.iter().copied());
     let advice = match known.len() {
-        0 => "; there is none that can be set".to_owned(),
+        0 => "; none can be set".to_owned(),
         _ if !near.is_empty() => format!("; nearest: {}", listed(&near)),
         count if count <= MOST_LISTED => format!("; there are {}", listed(known)),
         _ => "; `hil describe` lists them".to_owned(),
     };
     Invalid(format!(
-        "`{key}.{name}` names no variable of the FMU{advice}"
+        "`{key}.{name}` is not a variable of the FMU{advice}"
     ))
 }

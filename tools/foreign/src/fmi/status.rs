@@ -1,22 +1,22 @@
-//! Answers of an FMU's functions, the same numbers in FMI 2 and 3.
+//! Status codes of an FMU's functions, with the same numbers in FMI 2 and 3.
 
 use std::ffi::c_int;
 use std::fmt;
 
-/// Answer of a function.
+/// Status returned by a function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Status {
     Ok,
     Warning,
-    /// The step was not done, or not to its end.
+    /// The step was not executed, or only partially.
     Discard,
-    /// The instance cannot go on.
+    /// The instance cannot continue.
     Error,
-    /// No instance of the library can go on, and none of its functions may be called.
+    /// No instance of the library can continue, and no function may be called.
     Fatal,
-    /// FMI 2: the step is still being done.
+    /// FMI 2: the step is still in progress.
     Pending,
-    /// A number that the standard does not have.
+    /// Number that the standard does not define.
     Unknown(c_int),
 }
 
@@ -33,7 +33,7 @@ impl Status {
         }
     }
 
-    /// Checks that the function did its work.
+    /// Returns `true` if the function succeeded.
     pub(super) const fn is_done(self) -> bool {
         matches!(self, Self::Ok | Self::Warning)
     }

@@ -1,7 +1,8 @@
-//! Tables of an FMU: which variable becomes which signal or parameter, under which name, and what is left out.
+//! Tables of an FMU: the mapping of variables to signals and parameters with their names, and the variables that are
+//! left out.
 //!
-//! Follows from the model description alone, so that an FMU is described without its library. Variables keep
-//! their order; an array is one column for each element, and stays or is left out as a whole.
+//! The tables follow from the model description alone, so an FMU can be described without loading its library.
+//! Variables keep their order; an array has one column per element, and is included or left out as a whole.
 
 use std::collections::BTreeSet;
 
@@ -20,23 +21,23 @@ use units::Units;
 mod aliases;
 mod units;
 
-/// Longest description of a column that is taken over.
+/// Maximum length of a column's description.
 const LONGEST_TEXT: usize = 500;
-/// Begins of the names of inputs that are reference signals of a controller.
+/// Prefixes of the names of inputs that are reference signals of a controller.
 const REFERENCE: [&str; 2] = ["reference.", "reference_"];
 
-/// A column: one element of a variable.
+/// Column of a table: one element of a variable.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Column {
     /// Name, unit and range.
     pub field: Field,
-    /// Place of the variable in the model description.
+    /// Index of the variable in the model description.
     pub(super) variable: usize,
-    /// Place of the element in the variable.
+    /// Index of the element in the variable.
     pub(super) element: usize,
 }
 
-/// Columns of an FMU by their role.
+/// Columns of an FMU, by role.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tables {
     /// Parameters; the tunable ones can be faulted.
@@ -45,17 +46,17 @@ pub struct Tables {
     pub inputs: Vec<Column>,
     /// Outputs.
     pub outputs: Vec<Column>,
-    /// Inner signals that were asked for.
+    /// Requested local signals.
     pub locals: Vec<Column>,
-    /// Everything else there is to say.
+    /// Further facts about the import.
     pub imported: Imported,
 }
 
 impl Tables {
-    /// The tables of a model, with the inner signals whose names, in the model or here, match a pattern.
+    /// Builds the tables of a model, including the local signals whose names, in the model or here, match a pattern.
     ///
     /// # Errors
-    /// If two names cannot be told apart, or a pattern matches none.
+    /// If two names conflict, or a pattern matches nothing.
     pub fn of(model: &ModelDescription, patterns: &[Pattern]) -> Result<Self, Invalid> {
         let units = Units::of(model);
         let mut tables = Self {
@@ -66,8 +67,8 @@ impl Tables {
         let aliases = Aliases::of(model);
         for (place, variable) in model.variables.iter().enumerate() {
             if aliases.is_alias(place) {
-                // A pattern for it asks for the signal, which may be there as an output.
-                asked(&aliases.names_of_inner(place), patterns, &mut matched);
+                // A pattern for this variable requests the signal, which may be available as an output.
+                is_requested(&aliases.names_of_inner(place), patterns, &mut matched);
                 let reason = unsupported(variable, variable.causality == Causality::Parameter);
                 if let Some(reason) = reason.filter(|_| !aliases.is_usable(place)) {
                     tables.leave_out(variable, reason);
@@ -78,7 +79,7 @@ impl Tables {
                 let name = &model.variables[other].name;
                 tables.leave_out(
                     variable,
-                    format!("it is {name:?} in another form; set that one"),
+                    format!("it is an alias of {name:?} in another unit or size; set that one"),
                 );
                 continue;
             }
@@ -86,7 +87,7 @@ impl Tables {
             let reason = match variable.causality {
                 Causality::Independent => continue,
                 Causality::StructuralParameter => {
-                    Some("it sets sizes of arrays; `structural` sets it".into())
+                    Some("it determines array sizes; set it in `structural`".into())
                 }
                 _ => unsupported(variable, is_parameter),
             };
@@ -110,8 +111,9 @@ impl Tables {
                 _ => {
                     let names = columns.iter().map(|column| &column.field.name);
                     (tables.imported.locals).extend(names.cloned());
-                    let is_asked = asked(&aliases.names_of_inner(place), patterns, &mut matched);
-                    if !is_asked {
+                    let is_selected =
+                        is_requested(&aliases.names_of_inner(place), patterns, &mut matched);
+                    if !is_selected {
                         continue;
                     }
                     (&mut tables.locals, MOST_FIELDS - MAX_SIGNALS)
@@ -120,13 +122,13 @@ impl Tables {
             if table.len() + columns.len() > most {
                 tables.leave_out(
                     variable,
-                    format!("it is beyond the first {most} of its kind"),
+                    format!("it exceeds the limit of {most} of its kind"),
                 );
             } else {
                 table.extend(columns);
             }
         }
-        // All that there are may be none.
+        // "All signals" may be none.
         let is_all = |pattern: &Pattern| pattern.as_str().chars().all(|c| c == '*');
         let is_without = |(pattern, matched): (&Pattern, &bool)| !matched && !is_all(pattern);
         if let Some(place) = patterns.iter().zip(&matched).position(is_without) {
@@ -141,8 +143,8 @@ impl Tables {
         Ok(tables)
     }
 
-    /// Inputs in the order of a controller: measured signals, and reference signals under the names that
-    /// stimuli have.
+    /// Returns the inputs as a controller has them: measured signals, and reference signals under the names of
+    /// stimuli.
     #[must_use]
     pub fn split_inputs(&self) -> (Vec<Field>, Vec<Field>) {
         let (mut measured, mut reference) = (Vec::new(), Vec::new());
@@ -167,7 +169,7 @@ impl Tables {
         self.imported.left_out.push(LeftOut { name, reason });
     }
 
-    /// Checks that the names of each table are different here and in a recording.
+    /// Checks that the names in each table are distinct, here and in a recording.
     fn check_names(&self, model: &ModelDescription) -> Result<(), Invalid> {
         let truth = self.outputs.iter().chain(&self.locals);
         let tables: [Vec<&Column>; 3] = [
@@ -184,16 +186,17 @@ impl Tables {
         Ok(())
     }
 
-    /// Outputs that depend directly on inputs, as far as both have columns.
+    /// Returns the outputs that depend directly on inputs, as far as both have columns.
     fn direct(&self, model: &ModelDescription) -> Vec<DirectDependency> {
         let mut direct = Vec::new();
         for output in self.outputs.iter().filter(|output| output.element == 0) {
             let variable = &model.variables[output.variable];
-            let told = model.dependencies.iter();
-            let told = { told }.find(|told| told.output == variable.reference);
-            // Nothing told: it may depend on all of them.
-            let on: Option<BTreeSet<u32>> = told
-                .and_then(|told| told.on.as_ref())
+            let dependency = model.dependencies.iter();
+            let dependency =
+                { dependency }.find(|dependency| dependency.output == variable.reference);
+            // Without a declaration, it may depend on all of them.
+            let on: Option<BTreeSet<u32>> = dependency
+                .and_then(|dependency| dependency.on.as_ref())
                 .map(|on| on.iter().copied().collect());
             let is_one = |input: &&Column| {
                 let input = &model.variables[input.variable];
@@ -219,7 +222,7 @@ impl Tables {
     }
 }
 
-/// The name that a reference signal of a controller has without the beginning that makes it one.
+/// Strips the prefix that marks a reference signal of a controller; `None` for other names.
 pub(super) fn reference_name(name: &str) -> Option<&str> {
     let rests = REFERENCE
         .iter()
@@ -227,7 +230,7 @@ pub(super) fn reference_name(name: &str) -> Option<&str> {
     { rests }.find(|rest| !rest.is_empty())
 }
 
-/// The reason for which a variable can have no column, if there is one.
+/// Returns the reason why a variable cannot have a column, if there is one.
 fn unsupported(variable: &Variable, is_parameter: bool) -> Option<String> {
     let kind = variable.kind.name();
     if variable.unusable.is_some() {
@@ -236,7 +239,7 @@ fn unsupported(variable: &Variable, is_parameter: bool) -> Option<String> {
     if variable.kind.range().is_none() {
         return Some(match variable.causality {
             _ if variable.kind == VariableType::String && start::is_settable_text(variable) => {
-                format!("it is a {kind}; `texts` or `files` sets it")
+                format!("it is a {kind}; set it in `texts` or `files`")
             }
             Causality::Input | Causality::Parameter => {
                 format!("it is a {kind} and keeps its start value")
@@ -254,15 +257,15 @@ fn unsupported(variable: &Variable, is_parameter: bool) -> Option<String> {
     (is_parameter && !is_told).then(|| "it is a parameter without a start value".into())
 }
 
-/// Checks whether an inner signal with these names is asked for, and notes by which patterns.
-fn asked(names: &[String], patterns: &[Pattern], matched: &mut [bool]) -> bool {
-    let mut is_asked = false;
+/// Returns `true` if a local signal with these names is requested, and marks the matching patterns.
+fn is_requested(names: &[String], patterns: &[Pattern], matched: &mut [bool]) -> bool {
+    let mut is_selected = false;
     for (pattern, matched) in patterns.iter().zip(matched) {
         if names.iter().any(|name| pattern.matches(name)) {
-            (*matched, is_asked) = (true, true);
+            (*matched, is_selected) = (true, true);
         }
     }
-    is_asked
+    is_selected
 }
 
 fn column(
@@ -283,7 +286,7 @@ fn column(
         .kind
         .range()
         .unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
-    // A range that begins above its end is none.
+    // A range with its ends in the wrong order is ignored.
     let is_range = (variable.min.zip(variable.max)).is_none_or(|(min, max)| min <= max);
     let is_above = |bound: &f64| is_range && *bound > low;
     let is_below = |bound: &f64| is_range && *bound < high;
@@ -306,9 +309,7 @@ fn column(
         text = format!("{text} `{}` in the FMU.", line(&foreign, LONGEST_TEXT));
     }
     if let Some(start) = start.filter(|start| !is_legal(start)) {
-        text = format!(
-            "{text} To be set: its start value in the FMU, {start}, is not one that it may have."
-        );
+        text = format!("{text} Must be set: its start value in the FMU, {start}, is not allowed.");
     }
     if !variable.items.is_empty() {
         let items = Variable::items_text(&variable.items);
@@ -330,7 +331,7 @@ fn column(
     })
 }
 
-/// Description of a variable that has none in the FMU: its role and type.
+/// Describes a variable without a description in the FMU by its role and type.
 fn undescribed(variable: &Variable) -> String {
     let role = match variable.causality {
         Causality::Parameter if variable.is_tunable => "Tunable parameter",
@@ -346,7 +347,7 @@ fn undescribed(variable: &Variable) -> String {
     }
 }
 
-/// A text as one line of bounded length, without rows of signs that separate columns elsewhere.
+/// Converts a text to one line of limited length, without runs of separator characters.
 fn line(text: &str, most: usize) -> String {
     let words = text.split(|c: char| c.is_whitespace() || !is_line(c.encode_utf8(&mut [0; 4])));
     let words = words.filter(|word| !word.is_empty() && !word.contains("========"));
@@ -371,7 +372,7 @@ fn imported(model: &ModelDescription, units: &Units<'_>) -> Imported {
     }
 }
 
-/// Types of variables that have a column.
+/// Lists the types of variables that have a column.
 pub(super) fn kinds(model: &ModelDescription, columns: &[&[Column]]) -> Vec<VariableType> {
     let all = columns.iter().flat_map(|columns| columns.iter());
     let kinds: BTreeSet<VariableType> = all
@@ -380,7 +381,7 @@ pub(super) fn kinds(model: &ModelDescription, columns: &[&[Column]]) -> Vec<Vari
     kinds.into_iter().collect()
 }
 
-/// Folder of the libraries for this machine, in the words of a version.
+/// Returns the folder of this machine's libraries, as each version of the standard names it.
 pub(super) const fn platform(version: Version) -> &'static str {
     match version {
         Version::Two if cfg!(target_arch = "x86_64") => "linux64",

@@ -1,7 +1,7 @@
-//! Values of variables between a row of numbers and the types of an FMU, one call for all of a type.
+//! Conversion of values between a row of numbers and the types of an FMU, with one call per type.
 //!
-//! All space is taken once. A number that the FMU cannot be given exactly, or gives and a row cannot carry
-//! exactly, is an error that names the variable; nothing is rounded.
+//! All memory is allocated once. A number that cannot be passed exactly in either direction is an error that names
+//! the variable; nothing is rounded.
 
 use std::ffi::{c_int, c_void};
 
@@ -13,10 +13,10 @@ use super::status::Status;
 use super::tables::Column;
 use crate::float_modes;
 
-/// Largest whole number up to which a row of numbers carries every one.
+/// Largest integer up to which a row of numbers represents all integers.
 const EXACT: i128 = 1 << 53;
 
-/// Values of one type as the library has them.
+/// Values of one type, as the library represents them.
 #[derive(Debug)]
 enum Buffer {
     Float32(Vec<f32>),
@@ -29,11 +29,11 @@ enum Buffer {
     UInt32(Vec<u32>),
     Int64(Vec<i64>),
     UInt64(Vec<u64>),
-    /// Booleans of FMI 3; bytes, so that no value of the library is a wrong one.
+    /// Booleans of FMI 3, as bytes, so that any value from the library is valid.
     Boolean(Vec<u8>),
 }
 
-/// Runs an expression with the values of a buffer, whatever their type.
+/// Evaluates an expression with the values of a buffer of any type.
 macro_rules! each {
     ($buffer:expr, $values:ident => $then:expr) => {
         match $buffer {
@@ -68,7 +68,7 @@ impl Buffer {
             (_, VariableType::Int64 | VariableType::Enumeration) => Self::Int64(vec![0; count]),
             (_, VariableType::UInt64) => Self::UInt64(vec![0; count]),
             (_, VariableType::Boolean) => Self::Boolean(vec![0; count]),
-            // Variables of the types without a range have no column.
+            // Types without a range have no columns.
             (
                 _,
                 VariableType::Float64
@@ -83,7 +83,7 @@ impl Buffer {
         each!(self, values => values.as_mut_ptr().cast())
     }
 
-    /// A value as a number, if a number can have it.
+    /// Returns a value as a number, if it has an exact one.
     #[expect(
         clippy::cast_precision_loss,
         reason = "whole numbers of 64 bits are compared with the largest that is exact"
@@ -105,7 +105,7 @@ impl Buffer {
         }
     }
 
-    /// Sets a value that its type has exactly; false if the type does not.
+    /// Sets a value; returns `false` if the type cannot represent it exactly.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "each cast is compared with what it was made of"
@@ -128,7 +128,7 @@ impl Buffer {
                 values[place] = value;
                 true
             }
-            // Every number of a simulation in single precision is rounded; only one too large is not one.
+            // Single precision rounds every number, so only numbers out of range are refused.
             Self::Float32(values) => {
                 values[place] = value as f32;
                 values[place].is_finite() == value.is_finite()
@@ -149,13 +149,13 @@ impl Buffer {
     }
 }
 
-/// Variables of one type: their references, and for each value the place in the row.
+/// Variables of one type: their references, and the index in the row for each value.
 #[derive(Debug)]
 struct Group {
     kind: VariableType,
     references: Vec<u32>,
     places: Vec<usize>,
-    /// For each value the items of its enumeration; empty where any number of the type is one.
+    /// For each value the items of its enumeration; empty if any number of the type is valid.
     items: Vec<Vec<f64>>,
     buffer: Buffer,
     /// Names of the functions that read and write them.
@@ -169,23 +169,23 @@ pub(super) struct Values {
     names: Vec<String>,
 }
 
-/// Reason for which values were not read or written.
+/// Reason why values were not read or written.
 #[derive(Debug)]
 pub(super) enum Refused {
-    /// The library's answer.
+    /// Status returned by the library.
     Status(&'static str, Status),
-    /// A value that one of the two forms does not have.
+    /// Value that one of the representations lacks.
     Value(String),
 }
 
 impl Values {
-    /// The variables of these columns, of which those of an array stand side by side.
+    /// Groups the variables of these columns; the columns of an array must be adjacent.
     pub(super) fn new(model: &ModelDescription, columns: &[Column]) -> Self {
         let mut groups: Vec<Group> = Vec::new();
         for (place, column) in columns.iter().enumerate() {
             let variable = &model.variables[column.variable];
-            let found = groups.iter_mut().find(|group| group.kind == variable.kind);
-            let group = match found {
+            let existing = groups.iter_mut().find(|group| group.kind == variable.kind);
+            let group = match existing {
                 Some(group) => group,
                 None => {
                     let kind = variable.kind;
@@ -222,7 +222,7 @@ impl Values {
     /// Reads all variables into a row.
     ///
     /// # Safety
-    /// `handle` is a living instance of the library, in a state in which it may be read.
+    /// `handle` is a live instance of the library, in a state in which these variables may be read.
     pub(super) unsafe fn get(
         &mut self,
         functions: &Functions,
@@ -233,8 +233,8 @@ impl Values {
             let (references, count) = (&group.references, group.places.len());
             let (first, values) = (references.as_ptr(), group.buffer.pointer());
             let call = calling(group.names[0]);
-            // SAFETY: the instance is alive, `references` has so many references and the buffer as many values
-            // of the type as these variables have elements.
+            // SAFETY: the instance is alive, `references` has this many references, and the buffer has one value of
+            // the type for each element of these variables.
             let status = unsafe {
                 match functions.access[&group.kind] {
                     Access::Two(get, _) => get(handle, first, references.len(), values),
@@ -247,10 +247,10 @@ impl Values {
                 let value = group.buffer.get(index).ok_or_else(|| {
                     let name = &self.names[place];
                     Refused::Value(format!(
-                        "`{name}` is a whole number beyond 2^53, which a signal cannot carry exactly"
+                        "`{name}` is an integer beyond 2^53, which a signal cannot represent exactly"
                     ))
                 })?;
-                // True is any number but 0 in C, and a vendor's -1 is true as well.
+                // In C any nonzero number is true, including a vendor's -1.
                 row[place] = match group.kind {
                     VariableType::Boolean => f64::from(u8::from(value != 0.0)),
                     _ => value,
@@ -263,7 +263,7 @@ impl Values {
     /// Writes all variables from a row.
     ///
     /// # Safety
-    /// `handle` is a living instance of the library, in a state in which these may be written.
+    /// `handle` is a live instance of the library, in a state in which these variables may be written.
     pub(super) unsafe fn set(
         &mut self,
         functions: &Functions,
@@ -277,13 +277,13 @@ impl Values {
                     let (name, value) = (&self.names[place], row[place]);
                     let items = Variable::items_text(items);
                     return Err(Refused::Value(format!(
-                        "`{name}` is set to {value}, which is no item of its enumeration; the items are {items}"
+                        "`{name}` is set to {value}, which is not an item of its enumeration; the items are {items}"
                     )));
                 }
                 if !group.buffer.set(index, row[place]) {
                     let (name, value, kind) = (&self.names[place], row[place], group.kind.name());
                     return Err(Refused::Value(format!(
-                        "`{name}` is set to {value}, which is no {kind}"
+                        "`{name}` is set to {value}, which is not a {kind}"
                     )));
                 }
             }
@@ -317,7 +317,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn whole_numbers_are_carried_exactly_or_refused() {
+    fn integers_are_passed_exactly_or_refused() {
         let mut bytes = Buffer::new(Version::Three, VariableType::Int8, 1);
         for value in [-128.0, -1.0, 0.0, 127.0] {
             assert!(bytes.set(0, value));
@@ -337,7 +337,7 @@ mod tests {
     }
 
     #[test]
-    fn booleans_are_0_and_1() {
+    fn booleans_are_converted_to_0_and_1() {
         let mut flags = Buffer::new(Version::Three, VariableType::Boolean, 1);
         assert!(flags.set(0, 1.0) && flags.get(0) == Some(1.0));
         assert!(!flags.set(0, 2.0));

@@ -1,9 +1,8 @@
-//! The records of an MCAP file, one by one, those in its chunks unpacked.
+//! Reader of the records of an MCAP file, including those in its chunks.
 //!
-//! Used by the [run reader](super), and by `hil recover` to copy them. Goes through a file of any
-//! state: one that broke off is read up to the tear, also inside its last chunk, and a length that
-//! cannot be is never memory to ask for. Every check sum that it comes by is looked at. Knows nothing of
-//! runs.
+//! Used by the [run reader](super), and by `hil recover` to copy them. It reads files in any state: a truncated file
+//! is read up to the truncation, even inside its last chunk, and no memory is allocated for an impossible length.
+//! Every check sum is verified. The module knows nothing about runs.
 
 use std::fs::File;
 use std::io::{self, Cursor, Read, Seek, SeekFrom};
@@ -17,68 +16,68 @@ use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOp
 use super::form;
 use crate::{mark, unpack};
 
-/// Longest record of a file, packed or not: a size beyond that is damage.
+/// Longest valid record of a file, packed or unpacked, in bytes; a larger size is damage.
 const LONGEST_RECORD: usize = 1 << 28;
-/// Opcode and length in front of each record.
+/// Size of the opcode and length before each record, in bytes.
 const HEAD_BYTES: usize = 9;
-/// Byte that a power failure leaves where data were to be.
+/// Byte that replaces lost data after a power failure.
 const ZEROS: u8 = 0;
-const NOT_AS_LONG: &str = "a chunk that is not as long as it says";
+const NOT_AS_LONG: &str = "a chunk differs in length from its header";
 
-/// End of a file.
+/// Kind of end of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileEnd {
-    /// Finished by its writer.
+    /// Completed by its writer.
     Whole,
-    /// Torn, by a killed writer or a copy that was cut: whole up to this byte.
+    /// Truncated by a killed writer or an incomplete copy; valid up to this byte.
     Torn(u64),
 }
 
-/// A file cannot be read any further.
+/// Error of reading a file.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum ContentError {
     #[error("{0}")]
     Io(#[from] io::Error),
-    /// Not the end of a file but something in it is wrong.
+    /// Damage other than a missing end.
     #[error("byte {at}: {what}")]
     Damaged { at: u64, what: String },
 }
 
-/// The records of a file.
+/// Reader of the records of a file.
 pub(crate) struct Content {
     file: File,
     linear: LinearReader,
-    /// Bytes that were asked of the file.
+    /// Number of bytes read from the file.
     read: u64,
-    /// Bytes of the file when it was last looked at.
+    /// Size of the file when it was last checked, in bytes.
     length: u64,
-    /// Begin of the next record outside of chunks.
+    /// Offset of the next record outside of chunks.
     position: u64,
     end: Option<FileEnd>,
-    /// Of all bytes so far; `None` behind the data section, which ends with it.
+    /// Check sum of all bytes so far; `None` after the data section, where it ends.
     sum: Option<crc32fast::Hasher>,
-    /// The first mark that did not fit, if the file is read on nevertheless.
+    /// Offset of the first mark that did not match, if reading continues nevertheless.
     wrong_mark: Option<u64>,
     is_patient: bool,
-    /// A record outside of chunks.
+    /// Current record outside of chunks.
     outside: Vec<u8>,
-    /// The unpacked records of the chunk in work, and where the next of them begins.
+    /// Unpacked records of the current chunk, and the offset of the next one.
     chunk: Vec<u8>,
     next: usize,
     compression: String,
     current: Current,
 }
 
-/// Place of the current record.
+/// Location of the current record.
 enum Current {
     Outside,
     InChunk(Range<usize>),
 }
 
 impl Content {
-    /// Begins to read a file.
+    /// Creates a reader of a file.
     pub(crate) fn of(file: File) -> io::Result<Self> {
-        // Chunks are unpacked here: a whole one and a torn one by the same code.
+        // Chunks are unpacked here, so that complete and truncated ones use the same code.
         let options = LinearReaderOptions::default()
             .with_emit_chunks(true)
             .with_record_length_limit(LONGEST_RECORD)
@@ -103,12 +102,12 @@ impl Content {
         })
     }
 
-    /// The same for who wants what comes after a wrong mark too: that is told at the end then.
+    /// Continues after a mark that does not match, which then becomes an error at the end.
     pub(crate) const fn be_patient(&mut self) {
         self.is_patient = true;
     }
 
-    /// Goes to the next record: its opcode, or `None` at the end.
+    /// Reads the next record; returns its opcode, or `None` at the end.
     pub(crate) fn advance(&mut self) -> Result<Option<u8>, ContentError> {
         loop {
             if self.next < self.chunk.len()
@@ -122,17 +121,17 @@ impl Content {
             }
             let at = self.position;
             let damaged = |what: String| ContentError::Damaged { at, what };
-            let wanted = match self.linear.next_event() {
+            let bytes = match self.linear.next_event() {
                 None => {
                     let length = self.file.metadata()?.len();
                     let behind = length.saturating_sub(at + mcap::MAGIC.len() as u64);
                     if behind > 0 {
-                        return Err(damaged(format!("{behind} bytes follow where it ends")));
+                        return Err(damaged(format!("{behind} bytes follow its end")));
                     }
                     self.end = Some(FileEnd::Whole);
                     continue;
                 }
-                Some(Ok(LinearReadEvent::ReadRequest(wanted))) => wanted,
+                Some(Ok(LinearReadEvent::ReadRequest(bytes))) => bytes,
                 Some(Ok(LinearReadEvent::Record { opcode, data })) => {
                     if opcode == ZEROS {
                         self.tear()?;
@@ -158,7 +157,7 @@ impl Content {
                             continue;
                         }
                         op::DATA_END => {}
-                        // The summary says again what was before it.
+                        // The summary repeats earlier records.
                         _ if self.sum.is_none() => continue,
                         _ => {}
                     }
@@ -172,24 +171,24 @@ impl Content {
                     continue;
                 }
                 Some(Err(McapError::BadMagic)) if at <= mcap::MAGIC.len() as u64 => {
-                    return Err(damaged("it does not begin as an MCAP file does".into()));
+                    return Err(damaged("it does not begin like an MCAP file".into()));
                 }
                 Some(Err(McapError::BadSummaryCrc { .. })) => return Err(wrong_sum(at)),
                 Some(Err(error)) => return Err(damaged(error.to_string())),
             };
-            self.fetch(wanted)?;
+            self.fetch(bytes)?;
         }
     }
 
-    /// The current record, if it is one that a run is read from.
+    /// Parses the current record, if it belongs to a run.
     ///
     /// # Errors
-    /// If it is not as its type says.
+    /// If it does not match its type.
     pub(crate) fn record(&self, opcode: u8) -> Result<Record<'_>, String> {
         form::parse(opcode, self.data())
     }
 
-    /// The content of the current record.
+    /// Returns the content of the current record.
     fn data(&self) -> &[u8] {
         match &self.current {
             Current::Outside => &self.outside,
@@ -197,57 +196,57 @@ impl Content {
         }
     }
 
-    /// Returns the compression of the chunk in work.
+    /// Returns the compression of the current chunk.
     pub(crate) fn compression(&self) -> &str {
         &self.compression
     }
 
-    /// Returns the beginning of the next record outside of chunks.
+    /// Returns the offset of the next record outside of chunks.
     pub(crate) const fn position(&self) -> u64 {
         self.position
     }
 
-    /// Returns the end of the file, whole or torn; known at the end of reading.
+    /// Returns the kind of end of the file; known at the end of reading.
     pub(crate) const fn end(&self) -> Option<FileEnd> {
         self.end
     }
 
-    /// Bytes of the file.
+    /// Returns the size of the file, in bytes.
     pub(crate) const fn length(&self) -> u64 {
         self.length
     }
 
-    /// Gives the reader more of the file, or what there is.
-    fn fetch(&mut self, wanted: usize) -> Result<(), ContentError> {
-        if self.read + wanted as u64 > self.length {
-            // It may have grown: the recording of a live run can be read.
+    /// Supplies the parser with more bytes of the file, or reports its end.
+    fn fetch(&mut self, bytes: usize) -> Result<(), ContentError> {
+        if self.read + bytes as u64 > self.length {
+            // The file may have grown: the recording of a live run can be read.
             self.length = self.file.metadata()?.len();
         }
-        if self.read + wanted as u64 > self.length && self.length >= self.read {
+        if self.read + bytes as u64 > self.length && self.length >= self.read {
             return self.tear();
         }
-        // More than is wanted: a record at a time would be a system call each.
-        let room = self.linear.insert(wanted.max(1 << 16));
+        // More than requested, because reading record by record would take a system call each.
+        let room = self.linear.insert(bytes.max(1 << 16));
         let read = self.file.read(room)?;
         self.linear.notify_read(read);
         self.read += read as u64;
         Ok(())
     }
 
-    /// The file ends here, in the middle of a record. If that is a chunk, unpacks what there is of it.
+    /// Handles a file that ends within a record; unpacks the existing part of a chunk.
     fn tear(&mut self) -> Result<(), ContentError> {
         let at = self.position.min(self.length);
         self.chunk.clear();
         self.next = 0;
         self.file.seek(SeekFrom::Start(at))?;
         self.outside.clear();
-        // No more than there was a moment ago: a live recording grows.
+        // Limited to the current size, because a live recording grows.
         let limit = (self.length - at).min((HEAD_BYTES + LONGEST_RECORD) as u64);
         (&mut self.file)
             .take(limit)
             .read_to_end(&mut self.outside)?;
         if mark::is_among(&self.outside, at) {
-            let what = "a length is wrong: there are whole records behind".into();
+            let what = "a length is wrong: complete records follow".into();
             return Err(ContentError::Damaged { at, what });
         }
         self.end = Some(FileEnd::Torn(at));
@@ -269,7 +268,7 @@ impl Content {
         Ok(())
     }
 
-    /// Goes to the next record of the chunk; `None` if it has no whole one any more.
+    /// Reads the next record of the chunk; `None` if it has no further complete one.
     fn advance_in_chunk(&mut self) -> Result<Option<u8>, ContentError> {
         let rest = &self.chunk[self.next..];
         if let Some((head, rest)) = rest.split_at_checked(HEAD_BYTES)
@@ -277,7 +276,7 @@ impl Content {
             && let Ok(length) = <[u8; 8]>::try_from(length)
             && let length = u64::from_le_bytes(length)
             && length <= rest.len() as u64
-            // By the format there is nothing else in a chunk.
+            // The format allows no other records in a chunk.
             && matches!(*opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE)
         {
             let start = self.next + HEAD_BYTES;
@@ -290,18 +289,18 @@ impl Content {
             Some(_) => Ok(None),
             None => Err(ContentError::Damaged {
                 at: self.position,
-                what: "the records of a chunk do not fill it".into(),
+                what: "the records of a chunk do not fill it completely".into(),
             }),
         }
     }
 }
 
 fn wrong_sum(at: u64) -> ContentError {
-    let what = "its check sum does not fit, bits in it have changed".into();
+    let what = "its check sum does not match, so bits have changed".into();
     ContentError::Damaged { at, what }
 }
 
-/// Adds a record to the sum of all before it; whether that is the one that the record says.
+/// Adds a record to the check sum; verifies the check sum that a record contains.
 fn add_up(
     sum: &mut Option<crc32fast::Hasher>,
     opcode: u8,
@@ -310,24 +309,24 @@ fn add_up(
 ) -> Result<bool, String> {
     let Some(hasher) = sum else {
         return match opcode {
-            mark::OPCODE => Err("a mark behind the end".into()),
+            mark::OPCODE => Err("a mark after the end".into()),
             _ => Ok(true),
         };
     };
-    let found = || hasher.clone().finalize();
+    let computed = || hasher.clone().finalize();
     let mut fits = true;
     match opcode {
-        mark::OPCODE => fits = mark::fits(data, at, found()),
+        mark::OPCODE => fits = mark::fits(data, at, computed()),
         op::DATA_END => {
-            // The library has parsed it. 0 is none.
+            // The library has parsed the record. The value 0 means that there is no check sum.
             let saved = data
                 .first_chunk()
                 .map_or(0, |saved| u32::from_le_bytes(*saved));
-            fits = saved == 0 || saved == found();
+            fits = saved == 0 || saved == computed();
             *sum = None;
             return Ok(fits);
         }
-        op::FOOTER => return Err("it ends without the sum of its records".into()),
+        op::FOOTER => return Err("it ends without the check sum of its records".into()),
         _ => {}
     }
     hasher.update(&[opcode]);
@@ -336,26 +335,28 @@ fn add_up(
     Ok(fits)
 }
 
-/// The head of a chunk and its packed records, as many as there are.
+/// Splits a chunk into its head and its packed records, as far as they exist.
 fn chunk_of(data: &[u8]) -> Result<(ChunkHeader, &[u8]), &'static str> {
-    let without = "a chunk without head";
+    let without = "a chunk without a header";
     let (head, packed) = data.split_at(form::chunk_head(data).ok_or(without)?);
     let header = Cursor::new(head).read_le().map_err(|_| without)?;
     Ok((header, packed))
 }
 
-/// Unpacks a chunk that is all there.
+/// Unpacks a complete chunk.
 fn unpack_whole(header: &ChunkHeader, packed: &[u8], into: &mut Vec<u8>) -> Result<(), String> {
     let (size, limit) = (header.uncompressed_size, LONGEST_RECORD);
     if size > limit as u64 {
-        return Err(format!("a chunk of {size} bytes; at most {limit} can be"));
+        return Err(format!(
+            "a chunk of {size} bytes, above the limit of {limit}"
+        ));
     }
     if packed.len() as u64 != header.compressed_size {
         return Err(NOT_AS_LONG.into());
     }
     unpack::whole(&header.compression, packed, size as usize, into)?;
-    let (saved, found) = (header.uncompressed_crc, || crc32fast::hash(into));
-    if saved != 0 && saved != found() {
+    let (saved, computed) = (header.uncompressed_crc, || crc32fast::hash(into));
+    if saved != 0 && saved != computed() {
         return Err("the check sum of a chunk is wrong".into());
     }
     Ok(())

@@ -1,77 +1,77 @@
-//! Errors of reading, with the place in the file and advice.
+//! Errors of reading, with location in the file and advice.
 
 use std::path::{Path, PathBuf};
 
-/// Advice for a file of which nothing can be had.
-const AGAIN: &str = "copy it again from where it is whole, or run the scenario again";
+/// Advice for a file without readable content.
+const AGAIN: &str = "copy it again from an intact original, or run the scenario again";
 
 fn damage(path: &Path, what: &str, records: u64) -> String {
     match records {
         0 => format!("before its first record: {what}; {AGAIN}"),
         _ => format!(
-            "after {records} records: {what}; `hil recover {} -o FILE` makes a recording of what is before",
+            "after {records} records: {what}; `hil recover {} -o FILE` makes a recording of the part before",
             path.display()
         ),
     }
 }
 
-/// A run cannot be read.
+/// Error of reading a run.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// The folder of a run has no recording.
-    #[error("{0} has no recording; it was run with --no-record, or is no run's folder")]
+    #[error("{0} has no recording; the run used --no-record, or this is not the folder of a run")]
     NoRecording(PathBuf),
     /// The file cannot be read.
     #[error("cannot read {path}: {error}")]
     Io {
-        /// The file.
+        /// Path of the recording.
         path: PathBuf,
         /// Error of the operating system.
         error: std::io::Error,
     },
-    /// Only a part of the run was kept.
+    /// The recording contains only a part of the run.
     #[error(
         "{path} is an excerpt ({kept}); this needs the whole run: record it without --record, --record-every and --record-around-faults"
     )]
     Excerpt {
-        /// The file.
+        /// Path of the recording.
         path: PathBuf,
-        /// Description of what was kept.
+        /// Description of the recorded part.
         kept: String,
     },
-    /// Something in the file is wrong, and not only its end is missing.
+    /// The file is damaged, beyond a missing end.
     #[error(
         "{path} is damaged at byte {at} of {length}, {}",
         damage(path, what, *records)
     )]
     Damaged {
-        /// The file.
+        /// Path of the recording.
         path: PathBuf,
-        /// Description of what is wrong with the file.
+        /// Description of the damage.
         what: String,
-        /// Byte at which the file is damaged.
+        /// Offset of the damage, in bytes.
         at: u64,
-        /// Bytes of the file.
+        /// Size of the file, in bytes.
         length: u64,
-        /// Records before.
+        /// Number of records before the damage.
         records: u64,
     },
-    /// The file ends before there is anything of a run in it.
+    /// The file ends before the first record.
     #[error(
-        "{path} was cut off after {length} bytes, before its first record: nothing of the run is in it; {AGAIN}"
+        "{path} was cut off after {length} bytes, before its first record: it contains nothing of the run; {AGAIN}"
     )]
     Cut {
-        /// The file.
+        /// Path of the recording.
         path: PathBuf,
-        /// Bytes.
+        /// Size of the file, in bytes.
         length: u64,
     },
-    /// The file is not what `hil run` writes.
-    #[error("{path} is no recording of a run: {what}")]
+    /// The file was not written by `hil run`.
+    #[error("{path} is not a recording of a run: {what}")]
     Foreign {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// Description of what is wrong with the file.
+        /// Reason why it is not a recording.
         what: String,
     },
 }

@@ -1,20 +1,20 @@
-//! Records of a file as the library parses them, after a look at every length in them.
+//! Validated parsing of records: all lengths are checked before the library parses a record.
 //!
-//! Used by the [content](super::content) of a file. The library asks for the memory that a text says it
-//! has, 4 GiB at most, and takes the check sum of an attachment for there; of a damaged file neither is
-//! true. Only records that a run is read from are parsed at all. Format: <https://mcap.dev/spec>.
+//! Used by the [content](super::content) reader. The library allocates the length that a text claims, up to 4 GiB,
+//! and assumes that an attachment has a check sum; damaged files violate both. Only records that belong to a run are
+//! parsed. Format: <https://mcap.dev/spec>.
 
 use mcap::records::{Record, op};
 
-/// A part of a record.
+/// Part of a record.
 #[derive(Clone, Copy)]
 enum Part {
     Bytes(usize),
-    /// A text, or anything with a length of four bytes in front.
+    /// Text or other data, preceded by a length of four bytes.
     Text,
-    /// Pairs of texts, with a length of four bytes in front of all.
+    /// Pairs of texts, preceded by their total length in four bytes.
     Map,
-    /// Bytes with a length of eight in front.
+    /// Bytes, preceded by a length of eight bytes.
     Long,
 }
 
@@ -25,13 +25,13 @@ const CHANNEL: &[Part] = &[Bytes(4), Text, Text, Map];
 const MESSAGE: &[Part] = &[Bytes(22)];
 const ATTACHMENT: &[Part] = &[Bytes(16), Text, Text, Long, Bytes(4)];
 const METADATA: &[Part] = &[Text, Map];
-/// The record up to its packed bytes.
+/// Chunk up to its packed bytes.
 const CHUNK: &[Part] = &[Bytes(28), Text, Bytes(8)];
 
-/// Parses a record of a run; any other is one of no known type.
+/// Parses a record that belongs to a run; other records become unknown ones.
 ///
 /// # Errors
-/// If it is not of its type's form.
+/// If the record does not have the layout of its type.
 pub(super) fn parse(opcode: u8, content: &[u8]) -> Result<Record<'_>, String> {
     let (name, form) = match opcode {
         op::SCHEMA => ("schema", SCHEMA),
@@ -53,12 +53,12 @@ pub(super) fn parse(opcode: u8, content: &[u8]) -> Result<Record<'_>, String> {
     mcap::parse_record(opcode, content).map_err(|error| error.to_string())
 }
 
-/// Returns the length of a chunk's head, if the head is there as a whole.
+/// Returns the length of a chunk's head, if the head is complete.
 pub(super) fn chunk_head(content: &[u8]) -> Option<usize> {
     length(CHUNK, content)
 }
 
-/// Returns the length of content of this form; `None` if the content is cut off.
+/// Returns the length of content with this layout; `None` if the content is truncated.
 fn length(form: &[Part], content: &[u8]) -> Option<usize> {
     let mut rest = content;
     for part in form {
@@ -81,7 +81,7 @@ fn length(form: &[Part], content: &[u8]) -> Option<usize> {
     Some(content.len() - rest.len())
 }
 
-/// Takes bytes with their length in front.
+/// Splits off bytes that are preceded by their length.
 fn text<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
     let length = u32::from_le_bytes(rest.split_off(..4)?.try_into().ok()?);
     rest.split_off(..length as usize)

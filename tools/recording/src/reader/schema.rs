@@ -1,10 +1,10 @@
-//! The words of a record, as the schema of a recording names them.
+//! The columns of a record, parsed from the schema of a recording.
 
 use std::collections::BTreeMap;
 
 use shared_types::record::{GROUPS, HASHED_GROUPS, Timing};
 
-/// Words of validity bits of the widest frame, and room to grow: more is damage.
+/// Maximum number of validity words: those of the widest frame, with room to grow; more is damage.
 const MOST_WORDS: usize = 1024;
 
 /// Word of a record.
@@ -12,21 +12,20 @@ const MOST_WORDS: usize = 1024;
 pub struct Column {
     /// Name: `step`, `truth.x_m`, `sample_invalid[0]`.
     pub name: String,
-    /// Unit; empty for what is no signal.
+    /// Unit; empty for words that are not signals.
     pub unit: String,
 }
 
 impl Column {
-    /// Returns true if the column is a number with a unit, not a count or bits.
+    /// Returns `true` if the column is a number with a unit rather than a count or bits.
     #[must_use]
     pub fn is_signal(&self) -> bool {
         self.name.contains('.')
     }
 }
 
-/// The names of the words in a `ros2msg` schema: `uint64` and arrays of them, arrays of two `uint32`
-/// for each word, messages of `float64`, and messages that are one word, taken apart for other
-/// programs.
+/// Parses the columns from a `ros2msg` schema with `uint64` and arrays of it, arrays with two `uint32` per word,
+/// messages of `float64`, and messages that split one word for other programs.
 pub(super) fn columns_of(schema: &str) -> Option<Vec<Column>> {
     let mut parts = schema.split(crate::schema::RULER);
     let top = parts.next()?;
@@ -76,13 +75,13 @@ pub(super) fn columns_of(schema: &str) -> Option<Vec<Column>> {
     (columns.first()?.name == "step").then_some(columns)
 }
 
-/// Type and length of an array.
+/// Parses the type and length of an array.
 fn array(kind: &str) -> Option<(&str, usize)> {
     let (scalar, count) = kind.strip_suffix(']')?.split_once('[')?;
     Some((scalar, count.parse().ok()?))
 }
 
-/// Returns true if a message is of small integers that fill a word.
+/// Returns `true` if a message consists of small integers that fill one word.
 fn is_one_word(fields: &str) -> bool {
     let bytes = |line: &str| {
         let (kind, ..) = field(line)?;
@@ -99,7 +98,7 @@ fn is_one_word(fields: &str) -> bool {
     lines.try_fold(0_usize, |sum, line| sum.checked_add(bytes(line)?)) == Some(size_of::<u64>())
 }
 
-/// Type, name and unit of a field.
+/// Parses the type, name and unit of a field.
 fn field(line: &str) -> Option<(&str, &str, &str)> {
     let (field, comment) = line.split_once('#').unwrap_or((line, ""));
     let mut words = field.split_ascii_whitespace();
@@ -110,7 +109,7 @@ fn field(line: &str) -> Option<(&str, &str, &str)> {
     Some((words.next()?, words.next()?, unit))
 }
 
-/// Words up to the first that the digest leaves out.
+/// Counts the words before the first one that the digest omits.
 pub(super) fn hashed(columns: &[Column]) -> usize {
     let is_left_out = |column: &Column| match column.name.split_once('.') {
         Some((group, _)) => GROUPS[HASHED_GROUPS..].contains(&group),

@@ -5,7 +5,7 @@ use crate::fixture::{Content, layout, record, recorded, taken};
 use crate::writer::Attachment;
 
 #[test]
-fn a_recording_reads_back_as_it_was_written() {
+fn a_recording_is_read_back_unchanged() {
     let end = Event::End(RunEnd::new(2, Outcome::Completed));
     let contents = [
         Content::Record(record(0, 0.5, 2.0)),
@@ -59,7 +59,7 @@ fn a_recording_reads_back_as_it_was_written() {
         (reader.result("outcome"), reader.is_whole()),
         (Some("completed"), true)
     );
-    // By the digest's definition.
+    // Computed from the definition of the digest.
     let text = "1 bias measured.x_m x_m bias=0 step";
     let mut hasher = blake3::Hasher::new();
     let words = |hasher: &mut blake3::Hasher, words: &[u64]| {
@@ -75,7 +75,7 @@ fn a_recording_reads_back_as_it_was_written() {
 }
 
 #[test]
-fn a_file_that_was_cut_off_is_read_as_far_as_it_goes() {
+fn a_truncated_file_is_read_as_far_as_it_goes() {
     let contents: Vec<Content> = (0..2000)
         .map(|step| Content::Record(record(step, step as f64, 0.0)))
         .collect();
@@ -93,18 +93,18 @@ fn a_file_that_was_cut_off_is_read_as_far_as_it_goes() {
 }
 
 #[test]
-fn what_is_no_recording_is_named() {
+fn files_that_are_not_recordings_are_named() {
     let folder = tempfile::tempdir().expect("a folder");
     let text = folder.path().join("text");
     std::fs::write(&text, "not an MCAP file at all").expect("written");
-    let told = |path: &Path| RunReader::open(path).err().expect("refused").to_string();
-    assert!(told(folder.path()).contains("has no recording"));
-    assert!(told(&text).contains("is no recording of a run"));
-    assert!(told(&folder.path().join("nothing")).starts_with("cannot read"));
+    let message = |path: &Path| RunReader::open(path).err().expect("refused").to_string();
+    assert!(message(folder.path()).contains("has no recording"));
+    assert!(message(&text).contains("is not a recording of a run"));
+    assert!(message(&folder.path().join("nothing")).starts_with("cannot read"));
 }
 
 #[test]
-fn a_recording_that_was_cut_before_its_first_record_is_called_cut() {
+fn a_recording_truncated_before_its_first_record_is_reported_as_cut_off() {
     let contents = [Content::Record(record(0, 0.0, 0.0))];
     let folder = recorded(&layout(), &contents, vec![]);
     let path = folder.join(RECORDING);
@@ -112,17 +112,25 @@ fn a_recording_that_was_cut_before_its_first_record_is_called_cut() {
     let channel = whole.windows(7).position(|bytes| bytes == b"/record");
     for length in [0, 4, 8, 60, channel.expect("a channel") - 20] {
         std::fs::write(&path, &whole[..length]).expect("written");
-        let told = RunReader::open(&folder).err().expect("refused").to_string();
+        let message = RunReader::open(&folder).err().expect("refused").to_string();
         let expected = format!("was cut off after {length} bytes, before its first record");
-        assert!(told.contains(&expected), "{told}");
+        assert!(message.contains(&expected), "{message}");
     }
 }
 
 #[test]
-fn steps_that_do_not_rise_or_that_no_run_has_are_damage() {
-    for (name, steps, told) in [
-        ("twice", [3, 3], "after 1 records: step 3 where step 4"),
-        ("back", [3, 2], "after 1 records: step 2 where step 4"),
+fn steps_out_of_order_or_out_of_range_are_damage() {
+    for (name, steps, message) in [
+        (
+            "twice",
+            [3, 3],
+            "after 1 records: step 3, but expected step 4",
+        ),
+        (
+            "back",
+            [3, 2],
+            "after 1 records: step 2, but expected step 4",
+        ),
         (
             "huge",
             [3, u64::MAX],
@@ -135,14 +143,14 @@ fn steps_that_do_not_rise_or_that_no_run_has_are_damage() {
         assert!(reader.advance().expect("the first is right"), "{name}");
         let error = reader.advance().expect_err(name).to_string();
         assert!(
-            error.contains("is damaged at byte ") && error.contains(told),
+            error.contains("is damaged at byte ") && error.contains(message),
             "{error}"
         );
     }
 }
 
 #[test]
-fn a_schema_of_more_words_than_a_record_has_is_not_understood() {
+fn a_schema_with_too_many_words_is_refused() {
     let words = |count: &str| schema::columns_of(&format!("uint64 step\nuint64[{count}] x"));
     assert_eq!(words("3").map(|columns| columns.len()), Some(4));
     for count in ["100000", "18446744073709551615", "-1", ""] {

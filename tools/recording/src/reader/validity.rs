@@ -1,14 +1,13 @@
-//! The bits of a recording that mark signals as invalid.
+//! The validity bits of a recording, which mark signals as invalid.
 //!
-//! Used by whoever judges or exports recorded rows. Live records have a layout, which tells the same
+//! Used by readers that judge or export recorded rows. For live records the layout provides the same information
 //! ([`RecordLayout::validity`](shared_types::record::RecordLayout::validity)).
 
 use super::RunReader;
 
 impl RunReader {
-    /// Finds the bit that marks a signal as invalid: the word from which it is counted, and its number;
-    /// `None` of a signal that is never marked. `sent` are the commands of a command frame, in order, as
-    /// the recording names them.
+    /// Finds the bit that marks a signal as invalid: the index of its first word, and the bit number; `None` for a
+    /// signal without such a bit. `sent` lists the commands of a command frame in order, by their recorded names.
     #[must_use]
     pub fn invalid_bit(&self, name: &str, sent: &[String]) -> Option<(usize, usize)> {
         let recorded = self.columns();
@@ -18,7 +17,7 @@ impl RunReader {
             let mut of_groups = names.filter(|name| is_of(name));
             is_of(name).then(|| of_groups.position(|one| one == name))?
         };
-        // An excerpt numbers the bits of what it keeps.
+        // An excerpt numbers only the bits of its own signals.
         let is_kept = |name: &&String| !self.is_excerpt() || self.place(name).is_some();
         let (word, bit) = if let Some(number) = number_in(&["measured.", "reference."]) {
             ("sample_invalid[0]", number)

@@ -1,10 +1,10 @@
-//! Chunks that were packed by others come out again, from a torn chunk as far as it goes.
+//! Unpacking of chunks from the reference implementations, complete and truncated.
 
 use std::io::Write;
 
 use super::*;
 
-/// Text with literals of every length and with matches near, far and into themselves.
+/// Text with literals of every length, and with near, distant and overlapping matches.
 fn content() -> Vec<u8> {
     let mut content = Vec::new();
     let mut state = 1_u32;
@@ -20,7 +20,7 @@ fn content() -> Vec<u8> {
     content
 }
 
-/// Packed by the reference implementations.
+/// Packs with the reference implementations.
 fn packed(compression: &str, content: &[u8]) -> Vec<u8> {
     match compression {
         "lz4" => {
@@ -38,13 +38,13 @@ fn packed(compression: &str, content: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn a_chunk_comes_out_as_it_went_in() {
+fn a_chunk_is_unpacked_unchanged() {
     let content = content();
     for compression in ["", "lz4", "zstd"] {
         let packed = packed(compression, &content);
-        let mut found = Vec::new();
-        whole(compression, &packed, content.len(), &mut found).expect(compression);
-        assert!(found == content, "{compression}");
+        let mut output = Vec::new();
+        whole(compression, &packed, content.len(), &mut output).expect(compression);
+        assert!(output == content, "{compression}");
         for (packed, size) in [
             (&packed[..packed.len() / 2], content.len()),
             (&packed, content.len() - 1),
@@ -58,35 +58,35 @@ fn a_chunk_comes_out_as_it_went_in() {
 }
 
 #[test]
-fn a_torn_chunk_gives_what_lies_before_the_tear() {
+fn a_truncated_chunk_yields_the_bytes_before_the_truncation() {
     let content = content();
     for compression in ["", "lz4", "zstd"] {
         let packed = packed(compression, &content);
         let mut longest = 0;
         for cut in (0..packed.len()).step_by(97).chain([packed.len()]) {
-            let mut found = Vec::new();
-            torn(compression, &packed[..cut], usize::MAX >> 1, &mut found);
-            assert!(found.len() >= longest, "{compression} cut at {cut}");
-            assert!(content.starts_with(&found), "{compression} cut at {cut}");
-            longest = found.len();
+            let mut output = Vec::new();
+            torn(compression, &packed[..cut], usize::MAX >> 1, &mut output);
+            assert!(output.len() >= longest, "{compression} cut at {cut}");
+            assert!(content.starts_with(&output), "{compression} cut at {cut}");
+            longest = output.len();
         }
         assert_eq!(longest, content.len(), "{compression}");
     }
 }
 
 #[test]
-fn a_torn_lz4_block_is_unpacked_up_to_its_last_bytes() {
-    // Nothing in it repeats: every byte before the tear is there.
+fn a_truncated_lz4_block_is_unpacked_up_to_its_last_bytes() {
+    // The content has no repetitions, so every byte before the truncation is available.
     let content: Vec<u8> = (0..=u8::MAX).collect();
     let packed = packed("lz4", &content);
-    let mut found = Vec::new();
-    torn("lz4", &packed[..packed.len() - 100], 1 << 20, &mut found);
-    assert!(found.len() > 140, "{} bytes", found.len());
-    assert!(content.starts_with(&found));
+    let mut output = Vec::new();
+    torn("lz4", &packed[..packed.len() - 100], 1 << 20, &mut output);
+    assert!(output.len() > 140, "{} bytes", output.len());
+    assert!(content.starts_with(&output));
 }
 
 #[test]
-fn wrong_bytes_give_no_more_than_was_asked_for() {
+fn damaged_input_never_yields_more_than_the_limit() {
     let content = content();
     for compression in ["", "lz4", "zstd"] {
         let packed = packed(compression, &content);
@@ -95,16 +95,16 @@ fn wrong_bytes_give_no_more_than_was_asked_for() {
                 let mut wrong = packed.clone();
                 wrong[place] ^= 1 << bit;
                 for limit in [100, content.len()] {
-                    let mut found = Vec::new();
-                    torn(compression, &wrong, limit, &mut found);
+                    let mut output = Vec::new();
+                    torn(compression, &wrong, limit, &mut output);
                     assert!(
-                        found.len() <= limit,
+                        output.len() <= limit,
                         "{compression}, byte {place}, bit {bit}"
                     );
                 }
-                let mut found = Vec::new();
-                let _ = whole(compression, &wrong, content.len(), &mut found); // either may be
-                assert!(found.len() <= content.len() + 1);
+                let mut output = Vec::new();
+                let _ = whole(compression, &wrong, content.len(), &mut output); // both results are fine
+                assert!(output.len() <= content.len() + 1);
             }
         }
     }

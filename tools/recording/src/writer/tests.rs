@@ -1,4 +1,4 @@
-//! Content of a written file, read by the `mcap` crate.
+//! Content of a written file, as read by the `mcap` crate.
 
 use std::path::PathBuf;
 
@@ -21,7 +21,7 @@ fn layout() -> RecordLayout {
     }
 }
 
-/// The words of a step: some change, some do not, one is there twice.
+/// Returns the words of a step: some change, some do not, one occurs twice.
 fn words(step: u64) -> Vec<u64> {
     let mut words = vec![0; layout().words()];
     let start = layout().values_start();
@@ -48,8 +48,8 @@ struct File {
     path: PathBuf,
 }
 
-/// Records in chunks of a hundred, with an event before each fiftieth.
-fn written(compression: Compression, records: u64) -> File {
+/// Writes records in chunks of a hundred, with an event before each fiftieth.
+fn recorded_file(compression: Compression, records: u64) -> File {
     let folder = TempDir::new().expect("a folder");
     let path = folder.path().join("run.mcap");
     let provenance = Provenance {
@@ -83,7 +83,7 @@ fn written(compression: Compression, records: u64) -> File {
     }
 }
 
-/// Topic, time and content of each message of a file or of its beginning.
+/// Returns topic, time and content of each message of a file or of its beginning.
 fn messages(bytes: &[u8]) -> Vec<(String, u64, Vec<u8>)> {
     let whatever_the_end = mcap::read::Options::IgnoreEndMagic.into();
     let stream = mcap::MessageStream::new_with_options(bytes, whatever_the_end);
@@ -110,18 +110,18 @@ fn expected(records: u64) -> Vec<(String, u64, Vec<u8>)> {
 }
 
 #[test]
-fn every_compression_keeps_every_message_in_order() {
+fn every_compression_preserves_all_messages_in_order() {
     for compression in COMPRESSIONS {
-        let file = written(compression, 1234);
+        let file = recorded_file(compression, 1234);
         let bytes = std::fs::read(&file.path).expect("a file");
         assert!(messages(&bytes) == expected(1234), "{compression:?}");
     }
 }
 
 #[test]
-fn the_summary_tells_what_is_where() {
+fn the_summary_locates_all_records() {
     for compression in COMPRESSIONS {
-        let file = written(compression, 1234);
+        let file = recorded_file(compression, 1234);
         let bytes = std::fs::read(&file.path).expect("a file");
         let summary = mcap::Summary::read(&bytes).expect("whole").expect("there");
         let statistics = summary.stats.as_ref().expect("statistics");
@@ -141,18 +141,18 @@ fn the_summary_tells_what_is_where() {
             (statistics.chunk_count, summary.chunk_indexes.len()),
             (13, 13)
         );
-        let mut found = 0;
+        let mut count = 0;
         for chunk in &summary.chunk_indexes {
             for (channel, entries) in summary.read_message_indexes(&bytes, chunk).expect("read") {
                 for entry in entries {
                     let message = summary.seek_message(&bytes, chunk, &entry).expect("there");
                     assert_eq!(message.log_time, entry.log_time);
                     assert_eq!(message.channel.topic, channel.topic);
-                    found += 1;
+                    count += 1;
                 }
             }
         }
-        assert_eq!(found, 1259);
+        assert_eq!(count, 1259);
         let names = summary.metadata_indexes.iter().map(|index| {
             let metadata = mcap::read::metadata(&bytes, index).expect("metadata");
             (metadata.name, metadata.metadata.len())
@@ -165,7 +165,7 @@ fn the_summary_tells_what_is_where() {
 }
 
 #[test]
-fn a_reader_that_checks_every_sum_has_no_complaint() {
+fn a_reader_that_verifies_every_check_sum_accepts_the_file() {
     let whole = |bytes: &[u8]| {
         let options = LinearReaderOptions::default()
             .with_validate_chunk_crcs(true)
@@ -175,9 +175,9 @@ fn a_reader_that_checks_every_sum_has_no_complaint() {
         let mut rest = bytes;
         while let Some(event) = reader.next_event() {
             match event? {
-                LinearReadEvent::ReadRequest(wanted) => {
-                    let count = wanted.min(rest.len());
-                    reader.insert(wanted)[..count].copy_from_slice(&rest[..count]);
+                LinearReadEvent::ReadRequest(size) => {
+                    let count = size.min(rest.len());
+                    reader.insert(size)[..count].copy_from_slice(&rest[..count]);
                     reader.notify_read(count);
                     rest = &rest[count..];
                 }
@@ -189,7 +189,7 @@ fn a_reader_that_checks_every_sum_has_no_complaint() {
         mcap::McapResult::Ok(())
     };
     for compression in COMPRESSIONS {
-        let file = written(compression, 1000);
+        let file = recorded_file(compression, 1000);
         let mut bytes = std::fs::read(&file.path).expect("a file");
         whole(&bytes).expect("every sum is right");
         let records = mcap::read::LinearReader::new(&bytes).expect("whole");
@@ -198,7 +198,7 @@ fn a_reader_that_checks_every_sum_has_no_complaint() {
             _ => None,
         });
         let sums: Vec<u32> = chunks.collect();
-        // 0 is none.
+        // The value 0 means that there is no check sum.
         assert!(
             sums.len() == 10 && !sums.contains(&0),
             "{compression:?}: {sums:?}"
@@ -213,9 +213,9 @@ fn a_reader_that_checks_every_sum_has_no_complaint() {
 }
 
 #[test]
-fn a_file_that_was_cut_holds_all_up_to_its_last_whole_chunk() {
+fn a_truncated_file_contains_everything_up_to_its_last_complete_chunk() {
     for compression in COMPRESSIONS {
-        let file = written(compression, 500);
+        let file = recorded_file(compression, 500);
         let bytes = std::fs::read(&file.path).expect("a file");
         let summary = mcap::Summary::read(&bytes).expect("whole").expect("there");
         let expected = expected(500);
@@ -234,7 +234,7 @@ fn a_file_that_was_cut_holds_all_up_to_its_last_whole_chunk() {
                 .iter()
                 .take_while(|(_, ns, _)| *ns <= whole.1)
                 .count();
-            // The event before the next record has the time of the last.
+            // The event before the next record has the time of the previous record.
             assert!(read.len() + 1 >= count, "{compression:?} cut at {cut}");
             assert!(
                 read[..] == expected[..read.len()],
@@ -277,11 +277,11 @@ fn a_chunk_is_closed_when_it_is_old_or_full() {
     assert_eq!(on_disk(), 1 + CHUNK_BYTES.div_ceil(bytes));
 }
 
-/// Opcode, length, channel, sequence, two times; CDR.
+/// Opcode, length, channel, sequence number, two times; CDR encapsulation.
 const HEAD_AND_ENCAPSULATION_BYTES: usize = 1 + 8 + 2 + 4 + 8 + 8 + 4;
 
 #[test]
-fn a_chunk_that_could_not_be_written_is_there_to_be_written_again() {
+fn a_chunk_can_be_written_again_after_an_error() {
     for compression in COMPRESSIONS {
         let mut chunk = Chunk::new(compression, CHANNELS).expect("a chunk");
         for step in 0..100 {
@@ -295,7 +295,7 @@ fn a_chunk_that_could_not_be_written_is_there_to_be_written_again() {
 }
 
 #[test]
-fn a_full_disk_is_an_error_that_says_so() {
+fn a_full_disk_gives_a_clear_error() {
     let path = Path::new("/dev/full");
     let provenance = Provenance::default();
     let created = Recording::create(path, Compression::Lz4, &layout(), &provenance, None);

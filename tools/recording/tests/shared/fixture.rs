@@ -11,7 +11,7 @@ use shared_types::record::{Event, FaultBegun, RecordLayout, Timing};
 use shared_types::table::Field;
 use tempfile::TempDir;
 
-/// Signals of a small run: `truth.x_m`, `measured.x_m`, `command.u_n`, and what they bring.
+/// Layout of a small run: `truth.x_m`, `measured.x_m`, `command.u_n`, and the columns derived from them.
 pub(crate) fn layout() -> RecordLayout {
     RecordLayout {
         truth: vec![Field::signal("x_m", "m", "Place.")],
@@ -23,8 +23,8 @@ pub(crate) fn layout() -> RecordLayout {
     }
 }
 
-/// A record: step, both validity words, then truth, measured, command, applied, sensed and
-/// parameter, then timing.
+/// Builds a record: step, both validity words, then truth, measured, command, applied, sensed and parameter, then
+/// timing.
 pub(crate) fn record(step: u64, truth: f64, command: f64) -> Vec<u64> {
     let values = [truth, truth, command, command, truth, 1.0].map(f64::to_bits);
     let mut timing = [0; Timing::WORDS];
@@ -51,7 +51,7 @@ pub(crate) enum Content {
     Event(Event),
 }
 
-/// Folder of a recording, which goes with this.
+/// Temporary folder of a recording, removed on drop.
 pub(crate) struct Folder(TempDir);
 
 impl Deref for Folder {
@@ -62,7 +62,7 @@ impl Deref for Folder {
     }
 }
 
-/// Writes the recording of a whole run into a new folder and returns that.
+/// Writes the recording of a complete run into a new folder.
 pub(crate) fn recorded(
     layout: &RecordLayout,
     contents: &[Content],

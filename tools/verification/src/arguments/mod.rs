@@ -1,4 +1,4 @@
-//! The command lines of the verbs of this package. Carries nothing out.
+//! The command lines of this package's verbs; defines arguments only and runs nothing.
 
 pub mod recordings;
 pub mod replay;

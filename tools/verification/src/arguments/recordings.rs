@@ -1,4 +1,4 @@
-//! The command lines of what works on recordings: `hil compare`, `hil judge` and `hil scenario`.
+//! The command lines of the verbs that read recordings: `hil compare`, `hil judge` and `hil scenario`.
 
 use std::path::PathBuf;
 
@@ -40,7 +40,7 @@ pub struct CompareArguments {
     pub json: bool,
 }
 
-/// The examples of `hil judge`.
+/// Examples in the help of `hil judge`.
 pub const JUDGE_EXAMPLES: &str = "\
 Exit codes: 0 every requirement holds; 1 one fails, or the run did not end by itself; 2 the run or
 the scenario cannot be used.
@@ -72,7 +72,7 @@ pub struct ScenarioCommand {
     pub action: ScenarioAction,
 }
 
-/// The parts of `hil scenario`.
+/// Actions of `hil scenario`.
 #[derive(Debug, Subcommand)]
 pub enum ScenarioAction {
     /// Write the scenario that repeats a run, including faults injected from the command line

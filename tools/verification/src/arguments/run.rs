@@ -47,7 +47,7 @@ pub struct RunArguments {
     /// Write the verdicts as Markdown, for people
     #[arg(long, value_name = "FILE")]
     pub markdown: Option<PathBuf>,
-    /// The checkpoint in their place
+    /// Checkpoint to continue from instead
     #[command(flatten)]
     pub from: FromArguments,
     /// Repeat the run under conditions that must not matter (other speeds, cores, busy cores, late sides) and
@@ -73,7 +73,7 @@ pub struct RerunArguments {
     pub options: RunOptions,
 }
 
-/// The panel of a run.
+/// Panel options of a run.
 #[derive(Clone, Debug, Default, Args)]
 pub struct RunPanelArguments {
     /// Show the run in a browser while it is running; see hil panel

@@ -1,4 +1,4 @@
-//! `--tolerance`: by how much signals may differ, all of them or one by name.
+//! `--tolerance`: the largest allowed difference, for all signals or for one by name.
 //!
 //! Used by `hil compare` and `hil replay`. A tolerance is absolute and in the signal's own unit.
 
@@ -9,10 +9,10 @@ use shared_types::number::exact;
 
 use shared_types::table::near;
 
-/// Tolerance as it is typed: `X` for every signal, or `SIGNAL=X`.
+/// Tolerance as typed: `X` for every signal, or `SIGNAL=X`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tolerance {
-    /// The signal; `None` for all.
+    /// Name of the signal; `None` for all signals.
     signal: Option<String>,
     value: f64,
 }
@@ -26,10 +26,10 @@ impl FromStr for Tolerance {
             None => (None, text),
         };
         let value: f64 =
-            (number.trim().parse()).map_err(|_| format!("`{}` is no number", number.trim()))?;
+            (number.trim().parse()).map_err(|_| format!("`{}` is not a number", number.trim()))?;
         if value.is_nan() || value < 0.0 {
             return Err(format!(
-                "a tolerance is a number of at least 0, not {}",
+                "a tolerance must be a number of at least 0, not {}",
                 exact(value)
             ));
         }
@@ -37,7 +37,7 @@ impl FromStr for Tolerance {
     }
 }
 
-/// The tolerances of a comparison.
+/// Tolerances of a comparison.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tolerances {
     all: f64,
@@ -45,7 +45,7 @@ pub struct Tolerances {
 }
 
 impl Tolerances {
-    /// Reads the typed tolerances: the last word on a signal stands.
+    /// Collects the typed tolerances; the last one for a signal wins.
     #[must_use]
     pub fn typed(tolerances: &[Tolerance]) -> Self {
         let mut typed = Self::default();
@@ -58,21 +58,21 @@ impl Tolerances {
         typed
     }
 
-    /// Allows one signal so much.
+    /// Sets the tolerance of one signal.
     pub fn set(&mut self, signal: &str, tolerance: f64) {
         self.of.insert(signal.into(), tolerance);
     }
 
-    /// By how much a signal may differ.
+    /// Returns the tolerance of a signal.
     #[must_use]
     pub fn of(&self, signal: &str) -> f64 {
         self.of.get(signal).copied().unwrap_or(self.all)
     }
 
-    /// Refuses tolerances of signals that are not there.
+    /// Refuses tolerances for unknown signals.
     ///
     /// # Errors
-    /// The first one, with the nearest names.
+    /// For the first unknown signal, with the nearest names.
     pub fn check<'a>(&self, known: impl Iterator<Item = &'a str> + Clone) -> Result<(), String> {
         let unknown = |name: &&String| !known.clone().any(|known| known == name.as_str());
         let Some(name) = self.of.keys().find(unknown) else {
@@ -88,7 +88,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_signal_may_differ_by_more_than_all() {
+    fn a_signal_can_have_a_larger_tolerance_than_all_others() {
         let typed = ["1e-3", "command.u_n=2.5"].map(|text| text.parse().expect("a tolerance"));
         let typed = Tolerances::typed(&typed);
         assert_eq!(
@@ -97,15 +97,15 @@ mod tests {
         );
         let known = ["command.u_n", "truth.x_m"];
         assert_eq!(typed.check(known.into_iter()), Ok(()));
-        let told = typed.check(["command.v_n"].into_iter()).unwrap_err();
+        let message = typed.check(["command.v_n"].into_iter()).unwrap_err();
         assert!(
-            told.contains("`command.u_n`") && told.contains("nearest: `command.v_n`"),
-            "{told}"
+            message.contains("`command.u_n`") && message.contains("nearest: `command.v_n`"),
+            "{message}"
         );
     }
 
     #[test]
-    fn what_is_no_tolerance_is_refused() {
+    fn an_invalid_tolerance_is_refused() {
         for text in ["", "x", "-1", "nan", "command.u_n=", "command.u_n=-1e-9"] {
             assert!(text.parse::<Tolerance>().is_err(), "{text}");
         }

@@ -1,7 +1,6 @@
-//! Changes of a run against a baseline: texts that identify it, and figures.
+//! Changes of a run relative to a baseline: identifying texts and figures.
 //!
-//! Made for a judgement, which asks what is within its tolerance, and for an update, which shows what
-//! it will write.
+//! A judgement checks them against the tolerances; an update shows what it will write.
 
 use std::fmt::Write as _;
 
@@ -13,7 +12,7 @@ use super::figures::{Figures, STATISTICS};
 use super::file::Baseline;
 use crate::compare::{is_near, share};
 
-/// A text of a baseline that is another in the run.
+/// Identifying text that differs between baseline and run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub(super) struct TextChange {
     what: &'static str,
@@ -21,20 +20,20 @@ pub(super) struct TextChange {
     run: String,
 }
 
-/// A figure of a baseline that is another in the run.
+/// Figure that differs between baseline and run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Change {
     pub(super) name: String,
     unit: String,
-    /// Null if only the run has it.
+    /// Value in the baseline; null if only the run has the figure.
     baseline: Option<f64>,
-    /// Null if only the baseline has it.
+    /// Value in the run; null if only the baseline has the figure.
     run: Option<f64>,
     tolerance: f64,
     pub(super) within: bool,
 }
 
-/// Returns the texts that identify a run and differ.
+/// Returns the identifying texts that differ.
 pub(super) fn identity_changes(baseline: &Baseline, figures: &Figures) -> Vec<TextChange> {
     let number = |value: &dyn std::fmt::Display| value.to_string();
     let pairs = [
@@ -87,7 +86,7 @@ pub(super) fn identity_changes(baseline: &Baseline, figures: &Figures) -> Vec<Te
         .collect()
 }
 
-/// A figure, if it is not the same in both.
+/// Returns a figure if it differs.
 fn change(
     name: String,
     unit: &str,

@@ -1,7 +1,7 @@
-//! The figures of a recorded run: what a reviewer looks at in place of its samples.
+//! The figures of a recorded run, which a reviewer reads instead of its samples.
 //!
-//! Used for baselines, made in one pass over the recording: the digest, what identifies the run, a
-//! few statistics of each signal that the digest covers, and the scenario's metrics.
+//! Baselines store them. One pass over the recording computes the digest, the identity of the run, a few statistics
+//! of each signal that the digest covers, and the scenario's metrics.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ pub(super) struct Figures {
     pub(super) digest: String,
     pub(super) records: u64,
     pub(super) rate_hz: f64,
-    /// Hash of the scenario as it was in effect.
+    /// Hash of the scenario in effect.
     pub(super) scenario_blake3: String,
     pub(super) hil_version: String,
     pub(super) plant_blake3: String,
@@ -26,7 +26,7 @@ pub(super) struct Figures {
     pub(super) signals: Vec<Signal>,
 }
 
-/// A metric over a window.
+/// Metric over a window.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Metric {
     /// Name and window.
@@ -35,20 +35,19 @@ pub(super) struct Metric {
     pub(super) value: f64,
 }
 
-/// The statistics of a signal, over the steps at which it is a finite number.
+/// Statistics of a signal, over the steps at which it is finite.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Signal {
     pub(super) name: String,
     pub(super) unit: String,
-    /// In the order of [`STATISTICS`].
+    /// Values in the order of [`STATISTICS`].
     pub(super) values: [f64; STATISTICS.len()],
 }
 
-/// Statistics that are kept of a signal: if two signals are nowhere further apart than a tolerance, their
-/// statistics are no further apart either.
+/// Statistics of a signal. If two signals differ nowhere by more than a tolerance, neither do these statistics.
 pub(super) const STATISTICS: [&str; 4] = ["min", "max", "rms", "final"];
 
-/// Statistics in the making.
+/// Accumulator of statistics.
 #[derive(Clone, Copy, Debug)]
 struct Running {
     min: f64,
@@ -92,10 +91,10 @@ impl Running {
 }
 
 impl Figures {
-    /// Reads a run to its end.
+    /// Computes the figures of a run.
     ///
     /// # Errors
-    /// If it cannot be read, was cut off or lost records, or did not end by itself.
+    /// If the recording cannot be read, is truncated or has lost records, or the run did not end by itself.
     pub(super) fn of(run: &Path) -> Result<Self, Failure> {
         let mut reader = RunReader::open(run).map_err(Failure::usage)?;
         reader.refuse_excerpt().map_err(Failure::usage)?;
@@ -108,8 +107,8 @@ impl Figures {
             .filter(|(_, column)| column.is_signal())
             .map(|(place, _)| place)
             .collect();
-        let kept = signals.iter().filter(|place| **place < hashed).count();
-        let mut running = vec![Running::NONE; kept];
+        let count = signals.iter().filter(|place| **place < hashed).count();
+        let mut running = vec![Running::NONE; count];
         let mut next = 0;
         while reader.advance().map_err(Failure::usage)? {
             for event in reader.events() {
@@ -118,7 +117,7 @@ impl Figures {
             let (step, words) = (reader.step(), reader.words());
             if step != next {
                 return Err(Failure::usage(format!(
-                    "{}: record {step} comes where record {next} should; a run with lost records is no baseline",
+                    "{}: found record {step} in place of record {next}; a run with lost records cannot be a baseline",
                     run.display()
                 )));
             }
@@ -130,12 +129,12 @@ impl Figures {
         }
         if let Some(torn) = reader.caveat() {
             return Err(Failure::usage(format!(
-                "{torn}, which is no baseline either; `hil compare A B` compares as far as it goes"
+                "{torn}, so it cannot be a baseline; `hil compare A B` compares the existing part"
             )));
         }
         if !matches!(reader.result("outcome"), Some("completed" | "diverged")) {
             return Err(Failure::usage(format!(
-                "{} did not end by itself; what it would have been no run can be compared with",
+                "{} did not end by itself, so it cannot be compared with a baseline",
                 run.display()
             )));
         }
@@ -174,7 +173,7 @@ impl Figures {
     }
 }
 
-/// The hash of a scenario, which is the same wherever its programs lie.
+/// Hashes a scenario without the paths of its programs.
 fn scenario_hash(text: &str) -> String {
     let without_programs = text.parse().ok().and_then(|mut scenario: DocumentMut| {
         let sides = ["plant", "controller"].map(|side| {
@@ -192,7 +191,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_hash_of_a_scenario_does_not_depend_on_where_its_programs_are() {
+    fn the_hash_of_a_scenario_does_not_depend_on_program_paths() {
         let text = "schema = 1 # a comment\n\n[plant] # one\nmodel = \"a\"\nsubsteps = 1\n\n[controller]\nlaw = \"b\"\n";
         let named = text
             .replace("model = \"a\"\n", "model = \"a\"\nprogram = \"/x/plant\"\n")
@@ -210,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn statistics_are_those_of_the_finite_numbers() {
+    fn statistics_cover_the_finite_numbers_only() {
         let mut running = Running::NONE;
         for value in [1.0, f64::NAN, -7.0, f64::INFINITY, 5.0, 5.0] {
             running.take(value);

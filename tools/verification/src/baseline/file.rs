@@ -1,6 +1,6 @@
 //! The file of baselines: named runs with their figures and tolerances, made for review.
 //!
-//! Read as data, written as an edit: comments, order and tolerances that a person put there stay.
+//! The file is read as data but written by editing, so that comments, order and manual tolerances are preserved.
 //!
 //! ```toml
 //! schema = 1
@@ -31,9 +31,9 @@ use toml_edit::{DocumentMut, InlineTable, Item, Table, TableLike, Value};
 
 use super::figures::{Figures, STATISTICS};
 
-/// Version of the file.
+/// Version of the file format.
 const SCHEMA: i64 = 1;
-/// Beginning of a new file.
+/// Header of a new file.
 const NEW: &str = "\
 # Runs to compare others with: hil compare RUN --baseline NAME
 # Figures are written by hil compare RUN --baseline NAME --update; tolerances are yours: absolute, in
@@ -41,7 +41,7 @@ const NEW: &str = "\
 schema = 1
 ";
 
-/// The file as it is.
+/// Contents of the baselines file.
 pub(super) struct BaselineFile {
     path: PathBuf,
     document: DocumentMut,
@@ -56,12 +56,12 @@ struct Content {
     baselines: BTreeMap<String, Baseline>,
 }
 
-/// A named run.
+/// Named run.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Baseline {
     pub(super) scenario: String,
-    /// The run itself, from the folder of the file; without it only figures are compared.
+    /// Path of its recording, relative to the folder of the file; without a recording only figures are compared.
     pub(super) recording: Option<PathBuf>,
     pub(super) digest: String,
     pub(super) records: u64,
@@ -97,7 +97,7 @@ pub(super) struct SignalFigures {
 }
 
 impl Baseline {
-    /// Checks that no signal may differ at all.
+    /// Returns `true` if all signals have zero tolerance.
     pub(super) fn is_exact(&self) -> bool {
         self.signals
             .values()
@@ -106,34 +106,35 @@ impl Baseline {
 }
 
 impl SignalFigures {
-    /// In the order of [`STATISTICS`].
+    /// Returns the values in the order of [`STATISTICS`].
     pub(super) const fn values(&self) -> [f64; STATISTICS.len()] {
         [self.min, self.max, self.rms, self.last]
     }
 }
 
 impl BaselineFile {
-    /// Reads the file; one that is not there is new if it may be.
+    /// Reads the file; a missing file is created later if `may_be_new`.
     ///
     /// # Errors
-    /// If it is not there or not of this form.
+    /// If the file is missing or invalid.
     pub(super) fn read(path: &Path, may_be_new: bool) -> Result<Self, Failure> {
-        let shown = path.display();
+        let path_text = path.display();
         let text = match std::fs::read_to_string(path) {
             Ok(text) => text,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound && may_be_new => NEW.into(),
             Err(error) => {
-                let hint = "--update makes one, --baselines names another";
+                let hint = "--update creates one, --baselines selects another";
                 return Err(Failure::usage(format!(
-                    "cannot read {shown}: {error}; {hint}"
+                    "cannot read {path_text}: {error}; {hint}"
                 )));
             }
         };
-        let refused = |error: &dyn std::fmt::Display| Failure::usage(format!("{shown}: {error}"));
+        let refused =
+            |error: &dyn std::fmt::Display| Failure::usage(format!("{path_text}: {error}"));
         let document: DocumentMut = text.parse().map_err(|e| refused(&e))?;
         let content: Content = toml_edit::de::from_str(&text).map_err(|e| refused(&e))?;
         if content.schema != SCHEMA {
-            let what = format!("schema {} is not known, {SCHEMA} is", content.schema);
+            let what = format!("schema {} is not supported, only {SCHEMA}", content.schema);
             return Err(refused(&what));
         }
         for (name, baseline) in &content.baselines {
@@ -150,7 +151,7 @@ impl BaselineFile {
             for (key, tolerance) in tolerances {
                 if tolerance.is_nan() || tolerance < 0.0 {
                     let what = format!(
-                        "baseline `{name}`: `{key}`: a tolerance is at least 0, not {}",
+                        "baseline `{name}`: `{key}`: a tolerance must be at least 0, not {}",
                         exact(tolerance)
                     );
                     return Err(refused(&what));
@@ -172,26 +173,27 @@ impl BaselineFile {
         self.content.baselines.get(name)
     }
 
-    /// The baseline of a name.
+    /// Returns a baseline by name.
     ///
     /// # Errors
-    /// If there is none, with the nearest names.
+    /// If it does not exist; the message suggests the nearest names.
     pub(super) fn find(&self, name: &str) -> Result<&Baseline, Failure> {
         self.get(name).ok_or_else(|| {
             let near = near(name, self.content.baselines.keys().map(String::as_str));
-            let shown = self.path.display();
+            let path_text = self.path.display();
             Failure::usage(format!(
-                "{shown} has no baseline `{name}`{near}; --update makes one"
+                "{path_text} has no baseline `{name}`{near}; --update creates one"
             ))
         })
     }
 
-    /// Returns the path of a baseline's recording, if the baseline has one.
+    /// Returns the path of a baseline's recording, if it has one.
     pub(super) fn recording(&self, baseline: &Baseline) -> Option<PathBuf> {
         Some(self.folder().join(baseline.recording.as_ref()?))
     }
 
-    /// The folder of new recordings, beside the file and named after it: another file has another.
+    /// Returns the folder for new recordings, beside the file and named after it, so that files do not share
+    /// recordings.
     fn recordings(&self) -> PathBuf {
         let name = self.path.file_name().unwrap_or_default();
         let name = Path::new(name);
@@ -201,7 +203,7 @@ impl BaselineFile {
         {
             name.with_extension("")
         } else {
-            // Not the name of the file itself.
+            // Must differ from the file itself.
             PathBuf::from(format!("{}.d", name.display()))
         }
     }
@@ -210,11 +212,11 @@ impl BaselineFile {
         self.path.parent().unwrap_or(Path::new(""))
     }
 
-    /// Takes the figures of a run for a name, and writes the file, whole or not at all. A new baseline
-    /// gets a recording; one whose recording a person took out keeps none.
+    /// Stores the figures of a run under a name, and replaces the file atomically. A new baseline gets a recording; a
+    /// baseline whose recording was removed by hand gets no new one.
     ///
     /// # Errors
-    /// If something cannot be written.
+    /// If the file or the recording cannot be written.
     pub(super) fn update(
         &mut self,
         name: &str,
@@ -229,8 +231,9 @@ impl BaselineFile {
             folder::refuse_odd(recording)?;
             keep(run, &self.folder().join(recording))?;
         }
-        let unexpected =
-            |what: &str| Failure::usage(format!("{}: `{what}` is no table", self.path.display()));
+        let unexpected = |what: &str| {
+            Failure::usage(format!("{}: `{what}` is not a table", self.path.display()))
+        };
         let baselines = self.document.entry("baselines").or_insert_with(implicit);
         let baselines = baselines
             .as_table_like_mut()
@@ -278,7 +281,7 @@ fn implicit() -> Item {
     Item::Table(table)
 }
 
-/// Sets the figures of a table's entries and leaves their tolerances; entries without figures go.
+/// Sets the figures of a table's entries without changing their tolerances; removes entries without figures.
 fn put_all<'a>(
     entry: &mut dyn TableLike,
     key: &str,
@@ -288,9 +291,9 @@ fn put_all<'a>(
         .entry(key)
         .or_insert_with(|| Item::Table(Table::new()));
     let table = table.as_table_like_mut()?;
-    let mut gone: Vec<String> = table.iter().map(|(name, _)| name.to_owned()).collect();
+    let mut obsolete: Vec<String> = table.iter().map(|(name, _)| name.to_owned()).collect();
     for (name, unit, values) in figures {
-        gone.retain(|known| known != name);
+        obsolete.retain(|known| known != name);
         let line = table.entry(name).or_insert_with(|| {
             let mut line = InlineTable::new();
             line.insert("unit", unit.into());
@@ -303,13 +306,13 @@ fn put_all<'a>(
             put(line, statistic, float(value));
         }
     }
-    for name in gone {
+    for name in obsolete {
         table.remove(&name);
     }
     Some(())
 }
 
-/// Sets a value and leaves the comments around it.
+/// Sets a value and preserves the comments around it.
 fn put(table: &mut dyn TableLike, key: &str, mut value: Value) {
     match table.get_mut(key).and_then(Item::as_value_mut) {
         Some(before) => {
@@ -322,38 +325,38 @@ fn put(table: &mut dyn TableLike, key: &str, mut value: Value) {
     }
 }
 
-/// A number with all its digits, short where it can be.
+/// Formats a number with all significant digits, as short as possible.
 fn float(value: f64) -> Value {
     let text = if value.is_nan() {
-        "nan".into() // Rust writes it otherwise
+        "nan".into() // Rust formats it as "NaN"
     } else {
         format!("{value:?}")
     };
     text.parse().unwrap_or_else(|_| Value::from(value))
 }
 
-/// Keeps a run's recording beside the file, whole or not at all.
-fn keep(run: &Path, kept: &Path) -> Result<(), Failure> {
+/// Copies a run's recording beside the file, atomically.
+fn keep(run: &Path, copy: &Path) -> Result<(), Failure> {
     let recording = if run.is_dir() {
         run.join(hil_recording::reader::RECORDING)
     } else {
         run.to_owned()
     };
-    let is_itself = match (recording.canonicalize(), kept.canonicalize()) {
-        (Ok(recording), Ok(kept)) => recording == kept,
+    let is_itself = match (recording.canonicalize(), copy.canonicalize()) {
+        (Ok(recording), Ok(copy)) => recording == copy,
         _ => false,
     };
     if is_itself {
         return Ok(());
     }
-    let folder = kept.parent().unwrap_or(Path::new(""));
+    let folder = copy.parent().unwrap_or(Path::new(""));
     let copied = || {
         std::fs::create_dir_all(folder)?;
-        let part = PartFile::beside(kept)?;
+        let part = PartFile::beside(copy)?;
         std::io::copy(&mut File::open(&recording)?, &mut part.file())?;
-        part.complete(kept, true)
+        part.complete(copy, true)
     };
     copied().map_err(|error: std::io::Error| {
-        Failure::infrastructure(format!("cannot write {}: {error}", kept.display()))
+        Failure::infrastructure(format!("cannot write {}: {error}", copy.display()))
     })
 }

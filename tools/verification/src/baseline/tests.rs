@@ -35,7 +35,7 @@ fn figures() -> Figures {
     }
 }
 
-/// A folder with a recording, whose content nobody looks at here.
+/// Creates a folder with a recording of arbitrary content.
 fn folder() -> (TempDir, PathBuf, PathBuf) {
     let folder = TempDir::new().expect("a folder");
     let (run, path) = (
@@ -46,7 +46,7 @@ fn folder() -> (TempDir, PathBuf, PathBuf) {
     (folder, run, path)
 }
 
-fn written(path: &Path, run: &Path, figures: &Figures) -> BaselineFile {
+fn write_baseline(path: &Path, run: &Path, figures: &Figures) -> BaselineFile {
     let mut file = BaselineFile::read(path, true).expect("reads");
     file.update("a", run, figures).expect("written");
     BaselineFile::read(path, false).expect("reads again")
@@ -57,20 +57,20 @@ fn recording_of(file: &BaselineFile) -> Option<PathBuf> {
 }
 
 #[test]
-fn figures_read_back_with_every_bit_and_the_recording_is_kept() {
+fn figures_are_read_back_exactly_and_the_recording_is_copied() {
     let (folder, run, path) = folder();
-    let file = written(&path, &run, &figures());
+    let file = write_baseline(&path, &run, &figures());
     let baseline = file.find("a").expect("there");
     assert!(metric_changes(baseline, &figures()).is_empty());
     assert!(signal_changes(baseline, &figures()).is_empty());
     assert!(identity_changes(baseline, &figures()).is_empty());
-    let kept = file.recording(baseline).expect("kept");
-    assert_eq!(kept, folder.path().join("baselines/a.mcap"));
-    assert_eq!(std::fs::read_to_string(kept).expect("there"), "one");
+    let copy = file.recording(baseline).expect("kept");
+    assert_eq!(copy, folder.path().join("baselines/a.mcap"));
+    assert_eq!(std::fs::read_to_string(copy).expect("there"), "one");
 }
 
 #[test]
-fn each_file_of_baselines_keeps_recordings_of_its_own() {
+fn each_baselines_file_has_its_own_recordings() {
     let (folder, run, path) = folder();
     let expected = [
         ("baselines.toml", "baselines/a.mcap"),
@@ -80,20 +80,20 @@ fn each_file_of_baselines_keeps_recordings_of_its_own() {
     for (name, recording) in expected {
         let path = path.with_file_name(name);
         std::fs::write(&run, name).expect("written");
-        let file = written(&path, &run, &figures());
-        let kept = recording_of(&file).expect("kept");
-        assert_eq!(kept, folder.path().join(recording));
+        let file = write_baseline(&path, &run, &figures());
+        let copy = recording_of(&file).expect("kept");
+        assert_eq!(copy, folder.path().join(recording));
     }
     for (name, recording) in expected {
-        let kept = std::fs::read_to_string(folder.path().join(recording));
-        assert_eq!(kept.expect("there"), name);
+        let copy = std::fs::read_to_string(folder.path().join(recording));
+        assert_eq!(copy.expect("there"), name);
     }
 }
 
 #[test]
-fn an_update_leaves_comments_order_and_tolerances() {
+fn an_update_preserves_comments_order_and_tolerances() {
     let (_folder, run, path) = folder();
-    written(&path, &run, &figures());
+    write_baseline(&path, &run, &figures());
     let text = std::fs::read_to_string(&path).expect("read");
     let line = "\"truth.x_m\" = { unit = \"m\", tolerance = 0.0, min = -1.0, max = 2.0, rms = 1e-300, final = 0.5 }";
     assert!(text.contains(line), "{text}");
@@ -111,7 +111,7 @@ fn an_update_leaves_comments_order_and_tolerances() {
     now.signals[0].values[1] = 2.5;
     now.signals[1].name = "internal.new".into();
     std::fs::write(&run, "two").expect("written");
-    let file = written(&path, &run, &now);
+    let file = write_baseline(&path, &run, &now);
     let text = std::fs::read_to_string(&path).expect("read");
     let expected = "# The sensor is that good.\n\"truth.x_m\" = { unit = \"m\", tolerance = 1e-3, min = -1.0, max = 2.5, rms = 1e-300, final = 0.5 } # agreed\n";
     assert!(text.contains(expected), "{text}");
@@ -123,40 +123,40 @@ fn an_update_leaves_comments_order_and_tolerances() {
         !text.contains("internal.never") && text.contains("internal.new"),
         "{text}"
     );
-    let kept = recording_of(&file).expect("kept");
-    assert_eq!(std::fs::read_to_string(kept).expect("there"), "two");
+    let copy = recording_of(&file).expect("kept");
+    assert_eq!(std::fs::read_to_string(copy).expect("there"), "two");
 }
 
 #[test]
-fn a_recording_that_was_taken_out_by_hand_stays_out() {
+fn a_recording_removed_by_hand_is_not_restored() {
     let (_folder, run, path) = folder();
-    let file = written(&path, &run, &figures());
-    let kept = recording_of(&file).expect("kept");
-    std::fs::remove_file(&kept).expect("removed");
+    let file = write_baseline(&path, &run, &figures());
+    let copy = recording_of(&file).expect("kept");
+    std::fs::remove_file(&copy).expect("removed");
     let text = std::fs::read_to_string(&path).expect("read");
     let lines: Vec<&str> = text
         .lines()
         .filter(|line| !line.starts_with("recording"))
         .collect();
     std::fs::write(&path, lines.join("\n") + "\n").expect("written");
-    let file = written(&path, &run, &figures());
+    let file = write_baseline(&path, &run, &figures());
     assert_eq!(recording_of(&file), None);
-    assert!(!kept.exists());
+    assert!(!copy.exists());
 }
 
 #[test]
-fn the_recording_of_a_baseline_may_be_its_own_update() {
+fn a_baseline_can_be_updated_from_its_own_recording() {
     let (_folder, run, path) = folder();
-    let file = written(&path, &run, &figures());
-    let kept = recording_of(&file).expect("kept");
-    written(&path, &kept, &figures());
-    assert_eq!(std::fs::read_to_string(kept).expect("there"), "one");
+    let file = write_baseline(&path, &run, &figures());
+    let copy = recording_of(&file).expect("kept");
+    write_baseline(&path, &copy, &figures());
+    assert_eq!(std::fs::read_to_string(copy).expect("there"), "one");
 }
 
 #[test]
-fn figures_differ_beyond_their_tolerance_or_within_it() {
+fn figures_differ_within_or_beyond_their_tolerance() {
     let (_folder, run, path) = folder();
-    written(&path, &run, &figures());
+    write_baseline(&path, &run, &figures());
     let text = std::fs::read_to_string(&path).expect("read");
     let text = text.replacen("tolerance = 0.0, min", "tolerance = 0.25, min", 1);
     std::fs::write(&path, text).expect("written");
@@ -199,36 +199,37 @@ fn figures_differ_beyond_their_tolerance_or_within_it() {
         changes(&|now| now.metrics.clear()),
         of("max_abs_x_m 0 s to 1 s", false)
     );
-    let gone = changes(&|now| {
+    let differences = changes(&|now| {
         now.signals.pop();
     });
-    assert_eq!(gone.len(), STATISTICS.len());
+    assert_eq!(differences.len(), STATISTICS.len());
     assert!(
-        gone.iter()
+        differences
+            .iter()
             .all(|(name, within)| name.starts_with("internal.never ") && !within)
     );
 }
 
 #[test]
-fn what_is_no_file_of_baselines_is_refused_with_its_place() {
+fn a_file_without_baselines_is_refused_with_its_location() {
     let (_folder, run, path) = folder();
-    let told = BaselineFile::read(&path, false)
+    let message = BaselineFile::read(&path, false)
         .err()
         .expect("not there")
         .to_string();
     assert!(
-        told.contains("cannot read") && told.contains("--update"),
-        "{told}"
+        message.contains("cannot read") && message.contains("--update"),
+        "{message}"
     );
-    written(&path, &run, &figures());
+    write_baseline(&path, &run, &figures());
     let text = std::fs::read_to_string(&path).expect("read");
-    for (before, now, said) in [
-        ("schema = 1", "schema = 2", "schema 2 is not known"),
+    for (before, now, expected) in [
+        ("schema = 1", "schema = 2", "schema 2 is not supported"),
         ("schema = 1", "schema = 1\nplan = 2", "unknown field `plan`"),
         (
             "tolerance = 0.0, min",
             "tolerance = -1.0, min",
-            "`truth.x_m`: a tolerance is at least 0",
+            "`truth.x_m`: a tolerance must be at least 0",
         ),
         ("digest = ", "digest ", "line"),
         ("rms = 1e-300", "rms = \"x\"", "line"),
@@ -236,14 +237,20 @@ fn what_is_no_file_of_baselines_is_refused_with_its_place() {
         let spoilt = text.replacen(before, now, 1);
         assert_ne!(spoilt, text);
         std::fs::write(&path, spoilt).expect("written");
-        let told = BaselineFile::read(&path, true)
+        let message = BaselineFile::read(&path, true)
             .err()
             .expect("refused")
             .to_string();
-        assert!(told.contains(said), "`{said}` is not in {told}");
+        assert!(
+            message.contains(expected),
+            "`{expected}` is not in {message}"
+        );
     }
     std::fs::write(&path, text).expect("written");
     let file = BaselineFile::read(&path, false).expect("reads");
-    let told = file.find("aa").expect_err("no such").to_string();
-    assert!(told.contains("no baseline `aa`; nearest: `a`"), "{told}");
+    let message = file.find("aa").expect_err("no such").to_string();
+    assert!(
+        message.contains("no baseline `aa`; nearest: `a`"),
+        "{message}"
+    );
 }

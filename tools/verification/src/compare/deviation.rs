@@ -1,17 +1,17 @@
-//! By how much one signal differs between two runs, step by step.
+//! Accumulates the deviation of one signal between two runs, step by step.
 //!
-//! Used by `hil compare` and `hil replay`, which hand it both values of each step. Two values are the
-//! same if their bits are. It keeps sums and no step, so the length of a run does not matter.
+//! `hil compare` and `hil replay` pass both values of each step. Values are equal if their bits are. Only sums are
+//! stored, so memory does not depend on the length of the runs.
 
 use hil_console::terminal::table::{Table, left, right};
 use serde::Serialize;
 use shared_types::number::{short, unit_shown};
 
-/// A deviation in the making.
+/// Accumulator of a deviation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Deviation {
     tolerance: f64,
-    /// Steps at which both were finite numbers.
+    /// Number of steps at which both values were finite.
     compared: u64,
     differing: u64,
     first_step: Option<u64>,
@@ -22,35 +22,35 @@ pub(crate) struct Deviation {
     incomparable: u64,
 }
 
-/// By how much a signal differs.
+/// Deviation of a signal.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct SignalDifference {
     pub(crate) name: String,
     pub(crate) unit: String,
     pub(crate) max_abs_difference: f64,
-    /// Step of the largest difference; null if the signal is nowhere a number in both.
+    /// Step of the largest difference; null if the values are never both numbers.
     pub(crate) at_step: Option<u64>,
     pub(crate) rms_difference: f64,
-    /// The first step at which it differs.
+    /// First step at which the values differ.
     pub(crate) first_step: Option<u64>,
-    /// The first step at which it differs by more than it may.
+    /// First step at which the difference exceeds the tolerance.
     pub(crate) first_beyond_step: Option<u64>,
-    /// At how many steps it differs.
+    /// Number of steps at which the values differ.
     pub(crate) differing_steps: u64,
-    /// Steps at which it is a finite number in at most one of them and not the same in both.
+    /// Number of steps at which the values differ and at most one of them is finite.
     pub(crate) incomparable_steps: u64,
-    /// By how much it may differ.
+    /// Largest allowed difference.
     pub(crate) tolerance: f64,
 }
 
-/// Checks that `a` and `b` have the same bits or, with a tolerance, are finite and at most that far apart.
+/// Returns `true` if `a` and `b` have the same bits or are finite and differ by at most a nonzero `tolerance`.
 pub(crate) fn is_near(a: f64, b: f64, tolerance: f64) -> bool {
     a.to_bits() == b.to_bits()
         || (tolerance > 0.0 && a.is_finite() && b.is_finite() && (a - b).abs() <= tolerance)
 }
 
 impl Deviation {
-    /// Nothing yet, of a signal that may differ by so much.
+    /// Creates the accumulator for a signal with this tolerance.
     pub(crate) fn new(tolerance: f64) -> Self {
         Self {
             tolerance,
@@ -58,7 +58,7 @@ impl Deviation {
         }
     }
 
-    /// Takes in both values of a step; whether they are further apart than they may be.
+    /// Adds one step; returns `true` if the difference exceeds the tolerance.
     pub(crate) fn take(&mut self, step: u64, a: f64, b: f64) -> bool {
         if a.to_bits() == b.to_bits() {
             self.compared += u64::from(a.is_finite());
@@ -83,17 +83,17 @@ impl Deviation {
         is_beyond
     }
 
-    /// Returns true if the signal differs anywhere.
+    /// Returns `true` if any step differs.
     pub(crate) const fn is_any(&self) -> bool {
         self.differing > 0
     }
 
-    /// Checks that the signal differs nowhere by more than it may.
+    /// Returns `true` if no difference exceeds the tolerance.
     pub(crate) const fn is_within(&self) -> bool {
         self.first_beyond_step.is_none()
     }
 
-    /// The whole of it.
+    /// Returns the accumulated deviation.
     pub(crate) fn of(&self, name: &str, unit: &str) -> SignalDifference {
         let rms = if self.compared > 0 {
             (self.squares / self.compared as f64).sqrt()
@@ -115,10 +115,10 @@ impl Deviation {
     }
 }
 
-/// The differences as a table, a line for each signal.
+/// Writes the differences as a table with a line per signal.
 ///
 /// # Errors
-/// If the text cannot be written to.
+/// If the text cannot be written.
 pub(crate) fn write_table(
     text: &mut impl std::fmt::Write,
     signals: &[SignalDifference],
@@ -169,7 +169,7 @@ pub(crate) fn write_table(
     write!(text, "\n{table}")
 }
 
-/// A difference as a share of what is allowed.
+/// Formats a difference as a percentage of the tolerance.
 pub(crate) fn share(difference: f64, tolerance: f64) -> String {
     if tolerance > 0.0 {
         format!("{:.3} %", 100.0 * difference / tolerance)
@@ -191,25 +191,34 @@ mod tests {
     }
 
     #[test]
-    fn the_largest_the_first_and_the_mean_are_found() {
-        let found = of(&[(1.0, 1.0), (1.0, 4.0), (5.0, 1.0), (2.0, 2.0)]);
-        assert_eq!((found.max_abs_difference, found.at_step), (4.0, Some(2)));
-        assert_eq!((found.first_step, found.differing_steps), (Some(1), 2));
-        assert_eq!(found.rms_difference, 2.5); // sqrt((9 + 16) / 4)
+    fn largest_first_and_mean_differences_are_determined() {
+        let difference = of(&[(1.0, 1.0), (1.0, 4.0), (5.0, 1.0), (2.0, 2.0)]);
+        assert_eq!(
+            (difference.max_abs_difference, difference.at_step),
+            (4.0, Some(2))
+        );
+        assert_eq!(
+            (difference.first_step, difference.differing_steps),
+            (Some(1), 2)
+        );
+        assert_eq!(difference.rms_difference, 2.5); // sqrt((9 + 16) / 4)
     }
 
     #[test]
-    fn what_is_no_number_is_only_near_to_itself() {
+    fn nan_equals_only_itself() {
         let nan = f64::NAN;
         let infinite = f64::INFINITY;
-        let found = of(&[
+        let difference = of(&[
             (nan, nan),
             (nan, 1.0),
             (infinite, 1.0),
             (infinite, infinite),
         ]);
-        assert_eq!((found.incomparable_steps, found.differing_steps), (2, 2));
-        assert_eq!((found.at_step, found.rms_difference), (None, 0.0));
+        assert_eq!(
+            (difference.incomparable_steps, difference.differing_steps),
+            (2, 2)
+        );
+        assert_eq!((difference.at_step, difference.rms_difference), (None, 0.0));
         for (a, b, tolerance, near) in [
             (nan, nan, 0.0, true),
             (nan, 1.0, infinite, false),
@@ -231,26 +240,29 @@ mod tests {
     }
 
     #[test]
-    fn the_first_step_beyond_the_tolerance_may_come_after_the_first_that_differs() {
+    fn the_first_step_beyond_the_tolerance_may_follow_the_first_difference() {
         let mut deviation = Deviation::new(0.5);
         for (step, b) in (0..).zip([1.0, 1.25, 1.5, 1.75, 2.0]) {
             deviation.take(step, 1.0, b);
         }
-        let found = deviation.of("x_m", "m");
+        let difference = deviation.of("x_m", "m");
         assert_eq!(
-            (found.first_step, found.first_beyond_step),
+            (difference.first_step, difference.first_beyond_step),
             (Some(1), Some(3))
         );
         assert_eq!(
-            share(found.max_abs_difference, found.tolerance),
+            share(difference.max_abs_difference, difference.tolerance),
             "200.000 %"
         );
     }
 
     #[test]
-    fn a_flipped_sign_of_zero_is_a_difference_of_nothing() {
-        let found = of(&[(0.0, -0.0)]);
-        assert_eq!((found.differing_steps, found.max_abs_difference), (1, 0.0));
-        assert_eq!(found.at_step, Some(0));
+    fn zeros_of_different_sign_differ_by_zero() {
+        let difference = of(&[(0.0, -0.0)]);
+        assert_eq!(
+            (difference.differing_steps, difference.max_abs_difference),
+            (1, 0.0)
+        );
+        assert_eq!(difference.at_step, Some(0));
     }
 }

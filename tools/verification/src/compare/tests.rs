@@ -3,7 +3,7 @@ use shared_types::table::Field;
 use super::*;
 use crate::fixture::{Content, Folder, layout, record, recorded, taken};
 
-/// A run of four records; `change` may spoil one.
+/// Creates a run of four records, which `change` may modify.
 fn run(change: impl Fn(u64, &mut Vec<u64>)) -> Folder {
     let contents: Vec<Content> = (0..4)
         .map(|step| {
@@ -15,7 +15,7 @@ fn run(change: impl Fn(u64, &mut Vec<u64>)) -> Folder {
     recorded(&layout(), &contents, vec![])
 }
 
-/// The same tolerance for all signals.
+/// Returns the same tolerance for all signals.
 fn all(tolerance: f64) -> Tolerances {
     Tolerances::typed(&[tolerance.to_string().parse().expect("a tolerance")])
 }
@@ -28,7 +28,7 @@ fn first(comparison: &Comparison) -> String {
 }
 
 #[test]
-fn that_two_runs_have_nothing_is_no_agreement() {
+fn two_empty_runs_are_not_the_same() {
     let nothing = || recorded(&layout(), &[], vec![]);
     let (a, b) = (nothing(), nothing());
     let some = run(|_, _| ());
@@ -42,7 +42,7 @@ fn that_two_runs_have_nothing_is_no_agreement() {
 }
 
 #[test]
-fn the_first_difference_and_the_size_of_each_are_found() {
+fn the_first_difference_and_the_size_of_each_are_determined() {
     let a = run(|_, _| ());
     let same = run(|step, words| words[13] = step); // a clock
     // truth.x_m is word 3: off by 3 at step 1 and by 4 at step 2.
@@ -107,7 +107,7 @@ fn the_first_difference_and_the_size_of_each_are_found() {
 }
 
 #[test]
-fn runs_of_two_lengths_differ_in_length_and_not_in_the_command_that_the_shorter_lacks() {
+fn the_missing_last_command_of_a_shorter_run_is_not_a_difference() {
     // The last record of a run has no command: NaN, and marked as not valid.
     let of = |steps: u64| {
         let record = |step| {
@@ -136,16 +136,16 @@ fn runs_of_two_lengths_differ_in_length_and_not_in_the_command_that_the_shorter_
             format!("first difference at step 4 (0.004 s): only the {which} run has ended");
         assert_eq!(first(&comparison), expected);
         assert_eq!(comparison.signals, []);
-        let told = comparison.describe();
+        let message = comparison.describe();
         assert!(
-            told.contains(&format!("lengths differ: {lengths}")),
-            "{told}"
+            message.contains(&format!("lengths differ: {lengths}")),
+            "{message}"
         );
     }
 }
 
 #[test]
-fn each_signal_may_have_a_tolerance_of_its_own() {
+fn each_signal_may_have_its_own_tolerance() {
     let a = run(|_, _| ());
     // truth.x_m by 3 and command.u_n by 0.5, both at step 1
     let b = run(|step, words| {
@@ -175,14 +175,14 @@ fn each_signal_may_have_a_tolerance_of_its_own() {
             "{typed:?}"
         );
     }
-    let told = with(&["truth.y_m=1"])
+    let message = with(&["truth.y_m=1"])
         .expect_err("no such signal")
         .to_string();
-    assert!(told.contains("nearest: `truth.x_m`"), "{told}");
+    assert!(message.contains("nearest: `truth.x_m`"), "{message}");
 }
 
 #[test]
-fn faults_and_ends_differ_too() {
+fn differing_faults_and_ends_are_reported() {
     let records = |count| (0..count).map(|step| Content::Record(record(step, 0.0, 0.0)));
     let plain = recorded(&layout(), &records(3).collect::<Vec<_>>(), vec![]);
     let longer = recorded(&layout(), &records(4).collect::<Vec<_>>(), vec![]);
@@ -205,7 +205,7 @@ fn faults_and_ends_differ_too() {
 }
 
 #[test]
-fn other_layouts_are_told_by_name() {
+fn signals_of_one_run_only_are_named() {
     let mut other = layout();
     other.internal = vec![Field::signal("gain_1", "1", "Gain.")];
     other.command_signals = 2;

@@ -1,4 +1,4 @@
-//! Two recordings side by side, a step at a time.
+//! Comparison of two recordings in parallel, one step at a time.
 
 use std::path::Path;
 
@@ -14,25 +14,26 @@ use super::{
 };
 use crate::arguments::tolerance::Tolerances;
 
-/// A comparison going on.
+/// Comparison in progress.
 pub(super) struct ComparisonPass {
     rate: Rate,
-    /// Signals were named; then nothing else counts.
+    /// Set if only selected signals are compared.
     is_selected: bool,
     columns: Vec<Pair>,
-    /// The columns in the order in which a step makes them: what differs first has a cause there.
+    /// Column indices in the order in which a step computes the values, so that the first difference points to its
+    /// cause.
     causal: Vec<usize>,
     only_in_a: Vec<String>,
     only_in_b: Vec<String>,
     first: Option<Difference>,
-    /// True if a recording is only an excerpt: what is not in both says nothing.
+    /// Set if a recording is an excerpt: signals or steps missing on one side mean nothing then.
     is_excerpt: bool,
-    /// Anything but the size of a signal differs.
+    /// Set if anything other than the value of a signal differs.
     is_other: bool,
     lengths_differ: bool,
 }
 
-/// Words and faults of a run at a step.
+/// Words and faults of a run at one step.
 #[derive(Default)]
 pub(super) struct Row {
     words: Vec<u64>,
@@ -47,8 +48,8 @@ impl Row {
     }
 }
 
-/// Returns the place of a word in the order of a step: the sample, what the controller makes of the sample,
-/// what the plant makes of that, the truth that this meets, and what follows from these.
+/// Returns the position of a word in the causal order of a step: the sample, the controller's answer, the plant's use
+/// of that answer, the true state, and what follows from these.
 fn rank(column: &str) -> usize {
     let order = [
         "sample_invalid",
@@ -64,8 +65,8 @@ fn rank(column: &str) -> usize {
     place.unwrap_or(order.len())
 }
 
-/// Returns true if a word comes of the controller's answer to a sample, or may: a true acceleration has the
-/// command in it.
+/// Returns `true` if a word depends, or may depend, on the controller's answer to a sample: a true acceleration
+/// depends on the command.
 fn is_answer(column: &str) -> bool {
     [
         "command_invalid",
@@ -78,7 +79,7 @@ fn is_answer(column: &str) -> bool {
     .any(|prefix| column.starts_with(prefix))
 }
 
-/// A word that both have.
+/// Word that both runs have.
 struct Pair {
     column: Column,
     a: usize,
@@ -97,17 +98,17 @@ impl ComparisonPass {
         let is_selected = !signals.is_empty();
         let is_excerpt = a.is_excerpt() || b.is_excerpt();
         let only = |one: &RunReader, other: &RunReader| -> Vec<String> {
-            let own = one.columns().iter().filter(|column| column.is_signal());
-            let own = own.filter(|column| other.place(&column.name).is_none());
-            own.map(|column| column.name.clone()).collect()
+            let present = one.columns().iter().filter(|column| column.is_signal());
+            let present = present.filter(|column| other.place(&column.name).is_none());
+            present.map(|column| column.name.clone()).collect()
         };
         for name in signals {
             for reader in [a, b] {
                 let known = reader.columns().iter().filter(|column| column.is_signal());
-                let known: Vec<&str> = known.map(|column| column.name.as_str()).collect();
-                if !known.contains(&name.as_str()) {
+                let names: Vec<&str> = known.map(|column| column.name.as_str()).collect();
+                if !names.contains(&name.as_str()) {
                     let path = reader.path().display();
-                    let near = near(name, known);
+                    let near = near(name, names);
                     return Err(CompareError::NotComparable(format!(
                         "{path} has no signal `{name}`{near}"
                     )));
@@ -120,11 +121,11 @@ impl ComparisonPass {
             .enumerate()
             .filter_map(|(index, column)| {
                 let in_b = b.place(&column.name)?;
-                // Clocks are never the same; what is left out of the digest is looked at if asked for.
+                // Clocks always differ; words outside the digest are compared only if selected.
                 let counts = if is_selected {
                     signals.contains(&column.name)
                 } else {
-                    // Bits of validity are numbered by what an excerpt keeps.
+                    // The numbering of validity bits depends on the signals of an excerpt.
                     index < a.hashed_words() && (column.is_signal() || !is_excerpt)
                 };
                 counts.then(|| Pair {
@@ -163,7 +164,7 @@ impl ComparisonPass {
         })
     }
 
-    /// Returns true if one of the runs has no command at a step, as after the last that it was to have.
+    /// Returns `true` if one of the runs has no command at a step, as after its last planned step.
     fn lacks_command(&self, a: &Row, b: &Row) -> bool {
         let commands =
             || (self.columns.iter()).filter(|pair| pair.column.name.starts_with("command."));
@@ -172,8 +173,8 @@ impl ComparisonPass {
             || commands().all(|pair| is_nan(b.words[pair.b]))
     }
 
-    /// Compares a step. At the last of a run that is shorter than the other and has no command there,
-    /// nothing that the controller answers.
+    /// Compares a step. At the last step of a shorter run, which has no command, values that depend on the
+    /// controller's answer are skipped.
     pub(super) fn step(
         &mut self,
         (a, b): (&Row, &Row),
@@ -183,7 +184,7 @@ impl ComparisonPass {
         let (step, step_b) = (a.words[0], b.words[0]);
         if step != step_b {
             let what = format!(
-                "records are missing: step {step} of one comes with step {step_b} of the other"
+                "records are missing: step {step} of one run coincides with step {step_b} of the other"
             );
             return Err(CompareError::NotComparable(what));
         }
@@ -218,25 +219,34 @@ impl ComparisonPass {
             } else {
                 self.is_other = true;
                 let (name, bit) = validity(&pair.column.name, word_a ^ word_b, columns);
-                let told = |word: u64| {
+                let validity_text = |word: u64| {
                     if word >> bit & 1 == 0 {
                         "valid"
                     } else {
                         "invalid"
                     }
                 };
-                self.note(step, name, told(word_a).into(), told(word_b).into());
+                self.note(
+                    step,
+                    name,
+                    validity_text(word_a).into(),
+                    validity_text(word_b).into(),
+                );
             }
         }
         Ok(())
     }
 
-    /// Notes that a recording has a record more than the other.
+    /// Records that one recording is longer than the other.
     pub(super) fn ended(&mut self, longer: &RunReader, is_a: bool) {
         self.is_other = true;
         self.lengths_differ = true;
-        let (there, not) = (Value::from("there"), Value::from(GONE));
-        let (a, b) = if is_a { (there, not) } else { (not, there) };
+        let (present, absent) = (Value::from("there"), Value::from(GONE));
+        let (a, b) = if is_a {
+            (present, absent)
+        } else {
+            (absent, present)
+        };
         self.note(longer.step(), RECORD.into(), a, b);
     }
 
@@ -292,12 +302,12 @@ impl Pair {
     }
 }
 
-/// The faults and changes of the digest in front of a record, as text.
+/// Formats the faults and value changes before a record, as far as the digest covers them.
 fn faults(reader: &RunReader) -> String {
-    let taken = reader.events().iter().filter_map(|event| match event {
-        Event::Fault(taken) if !taken.wall_only => Some(format!(
+    let texts = reader.events().iter().filter_map(|event| match event {
+        Event::Fault(fault) if !fault.wall_only => Some(format!(
             "{} {} {} {}",
-            taken.kind, taken.target, taken.parameter, taken.canonical
+            fault.kind, fault.target, fault.parameter, fault.canonical
         )),
         Event::Change(change) => Some(format!(
             "change over {} steps of {}",
@@ -306,15 +316,15 @@ fn faults(reader: &RunReader) -> String {
         )),
         _ => None,
     });
-    let taken: Vec<String> = taken.collect();
-    if taken.is_empty() {
+    let texts: Vec<String> = texts.collect();
+    if texts.is_empty() {
         "none".into()
     } else {
-        taken.join("; ")
+        texts.join("; ")
     }
 }
 
-/// Names the signal of the lowest of these validity bits, and the bit.
+/// Names the signal of the lowest of these validity bits, and returns the bit.
 fn validity(column: &str, bits: u64, columns: &[Column]) -> (String, u32) {
     let bit = bits.trailing_zeros();
     let word = column.split_once('[').and_then(|(name, index)| {

@@ -91,7 +91,7 @@ const fn ended(id: u32, effect: u32, step: u64, cleared: bool) -> Event {
     })
 }
 
-/// The plan of a scenario for the programs of a run.
+/// Plans a scenario for the programs of a run.
 fn again(run: &RecordedScenario, text: &str) -> Plan {
     let programs = &run.recorded;
     let plan = checked(
@@ -103,7 +103,7 @@ fn again(run: &RecordedScenario, text: &str) -> Plan {
     plan.expect("a plan")
 }
 
-/// A recorded run of the scenario in which these things happened.
+/// Records a run of the scenario with these events.
 fn run(events: Vec<Event>) -> Result<RecordedScenario, Failure> {
     let attachments = attachments(format!("{SCENARIO}{FAULTS}"));
     let end = Event::End(RunEnd::new(1, Outcome::Completed));
@@ -114,7 +114,7 @@ fn run(events: Vec<Event>) -> Result<RecordedScenario, Failure> {
 }
 
 #[test]
-fn live_faults_become_faults_at_the_steps_at_which_they_took_hold() {
+fn live_faults_become_scenario_faults_at_the_steps_at_which_they_took_hold() {
     let now = live(5, Trigger::Now, &[0, 4], FaultEnd::default());
     let never = live(
         6,
@@ -148,9 +148,9 @@ fn live_faults_become_faults_at_the_steps_at_which_they_took_hold() {
     for comment in [
         "# Fault 1 of the scenario, `bias`, is left out: ",
         "# Fault 2 of the scenario, `bias`, is left out: ",
-        "# Live fault 5, asked for before step 20 (0.02 s): at once.",
-        "# Live fault 6, asked for before step 31 (0.031 s): when `measured.surface_angle_rad > 1` has held for 3 steps; it never took hold.",
-        "# Live fault 7, asked for before step 32 (0.032 s): when `measured.surface_angle_rad > 1` has held for 3 steps, 2 times.",
+        "# Live fault 5, requested before step 20 (0.02 s): at once.",
+        "# Live fault 6, requested before step 31 (0.031 s): when `measured.surface_angle_rad > 1` has held for 3 steps; it never took hold.",
+        "# Live fault 7, requested before step 32 (0.032 s): when `measured.surface_angle_rad > 1` has held for 3 steps, 2 times.",
     ] {
         assert!(text.contains(comment), "no {comment} in {text}");
     }
@@ -173,7 +173,7 @@ fn live_faults_become_faults_at_the_steps_at_which_they_took_hold() {
         (step(21), until(40), vec![0, 4], 5.0),
         (step(60), times, vec![2, 0], 7.0),
     ];
-    let found = plan.faults.iter().map(|event| {
+    let effects = plan.faults.iter().map(|event| {
         let skews: Vec<u64> = event
             .effects
             .iter()
@@ -185,7 +185,7 @@ fn live_faults_become_faults_at_the_steps_at_which_they_took_hold() {
         let bias = parameters.get("bias").expect("a size");
         (event.trigger.clone(), event.end.clone(), skews, bias)
     });
-    assert_eq!(found.collect::<Vec<_>>(), expected);
+    assert_eq!(effects.collect::<Vec<_>>(), expected);
 }
 
 #[test]
@@ -205,7 +205,7 @@ fn an_effect_that_was_cleared_before_its_skew_is_left_out() {
 }
 
 #[test]
-fn a_run_that_nothing_was_done_to_repeats_as_its_scenario() {
+fn a_run_without_interventions_repeats_as_its_scenario() {
     let run = run(vec![]).expect("a run");
     let text = run.scenario().expect("a scenario");
     let plan = again(&run, &text);

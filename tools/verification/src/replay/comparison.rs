@@ -1,9 +1,8 @@
-//! Comparison of the recorded with the new values, answer by answer.
+//! Comparison of the replayed with the recorded values, answer by answer.
 //!
-//! The [host](super::host) hands over each answer as it comes. Signals are matched by name and unit,
-//! so a rebuilt controller may show more or less of itself. It keeps the last samples until shortly
-//! after the first difference, for the person who looks for its cause. It allocates at a difference
-//! only, and only at the first step that has one.
+//! The [host](super::host) passes each answer as it arrives. Signals are matched by name and unit, so a rebuilt
+//! controller may expose more or fewer of them. The last samples up to shortly after the first difference are
+//! retained for the person who looks for its cause. Memory is allocated only at the first step with a difference.
 
 use std::collections::BTreeSet;
 
@@ -16,13 +15,13 @@ use super::tape::Row;
 use crate::arguments::tolerance::Tolerances;
 use crate::compare::{Deviation, SignalDifference};
 
-/// Samples that are shown before and after the first difference.
+/// Number of samples shown before and after the first difference.
 const BEFORE: u64 = 5;
 const AFTER: u64 = 2;
-/// Samples that are kept.
-const KEPT: usize = (BEFORE + 1 + AFTER) as usize;
+/// Number of samples that are retained.
+const RETAINED: usize = (BEFORE + 1 + AFTER) as usize;
 
-/// A comparison going on.
+/// Comparison in progress.
 #[derive(Debug)]
 pub(super) struct Comparison {
     rate: Rate,
@@ -30,28 +29,28 @@ pub(super) struct Comparison {
     pub only_recorded: Vec<String>,
     pub only_replayed: Vec<String>,
     pub answers: u64,
-    /// Samples without a recorded answer: unseen, or overtaken by the next.
+    /// Samples without a recorded answer: never seen by the controller, or superseded by the next sample.
     pub unanswered: u64,
     first: Option<First>,
-    kept: [Kept; KEPT],
+    retained: [RetainedSample; RETAINED],
 }
 
-/// A signal that both have.
+/// Signal that both sides have.
 #[derive(Debug)]
 struct Compared {
     name: String,
     unit: String,
-    /// Place among the recorded answers, and the validity bit there if it is compared.
+    /// Index among the recorded answers, and the number of the validity bit if that is compared.
     recorded: usize,
     recorded_bit: Option<usize>,
-    /// Place in the frame that comes now, also that of its validity bit.
+    /// Index in the replayed frame, and of its validity bit.
     replayed: usize,
     deviation: Deviation,
-    /// Steps at which it is valid in one of them only.
+    /// Number of steps at which exactly one of the values is valid.
     validity_steps: u64,
 }
 
-/// The first difference that is not allowed.
+/// First difference beyond the tolerances.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct First {
     pub(super) step: u64,
@@ -62,15 +61,15 @@ pub(super) struct First {
     pub(super) replayed: f64,
     /// Validity of the signal in the recording and in the replay, if the validity differs.
     pub(super) validity: Option<[bool; 2]>,
-    /// The other signals that differ at this step.
+    /// Names of other signals that differ at this step.
     pub(super) also: Vec<String>,
-    /// Index of the signal among the compared ones.
+    /// Index of the signal in the list of compared signals.
     index: usize,
 }
 
-/// A sample and both its answers.
+/// Sample with both answers.
 #[derive(Clone, Debug, Default)]
-struct Kept {
+struct RetainedSample {
     step: Option<u64>,
     is_answered: bool,
     sample: Vec<f64>,
@@ -78,14 +77,14 @@ struct Kept {
     replayed: Vec<f64>,
 }
 
-/// A sample near the first difference.
+/// Sample near the first difference.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Near {
     pub(super) step: u64,
     pub(super) time_s: f64,
-    /// Measured, then reference signals.
+    /// Measured signals, then reference signals.
     pub(super) sample: Vec<f64>,
-    /// The signal that differs; `None` if the answer was not recorded.
+    /// Recorded value of the differing signal; `None` if the answer was not recorded.
     pub(super) recorded: Option<f64>,
     pub(super) replayed: f64,
 }
@@ -99,10 +98,10 @@ fn is_invalid(bits: &[u64; VALIDITY_WORDS], bit: usize) -> bool {
 }
 
 impl Comparison {
-    /// A comparison of what was recorded with frames of this table.
+    /// Creates the comparison of recorded answers with frames of this table.
     ///
     /// # Errors
-    /// If a tolerance is for a signal that is not compared.
+    /// If a tolerance applies to a signal that is not compared.
     pub(super) fn new(
         recorded: &[AnswerPlace],
         replayed: &SignalTable,
@@ -135,11 +134,11 @@ impl Comparison {
         tolerances.check(signals.iter().map(|signal| signal.name.as_str()))?;
         let others = replayed.0.iter().enumerate();
         let others = others.filter(|(place, _)| !matched.contains(place));
-        let kept = Kept {
+        let retained = RetainedSample {
             sample: vec![0.0; samples],
             recorded: vec![0.0; recorded.len()],
             replayed: vec![0.0; replayed.len()],
-            ..Kept::default()
+            ..RetainedSample::default()
         };
         Ok(Self {
             rate,
@@ -149,16 +148,16 @@ impl Comparison {
             answers: 0,
             unanswered: 0,
             first: None,
-            kept: std::array::from_fn(|_| kept.clone()),
+            retained: std::array::from_fn(|_| retained.clone()),
         })
     }
 
-    /// Takes in the answer to a sample.
+    /// Compares the answer to a sample.
     pub(super) fn take(&mut self, row: &Row<'_>, frame: &[f64], invalid: &[u64; VALIDITY_WORDS]) {
         let head = row.head;
         let is_near_first = |first: &First| head.step <= first.step + AFTER;
         if self.first.as_ref().is_none_or(is_near_first) {
-            self.kept[(head.step % KEPT as u64) as usize].set(row, frame);
+            self.retained[(head.step % RETAINED as u64) as usize].set(row, frame);
         }
         if !head.is_answered {
             self.unanswered += 1;
@@ -225,23 +224,23 @@ impl Comparison {
         }
     }
 
-    /// The first difference that is not allowed.
+    /// Returns the first difference beyond the tolerances.
     pub(super) const fn first(&self) -> Option<&First> {
         self.first.as_ref()
     }
 
-    /// Checks that nothing differs, allowed or not.
+    /// Returns `true` if nothing differs, not even within the tolerances.
     pub(super) fn is_same(&self) -> bool {
         let differs = |signal: &Compared| signal.deviation.is_any() || signal.validity_steps > 0;
         !self.signals.iter().any(differs)
     }
 
-    /// The signals that were compared.
+    /// Returns the names of the compared signals.
     pub(super) fn names(&self) -> impl Iterator<Item = &str> {
         self.signals.iter().map(|signal| signal.name.as_str())
     }
 
-    /// Each signal that differs, and at how many steps it is valid in one only.
+    /// Returns each signal that differs, and the number of steps at which exactly one of its values is valid.
     pub(super) fn differences(&self) -> Vec<(SignalDifference, u64)> {
         let differing = self
             .signals
@@ -256,22 +255,24 @@ impl Comparison {
             .collect()
     }
 
-    /// The samples around the first difference.
+    /// Returns the samples around the first difference.
     pub(super) fn around(&self) -> Vec<Near> {
         let Some(first) = &self.first else {
             return Vec::new();
         };
         let signal = &self.signals[first.index];
         let steps = first.step.saturating_sub(BEFORE)..=first.step + AFTER;
-        let mut near: Vec<Near> = (self.kept.iter())
-            .filter_map(|kept| {
-                let step = kept.step.filter(|step| steps.contains(step))?;
+        let mut near: Vec<Near> = (self.retained.iter())
+            .filter_map(|retained| {
+                let step = retained.step.filter(|step| steps.contains(step))?;
                 Some(Near {
                     step,
                     time_s: self.rate.seconds(Step(step)),
-                    sample: kept.sample.clone(),
-                    recorded: kept.is_answered.then(|| kept.recorded[signal.recorded]),
-                    replayed: kept.replayed[signal.replayed],
+                    sample: retained.sample.clone(),
+                    recorded: retained
+                        .is_answered
+                        .then(|| retained.recorded[signal.recorded]),
+                    replayed: retained.replayed[signal.replayed],
                 })
             })
             .collect();
@@ -280,7 +281,7 @@ impl Comparison {
     }
 }
 
-impl Kept {
+impl RetainedSample {
     fn set(&mut self, row: &Row<'_>, frame: &[f64]) {
         self.step = Some(row.head.step);
         self.is_answered = row.head.is_answered;

@@ -1,7 +1,7 @@
-//! The plant's side of a replay: the protocol and the link of a run, with recorded samples.
+//! The plant's side of a replay: speaks the protocol of a run over the link, with recorded samples.
 //!
-//! Like the plant's engine it never blocks on the controller: [`Host::poll`] does what can be done now
-//! and says what it waits for. The controller cannot tell it from a plant.
+//! Like the plant's engine it never blocks on the controller: [`Host::poll`] does as much as possible and returns the
+//! event to wait for. The controller cannot distinguish it from a plant.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -22,40 +22,40 @@ use super::original::Original;
 use super::tape::{Batch, Batches};
 use crate::arguments::tolerance::Tolerances;
 
-/// Event that the host waits for, if it does.
+/// Event that the host waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Progress {
-    /// The host got the replay on; poll again, and any wait begins anew.
+    /// No event: the host made progress and should be polled again; a wait would start over.
     Busy,
-    /// The controller's next message or frame.
+    /// Next message or frame of the controller.
     Controller,
-    /// Nothing; the replay is over.
+    /// No event: the replay is over.
     Over,
 }
 
 /// End of a replay.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum ReplayEnd {
-    /// With the last step of the run, confirmed by the controller.
+    /// The controller confirmed the last step of the run.
     Completed,
-    /// With the last record, before the last step of the run.
+    /// The recording ended before the last step of the run.
     Short,
-    /// The controller is not one for this run.
+    /// The controller does not fit the run.
     Refused(String),
-    /// Otherwise.
+    /// The replay was aborted.
     Aborted(Abort),
 }
 
 /// Result of a replay.
 pub(super) struct Replayed {
     pub(super) end: ReplayEnd,
-    /// `None` if no controller was welcomed.
+    /// `None` if no controller was accepted.
     pub(super) comparison: Option<Comparison>,
-    /// From the first sample to the end, in s.
+    /// Time from the first sample to the end, in s.
     pub(super) wall_time_s: f64,
 }
 
-/// Replay.
+/// Replay in progress.
 pub(super) struct Host<L> {
     link: L,
     side: PlantSide,
@@ -64,15 +64,15 @@ pub(super) struct Host<L> {
     tolerances: Tolerances,
     batches: Batches,
     batch: Option<Batch>,
-    /// The row of the batch that is in work.
+    /// Index of the current row in the batch.
     index: usize,
-    /// Values that the controller sent last; `answer` is the answer that was taken last.
+    /// Latest values from the controller; `answer` holds the latest accepted answer.
     received: Vec<f64>,
     answer: (Header, Vec<f64>),
     comparison: Option<Comparison>,
-    /// Changes of the law's parameters, as recorded.
+    /// Recorded changes of the law's parameters.
     tuning: Tuning,
-    /// Samples answered, for who watches.
+    /// Number of answered samples, for the progress display.
     answered: Arc<AtomicU64>,
     began_ns: u64,
     end: Option<ReplayEnd>,
@@ -87,7 +87,7 @@ impl<L: Link> Host<L> {
         batches: Batches,
         answered: Arc<AtomicU64>,
     ) -> Self {
-        // Only the law's parameters matter: what the plant had is in the samples.
+        // Only the law's parameters matter: the effects of the plant's are in the samples.
         let rate = original.plan.run.rate;
         let tuning = Tuning::new(rate, &[], &Settings::default(), &[], &[], Step(0));
         Self {
@@ -109,7 +109,7 @@ impl<L: Link> Host<L> {
         }
     }
 
-    /// Does what can be done now.
+    /// Does as much as possible without blocking.
     ///
     /// # Errors
     /// If the link failed.
@@ -125,7 +125,7 @@ impl<L: Link> Host<L> {
         }
     }
 
-    /// Acts on the wait limit, a death or a request to stop.
+    /// Handles the wait limit, the death of the peer or a request to stop.
     ///
     /// # Errors
     /// If the link failed.
@@ -183,7 +183,7 @@ impl<L: Link> Host<L> {
         Ok(self.since(before))
     }
 
-    /// Busy if anything that came got the replay on; else what was awaited still is.
+    /// Returns `Busy` if an event made progress; otherwise the wait continues.
     fn since(&self, before: Standing) -> Progress {
         if self.side.standing() == before {
             Progress::Controller
@@ -227,7 +227,7 @@ impl<L: Link> Host<L> {
         self.link.send_control(&refusal.to_bytes())
     }
 
-    /// Sends the sample of a step, or the end.
+    /// Sends the sample of a step, or the end of the run.
     fn send(&mut self, step: Step) -> Result<Progress, LinkError> {
         if step.0 < self.original.plan.run.steps && !self.has_row() {
             self.side.on(&PlantEvent::Stop);
@@ -267,7 +267,7 @@ impl<L: Link> Host<L> {
         Ok(Progress::Busy)
     }
 
-    /// Sees to it that there is a row in work; false when there are no more.
+    /// Ensures that a row is available; returns `false` at the end.
     fn has_row(&mut self) -> bool {
         if self.began_ns == 0 {
             self.began_ns = monotonic_ns();
@@ -314,19 +314,18 @@ impl<L: Link> Host<L> {
         Ok(self.since(before))
     }
 
-    /// Returns true if a command that is passed over says something else than the one taken last, of the same
-    /// step.
+    /// Returns `true` if a skipped command differs from the accepted one for the same step.
     fn contradicts(&self, header: &Header) -> bool {
-        let (taken, values) = &self.answer;
+        let (accepted, values) = &self.answer;
         let content = |header: &Header| (header.invalid, header.age_steps);
         let mut both = values.iter().zip(&self.received);
         header.kind() == Some(FrameKind::Command)
-            && (header.epoch, header.step) == (taken.epoch, taken.step)
-            && (content(header) != content(taken)
-                || both.any(|(taken, other)| taken.to_bits() != other.to_bits()))
+            && (header.epoch, header.step) == (accepted.epoch, accepted.step)
+            && (content(header) != content(accepted)
+                || both.any(|(accepted, other)| accepted.to_bits() != other.to_bits()))
     }
 
-    /// Tells the controller and ends.
+    /// Notifies the controller and ends the replay.
     fn give_up(&mut self, code: AbortCode, end: ReplayEnd) -> Result<(), LinkError> {
         let header = Header {
             directive: code as u64,
@@ -335,7 +334,7 @@ impl<L: Link> Host<L> {
         let reason = "the replay ended before its first step".into();
         self.end = Some(end);
         match self.link.send(&header, &[]) {
-            // Before the frames are open there is only the control channel.
+            // Only the control channel exists before the frames are open.
             Err(LinkError::NotOpen) => self
                 .link
                 .send_control(&Control::Refusal { reason }.to_bytes()),
@@ -345,7 +344,7 @@ impl<L: Link> Host<L> {
 }
 
 impl Original {
-    /// Returns the offer that a controller gets of the run.
+    /// Returns the offer of the run that a controller receives.
     pub(super) fn offer(&self, session: u64) -> Offer<'_> {
         Offer {
             session,
@@ -353,7 +352,7 @@ impl Original {
             rate: self.plan.run.rate,
             steps: self.plan.run.steps,
             first: Step(0),
-            // Samples that came too late for its controller are marked as unseen.
+            // Samples that were late for the run's controller are marked as unseen.
             against_clock: false,
             measured: &self.plant.measured,
             reference: &self.reference,
@@ -362,7 +361,7 @@ impl Original {
     }
 }
 
-/// Polls a host to its end; every wait is bounded.
+/// Polls a host to its end; every wait has a time limit.
 ///
 /// # Errors
 /// If the link failed.
@@ -376,7 +375,7 @@ pub(super) fn drive<L: Link>(
         if supervision.wants_stop() {
             host.interrupt(&PlantEvent::Stop)?;
         }
-        // Asked before the poll: what the controller sent before it ended still counts.
+        // Checked before the poll: messages that the controller sent before it ended still count.
         let peer_gone = supervision.is_peer_gone();
         match host.poll()? {
             Progress::Busy => waiter.done(),

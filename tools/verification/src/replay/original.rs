@@ -1,7 +1,7 @@
-//! The recorded run as a replay needs it: who took part, and where its records have what.
+//! The recorded run as a replay needs it: its participants and the layout of its records.
 //!
-//! Made from what travels in the recording alone, so the plant of the run need not be on this
-//! machine. Refuses recordings that do not say all that the controller was sent.
+//! Built from the recording alone, so the plant of the run need not be on this machine. Recordings that lack
+//! part of the controller's input are refused.
 
 use std::path::{Path, PathBuf};
 
@@ -17,12 +17,12 @@ use hil_recording::schema::column_name;
 use shared_types::describe::{Description, LawDescription, PlantDescription};
 use shared_types::table::Field;
 
-/// A recorded run, opened.
+/// Recorded run, opened for a replay.
 pub(crate) struct Original {
     pub(super) run: PathBuf,
     pub(super) plan: Plan,
     pub(super) plant: PlantDescription,
-    /// The reference signals of its samples.
+    /// Reference signals in its samples.
     pub(super) reference: Vec<Field>,
     /// Hash of the controller's binary.
     pub(super) blake3: Option<String>,
@@ -31,15 +31,15 @@ pub(crate) struct Original {
     scenario: String,
 }
 
-/// Places of values in a record, as numbers of words.
+/// Word indices of values in a record.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Places {
-    /// Invalid bits of the sample and of what answers it.
+    /// Validity bits of the sample and of the answer.
     pub(super) sample_invalid: Vec<usize>,
     pub(super) answer_invalid: Vec<usize>,
-    /// Measured and reference signals in the order of the sample.
+    /// Measured and reference signals, in the order of the sample.
     pub(super) sample: Vec<usize>,
-    /// Places of the values that the controller sent, in the order of the record.
+    /// Values that the controller sent, in the order of the record.
     pub(super) answer: Vec<AnswerPlace>,
     pub(super) sample_age_steps: Option<usize>,
     pub(super) held_steps: Option<usize>,
@@ -48,31 +48,31 @@ pub(crate) struct Places {
     pub(super) epoch: Option<usize>,
 }
 
-/// A recorded command or internal.
+/// Recorded command or internal signal.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct AnswerPlace {
-    /// Name with its group, `command.x` or `internal.x`.
+    /// Full name, `command.x` or `internal.x`.
     pub(super) name: String,
     pub(super) unit: String,
     pub(super) word: usize,
-    /// Number of the value's own validity bit in the frame; none of a command, whose bit tells of faults on
-    /// its way to the plant.
+    /// Number of the value's own validity bit in the frame; `None` for a command, whose recorded bit reflects faults
+    /// on its way to the plant.
     pub(super) bit: Option<usize>,
 }
 
 impl Original {
-    /// Takes from an opened recording what stands in front of its records.
+    /// Reads the part of a recording that precedes the records.
     ///
     /// # Errors
-    /// If it lacks something that a replay needs.
+    /// If the recording lacks something that a replay needs.
     pub(crate) fn of(reader: &RunReader, run: &Path) -> Result<Self, Failure> {
         let mut scenario = String::new();
         let origin = format!("the scenario of {}", run.display());
         let recorded = RecordedRun::planned(reader, |text, plant, controller| {
-            let kept = kept(text).map_err(|error| {
+            let document = kept(text).map_err(|error| {
                 Failure::usage(format!("{}: its scenario: {error}", run.display()))
             })?;
-            scenario = kept.to_string();
+            scenario = document.to_string();
             checked(&scenario, origin.as_ref(), plant, controller)
         })?;
         let RecordedRun {
@@ -97,11 +97,11 @@ impl Original {
         })
     }
 
-    /// The plan as it is for another controller: the parameters of the run, and the
-    /// defaults of those that it did not have.
+    /// Builds the plan for another controller, with the run's parameters and the defaults of parameters that the run
+    /// did not have.
     ///
     /// # Errors
-    /// If there is no such law for the plant, or it does not know a parameter of the run.
+    /// If the controller has no such law for the plant, or the law lacks a parameter of the run.
     pub(super) fn plan_for(&self, controller: &Binary) -> Result<Plan, Failure> {
         let origin = format!("the scenario of {}", self.run.display());
         let advice = Advice {
@@ -135,9 +135,9 @@ impl Places {
         for (group, fields) in [("measured", &plant.measured[..]), ("reference", reference)] {
             for field in fields {
                 let name = column_name(group, &field.name);
-                let found = place(&name);
-                sample.push(found.ok_or_else(|| {
-                    format!("it was recorded without `{name}`; a replay needs all that the controller was sent")
+                let index = place(&name);
+                sample.push(index.ok_or_else(|| {
+                    format!("it was recorded without `{name}`; a replay needs the complete input of the controller")
                 })?);
             }
         }
@@ -164,7 +164,7 @@ impl Places {
             })
             .collect();
         if answer.is_empty() {
-            return Err("it holds nothing that its controller sent".into());
+            return Err("it contains no output of its controller".into());
         }
         Ok(Self {
             sample_invalid: bits("sample_invalid"),

@@ -1,4 +1,4 @@
-//! Report of a replay, for a person and for a machine.
+//! The report of a replay, as text and as JSON.
 
 use std::collections::BTreeMap;
 use std::fmt::{self, Display, Formatter, Write as _};
@@ -17,20 +17,21 @@ use super::original::Original;
 use super::tape::Length;
 use crate::compare::{SignalDifference, Verdict, number, write_table};
 
-/// A replay, judged.
+/// Result of a replay.
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
     verdict: Verdict,
     run: String,
     law: String,
     controller: Controller,
-    /// Answers that were compared.
+    /// Number of answers that were compared.
     steps: u64,
-    /// Samples whose answer was not recorded: not seen by the controller of the run, or overtaken.
+    /// Number of samples whose answer was not recorded: unseen by the run's controller, or superseded by the next
+    /// sample.
     unanswered_steps: u64,
-    /// The recording goes to the end of the run.
+    /// Set if the recording extends to the end of the run.
     whole: bool,
-    /// Steps that the run was to have.
+    /// Planned number of steps of the run.
     planned_steps: u64,
     sim_time_s: f64,
     wall_time_s: f64,
@@ -38,9 +39,9 @@ pub(super) struct Report {
     compared: Vec<String>,
     only_in_recording: Vec<String>,
     only_in_controller: Vec<String>,
-    /// The first that is not allowed; null if there is none.
+    /// First difference beyond the tolerances; null if there is none.
     first_difference: Option<FirstDifference>,
-    /// Each signal that differs.
+    /// Signals that differ at some step.
     signals: Vec<Difference>,
     #[serde(skip)]
     table: String,
@@ -50,7 +51,7 @@ pub(super) struct Report {
 struct Controller {
     binary: String,
     blake3: String,
-    /// True if the binary is that of the run; null if the recording does not say.
+    /// Set if the binary is the one of the run; null if the recording does not contain its hash.
     of_the_run: Option<bool>,
 }
 
@@ -66,7 +67,7 @@ struct FirstDifference {
     /// Validity of the signal in the recording and in the replay, if the validity differs.
     #[serde(skip_serializing_if = "Option::is_none")]
     validity: Option<[bool; 2]>,
-    /// Other signals that differ at that step.
+    /// Names of other signals that differ at that step.
     also: Vec<String>,
     samples_around: Vec<Sample>,
 }
@@ -77,7 +78,7 @@ struct Sample {
     time_s: f64,
     recorded: Option<Value>,
     replayed: Value,
-    /// Signals that the controller was sent, by name.
+    /// Values that the controller received, by signal name.
     sample: BTreeMap<String, Value>,
 }
 
@@ -85,7 +86,7 @@ struct Sample {
 struct Difference {
     #[serde(flatten)]
     signal: SignalDifference,
-    /// Steps at which it is valid in one only.
+    /// Number of steps at which exactly one of the values is valid.
     validity_steps: u64,
 }
 
@@ -154,7 +155,7 @@ impl Report {
         }
     }
 
-    /// The report as a person reads it.
+    /// Formats the report for a person.
     pub(super) fn describe(&self) -> String {
         output::text(|text| self.write(text))
     }
@@ -171,7 +172,7 @@ impl Report {
         } = &self.controller;
         let which = match of_the_run {
             Some(true) => ", the binary of the run",
-            Some(false) => ", another binary than that of the run",
+            Some(false) => ", not the binary of the run",
             None => "",
         };
         writeln!(text, "  {} of {}: {binary}{which}", self.law, self.run)?;
@@ -186,20 +187,20 @@ impl Report {
         if self.unanswered_steps > 0 {
             writeln!(
                 text,
-                "  {} samples have no recorded answer: not seen by the controller of the run, or overtaken by the next",
+                "  {} samples have no recorded answer: not seen by the run's controller, or superseded by the next sample",
                 self.unanswered_steps
             )?;
         }
         if !self.whole {
             writeln!(
                 text,
-                "  the recording was cut off and is replayed as far as it goes; `hil recover {}` makes a whole file of it",
+                "  the recording was cut off and is replayed as far as it goes; `hil recover {}` makes a complete file of it",
                 self.run
             )?;
         } else if self.steps + self.unanswered_steps < self.planned_steps {
             writeln!(
                 text,
-                "  the run ended before its {} steps, and the replay with it",
+                "  the run ended before its {} steps, and so did the replay",
                 self.planned_steps
             )?;
         }
@@ -227,7 +228,7 @@ impl Report {
             if *validity_steps > 0 {
                 writeln!(
                     text,
-                    "  {} is valid in one only at {validity_steps} steps",
+                    "  {} is valid in only one of both at {validity_steps} steps",
                     signal.name
                 )?;
             }
@@ -247,7 +248,7 @@ fn listed(names: &[String]) -> String {
     format!("{commands}, {internals}")
 }
 
-/// The samples around a difference as a table: a line for each signal, a column for each step.
+/// Writes the samples around a difference as a table: a line for each signal, a column for each step.
 fn write_around(
     text: &mut String,
     first: &First,
@@ -338,8 +339,8 @@ impl Display for First {
         write!(f, "first difference at step {step} ({time_s} s): ")?;
         match validity {
             Some([was, is]) => {
-                let told = |valid: &bool| if *valid { "valid" } else { "invalid" };
-                write!(f, "{signal} was {} and is {}", told(was), told(is))
+                let name_of = |valid: &bool| if *valid { "valid" } else { "invalid" };
+                write!(f, "{signal} was {} and is {}", name_of(was), name_of(is))
             }
             None => write!(
                 f,

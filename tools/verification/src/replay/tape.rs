@@ -1,8 +1,8 @@
-//! The samples of a recorded run and what answered them, read ahead on a thread of its own.
+//! Samples and answers of a recorded run, read ahead on a separate thread.
 //!
-//! The [host](super::host) takes them in batches, of which there is a fixed number. A batch is handed
-//! over when it is known of each of its samples whether the controller saw it: in a run against the
-//! clock a later record tells. It never compares anything.
+//! The [host](super::host) takes them in batches, of which there is a fixed number. A batch is passed on once it is
+//! known for each of its samples whether the controller saw it: in a real-time run a later record contains that
+//! information. The tape compares nothing.
 
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread::JoinHandle;
@@ -16,41 +16,41 @@ use shared_types::time::Step;
 
 use super::original::Places;
 
-/// Samples in a batch: some hundred kilobytes.
+/// Number of samples in a batch: some hundred kilobytes.
 const BATCH: usize = 1024;
-/// Batches that are read ahead.
+/// Number of batches read ahead.
 const AHEAD: usize = 4;
 
-/// A sample as the controller got it, and what it answered.
+/// Sample as received by the controller, with the answer.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Row<'a> {
     pub(super) head: &'a Head,
-    /// Measured, then reference signals.
+    /// Measured signals, then reference signals.
     pub(super) sample: &'a [f64],
-    /// Commands and internals as recorded.
+    /// Recorded commands and internal signals.
     pub(super) answer: &'a [f64],
 }
 
-/// Facts of a sample and its answer besides their values.
+/// Data of a sample and its answer other than their values.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Head {
     pub(super) step: u64,
-    /// Directive that the controller's runner was given, without what only costs time.
+    /// Directive to the controller's runner, without its delays.
     pub(super) directive: Directive,
     pub(super) age_steps: u32,
     pub(super) held_steps: u32,
     pub(super) invalid: [u64; VALIDITY_WORDS],
-    /// The answer was recorded: in real time an answer may have been overtaken by the next.
+    /// Set if the answer was recorded: in real time an answer may be superseded by the next.
     pub(super) is_answered: bool,
     pub(super) answer_invalid: [u64; VALIDITY_WORDS],
 }
 
-/// Samples in a row.
+/// Consecutive samples.
 #[derive(Debug)]
 pub(super) struct Batch {
     heads: Vec<Head>,
     values: Vec<f64>,
-    /// Changes of values, each with the row before which it took hold.
+    /// Value changes, each with the row before which it took effect.
     changes: Vec<(usize, ValueChange)>,
     samples: usize,
     answers: usize,
@@ -82,7 +82,7 @@ impl Batch {
         }
     }
 
-    /// Changes of values that took hold at a row.
+    /// Returns the value changes that took effect at a row.
     pub(super) fn changes(&self, index: usize) -> impl Iterator<Item = &ValueChange> {
         let of_row = self.changes.iter().filter(move |(row, _)| *row == index);
         of_row.map(|(_, change)| change)
@@ -98,47 +98,47 @@ impl Batch {
 /// Length of a recording.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Length {
-    /// Samples that were answered or could have been.
+    /// Number of samples that were or could have been answered.
     pub(super) steps: u64,
-    /// The writer finished the recording.
+    /// Set if the recording is complete.
     pub(super) is_whole: bool,
 }
 
-/// A recording cannot be replayed.
+/// Error of reading a recording for a replay.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum TapeError {
     /// The recording cannot be read.
     #[error(transparent)]
     Read(#[from] ReadError),
-    /// The recording does not say all that is needed.
+    /// The recording lacks required information.
     #[error("{0}")]
     Lacking(String),
 }
 
-/// The thread, as its owner sees it.
+/// Handle of the reader thread.
 pub(super) struct Tape {
     pub(super) batches: Batches,
     pub(super) reader: JoinHandle<Result<Length, TapeError>>,
 }
 
-/// The batches of a tape, one after the other.
+/// Batches of a tape, in order.
 pub(super) struct Batches {
     filled: Receiver<Batch>,
     emptied: Sender<Batch>,
 }
 
 impl Batches {
-    /// Gives one back for the next; `None` when there are no more.
+    /// Returns a used batch and takes the next; `None` at the end.
     pub(super) fn exchange(&mut self, done: Option<Batch>) -> Option<Batch> {
         if let Some(done) = done {
-            let _ = self.emptied.send(done); // the reader may have come to its end
+            let _ = self.emptied.send(done); // fails only after the reader has ended
         }
         self.filled.recv().ok()
     }
 }
 
 impl Tape {
-    /// Starts to read a run of N steps whose reader stands at its first record.
+    /// Starts reading a run of `steps` steps; the reader is positioned at its first record.
     pub(super) fn start(reader: RunReader, places: Places, steps: u64, clock: Clock) -> Self {
         let (fill, filled) = sync_channel(AHEAD);
         let (emptied, empty) = channel();
@@ -160,18 +160,18 @@ impl Tape {
     }
 }
 
-/// Makes batches of records.
+/// Builds batches from records.
 struct Winder {
     places: Places,
     against_clock: bool,
-    /// Steps that the run was to have.
+    /// Planned number of steps of the run.
     steps: u64,
     batch: Batch,
-    /// The first step of which it is not known yet what came of its sample.
+    /// First step whose answer is still unknown.
     open_from: u64,
-    /// `held_steps` of the record before.
+    /// `held_steps` of the previous record.
     held_steps: u32,
-    /// The step of the next record.
+    /// Step of the next record.
     next: u64,
     fill: SyncSender<Batch>,
     empty: Receiver<Batch>,
@@ -210,7 +210,7 @@ impl Winder {
                 reader.result("lost").unwrap_or_default()
             )));
         }
-        // What no command tells of was not seen.
+        // Samples without an answering command were not seen.
         self.close(self.next, &Answered::default(), None);
         self.hand_over();
         Ok(self.length(reader.is_whole()))
@@ -223,7 +223,7 @@ impl Winder {
         }
     }
 
-    /// Refuses what the recording of an older version does not say.
+    /// Refuses recordings of older versions that lack required information.
     fn check(&self, event: &Event) -> Result<(), TapeError> {
         match event {
             Event::Fault(FaultBegun {
@@ -234,7 +234,7 @@ impl Winder {
                 ..
             }) if target == "controller" && self.places.directive.is_none() => {
                 Err(TapeError::Lacking(format!(
-                    "fault `{kind}` made the controller late from step {step} on, and this recording does not say how; record the run anew"
+                    "fault `{kind}` made the controller late from step {step} on, but this recording lacks the details; record the run again"
                 )))
             }
             Event::Controller(ControllerChange {
@@ -242,7 +242,7 @@ impl Winder {
                 step,
                 change: ControllerFate::Lost { .. },
             }) => Err(TapeError::Lacking(format!(
-                "controller {epoch} was lost at step {step}; what follows is no controller's answer"
+                "controller {epoch} was lost at step {step}; later commands did not come from a controller"
             ))),
             _ => Ok(()),
         }
@@ -252,14 +252,14 @@ impl Winder {
         let (step, expected) = (words[0], self.next);
         if step != expected {
             return Err(TapeError::Lacking(format!(
-                "record {step} comes where record {expected} should; a replay needs every sample from step 0 on"
+                "found record {step} in place of record {expected}; a replay needs every sample from step 0 on"
             )));
         }
         let word = |place: Option<usize>| place.map_or(0, |place| words[place]);
         let epoch = word(self.places.epoch);
         if epoch > 1 {
             return Err(TapeError::Lacking(format!(
-                "at step {step} another controller had taken over; a replay has one"
+                "at step {step} another controller had taken over; a replay has only one"
             )));
         }
         let mut head = Head {
@@ -292,8 +292,8 @@ impl Winder {
         Ok(())
     }
 
-    /// Notes what came of all samples before a step: the last of them was answered by these words, if
-    /// there are any, and those before it as the answer says. The others were not seen.
+    /// Determines the fate of all samples before a step: the last of them was answered by these words, if any, and
+    /// those before it as `answered` says. The rest were not seen.
     fn close(&mut self, end: u64, answered: &Answered, words: Option<&[u64]>) {
         let first = self.next - self.batch.len() as u64;
         for step in self.open_from..end {
@@ -323,7 +323,7 @@ impl Winder {
         self.open_from = end;
     }
 
-    /// Gives the batch to the host and takes an empty one; false if the host has ended.
+    /// Passes the batch to the host and takes an empty one; returns `false` if the host has ended.
     fn hand_over(&mut self) -> bool {
         let (samples, answers) = (self.batch.samples, self.batch.answers);
         let empty = self.empty.try_recv();

@@ -1,9 +1,8 @@
-//! `hil run --audit`: tells if a scenario has one digest with these binaries, whatever goes on around it.
+//! `hil run --audit`: checks that a scenario has one digest with these binaries, regardless of external conditions.
 //!
-//! Runs the scenario as asked for, then again under [conditions] that must not matter: other speeds,
-//! other cores, busy cores, sides that take their time. Each is a case of the suite: a whole run of the
-//! same binaries in a session, a folder and processes of its own, so that addresses, process numbers and
-//! names differ as well. The first difference of each is named.
+//! The scenario is run as requested, then again under [conditions] that must not matter: other speeds, other cores,
+//! busy cores, slow sides. Each is a case of the suite: a whole run of the same binaries in its own session, folder
+//! and processes, so that addresses, process IDs and names differ as well. The first difference of each is reported.
 
 mod conditions;
 
@@ -24,23 +23,23 @@ use super::running::{self, Early};
 use crate::arguments::run::RunArguments;
 use crate::compare::Difference;
 
-/// Usual causes of a run that differs.
-const HINT: &str = "what can do this: a law or plant that reads a clock, its process number, its environment or its cores; \
-memory that was never written; random numbers without the seed of the run; threads; the order of a hash map";
+/// Usual causes of a difference.
+const HINT: &str = "possible causes: a law or plant that reads a clock, its process ID, its environment or its cores; \
+uninitialised memory; random numbers without the run's seed; threads; the order of a hash map";
 
-/// Repetition, as the summary has it.
+/// Repetition as it appears in the summary.
 #[derive(Serialize)]
 struct Repetition<'a> {
     condition: &'a str,
-    /// Reason for which this machine cannot have the condition; the rest is null then.
+    /// Reason why this machine cannot provide the condition; the other fields are null then.
     skipped: Option<&'a str>,
     agrees: Option<bool>,
     digest: Option<&'a str>,
     wall_time_s: Option<f64>,
     first_difference: Option<&'a Difference>,
-    /// Check of the state that it saved; null unless it saved one.
+    /// Check of the saved state; null unless the repetition saved one.
     check: Option<&'a Check>,
-    /// Folder in which it is kept, if it differs.
+    /// Folder of the repetition, kept if it differs.
     run: Option<String>,
 }
 
@@ -54,21 +53,22 @@ impl<'a> Repetition<'a> {
             agrees: row.ran.as_ref().map(|_| disagreement.is_none()),
             digest: row.digest(),
             wall_time_s: row.ran.as_ref().map(|ran| ran.summary.wall_time_s),
-            first_difference: disagreement.and_then(|found| found.difference.as_ref()),
+            first_difference: disagreement
+                .and_then(|disagreement| disagreement.difference.as_ref()),
             check: row.ran.as_ref().and_then(RunResult::first_check),
             run: folder.filter(|_| disagreement.is_some()),
         }
     }
 }
 
-/// Refuses arguments that mean something for other suites only.
+/// Refuses arguments that make sense only for other suites.
 pub(super) fn refuse_arguments(arguments: &RunArguments) -> Result<(), Failure> {
     if arguments.scenarios.len() != 1 {
-        return Err(Failure::usage("--audit takes one scenario"));
+        return Err(Failure::usage("--audit requires a single scenario"));
     }
     if arguments.repeat > 1 || arguments.junit.is_some() || arguments.markdown.is_some() {
         return Err(Failure::usage(
-            "--audit repeats the scenario itself and tells of it in summary.json; leave out --repeat, --junit and --markdown",
+            "--audit repeats the scenario itself and reports in summary.json; omit --repeat, --junit and --markdown",
         ));
     }
     Ok(())
@@ -77,7 +77,7 @@ pub(super) fn refuse_arguments(arguments: &RunArguments) -> Result<(), Failure> 
 /// Runs a case, and again under every condition.
 ///
 /// # Errors
-/// If a run could not be started, or results not be written.
+/// If a run could not be started, or results cannot be written.
 pub(super) fn audit(case: &Case, json: bool) -> Result<Exit, Failure> {
     refuse(case)?;
     let reference = case.row(Some(Ok(case.run(Origin::Scenario)?)));
@@ -115,51 +115,51 @@ pub(super) fn audit(case: &Case, json: bool) -> Result<Exit, Failure> {
     }
 }
 
-/// Refuses what leaves nothing to find out.
+/// Refuses settings that leave nothing to audit.
 fn refuse(case: &Case) -> Result<(), Failure> {
     let settings = &case.environment.settings;
     let why = if settings.recording.is_none() {
-        "--audit needs the recordings to name what differs; leave out --no-record"
+        "--audit needs the recordings to find the differences; omit --no-record"
     } else if settings.link == LinkKind::InProcess {
-        "--audit changes how two processes are scheduled, and --link in-process has one; leave it out"
+        "--audit varies the scheduling of two processes, but --link in-process has one; omit it"
     } else if settings.by_hand.flag().is_some() {
-        "--audit starts both sides again and again; leave out --controller external and --plant external"
+        "--audit starts both sides repeatedly; omit --controller external and --plant external"
     } else if settings.pause_at_s.is_some() {
-        "--audit runs by itself; leave out --pause-at"
+        "--audit runs unattended; omit --pause-at"
     } else if !settings.checkpoints_at_s.is_empty() {
-        "--audit keeps nothing to go on from; leave out --checkpoint-at"
+        "--audit keeps no checkpoints; omit --checkpoint-at"
     } else if case.plan.run.clock == Clock::Realtime {
-        "in real time a run depends on what comes too late; audit it with --clock lockstep"
+        "a real-time run depends on late commands; audit it with --clock lockstep"
     } else {
         return Ok(());
     };
     Err(Failure::usage(why))
 }
 
-/// Tells how a repetition came out, and keeps the folder of one that differs.
+/// Reports the outcome of a repetition, and keeps its folder if it differs.
 fn ended(row: &mut Row) -> Result<(), Early> {
     let Some(ran) = &row.ran else {
         let failure = row.failure.take();
         return failure.map_or(Ok(()), |failure| Err(Err(failure)));
     };
-    let kept = ran.folder.display();
+    let folder = ran.folder.display();
     if !row.is_over() || row.digest().is_none() {
         output::tell(&ran.table);
-        let told = format!("the audit ended while it ran {}", row.label);
-        tell!("{told}; what it left is in {kept}");
+        let message = format!("the audit ended during {}", row.label);
+        tell!("{message}; its files are in {folder}");
         return Err(Ok(row.exit));
     }
     if row.disagreement.is_some() {
-        tell!("  another digest");
+        tell!("  different digest");
         return Ok(());
     }
     std::fs::remove_dir_all(&ran.folder).map_err(|error| {
-        let told = format!("cannot remove {kept}: {error}");
-        Err(Failure::infrastructure(told))
+        let message = format!("cannot remove {folder}: {error}");
+        Err(Failure::infrastructure(message))
     })
 }
 
-/// Prints the summary of the run with the outcome of the audit, and adds that to `summary.json`.
+/// Prints the summary of the run with the result of the audit, and adds the result to `summary.json`.
 fn tell(
     reference: &RunResult,
     verdict: &str,

@@ -1,4 +1,4 @@
-//! Case: a run that is wanted and the row of the verdict table that comes of it.
+//! Requested runs, and the rows of the verdict table that result from them.
 
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -13,55 +13,55 @@ use super::noise::Noise;
 use crate::arguments::tolerance::Tolerances;
 use crate::compare::{self, Comparison, Difference};
 
-/// Run that is wanted.
+/// Requested run.
 #[derive(Clone)]
 pub(super) struct Case {
     pub(super) plan: Plan,
     pub(super) environment: Environment,
-    /// Name in tables and folders: the scenario, and its number if there are more; the condition of an
+    /// Name in tables and folders: the scenario, with a number if there are several runs, or the condition of an
     /// audit.
     pub(super) label: String,
-    /// Place that its scenario comes from.
+    /// Source of its scenario.
     pub(super) origin: String,
-    /// Number of the first case of the same scenario.
+    /// Index of the first case with the same scenario.
     pub(super) first: usize,
-    /// The cores are busy meanwhile.
+    /// Set if the cores are kept busy during the run.
     pub(super) noise: bool,
-    /// Reason for which this machine or plant cannot run it.
+    /// Reason why this machine or plant cannot run it.
     pub(super) skipped: Option<String>,
 }
 
-/// Run as it came out.
+/// Result of a run.
 pub(super) struct Row {
     pub(super) label: String,
-    /// The law that ran.
+    /// Law of the controller.
     pub(super) law: String,
-    /// Place that its scenario comes from.
+    /// Source of its scenario.
     pub(super) origin: String,
     pub(super) exit: Exit,
-    /// Reason for which it was not run.
+    /// Reason why it was not run.
     pub(super) skipped: Option<String>,
-    /// Failure to start it or to write its summary.
+    /// Error of starting it or writing its summary.
     pub(super) failure: Option<Failure>,
     pub(super) disagreement: Option<Disagreement>,
     /// `None` if it was never started, or if this process did not see its end.
     pub(super) ran: Option<RunResult>,
-    /// Summary of a run that a killed `hil` had begun, from its folder.
+    /// Data of a run that a killed `hil` had begun, from its folder.
     pub(super) begun: Option<Begun>,
 }
 
-/// Run whose end this process did not see, by the summary in its folder.
+/// Run whose end this process did not see, according to the summary in its folder.
 pub(super) struct Begun {
-    /// Requirements that passed.
-    pub(super) met: usize,
+    /// Number of requirements that passed.
+    pub(super) passed: usize,
     pub(super) requirements: usize,
-    /// Simulated time over wall time, if it ended.
+    /// Simulated time divided by wall-clock time, if the run ended.
     pub(super) realtime_factor: Option<f64>,
     pub(super) digest: Option<String>,
     pub(super) folder: PathBuf,
 }
 
-/// Another digest than the first run of the same scenario has.
+/// Digest that differs from that of the first run of the same scenario.
 pub(super) struct Disagreement {
     first: String,
     pub(super) difference: Option<Difference>,
@@ -69,7 +69,7 @@ pub(super) struct Disagreement {
 
 impl fmt::Display for Disagreement {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "another digest than {}", self.first)?;
+        write!(f, "digest differs from that of {}", self.first)?;
         match &self.difference {
             Some(difference) => write!(f, ": {difference}"),
             None => Ok(()),
@@ -78,7 +78,7 @@ impl fmt::Display for Disagreement {
 }
 
 impl Case {
-    /// Makes the case of a scenario that is run alone.
+    /// Creates the case of a scenario that is run alone.
     pub(super) fn new(plan: Plan, environment: Environment, origin: String) -> Self {
         Self {
             label: plan.name.clone(),
@@ -91,17 +91,17 @@ impl Case {
         }
     }
 
-    /// Runs it.
+    /// Runs the case.
     ///
     /// # Errors
-    /// If it could not be started.
+    /// If the run could not be started.
     pub(super) fn run(&self, origin: Origin) -> Result<RunResult, Failure> {
         self.environment.interruption.check()?;
         let _noise = self.noise.then(Noise::begin);
         isolated(|| hil_run::execute(self.plan.clone(), self.environment.clone(), origin))
     }
 
-    /// Makes the row of it; `None` of a case that was skipped.
+    /// Creates the row of the case; `ran` is `None` for a skipped case.
     pub(super) fn row(&self, ran: Option<Result<RunResult, Failure>>) -> Row {
         let (exit, ran, failure) = match ran {
             None => (Exit::Pass, None, None),
@@ -124,22 +124,22 @@ impl Case {
         }
     }
 
-    /// Tells whether all its runs have one digest; in real time it depends on what comes too late.
+    /// Returns `true` if all runs of the case must have the same digest, which does not hold in real time.
     pub(super) fn repeats(&self) -> bool {
         self.plan.run.clock != Clock::Realtime
     }
 }
 
-/// Makes a panic of a run its failure: other runs go on in other threads.
+/// Converts a panic of a run to an error, since other runs continue in other threads.
 fn isolated<T>(run: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failure> {
-    // What the run was about goes with it; nothing of it is looked at again.
+    // The state of a panicked run is discarded, so it cannot be observed broken.
     catch_unwind(AssertUnwindSafe(run))
         .unwrap_or_else(|panic| Err(Failure::panicked("the run", &*panic)))
 }
 
 impl Row {
-    /// Names its verdict in one word. Follows the exit code, which tells findings from broken machinery: a
-    /// diverged run is a `fail` here, while its own summary calls it `aborted`.
+    /// Returns the verdict in one word. It follows the exit code, which separates findings from infrastructure
+    /// failures: a diverged run is a `fail` here, but `aborted` in its own summary.
     pub(super) const fn verdict(&self) -> &'static str {
         match (self.exit, &self.ran) {
             (Exit::Pass, _) => "pass",
@@ -149,24 +149,24 @@ impl Row {
         }
     }
 
-    /// The verdict in words for a person.
+    /// Returns the verdict to display to a person.
     pub(super) fn verdict_in_words(&self) -> &'static str {
         let requirements = self.ran.as_ref().map(|ran| ran.summary.requirements.len());
         let requirements = requirements.or(self.begun.as_ref().map(|begun| begun.requirements));
         requirements::in_words(self.verdict(), requirements.unwrap_or(1))
     }
 
-    /// Tells whether the run ended by itself, well or not.
+    /// Returns `true` if the run ended by itself, successfully or not.
     pub(super) const fn is_over(&self) -> bool {
         matches!(self.exit, Exit::Pass | Exit::Failed)
     }
 
-    /// Gives the digest of its records, if it ran and has one.
+    /// Returns the digest of its records, if there is one.
     pub(super) fn digest(&self) -> Option<&str> {
         self.ran.as_ref()?.summary.digest.as_deref()
     }
 
-    /// Lists why it is no pass, beside the requirements that failed.
+    /// Lists the reasons other than failed requirements why the run does not pass.
     pub(super) fn reasons(&self) -> Vec<String> {
         let summary = self.ran.as_ref().map(|ran| &ran.summary);
         let reason = summary.and_then(|summary| summary.reason.clone());
@@ -178,7 +178,7 @@ impl Row {
             .collect()
     }
 
-    /// Compares its digest with that of the first run of its scenario, if both ended by themselves.
+    /// Compares the digest with that of the first run of the scenario, if both ended by themselves.
     pub(super) fn compare(&mut self, first: &Self) {
         let (Some(a), Some(b)) = (&first.ran, &self.ran) else {
             return;
@@ -202,18 +202,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_run_that_panics_fails_with_what_it_said() {
-        let told = |run: fn() -> Result<(), Failure>| isolated(run).map_err(|why| why.to_string());
-        let said = "error: the run panicked: no ";
+    fn a_panicking_run_fails_with_the_panic_message() {
+        let outcome =
+            |run: fn() -> Result<(), Failure>| isolated(run).map_err(|why| why.to_string());
+        let prefix = "error: the run panicked: no ";
         assert_eq!(
-            told(|| panic!("no such thing")),
-            Err(format!("{said}such thing"))
+            outcome(|| panic!("no such thing")),
+            Err(format!("{prefix}such thing"))
         );
-        assert_eq!(told(|| panic!("no {}", 7)), Err(format!("{said}7")));
+        assert_eq!(outcome(|| panic!("no {}", 7)), Err(format!("{prefix}7")));
         assert_eq!(
-            told(|| std::panic::panic_any(7)),
-            Err(format!("{said}reason given"))
+            outcome(|| std::panic::panic_any(7)),
+            Err(format!("{prefix}reason given"))
         );
-        assert_eq!(told(|| Ok(())), Ok(()));
+        assert_eq!(outcome(|| Ok(())), Ok(()));
     }
 }

@@ -1,5 +1,5 @@
-//! The verdicts as JUnit XML: a suite for each run, a case for each requirement and one for the run
-//! itself. The strictest reader known is the xUnit plugin of Jenkins, whose schema (junit-10.xsd) a test restates.
+//! The verdicts as JUnit XML: a suite for each run, with a case for each requirement and one for the run itself. The
+//! strictest known reader is the xUnit plugin of Jenkins, whose schema (junit-10.xsd) a test restates.
 
 use std::time::Duration;
 
@@ -11,7 +11,7 @@ use shared_types::number::short_in;
 use super::case::Row;
 
 /// # Errors
-/// If a text cannot stand in XML.
+/// If a text cannot be represented in XML.
 pub(super) fn of(rows: &[Row]) -> Result<String, Failure> {
     let mut report = Report::new("hil");
     let mut all_s = 0.0;
@@ -43,8 +43,8 @@ pub(super) fn of(rows: &[Row]) -> Result<String, Failure> {
     xml(&report)
 }
 
-/// Writes a report without the number of skipped cases of all suites, which no schema of JUnit knows; each suite has
-/// its own.
+/// Serialises a report without the total number of skipped cases, which no JUnit schema allows; each suite has its
+/// own number.
 fn xml(report: &Report) -> Result<String, Failure> {
     let mut text = report.to_string().map_err(Failure::infrastructure)?;
     let tag = text.find("<testsuites ").map(|begin| {
@@ -63,13 +63,13 @@ fn xml(report: &Report) -> Result<String, Failure> {
     Ok(text)
 }
 
-/// Returns the status of the run itself: success if it went to its end, with the digest of its like.
+/// Returns the status of the run itself: success if it completed with the expected digest.
 fn status_of(row: &Row) -> TestCaseStatus {
     let requirements = row.ran.iter().flat_map(|ran| &ran.summary.requirements);
     let is_missed = requirements.into_iter().any(|one| one.verdict != "pass");
     let kind = match row.exit {
         Exit::Pass => return TestCaseStatus::success(),
-        // Its requirements say so themselves.
+        // The cases of its requirements report the failure.
         Exit::Failed if is_missed && row.reasons().is_empty() => {
             return TestCaseStatus::success();
         }
@@ -97,9 +97,9 @@ fn case_of(row: &Row, requirement: &Requirement) -> TestCase {
     let status = if *verdict == "pass" {
         TestCaseStatus::success()
     } else if *verdict == "undecided" && is_aborted {
-        // The run's own error is why.
+        // The error of the run explains it.
         let mut status = TestCaseStatus::skipped();
-        status.set_message("undecided: the run did not get that far");
+        status.set_message("undecided: the run ended before");
         status
     } else {
         let margin = robustness.map_or_else(|| "none".into(), |margin| short_in(margin, unit));
@@ -166,7 +166,7 @@ mod tests {
         }
         let text = xml(&report).expect("XML");
         assert_eq!(schema::objections(&text), Vec::<String>::new(), "{text}");
-        // Each suite counts its own.
+        // Each suite has its own count.
         assert_eq!(text.matches(" skipped=\"1\"").count(), 3, "{text}");
         let rows = [row(Infrastructure), row(Pass)];
         let text = of(&rows).expect("XML");
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn what_an_aborted_run_leaves_open_is_no_failure_of_its_own() {
+    fn undecided_requirements_of_an_aborted_run_are_skipped() {
         use Exit::{Failed, Infrastructure, Interrupted, Pass};
         for (exit, verdict, expected) in [
             (Pass, "pass", "passed"),
@@ -185,12 +185,12 @@ mod tests {
             (Infrastructure, "fail", "failed"),
             (Infrastructure, "pass", "passed"),
         ] {
-            let found = match case_of(&row(exit), &requirement(verdict)).status {
+            let status = match case_of(&row(exit), &requirement(verdict)).status {
                 TestCaseStatus::Success { .. } => "passed",
                 TestCaseStatus::NonSuccess { .. } => "failed",
                 TestCaseStatus::Skipped { .. } => "skipped",
             };
-            assert_eq!(found, expected, "{verdict} of a run with {exit:?}");
+            assert_eq!(status, expected, "{verdict} of a run with {exit:?}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Reports of a suite whose `hil` was killed: each run that was begun, with the verdict of its folder, and the rest
+//! Reports of a suite whose `hil` was killed: each run that had begun, with the verdict from its folder, and the rest
 //! as not run.
 
 use std::path::PathBuf;
@@ -12,19 +12,19 @@ use super::case::{Begun, Row};
 use super::{table, write_reports};
 use crate::arguments::run::RunArguments;
 
-/// A run that was begun, and the summary in its folder.
+/// Run that had begun, and the summary from its folder.
 pub type LostRun = (BegunRun, Value);
 
-/// Writes the files that were asked for, and the result of the command.
+/// Writes the requested report files and the result of the command.
 ///
 /// # Errors
-/// If one cannot be written.
+/// If a file cannot be written.
 pub fn report(arguments: &RunArguments, runs: &[LostRun], reason: &str) -> Result<(), Failure> {
-    let wanted = arguments.scenarios.len() * arguments.repeat as usize;
-    // The first run of an audit is its baseline, which says nothing of the others.
-    let is_single = wanted <= 1 && !arguments.audit;
+    let planned = arguments.scenarios.len() * arguments.repeat as usize;
+    // The first run of an audit is its reference and says nothing about the others.
+    let is_single = planned <= 1 && !arguments.audit;
     let mut rows: Vec<Row> = runs.iter().map(row).collect();
-    let missing = wanted.saturating_sub(rows.len());
+    let missing = planned.saturating_sub(rows.len());
     rows.extend((0..missing).map(|_| unbegun(reason)));
     let result = match (is_single, arguments.options.json) {
         (true, true) => runs.first().map(|(_, summary)| format!("{summary:#}\n")),
@@ -36,12 +36,12 @@ pub fn report(arguments: &RunArguments, runs: &[LostRun], reason: &str) -> Resul
         }
         (false, false) => Some(table::of(&rows)),
     };
-    let written = result.map_or(Ok(()), |text| output::write(&text));
+    let output_result = result.map_or(Ok(()), |text| output::write(&text));
     write_reports(arguments, &rows)?;
-    written
+    output_result
 }
 
-/// Makes the row of a run from its summary.
+/// Creates the row of a run from its summary.
 fn row((run, summary): &LostRun) -> Row {
     let exit = match summary["verdict"].as_str() {
         Some("pass") => Exit::Pass,
@@ -68,7 +68,7 @@ fn begun(run: &BegunRun, summary: &Value) -> Begun {
         .map_or(&[][..], Vec::as_slice);
     let has_passed = |one: &&Value| one["verdict"] == "pass";
     Begun {
-        met: requirements.iter().filter(has_passed).count(),
+        passed: requirements.iter().filter(has_passed).count(),
         requirements: requirements.len(),
         realtime_factor: summary["realtime_factor"].as_f64(),
         digest: summary["digest"].as_str().map(Into::into),
@@ -76,10 +76,10 @@ fn begun(run: &BegunRun, summary: &Value) -> Begun {
     }
 }
 
-/// Makes the row of a run that was asked for and never begun.
+/// Creates the row of a requested run that never began.
 fn unbegun(reason: &str) -> Row {
     Row {
-        label: "a run that was not begun".into(),
+        label: "a run that did not start".into(),
         law: String::new(),
         origin: String::new(),
         exit: Exit::Infrastructure,
@@ -91,7 +91,7 @@ fn unbegun(reason: &str) -> Row {
     }
 }
 
-/// Names a run by its folder, which differs among runs of one scenario.
+/// Labels a run by its folder, which is unique among runs of one scenario.
 fn label(run: &BegunRun) -> String {
     let name = run.folder.file_name().map(PathBuf::from);
     name.map_or_else(|| run.scenario.clone(), |name| name.display().to_string())

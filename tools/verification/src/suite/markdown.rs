@@ -31,17 +31,17 @@ fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
     writeln!(text, "|---|---|---|---|---|---|")?;
     for row in rows {
         let summary = row.ran.as_ref().map(|ran| &ran.summary);
-        let met = summary.map_or_else(String::new, |summary| {
+        let passed = summary.map_or_else(String::new, |summary| {
             let all = &summary.requirements;
-            let met = all.iter().filter(|one| one.verdict == "pass").count();
-            format!("{met} of {}", all.len())
+            let passed = all.iter().filter(|one| one.verdict == "pass").count();
+            format!("{passed} of {}", all.len())
         });
         let digest = summary.and_then(|summary| summary.digest.as_deref());
         let digest = digest.map_or_else(String::new, |digest| format!("`{}`", &digest[..8]));
         let why = cell(&row.reasons().join("; "));
         writeln!(
             text,
-            "| {} | {} | **{}** | {met} | {digest} | {} |",
+            "| {} | {} | **{}** | {passed} | {digest} | {} |",
             cell(&row.label),
             cell(&row.law),
             row.verdict_in_words(),
@@ -89,12 +89,12 @@ fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
     Ok(())
 }
 
-/// A number with its unit, or that there is none.
+/// Formats a number with its unit, or `-`.
 fn shown(value: Option<f64>, unit: &str) -> String {
     value.map_or_else(|| "-".into(), |value| cell(&short_in(value, unit)))
 }
 
-/// Text that stays in its cell.
+/// Escapes a text for a table cell.
 fn cell(text: &str) -> String {
     text.replace('|', "\\|").replace(['\n', '\r'], " ")
 }

@@ -1,4 +1,4 @@
-//! Busy cores, as other programs make them: threads that compute and sleep in turns.
+//! Busy cores, as caused by other programs: threads that alternate between computing and sleeping.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -8,17 +8,17 @@ use std::time::Duration;
 use hil_session::clock::monotonic_ns;
 use shared_types::random::RandomStream;
 
-/// Longest time at a stretch that a thread is busy, and that it sleeps.
+/// Longest uninterrupted time that a thread computes or sleeps, in s.
 const LONGEST_S: f64 = 4e-3;
 
-/// Threads that are busy until this is dropped.
+/// Threads that keep the cores busy until this value is dropped.
 pub(super) struct Noise {
     over: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
 }
 
 impl Noise {
-    /// Starts a thread more than there are cores.
+    /// Starts one thread more than there are cores.
     pub(super) fn begin() -> Self {
         let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
         let over = Arc::new(AtomicBool::new(false));

@@ -1,4 +1,4 @@
-//! Cases run, some at a time, each compared with the first of its scenario as soon as both are there.
+//! Execution of cases, several at a time; each is compared with the first run of its scenario once both have ended.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -9,14 +9,14 @@ use hil_console::terminal::exit::{Exit, Failure};
 
 use super::case::{Case, Row};
 
-/// End of a command before all its cases ran.
+/// Premature result of a command, before all its cases ran.
 pub(super) type Early = Result<Exit, Failure>;
 
-/// Runs the cases that have no row yet, `jobs` at a time; gives the rows in the order of the cases.
-/// `begins` hears of each with its number, `ended` how many are done and the newest row.
+/// Runs the cases that have no row yet, `jobs` at a time; returns the rows in the order of the cases. `begins` is
+/// called with the number of each case, `ended` with the number of finished cases and the newest row.
 ///
 /// # Errors
-/// The early end that `ended` gave, after which no other case begins.
+/// The premature result that `ended` returned, after which no further case starts.
 pub(super) fn all(
     cases: &[Case],
     done: Vec<Row>,
@@ -41,8 +41,8 @@ pub(super) fn all(
             rows[index] = Some(row);
             compare(rows, cases, index);
             let done = rows.iter().flatten().count();
-            let heard = rows[index].as_mut().map(|row| ended(done, row));
-            if let (Some(Err(early)), true) = (heard, end.is_ok()) {
+            let reaction = rows[index].as_mut().map(|row| ended(done, row));
+            if let (Some(Err(early)), true) = (reaction, end.is_ok()) {
                 next.store(cases.len(), Ordering::Relaxed);
                 *end = Err(early);
             }
@@ -57,8 +57,8 @@ pub(super) fn all(
     end.map(|()| rows.into_iter().flatten().collect())
 }
 
-/// Compares a run that has just ended with the first of its scenario, or all that ended before with it if
-/// it is the first.
+/// Compares a finished run with the first run of its scenario; if it is the first, compares all earlier finishers
+/// with it.
 fn compare(rows: &mut [Option<Row>], cases: &[Case], index: usize) {
     let first = cases[index].first;
     let (before, others) = rows.split_at_mut(first + 1);

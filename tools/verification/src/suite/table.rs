@@ -1,4 +1,4 @@
-//! The verdicts of several runs as a person reads them in a terminal.
+//! The verdicts of several runs, formatted for a terminal.
 
 use std::fmt::Write;
 
@@ -35,7 +35,7 @@ fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
     ]);
     for row in rows {
         let (label, law, verdict) = (&row.label, &row.law, row.verdict_in_words());
-        let (met, all, speed, digest, folder) = match (&row.ran, &row.begun) {
+        let (passed, all, speed, digest, folder) = match (&row.ran, &row.begun) {
             (Some(ran), _) => {
                 let summary = &ran.summary;
                 let requirements = &summary.requirements;
@@ -45,7 +45,7 @@ fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
                 (passed.count(), all, speed, &summary.digest, &ran.folder)
             }
             (None, Some(begun)) => (
-                begun.met,
+                begun.passed,
                 begun.requirements,
                 begun.realtime_factor,
                 &begun.digest,
@@ -56,9 +56,9 @@ fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
                 continue;
             }
         };
-        let met: String = match all {
+        let passed: String = match all {
             0 => "-".into(),
-            all => format!("{met} of {all}"),
+            all => format!("{passed} of {all}"),
         };
         let speed = speed.map_or_else(|| "-".into(), |speed| format!("{speed:.1}x"));
         let digest = digest
@@ -66,7 +66,7 @@ fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
             .and_then(|digest| digest.get(..8))
             .unwrap_or("-");
         let folder = folder.display();
-        table.row(&[label, law, &verdict, &met, &speed, &digest, &folder]);
+        table.row(&[label, law, &verdict, &passed, &speed, &digest, &folder]);
     }
     writeln!(text, "{table}")?;
     for row in rows {

@@ -1,4 +1,4 @@
-//! Patterns that stand for several runs, and how texts that mean something elsewhere are written.
+//! Exit codes of suites, and escaping of texts in each report format.
 
 use super::*;
 
@@ -17,7 +17,7 @@ fn row(label: &str, exit: Exit, failure: &str) -> Row {
 }
 
 #[test]
-fn the_worst_run_stands_for_all() {
+fn the_worst_run_determines_the_exit_code() {
     let of = |exits: &[Exit]| {
         let rows: Vec<Row> = exits.iter().map(|exit| row("a", *exit, "")).collect();
         worst(&rows)
@@ -30,7 +30,7 @@ fn the_worst_run_stands_for_all() {
 }
 
 #[test]
-fn a_run_that_never_started_is_an_error_in_every_form() {
+fn a_run_that_never_started_is_an_error_in_every_format() {
     let rows = [row("<a|b>", Exit::Infrastructure, "no \"space\" & no time")];
     let xml = junit::of(&rows).expect("XML");
     assert!(xml.contains("errors=\"1\""), "{xml}");

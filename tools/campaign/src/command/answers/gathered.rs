@@ -1,4 +1,4 @@
-//! Columns that answers need of each case, gathered while the parts of a campaign pass.
+//! Columns that the evaluation needs of each case, gathered while the parts of a campaign are read.
 
 use crate::manifest::Manifest;
 use crate::shard::part::Part;
@@ -7,7 +7,7 @@ use hil_config::study::Study;
 
 use super::{margin, place_of};
 
-/// Cases of one variant by columns.
+/// Cases of one variant, by columns.
 #[derive(Default)]
 pub(super) struct Cases {
     pub(super) case: Vec<u64>,
@@ -15,7 +15,7 @@ pub(super) struct Cases {
     pub(super) diverged: Vec<u64>,
     /// Varied numbers.
     pub(super) varied: Vec<Vec<f64>>,
-    /// For each requirement: cases that meet it, and the margin of each.
+    /// For each requirement, the number of cases that meet it, and the margin of each case.
     pub(super) holds: Vec<u64>,
     pub(super) margins: Vec<Vec<f64>>,
 }
@@ -32,16 +32,16 @@ pub(in crate::command) struct Gathered<'a> {
     places: Places,
 }
 
-/// Places of columns in the table of results.
+/// Indices of columns in the table of results.
 struct Places {
     class: usize,
     varied: Vec<usize>,
-    /// Verdict and robustness of each requirement.
+    /// Columns of verdict and robustness of each requirement.
     requirements: Vec<[usize; 2]>,
 }
 
 impl<'a> Gathered<'a> {
-    /// Makes it without any case.
+    /// Creates the gathering without cases.
     pub(in crate::command) fn new(manifest: &'a Manifest, study: &'a Study) -> Self {
         let columns = &manifest.columns;
         let is_varied = |column: &Column| {
@@ -51,7 +51,7 @@ impl<'a> Gathered<'a> {
         let varied = columns.iter().enumerate();
         let varied = varied.filter(|(_, column)| is_varied(column));
         let (places_varied, varied): (Vec<usize>, Vec<&Column>) = varied.unzip();
-        let found = columns
+        let required = columns
             .iter()
             .enumerate()
             .filter_map(|(robustness, column)| {
@@ -64,7 +64,7 @@ impl<'a> Gathered<'a> {
                     [verdict, robustness],
                 ))
             });
-        let (requirements, places_requirements): (Vec<_>, Vec<_>) = found.unzip();
+        let (requirements, places_requirements): (Vec<_>, Vec<_>) = required.unzip();
         let empty = || Cases {
             varied: vec![Vec::new(); varied.len()],
             holds: vec![0; requirements.len()],
@@ -85,7 +85,7 @@ impl<'a> Gathered<'a> {
         }
     }
 
-    /// Takes the cases of a part.
+    /// Adds the cases of a part.
     pub(in crate::command) fn take(&mut self, part: &Part) {
         let columns = part.results();
         let Places {

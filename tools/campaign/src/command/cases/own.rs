@@ -1,4 +1,4 @@
-//! Programs of the cases that are not built into `hil`, with the permissions and settings of each case.
+//! External programs of the cases, with the permissions and settings of each case.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -12,27 +12,27 @@ use hil_facts::arguments::BinaryArguments;
 use hil_facts::programs::binaries::named::Named;
 use hil_facts::programs::binaries::{Binaries, Choices};
 
-/// Most sets of permissions and settings for which the descriptions of the programs are kept.
+/// Maximum number of combinations of permissions and settings whose program descriptions are cached.
 const MOST_KNOWN: usize = 64;
 
-/// Programs of their own. An FMU describes itself by the permissions and settings that a case gives it.
+/// External programs. The description of an FMU depends on the permissions and settings of a case.
 pub(super) struct Own {
-    /// Flags that name them.
+    /// Command-line flags that choose the programs.
     arguments: BinaryArguments,
-    /// Programs that the scenario names; none where copies stand in their place.
+    /// Programs that the scenario names; default where copies replace them.
     named: Programs,
     interruption: Interruption,
-    /// The programs as the first case has them.
+    /// Programs as described for the first case.
     pub(super) first: Arc<Binaries>,
-    /// The programs with further permissions and settings, the newest last.
+    /// Programs with other permissions and settings, newest last.
     others: Mutex<Vec<(Programs, Arc<Binaries>)>>,
 }
 
 impl Own {
-    /// Asks the programs what they are with the permissions and settings of the first case.
+    /// Queries the descriptions of the programs with the permissions and settings of the first case.
     ///
     /// # Errors
-    /// If they cannot be run, or refuse the settings.
+    /// If a program cannot be run, or rejects the settings.
     pub(super) fn new(
         first: &Scenario,
         of_first: Programs,
@@ -50,10 +50,10 @@ impl Own {
         })
     }
 
-    /// Returns the programs with these permissions and settings; asks them only for what is not known yet.
+    /// Returns the programs with these permissions and settings, querying them only if not cached.
     ///
     /// # Errors
-    /// As of [`new`](Self::new).
+    /// See [`new`](Self::new).
     pub(super) fn with(
         &self,
         scenario: &Scenario,
@@ -64,8 +64,8 @@ impl Own {
             return Ok(Arc::clone(&self.first));
         }
         let others = || self.others.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, known)) = others().iter().find(|(known, _)| *known == key) {
-            return Ok(Arc::clone(known));
+        if let Some((_, entry)) = others().iter().find(|(entry, _)| *entry == key) {
+            return Ok(Arc::clone(entry));
         }
         let choices = choices(scenario, &self.arguments, &self.named, key.clone())?;
         let binaries = choices.find(&self.interruption)?;
@@ -78,7 +78,7 @@ impl Own {
     }
 }
 
-/// Returns the permissions and settings of both sides, without the programs.
+/// Strips the program names from the permissions and settings of both sides.
 fn unnamed(programs: Programs) -> Programs {
     Programs {
         plant: None,
@@ -87,10 +87,10 @@ fn unnamed(programs: Programs) -> Programs {
     }
 }
 
-/// Chooses the programs that flags or `named` name, with the permissions and settings of `of_case`.
+/// Chooses the programs given by flags or by `named`, with the permissions and settings of `of_case`.
 ///
 /// # Errors
-/// If what a file names must not be run.
+/// If a program that a file names must not be run.
 pub(super) fn choices(
     scenario: &Scenario,
     arguments: &BinaryArguments,
@@ -109,7 +109,7 @@ pub(super) fn choices(
     Choices::of(arguments, &named, None)
 }
 
-/// Returns the keys of a scenario that only an FMU has.
+/// Returns the keys of a scenario that apply only to FMUs.
 pub(super) fn keys_of_fmus(programs: &Programs) -> impl Iterator<Item = String> {
     let locals = (!programs.locals.is_empty()).then(|| "plant.locals".to_owned());
     let plant = (programs.plant_permissions.given()).chain(programs.plant_settings.given());
@@ -119,13 +119,13 @@ pub(super) fn keys_of_fmus(programs: &Programs) -> impl Iterator<Item = String> 
     (locals.into_iter().chain(plant)).chain(controller.map(|key| format!("controller.{key}")))
 }
 
-/// Returns the folder of a scenario, where its paths begin.
+/// Returns the folder of a scenario, to which its paths are relative.
 fn folder(scenario: &Scenario) -> PathBuf {
     let folder = scenario.path().parent().unwrap_or(Path::new(""));
     std::path::absolute(Path::new(".").join(folder)).unwrap_or_else(|_| folder.to_owned())
 }
 
-/// Lists the files of FMUs that lie at a place relative to the scenario.
+/// Lists files of FMUs whose paths are relative to the scenario.
 pub(super) fn relative_files(scenario: &Scenario, programs: &Programs) -> Vec<String> {
     let folder = folder(scenario);
     let sides = [&programs.plant_settings, &programs.controller_settings];
@@ -134,7 +134,7 @@ pub(super) fn relative_files(scenario: &Scenario, programs: &Programs) -> Vec<St
     relative.map(str::to_owned).collect()
 }
 
-/// Puts the copies of files of FMUs in place of the files.
+/// Replaces files of FMUs by their copies.
 pub(super) fn with_copies(
     scenario: &Scenario,
     mut programs: Programs,

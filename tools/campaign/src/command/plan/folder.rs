@@ -1,4 +1,5 @@
-//! The folder of a campaign: copies of all that its cases need, with their hashes, and the values of every case.
+//! Writing a campaign folder: copies of everything that the cases need, with their hashes, and the values of every
+//! case.
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
@@ -23,64 +24,64 @@ use crate::command::grow::with_cases;
 use crate::command::planned::PROGRAMS;
 use crate::command::{quoted, values};
 
-/// Time that the cases of a shard take together, if there are enough of them, in s.
+/// Target duration of a shard with enough cases, in s.
 const SHARD_S: f64 = 20.0;
-/// Least and greatest number of shards of a large campaign.
+/// Smallest and largest number of shards of a large campaign.
 const SHARDS_WANTED: [u64; 2] = [64, 20_000];
 
-/// Refuses a folder with another campaign, or with anything else.
+/// Refuses a folder with another campaign or other content.
 pub(super) fn refuse_other(out: &Path, checked: &Checked) -> Result<(), Failure> {
-    let shown = out.display();
+    let out_text = out.display();
     let is_empty = fs::read_dir(out).map_or(true, |mut entries| entries.next().is_none());
     if is_empty {
         return Ok(());
     }
-    let Ok(there) = Manifest::read(out) else {
+    let Ok(existing) = Manifest::read(out) else {
         return Err(Failure::usage(format!(
-            "{shown} is not empty; a campaign needs a folder of its own"
+            "{out_text} is not empty; a campaign needs an empty folder"
         )));
     };
     let folder = tempfile::tempdir().map_err(Failure::infrastructure)?;
     let new = copied(checked, folder.path())?;
-    let differences = manifest::differences(&there, &new);
-    let study = fs::read_to_string(out.join(&there.study.path));
+    let differences = manifest::differences(&existing, &new);
+    let study = fs::read_to_string(out.join(&existing.study.path));
     let study = study
         .ok()
         .and_then(|text| with_cases(&text, checked.cases.study().draws));
     if differences.len() == 1 && study.as_deref() == Some(checked.cases.study().text()) {
         return Err(Failure::usage(format!(
-            "{shown} has this campaign with another number of cases; hil campaign grow {} --cases {} adds some to it",
+            "{out_text} holds this campaign with another number of cases; hil campaign grow {} --cases {} adds cases to it",
             quoted(out),
             checked.cases.study().draws
         )));
     }
     Err(Failure::usage(if differences.is_empty() {
         format!(
-            "{shown} has this campaign already; hil campaign run {}",
+            "{out_text} already holds this campaign; hil campaign run {}",
             quoted(out)
         )
     } else {
         format!(
-            "{shown} has another campaign, which differs in {}; choose another folder with -o",
+            "{out_text} holds another campaign, which differs in {}; choose another folder with -o",
             differences.join("; ")
         )
     }))
 }
 
-/// Writes the folder, which appears whole or not at all.
+/// Writes the folder atomically.
 pub(super) fn write(checked: &Checked, out: &Path) -> Result<(), Failure> {
-    let shown = out.display();
-    let cannot = |error: io::Error| Failure::usage(format!("cannot write {shown}: {error}"));
+    let out_text = out.display();
+    let cannot = |error: io::Error| Failure::usage(format!("cannot write {out_text}: {error}"));
     let parent = out.parent().filter(|parent| *parent != Path::new(""));
     if let Some(parent) = parent {
         fs::create_dir_all(parent).map_err(cannot)?;
     }
     let absolute = std::path::absolute(out).map_err(cannot)?;
     let beside = absolute.parent().unwrap_or(Path::new("/"));
-    // Else the campaign would be refused when it is run.
+    // Otherwise `run` would refuse the campaign.
     trusted::folder(beside).map_err(|why| {
         Failure::usage(format!(
-            "a campaign in {shown} could not be run: {why}; choose a place that only you can write to with -o"
+            "a campaign in {out_text} could not be run: {why}; choose a folder that only you can write to with -o"
         ))
     })?;
     let part = PartFolder::beside(&absolute).map_err(cannot)?;
@@ -96,13 +97,13 @@ pub(super) fn write(checked: &Checked, out: &Path) -> Result<(), Failure> {
     part.complete(&absolute).map_err(cannot)
 }
 
-/// Takes the right to write from everybody else, which a process's mask may have given them: a folder that others
-/// can write to is not run.
+/// Revokes write access of group and others, which the umask may have granted: a folder that others can write to is
+/// refused by `run`.
 fn keep_others_out(path: &Path) -> io::Result<()> {
-    let there = fs::symlink_metadata(path)?;
-    let mode = there.permissions().mode();
+    let metadata = fs::symlink_metadata(path)?;
+    let mode = metadata.permissions().mode();
     fs::set_permissions(path, fs::Permissions::from_mode(mode & !0o022))?;
-    if there.is_dir() {
+    if metadata.is_dir() {
         for entry in fs::read_dir(path)? {
             keep_others_out(&entry?.path())?;
         }
@@ -110,7 +111,7 @@ fn keep_others_out(path: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Copies all that the cases need into a folder.
+/// Copies everything that the cases need into a folder.
 fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
     let cases = &checked.cases;
     let study = cases.study();
@@ -126,9 +127,9 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
     };
     let copy = |from: &Path, path: String| {
         let to = folder.join(&path);
-        let made = to.parent().map_or(Ok(()), fs::create_dir_all);
-        let copied = made.and_then(|()| fs::copy(from, &to));
-        copied.map_err(|error| cannot(from, error))?;
+        let folder_result = to.parent().map_or(Ok(()), fs::create_dir_all);
+        let copy_result = folder_result.and_then(|()| fs::copy(from, &to));
+        copy_result.map_err(|error| cannot(from, error))?;
         let blake3 = hash(&to).map_err(|error| cannot(from, error))?;
         Ok::<_, Failure>(Copied { path, blake3 })
     };
@@ -136,7 +137,7 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
     let beside = cases.scenario().path().parent().unwrap_or(Path::new(""));
     for (number, name) in cases.named_tables().into_iter().enumerate() {
         let from: PathBuf = beside.join(&name);
-        // An FMU may look at the ending.
+        // An FMU may depend on the file extension.
         let ending = from.extension().and_then(OsStr::to_str).unwrap_or("csv");
         tables.insert(name, copy(&from, format!("tables/{number}.{ending}"))?);
     }
@@ -159,7 +160,7 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
             copy(&controller, format!("{PROGRAMS}/controller-process"))?,
         ])
     });
-    // Beside the copy of `hil`, which looks for it there.
+    // Placed beside the copy of `hil`, which looks for it there.
     let sides = cases.binaries().map(|both| [&both.plant, &both.controller]);
     let mut hosts = sides
         .into_iter()
@@ -187,13 +188,14 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
     })
 }
 
-/// Finds plant and controller program beside `hil`, if both are there.
+/// Finds the plant and controller programs beside `hil`, if both exist.
 fn beside_hil() -> Result<Option<[PathBuf; 2]>, Failure> {
     let both = [beside(PLANT.beside)?, beside(CONTROLLER.beside)?];
     Ok(both.iter().all(|path| path.is_file()).then_some(both))
 }
 
-/// Chooses the size of shards: some seconds of work, enough of them for many cores, and not too many files.
+/// Chooses the number of cases per shard: several seconds of work, enough shards for many cores, and not too many
+/// files.
 pub(in crate::command) fn shard_cases(cases: u64, case_s: f64) -> u64 {
     let [least, most] = SHARDS_WANTED;
     let by_time = (SHARD_S / case_s) as u64;
@@ -207,7 +209,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nobody_else_may_write_to_what_was_planned() {
+    fn only_the_owner_can_write_to_a_planned_folder() {
         let folder = tempfile::tempdir().expect("a folder");
         let inner = folder.path().join("programs");
         let file = inner.join("hil");
@@ -224,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn shards_take_some_seconds_and_are_neither_few_nor_too_many() {
+    fn shards_take_several_seconds_and_are_neither_too_few_nor_too_many() {
         assert_eq!(shard_cases(30_000, 1.0), 20);
         assert_eq!(shard_cases(1_000_000, 1e-3), 15_625);
         assert_eq!(shard_cases(1_000_000, 10.0), 50);

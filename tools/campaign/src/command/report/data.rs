@@ -1,5 +1,5 @@
 //! Data for the script of a campaign's page: classes, varied values, margins and metrics by columns, as JSON with
-//! numbers in base64.
+//! base64-encoded numbers.
 
 use crate::folder::Folder;
 use crate::shard::missing;
@@ -14,34 +14,34 @@ use super::envelopes::Envelopes;
 use crate::command::answers::{Answers, CLASSES, classes_in_words, margin, place_of};
 use crate::command::quoted;
 
-/// Most numbers of a page; with four bytes each in base64 it stays below 20 MB.
+/// Maximum number of numbers on a page; with four bytes each in base64 the page stays below 20 MB.
 const MOST_NUMBERS: u64 = 3_500_000;
-/// Columns in front of the varied values: case, draw, variant, seed.
+/// Number of columns before the varied values: case, draw, variant, seed.
 const HEAD: usize = 4;
-/// Most different texts that a byte tells apart.
+/// Number of different texts that a one-byte code can distinguish.
 const MOST_TEXTS: usize = 256;
 
-/// All of it.
+/// Data of the page.
 #[derive(Debug, Serialize)]
 pub(super) struct Data {
-    /// Command that runs a case, without its number.
+    /// Command that runs a case, without the case number.
     command: String,
     variants: Vec<String>,
     classes: [&'static str; 5],
-    /// The same in words for a person.
+    /// Names of the classes as displayed.
     words: [&'static str; 5],
-    /// Distance of the draws whose cases are here; 1 if all are.
+    /// Stride between the draws that are included; 1 if all are.
     every: u64,
-    /// Numbers of the cases; none if they are 0, 1, 2 and so on.
+    /// Case numbers; `None` if they are consecutive from 0.
     cases: Option<Numbers>,
-    /// Class of each case, as its place in `classes`.
+    /// Class of each case, as an index into `classes`.
     class: Codes,
     columns: Vec<ColumnData>,
-    /// Places among the varied values of the two that margins follow most.
+    /// Indices of the two varied values with the strongest correlations with margins.
     axes: Vec<usize>,
-    /// Curves over time, if the campaign keeps some.
+    /// Curves over time, if the campaign records them.
     pub(super) envelopes: Option<Envelopes>,
-    /// Place of the classes in the table, and of each column.
+    /// Index of the class column in the table, and of each other column.
     #[serde(skip)]
     class_place: usize,
     #[serde(skip)]
@@ -54,7 +54,7 @@ struct ColumnData {
     unit: String,
     /// `varied`, `margin` or `metric`.
     role: &'static str,
-    /// Texts that the codes are places of.
+    /// Texts that the codes refer to.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     texts: Vec<String>,
     #[serde(flatten)]
@@ -68,15 +68,15 @@ enum ColumnValues {
     Codes(Codes),
 }
 
-/// Numbers in double precision, little end first.
+/// Double-precision numbers, little-endian.
 #[derive(Debug, Default)]
 struct Numbers(Vec<f64>);
 
-/// Numbers in single precision, little end first.
+/// Single-precision numbers, little-endian.
 #[derive(Debug, Default)]
 pub(super) struct Singles(pub(super) Vec<f32>);
 
-/// Numbers of one byte.
+/// One-byte codes.
 #[derive(Debug, Default)]
 struct Codes(Vec<u8>);
 
@@ -101,7 +101,7 @@ impl Serialize for Codes {
 }
 
 impl Data {
-    /// Makes it without any case.
+    /// Creates the data without cases.
     pub(super) fn new(folder: &Folder, study: &Study) -> Self {
         let manifest = folder.manifest();
         let class_place = HEAD + study.varied.len();
@@ -126,12 +126,12 @@ impl Data {
         }
     }
 
-    /// Takes the cases of a part.
+    /// Adds the cases of a part.
     pub(super) fn take(&mut self, part: &Part) {
         let table = part.results();
         let classes = &table[self.class_place];
         let variants = self.variants.len() as u64;
-        // Whole draws, so that variants stay compared on the same values.
+        // Whole draws are included or skipped, so that variants are compared on the same values.
         let rows = part.cases().iter().enumerate();
         let rows = rows.filter(|(_, case)| (*case / variants).is_multiple_of(self.every));
         let (rows, cases): (Vec<usize>, Vec<f64>) =
@@ -147,7 +147,7 @@ impl Data {
         }
     }
 
-    /// Adds what is known once all cases are there.
+    /// Adds the data that need all cases.
     pub(super) fn complete(&mut self, answers: &Answers, envelopes: Option<Envelopes>) {
         let is_counted = |cases: &mut Numbers| {
             let mut places = (0_u64..).zip(&cases.0);
@@ -158,17 +158,17 @@ impl Data {
         self.envelopes = envelopes;
     }
 
-    /// Number of cases in it.
+    /// Returns the number of included cases.
     pub(super) const fn rows(&self) -> usize {
         self.class.0.len()
     }
 
-    /// Distance of the draws whose cases are here; 1 if all are.
+    /// Returns the stride between the draws that are included; 1 if all are.
     pub(super) const fn every(&self) -> u64 {
         self.every
     }
 
-    /// Command that runs a case, without its number.
+    /// Returns the command that runs a case, without the case number.
     pub(super) fn command(&self) -> &str {
         &self.command
     }
@@ -191,10 +191,10 @@ impl ColumnData {
         }
     }
 
-    /// Returns the place of a text, which is remembered; those beyond what a byte tells apart share the last one.
+    /// Returns the code of a text, adding new texts; texts beyond the limit share the last code.
     fn code(&mut self, text: &str) -> usize {
-        let known = self.texts.iter().position(|known| known == text);
-        known.unwrap_or_else(|| {
+        let earlier = self.texts.iter().position(|earlier| earlier == text);
+        earlier.unwrap_or_else(|| {
             match self.texts.len() {
                 MOST_TEXTS => self.texts[MOST_TEXTS - 1] = "others".into(),
                 _ => self.texts.push(text.to_owned()),
@@ -204,7 +204,7 @@ impl ColumnData {
     }
 }
 
-/// Lists what is drawn, with the place of each column in the table.
+/// Lists the plotted columns, with their indices in the table.
 fn columns(folder: &Folder, class: usize) -> impl Iterator<Item = (usize, ColumnData)> {
     let all = folder.manifest().columns.iter().enumerate();
     all.filter_map(move |(place, column)| {
@@ -234,12 +234,13 @@ fn columns(folder: &Folder, class: usize) -> impl Iterator<Item = (usize, Column
     })
 }
 
-/// Finds the two varied values that any margin follows most; the first ones where none does.
+/// Finds the two varied values with the strongest correlation with any margin; the first two if there is none.
 fn axes(answers: &Answers, columns: &[ColumnData]) -> Vec<usize> {
-    let found = answers.variants.iter().flat_map(|one| &one.requirements);
-    let found: Vec<&(String, f64)> = found.flat_map(|one| &one.correlations).collect();
+    let requirements = answers.variants.iter().flat_map(|one| &one.requirements);
+    let correlations: Vec<&(String, f64)> =
+        requirements.flat_map(|one| &one.correlations).collect();
     let strength = |name: &str| {
-        let of = found.iter().filter(|(known, _)| known == name);
+        let of = correlations.iter().filter(|(key, _)| key == name);
         let sizes = of.map(|(_, rho)| rho.abs());
         sizes.max_by(f64::total_cmp).unwrap_or_default()
     };
@@ -266,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn texts_beyond_what_a_byte_tells_apart_share_the_last_code() {
+    fn texts_beyond_the_range_of_a_byte_share_the_last_code() {
         let mut column = texts();
         let codes: Vec<usize> = (0..300).map(|n| column.code(&n.to_string())).collect();
         assert_eq!(codes[..256], (0..256).collect::<Vec<_>>());
@@ -276,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn a_class_that_is_not_known_counts_as_lost() {
+    fn an_unknown_class_counts_as_lost() {
         let codes = ["pass", "fail", "diverged", "undecided", "lost", "?"].map(place_of);
         assert_eq!(codes, [0, 1, 2, 3, 4, 4]);
     }

@@ -1,5 +1,5 @@
-//! Envelopes over time for the script of a campaign's page: least and greatest values of all cases, bands of the
-//! draws that stand for all, and the worst cases.
+//! Envelopes over time for the script of a campaign's page: least and greatest values of all cases, bands over the
+//! sampled draws, and the worst cases.
 
 use crate::collect;
 use crate::curves::Curves;
@@ -11,30 +11,30 @@ use serde::Serialize;
 
 use super::data::Singles;
 
-/// Quantiles of the least values, then of the greatest: each pair has N of the cases between its curves.
+/// Quantiles of the least values, and of the greatest values: each pair encloses 90 %, 50 % or none of the draws.
 const LOWER: [f64; 3] = [0.05, 0.25, 0.5];
 const UPPER: [f64; 3] = [0.5, 0.75, 0.95];
 
-/// All of it; plots of a signal stand beside each other, one for each variant.
+/// Envelopes of all signals; the plots of a signal are side by side, one for each variant.
 #[derive(Debug, Serialize)]
 pub(super) struct Envelopes {
     bins: usize,
-    /// Length of a bin in s.
+    /// Width of a bin, in s.
     bin_s: f64,
-    /// Names and units.
+    /// Names and units of the signals.
     signals: Vec<(String, String)>,
-    /// For each variant the curves of each signal, from the least to the greatest.
+    /// For each variant, the curves of each signal from the lowest to the highest.
     variants: Vec<Vec<Singles>>,
     worst: Vec<Worst>,
-    /// Number of draws that the bands are of.
+    /// Number of draws in the bands.
     pub(super) draws: usize,
-    /// Shards without curves.
+    /// Number of shards without curves.
     pub(super) without: u64,
 }
 
 #[derive(Debug, Serialize)]
 struct Worst {
-    /// Place of the variant.
+    /// Index of the variant.
     variant: usize,
     requirement: String,
     case: u64,
@@ -43,7 +43,7 @@ struct Worst {
 }
 
 impl Envelopes {
-    /// Reads the curves of a campaign; none if it keeps none, or has none yet.
+    /// Reads the curves of a campaign; `None` if it records none, or has none yet.
     ///
     /// # Errors
     /// If they cannot be read.
@@ -56,7 +56,7 @@ impl Envelopes {
         if curves.envelopes.is_empty() {
             return Ok(None);
         }
-        // A campaign that grew has kept the curves of more draws before.
+        // A campaign that grew had a smaller stride before.
         curves
             .sampled
             .retain(|case, _| (case / count).is_multiple_of(grid.every));
@@ -97,7 +97,7 @@ impl Envelopes {
     }
 }
 
-/// Computes the curves of a signal of a variant, one after the other.
+/// Computes the concatenated curves of a signal in a variant.
 fn bands(curves: &Curves, name: &str, sampled: &[&Curve], grid: &Grid, signal: usize) -> Singles {
     let envelope = curves.envelopes.get(name);
     let envelope = envelope.map(|curve| curve.signal(grid, signal));
@@ -110,8 +110,8 @@ fn bands(curves: &Curves, name: &str, sampled: &[&Curve], grid: &Grid, signal: u
             let values = sampled
                 .iter()
                 .map(|curve| curve.signal(grid, signal)[bin][end]);
-            let there = values.filter(|value| !value.is_nan()).map(f64::from);
-            let mut sorted: Vec<f64> = there.collect();
+            let finite = values.filter(|value| !value.is_nan()).map(f64::from);
+            let mut sorted: Vec<f64> = finite.collect();
             sorted.sort_by(f64::total_cmp);
             sorted
         });

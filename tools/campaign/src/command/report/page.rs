@@ -1,4 +1,4 @@
-//! The page of a campaign: everything that reads without a script, and the data for the script that draws.
+//! The HTML page of a campaign: the parts that need no script, and the data for the script that draws the plots.
 
 use hil_console::terminal::exit::Failure;
 use hil_views::offline_page::OfflinePage;
@@ -17,7 +17,7 @@ use crate::command::quoted;
 const SCRIPT: &str = include_str!("assets/campaign.js");
 const STYLE: &str = include_str!("assets/campaign.css");
 
-/// A campaign and its answers.
+/// Campaign with its evaluation.
 pub(super) struct Campaign<'a> {
     pub(super) folder: &'a Folder,
     pub(super) study: &'a Study,
@@ -28,13 +28,13 @@ pub(super) struct Campaign<'a> {
 }
 
 impl Campaign<'_> {
-    /// Tells whether every case has a result.
+    /// Returns `true` if every case has a result.
     pub(super) const fn is_complete(&self) -> bool {
         self.answers.digest.is_some()
     }
 }
 
-/// Writes the whole page.
+/// Renders the whole page.
 pub(super) fn page(campaign: &Campaign, data: &Data) -> Result<String, Failure> {
     let name = &campaign.answers.name;
     let body = html! {
@@ -76,24 +76,24 @@ pub(super) fn page(campaign: &Campaign, data: &Data) -> Result<String, Failure> 
     page.write()
 }
 
-/// Names what keeps the numbers below from being those of the whole campaign.
+/// Renders the reasons why the numbers do not cover the whole campaign.
 fn warnings(campaign: &Campaign) -> Markup {
     let (answers, rows) = (campaign.answers, campaign.rows);
-    let shown = quoted(campaign.folder.path());
+    let folder_text = quoted(campaign.folder.path());
     html! {
         @if !campaign.is_complete() { p.note {
             "Not complete: " (answers.cases - rows) " of " (counted(answers.cases, "case")) " have no result. "
-            "The numbers below are counts and no probabilities, as slow cases come last; "
-            code { "hil campaign run " (shown) } " computes the rest."
+            "The numbers below are counts, not probabilities, because slow cases come last; "
+            code { "hil campaign run " (folder_text) } " computes the rest."
         } }
         @if !answers.lost.is_empty() { p.note {
-            (set_aside(&answers.lost)) "; no probability has bounds; " code { "hil campaign run " (shown) " --again" } " tries once more."
+            (set_aside(&answers.lost)) "; no probability has bounds; " code { "hil campaign run " (folder_text) " --again" } " tries once more."
         } }
         @for conflict in campaign.conflicts { p.note { (conflict.to_string()) } }
     }
 }
 
-/// Writes the frame of the curves over time.
+/// Renders the frame of the curves over time.
 fn envelopes(data: &Data) -> Markup {
     let Some(envelopes) = &data.envelopes else {
         return html! {};
@@ -119,7 +119,7 @@ fn envelopes(data: &Data) -> Markup {
     }
 }
 
-/// Writes the frame that the script draws into.
+/// Renders the frame that the script draws into.
 fn plots(data: &Data) -> Markup {
     html! {
         section #plots {

@@ -7,10 +7,10 @@ use super::page::Campaign;
 use crate::command::answers::{Answers, RequirementAnswer, Share, VariantAnswer, classes_in_words};
 use crate::command::show::bounds;
 
-/// Most varied values that a margin is said to follow.
+/// Maximum number of correlated values that are shown for a margin.
 const MOST_FOLLOWED: usize = 3;
 
-/// Writes facts about the campaign.
+/// Renders facts about the campaign.
 pub(super) fn facts(campaign: &Campaign) -> Markup {
     let (answers, study) = (campaign.answers, campaign.study);
     let varied: Vec<&str> = study.varied.iter().map(|one| &*one.name).collect();
@@ -50,12 +50,12 @@ fn bounds_meant(answers: &Answers) -> String {
     }
 }
 
-/// Writes the goals and whether they are met.
+/// Renders the goals and their status.
 pub(super) fn goals(campaign: &Campaign) -> Markup {
     let answers = campaign.answers;
     let verdict = |is_met: bool| match is_met {
         true => badge("pass", "met"),
-        // Missing cases may still decide it.
+        // Missing cases may still decide the goal.
         false if !campaign.is_complete() => badge("undecided", "open"),
         false => badge("fail", "NOT MET"),
     };
@@ -76,7 +76,7 @@ pub(super) fn goals(campaign: &Campaign) -> Markup {
     }
 }
 
-/// Writes the classes of each variant.
+/// Renders the classes of each variant.
 pub(super) fn classes(campaign: &Campaign) -> Markup {
     let answers = campaign.answers;
     html! {
@@ -102,7 +102,7 @@ pub(super) fn classes(campaign: &Campaign) -> Markup {
     }
 }
 
-/// Writes what each requirement shows, a table for each with a row for each variant.
+/// Renders the results of each requirement: a table with a row for each variant.
 pub(super) fn requirements(campaign: &Campaign, command: &str) -> Markup {
     let answers = campaign.answers;
     let first = answers.variants.first();
@@ -170,7 +170,7 @@ fn joined(texts: impl Iterator<Item = String>) -> String {
     texts.collect::<Vec<_>>().join(", ")
 }
 
-/// Writes a share; of a campaign that is not complete as a count, as there is no share yet.
+/// Formats a share; for an incomplete campaign as a count, since there is no share yet.
 fn percent(campaign: &Campaign, share: Share) -> String {
     match campaign.is_complete() && share.of > 0 {
         true => format!("{} %", short(share.count as f64 / share.of as f64 * 100.0)),
@@ -178,7 +178,7 @@ fn percent(campaign: &Campaign, share: Share) -> String {
     }
 }
 
-/// Writes a margin; infinite ones are of cases that diverged or have a verdict without a margin.
+/// Formats a margin; infinite margins belong to cases that diverged or have a verdict without a margin.
 fn margin(value: f64, has_diverged: bool) -> String {
     match value {
         f64::NEG_INFINITY if has_diverged => "diverged".into(),

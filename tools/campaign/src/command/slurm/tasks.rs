@@ -1,11 +1,11 @@
-//! Tasks of a campaign as Slurm lists them, and what to do about those that will not end by themselves.
+//! Tasks of a campaign as Slurm lists them, and advice about those that will not end by themselves.
 
 use std::collections::BTreeMap;
 
 use serde::Serialize;
 use shared_types::number::counted;
 
-/// Reasons to wait that go by themselves.
+/// Reasons for waiting that resolve themselves.
 const ORDINARY: [&str; 6] = [
     "",
     "None",
@@ -14,28 +14,28 @@ const ORDINARY: [&str; 6] = [
     "BeginTime",
     "Dependency",
 ];
-/// Most tasks of a kind that are named.
+/// Maximum number of tasks of a kind that are listed.
 const MOST_NAMED: usize = 5;
 
-/// Tasks of a campaign, as Slurm knows them.
+/// Tasks of a campaign, as Slurm reports them.
 #[derive(Debug, Default, PartialEq, Serialize)]
 pub(in crate::command) struct Tasks {
     pub(in crate::command) running: u64,
     waiting: u64,
-    /// Reasons for which tasks wait, unless it is for other tasks to end, with the number of each.
+    /// Reasons for which tasks wait, other than for free resources, with the number of tasks.
     reasons: BTreeMap<String, u64>,
-    /// Tasks that Slurm starts no more until they are released, with its reason.
+    /// Tasks that Slurm will not start until they are released, with its reason.
     held: Vec<(String, String)>,
-    /// Tasks that Slurm has stopped and does not let go on by itself.
+    /// Tasks that Slurm has suspended and will not resume by itself.
     suspended: Vec<String>,
-    /// Tasks whose end Slurm waits for.
+    /// Tasks that Slurm is waiting for to end.
     ending: Vec<String>,
-    /// Jobs that have tasks.
+    /// IDs of the jobs that have tasks.
     jobs: Vec<String>,
 }
 
 impl Tasks {
-    /// Takes the tasks of a job from lines of number, state and reason.
+    /// Adds the tasks of a job, from lines of ID, state and reason.
     pub(crate) fn take(&mut self, job: &str, listed: &str) {
         for line in listed.lines().filter(|line| !line.trim().is_empty()) {
             let mut words = line.splitn(3, ' ');
@@ -64,7 +64,8 @@ impl Tasks {
         }
     }
 
-    /// Describes them, with what to do; `is_done` if no case is missing, `is_worked_on` if a worker is seen at one.
+    /// Describes the tasks with advice; `is_done` if no case is missing, `is_worked_on` if a worker is visibly
+    /// active.
     pub(in crate::command) fn describe(&self, is_done: bool, is_worked_on: bool) -> String {
         let mut text = format!(
             "  slurm: {} running, {} waiting\n",
@@ -77,7 +78,7 @@ impl Tasks {
         text
     }
 
-    /// Lists the tasks that Slurm may show for ever, with the commands that end that.
+    /// Lists the tasks that could stay in the queue for ever, with the commands that resolve them.
     pub(in crate::command) fn stuck(&self, is_done: bool, is_worked_on: bool) -> Vec<String> {
         let jobs = self.jobs.join(" ");
         let mut lines = Vec::new();
@@ -89,10 +90,10 @@ impl Tasks {
         for (reason, count) in self.reasons.iter().filter(|_| !is_done) {
             let advice = match reason.contains("DOWN") || reason.contains("DRAINED") {
                 true => {
-                    "sinfo -R names nodes that are out of service, and an administrator takes one back by scontrol update nodename=NODE state=resume".into()
+                    "sinfo -R lists nodes that are out of service, and an administrator can return one to service with scontrol update nodename=NODE state=resume".into()
                 }
                 false => format!(
-                    "if that does not go by itself, scancel {jobs} withdraws them, and another submission starts what is missing"
+                    "if that does not resolve itself, scancel {jobs} cancels them, and a new submission starts the missing shards"
                 ),
             };
             lines.push(format!(
@@ -102,17 +103,17 @@ impl Tasks {
         }
         let held = self.held.iter().map(|(task, reason)| {
             format!(
-                "task {task} is held ({reason}); scontrol release {task} lets it start again, scancel {task} removes it"
+                "task {task} is held ({reason}); scontrol release {task} lets it start, scancel {task} removes it"
             )
         });
         let suspended = self.suspended.iter().map(|task| {
             format!(
-                "task {task} is suspended; scontrol resume {task} lets it go on, scancel {task} removes it"
+                "task {task} is suspended; scontrol resume {task} resumes it, scancel {task} removes it"
             )
         });
         let ending = self.ending.iter().map(|task| {
             format!(
-                "task {task} is ending; if that lasts, its node does not answer: sinfo -R, and an administrator ends the task by scontrol update nodename=NODE state=down reason=lost"
+                "task {task} is ending; if that lasts, its node is not responding: check sinfo -R, and an administrator can end the task with scontrol update nodename=NODE state=down reason=lost"
             )
         });
         let kinds: [(Vec<String>, &str); 3] = [
@@ -129,7 +130,7 @@ impl Tasks {
         }
         if self.running > 0 && !is_done && !is_worked_on {
             lines.push(format!(
-                "no running task is seen at work from here; if that lasts, its node may be lost without Slurm knowing it: sinfo -R and scontrol show job {jobs} tell more, and scancel {jobs} and another submission start what is missing"
+                "no running task is visibly active from here; if that lasts, its node may have failed without Slurm noticing: sinfo -R and scontrol show job {jobs} show details, and scancel {jobs} followed by a new submission starts the missing shards"
             ));
         }
         lines
@@ -147,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn every_task_that_will_not_end_by_itself_has_a_command_that_ends_it() {
+    fn every_stuck_task_comes_with_a_command_that_resolves_it() {
         for (line, command) in [
             // As Slurm 22.05 writes them.
             ("7_3 PENDING JobHeldUser", "scontrol release 7_3"),
@@ -175,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn tasks_that_go_by_themselves_need_no_advice() {
+    fn tasks_that_will_end_by_themselves_need_no_advice() {
         let tasks = of("7_1 RUNNING None\n7_2 PENDING Resources\n7_4 PENDING BeginTime\n");
         assert!(tasks.stuck(false, true).is_empty());
         assert_eq!((tasks.running, tasks.waiting), (1, 2));
@@ -183,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn tasks_of_a_complete_campaign_are_to_be_removed() {
+    fn leftover_tasks_of_a_complete_campaign_are_to_be_removed() {
         let mut tasks = of("7_1 RUNNING None\n7_2 PENDING BadConstraints\n");
         tasks.take("12", "12_0 PENDING Resources\n");
         let lines = tasks.stuck(true, false);
@@ -192,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn of_many_held_tasks_some_are_named() {
+    fn long_lists_of_held_tasks_are_abbreviated() {
         let many: String = (0..9)
             .map(|task| format!("7_{task} PENDING JobHeldUser\n"))
             .collect();

@@ -96,10 +96,10 @@ mod tests {
 
     #[test]
     fn a_program_that_dies_by_a_signal_is_named_by_it_with_its_last_words() {
-        let words = "a library speaks\nerror: SIGSEGV came in fmi2DoStep\n\n";
+        let words = "a library speaks\nerror: SIGSEGV in fmi2DoStep\n\n";
         assert_eq!(
             killed(11, words),
-            "it was killed by SIGSEGV (11): SIGSEGV came in fmi2DoStep"
+            "it was killed by SIGSEGV (11): SIGSEGV in fmi2DoStep"
         );
         assert_eq!(killed(9, ""), "it was killed by SIGKILL (9)");
     }

@@ -2,22 +2,22 @@ use std::io::Cursor;
 
 use super::*;
 
-/// Writes archives, sound ones and others.
+/// Writer of valid and invalid archives.
 struct Writer {
     bytes: Vec<u8>,
     list: Vec<u8>,
     entries: u16,
 }
 
-/// An entry to write.
+/// Entry to write.
 struct Written<'a> {
     name: &'a str,
     content: &'a [u8],
     flags: u16,
     method: u16,
     mode: u32,
-    /// Size that the list tells.
-    told: usize,
+    /// Size according to the list.
+    listed_size: usize,
 }
 
 impl<'a> Written<'a> {
@@ -28,7 +28,7 @@ impl<'a> Written<'a> {
             flags: 0,
             method: DEFLATED,
             mode: FILE | 0o644,
-            told: content.len(),
+            listed_size: content.len(),
         }
     }
 }
@@ -55,7 +55,7 @@ impl Writer {
         middle.extend([0; 4]);
         middle.extend(crc32fast::hash(entry.content).to_le_bytes());
         middle.extend(long(packed.len()));
-        middle.extend(long(entry.told));
+        middle.extend(long(entry.listed_size));
         middle.extend(short(entry.name.len()));
         middle.extend(short(0));
         let head = self.bytes.len();
@@ -95,8 +95,8 @@ fn read(bytes: &[u8]) -> Result<Archive<Cursor<&[u8]>>, ArchiveError> {
 }
 
 fn refused(bytes: &[u8], fragment: &str) {
-    let told = read(bytes).expect_err(fragment).to_string();
-    assert!(told.contains(fragment), "{told}");
+    let message = read(bytes).expect_err(fragment).to_string();
+    assert!(message.contains(fragment), "{message}");
 }
 
 fn one(entry: &Written<'_>) -> Vec<u8> {
@@ -120,19 +120,19 @@ fn sound() -> Vec<u8> {
 }
 
 #[test]
-fn files_are_read_and_unpacked_as_they_were_packed() {
+fn files_are_read_and_unpacked_unchanged() {
     let bytes = sound();
     let mut archive = read(&bytes).expect("sound");
     let names: Vec<_> = archive.names().collect();
     assert_eq!(names, ["modelDescription.xml", "resources/y.txt"]);
     let content = archive.content("modelDescription.xml", 1 << 20);
     assert_eq!(content.expect("sound").len(), 1500);
-    let told = archive
+    let error = archive
         .content("modelDescription.xml", 1000)
         .expect_err("long");
-    assert!(told.to_string().contains("has more than"), "{told}");
-    let told = archive.content("other", 1000).expect_err("none");
-    assert_eq!(told.to_string(), "it has no other");
+    assert!(error.to_string().contains("is larger than"), "{error}");
+    let error = archive.content("other", 1000).expect_err("none");
+    assert_eq!(error.to_string(), "it has no other");
     let folder = tempfile::tempdir().expect("a folder");
     assert_eq!(
         archive
@@ -146,7 +146,7 @@ fn files_are_read_and_unpacked_as_they_were_packed() {
 }
 
 #[test]
-fn names_that_lead_elsewhere_are_refused() {
+fn names_that_leave_the_archive_are_refused() {
     for name in [
         "../x",
         "a/../../x",
@@ -170,7 +170,7 @@ fn names_that_lead_elsewhere_are_refused() {
 }
 
 #[test]
-fn the_folder_of_the_archive_itself_is_no_file_and_no_harm() {
+fn an_entry_for_the_root_folder_is_ignored() {
     let folder = Written {
         mode: FOLDER | 0o755,
         method: STORED,
@@ -188,7 +188,7 @@ fn the_folder_of_the_archive_itself_is_no_file_and_no_harm() {
 }
 
 #[test]
-fn links_devices_and_twins_are_refused() {
+fn links_devices_and_conflicting_entries_are_refused() {
     for mode in [0o120_777, 0o020_644, 0o060_644, 0o010_644, 0o140_644] {
         let entry = Written {
             mode,
@@ -199,15 +199,15 @@ fn links_devices_and_twins_are_refused() {
     let twice = Writer::new()
         .add(&Written::new("a", b"1"))
         .add(&Written::new("a", b"2"));
-    refused(&twice.finish(), "is there twice");
+    refused(&twice.finish(), "occurs twice");
     let both = Writer::new()
         .add(&Written::new("a", b"1"))
         .add(&Written::new("a/b", b"2"));
-    refused(&both.finish(), "is there twice");
+    refused(&both.finish(), "occurs twice");
 }
 
 #[test]
-fn an_entry_that_is_there_twice_with_the_same_bytes_is_one() {
+fn duplicate_entries_with_equal_content_are_merged() {
     let stored = Written {
         method: STORED,
         ..Written::new("a", b"1")
@@ -222,7 +222,7 @@ fn an_entry_that_is_there_twice_with_the_same_bytes_is_one() {
     assert_eq!(archive.content("a", 10).expect("there"), b"1");
     let folder = tempfile::tempdir().expect("a folder");
     assert_eq!(archive.extract("a", folder.path()).expect("unpacked"), 1);
-    // The same sum and size, and other bytes: what is compared is the content.
+    // Same check sum and size but other bytes, so the content itself has to be compared.
     let mut forged = Writer::new()
         .add(&Written {
             method: STORED,
@@ -241,7 +241,7 @@ fn an_entry_that_is_there_twice_with_the_same_bytes_is_one() {
 }
 
 #[test]
-fn a_trusted_archive_may_be_packed_as_well_as_it_can_and_no_larger() {
+fn a_trusted_archive_may_have_any_ratio_but_not_any_size() {
     let zeros = vec![0; 40 << 20];
     let table = one(&Written::new("resources/table.csv", &zeros));
     refused(&table, "more than 100 times its size");
@@ -251,7 +251,7 @@ fn a_trusted_archive_may_be_packed_as_well_as_it_can_and_no_larger() {
     };
     assert_eq!(trusted(&table).expect("trusted"), 1);
     let bomb = one(&Written {
-        told: 1100 << 20,
+        listed_size: 1100 << 20,
         ..Written::new("a", &zeros)
     });
     let reason = trusted(&bomb).expect_err("large").to_string();
@@ -259,7 +259,7 @@ fn a_trusted_archive_may_be_packed_as_well_as_it_can_and_no_larger() {
 }
 
 #[test]
-fn encryption_other_methods_and_parts_are_refused_by_name() {
+fn encryption_other_methods_and_split_archives_are_refused_with_a_reason() {
     let encrypted = Written {
         flags: 1,
         ..Written::new("a", b"1")
@@ -273,7 +273,7 @@ fn encryption_other_methods_and_parts_are_refused_by_name() {
     let mut parts = sound();
     let end = parts.len() - END_BYTES as usize;
     parts[end + 4] = 1;
-    refused(&parts, "several parts");
+    refused(&parts, "one part of several");
     let mut large = sound();
     large[end + 16..end + 20].fill(0xff);
     refused(&large, "ZIP64");
@@ -283,7 +283,7 @@ fn encryption_other_methods_and_parts_are_refused_by_name() {
 fn bombs_are_refused_before_anything_is_unpacked() {
     let zeros = vec![0; 1 << 20];
     let bomb = Writer::new().add(&Written {
-        told: 600 << 20,
+        listed_size: 600 << 20,
         ..Written::new("a", &zeros)
     });
     refused(&bomb.finish(), "times its size");
@@ -291,40 +291,40 @@ fn bombs_are_refused_before_anything_is_unpacked() {
     for number in 0..4 {
         let name = format!("a{number}");
         many = many.add(&Written {
-            told: 500 << 20,
+            listed_size: 500 << 20,
             ..Written::new(&name, b"")
         });
     }
-    refused(&many.finish(), "MiB unpacked, more than 1024 MiB");
+    refused(&many.finish(), "MiB, more than 1024 MiB");
     let mut crowd = Writer::new();
     for number in 0..=LIMITS.entries {
         crowd = crowd.add(&Written::new(&number.to_string(), b""));
     }
     refused(&crowd.finish(), "entries, more than 10000");
-    // Two entries of one content, as in bombs that unpack each byte many times.
+    // Two entries with the same content, as in bombs that unpack each byte many times.
     let shared = Writer::new()
         .add(&Written::new("a", &zeros))
         .add(&Written::new("b", b""));
     let mut bytes = shared.finish();
     let list = bytes.len() - END_BYTES as usize - LISTED_BYTES - 1;
     bytes[list + 42..list + 46].fill(0);
-    refused(&bytes, "share bytes");
+    refused(&bytes, "overlap");
 }
 
 #[test]
-fn content_that_is_not_what_the_list_says_is_refused() {
+fn content_that_does_not_match_the_list_is_refused() {
     let longer = Written {
-        told: 10,
+        listed_size: 10,
         ..Written::new("a", b"0123456789 and more")
     };
     let shorter = Written {
-        told: 100,
+        listed_size: 100,
         ..Written::new("a", b"0123456789")
     };
     for entry in [longer, shorter] {
         let bytes = one(&entry);
-        let told = read(&bytes).expect("a sound list").content("a", 1000);
-        assert!(matches!(told, Err(ArchiveError::Content(_))), "{told:?}");
+        let error = read(&bytes).expect("a sound list").content("a", 1000);
+        assert!(matches!(error, Err(ArchiveError::Content(_))), "{error:?}");
     }
     let mut bytes = sound();
     let name = b"resources/y.txt";
@@ -333,14 +333,14 @@ fn content_that_is_not_what_the_list_says_is_refused() {
         .expect("its head");
     bytes[place + name.len()] ^= 1;
     let mut archive = read(&bytes).expect("a sound list");
-    let told = archive
+    let error = archive
         .content("resources/y.txt", 10)
         .expect_err("another byte");
-    assert!(told.to_string().contains("is damaged"), "{told}");
+    assert!(error.to_string().contains("is damaged"), "{error}");
 }
 
 #[test]
-fn every_cut_and_every_changed_byte_is_taken_or_refused_without_a_panic() {
+fn truncated_and_modified_archives_never_cause_a_panic() {
     let whole = sound();
     for length in 0..whole.len() {
         let _ = read(&whole[..length]).expect_err("cut");

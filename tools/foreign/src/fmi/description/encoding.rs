@@ -1,20 +1,20 @@
-//! Text of a model description in the encodings that tools write, although the standard asks for UTF-8.
+//! Decoding of model descriptions in the encodings that tools write, although the standard requires UTF-8.
 //!
-//! A byte-order mark decides; then what the document declares, where ASCII alone is the same in every encoding that
-//! it may declare. Nothing is guessed: bytes that the encoding does not have are refused.
+//! A byte-order mark takes precedence, then the encoding that the document declares, if the content is not plain
+//! ASCII. Nothing is guessed: bytes that are invalid in the encoding are refused.
 
 use super::DescriptionError;
 
-/// Bytes of a document within which its encoding must be declared.
+/// Number of bytes within which the encoding must be declared.
 const HEAD: usize = 200;
-/// Characters of windows-1252 from 0x80 on that are not those of ISO-8859-1; `\0` for a byte that is none.
+/// Characters 0x80 to 0x9f of windows-1252, which differ from ISO-8859-1; `\0` for an undefined byte.
 const WINDOWS_1252: [char; 32] = [
     '\u{20ac}', '\0', '\u{201a}', '\u{192}', '\u{201e}', '\u{2026}', '\u{2020}', '\u{2021}',
     '\u{2c6}', '\u{2030}', '\u{160}', '\u{2039}', '\u{152}', '\0', '\u{17d}', '\0', '\0',
     '\u{2018}', '\u{2019}', '\u{201c}', '\u{201d}', '\u{2022}', '\u{2013}', '\u{2014}', '\u{2dc}',
     '\u{2122}', '\u{161}', '\u{203a}', '\u{153}', '\0', '\u{17e}', '\u{178}',
 ];
-/// Characters of ISO-8859-15 that are not those of ISO-8859-1.
+/// Characters of ISO-8859-15 that differ from ISO-8859-1.
 const LATIN_9: [(u8, char); 8] = [
     (0xa4, '\u{20ac}'),
     (0xa6, '\u{160}'),
@@ -26,10 +26,10 @@ const LATIN_9: [(u8, char); 8] = [
     (0xbe, '\u{178}'),
 ];
 
-/// The text of a document.
+/// Decodes the text of a document.
 ///
 /// # Errors
-/// If its encoding is not known, or the bytes are not of it.
+/// If the encoding is not supported, or the bytes are invalid in it.
 pub(super) fn decoded(bytes: &[u8]) -> Result<String, DescriptionError> {
     if let Some(rest) = bytes.strip_prefix(b"\xef\xbb\xbf") {
         return utf_8(rest);
@@ -37,7 +37,7 @@ pub(super) fn decoded(bytes: &[u8]) -> Result<String, DescriptionError> {
     match bytes {
         [0xff, 0xfe, rest @ ..] => return utf_16(rest, u16::from_le_bytes),
         [0xfe, 0xff, rest @ ..] => return utf_16(rest, u16::from_be_bytes),
-        // Without a mark, the first sign of every document.
+        // Without a mark: the first character of every document.
         [b'<', 0, ..] => return utf_16(bytes, u16::from_le_bytes),
         [0, b'<', ..] => return utf_16(bytes, u16::from_be_bytes),
         _ => {}
@@ -60,7 +60,7 @@ pub(super) fn decoded(bytes: &[u8]) -> Result<String, DescriptionError> {
             Some(other.map_or(byte.into(), |(_, c)| *c))
         }),
         _ => Err(refused(&format!(
-            "its encoding is {declared}, and it is not ASCII; UTF-8, UTF-16, ISO-8859-1, ISO-8859-15 and windows-1252 are read"
+            "its encoding is {declared}, and it is not ASCII; supported are UTF-8, UTF-16, ISO-8859-1, ISO-8859-15 and windows-1252"
         ))),
     }
 }
@@ -74,7 +74,7 @@ fn utf_8(bytes: &[u8]) -> Result<String, DescriptionError> {
     text.map(str::to_owned).map_err(|error| {
         let at = error.valid_up_to();
         refused(&format!(
-            "it is not UTF-8 at byte {at}, and declares no other encoding"
+            "it is not valid UTF-8 at byte {at}, and declares no other encoding"
         ))
     })
 }
@@ -85,10 +85,10 @@ fn utf_16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Result<String, DescriptionE
     let text = char::decode_utf16(units).collect::<Result<String, _>>();
     text.ok()
         .filter(|_| rest.is_empty())
-        .ok_or_else(|| refused("it is not UTF-16, of which it has the mark"))
+        .ok_or_else(|| refused("it has a UTF-16 mark but is not valid UTF-16"))
 }
 
-/// Text of an encoding with a character for each byte.
+/// Decodes an encoding with one byte per character.
 fn single(
     bytes: &[u8],
     name: &str,
@@ -98,10 +98,10 @@ fn single(
         .iter()
         .map(|byte| character(*byte))
         .collect::<Option<String>>();
-    text.ok_or_else(|| refused(&format!("it has bytes that {name} does not have")))
+    text.ok_or_else(|| refused(&format!("it has bytes that are undefined in {name}")))
 }
 
-/// The encoding that a document declares in its first line.
+/// Returns the encoding that a document declares in its first line.
 fn declared(bytes: &[u8]) -> Option<String> {
     let head = String::from_utf8_lossy(&bytes[..bytes.len().min(HEAD)]);
     let declaration = head
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn every_encoding_that_tools_write_gives_the_same_text() {
+    fn all_supported_encodings_give_the_same_text() {
         for name in [
             "ISO-8859-1",
             "iso-8859-1",
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_that_differ_between_encodings_are_those_of_the_declared_one() {
+    fn bytes_that_differ_between_encodings_follow_the_declared_one() {
         let with = |name: &str, byte: u8| {
             let mut bytes = format!("<?xml version=\"1.0\" encoding=\"{name}\"?>").into_bytes();
             bytes.push(byte);
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn ascii_is_read_whatever_it_declares() {
+    fn ascii_is_accepted_for_any_declared_encoding() {
         for name in ["US-ASCII", "Shift_JIS", "GB2312", "Klingon", "UTF-16"] {
             let text = format!("<?xml version=\"1.0\" encoding=\"{name}\"?><a/>");
             assert_eq!(decoded(text.as_bytes()).as_deref(), Ok(&*text));

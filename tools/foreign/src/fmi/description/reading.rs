@@ -1,4 +1,4 @@
-//! From the elements of a document to a model description.
+//! Conversion of the elements of a document to a model description.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,10 +11,10 @@ use super::{
     Variable, VariableType, Version,
 };
 
-/// Most elements of all variables together: a short text may ask for more than there is memory.
+/// Maximum total number of elements of all variables: a short text could require more memory than exists.
 const MOST_TOGETHER: usize = 1 << 22;
 
-/// Element names of FMI 3 and the types they stand for.
+/// Element names of FMI 3, with the types that they stand for.
 const KINDS: [(&str, VariableType); 15] = [
     ("Float32", VariableType::Float32),
     ("Float64", VariableType::Float64),
@@ -36,26 +36,26 @@ const KINDS: [(&str, VariableType); 15] = [
 type Types<'a> = BTreeMap<&'a str, &'a Element>;
 
 impl ModelDescription {
-    /// Reads the bytes of a `modelDescription.xml`.
+    /// Parses the bytes of a `modelDescription.xml`.
     ///
     /// # Errors
-    /// If its encoding is not known, or as of [`read`](Self::read).
+    /// If the encoding is not supported; also see [`read`](Self::read).
     pub fn decode(bytes: &[u8]) -> Result<Self, DescriptionError> {
         Self::resized(bytes, &BTreeMap::new())
     }
 
-    /// Reads the bytes of a `modelDescription.xml` with these values of structural parameters.
+    /// Parses the bytes of a `modelDescription.xml` with these values of structural parameters.
     ///
     /// # Errors
-    /// As of [`decode`](Self::decode), or if there are no such parameters.
+    /// See [`decode`](Self::decode); also if such a parameter does not exist.
     pub fn resized(bytes: &[u8], sizes: &BTreeMap<String, u64>) -> Result<Self, DescriptionError> {
         Self::with_sizes(&decoded(bytes)?, sizes)
     }
 
-    /// Reads the text of a `modelDescription.xml`.
+    /// Parses the text of a `modelDescription.xml`.
     ///
     /// # Errors
-    /// If the text is no model description, or one of an FMU that cannot be run.
+    /// If the text is not a model description, or the FMU cannot be run.
     pub fn read(text: &str) -> Result<Self, DescriptionError> {
         Self::with_sizes(text, &BTreeMap::new())
     }
@@ -113,7 +113,7 @@ impl ModelDescription {
     }
 }
 
-/// Reads the default experiment, of which a number that is none counts as left out.
+/// Reads the default experiment; invalid numbers count as missing.
 fn experiment(root: &Element) -> Experiment {
     let experiment = root.child("DefaultExperiment");
     let number = |name: &str| {
@@ -126,7 +126,7 @@ fn experiment(root: &Element) -> Experiment {
     }
 }
 
-/// Reads a number that the standard wants above 0. Another one is a slip of the tool, as good as none, and noted.
+/// Reads a number that the standard requires to be above 0. Any other value is treated as missing, with a note.
 fn positive(element: &Element, name: &str, notes: &mut Vec<String>) -> Option<f64> {
     let text = element.text(name)?;
     let number: Option<f64> = text.trim().parse().ok();
@@ -140,7 +140,7 @@ fn positive(element: &Element, name: &str, notes: &mut Vec<String>) -> Option<f6
     usable
 }
 
-/// Notes a unit whose definition converts nothing.
+/// Returns a note about a unit whose definition is unusable.
 fn unusable_unit(unit: &Unit) -> Option<String> {
     let BaseUnit { factor, offset, .. } = unit.base?;
     let is_usable = factor.is_finite() && factor != 0.0 && offset.is_finite();
@@ -150,7 +150,7 @@ fn unusable_unit(unit: &Unit) -> Option<String> {
     })
 }
 
-/// Drops bounds that are not numbers.
+/// Removes bounds that are not numbers, with a note.
 fn drop_bounds(variable: &mut Variable, notes: &mut Vec<String>) {
     let name = shortened(&variable.name);
     for (which, bound) in [("min", &mut variable.min), ("max", &mut variable.max)] {
@@ -218,7 +218,8 @@ fn units(root: &Element) -> Result<Vec<Unit>, DescriptionError> {
     Ok(units)
 }
 
-/// For FMI 2 the element with the type's attributes in each definition, for FMI 3 the definition itself.
+/// Maps type names to elements: in FMI 2 to the element with the type's attributes in each definition, in FMI 3 to
+/// the definition itself.
 fn types(root: &Element, version: Version) -> Types<'_> {
     let definitions = root.list("TypeDefinitions").iter();
     let types = definitions.filter_map(|definition| {
@@ -327,7 +328,7 @@ fn variables(
     Ok(variables)
 }
 
-/// An inner variable that cannot be read keeps its place, with the reason.
+/// Creates an entry for a local variable that cannot be used, with the reason.
 fn unusable(
     element: &Element,
     kind: VariableType,
@@ -375,7 +376,7 @@ fn two(element: &Element) -> Option<VariableType> {
     })
 }
 
-/// A variable of one element; `of` has the attributes of its type.
+/// Reads the variable of an element; `of` is the element with the attributes of its type.
 fn variable(
     element: &Element,
     of: &Element,
@@ -471,7 +472,7 @@ fn start(of: &Element, kind: VariableType) -> Result<Vec<f64>, DescriptionError>
     numbers.ok_or_else(|| of.wrong("start", "is not a value of its type"))
 }
 
-/// A whole number that a number of 64 bits holds exactly.
+/// Parses an integer that has an exact `f64`.
 fn whole(word: &str) -> Option<f64> {
     let value: i128 = word.parse().ok()?;
     #[expect(clippy::cast_precision_loss, reason = "compared below")]

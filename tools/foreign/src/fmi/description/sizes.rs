@@ -1,4 +1,4 @@
-//! Sizes of arrays, of which some are structural parameters, and those that a scenario chooses.
+//! Array sizes, some of which are structural parameters, and the sizes that a scenario chooses.
 
 use std::collections::BTreeMap;
 
@@ -7,13 +7,13 @@ use shared_types::table::listed;
 use super::tree::Element;
 use super::{Causality, DescriptionError, Variable};
 
-/// Most elements of an array.
+/// Maximum number of elements of an array.
 const MOST_ELEMENTS: usize = 65_536;
 
-/// Gives structural parameters these values.
+/// Sets the values of structural parameters.
 ///
 /// # Errors
-/// If there is none of a name, or a value is outside its range.
+/// If a parameter does not exist, or a value is outside its range.
 pub(super) fn resize(
     variables: &mut [Variable],
     sizes: &BTreeMap<String, u64>,
@@ -28,12 +28,12 @@ pub(super) fn resize(
             .iter()
             .position(|one| is_structural(&one) && one.name == *name);
         let Some(place) = place else {
-            let there = match &known[..] {
+            let existing = match &known[..] {
                 [] => "it has none".to_owned(),
                 known => format!("it has {}", listed(known)),
             };
             return Err(DescriptionError::Unsupported(format!(
-                "`structural.{name}` names no structural parameter of the FMU; {there}"
+                "`structural.{name}` is not a structural parameter of the FMU; {existing}"
             )));
         };
         let variable = &variables[place];
@@ -50,10 +50,10 @@ pub(super) fn resize(
         let other = before.insert(reference, (name, size));
         if let Some((other, value)) = other.filter(|(_, value)| *value != size) {
             return Err(DescriptionError::Unsupported(format!(
-                "`structural.{other}` is {value} and `structural.{name}` is {size}, but both are names of one variable"
+                "`structural.{other}` is {value} and `structural.{name}` is {size}, but both name the same variable"
             )));
         }
-        // Under each of its names: a dimension takes the first variable with the reference.
+        // Set under each of its names, because a dimension uses the first variable with the reference.
         let aliases = variables.iter_mut().filter(|one| {
             one.causality == Causality::StructuralParameter && one.reference == reference
         });
@@ -62,7 +62,7 @@ pub(super) fn resize(
     Ok(())
 }
 
-/// Sizes of an array, of which some are start values of structural parameters.
+/// Determines the sizes of an array, some of which are start values of structural parameters.
 pub(super) fn dimensions(
     sizes: &[&Element],
     starts: &BTreeMap<u32, f64>,

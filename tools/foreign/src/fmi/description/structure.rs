@@ -1,9 +1,9 @@
-//! Structure of a model: which outputs depend directly on which variables.
+//! Structure of a model: the variables that each output depends on directly.
 
 use super::tree::Element;
 use super::{Dependency, DescriptionError, Variable, Version};
 
-/// Direct dependencies of the outputs that the model structure names.
+/// Reads the direct dependencies of the outputs that the model structure lists.
 pub(super) fn dependencies(
     root: &Element,
     version: Version,

@@ -1,6 +1,6 @@
 use super::*;
 
-/// A document of FMI 3 with this content.
+/// Builds a document of FMI 3 with this content.
 fn three(inside: &str) -> String {
     format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"3.0\" modelName=\"m\" instantiationToken=\"t\"><CoSimulation modelIdentifier=\"m\"/>{inside}</fmiModelDescription>"
@@ -28,7 +28,7 @@ fn reference(name: &str) -> ModelDescription {
 }
 
 #[test]
-fn both_versions_of_a_model_say_the_same() {
+fn both_versions_of_a_model_have_the_same_description() {
     for model in [
         "BouncingBall",
         "Dahlquist",
@@ -67,7 +67,7 @@ fn both_versions_of_a_model_say_the_same() {
 }
 
 #[test]
-fn an_array_has_the_sizes_of_its_structural_parameters() {
+fn array_sizes_follow_structural_parameters() {
     let model = reference("StateSpace/FMI3");
     let named = |name: &str| {
         model
@@ -127,7 +127,7 @@ fn a_document_with_entities_is_refused() {
 }
 
 #[test]
-fn a_document_is_read_in_the_encoding_that_it_declares() {
+fn a_document_is_decoded_as_declared() {
     let inside = "<ModelVariables><Float64 name=\"\u{3b1}\" valueReference=\"1\" description=\"20 \u{b0}C\"/></ModelVariables>";
     let latin = three(&inside.replace('\u{3b1}', "a")).replace("UTF-8", "ISO-8859-1");
     let latin: Vec<u8> = latin
@@ -147,7 +147,7 @@ fn a_document_is_read_in_the_encoding_that_it_declares() {
 }
 
 #[test]
-fn an_inner_variable_that_cannot_be_read_keeps_its_place_with_the_reason() {
+fn an_unreadable_local_variable_keeps_its_entry_with_a_reason() {
     let all = "<ModelVariables><Int8 name=\"x\" valueReference=\"7\" start=\"1,5\"/>\
          <Float64 name=\"a\" valueReference=\"8\"><Dimension start=\"99999\"/><Dimension start=\"99999\"/></Float64>\
          <Float64 name=\"y\" valueReference=\"9\" causality=\"output\"/></ModelVariables>";
@@ -164,7 +164,7 @@ fn an_inner_variable_that_cannot_be_read_keeps_its_place_with_the_reason() {
 }
 
 #[test]
-fn what_cannot_be_run_is_refused_by_name() {
+fn unsupported_fmus_are_refused_with_a_reason() {
     let simulation = "<CoSimulation modelIdentifier=\"m\"/>";
     let other = |with: &str| three("").replace(simulation, with);
     refused(
@@ -188,7 +188,7 @@ fn what_cannot_be_run_is_refused_by_name() {
 }
 
 #[test]
-fn variables_that_make_no_sense_are_refused() {
+fn invalid_variables_are_refused() {
     let one = |attributes: &str| {
         read(&format!(
             "<ModelVariables><Int8 valueReference=\"1\" causality=\"input\" {attributes}/></ModelVariables>"
@@ -232,7 +232,7 @@ fn variables_that_make_no_sense_are_refused() {
 }
 
 #[test]
-fn a_whole_number_that_no_signal_can_carry_is_no_start_value() {
+fn an_integer_without_an_exact_signal_value_is_no_start_value() {
     let one = |start: &str| {
         read(&format!(
             "<ModelVariables><Int64 name=\"x\" valueReference=\"1\" causality=\"input\" start=\"{start}\"/></ModelVariables>"
@@ -243,7 +243,7 @@ fn a_whole_number_that_no_signal_can_carry_is_no_start_value() {
 }
 
 #[test]
-fn an_internal_step_that_is_no_positive_number_is_noted_and_ignored() {
+fn an_invalid_internal_step_is_noted_and_ignored() {
     let of = |step: &str| {
         let text = three("").replace(
             "modelIdentifier=\"m\"/>",
@@ -266,7 +266,7 @@ fn an_internal_step_that_is_no_positive_number_is_noted_and_ignored() {
 }
 
 #[test]
-fn bounds_and_units_that_are_no_numbers_are_noted() {
+fn invalid_bounds_and_units_are_noted() {
     let slips = read(
         "<UnitDefinitions><Unit name=\"bar\"><BaseUnit kg=\"1\" m=\"-1\" s=\"-2\" factor=\"0\"/></Unit>\
          <Unit name=\"degC\"><BaseUnit K=\"1\" offset=\"NaN\"/></Unit>\

@@ -1,4 +1,4 @@
-//! An XML document as a tree of elements with attributes; text between elements is no part of it.
+//! XML document as a tree of elements with attributes; text between elements is ignored.
 
 use quick_xml::XmlVersion;
 use quick_xml::events::{BytesStart, Event};
@@ -7,12 +7,12 @@ use shared_types::text;
 
 use super::DescriptionError;
 
-/// Most elements inside each other.
+/// Maximum nesting depth of elements.
 const DEEPEST: usize = 64;
-/// Most elements.
+/// Maximum number of elements.
 const MOST: usize = 4_000_000;
 
-/// Element.
+/// XML element.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Element {
     pub(super) name: String,
@@ -21,7 +21,7 @@ pub(super) struct Element {
 }
 
 impl Element {
-    /// Reads a document; gives its root.
+    /// Parses a document; returns its root element.
     pub(super) fn read(text: &str) -> Result<Self, DescriptionError> {
         let mut reader = Reader::from_str(text.trim_start_matches('\u{feff}'));
         let mut open: Vec<Self> = vec![Self::default()];
@@ -33,13 +33,13 @@ impl Element {
                 Event::Empty(start) => (Self::of(&start)?, true),
                 Event::End(_) => {
                     let done = open.pop().unwrap_or_default();
-                    let above = open.last_mut().ok_or_else(|| refused(&"it is cut off"))?;
+                    let above = open.last_mut().ok_or_else(|| refused(&"it is truncated"))?;
                     above.children.push(done);
                     continue;
                 }
                 Event::DocType(_) => {
                     return Err(refused(
-                        &"it has a document type, and with it entities, which are not read",
+                        &"it has a document type, which could define entities and is not supported",
                     ));
                 }
                 Event::Eof => break,
@@ -48,7 +48,7 @@ impl Element {
             count += 1;
             if count > MOST || open.len() > DEEPEST {
                 return Err(refused(
-                    &"it has too many elements, or too many in each other",
+                    &"it has too many elements, or they are nested too deeply",
                 ));
             }
             match (is_empty, open.last_mut()) {
@@ -58,7 +58,7 @@ impl Element {
         }
         let document = open.pop().filter(|_| open.is_empty());
         let root = document.and_then(|document| document.children.into_iter().next());
-        root.ok_or_else(|| refused(&"it is cut off"))
+        root.ok_or_else(|| refused(&"it is truncated"))
     }
 
     fn of(start: &BytesStart<'_>) -> Result<Self, DescriptionError> {
@@ -67,7 +67,7 @@ impl Element {
             text.map(str::to_owned).map_err(|error| refused(&error))
         };
         let mut attributes = Vec::new();
-        // Compared in pairs by the reader itself, which a bomb of attributes could make slow.
+        // The reader's check compares all pairs, which an attribute bomb could make slow.
         for attribute in start.attributes().with_checks(false) {
             let attribute = attribute.map_err(|error| refused(&error))?;
             let value = attribute.normalized_value(XmlVersion::Explicit1_0);
@@ -81,19 +81,19 @@ impl Element {
         })
     }
 
-    /// Text of an attribute.
+    /// Returns the text of an attribute.
     pub(super) fn text(&self, name: &str) -> Option<&str> {
-        let found = self.attributes.iter().find(|(key, _)| key == name);
-        found.map(|(_, value)| value.as_str())
+        let attribute = self.attributes.iter().find(|(key, _)| key == name);
+        attribute.map(|(_, value)| value.as_str())
     }
 
-    /// Text of an attribute that must be there.
+    /// Returns the text of a required attribute.
     pub(super) fn needed(&self, name: &str) -> Result<&str, DescriptionError> {
         let missing = || self.wrong(name, "is missing");
         self.text(name).ok_or_else(missing)
     }
 
-    /// Attribute as a value of some type, if it is there.
+    /// Parses an attribute, if it exists.
     pub(super) fn value<T: std::str::FromStr>(
         &self,
         name: &str,
@@ -105,7 +105,7 @@ impl Element {
         text.trim().parse().map(Some).map_err(wrong)
     }
 
-    /// Attribute that is true or false; left out it is false.
+    /// Returns a Boolean attribute; `false` if it is missing.
     pub(super) fn flag(&self, name: &str) -> Result<bool, DescriptionError> {
         match self.text(name).map(str::trim) {
             None | Some("false" | "0") => Ok(false),
@@ -114,17 +114,17 @@ impl Element {
         }
     }
 
-    /// The first element of this name in it.
+    /// Returns the first child element with this name.
     pub(super) fn child(&self, name: &str) -> Option<&Self> {
         self.children.iter().find(|child| child.name == name)
     }
 
-    /// The elements in the element of this name.
+    /// Returns the children of the child element with this name.
     pub(super) fn list(&self, name: &str) -> &[Self] {
         self.child(name).map_or(&[], |child| &child.children)
     }
 
-    /// Says what is wrong with an attribute.
+    /// Creates the error for an invalid attribute.
     pub(super) fn wrong(&self, attribute: &str, what: &str) -> DescriptionError {
         let name = shortened(&self.name);
         let of = self.text("name").unwrap_or_default();
@@ -136,12 +136,12 @@ impl Element {
     }
 }
 
-/// The beginning of a text of the document, as it may be shown.
+/// Truncates a text of the document for display.
 pub(super) fn shortened(text: &str) -> String {
     shortened_to(text, 80)
 }
 
-/// The beginning of a text of so many characters.
+/// Truncates a text to `most` characters.
 pub(super) fn shortened_to(text: &str, most: usize) -> String {
     text::line(text).chars().take(most).collect()
 }

@@ -1,7 +1,8 @@
-//! Parameters, read back after they were set: an FMU that has another value did not get what the scenario says.
+//! Confirmation of parameters: values are read back after they are set, to detect an FMU that did not accept the
+//! scenario's value.
 //!
-//! A start value that the FMU itself does not keep is a slip of its tool, which nobody asked for: it is told, and the run
-//! goes on.
+//! If the FMU changes a start value of its own description, which the user did not set, a warning is logged and the
+//! run continues.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -14,15 +15,15 @@ use super::{Instance, Refused, Status, Values};
 use crate::fmi::description::{Initial, VariableType};
 use crate::fmi::tables::Column;
 
-/// Difference, as a part of a value, that is rounding alone.
+/// Relative difference of a value that counts as rounding.
 const ROUNDING: f64 = 1e-12;
 
-/// Parameters that the library does not let be read, and those of them that were changed, each told once.
+/// Parameters that cannot be read back, and those of them that were changed; each is reported once.
 #[derive(Debug, Default)]
 pub(super) struct Unconfirmed(BTreeSet<String>, BTreeSet<String>);
 
 impl Instance {
-    /// Compares all parameters with what they were set to.
+    /// Compares all parameters with the values that were set.
     pub(super) fn confirm_all(&mut self, row: &[f64]) -> Result<(), Failure> {
         let model = Arc::clone(&self.model);
         let columns = &model.tables.parameters;
@@ -30,7 +31,7 @@ impl Instance {
         self.confirm(columns.iter().zip(row).collect(), true)
     }
 
-    /// Compares the parameters that were changed with what they were set to.
+    /// Compares the changed parameters with the values that were set.
     pub(super) fn confirm_changed(&mut self, changed: &Changed) -> Result<(), Failure> {
         if changed.0.is_empty() {
             return Ok(());
@@ -62,8 +63,8 @@ impl Instance {
         Ok(())
     }
 
-    /// Compares exact initial values with what they were set to. Another one is told: the model's equations may change it
-    /// at the start.
+    /// Compares exact initial values with the values that were set. A difference is only reported, because the
+    /// model's equations may change the value during initialisation.
     pub(super) fn confirm_initial(&self) -> Result<(), Failure> {
         let model = Arc::clone(&self.model);
         let variable = |column: &Column| &model.description.variables[column.variable];
@@ -74,7 +75,7 @@ impl Instance {
             .unzip();
         let mut values = Values::new(&model.description, &columns);
         let mut read = vec![0.0; columns.len()];
-        // SAFETY: the instance is initialised: every variable may be read.
+        // SAFETY: the instance is initialised, so every variable may be read.
         match unsafe { values.get(&self.functions, self.handle, &mut read) } {
             Err(refused @ Refused::Status(_, Status::Fatal)) => return self.accept(Err(refused)),
             Err(_) => return Ok(()),
@@ -91,7 +92,7 @@ impl Instance {
         Ok(())
     }
 
-    /// Reads these parameters, one by one where they cannot be read together, and compares those with a value.
+    /// Reads these parameters, individually if reading them together fails, and compares those with a value.
     fn confirm(
         &mut self,
         mut parameters: Vec<(&Column, Option<f64>)>,
@@ -106,7 +107,8 @@ impl Instance {
         };
         let mut values = Values::new(&self.model.description, &columns);
         let mut read = vec![0.0; columns.len()];
-        // SAFETY: the instance is initialised, and nothing was set since its last step: every variable may be read.
+        // SAFETY: the instance is initialised, and nothing was set since its last step, so every variable may be
+        // read.
         match unsafe { values.get(&self.functions, self.handle, &mut read) } {
             Ok(()) => self.compare(&columns, &row, &read, is_start),
             Err(refused @ Refused::Status(_, Status::Fatal)) => self.accept(Err(refused)),
@@ -152,14 +154,14 @@ impl Instance {
     }
 }
 
-/// Returns `true` if a value is what a variable of this type has after it was set.
+/// Returns `true` if `has` is what a variable of this type holds after it was set to `set`.
 fn is_same(kind: VariableType, set: f64, has: f64) -> bool {
     match kind {
         #[expect(clippy::cast_possible_truncation, reason = "it was set as such")]
         VariableType::Float32 => f64::from(set as f32) == has || (set.is_nan() && has.is_nan()),
-        // True is any number but 0 in C.
+        // In C any nonzero number is true.
         VariableType::Boolean => (set != 0.0) == (has != 0.0),
-        // Models convert units inside, each way with a rounding.
+        // Models convert units internally, with rounding in each direction.
         VariableType::Float64 => {
             (set - has).abs() <= ROUNDING * set.abs()
                 || set == has
@@ -174,7 +176,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_value_is_compared_as_its_type_has_it() {
+    fn values_are_compared_according_to_their_type() {
         for (kind, set, has, expected) in [
             (VariableType::Float64, 0.1, 0.1, true),
             (VariableType::Float64, 0.1, f64::from(0.1_f32), false),

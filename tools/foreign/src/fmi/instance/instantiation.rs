@@ -1,4 +1,4 @@
-//! Instances as the two versions of the standard make them. Nothing here knows parameters or signals.
+//! Instantiation for both versions of the standard. The module knows no parameters or signals.
 
 use std::ffi::{CString, c_int, c_void};
 use std::path::Path;
@@ -12,10 +12,10 @@ use crate::fmi::Model;
 use crate::fmi::journal::{Journal, log_three, log_two};
 use crate::fmi::library::{CallbacksTwo, Functions, Handle, Own};
 
-/// Number of co-simulation among the types of an FMU, in FMI 2.
+/// FMU type of co-simulation in FMI 2.
 const CO_SIMULATION: c_int = 1;
 
-/// Makes an instance; gives its callbacks too, where the library keeps a pointer to them.
+/// Creates an instance; also returns its callbacks, if the library keeps a pointer to them.
 pub(super) fn instantiate(
     model: &Model,
     functions: &Functions,
@@ -23,13 +23,13 @@ pub(super) fn instantiate(
     journal: &Journal,
 ) -> Result<(Handle, Option<Box<CallbacksTwo>>), Invalid> {
     let text = |text: &str| {
-        let told = CString::new(text);
-        told.map_err(|_| Invalid(format!("{text:?} has a zero in it")))
+        let result = CString::new(text);
+        result.map_err(|_| Invalid(format!("{text:?} has a zero in it")))
     };
     let described = &model.description;
     let (name, token) = (text(&described.name)?, text(&described.token)?);
     let environment = std::ptr::from_ref(journal).cast_mut().cast();
-    // Messages of all kinds only where the library does not tell them apart.
+    // All messages are enabled only if the library does not classify them.
     let logs = !described
         .categories
         .iter()
@@ -46,8 +46,8 @@ pub(super) fn instantiate(
                 environment,
             }));
             let _call = calling(&"Instantiate");
-            // SAFETY: all texts live until the call is over; the callbacks and the journal live until the
-            // instance is freed.
+            // SAFETY: all texts live until the call returns; the callbacks and the journal live until the instance is
+            // freed.
             unsafe {
                 instantiate(
                     name.as_ptr(),
@@ -61,10 +61,10 @@ pub(super) fn instantiate(
             }
         }
         Own::Three { instantiate, .. } => {
-            // As the standard has it, with a separator at the end.
+            // The standard requires a trailing separator.
             let place = text(&format!("{}/", resources.display()))?;
             let _call = calling(&"InstantiateCoSimulation");
-            // SAFETY: as above. Neither event mode, early return nor intermediate update.
+            // SAFETY: as above. Event mode, early return and intermediate update are disabled.
             unsafe {
                 instantiate(
                     name.as_ptr(),
@@ -85,15 +85,17 @@ pub(super) fn instantiate(
     };
     float_modes::settle("Instantiate");
     if handle.is_null() {
-        let said = journal
+        let message = journal
             .last()
-            .map_or(String::new(), |said| format!(": {said}"));
-        return Err(Invalid(format!("the FMU refuses to be instantiated{said}")));
+            .map_or(String::new(), |message| format!(": {message}"));
+        return Err(Invalid(format!(
+            "the FMU refuses to be instantiated{message}"
+        )));
     }
     Ok((handle, callbacks))
 }
 
-/// Place of a folder as FMI 2 has it, a URI.
+/// Returns the URI of a folder, as FMI 2 expects it.
 fn location(folder: &Path) -> String {
     let mut uri = String::from("file://");
     for byte in folder.as_os_str().as_encoded_bytes() {
@@ -107,7 +109,7 @@ fn location(folder: &Path) -> String {
     uri
 }
 
-// The allocator that FMI 2 lets a library ask the importer for is that of C, whichever of the two frees.
+// FMI 2 lets a library use the importer's allocator. It is that of C, so memory may be freed by either side.
 unsafe extern "C" {
     fn calloc(count: usize, size: usize) -> *mut c_void;
     fn free(place: *mut c_void);

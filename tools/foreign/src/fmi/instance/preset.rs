@@ -1,4 +1,4 @@
-//! Values that are set before the initialisation besides the parameters: sizes of arrays, initial values and texts.
+//! Values other than parameters that are set before initialisation: array sizes, initial values and texts.
 
 use std::ffi::{c_char, c_int};
 use std::sync::Arc;
@@ -12,14 +12,14 @@ use crate::fmi::library::Access;
 use crate::fmi::start::{Preset, Start};
 
 impl Instance {
-    /// Sets structural parameters, in the mode that is for them alone.
+    /// Sets structural parameters, in the mode reserved for them.
     pub(super) fn configure(&self, structural: &Preset) -> Result<(), Failure> {
         let functions = Arc::clone(&self.functions);
         let Some([enter, exit]) = functions.configuration else {
             return Ok(());
         };
         let call = calling(&"EnterConfigurationMode");
-        // SAFETY: the instance is made and not initialised.
+        // SAFETY: the instance exists and is not initialised.
         self.judge("EnterConfigurationMode", unsafe { enter(self.handle) })?;
         drop(call);
         self.set_preset(structural)?;
@@ -35,8 +35,8 @@ impl Instance {
             let values: [*const c_char; 1] = [text.as_ptr()];
             let values = values.as_ptr().cast();
             let call = calling(&"SetString");
-            // SAFETY: the instance is made and not initialised, and there is one reference and one text, which lives
-            // until the call is over.
+            // SAFETY: the instance exists and is not initialised; one reference and one text are passed, which live
+            // until the call returns.
             let answer: c_int = unsafe {
                 match self.functions.access[&VariableType::String] {
                     Access::Two(_, set) => set(self.handle, reference, 1, values),
@@ -51,7 +51,7 @@ impl Instance {
 
     fn set_preset(&self, preset: &Preset) -> Result<(), Failure> {
         let mut values = Values::new(&self.model.description, &preset.columns);
-        // SAFETY: the instance is made and not initialised, and its mode allows these to be set.
+        // SAFETY: the instance exists and is not initialised, and its mode allows setting these.
         let set = unsafe { values.set(&self.functions, self.handle, &preset.row) };
         self.accept(set)
     }

@@ -1,4 +1,4 @@
-//! State of an instance as bytes, for checkpoints. Nothing here does a step.
+//! Saving and restoring the state of an instance for checkpoints. No steps are executed here.
 
 use std::ffi::c_int;
 use std::ptr::null_mut;
@@ -13,70 +13,72 @@ use crate::fmi::library::{Functions, StateFunctions};
 use crate::fmi::status::Status;
 
 impl Instance {
-    /// The state of the instance as bytes, with the parameters that it has.
+    /// Serialises the state of the instance, together with its tunable parameters.
     ///
     /// # Errors
-    /// If the FMU cannot save its state, or fails at it.
+    /// If the FMU does not support saving its state, or fails to do so.
     pub(in crate::fmi) fn save(&self) -> Result<State, Invalid> {
         let functions = Arc::clone(&self.functions);
         let state = saving(&functions)?;
-        let mut taken = null_mut();
+        let mut snapshot = null_mut();
         let mut size = 0;
         let call = calling(&"GetFMUState");
-        // SAFETY: the instance is between two steps, when its state may be taken, and `taken` is null.
-        let got = unsafe { (state.get)(self.handle, &raw mut taken) };
+        // SAFETY: the instance is between two steps, when its state may be saved, and `snapshot` is null.
+        let got = unsafe { (state.get)(self.handle, &raw mut snapshot) };
         self.saved("GetFMUState", got)?;
         drop(call);
         let call = calling(&"SerializedFMUStateSize");
-        // SAFETY: the state was taken from this instance.
-        let sized = unsafe { (state.size)(self.handle, taken, &raw mut size) };
+        // SAFETY: the state belongs to this instance.
+        let sized = unsafe { (state.size)(self.handle, snapshot, &raw mut size) };
         drop(call);
         let mut bytes = Vec::new();
-        let (mut function, mut written) = ("SerializedFMUStateSize", sized);
+        let (mut function, mut status) = ("SerializedFMUStateSize", sized);
         if Status::of(sized).is_done() {
             bytes = vec![0; size];
             let _call = calling(&"SerializeFMUState");
             function = "SerializeFMUState";
-            // SAFETY: the state is of this instance and `bytes` has the size that it asked for.
-            written =
-                unsafe { (state.serialize)(self.handle, taken, bytes.as_mut_ptr(), bytes.len()) };
+            // SAFETY: the state belongs to the instance, and `bytes` has the size that it requested.
+            status = unsafe {
+                (state.serialize)(self.handle, snapshot, bytes.as_mut_ptr(), bytes.len())
+            };
         }
         let call = calling(&"FreeFMUState");
-        // SAFETY: the state is of this instance and is not used again.
-        let freed = unsafe { (state.free)(self.handle, &raw mut taken) };
+        // SAFETY: the state belongs to the instance and is not used again.
+        let freed = unsafe { (state.free)(self.handle, &raw mut snapshot) };
         drop(call);
-        self.saved(function, written)?;
+        self.saved(function, status)?;
         self.saved("FreeFMUState", freed)?;
         State::of(&(bytes, &self.tuned))
     }
 
-    /// Puts a state back and reads all signals.
+    /// Restores a state and reads all signals.
     ///
     /// # Errors
-    /// If it is no state of this FMU.
+    /// If the state does not belong to this FMU.
     pub(in crate::fmi) fn restore(&mut self, saved: &State) -> Result<(), Invalid> {
         let functions = Arc::clone(&self.functions);
         let state = saving(&functions)?;
         let (bytes, tuned): (Vec<u8>, Vec<f64>) = saved.read()?;
         if tuned.len() != self.tuned.len() {
             return Err(Invalid(
-                "the state has other tunable parameters than the FMU".into(),
+                "the state and the FMU have different tunable parameters".into(),
             ));
         }
-        let mut made = null_mut();
+        let mut snapshot = null_mut();
         let call = calling(&"DeserializeFMUState");
-        // SAFETY: the instance is between two steps, and `bytes` has so many.
-        let read =
-            unsafe { (state.deserialize)(self.handle, bytes.as_ptr(), bytes.len(), &raw mut made) };
+        // SAFETY: the instance is between two steps, and `bytes` has this length.
+        let read = unsafe {
+            (state.deserialize)(self.handle, bytes.as_ptr(), bytes.len(), &raw mut snapshot)
+        };
         self.saved("DeserializeFMUState", read)?;
         drop(call);
         let call = calling(&"SetFMUState");
-        // SAFETY: the state was made by this instance.
-        let set = unsafe { (state.set)(self.handle, made) };
+        // SAFETY: the state was created by this instance.
+        let set = unsafe { (state.set)(self.handle, snapshot) };
         drop(call);
         let call = calling(&"FreeFMUState");
-        // SAFETY: the state is of this instance and is not used again.
-        let freed = unsafe { (state.free)(self.handle, &raw mut made) };
+        // SAFETY: the state belongs to the instance and is not used again.
+        let freed = unsafe { (state.free)(self.handle, &raw mut snapshot) };
         drop(call);
         self.saved("SetFMUState", set)?;
         self.saved("FreeFMUState", freed)?;

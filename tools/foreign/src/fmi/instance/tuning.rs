@@ -1,6 +1,7 @@
-//! Tunable parameters that are changed while the instance runs.
+//! Changes of tunable parameters during a run.
 //!
-//! Only what is changed is set: the FMU may have another value of a parameter that nobody chose, and that one stays.
+//! Only changed parameters are set: the FMU may hold another value of a parameter that the user did not set, which
+//! then stays.
 
 use std::sync::Arc;
 
@@ -9,11 +10,11 @@ use shared_types::failure::Failure;
 use super::{Instance, Refused, Status, Values};
 use crate::fmi::tables::Column;
 
-/// Parameters that were set before a step, with the value that each has to have after it.
+/// Parameters that were set before a step, with the values expected after it.
 pub(super) struct Changed(pub(super) Vec<(Column, f64)>);
 
 impl Instance {
-    /// Sets the tunable parameters that are to have another value than the last one; an array as a whole.
+    /// Sets the tunable parameters whose requested value changed; an array is set as a whole.
     pub(super) fn tune(&mut self) -> Result<Changed, Failure> {
         if self.wanted == self.tuned {
             return Ok(Changed(Vec::new()));
@@ -37,7 +38,7 @@ impl Instance {
         let mut row: Vec<f64> = touched.iter().map(|&n| self.wanted[n]).collect();
         if changed.len() < touched.len() {
             let mut present = vec![0.0; row.len()];
-            // SAFETY: the instance is between two steps and nothing was set since the last one: it may be read.
+            // SAFETY: the instance is between two steps, and nothing was set since the last one, so it may be read.
             match unsafe { values.get(&self.functions, self.handle, &mut present) } {
                 Ok(()) => {
                     let elements = row.iter_mut().zip(present).zip(&touched);
@@ -49,7 +50,7 @@ impl Instance {
                 Err(_) => {} // not to be read: the other elements are what they were set to last
             }
         }
-        // SAFETY: the instance is between two steps: tunable parameters may be set.
+        // SAFETY: the instance is between two steps, so tunable parameters may be set.
         let set = unsafe { values.set(&self.functions, self.handle, &row) };
         self.accept(set)?;
         self.tuned.copy_from_slice(&self.wanted);

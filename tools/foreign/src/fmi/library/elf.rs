@@ -1,14 +1,14 @@
-//! The dynamic section of a shared library: libraries that it names, and symbols that it must have from others.
+//! The dynamic section of a shared library: the libraries that it needs, and the symbols that others must define.
 //!
-//! Reads the sections of a 64-bit ELF file (System V ABI, chapters 4 and 5) and believes no number in it.
+//! Parses the sections of a 64-bit ELF file (System V ABI, chapters 4 and 5) without trusting any number in it.
 
 use std::path::Path;
 
-/// Bytes of a section header, a symbol and an entry of the dynamic section.
+/// Sizes of a section header, a symbol and an entry of the dynamic section, in bytes.
 const SECTION_BYTES: usize = 64;
 const SYMBOL_BYTES: usize = 24;
 const ENTRY_BYTES: usize = 16;
-/// Types of sections.
+/// Section types.
 const DYNAMIC: u32 = 6;
 const SYMBOLS: u32 = 11;
 /// Tags of the dynamic section.
@@ -18,19 +18,19 @@ const RUN_PATH: u64 = 29;
 /// Binding of a symbol that must be defined.
 const GLOBAL: u8 = 1;
 
-/// Facts of a library's dynamic section.
+/// Contents of a library's dynamic section.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(super) struct Dynamic {
-    /// Libraries that it names.
+    /// Libraries that it needs.
     pub(super) needs: Vec<String>,
-    /// Symbols that it must have from others.
+    /// Symbols that other libraries must define.
     pub(super) undefined: Vec<String>,
-    /// True if the libraries that it names are looked for in its own folder too.
+    /// Set if the needed libraries are also searched for in its own folder.
     pub(super) looks_beside_itself: bool,
 }
 
 impl Dynamic {
-    /// Reads the file at a path; `None` if it is no library with sections.
+    /// Parses the file at a path; `None` if it is not a library with sections.
     pub(super) fn read(path: &Path) -> Option<Self> {
         Self::of(&std::fs::read(path).ok()?)
     }
@@ -91,7 +91,7 @@ impl Dynamic {
     }
 }
 
-/// A number of so many bytes, the lowest first.
+/// Reads a little-endian number of `count` bytes.
 fn number(bytes: &[u8], at: usize, count: usize) -> Option<usize> {
     let part = bytes.get(at..at.checked_add(count)?)?;
     let mut all = [0; 8];
@@ -99,7 +99,7 @@ fn number(bytes: &[u8], at: usize, count: usize) -> Option<usize> {
     usize::try_from(u64::from_le_bytes(all)).ok()
 }
 
-/// The text that begins at a place.
+/// Reads the text at an offset.
 fn text(texts: &[u8], at: usize) -> Option<String> {
     let text = texts.get(at..)?;
     let end = text.iter().position(|byte| *byte == 0)?;
@@ -113,20 +113,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn this_program_names_the_c_library_and_has_malloc_from_it() {
-        let own = std::env::current_exe().expect("its path");
-        let dynamic = Dynamic::read(&own).expect("an ELF file");
+    fn this_program_needs_the_c_library_and_its_malloc() {
+        let path = std::env::current_exe().expect("its path");
+        let dynamic = Dynamic::read(&path).expect("an ELF file");
         assert!(dynamic.needs.iter().any(|name| name.starts_with("libc.")));
         assert!(dynamic.undefined.iter().any(|name| name == "malloc"));
     }
 
     #[test]
-    fn a_damaged_file_is_none_and_no_panic() {
-        let own = std::fs::read(std::env::current_exe().expect("its path")).expect("read");
-        for length in (0..own.len()).step_by(own.len() / 40) {
-            let _ = Dynamic::of(&own[..length]); // any answer is one
+    fn a_damaged_file_causes_no_panic() {
+        let bytes = std::fs::read(std::env::current_exe().expect("its path")).expect("read");
+        for length in (0..bytes.len()).step_by(bytes.len() / 40) {
+            let _ = Dynamic::of(&bytes[..length]); // any result is fine
         }
-        let mut wild = own[..64].to_vec();
+        let mut wild = bytes[..64].to_vec();
         wild[40..64].fill(0xff);
         assert_eq!(Dynamic::of(&wild), None);
         assert_eq!(Dynamic::of(b"no library"), None);

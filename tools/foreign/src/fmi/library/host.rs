@@ -1,7 +1,7 @@
-//! Loading of a library as a program in C does it: the parts of the C library that FMUs count on are there for
-//! every library, and the functions that nobody defines matter only when they are called.
+//! Loading a library as a C program would: the parts of the C library that FMUs rely on are available to every
+//! library, and undefined functions matter only when they are called.
 //!
-//! [`needs`] says what a library names and what of it is not there, for `hil describe --load`.
+//! [`needs`] lists the dependencies of a library, including missing ones, for `hil describe --load`.
 
 use std::path::Path;
 use std::sync::Once;
@@ -14,12 +14,12 @@ use shared_types::text;
 use super::LibraryError;
 use super::elf::Dynamic;
 
-/// Parts of the C library that a program in C has loaded, and on which libraries count without naming them. Where the
-/// C library is in one piece, as musl and new versions of glibc, those that are not there are part of it.
+/// Parts of the C library that are usually loaded in C programs, so that libraries rely on them without declaring it.
+/// In musl and recent versions of glibc, missing ones are part of the C library itself.
 const PARTS: [&str; 4] = ["libm.so.6", "libdl.so.2", "librt.so.1", "libpthread.so.0"];
-/// Begin of the names of a Python interpreter's functions.
+/// Prefixes of the function names of a Python interpreter.
 const PYTHON: [&str; 2] = ["Py", "_Py"];
-/// Minor versions of Python 3 whose library is looked for, the newest first.
+/// Minor versions of Python 3 that are searched for, in descending order.
 const PYTHON_VERSIONS: std::ops::RangeInclusive<u32> = 6..=20;
 
 /// Makes the parts of the C library available to all libraries, once.
@@ -32,16 +32,16 @@ fn provide_parts() {
     });
 }
 
-/// Makes the symbols of an installed library available to all others; returns false if there is none.
+/// Makes the symbols of an installed library available to all others; returns `false` if it does not exist.
 fn provide(name: &str) -> bool {
-    // SAFETY: libraries of the system, whose loading has no effect but that.
+    // SAFETY: system libraries, whose loading has no other effect.
     let library = unsafe { Library::open(Some(name), RTLD_LAZY | RTLD_GLOBAL) };
-    // Never closed: what uses it stays as well.
+    // Never unloaded, because its users stay loaded as well.
     library.map(std::mem::forget).is_ok()
 }
 
-/// Loads a library. One that `needs_tool`, as an interpreter, is loaded so that all that it loads can use its symbols
-/// and those of the libraries that it names.
+/// Loads a library. With `needs_tool`, as for an interpreter, its symbols and those of its dependencies become
+/// available to everything that it loads.
 ///
 /// # Errors
 /// If it cannot be loaded.
@@ -51,11 +51,11 @@ pub(super) fn load(path: &Path, needs_tool: bool) -> Result<Library, LibraryErro
     if needs_tool {
         provide_python(path);
     }
-    // SAFETY: loading runs code of the library, which is what somebody asked for who named the FMU; nothing
-    // of this process is told to it here.
+    // SAFETY: loading runs code of the library, which the user requested by naming the FMU; no data of this process
+    // is passed to it here.
     let open = |binding| unsafe { Library::open(Some(path), binding | scope) };
     open(RTLD_NOW).or_else(|error| {
-        // A function that nobody defines does no harm as long as it is not called.
+        // An undefined function does no harm unless it is called.
         let Ok(library) = open(RTLD_LAZY) else {
             return Err(LibraryError::Load(failure(&error)));
         };
@@ -67,7 +67,7 @@ pub(super) fn load(path: &Path, needs_tool: bool) -> Result<Library, LibraryErro
     })
 }
 
-/// Loads the library of Python 3 that is installed, for a library that calls it without naming it.
+/// Loads the installed library of Python 3 for a library that calls it without declaring it.
 fn provide_python(path: &Path) {
     let Some(dynamic) = Dynamic::read(path) else {
         return;
@@ -80,10 +80,10 @@ fn provide_python(path: &Path) {
     let mut names = PYTHON_VERSIONS
         .rev()
         .map(|minor| format!("libpython3.{minor}.so.1.0"));
-    let _ = names.any(|name| provide(&name)) || provide("libpython3.so"); // what it lacks is told by the loader
+    let _ = names.any(|name| provide(&name)) || provide("libpython3.so"); // the loader reports a missing one
 }
 
-/// Lists the needs of a library and those that are not met. Loads it and whatever it names.
+/// Lists the dependencies of a library, with those that are missing. Loads the library and its dependencies.
 pub(in crate::fmi) fn needs(path: &Path, needs_tool: bool) -> LibraryNeeds {
     let refusal = load(path, needs_tool).map(std::mem::forget).err();
     let Some(dynamic) = Dynamic::read(path) else {
@@ -94,7 +94,7 @@ pub(in crate::fmi) fn needs(path: &Path, needs_tool: bool) -> LibraryNeeds {
     };
     let beside = path.parent().filter(|_| dynamic.looks_beside_itself);
     let open = |name: &String| {
-        // SAFETY: as in `load`: a library that the FMU names.
+        // SAFETY: as in `load`: a library that the FMU depends on.
         let open = |file: &Path| unsafe { Library::open(Some(file), RTLD_LAZY | RTLD_LOCAL) };
         let library = open(Path::new(name));
         library.or_else(|error| beside.map_or(Err(error), |folder| open(&folder.join(name))))
@@ -107,7 +107,7 @@ pub(in crate::fmi) fn needs(path: &Path, needs_tool: bool) -> LibraryNeeds {
         let named = opened.iter().filter_map(|(_, library)| library.as_ref());
         std::iter::once(&own).chain(named).any(|library| {
             let symbol = format!("{symbol}\0");
-            // SAFETY: looked up only, and never used.
+            // SAFETY: only looked up, never used.
             unsafe { library.get::<*const u8>(symbol.as_bytes()) }.is_ok()
         })
     };
@@ -135,11 +135,13 @@ fn reason(error: &libloading::Error) -> String {
     text::line(&source.map_or_else(|| error.to_string(), ToString::to_string))
 }
 
-/// The system's reason, with the usual cause where the reason hides it.
+/// Returns the system's error, with the usual cause if it is not obvious.
 fn failure(error: &libloading::Error) -> String {
     let mut reason = reason(error);
     if reason.contains("failed to map segment") {
-        reason.push_str("; is the folder for temporary files mounted noexec? TMPDIR names another");
+        reason.push_str(
+            "; is the folder for temporary files mounted noexec? Set TMPDIR to another one",
+        );
     } else {
         reason.push_str("; `hil describe --load` lists all that it needs and lacks");
     }

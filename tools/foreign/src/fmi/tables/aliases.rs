@@ -1,7 +1,7 @@
-//! Variables under several names: FMI 3's aliases, and variables of FMI 2 with one value reference.
+//! Variables with several names: aliases of FMI 3, and variables of FMI 2 with the same value reference.
 //!
-//! Those of one class, type, value reference, unit and size are one column, under the most public and first name; the
-//! other names are its aliases.
+//! Variables with the same class, type, value reference, unit and size share one column, under the most public and
+//! first name; the other names are its aliases.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,7 +10,7 @@ use shared_types::spelling::spelled;
 use super::{Column, Tables, unsupported};
 use crate::fmi::description::{Causality, ModelDescription, Variable, VariableType};
 
-/// Class of variables that can stand for each other in a table.
+/// Class of variables that can replace each other in a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Class {
     Parameter,
@@ -31,17 +31,17 @@ impl Class {
     }
 }
 
-/// Value of an instance: two variables that agree in all of it are one.
+/// Identity of a value: variables with equal keys are the same value.
 type Key<'a> = (VariableType, u32, Option<&'a str>, &'a [usize]);
 
-/// For each variable of a model the one whose column it shares.
+/// Mapping from each variable of a model to the one whose column it shares.
 pub(super) struct Aliases<'a> {
     model: &'a ModelDescription,
-    /// By place: the variable with the column, itself if there is no other.
+    /// For each variable, the index of the variable with its column, which may be itself.
     columns: Vec<usize>,
-    /// By place of a variable with a column: all others that have its value.
+    /// For each variable with a column, the indices of all others with its value.
     others: BTreeMap<usize, Vec<usize>>,
-    /// Inputs and parameters whose value is set by another one, in another unit or size.
+    /// Inputs and parameters whose value is set through another one with a different unit or size.
     set_by: BTreeMap<usize, usize>,
 }
 
@@ -66,7 +66,7 @@ impl<'a> Aliases<'a> {
         let mut others: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
         for (place, variable, class) in classed() {
             columns[place] = best[&(class, key(variable))];
-            // What an input or a parameter is called inside of the model is its name as well.
+            // The internal name of an input or parameter is an alias as well.
             let set = [Class::Parameter, Class::Input]
                 .into_iter()
                 .filter(|_| is_inner(variable))
@@ -101,17 +101,17 @@ impl<'a> Aliases<'a> {
         self.columns[place] != place
     }
 
-    /// Returns `true` if the variable that has the column of this one can be used.
+    /// Returns `true` if the variable whose column this one shares can be used.
     pub(super) fn is_usable(&self, place: usize) -> bool {
         is_usable(&self.model.variables[self.columns[place]])
     }
 
-    /// The variable by which the value of this one is set.
+    /// Returns the variable through which the value of this one is set.
     pub(super) fn set_by(&self, place: usize) -> Option<usize> {
         self.set_by.get(&place).copied()
     }
 
-    /// Names, in the model and here, of an inner variable and of those that share its column.
+    /// Returns the names, in the model and here, of a local variable and of those that share its column.
     pub(super) fn names_of_inner(&self, place: usize) -> Vec<String> {
         let others = self.others.get(&place).into_iter().flatten();
         let mut names = Vec::new();
@@ -127,7 +127,7 @@ impl<'a> Aliases<'a> {
         names
     }
 
-    /// Gives each column its other names, as far as they are names of no other column.
+    /// Adds the other names to each column, unless they are names of another column.
     pub(super) fn give_to(&self, tables: &mut Tables) {
         let Tables {
             parameters,

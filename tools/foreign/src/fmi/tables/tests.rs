@@ -22,7 +22,7 @@ fn names(columns: &[Column]) -> Vec<&str> {
 }
 
 #[test]
-fn every_variable_has_its_place_or_a_reason_for_none() {
+fn every_variable_has_a_column_or_a_reason_for_none() {
     let tables = tables(&model("BouncingBall/FMI3"), &[]).expect("sound");
     assert_eq!(names(&tables.parameters), ["g", "e"]);
     assert_eq!(names(&tables.outputs), ["h", "v"]);
@@ -41,23 +41,23 @@ fn every_variable_has_its_place_or_a_reason_for_none() {
 }
 
 #[test]
-fn inner_signals_are_truth_on_request_by_either_name() {
+fn local_signals_become_truth_on_request_by_either_name() {
     let model = model("BouncingBall/FMI3");
-    let asked = |patterns: &[&str]| {
+    let request = |patterns: &[&str]| {
         let tables = tables(&model, patterns)?;
         Ok::<_, Invalid>(names(&tables.locals).join(" "))
     };
-    assert_eq!(asked(&["der(*)"]).as_deref(), Ok("der__h der__v"));
-    assert_eq!(asked(&["der__v", "v_*"]).as_deref(), Ok("der__v v_min"));
-    let told = asked(&["der(*)", "h"]).expect_err("an output").0;
+    assert_eq!(request(&["der(*)"]).as_deref(), Ok("der__h der__v"));
+    assert_eq!(request(&["der__v", "v_*"]).as_deref(), Ok("der__v v_min"));
+    let message = request(&["der(*)", "h"]).expect_err("an output").0;
     assert!(
-        told.contains("no inner signal of the FMU matches \"h\""),
-        "{told}"
+        message.contains("no inner signal of the FMU matches \"h\""),
+        "{message}"
     );
 }
 
 #[test]
-fn arrays_are_flattened_and_depend_on_all_inputs_where_nothing_is_told() {
+fn arrays_are_flattened_and_depend_on_all_inputs_by_default() {
     let tables = tables(&model("StateSpace/FMI3"), &[]).expect("sound");
     assert_eq!(names(&tables.inputs), ["u__1", "u__2", "u__3"]);
     assert_eq!(tables.parameters.len(), 9 * 4 + 3);
@@ -68,7 +68,7 @@ fn arrays_are_flattened_and_depend_on_all_inputs_where_nothing_is_told() {
 }
 
 #[test]
-fn direct_dependencies_are_those_of_the_model_structure() {
+fn direct_dependencies_follow_the_model_structure() {
     let tables = tables(&model("Feedthrough/FMI3"), &[]).expect("sound");
     let direct = &tables.imported.direct;
     assert_eq!(direct.len(), tables.outputs.len());
@@ -78,14 +78,14 @@ fn direct_dependencies_are_those_of_the_model_structure() {
         .find(|one| one.output == "Int32_output")
         .expect("there");
     assert_eq!(whole.inputs, ["Int32_input"]);
-    let left: Vec<_> = tables
+    let actual: Vec<_> = tables
         .imported
         .left_out
         .iter()
         .map(|one| one.name.as_str())
         .collect();
     assert_eq!(
-        left,
+        actual,
         [
             "String_input",
             "String_output",
@@ -102,22 +102,22 @@ fn direct_dependencies_are_those_of_the_model_structure() {
 }
 
 #[test]
-fn names_that_a_recording_cannot_tell_apart_are_refused() {
+fn names_that_collide_in_a_recording_are_refused() {
     let mut model = model("BouncingBall/FMI3");
     let mut other = model.variables[1].clone();
     "h.x".clone_into(&mut model.variables[1].name);
     "h_x".clone_into(&mut other.name);
     other.reference = 100;
     model.variables.push(other);
-    let told = tables(&model, &[]).expect_err("alike").0;
+    let message = tables(&model, &[]).expect_err("alike").0;
     assert!(
-        told.contains("\"h.x\"") && told.contains("\"h_x\""),
-        "{told}"
+        message.contains("\"h.x\"") && message.contains("\"h_x\""),
+        "{message}"
     );
 }
 
 #[test]
-fn what_is_beyond_a_frame_is_left_out_whole_and_named() {
+fn variables_beyond_the_frame_size_are_left_out_and_listed() {
     let mut model = model("StateSpace/FMI3");
     let output = model
         .variables
@@ -130,17 +130,17 @@ fn what_is_beyond_a_frame_is_left_out_whole_and_named() {
     model.variables.push(many);
     let tables = tables(&model, &[]).expect("sound");
     assert_eq!(names(&tables.outputs), ["y__1", "y__2", "y__3"]);
-    let left = tables.imported.left_out.last().expect("one");
-    assert_eq!(left.name, "z");
+    let entry = tables.imported.left_out.last().expect("one");
+    assert_eq!(entry.name, "z");
     assert!(
-        left.reason.contains("beyond the first 512"),
+        entry.reason.contains("exceeds the limit of 512"),
         "{}",
-        left.reason
+        entry.reason
     );
 }
 
 #[test]
-fn inputs_of_a_law_are_references_by_the_begin_of_their_names() {
+fn inputs_with_the_reference_prefix_become_reference_signals() {
     let mut model = model("StateSpace/FMI3");
     let input = model
         .variables
@@ -165,7 +165,7 @@ fn inputs_of_a_law_are_references_by_the_begin_of_their_names() {
     assert_eq!(of(&reference), ["angle_rad"]);
 }
 
-/// Adds a variable like one that is there.
+/// Adds a variable that resembles an existing one.
 fn add(model: &mut ModelDescription, like: &str, name: &str, causality: Causality) {
     let mut variables = model.variables.iter();
     let like = variables.find(|one| one.name == like).expect("there");
@@ -189,7 +189,7 @@ fn aliases(columns: &[Column]) -> Vec<String> {
 }
 
 #[test]
-fn a_value_under_several_names_is_one_column() {
+fn a_value_with_several_names_has_one_column() {
     let mut model = model("BouncingBall/FMI3");
     add(&mut model, "g", "world.g", Causality::Parameter);
     add(&mut model, "g", "ball.g", Causality::Local);
@@ -203,13 +203,13 @@ fn a_value_under_several_names_is_one_column() {
         ["h = h_ft = ball.h", "v", "speed = der__h"]
     );
     assert_eq!(aliases(&bounce.locals), ["v_min = floor.v"]);
-    // The pattern matches another name of an output, which is there anyway.
+    // The pattern matches an alias of an output, which is available anyway.
     let outputs = tables(&model, &["ball.h"]).expect("sound");
     assert_eq!(names(&outputs.locals), [""; 0]);
 }
 
 #[test]
-fn every_name_of_a_value_that_cannot_be_used_is_listed() {
+fn every_name_of_an_unusable_value_is_listed() {
     let mut model = model("BouncingBall/FMI3");
     for name in ["clocked", "clocked_too"] {
         add(&mut model, "v_min", name, Causality::Output);
@@ -226,23 +226,19 @@ fn every_name_of_a_value_that_cannot_be_used_is_listed() {
 }
 
 #[test]
-fn a_parameter_in_two_units_is_set_in_one() {
+fn a_parameter_with_two_units_is_set_in_one_of_them() {
     let mut model = model("BouncingBall/FMI3");
     add(&mut model, "g", "g_ft", Causality::Parameter);
     let added = model.variables.last_mut().expect("added");
     added.unit = Some("ft/s2".into());
     let tables = tables(&model, &[]).expect("sound");
     assert_eq!(names(&tables.parameters), ["g", "e"]);
-    let left = &tables.imported.left_out[0];
-    assert_eq!(left.name, "g_ft");
-    assert!(
-        left.reason.contains("\"g\" in another form"),
-        "{}",
-        left.reason
-    );
+    let entry = &tables.imported.left_out[0];
+    assert_eq!(entry.name, "g_ft");
+    assert!(entry.reason.contains("alias of \"g\""), "{}", entry.reason);
 }
 
-/// The model with one more variable, made of its second.
+/// Returns the model with one more variable, derived from its second one.
 fn with(change: impl FnOnce(&mut Variable)) -> ModelDescription {
     let mut model = model("BouncingBall/FMI3");
     let mut other = model.variables[1].clone();
@@ -301,7 +297,7 @@ fn a_variable_whose_name_is_too_long_is_left_out_and_listed() {
 }
 
 #[test]
-fn all_inner_signals_may_be_none() {
+fn requesting_all_local_signals_may_give_none() {
     let mut model = model("StateSpace/FMI3");
     model.variables.retain(|one| !one.is_inner());
     assert_eq!(tables(&model, &["*"]).expect("sound").locals, []);
@@ -309,7 +305,7 @@ fn all_inner_signals_may_be_none() {
 }
 
 #[test]
-fn a_start_that_its_variable_may_not_have_is_no_default_and_said() {
+fn an_invalid_start_value_is_not_a_default_and_is_reported() {
     let parameter = |model: &ModelDescription| {
         let tables = tables(model, &[]).expect("sound");
         tables.parameters.last().expect("there").field.clone()
@@ -336,7 +332,7 @@ fn a_start_that_its_variable_may_not_have_is_no_default_and_said() {
     assert_eq!(items(5.0).default, Some(5.0));
     assert!(items(5.0).description.ends_with("One of 1, 2, 5."));
     assert_eq!(items(4.0).default, None);
-    // A range that begins above its end is none.
+    // A range with its ends in the wrong order is ignored.
     let model = with(|other| {
         other.name = "p".into();
         (other.min, other.max, other.start) = (Some(5.0), Some(0.0), vec![7.0]);
@@ -345,7 +341,7 @@ fn a_start_that_its_variable_may_not_have_is_no_default_and_said() {
 }
 
 #[test]
-fn a_variable_without_a_description_is_told_by_its_role() {
+fn a_variable_without_a_description_is_described_by_its_role() {
     let model = with(|other| {
         other.name = "p".into();
         other.description.clear();

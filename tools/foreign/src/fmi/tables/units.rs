@@ -1,7 +1,7 @@
 //! Units of an FMU as texts of columns.
 //!
-//! Scenarios convert by what a text means here, so a unit that the FMU defines otherwise gets a text that means nothing
-//! here: no conversion follows from it, and `factor` has to be given.
+//! Scenarios convert by the meaning of a unit text here. A unit that the FMU defines differently gets a text without
+//! a meaning here, so that it does not convert and `factor` has to be given.
 
 use std::collections::BTreeSet;
 
@@ -11,22 +11,22 @@ use shared_types::units;
 use super::line;
 use crate::fmi::description::{BASE_UNITS, BaseUnit, ModelDescription, Unit};
 
-/// Longest unit that is taken over.
+/// Maximum length of a unit.
 const LONGEST: usize = 64;
-/// End of the text of a unit that is another here.
+/// Suffix of a unit whose meaning differs here.
 const MARK: &str = " (FMU)";
-/// Difference, as a part, between two factors that is rounding alone: tools write few digits.
+/// Relative difference of two factors that counts as rounding, since tools write few digits.
 const ROUNDING: f64 = 1e-5;
-/// Place of rad among the exponents.
+/// Index of rad among the exponents.
 const RADIAN: usize = 7;
 
-/// Units of a model that are others here, as `t` for a short ton.
+/// Units of a model with another meaning here, such as `t` for a short ton.
 pub(super) struct Units<'a> {
     others: BTreeSet<&'a str>,
 }
 
 impl<'a> Units<'a> {
-    /// The units that a model defines.
+    /// Collects the units that a model defines.
     pub(super) fn of(model: &'a ModelDescription) -> Self {
         let is_other = |unit: &&Unit| {
             let text = plain(&unit.name, LONGEST);
@@ -38,7 +38,7 @@ impl<'a> Units<'a> {
         }
     }
 
-    /// A unit as a column may have it.
+    /// Returns a unit as the text of a column.
     pub(super) fn text(&self, unit: &str) -> String {
         if self.others.contains(unit) {
             return plain(unit, LONGEST - MARK.len()) + MARK;
@@ -49,7 +49,7 @@ impl<'a> Units<'a> {
         }
     }
 
-    /// Definitions, as they are shown.
+    /// Returns the definitions for display.
     pub(super) fn defined(&self, model: &ModelDescription) -> Vec<DefinedUnit> {
         let defined = |unit: &Unit| {
             let base = unit.base?;
@@ -64,14 +64,14 @@ impl<'a> Units<'a> {
     }
 }
 
-/// A unit as one line without the brackets that are around units elsewhere.
+/// Converts a unit to one line, without the brackets that enclose units elsewhere.
 fn plain(unit: &str, most: usize) -> String {
     line(&unit.replace('[', "(").replace(']', ")"), most)
 }
 
-/// Checks whether a text means another unit here than this one.
+/// Returns `true` if a text has another meaning here than this unit.
 fn is_other(text: &str, base: &BaseUnit) -> bool {
-    let Ok(here) = units::Unit::parse(text) else {
+    let Ok(meaning) = units::Unit::parse(text) else {
         return false;
     };
     let is_near = |a: f64, b: f64| {
@@ -79,23 +79,23 @@ fn is_other(text: &str, base: &BaseUnit) -> bool {
         off <= ROUNDING * a.abs() || off <= ROUNDING * b.abs()
     };
     let is_same = |base: &BaseUnit| {
-        let told = units::Unit::parse(&base_text(base)).ok();
-        let conversion = told.and_then(|told| here.conversion_to(&told));
+        let base_unit = units::Unit::parse(&base_text(base)).ok();
+        let conversion = base_unit.and_then(|base_unit| meaning.conversion_to(&base_unit));
         conversion.is_some_and(|conversion| {
             is_near(conversion.factor, base.factor) && is_near(conversion.offset, base.offset)
         })
     };
-    // Many tools leave rad out, which is 1 to them.
+    // Many tools omit rad, which they treat as 1.
     let with = |radian| {
         let mut other = *base;
         other.exponents[RADIAN] = radian;
         other
     };
-    let told = base.exponents[RADIAN];
-    ![told, -2, -1, 0, 1, 2].map(with).iter().any(is_same)
+    let base_unit = base.exponents[RADIAN];
+    ![base_unit, -2, -1, 0, 1, 2].map(with).iter().any(is_same)
 }
 
-/// Product of powers, for example `kg m2 s-2`.
+/// Formats a product of powers, for example `kg m2 s-2`.
 fn base_text(base: &BaseUnit) -> String {
     let powers = BASE_UNITS.iter().zip(base.exponents);
     let powers = powers.filter(|(_, exponent)| *exponent != 0);
@@ -131,8 +131,8 @@ mod tests {
     }
 
     #[test]
-    fn a_unit_that_is_another_here_is_found_and_rounding_is_none() {
-        for (text, told) in [
+    fn units_with_another_meaning_are_detected_despite_rounding() {
+        for (text, base) in [
             ("mm", base(&[(M, 1)], 1e-3, 0.0)),
             ("degC", base(&[(K, 1)], 1.0, 273.15)),
             ("degF", base(&[(K, 1)], 0.555_556, 255.37)),
@@ -142,21 +142,21 @@ mod tests {
             ("1", base(&[], 1.0, 0.0)),
             ("furlong", base(&[(M, 1)], 201.168, 0.0)),
         ] {
-            assert!(!is_other(text, &told), "{text}");
+            assert!(!is_other(text, &base), "{text}");
         }
-        for (text, told) in [
+        for (text, base) in [
             ("t", base(&[(0, 1)], 907.184_74, 0.0)),
             ("C", base(&[(K, 1)], 1.0, 273.15)),
             ("degC", base(&[(K, 1)], 1.0, 0.0)),
             ("m", base(&[(M, 1)], 1e-3, 0.0)),
             ("h", base(&[(M, 2), (0, 1), (S, -1)], 6.626e-34, 0.0)),
         ] {
-            assert!(is_other(text, &told), "{text}");
+            assert!(is_other(text, &base), "{text}");
         }
     }
 
     #[test]
-    fn its_text_says_whose_it_is() {
+    fn the_text_of_such_a_unit_is_marked() {
         let units = Units {
             others: ["t"].into(),
         };

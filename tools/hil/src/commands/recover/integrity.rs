@@ -220,7 +220,7 @@ fn a_file_of_an_older_version_is_recovered_and_marked_as_a_whole() {
         let mut reader = RunReader::open(&path).expect("it stays readable");
         while reader.advance().expect("it stays readable") {}
         let caveat = reader.caveat().expect("it broke off");
-        let nothing = "no check sum vouches for its records or for what it says of the run";
+        let nothing = "no check sum covers its records or its facts about the run";
         assert!(caveat.contains(nothing), "{caveat}");
         let (recovered, text, said) = describe(&path);
         assert_eq!((recovered.records, recovered.vouched_records), (60, 0));
@@ -251,7 +251,7 @@ fn records_of_a_torn_chunk_are_marked_also_in_a_file_that_breaks_off_again() {
             recovered.records
         );
         assert_eq!(recovered.vouched_records, 40, "{compression:?}");
-        let first = "check sums vouch for its first 40 records only";
+        let first = "check sums cover only its first 40 records";
         assert!(text.contains(first), "{text}");
         // The new sums cover the same records as the old ones did not.
         let again = std::fs::read(&path).expect("read");

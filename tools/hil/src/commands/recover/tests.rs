@@ -217,7 +217,7 @@ fn a_file_of_which_nothing_can_be_had_is_left_and_named() {
         (&original.bytes[..5], "before its first record"),
         (
             &b"not a recording, whatever its name is"[..],
-            "does not begin as an MCAP file does",
+            "does not begin like an MCAP file",
         ),
         (&original.bytes[..400], "before its first record"),
     ] {

@@ -6,7 +6,7 @@ use crate::replay::tape::Head;
 
 const VALID: [u64; VALIDITY_WORDS] = [0; VALIDITY_WORDS];
 
-/// Recorded: command.u_n, internal.a_m and internal.b_m, the validity bits of which were 0 and 2.
+/// Recorded answers: command.u_n, internal.a_m and internal.b_m, the latter two with the validity bits 0 and 2.
 fn places() -> Vec<AnswerPlace> {
     let names = [
         ("command.u_n", "N", None),
@@ -24,7 +24,7 @@ fn places() -> Vec<AnswerPlace> {
         .collect()
 }
 
-/// Sent now: command.spare_n, command.u_n, internal.b_m in mm, internal.a_m.
+/// Replayed frame: command.spare_n, command.u_n, internal.b_m in mm, internal.a_m.
 fn table() -> SignalTable {
     let field = |name: &str, unit: &str| Field::signal(name, unit, "x");
     SignalTable::of(
@@ -47,7 +47,7 @@ fn comparison(tolerances: &[&str]) -> Comparison {
     Comparison::new(&places(), &table(), &tolerances, 1, rate).expect("tolerances fit")
 }
 
-/// Takes in a step: what was recorded of u and a, and what comes now.
+/// Adds a step with recorded and replayed values of u and a.
 fn take(comparison: &mut Comparison, step: u64, recorded: [f64; 2], replayed: [f64; 2]) {
     let head = Head {
         step,
@@ -79,7 +79,7 @@ fn signals_are_matched_by_name_and_unit_and_the_others_are_named() {
 }
 
 #[test]
-fn the_first_difference_comes_with_the_samples_around_it() {
+fn the_first_difference_is_shown_with_its_neighbouring_samples() {
     let mut comparison = comparison(&[]);
     for step in 0..20 {
         let off = if step >= 11 { 0.5 } else { 0.0 };
@@ -113,7 +113,7 @@ fn the_first_difference_comes_with_the_samples_around_it() {
 }
 
 #[test]
-fn near_the_begin_and_the_end_there_are_fewer_samples_around() {
+fn fewer_samples_surround_a_difference_near_the_start_or_end() {
     let mut comparison = comparison(&[]);
     take(&mut comparison, 0, [1.0, 2.0], [1.0, 2.0]);
     take(&mut comparison, 1, [1.0, 2.0], [1.0, 3.0]);
@@ -123,7 +123,7 @@ fn near_the_begin_and_the_end_there_are_fewer_samples_around() {
 }
 
 #[test]
-fn what_a_tolerance_allows_is_shown_and_is_not_the_first_difference() {
+fn differences_within_the_tolerance_are_listed_but_never_the_first() {
     let mut comparison = comparison(&["internal.a_m=0.5"]);
     take(&mut comparison, 0, [1.0, 2.0], [1.0, 2.5]);
     assert!(comparison.first().is_none() && !comparison.is_same());
@@ -136,7 +136,7 @@ fn what_a_tolerance_allows_is_shown_and_is_not_the_first_difference() {
 }
 
 #[test]
-fn what_is_no_number_equals_itself_and_nothing_else() {
+fn nan_equals_only_itself() {
     let mut comparison = comparison(&["1e300"]);
     let nan = f64::NAN;
     take(&mut comparison, 0, [nan, nan], [nan, nan]);
@@ -150,7 +150,7 @@ fn what_is_no_number_equals_itself_and_nothing_else() {
 }
 
 #[test]
-fn validity_is_compared_by_signal_wherever_its_bit_stands() {
+fn validity_is_compared_by_signal_and_not_by_bit_number() {
     let head = Head {
         is_answered: true,
         answer_invalid: [0b010, 0, 0, 0, 0, 0, 0, 0], // u_n: what a fault did on its way

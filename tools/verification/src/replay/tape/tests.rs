@@ -37,7 +37,7 @@ fn places() -> Places {
     }
 }
 
-/// A sample as it came off the tape.
+/// Sample as read from the tape.
 #[derive(Debug, PartialEq)]
 struct Played {
     head: Head,
@@ -69,7 +69,7 @@ fn played(
     (rows, length)
 }
 
-/// A run whose record of step k has measured k and the command -k, changed.
+/// Records a run in which record `k` has the measured value `k` and the command `-k`, modified by `change`.
 fn run(steps: u64, change: impl Fn(u64, &mut Vec<u64>)) -> Folder {
     let contents: Vec<Content> = (0..steps)
         .map(|step| {
@@ -129,25 +129,25 @@ fn in_lockstep_each_sample_comes_with_its_own_answer() {
     assert_eq!(head.directive, without_busy);
 }
 
-/// Plays a run; `met` has for each step the step of its command, and the answers before that.
-fn met(met: &[(u64, Answered)], close: u64) -> Vec<(bool, Option<f64>, u32)> {
-    let met = met.to_vec();
-    let steps = met.len() as u64;
+/// Plays a run; `answers` holds, for each step, the step of its command and the earlier answers.
+fn outcomes(answers: &[(u64, Answered)], close: u64) -> Vec<(bool, Option<f64>, u32)> {
+    let answers = answers.to_vec();
+    let steps = answers.len() as u64;
     let run = run(steps, |step, words| {
-        let (command, answered) = met[step as usize];
+        let (command, answered) = answers[step as usize];
         words[HELD] = step - command;
         words[ANSWERED] = answered.to_wire();
         words[COMMAND] = (-(command as f64)).to_bits();
     });
     let (rows, length) = played(&run, close, places(), Clock::Realtime);
     assert_eq!(length.expect("read"), whole(steps));
-    let told = |row: Played| (row.head.directive.unseen, row.answer, row.head.held_steps);
-    rows.into_iter().map(told).collect()
+    let outcome = |row: Played| (row.head.directive.unseen, row.answer, row.head.held_steps);
+    rows.into_iter().map(outcome).collect()
 }
 
 #[test]
-fn against_the_clock_an_answer_belongs_to_the_sample_that_it_answers() {
-    // 1 was answered late, after 3; 2 and 3 were never seen; then 4 in time.
+fn in_real_time_an_answer_belongs_to_the_sample_that_it_answers() {
+    // Sample 1 was answered late, after 3; 2 and 3 were never seen; then 4 was answered in time.
     let at_0 = Answered::default();
     let at_1 = at_0.then(1);
     let at_4 = at_1.then(3);
@@ -160,7 +160,7 @@ fn against_the_clock_an_answer_belongs_to_the_sample_that_it_answers() {
         (5, at_4.then(1)),
     ];
     assert_eq!(
-        met(&steps, 6),
+        outcomes(&steps, 6),
         [
             (false, Some(-0.0), 0),
             (false, Some(-1.0), 0),
@@ -173,25 +173,25 @@ fn against_the_clock_an_answer_belongs_to_the_sample_that_it_answers() {
 }
 
 #[test]
-fn an_answer_that_was_overtaken_was_seen_and_is_not_compared() {
-    // 1 and 2 were answered before the plant looked at 3, which was there too.
+fn a_sample_with_a_superseded_answer_was_seen_and_is_not_compared() {
+    // Samples 1 and 2 were answered before the plant polled at step 3, whose answer had arrived as well.
     let at_0 = Answered::default();
     let at_3 = at_0.then(1).then(1).then(1);
     let steps = [(0, at_0), (0, at_0), (0, at_0), (3, at_3)];
-    let told = met(&steps, 4);
-    assert_eq!(told[1..3], [(false, None, 0), (false, None, 1)]);
-    assert_eq!(told[3], (false, Some(-3.0), 2));
+    let actual = outcomes(&steps, 4);
+    assert_eq!(actual[1..3], [(false, None, 0), (false, None, 1)]);
+    assert_eq!(actual[3], (false, Some(-3.0), 2));
 }
 
 #[test]
-fn what_nobody_met_until_the_end_was_not_seen() {
+fn samples_without_an_answer_until_the_end_were_not_seen() {
     let at_0 = Answered::default();
-    let told = met(&[(0, at_0), (0, at_0), (0, at_0)], 3);
-    assert_eq!(told[1..], [(true, None, 0), (true, None, 1)]);
+    let actual = outcomes(&[(0, at_0), (0, at_0), (0, at_0)], 3);
+    assert_eq!(actual[1..], [(true, None, 0), (true, None, 1)]);
 }
 
 #[test]
-fn batches_neither_lose_nor_reorder_also_when_the_controller_was_away_for_longer_than_one() {
+fn batches_keep_all_samples_in_order_when_the_controller_is_absent_for_longer_than_a_batch() {
     let steps = 5 * BATCH as u64 + 3;
     let away = 1000..3000;
     let run = run(steps, |step, words| {
@@ -206,7 +206,7 @@ fn batches_neither_lose_nor_reorder_also_when_the_controller_was_away_for_longer
     assert_eq!(rows.len() as u64, steps);
     for (step, row) in (0..).zip(&rows) {
         assert_eq!((row.head.step, row.sample), (step, step as f64));
-        // The command of step 3000 tells of one answer before it, that of step 2999.
+        // The command of step 3000 reports one earlier answer, the one of step 2999.
         let is_unseen = (away.start..away.end - 1).contains(&step);
         assert_eq!(row.head.directive.unseen, is_unseen, "step {step}");
         assert_eq!(row.answer.is_some(), !away.contains(&step), "step {step}");
@@ -214,21 +214,24 @@ fn batches_neither_lose_nor_reorder_also_when_the_controller_was_away_for_longer
 }
 
 #[test]
-fn a_recording_that_does_not_say_all_is_refused() {
+fn an_incomplete_recording_is_refused() {
     let refused = |run: &Path, places, clock| {
         let (_, length) = played(run, 10, places, clock);
         length.expect_err("refused").to_string()
     };
     let lockstep = Clock::Lockstep;
     let gap = run(4, |step, words| words[0] += u64::from(step > 1));
-    let told = refused(&gap, places(), lockstep);
+    let message = refused(&gap, places(), lockstep);
     assert!(
-        told.contains("record 3 comes where record 2 should"),
-        "{told}"
+        message.contains("found record 3 in place of record 2"),
+        "{message}"
     );
     let swapped = run(4, |step, words| words[EPOCH] = 1 + u64::from(step > 2));
-    let told = refused(&swapped, places(), lockstep);
-    assert!(told.contains("at step 3 another controller"), "{told}");
+    let message = refused(&swapped, places(), lockstep);
+    assert!(
+        message.contains("at step 3 another controller"),
+        "{message}"
+    );
 
     let old = Places {
         directive: None,
@@ -236,8 +239,11 @@ fn a_recording_that_does_not_say_all_is_refused() {
         ..places()
     };
     let clocked = run(4, |_, _| ());
-    let told = refused(&clocked, old.clone(), Clock::Realtime);
-    assert!(told.contains("which samples its controller saw"), "{told}");
+    let message = refused(&clocked, old.clone(), Clock::Realtime);
+    assert!(
+        message.contains("which samples its controller saw"),
+        "{message}"
+    );
     let skip = Event::Fault(FaultBegun {
         id: 1,
         effect: 0,
@@ -251,15 +257,15 @@ fn a_recording_that_does_not_say_all_is_refused() {
     let records = |step| Content::Record(record(step, 0.0, 0.0));
     let contents = [records(0), Content::Event(skip), records(1)];
     let late = recorded(&layout(), &contents, vec![]);
-    let told = refused(&late, old, lockstep);
+    let message = refused(&late, old, lockstep);
     assert!(
-        told.contains("fault `skip`") && told.contains("step 1"),
-        "{told}"
+        message.contains("fault `skip`") && message.contains("step 1"),
+        "{message}"
     );
 }
 
 #[test]
-fn a_run_that_ended_early_or_was_cut_off_says_how_far_it_goes() {
+fn a_short_or_truncated_run_reports_its_length() {
     let stopped = Event::End(RunEnd::new(3, Outcome::Stopped));
     let mut contents: Vec<Content> = (0..3)
         .map(|step| Content::Record(record(step, 0.0, 0.0)))

@@ -1,4 +1,4 @@
-//! Conditions of an audit, which must not matter to a run, made for a plan and this machine.
+//! Conditions of an audit that must not matter to a run, chosen for a plan and this machine.
 
 use std::num::NonZero;
 use std::sync::Arc;
@@ -13,17 +13,17 @@ use shared_types::time::Step;
 
 use crate::suite::case::{Case, Row};
 
-/// The delays of a repetition add up to about N times what the run took, at least to
-/// [`DELAYS_S`].
+/// Total delay of a repetition with delays, relative to the duration of the reference run, and the minimum in s
+/// ([`DELAYS_S`]).
 const DELAYS: f64 = 1.0;
 const DELAYS_S: f64 = 0.2;
-/// Longest delay of a side in one step, in us.
+/// Longest delay of a side per step, in us.
 const LONGEST_DELAY_US: f64 = 200.0;
-/// A repetition at another speed takes N times as long.
+/// Slow-down factor of the paced repetition.
 const SLOWER: f64 = 2.0;
 
-/// Makes the cases of an audit from that of its reference; none if that did not end by itself, recorded
-/// and with a digest.
+/// Builds the cases of an audit from its reference; none unless the reference ended by itself, was recorded and has a
+/// digest.
 pub(super) fn cases(reference: &Case, row: &Row) -> Vec<Case> {
     let ran = row
         .ran
@@ -41,7 +41,7 @@ pub(super) fn cases(reference: &Case, row: &Row) -> Vec<Case> {
     cases
 }
 
-/// Puts a case that took so long in s under each condition.
+/// Builds a case for each condition, given the duration of the reference in s.
 fn under_conditions(reference: &Case, wall_time_s: f64) -> Vec<Case> {
     let plan = &reference.plan;
     let condition = |label: &str, change: &dyn Fn(&mut Plan)| {
@@ -71,7 +71,7 @@ fn under_conditions(reference: &Case, wall_time_s: f64) -> Vec<Case> {
     let last = *cores.last().unwrap_or(&cores[0]);
     let mut apart = condition("each process on a core of its own", &on(last, cores[0]));
     if cores.len() < 2 {
-        apart.skipped = Some("there is one core only".into());
+        apart.skipped = Some("there is only one core".into());
     }
     let mut conditions = vec![
         condition("the same again", &|_| {}),
@@ -85,12 +85,12 @@ fn under_conditions(reference: &Case, wall_time_s: f64) -> Vec<Case> {
         delayed(reference, wall_time_s),
         saved(reference),
     ];
-    conditions.extend(here(reference));
+    conditions.extend(on_this_machine(reference));
     conditions
 }
 
-/// The controller of a target on this machine, if there is one.
-fn here(reference: &Case) -> Option<Case> {
+/// Returns the case with the target's controller on this machine, if possible.
+fn on_this_machine(reference: &Case) -> Option<Case> {
     let at = reference.environment.binaries.controller.at.as_ref()?;
     let mut case = reference.clone();
     case.label = format!("on this machine in place of {}", at.target());
@@ -106,7 +106,7 @@ fn here(reference: &Case) -> Option<Case> {
     Some(case)
 }
 
-/// A pace that makes the sides wait for the clock.
+/// Chooses a pace at which the sides wait for the clock.
 fn pace(plan: &Plan, wall_time_s: f64) -> f64 {
     let duration_s = plan.run.rate.seconds(Step(plan.run.steps));
     let shortest_s = 1e-3;
@@ -118,7 +118,7 @@ fn pace(plan: &Plan, wall_time_s: f64) -> f64 {
     duration_s / (SLOWER * took_s)
 }
 
-/// Both sides take their time at random, which costs time and must change nothing else.
+/// Builds a case with random delays on both sides, which must affect only the duration.
 fn delayed(reference: &Case, wall_time_s: f64) -> Case {
     let plan = &reference.plan;
     let total_s = if DELAYS * wall_time_s > DELAYS_S {
@@ -126,7 +126,7 @@ fn delayed(reference: &Case, wall_time_s: f64) -> Case {
     } else {
         DELAYS_S
     };
-    // Two sides, on average half of it each.
+    // Two sides, each with half of the maximum delay on average.
     let spread_us = 1e6 * total_s / plan.run.steps as f64;
     let spread_us = spread_us.clamp(0.1, LONGEST_DELAY_US);
     let effect = |target: &str| {
@@ -143,7 +143,7 @@ fn delayed(reference: &Case, wall_time_s: f64) -> Case {
     };
     let (plants, laws, kinds) = reference.environment.binaries.described();
     let (Some(plant), Some(law)) = (plan.plant_among(plants), plan.law_among(laws)) else {
-        condition.skipped = Some("the binaries do not describe themselves".into());
+        condition.skipped = Some("the binaries have no description".into());
         return condition;
     };
     match RequestContext::of(plan, plant, kinds).check(&text, &law.internals) {
@@ -153,7 +153,8 @@ fn delayed(reference: &Case, wall_time_s: f64) -> Case {
     condition
 }
 
-/// Both sides save their state halfway, which must change nothing; second sides check that the state restores exactly.
+/// Builds a case in which both sides save their state halfway, without an effect on the run; separate processes then
+/// check that the state restores exactly.
 fn saved(reference: &Case) -> Case {
     let (plan, environment) = (&reference.plan, &reference.environment);
     let mut case = Case {
@@ -164,11 +165,11 @@ fn saved(reference: &Case) -> Case {
     case.skipped = if let Err(failure) = unsaveable {
         Some(failure.reason())
     } else if environment.binaries.controller.at.is_some() {
-        Some("no state of a controller is kept on a target".into())
+        Some("a controller on a target saves no state".into())
     } else if plan.run.on_controller_loss != OnLoss::Abort {
-        Some("the state of a controller that may be lost cannot be saved".into())
+        Some("the state of a controller with on-loss handling cannot be saved".into())
     } else if plan.run.steps < 2 {
-        Some("there is one step only".into())
+        Some("there is only one step".into())
     } else {
         None
     };
@@ -177,7 +178,7 @@ fn saved(reference: &Case) -> Case {
     case
 }
 
-/// The cores that this process may use; at least one.
+/// Returns the cores that this process may use; at least one.
 fn cores() -> Vec<u32> {
     let some = |count: usize| (0..count as u32).collect();
     match sched_getaffinity(None) {

@@ -1,5 +1,5 @@
 //! Content model of JUnit XML as the xUnit plugin of Jenkins accepts it (junit-10.xsd, MIT licence), restated: for
-//! each element its children, its attributes, and those of them that it must have.
+//! each element its children, its attributes, and its required attributes.
 
 /// Element, children, attributes, and required attributes.
 type Rule = (
@@ -60,7 +60,7 @@ const RULES: [Rule; 10] = [
     ("system-out", &[], &[], &[]),
 ];
 
-/// Lists all that the schema refuses in a text, which is well-formed and has no comments.
+/// Lists all violations of the schema in a text, which must be well-formed and without comments.
 pub(super) fn objections(xml: &str) -> Vec<String> {
     let mut objections = Vec::new();
     let mut open = vec![""];
@@ -89,7 +89,7 @@ pub(super) fn objections(xml: &str) -> Vec<String> {
             let missing = required.iter().filter(is_missing);
             objections.extend(missing.map(|one| format!("no attribute {one} of {name}")));
         }
-        // The pattern of the schema: digits, and at most three of them after a point.
+        // Pattern of the schema: digits, and at most three of them after a point.
         let is_time = |value: &str| {
             let (whole, part) = value.split_once('.').unwrap_or((value, ""));
             part.len() <= 3
@@ -119,7 +119,7 @@ fn attributes(text: &str) -> Vec<(&str, &str)> {
 }
 
 #[test]
-fn the_restated_schema_objects_to_what_that_of_jenkins_refuses() {
+fn the_restated_schema_refuses_the_same_texts_as_that_of_jenkins() {
     let suites = |inside: &str| {
         format!("<?xml version=\"1.0\"?><testsuites name=\"a\">{inside}</testsuites>")
     };
