@@ -214,7 +214,7 @@ fn who_speaks_something_else_is_refused_and_holds_nobody_up() {
         .says(&["cannot serve at"]);
     rig.in_session("monitor --foxglove nowhere")
         .expect(2)
-        .says(&["a port, or an address"]);
+        .says(&["a port or an address"]);
     send(server.process.id(), Signal::TERM);
     assert_eq!(server.finish().0, Some(130));
     rig.in_session("resume").expect(0);

@@ -207,7 +207,7 @@ fn keys_step_put_in_and_end_faults() {
     terminal.press("1");
     terminal.until_it_shows("inject bias measured.position_m 0.001? y");
     terminal.press("n");
-    terminal.until_it_shows("left as it is");
+    terminal.until_it_shows("cancelled");
     terminal.press("1y");
     terminal.until_it_shows("fault 1 bias takes hold at step 2601");
     terminal.press("S");
@@ -287,7 +287,7 @@ fn what_cannot_be_watched_is_refused_with_the_reason() {
         .says(&["no session `nobody` is running"]);
     rig.hil(&["monitor", "--window", "0s"])
         .expect(2)
-        .says(&["no width of a time axis"]);
+        .says(&["is not a valid time-axis width"]);
     let run = rig.held();
     for (arguments, says) in [
         (&["--signal", "truth.positon_m"][..], "`truth.position_m`"),

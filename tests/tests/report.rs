@@ -359,7 +359,7 @@ fn runs_that_ended_badly_or_kept_a_part_are_shown_as_far_as_they_go() {
         .expect("the runs");
     let (_, verdict) = runs.split_once("data-verdict=\"").expect("a verdict");
     assert!(!verdict.starts_with("pass"), "whatever the bit was part of");
-    assert!(page.text.contains("damaged") || page.text.contains("not the recorded one"));
+    assert!(page.text.contains("damaged") || page.text.contains("differs from the recorded one"));
     // Cut off there.
     std::fs::write(damaged.recording(), &whole[..middle]).expect("it can be written");
     let (page, told) = Page::with_exit(&rig, &[&damaged], &[], 0);

@@ -248,7 +248,8 @@ fn everything_can_be_done_without_a_pointer() {
         .filter_map(Value::as_f64)
         .collect();
     let asks = told["asks"].as_array().expect("looks");
-    let question = "Inject dropout measured.position_m --duration 0.05?\ny injects it, any other key does not.";
+    let question =
+        "Inject dropout measured.position_m --duration 0.05?\ny injects it, any other key cancels.";
     let nothing = json!(false);
     assert_eq!(asks[..5], [(); 5].map(|()| nothing.clone()), "{told}");
     assert_eq!(

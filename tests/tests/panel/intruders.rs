@@ -211,7 +211,7 @@ fn slow_and_silent_strangers_are_dropped_and_a_crowd_keeps_no_page_out_for_long(
     let told = Client::greeted(&panel.url).until_closed();
     assert_eq!(
         told,
-        [json!({ "tell": "over", "text": "8 pages are open, which is as many as there may be" })]
+        [json!({ "tell": "over", "text": "8 pages are open, the maximum" })]
     );
     pages.pop();
     crate::support::harness::until("there is room", || {
