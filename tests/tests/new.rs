@@ -171,13 +171,16 @@ fn what_cannot_be_made_is_refused_and_nothing_is_left() {
         ("new plant Cart", "`Cart`"),
         ("new plant 2cart", "`2cart`"),
         ("new plant cart-", "`cart-`"),
-        ("new plant ..", "ends with its name"),
+        ("new plant ..", "end with the name"),
         ("new plant spring-mass", "`spring-mass`"),
         ("new controller pid", "`pid`"),
         ("new controller loop", "`loop`"),
-        ("new scenario there", "there already"),
-        ("new scenario no/such/gust", "cannot make no/such/gust"),
-        ("new plant cart --framework .", "no clone of the framework"),
+        ("new scenario there", "already exists"),
+        ("new scenario no/such/gust", "cannot create no/such/gust"),
+        (
+            "new plant cart --framework .",
+            "not inside a clone of the framework",
+        ),
         ("new plant cart --framework nowhere", "nowhere"),
     ] {
         let run = hil(&rig, line).expect(2);

@@ -100,7 +100,9 @@ fn what_a_killed_hil_recorded_becomes_a_normal_run() {
         (&true.into(), &after.len().into())
     );
 
-    rig.hil(&["recover", run]).expect(0).prints(&["is whole"]);
+    rig.hil(&["recover", run])
+        .expect(0)
+        .prints(&["is complete"]);
 }
 
 #[test]
@@ -243,7 +245,7 @@ fn a_full_disk_stops_the_run_with_a_readable_file_and_a_summary() {
     assert_eq!(summary["verdict"], "aborted");
     // It has an end, or the reason says what makes one.
     let recovered = rig.hil(&["recover", text(&run.folder)]).expect(0);
-    let was_whole = recovered.stdout.contains("is whole");
+    let was_whole = recovered.stdout.contains("is complete");
     assert_eq!(was_whole, !reason.contains("hil recover "), "{reason}");
     let recording = Recording::open(&path);
     assert_eq!(recording.metadata()["hil.result"]["outcome"], "failed");

@@ -176,7 +176,10 @@ fn runs_go_by_a_rule_and_only_when_that_is_meant() {
     fs::write(today.join("note.txt"), "mine").expect("written");
     symlink("/etc", bad.join("checkpoint-1")).expect("linked");
     let told = hil(&rig, "runs rm --keep-last 0 --yes").expect(0).stdout;
-    assert!(told.contains("stays: runs/of/today: note.txt"), "{told}");
+    assert!(
+        told.contains("kept: runs/of/today: it contains note.txt"),
+        "{told}"
+    );
     assert_eq!(all.map(|folder| folder.exists()), [false, false, true]);
     assert_eq!(fs::read_dir(&today).expect("a folder").count(), 5);
     assert!(Path::new("/etc/passwd").exists());

@@ -207,7 +207,7 @@ fn a_law_of_another_program_takes_over_without_the_keys_that_it_does_not_have() 
     swap(&rig, &wrong).expect(2).says(&["unknown key `pid`"]);
     let swapped = swap(&rig, &arguments).expect(0).stdout;
     let took = format!("controller 2 (honest, {other}) took over at step 2500\n");
-    let left_out = "  left out, as none of its laws has them: controller.pid\n";
+    let left_out = "  left out, because none of its laws has them: controller.pid\n";
     assert_eq!(swapped, took + left_out);
     // Back again: nothing of the scenario is left out.
     let told = swap(&rig, &["--set", "controller.law=pid", "--json"])

@@ -91,10 +91,7 @@ fn a_library_that_counts_on_its_host_for_libm_runs() {
     let expected = libm::sin(10.0) + 2.0_f64.sqrt();
     assert!((last(&run, "truth.y") - expected).abs() < 1e-12);
     let needs = place.hil(&["describe", "odd.fmu", "--load"]).expect(0);
-    for line in [
-        "libraries that are not there: none",
-        "symbols that nothing defines: none",
-    ] {
+    for line in ["missing libraries: none", "undefined symbols: none"] {
         assert!(needs.stdout.contains(line), "{}", needs.stdout);
     }
 }
@@ -108,7 +105,7 @@ fn what_a_library_lacks_is_listed_by_name_before_it_runs() {
     place.fmu("odd.fmu", &fmu(description("t", OUTPUT, ""), &uncalled));
     assert_eq!(last(&place.run(&odd(), "").expect(0), "truth.y"), 100.0);
     let lacks = place.hil(&["describe", "odd.fmu", "--load"]).expect(0);
-    let line = "symbols that nothing defines: no_such_function";
+    let line = "undefined symbols: no_such_function";
     assert!(lacks.stdout.contains(line), "{}", lacks.stdout);
     // A library that it names and that is not there.
     let absent = place.rig.path("libabsent_part.so");
@@ -124,7 +121,7 @@ fn what_a_library_lacks_is_listed_by_name_before_it_runs() {
     let named = linked("odd", &[source()], &[COUNTED], &links);
     place.fmu("odd.fmu", &fmu(description("t", OUTPUT, ""), &named));
     let lacks = place.hil(&["describe", "odd.fmu", "--load"]).expect(2);
-    let line = "libraries that are not there: libabsent_part.so";
+    let line = "missing libraries: libabsent_part.so";
     assert!(lacks.stdout.contains(line), "{}", lacks.stdout);
     place
         .run(&odd(), "")
@@ -236,7 +233,7 @@ fn an_fmu_that_says_it_needs_its_tool_runs_where_the_scenario_allows_it() {
             &format!("--set {key}=true --set controller.allow_execution_tool=true"),
         )
         .expect(2)
-        .says(&["is no FMU", key]);
+        .says(&["is not an FMU", key]);
 }
 
 #[test]

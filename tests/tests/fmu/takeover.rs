@@ -43,10 +43,10 @@ fn an_fmu_that_takes_over_has_the_settings_of_the_scenario_and_of_the_swap() {
         "controller.law=hold",
     ];
     let refused = [&native[..], &["--set", "controller.tolerance=0.1"]].concat();
-    (swap(&refused).expect(2)).says(&["is no FMU, so it has no effect"]);
+    (swap(&refused).expect(2)).says(&["is not an FMU, so this has no effect"]);
     let swapped = swap(&native).expect(0).stdout;
     let left_out =
-        "left out, as none of its laws has them: controller.tolerance, controller.initial\n";
+        "left out, because none of its laws has them: controller.tolerance, controller.initial\n";
     assert!(swapped.contains(left_out), "{swapped}");
     place.rig.in_session("resume").expect(0);
     let run = running.finish().expect(0);
