@@ -58,49 +58,46 @@ fn a_plant_that_lies_about_its_run_is_found_out() {
     for (lie, facts) in [
         (
             "runs-two-steps",
-            &["completed the run after 2 steps", "1000"][..],
+            &["a completed run after 2 steps", "1000"][..],
         ),
-        ("runs-no-step", &["completed the run after 0 steps", "1000"]),
+        ("runs-no-step", &["a completed run after 0 steps", "1000"]),
         (
             "claims-all-steps",
-            &["executed 1000 steps", "1001 records", "3 came"],
+            &["1000 executed steps", "1001 records", "3 arrived"],
         ),
-        (
-            "claims-no-step",
-            &["completed the run after 0 steps", "1000"],
-        ),
+        ("claims-no-step", &["a completed run after 0 steps", "1000"]),
         (
             "claims-more-steps",
-            &["executed 18446744073709551615 steps", "1000"],
+            &["18446744073709551615 executed steps", "1000"],
         ),
         (
             "diverges-beyond-the-end",
-            &["executed 18446744073709551615 steps", "1000"],
+            &["18446744073709551615 executed steps", "1000"],
         ),
         (
             "keeps-one-back",
-            &["record of step 501 came", "step 500 was due"],
+            &["record of step 501", "instead of step 500"],
         ),
         (
             "keeps-the-last-back",
-            &["executed 1000 steps", "1001 records", "500 came"],
+            &["1000 executed steps", "1001 records", "500 arrived"],
         ),
         (
             "doubles-one",
-            &["record of step 500 came", "step 501 was due"],
+            &["record of step 500", "instead of step 501"],
         ),
-        (
-            "swaps-two",
-            &["record of step 501 came", "step 500 was due"],
-        ),
+        ("swaps-two", &["record of step 501", "instead of step 500"]),
         (
             "tells-another-time",
             &["record of step 500", "500000001 ns", "500000000 ns"],
         ),
-        ("has-no-controller", &["lost controller 1", "hold", "abort"]),
+        (
+            "has-no-controller",
+            &["the loss of controller 1", "hold", "abort"],
+        ),
         (
             "loses-it-against-the-plan",
-            &["lost controller 1", "hold", "abort"],
+            &["the loss of controller 1", "hold", "abort"],
         ),
         ("gets-another", &["controller 2", "was not started"]),
         ("misses-commands", &["1 commands missed", "0 records"]),
@@ -124,7 +121,7 @@ fn a_plant_that_lies_about_its_run_is_found_out() {
 
 #[test]
 fn a_lie_is_found_out_whatever_is_recorded_and_whoever_may_be_lost() {
-    let (back, came) = ("keeps-the-last-back", &["1001 records", "500 came"]);
+    let (back, came) = ("keeps-the-last-back", &["1001 records", "500 arrived"]);
     for more in ["--no-record", "--record-every 10", "--pace 100"] {
         let rig = Rig::new();
         found_out(lies(&rig, back, more), more, came);
@@ -135,24 +132,24 @@ fn a_lie_is_found_out_whatever_is_recorded_and_whoever_may_be_lost() {
     let folder = run.folder.to_str().expect("plain text");
     rig.hil(&["judge", folder])
         .expect(1)
-        .prints(&["aborted", "1001 records", "500 came"]);
+        .prints(&["aborted", "1001 records", "500 arrived"]);
     drop(rig);
     for (lie, policy, fact) in [
         (
             "has-no-controller",
             "hold",
-            "no record has the answer of a controller",
+            "no record has a controller's answer",
         ),
-        ("has-no-link", "hold", "no controller came to its link"),
+        ("has-no-link", "hold", "no controller connected to its link"),
         (
             "has-no-link",
             "safe-command",
-            "`hold`, and the run has `safe-command`",
+            "`hold`, but that of the run is `safe-command`",
         ),
         (
             "loses-it-against-the-plan",
             "safe-command",
-            "`hold`, and the run has `safe-command`",
+            "`hold`, but that of the run is `safe-command`",
         ),
     ] {
         let rig = Rig::new();

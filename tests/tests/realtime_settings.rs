@@ -186,7 +186,7 @@ fn what_was_asked_for_is_granted_or_the_reason_and_the_mend_are_told() {
         });
         let line = line.unwrap_or_else(|| panic!("no {key} in:\n{}", run.stderr));
         assert!(line.contains(who), "{line}");
-        assert!(run.stderr.contains("\n  mend: "), "{}", run.stderr);
+        assert!(run.stderr.contains("\n  fix: "), "{}", run.stderr);
     }
 }
 

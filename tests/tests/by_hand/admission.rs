@@ -77,7 +77,7 @@ fn nobody_else_gets_in() {
         (
             "the name of another process",
             entry(&token, ProcessId::of(1).expect("the first")),
-            "it says that it is process 1, and process",
+            "it claims to be process 1, but process",
         ),
         (
             "a process of before",
@@ -88,12 +88,12 @@ fn nobody_else_gets_in() {
                     ..own
                 },
             ),
-            "it says that it is process",
+            "it claims to be process",
         ),
         (
             "another program with the right token",
             entry(&token, own),
-            "was checked: start that, or name yours by --controller-bin",
+            "was checked: start that, or name yours with --controller-bin",
         ),
     ] {
         let said = asked(&folder, &line);
@@ -134,7 +134,7 @@ fn nobody_else_gets_in() {
         let _ = writeln!(stream, "{line}");
         let mut said = String::new();
         let _ = BufReader::new(stream).read_line(&mut said);
-        let expected = format!("process {pid} is the controller of this run");
+        let expected = format!("process {pid} is already the controller of this run");
         assert!(said.is_empty() || said.contains(&expected), "{said}");
     }
     let run = running.finish().expect(0);
@@ -181,7 +181,10 @@ fn a_second_process_with_the_right_token_is_refused() {
     let (running, hand) = held(&rig, "--wait-limit 60");
     let (code, said) = controller(&rig).end();
     assert_eq!(code, Some(2), "{said}");
-    let expected = format!("process {} is the controller of this run", hand.pid());
+    let expected = format!(
+        "process {} is already the controller of this run",
+        hand.pid()
+    );
     assert!(said.contains(&expected), "{said}");
     rig.in_session("resume").expect(0);
     running.finish().expect(0);
@@ -230,7 +233,7 @@ fn what_makes_no_sense_is_refused_by_name() {
         ),
         (
             script,
-            "is a script, and which one an interpreter runs cannot be seen",
+            "is a script, which cannot be identified by its interpreter's process",
         ),
     ] {
         rig.run(&arguments).expect(2).says(&[expected]);

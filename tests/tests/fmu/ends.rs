@@ -113,7 +113,7 @@ fn a_model_that_another_program_runs_is_not_started_by_hand() {
             let run = place.run(&text, &format!("--{side} external"));
             let named = place.rig.path(name).display().to_string();
             let told = format!(
-                "--{side} external: {named} is a model that another program runs; it takes a program"
+                "--{side} external: {named} is a model run by another program; name a program"
             );
             let run = run.expect(2).says(&[&told]);
             assert!(!run.folder.exists(), "nothing was started");

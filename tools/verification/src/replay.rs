@@ -73,7 +73,7 @@ struct PreparedReplay {
 pub fn replay(arguments: &ReplayArguments) -> Result<Exit, Failure> {
     if arguments.wait_limit.is_nan() || arguments.wait_limit <= 0.0 {
         return Err(Failure::usage(
-            "--wait-limit takes a number above 0, or inf",
+            "--wait-limit must be a number above 0, or inf",
         ));
     }
     asking::allow_seconds(arguments.wait_limit);
