@@ -403,9 +403,9 @@ fn what_cannot_be_meant_is_refused_and_nothing_is_started() {
     let (foreign, open, nothing) = (text(&foreign), text(&open), text(&nothing));
     for (arguments, told) in [
         ("--target -oProxyCommand=x", "unexpected argument"),
-        ("--target=-oProxyCommand=x", "is no target"),
-        ("--target a;b", "is no target"),
-        ("--target serve://board", "is no target"),
+        ("--target=-oProxyCommand=x", "is not a target"),
+        ("--target a;b", "is not a target"),
+        ("--target serve://board", "is not a target"),
         ("--key-file board.key", "--target <TARGET>"),
         (
             &format!("{ON_BOARD} --key-file {open}"),
@@ -430,7 +430,7 @@ fn what_cannot_be_meant_is_refused_and_nothing_is_started() {
         ),
         (
             &format!("{ON_BOARD} --link in-process"),
-            "needs a process there",
+            "needs a process on the target",
         ),
         (
             &format!("{ON_BOARD} --checkpoint-at 0.1"),

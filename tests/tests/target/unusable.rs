@@ -33,7 +33,7 @@ fn a_target_without_shared_memory_or_room_is_named_and_nothing_is_started() {
         format!("mkdir -p $HOME/.cache; mount -t tmpfs -o size={size} none $HOME/.cache")
     };
     for (mounts, told) in [
-        (device, "there is no /dev/shm there"),
+        (device, "it has no /dev/shm"),
         (
             "mount -t tmpfs -o size=64k none /dev/shm",
             "/dev/shm has only 0 MiB free, and a run needs 8 at least",

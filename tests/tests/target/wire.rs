@@ -13,7 +13,7 @@ fn answers(log: &str) -> (u64, u64) {
     let counted = log.lines().find_map(|line| {
         let (_, counts) = line.split_once("target board: ")?;
         let (datagrams, rest) = counts.split_once(" of ")?;
-        let (all, _) = rest.split_once(" answers came as datagrams")?;
+        let (all, _) = rest.split_once(" answers arrived as datagrams")?;
         Some((datagrams.parse().ok()?, all.parse().ok()?))
     });
     counted.unwrap_or_else(|| panic!("{log}"))
