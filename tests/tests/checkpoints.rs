@@ -318,7 +318,7 @@ fn a_reference_signal_may_change_from_the_checkpoint_on() {
     assert_same(&other, &branch, "another goal");
     go_on(&rig, &run, 400, "--set stimuli[0].at_s=0.3")
         .expect(2)
-        .says(&["position_m would have been another already at step 300 (0.3 s)"]);
+        .says(&["position_m would already differ at step 300 (0.3 s)"]);
 }
 
 #[test]

@@ -191,7 +191,9 @@ fn connected_runs_are_repeated_replayed_and_gone_on_with() {
     let on = format!("--from {} {}", from.display(), plant.join(" "));
     assert_eq!(rig.run(&on).expect(0).digest(), run.digest());
     let other = format!("{on} --set connect[0].factor=0.002");
-    rig.run(&other).expect(2).says(&["connect stays as it was"]);
+    rig.run(&other)
+        .expect(2)
+        .says(&["connect must stay the same"]);
     let made = out("made.toml");
     rig.hil(&["scenario", "from", folder, "-o", &made])
         .expect(0);

@@ -95,7 +95,7 @@ fn a_choice_that_cannot_be_meant_is_refused_before_the_run() {
         ("--record-every 2 --no-record", "records nothing"),
         (
             "--record-every 2 --checkpoint-at 0.1",
-            "needs a whole recording",
+            "needs a complete recording",
         ),
     ] {
         let run = rig

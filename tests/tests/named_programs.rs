@@ -190,7 +190,11 @@ fn a_key_that_cannot_be_used_is_told_and_a_program_that_is_not_there_is_built() 
     let place = Place::new();
     let run = place.recorded();
     mode(&place.rig.path("state/hil/key"), 0o644);
-    let told = ["cannot be told", "can be read by others", "--plant-bin"];
+    let told = [
+        "cannot determine whether",
+        "can be read by others",
+        "--plant-bin",
+    ];
     place.rerun(&run, "never", &[]).expect(2).says(&told);
     mode(&place.rig.path("state/hil/key"), 0o600);
     std::fs::remove_file(&place.plant).expect("it is ours");
@@ -209,7 +213,7 @@ fn a_program_that_is_set_where_none_is_taken_from_the_scenario_is_refused() {
     ] {
         let set = format!("{key}=/bin/true");
         let refused = place.rerun(&run, "never", &["--set", &set]).expect(2);
-        refused.says(&["has no effect here", key, flag]);
+        refused.says(&["has no effect", key, flag]);
     }
     assert!(!place.rig.path("never").exists());
     let set = [
@@ -219,7 +223,7 @@ fn a_program_that_is_set_where_none_is_taken_from_the_scenario_is_refused() {
         "controller.program=/bin/true",
     ];
     let refused = place.rig.hil(&set).expect(2);
-    refused.says(&["has no effect here", "--bin PATH"]);
+    refused.says(&["has no effect", "--bin PATH"]);
 }
 
 #[test]
@@ -401,7 +405,7 @@ fn a_lost_controller_is_not_started_anew_from_another_file() {
     send(controller.pid, Signal::KILL);
     let run = running.finish().expect(3);
     let reason = run.summary()["reason"].to_string();
-    let told = "it cannot be started anew: ";
+    let told = "it cannot be restarted: ";
     assert!(reason.contains(told), "{reason}");
     assert!(
         reason.contains("was replaced or changed after it was checked"),
@@ -424,7 +428,7 @@ fn a_program_that_was_replaced_while_the_run_goes_on_is_not_started_as_the_old_o
     let swap = |more: &[&str]| rig.beside(&[&swap, more, &at[..]].concat());
     std::fs::remove_file(&law).expect("it is ours");
     let cannot = format!("cannot run {}", law.display());
-    let help = "; --bin PATH names another";
+    let help = "; use --bin PATH for another";
     swap(&[]).expect(2).says(&[&cannot, help]);
     // Bytes behind the end of a program are none of its business.
     let own = std::fs::read(program("controller-process")).expect("a program");
@@ -433,7 +437,7 @@ fn a_program_that_was_replaced_while_the_run_goes_on_is_not_started_as_the_old_o
     std::fs::write(&law, &changed).expect("written");
     let [now, then] = [changed, own].map(|content| blake3::hash(&content).to_hex());
     let told = format!(
-        "it has hash {now}, the run began with {then}; --bin {} takes it as it is now",
+        "its hash is {now}, at the start it was {then}; use --bin {} to accept the new one",
         law.display()
     );
     swap(&[]).expect(2).says(&[&told]);

@@ -190,7 +190,7 @@ fn a_program_that_cargo_built_elsewhere_is_found_there() {
         "no package",
         &[
             "target/release/own",
-            "paths in a scenario begin at its folder",
+            "paths in a scenario are relative to its folder",
         ],
     );
     rig.write("Cargo.toml", "");

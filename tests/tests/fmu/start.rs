@@ -211,7 +211,7 @@ fn settings_that_an_fmu_cannot_have_are_refused_by_name() {
     place
         .run(&text, "")
         .expect(2)
-        .says(&["is no FMU, so `plant.tolerance` has no effect"]);
+        .says(&["is not an FMU, so `plant.tolerance` has no effect"]);
 }
 
 /// The FMU whose arrays have the size of its structural parameter, as entries of its archive.
