@@ -1,4 +1,4 @@
-//! The shape of the workspace: which packages, which programs, who may depend on whom, down to the modules.
+//! Structure of the workspace: its packages, its programs, and their permitted dependencies, down to modules.
 
 mod rooms;
 mod sources;
@@ -12,8 +12,8 @@ use serde_json::Value;
 
 use crate::support::programs::{shipped, workspace};
 
-/// Package and what it may depend on, when it is built and when it is tested. What moves to a target,
-/// the controller, knows neither simulator nor scenario.
+/// Package with its permitted dependencies, for builds and for tests. The controller, which runs on targets, knows
+/// neither simulator nor scenario.
 const ARROWS: [(&str, &[&str], &[&str]); 19] = [
     ("hil-origin", &[], &[]),
     ("shared-types", &[], &[]),
@@ -174,7 +174,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 19] = [
     ),
 ];
 
-/// The one package with `unsafe`.
+/// The only package with `unsafe`.
 const FOREIGN: &str = "hil-foreign";
 
 const PROGRAMS: [&str; 5] = [
@@ -211,7 +211,7 @@ fn list(value: &Value) -> &[Value] {
 }
 
 #[test]
-fn there_are_these_packages() {
+fn the_workspace_has_the_listed_packages() {
     let found: BTreeSet<String> = packages()
         .iter()
         .map(|package| text(&package["name"]).to_owned())
@@ -221,7 +221,7 @@ fn there_are_these_packages() {
 }
 
 #[test]
-fn packages_depend_only_on_what_is_below_them() {
+fn packages_depend_only_on_packages_below_them() {
     let names = ARROWS.map(|(name, ..)| name);
     for package in packages() {
         let name = text(&package["name"]);
@@ -277,7 +277,7 @@ fn every_package_but_one_forbids_unsafe_code() {
 }
 
 #[test]
-fn each_package_of_tools_says_who_calls_it_and_what_it_never_does() {
+fn each_readme_of_tools_states_callers_and_limits() {
     for package in packages() {
         let manifest = Path::new(text(&package["manifest_path"]));
         let folder = manifest.parent().expect("a folder");

@@ -8,7 +8,7 @@ use crate::support::harness::Rig;
 use crate::support::programs::{example, program_of_tests};
 
 #[test]
-fn what_contradicts_the_past_is_refused_and_named() {
+fn contradictions_with_the_past_are_refused_and_named() {
     let rig = Rig::new();
     let run = rig
         .run(&format!(
@@ -59,7 +59,7 @@ fn what_contradicts_the_past_is_refused_and_named() {
             .says(&[told]);
         assert!(!refused.folder.exists(), "{change}");
     }
-    // What is wrong with one side hides nothing of the other.
+    // Errors of one side do not hide those of the other.
     let both = "--set plant.parameters.actuator1.piston_mass_kg=56 \
         --set controller.ftsc.trajectory.angle_gain_per_s=3";
     let told = [
@@ -77,7 +77,7 @@ fn what_contradicts_the_past_is_refused_and_named() {
 }
 
 #[test]
-fn what_cannot_be_asked_for_is_refused_before_anything_starts() {
+fn impossible_requests_are_refused_before_anything_starts() {
     let rig = Rig::new();
     let foreign = program_of_tests("clock-reading-controller");
     let stateless = format!("{MOVING}[controller]\nlaw = \"reads-clock\"\n");
@@ -132,7 +132,7 @@ fn what_cannot_be_asked_for_is_refused_before_anything_starts() {
 }
 
 #[test]
-fn a_fault_from_outside_that_cannot_be_saved_is_refused_in_a_scenario_and_live() {
+fn an_external_fault_without_saved_state_is_refused_in_a_scenario_and_live() {
     let rig = Rig::new();
     let plant = example("own-fault");
     let plant = plant.display();
@@ -231,7 +231,7 @@ fn a_damaged_checkpoint_is_refused_by_name() {
             .says(&[told]);
         std::fs::remove_dir_all(folder).expect("it is ours");
     }
-    // Of a run whose recording goes on differently the records before it are still the same.
+    // If a recording continues differently, the records before the checkpoint are still the same.
     let moved = rig.path("moved");
     copy(&run.folder, &moved);
     let from = moved.join("checkpoint-10500");

@@ -1,11 +1,11 @@
-//! An FMU that takes over as the controller: what the scenario and the flags of the swap tell it at its start.
+//! An FMU that takes over as controller: its start settings from the scenario and the flags of the swap.
 
 use super::Place;
 use crate::support::fmus::entries;
 use crate::support::mcap_reader::Recording;
 use crate::support::programs::program;
 
-/// A law whose force is the tolerance that it is told, in `tests/fmus/starts.c`.
+/// Law whose force equals its tolerance setting, in `tests/fmus/starts.c`.
 const LAW: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"3.0\" modelName=\"starts\" \
     instantiationToken=\"starts\"><CoSimulation modelIdentifier=\"starts\"/><ModelVariables>\
     <Float64 name=\"force_n\" valueReference=\"1\" causality=\"output\" unit=\"N\"/>\
