@@ -148,7 +148,7 @@ def controls(desk):
     says(page, "fault 1 bias takes hold at step 2601")
     page.fill("#p-bias", "lots")
     page.click("#inject button[type=submit]")
-    says(page, "`lots` is no number")
+    says(page, "`lots` is not a number")
     page.click("#buttons button")
     says(page, "fault 2 dropout takes hold at step 2601")
     page.click("#steps")

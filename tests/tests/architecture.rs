@@ -1,4 +1,4 @@
-//! The shape of the workspace: which packages, which programs, who may depend on whom, down to the modules.
+//! Structure of the workspace: its packages, its programs, and their permitted dependencies, down to modules.
 
 mod rooms;
 mod sources;
@@ -246,7 +246,7 @@ fn list(value: &Value) -> &[Value] {
 }
 
 #[test]
-fn there_are_these_packages() {
+fn the_workspace_has_the_listed_packages() {
     let found: BTreeSet<String> = packages()
         .iter()
         .map(|package| text(&package["name"]).to_owned())

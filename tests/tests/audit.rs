@@ -1,12 +1,12 @@
-//! `hil run --audit`: a deterministic run passes, and what depends on more than its samples is caught
-//! with step and signal.
+//! `hil run --audit`: a deterministic run passes, and a dependency on anything but the samples is reported with
+//! step and signal.
 
 use serde_json::Value;
 
 use crate::support::harness::{Rig, Run, names};
 use crate::support::programs::program_of_tests;
 
-/// A quarter of a second of the teaching plant at 1 kHz under a law of the test's controller.
+/// Runs and audits a quarter of a second of the teaching plant at 1 kHz under a law of the test's controller.
 fn audited(rig: &Rig, law: &str, arguments: &str) -> Run {
     let scenario = rig.scenario(0.25, "spring-mass", law);
     let controller = program_of_tests("clock-reading-controller");
@@ -23,7 +23,7 @@ fn repetitions(summary: &Value) -> &[Value] {
 }
 
 #[test]
-fn a_law_that_sees_only_its_samples_has_one_digest_under_all_conditions() {
+fn a_law_that_depends_only_on_its_samples_has_one_digest_under_all_conditions() {
     let rig = Rig::new();
     let honest = audited(&rig, "honest", "--json").expect(0);
     let summary = honest.summary();
@@ -35,7 +35,7 @@ fn a_law_that_sees_only_its_samples_has_one_digest_under_all_conditions() {
             assert_eq!(one["digest"], summary["digest"], "{one}");
         }
     }
-    // One core may be all there is, so that one condition may be missing.
+    // On a single core, one condition is missing.
     let ran = repetitions(&summary)
         .iter()
         .filter(|one| one["agrees"] == true);
@@ -51,7 +51,7 @@ fn a_law_that_sees_only_its_samples_has_one_digest_under_all_conditions() {
 }
 
 #[test]
-fn a_law_that_leaves_a_field_out_of_its_state_is_named_by_the_audit() {
+fn an_audit_names_a_law_with_an_incomplete_state() {
     let rig = Rig::new();
     let audited = audited(&rig, "forgets", "").expect(0);
     assert_eq!(audited.summary()["audit"]["verdict"], "pass");
@@ -62,12 +62,12 @@ fn a_law_that_leaves_a_field_out_of_its_state_is_named_by_the_audit() {
 }
 
 #[test]
-fn a_law_that_reads_the_clock_is_caught_with_step_and_signal() {
+fn a_law_that_reads_the_clock_is_detected_with_step_and_signal() {
     let rig = Rig::new();
     let caught = audited(&rig, "reads-clock", "").expect(1);
     let summary = caught.summary();
     assert_eq!(summary["audit"]["verdict"], "fail");
-    // Whatever the condition: no two runs have the same times.
+    // Under every condition: no two runs have the same times.
     for one in repetitions(&summary) {
         if !one["skipped"].is_null() {
             continue;
@@ -75,7 +75,7 @@ fn a_law_that_reads_the_clock_is_caught_with_step_and_signal() {
         assert_eq!(one["agrees"], false, "{one}");
         let difference = &one["first_difference"];
         assert_eq!(difference["signal"], "command.force_n", "{one}");
-        // At step 0 the position is what it was: the first quotient that can differ is later.
+        // At step 0 the position is the initial one: the first quotient that can differ is later.
         assert!(difference["step"].as_u64() < Some(10), "{one}");
         let run = one["run"].as_str().expect("a folder that is kept");
         assert!(std::path::Path::new(run).join("run.mcap").exists());
@@ -88,9 +88,9 @@ fn a_law_that_reads_the_clock_is_caught_with_step_and_signal() {
 }
 
 #[test]
-fn a_law_that_counts_the_cores_is_caught_by_having_fewer() {
+fn a_law_that_counts_the_cores_is_detected_by_reducing_them() {
     if std::thread::available_parallelism().is_ok_and(|cores| cores.get() < 2) {
-        return; // there are never fewer
+        return; // a single core cannot be reduced
     }
     let rig = Rig::new();
     let caught = audited(&rig, "counts-cores", "").expect(1);
@@ -105,7 +105,7 @@ fn a_law_that_counts_the_cores_is_caught_by_having_fewer() {
 }
 
 #[test]
-fn what_leaves_nothing_to_audit_is_refused() {
+fn options_without_anything_to_audit_are_refused() {
     let rig = Rig::new();
     for (arguments, why) in [
         ("--no-record", "recordings"),

@@ -1,7 +1,7 @@
-//! Any bytes through every reader: what fuzzing looks for, on a stable compiler and always the same.
+//! Arbitrary bytes through every reader: like fuzzing, but on a stable compiler and reproducible.
 //!
-//! What must hold is what the fuzz targets check (`tests/fuzz/src/targets`). They run here over their
-//! committed corpus, over changed pieces of it, and over inputs of a size that fuzzing does not reach.
+//! The properties are those of the fuzz targets (`tests/fuzz/src/targets`). They run here over the committed
+//! corpus, over mutations of it, and over inputs of a size that fuzzing does not reach.
 
 use std::fs;
 use std::panic::catch_unwind;
@@ -21,9 +21,9 @@ mod seeds;
 
 use targets::Target;
 
-/// Changed inputs of each target.
+/// Number of mutated inputs per target.
 const CASES: u32 = 300;
-/// Words that a changed input may have in the place of a number.
+/// Words that replace a number in a mutated input.
 const ODD: [&str; 16] = [
     "nan",
     "inf",
@@ -43,7 +43,7 @@ const ODD: [&str; 16] = [
     "\"\\u001b[2J\"",
 ];
 
-/// The committed inputs of a target.
+/// Returns the committed inputs of a target.
 fn corpus(target: &Target) -> Vec<(PathBuf, Vec<u8>)> {
     let folder = workspace().join("tests/fuzz/corpus").join(target.name);
     let entries = fs::read_dir(&folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display()));
@@ -53,14 +53,14 @@ fn corpus(target: &Target) -> Vec<(PathBuf, Vec<u8>)> {
     paths.into_iter().map(read).collect()
 }
 
-/// A change of an input; places are shares of its length.
+/// Mutation of an input; positions are fractions of its length.
 #[derive(Clone, Debug)]
 enum Change {
     Flip(f64, u8),
     Insert(f64, Vec<u8>),
     Cut(f64, f64),
     Repeat(f64, f64, u8),
-    /// Puts an odd number in the place of a number.
+    /// Replaces a number by an odd one.
     Number(f64, usize),
 }
 
@@ -76,7 +76,7 @@ fn change() -> impl Strategy<Value = Change> {
     ]
 }
 
-/// The input with a change.
+/// Applies a mutation to an input.
 fn changed(mut bytes: Vec<u8>, change: &Change) -> Vec<u8> {
     let place = |share: f64| (share * bytes.len() as f64) as usize;
     let range = |from: f64, to: f64| {
@@ -120,7 +120,7 @@ fn changed(mut bytes: Vec<u8>, change: &Change) -> Vec<u8> {
 }
 
 #[test]
-fn every_file_of_the_corpus_is_taken_or_refused_by_name() {
+fn every_file_of_the_corpus_is_accepted_or_refused_by_name() {
     for target in &targets::ALL {
         let corpus = corpus(target);
         assert!(!corpus.is_empty(), "{} has no corpus", target.name);
@@ -132,13 +132,13 @@ fn every_file_of_the_corpus_is_taken_or_refused_by_name() {
 }
 
 #[test]
-fn changed_pieces_of_the_corpus_are_taken_or_refused_by_name() {
+fn mutations_of_the_corpus_are_accepted_or_refused_by_name() {
     for target in &targets::ALL {
         let corpus: Vec<Vec<u8>> = corpus(target).into_iter().map(|(_, bytes)| bytes).collect();
         let input = (0..corpus.len(), prop::collection::vec(change(), 1..6));
         let config = Config {
             cases: CASES,
-            // The same cases everywhere: nothing to keep.
+            // Deterministic cases: nothing to persist.
             failure_persistence: None,
             ..Config::default()
         };
@@ -152,7 +152,7 @@ fn changed_pieces_of_the_corpus_are_taken_or_refused_by_name() {
 }
 
 #[test]
-fn inputs_of_any_size_are_taken_or_refused_by_name() {
+fn inputs_of_any_size_are_accepted_or_refused_by_name() {
     let scenario = |rest: &str| format!("schema = 1\nname = \"x\"\n{rest}");
     let long = "x".repeat(10 << 20);
     let inputs: [(&str, String); 19] = [

@@ -1,4 +1,4 @@
-//! Runs held against named runs: by digest, by samples, by figures, and what an update changes.
+//! Runs compared with baselines: by digest, by samples, by figures, and updates of baselines.
 
 use std::path::PathBuf;
 
@@ -8,10 +8,10 @@ use crate::support::harness::{Rig, Run};
 
 const SCENARIO: &str =
     "tests/scenarios/leakage.toml --set run.duration_s=0.1 --set faults[0].at_s=0.05";
-/// A piston heavier by a hundredth of a millionth.
+/// Scenario change: a piston heavier by a hundredth of a millionth.
 const OTHER: &str = "--set plant.parameters.piston_mass_kg=55.0000005";
 
-/// A file with the scenario's run as baseline `leakage`.
+/// File with the scenario's run as baseline `leakage`.
 struct Kept {
     rig: Rig,
     file: PathBuf,
@@ -47,7 +47,7 @@ impl Kept {
         std::fs::read_to_string(&self.file).expect("the file is there")
     }
 
-    /// Allows every signal and metric so much of itself and more.
+    /// Allows a relative deviation of every signal and metric.
     fn allow(&self, tolerance: &str) {
         let text = self
             .text()
@@ -94,14 +94,14 @@ fn a_repeated_run_is_the_same_and_a_changed_one_is_not() {
     let said = kept.compare(&other, &[]).expect(1).stdout;
     assert!(said.contains("DIFFERENT from baseline leakage"), "{said}");
 
-    // The Lyapunov function moves most, by far less than its own size of 1e18.
+    // The Lyapunov function differs most, by far less than its own magnitude of 1e18.
     kept.allow("1e18");
     let told = kept.judged(&other, 0);
     assert_eq!(told["verdict"], "within-tolerance");
 }
 
 #[test]
-fn without_its_recording_the_figures_decide_and_that_is_said() {
+fn without_a_recording_the_figures_decide_and_a_note_says_so() {
     let kept = Kept::new();
     std::fs::remove_file(kept.rig.path("baselines/leakage.mcap")).expect("it was kept");
     assert_eq!(kept.judged(&kept.folder, 0)["compared_by"], "digest");
@@ -169,7 +169,7 @@ fn an_update_shows_what_changes_and_a_dry_one_writes_nothing() {
 }
 
 #[test]
-fn what_cannot_be_compared_with_a_baseline_is_refused() {
+fn incomparable_runs_and_baselines_are_refused() {
     let kept = Kept::new();
     let file = kept.file.to_str().expect("plain text");
     let folder = kept.folder.as_str();
@@ -214,7 +214,7 @@ fn what_cannot_be_compared_with_a_baseline_is_refused() {
             .expect(2)
             .says(&[said]);
     }
-    // Somebody put another recording in the place of the kept one.
+    // The kept recording was replaced by another one.
     let recording = kept.rig.path("baselines/leakage.mcap");
     std::fs::copy(format!("{other}/run.mcap"), recording).expect("copied");
     let third = kept

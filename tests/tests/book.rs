@@ -1,10 +1,10 @@
-//! The book: pages at the top of the workspace, `docs` and the READMEs of `examples`.
+//! The book: pages at the top of the workspace, in `docs`, and the READMEs of `examples`.
 //!
-//! Every command block of a page is run as a reader would, the output shown behind it is compared, code is
-//! that of the examples or is built, links lead somewhere, and what is generated is fresh.
+//! Every command block of a page is executed and the output shown after it is compared, code is part of the
+//! examples or is compiled, links resolve, and generated pages are up to date.
 //!
-//! A block that no machine can run in a test (it needs root, a window or the network) is not fenced as
-//! `sh` but as `console`.
+//! A block that cannot run in a test (it needs root, a window or the network) is fenced as `console` instead of
+//! `sh`.
 
 mod links;
 mod page;
@@ -29,7 +29,7 @@ fn example(path: &str) -> String {
 
 #[test]
 fn every_command_block_of_the_book_runs() {
-    // Before the first page, since tests that must be alone wait for the end of a page.
+    // Set before the first page, because tests that must run alone wait for the end of a page.
     for name in [
         "own-plant",
         "own-controller",
@@ -50,7 +50,7 @@ fn every_command_block_of_the_book_runs() {
 }
 
 #[test]
-fn every_block_of_data_in_the_book_can_be_read() {
+fn every_data_block_of_the_book_can_be_parsed() {
     for page in pages() {
         for block in page.blocks() {
             let place = format!("{}:{}", page.path.display(), block.line);
@@ -91,7 +91,7 @@ fn the_code_of_the_chapters_is_that_of_the_examples() {
             .collect();
         let example = example(&format!("{name}/src/main.rs"));
         let begin = example.find("use ").expect("it imports something");
-        // Pieces are put together without the blank lines between them.
+        // Snippets are joined without the blank lines between them.
         let lines = |text: &str| -> Vec<String> {
             let lines = text.lines().filter(|line| !line.trim().is_empty());
             lines.map(str::to_owned).collect()
@@ -101,7 +101,7 @@ fn the_code_of_the_chapters_is_that_of_the_examples() {
 }
 
 #[test]
-fn every_line_of_rust_in_the_book_is_one_of_an_example_or_is_built() {
+fn every_line_of_rust_in_the_book_is_in_an_example_or_is_compiled() {
     let examples: String = [
         "own-plant/src/main.rs",
         "own-controller/src/main.rs",
@@ -128,7 +128,7 @@ fn every_line_of_rust_in_the_book_is_one_of_an_example_or_is_built() {
 }
 
 #[test]
-fn every_line_of_c_in_the_book_is_one_of_an_example() {
+fn every_line_of_c_in_the_book_is_in_an_example() {
     let examples = ["c-plant/pendulum.c", "c-controller/state_feedback.c"].map(example);
     let examples = examples.concat();
     for page in pages() {
@@ -160,7 +160,7 @@ fn the_scenario_of_the_chapters_is_that_of_the_examples() {
     assert_eq!(shown, [read(example("own-plant/pendulum.toml"))]);
 }
 
-/// Hands the preprocessor what mdBook would, and returns what mdBook would get back.
+/// Passes the preprocessor the input of mdBook, and returns its output.
 fn preprocessed(pages: &[Page]) -> Value {
     let chapters: Vec<Value> = (pages.iter())
         .map(|page| {
@@ -176,7 +176,7 @@ fn preprocessed(pages: &[Page]) -> Value {
         .spawn()
         .expect("the preprocessor");
     let mut stdin = child.stdin.take().expect("piped");
-    // The preprocessor reads all before it writes.
+    // The preprocessor reads everything before it writes.
     stdin
         .write_all(input.to_string().as_bytes())
         .expect("it reads");
@@ -187,7 +187,7 @@ fn preprocessed(pages: &[Page]) -> Value {
 }
 
 #[test]
-fn every_equation_of_the_book_can_be_drawn() {
+fn every_equation_of_the_book_can_be_rendered() {
     let pages: Vec<Page> = pages()
         .into_iter()
         .filter(|page| page.path.starts_with("docs"))
@@ -201,11 +201,11 @@ fn every_equation_of_the_book_can_be_drawn() {
         let left = |line: &str| line.starts_with("$$") || line.starts_with("<!-- include:");
         assert!(!text.lines().any(left), "{place}");
     }
-    // Those of the plant and of the laws, at least one for each number.
+    // Equations of the plant and of the laws, at least one for each number.
     assert!(drawn > 50, "{drawn}");
 }
 
-/// Collects the keys of a value, however deep they are.
+/// Collects the keys of a value at any depth.
 fn keys(value: &Value, found: &mut Vec<String>) {
     match value {
         Value::Array(values) => values.iter().for_each(|value| keys(value, found)),
@@ -220,7 +220,7 @@ fn keys(value: &Value, found: &mut Vec<String>) {
 }
 
 #[test]
-fn every_key_of_a_summary_is_told() {
+fn every_key_of_a_summary_is_documented() {
     let rig = Rig::new();
     let run = rig.run("scenarios/spring-breaks.toml").expect(0);
     let mut found = Vec::new();

@@ -1,5 +1,5 @@
-//! Sides that somebody starts by hand: the same digest as launched ones, held by a signal or a debugger or not;
-//! nobody else gets their place; whatever ends leaves nothing.
+//! Sides started by hand: the same digest as with launched ones, even if stopped by a signal or a debugger; no
+//! other process takes their place; no end leaves anything behind.
 
 mod admission;
 mod ends;
@@ -22,15 +22,15 @@ use crate::support::harness::{Rig, Running, ended, send, text, until};
 use crate::support::programs::{example, of_pendulum, program, shipped, skip};
 
 const SCENARIO: &str = "scenarios/spring-mass.toml";
-/// A wait limit that a loaded machine keeps, and a time beyond it.
+/// Wait limit that a loaded machine meets, and a time beyond it.
 const LIMIT: &str = "--wait-limit 2";
 const BEYOND: Duration = Duration::from_millis(3000);
 
-/// A side that this test started; it does not outlive the test.
+/// Side started by this test; killed when dropped.
 struct Hand(Companion);
 
 impl Hand {
-    /// Starts a program as a side that is awaited, with words in front of its command if there are any.
+    /// Starts a program as an awaited side, optionally with a command prefix.
     fn start(rig: &Rig, side: &str, program: &Path, before: &[&str]) -> Self {
         awaited(&rig.session_folder(), side);
         let folder = rig.session_folder();
@@ -39,7 +39,7 @@ impl Hand {
         let mut command = rig.command(words[0]);
         command
             .args(&words[1..])
-            // Its leash is not its terminal.
+            // Its connection is not its terminal.
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
@@ -61,7 +61,7 @@ impl Hand {
         send(self.pid(), Signal::CONT);
     }
 
-    /// Waits for its end: its exit code and what it said.
+    /// Waits for its end; returns its exit code and output.
     fn end(mut self) -> (Option<i32>, String) {
         let status = ended(&mut self.0);
         let mut said = String::new();
@@ -75,13 +75,13 @@ impl Hand {
     }
 }
 
-/// Waits until a side can come in.
+/// Waits until a side can be admitted.
 fn awaited(folder: &Path, side: &str) {
     let token = folder.join(format!("{side}.token"));
     until("the side is awaited", || token.exists());
 }
 
-/// The command that `hil` has to print, for a shell.
+/// Returns the command that `hil` must print, for a shell.
 fn command(rig: &Rig, program: &Path) -> String {
     let (mut program, folder) = (text(program).to_owned(), rig.session_folder());
     if program.contains(' ') {
@@ -98,7 +98,7 @@ fn plant(rig: &Rig) -> Hand {
     Hand::start(rig, "plant", &program("plant-process"), &[])
 }
 
-/// A run that waits for its controller until it is held at 2.5 s.
+/// Starts a run that waits for its controller and is paused at 2.5 s.
 fn held<'r>(rig: &'r Rig, arguments: &str) -> (Running<'r>, Hand) {
     let running = rig.start(&format!(
         "{SCENARIO} --controller external --pause-at 2.5 {arguments}"
@@ -114,7 +114,7 @@ fn launched() -> String {
 }
 
 #[test]
-fn each_side_and_both_run_as_launched_ones_do() {
+fn each_side_and_both_run_like_launched_ones() {
     let digest = launched();
     for (flags, sides) in [
         ("--controller external", &["controller"][..]),
@@ -130,7 +130,7 @@ fn each_side_and_both_run_as_launched_ones_do() {
     ] {
         let rig = Rig::new();
         let running = rig.start(&format!("{SCENARIO} {flags}"));
-        // In the other order than they are printed.
+        // In the reverse of the printed order.
         let hands: Vec<(Hand, &str)> = (sides.iter().rev())
             .map(|side| match *side {
                 "plant" => (plant(&rig), "plant-process"),
@@ -159,9 +159,9 @@ fn each_side_and_both_run_as_launched_ones_do() {
 }
 
 #[test]
-fn a_side_started_by_hand_answers_against_the_clock() {
+fn a_side_started_by_hand_answers_in_real_time() {
     let rig = Rig::new();
-    // The law feeds nothing back: with one that does, late commands of a loaded machine make the plant diverge.
+    // The law has no feedback: with feedback, late commands on a loaded machine make the plant diverge.
     let running = rig.start(&format!(
         "{SCENARIO} --controller external --clock realtime --wait-limit 60 --set run.overrun=catch-up \
          --set controller.law=hold"
@@ -175,13 +175,13 @@ fn a_side_started_by_hand_answers_against_the_clock() {
 }
 
 #[test]
-fn a_stopped_controller_that_goes_on_has_the_same_digest() {
+fn a_controller_stopped_and_continued_gives_the_same_digest() {
     let digest = launched();
     let rig = Rig::new();
     let (running, hand) = held(&rig, "--wait-limit inf");
     hand.stop();
     rig.in_session("resume").expect(0);
-    // The plant has sent its sample, and nobody answers.
+    // The plant has sent its sample and gets no answer.
     let session = SessionInfo::read(&rig.session_folder()).expect("it runs");
     let status = || match live::ask(&session, &Request::Status, BEYOND) {
         Ok(Response::Status(status)) => (status.step, status.paused),
@@ -198,7 +198,7 @@ fn a_stopped_controller_that_goes_on_has_the_same_digest() {
 }
 
 #[test]
-fn before_hello_nothing_limits_a_side() {
+fn before_hello_a_side_has_no_time_limit() {
     let digest = launched();
     let rig = Rig::new();
     let running = rig.start(&format!(
@@ -209,7 +209,7 @@ fn before_hello_nothing_limits_a_side() {
     until("the controller is admitted", || {
         SessionInfo::read(&folder).is_ok_and(|info| info.controller.is_some())
     });
-    // It looks for the plant, for longer than the limit; then the plant waits for its hello.
+    // It waits for the plant for longer than the limit; then the plant waits for its hello.
     std::thread::sleep(BEYOND);
     first.stop();
     let second = plant(&rig);
@@ -222,7 +222,7 @@ fn before_hello_nothing_limits_a_side() {
 }
 
 #[test]
-fn after_hello_the_limit_counts() {
+fn after_hello_the_wait_limit_applies() {
     let rig = Rig::new();
     let (running, hand) = held(&rig, LIMIT);
     hand.stop();
@@ -237,7 +237,7 @@ fn after_hello_the_limit_counts() {
 }
 
 #[test]
-fn under_gdb_it_is_held_before_and_after_hello() {
+fn gdb_can_stop_a_side_before_and_after_hello() {
     let tried = Command::new("gdb")
         .args(["-nx", "-batch", "-ex", "run", "--args", "true"])
         .output();
@@ -246,14 +246,14 @@ fn under_gdb_it_is_held_before_and_after_hello() {
     if !works {
         return skip("gdb is not here, or may not trace", "HIL_TEST_GDB");
     }
-    // Built as a user builds what is to be debugged: with lines to break at.
+    // Built like a program to be debugged: with line information for breakpoints.
     let scenario = of_pendulum("examples/own-plant/pendulum.toml");
     let digest = Rig::new().run(&scenario).expect(0).digest();
     let rig = Rig::new();
     let running = rig.start(&format!(
         "{scenario} --controller external --wait-limit inf"
     ));
-    // Admitted, and has not said hello; then in the loop.
+    // Admitted without hello; then in the loop.
     let attach = line_of(
         "shared-types/session/src/program.rs",
         "match IceoryxLink::open(session, epoch)",
@@ -296,7 +296,7 @@ fn under_gdb_it_is_held_before_and_after_hello() {
     }
 }
 
-/// The place of a line of source, as a debugger takes it.
+/// Returns a source line as a breakpoint location.
 fn line_of(file: &str, text: &str) -> String {
     let source = shipped(file);
     let line = source.lines().position(|line| line.contains(text));
@@ -304,7 +304,7 @@ fn line_of(file: &str, text: &str) -> String {
 }
 
 #[test]
-fn a_swap_brings_a_controller_that_hil_starts() {
+fn a_swap_replaces_it_by_a_controller_that_hil_starts() {
     let rig = Rig::new();
     let (running, hand) = held(&rig, "--wait-limit 60");
     rig.in_session("controller swap --set controller.law=hold --json")

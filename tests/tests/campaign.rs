@@ -1,4 +1,4 @@
-//! Campaigns: each case once, with the digest of a run of its own, whatever ends the workers.
+//! Campaigns: each case runs once and has the digest of a separate run, however workers end.
 
 mod damage;
 mod engines;
@@ -21,7 +21,7 @@ use crate::support::harness::{Rig, Run, names, text, until};
 use crate::support::programs::{program, skip, workspace};
 use crate::support::python::{python, succeeds};
 
-/// A study of the teaching run: some masses and springs, held by a law that fails and by one that passes.
+/// Study of the teaching run: some masses and springs, under a law that fails and one that passes.
 pub(crate) const STUDY: &str = r#"
 schema = 1
 scenario = "SCENARIO"
@@ -63,7 +63,7 @@ pub(crate) fn study(rig: &Rig, text: &str) -> PathBuf {
     rig.write("demo.toml", &text.replace("SCENARIO", scenario))
 }
 
-/// Plans a campaign in a folder of the test.
+/// Plans a campaign in the test's folder.
 pub(crate) fn planned(rig: &Rig, study: &Path, name: &str) -> PathBuf {
     let folder = rig.path(name);
     rig.hil(&["campaign", "plan", text(study), "-o", text(&folder)])
@@ -76,7 +76,7 @@ fn campaign(rig: &Rig, arguments: &[&str]) -> Run {
     rig.hil(&all)
 }
 
-/// Digest of a campaign that is complete.
+/// Returns the digest of a complete campaign.
 fn digest(rig: &Rig, folder: &Path) -> String {
     let run = campaign(rig, &["collect", text(folder), "--json"]).expect(0);
     let digest = run.json()["digest"].as_str().map(str::to_owned);
@@ -84,7 +84,7 @@ fn digest(rig: &Rig, folder: &Path) -> String {
 }
 
 #[test]
-fn one_worker_or_three_and_whatever_kills_them_give_one_digest() {
+fn any_number_of_workers_gives_one_digest_even_if_some_are_killed() {
     let rig = Rig::new();
     let study = study(&rig, STUDY);
     let one = planned(&rig, &study, "one");
@@ -120,7 +120,7 @@ fn one_worker_or_three_and_whatever_kills_them_give_one_digest() {
     }
 }
 
-/// Cases that have a row.
+/// Counts cases with a result.
 fn done(rig: &Rig, folder: &Path) -> u64 {
     let run = rig.beside(&["campaign", "status", text(folder), "--json"]);
     let status = run.json();
@@ -129,7 +129,7 @@ fn done(rig: &Rig, folder: &Path) -> u64 {
 }
 
 #[test]
-fn a_case_is_the_run_of_its_values_in_one_process_and_in_two() {
+fn a_case_equals_the_run_of_its_values_in_one_process_and_in_two() {
     let rig = Rig::new();
     let folder = planned(&rig, &study(&rig, STUDY), "demo");
     campaign(&rig, &["run", text(&folder)]).expect(0);
@@ -147,7 +147,7 @@ fn a_case_is_the_run_of_its_values_in_one_process_and_in_two() {
         assert_eq!(run.json()["digest"], alone.digest());
         assert!(out.join("run.mcap").exists());
     }
-    // The planned programs are run, whatever hil is called, whatever is beside it or named by the environment.
+    // The planned programs run, regardless of how hil is called, of programs beside it and of the environment.
     let broken = folder.join("programs/plant-process");
     let plant = std::fs::read(&broken).expect("a copy");
     let mut other = plant.clone();
@@ -180,7 +180,7 @@ fn a_case_is_the_run_of_its_values_in_one_process_and_in_two() {
     hil.args(arguments).env("HIL_PLANT_BIN", wrong);
     let run = rig.program(hil).expect(0);
     assert_eq!(run.json()["digest"], alone.digest());
-    // A case that fails has the exit code of a run that fails.
+    // A failing case has the exit code of a failing run.
     campaign(
         &rig,
         &[
@@ -216,7 +216,7 @@ fn a_second_result_that_differs_ends_with_exit_code_1() {
         .says(&["case 7 has two different results"]);
 }
 
-/// Files below a folder, with their times.
+/// Lists files below a folder, with their times.
 fn below(folder: &Path) -> Vec<(PathBuf, std::time::SystemTime)> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).expect("a folder") {
@@ -255,7 +255,7 @@ fn reading_a_campaign_writes_nothing_into_its_folder() {
 }
 
 #[test]
-fn goals_decide_the_exit_code_with_their_bounds() {
+fn the_bounds_of_goals_decide_the_exit_code() {
     let rig = Rig::new();
     // All 30 pass: 0.05^(1/30) = 0.9050 is shown at 95 %.
     for (probability, code) in [(0.90, 0), (0.91, 1)] {
@@ -267,13 +267,13 @@ fn goals_decide_the_exit_code_with_their_bounds() {
         assert!((lower - 0.904_966_147).abs() < 1e-9, "{lower}");
         let passes = &answers["variants"][0]["passes"];
         assert_eq!((&passes["count"], &passes["of"]), (&30.into(), &30.into()));
-        // 0.025^(1/30) = 0.8843: of two bounds each has half of the risk, also where all pass.
+        // 0.025^(1/30) = 0.8843: each of two bounds has half of the risk, even if all pass.
         let lower = passes["bounds"]["lower"].as_f64().expect("a bound");
         assert!((lower - 0.884_296_692).abs() < 1e-9, "{lower}");
         assert_eq!(passes["bounds"]["sided"], "both");
         assert_eq!(answers["variants"][1]["classes"][1], 30);
     }
-    // A grid is no sample.
+    // A grid is not a sample.
     let grid = "schema = 1\nscenario = \"SCENARIO\"\nsampling = \"grid\"\n[[vary]]\nkey = \"plant.parameters.mass_kg\"\nkind = \"grid\"\nmin = 0.5\nmax = 2\npoints = 3\n";
     let folder = planned(&rig, &study(&rig, grid), "grid");
     let run = campaign(&rig, &["run", text(&folder), "--json"]).expect(0);
@@ -281,13 +281,13 @@ fn goals_decide_the_exit_code_with_their_bounds() {
 }
 
 #[test]
-fn a_margin_that_varies_by_rounding_follows_nothing() {
+fn a_margin_that_varies_by_rounding_correlates_with_nothing() {
     let rig = Rig::new();
     let folder = planned(&rig, &study(&rig, STUDY), "demo");
     campaign(&rig, &["run", text(&folder)]).expect(0);
     let answers = campaign(&rig, &["show", text(&folder), "--json"]).expect(0);
     let answers = answers.json();
-    // Each loop has settled to a tenth of a millionth of the limit; how fast it answers follows the plant.
+    // Each loop has settled to a tenth of a millionth of the limit; its speed depends on the plant.
     let [settles, answers_the_step] =
         [0, 1].map(|place| &answers["variants"][0]["requirements"][place]);
     assert_eq!(settles["is_rounding"], true, "{settles}");
@@ -304,7 +304,7 @@ fn a_margin_that_varies_by_rounding_follows_nothing() {
 }
 
 #[test]
-fn an_unfinished_campaign_gives_no_probability_and_says_so() {
+fn an_unfinished_campaign_reports_no_probability_and_says_why() {
     let rig = Rig::new();
     let folder = planned(&rig, &study(&rig, STUDY), "demo");
     campaign(&rig, &["work", text(&folder), "--shards", "0-3"]).expect(0);
@@ -315,7 +315,7 @@ fn an_unfinished_campaign_gives_no_probability_and_says_so() {
     }
     let run = campaign(&rig, &["collect", text(&folder), "--partial", "--json"]).expect(3);
     assert_eq!(run.json()["digest"], Value::Null);
-    // Tasks of other engines share the rest.
+    // Tasks of other engines work on the rest.
     for part in ["0/2", "1/2"] {
         campaign(&rig, &["work", text(&folder), "--task", part]).expect(0);
     }
@@ -323,7 +323,7 @@ fn an_unfinished_campaign_gives_no_probability_and_says_so() {
 }
 
 #[test]
-fn a_damaged_result_is_set_aside_and_computed_again() {
+fn a_damaged_result_is_set_aside_and_recomputed() {
     let rig = Rig::new();
     let folder = planned(&rig, &study(&rig, STUDY), "demo");
     campaign(&rig, &["run", text(&folder)]).expect(0);
@@ -336,7 +336,7 @@ fn a_damaged_result_is_set_aside_and_computed_again() {
         std::fs::write(&part, bytes).expect("written");
     };
     damage();
-    // Whoever only reads says so and leaves it where it is.
+    // Read-only commands report it and leave it in place.
     campaign(&rig, &["show", text(&folder)])
         .expect(3)
         .says(&["shard 2", "its check sum does not match"]);
@@ -345,7 +345,7 @@ fn a_damaged_result_is_set_aside_and_computed_again() {
         .says(&["shard 2", "set aside"]);
     campaign(&rig, &["run", text(&folder)]).expect(0);
     assert_eq!(digest(&rig, &folder), expected);
-    // One run finds it, sets it aside and computes it again.
+    // One run finds it, sets it aside and recomputes it.
     damage();
     campaign(&rig, &["run", text(&folder)])
         .expect(0)
@@ -356,7 +356,7 @@ fn a_damaged_result_is_set_aside_and_computed_again() {
 #[test]
 fn campaigns_are_compared_case_by_case() {
     let rig = Rig::new();
-    // The loop that passed is asked for what no loop does.
+    // The passing loop is given an impossible requirement.
     let hard = STUDY.replace(
         "name = \"pid\"",
         "name = \"pid\"\nset = [\"requirements[0].formula=always[0s,5s](abs(truth.position_m) < 1e-9)\"]",
@@ -390,7 +390,7 @@ fn campaigns_are_compared_case_by_case() {
 }
 
 #[test]
-fn duckdb_polars_and_pandas_read_the_tables_and_count_the_same() {
+fn duckdb_polars_and_pandas_read_the_tables_with_equal_counts() {
     let Some(python) = python("duckdb, polars, pandas, pyarrow") else {
         let why = "python3 with duckdb, polars, pandas and pyarrow is missing";
         return skip(why, "HIL_TEST_PYTHON");

@@ -1,5 +1,5 @@
-//! Controllers that never fall silent: what they say over and over holds no run, with any policy and any
-//! clock, and a second answer that is not the first is named.
+//! Controllers that never stop sending: repeated messages delay no run, with any policy and any clock, and a
+//! second, different answer is named.
 
 use serde_json::Value;
 
@@ -7,19 +7,19 @@ use crate::succession::{SAFE_N, STEPS, applied_n, losing};
 use crate::support::harness::{EXPIRES_S, Rig, Run};
 use crate::support::programs::program_of_tests;
 
-/// Samples that the chatting controller answers.
+/// Number of samples that the chatting controller answers.
 const ANSWERED: u64 = 100;
 /// Duration of a run in real time.
 const LONG_S: u64 = 15;
-/// Force that the chatting controller commands.
+/// Force commanded by the chatting controller.
 const FORCE_N: f64 = 0.5;
 
-/// The teaching plant for a second, or for longer in real time, under a law that chats.
+/// Runs the teaching plant for a second, or longer in real time, under a chatting law.
 fn chats(rig: &Rig, law: &str, policy: &str, clock: &str) -> Run {
     let path = losing(rig, law, policy);
     let (path, controller) = (path.display(), program_of_tests("chatting-controller"));
     let controller = controller.display();
-    // In real time the run must outlast the limit.
+    // In real time the run must last longer than the limit.
     let duration_s = if clock == "realtime" { LONG_S } else { 1 };
     rig.run(&format!(
         "{path} --controller-bin {controller} --clock {clock} --wait-limit {EXPIRES_S} \
@@ -34,14 +34,14 @@ fn assert_told(told: &Value, fragment: &str) {
 }
 
 #[test]
-fn an_answer_repeated_for_ever_ends_with_the_wait_limit_whatever_the_policy() {
+fn an_endlessly_repeated_answer_ends_at_the_wait_limit_under_any_policy() {
     let late = &format!("controller did not answer step 100 within {EXPIRES_S} s");
     let rig = Rig::new();
     let run = chats(&rig, "repeats", "abort", "lockstep").expect(3);
     let summary = run.summary();
     assert_told(&summary["reason"], late);
     assert_eq!(applied_n(&run), [FORCE_N; ANSWERED as usize]);
-    // As often as the plant looked; nothing else was said in vain.
+    // As often as the plant polled; nothing else was sent in vain.
     let ignored = summary["ignored"].as_object().expect("reasons");
     assert_eq!(ignored.keys().collect::<Vec<_>>(), ["repeated"]);
     assert!(ignored["repeated"].as_u64() > Some(1), "{ignored:?}");
@@ -58,7 +58,7 @@ fn an_answer_repeated_for_ever_ends_with_the_wait_limit_whatever_the_policy() {
         assert!(before.iter().all(|force_n| *force_n == FORCE_N));
         assert!(after.iter().all(|force_n| *force_n == then_n), "{policy}");
     }
-    // Each that comes in its place does the same: it answers the sample that it begins with.
+    // Each successor does the same: it answers the sample that it begins with.
     let run = chats(&rig, "repeats", "wait-for-restart", "lockstep").expect(3);
     let controllers = &run.summary()["controllers"];
     assert_told(&controllers[0]["reason"], late);
@@ -69,12 +69,12 @@ fn an_answer_repeated_for_ever_ends_with_the_wait_limit_whatever_the_policy() {
 }
 
 #[test]
-fn against_a_clock_chatter_holds_up_no_run() {
+fn with_a_clock_chatter_delays_no_run() {
     let rig = Rig::new();
     let run = chats(&rig, "repeats", "abort", "paced").expect(3);
     let late = &format!("controller did not answer step 100 within {EXPIRES_S} s");
     assert_told(&run.summary()["reason"], late);
-    // In real time the run goes on until the limit; at which step that is depends on the machine.
+    // In real time the run continues until the limit; the step at that time depends on the machine.
     let run = chats(&rig, "repeats", "abort", "realtime").expect(3);
     assert_told(&run.summary()["reason"], "controller did not answer step ");
     let run = chats(&rig, "repeats", "safe-command", "realtime");
@@ -87,7 +87,7 @@ fn against_a_clock_chatter_holds_up_no_run() {
 }
 
 #[test]
-fn a_hello_said_for_ever_ends_with_the_wait_limit() {
+fn an_endlessly_repeated_hello_ends_at_the_wait_limit() {
     let rig = Rig::new();
     let run = chats(&rig, "greets", "hold", "lockstep").expect(3);
     let late = &format!("controller did not open its frames within {EXPIRES_S} s");
@@ -101,7 +101,7 @@ fn a_hello_said_for_ever_ends_with_the_wait_limit() {
 }
 
 #[test]
-fn a_second_answer_that_is_not_the_first_is_named() {
+fn a_second_different_answer_is_named() {
     let rig = Rig::new();
     let twice = "controller broke the protocol at step 100: it answered step 99 twice, with different commands";
     let run = chats(&rig, "contradicts", "abort", "lockstep").expect(3);
@@ -111,7 +111,7 @@ fn a_second_answer_that_is_not_the_first_is_named() {
 }
 
 #[test]
-fn chatter_holds_up_no_replay() {
+fn chatter_delays_no_replay() {
     let rig = Rig::new();
     let run = rig.run(
         "scenarios/spring-mass.toml --set run.duration_s=0.8 --set controller.law=hold \

@@ -1,5 +1,5 @@
-//! A resumed run equals the uninterrupted one; a branch shares its past and nothing after it; what cannot be resumed is
-//! refused before anything starts.
+//! A resumed run equals the uninterrupted one; a branch shares its past but not its future; a run that cannot be
+//! resumed is refused before anything starts.
 
 mod moving;
 mod refusals;
@@ -33,7 +33,7 @@ fn go_on(rig: &Rig, run: &Run, step: u64, arguments: &str) -> Run {
 /// Returns the parts of a summary about the run itself, not about the session or clocks.
 fn judged(run: &Run) -> Vec<Value> {
     let mut summary = run.summary();
-    // The time that a side was late was measured.
+    // The lateness of a side was measured.
     for fault in summary["faults"].as_array_mut().expect("a list") {
         for effect in fault["effects"].as_array_mut().expect("a list") {
             if effect["unit"] == "ns" {
@@ -60,7 +60,7 @@ fn assert_same(straight: &Run, resumed: &Run, about: &str) {
     assert_eq!(judged(resumed), judged(straight), "{about}");
 }
 
-/// Returns the age of what each side had at each step: not in the digest, and the same all the same.
+/// Returns the ages of both sides' data at each step: not in the digest, but equal as well.
 fn ages(run: &Run) -> Vec<[u64; 3]> {
     let recording = Recording::open(&run.recording());
     let place = |ending: &str| {
@@ -77,7 +77,7 @@ fn ages(run: &Run) -> Vec<[u64; 3]> {
         .collect()
 }
 
-/// Lists the steps of the checkpoints that a run made.
+/// Lists the steps of a run's checkpoints.
 fn made(run: &Run) -> Vec<u64> {
     let summary = run.summary();
     let made = summary["checkpoints"].as_array().expect("a list");
@@ -132,7 +132,7 @@ fn a_resumed_run_equals_the_uninterrupted_one_over_any_link() {
             assert_same(&straight, &resumed, &about);
             let summary = resumed.summary();
             assert_eq!(summary["resumed"]["step"], 10_500, "{about}");
-            // Latency is that of this run: what came before was measured in another.
+            // Latency covers this run alone: the past was measured in another.
             let count = &summary["latency_ns"]["round_trip"]["count"];
             assert_eq!(count.as_u64(), Some(20_000 - 10_500), "{about}");
             let folder = resumed.folder.display().to_string();
@@ -153,7 +153,7 @@ fn a_resumed_run_equals_the_uninterrupted_one_over_any_link() {
 }
 
 #[test]
-fn a_paced_run_resumes_where_it_was() {
+fn a_paced_run_resumes_at_its_checkpoint() {
     let rig = Rig::new();
     let straight = rig
         .run(&format!("{SCENARIO} --pace 8 --checkpoint-at 0.6"))
@@ -163,8 +163,8 @@ fn a_paced_run_resumes_where_it_was() {
     assert_eq!(resumed.summary()["clock"], "paced");
 }
 
-/// A scenario of another duration, without the metrics and requirements whose windows may be beyond it and without
-/// the parameters of laws that other binaries may not have.
+/// Returns a scenario of another duration, without metrics and requirements whose windows would exceed it and
+/// without the parameters of laws that other binaries may lack.
 fn shortened(rig: &Rig, scenario: &str, duration_s: f64) -> String {
     let text = shipped(scenario);
     let mut table: toml::Table = text.parse().expect("TOML");
@@ -221,7 +221,7 @@ fn a_branch_with_another_severity_has_the_same_past_and_another_future() {
         let record = recording.records().nth(step).expect("a record");
         recording.value(&record, name)
     };
-    // 1 - exp(-10 / s x 0.05 s) of the new size, where the old one had got to as much of its own.
+    // 1 - exp(-10 / s x 0.05 s) of the new size, where the old one had reached as much of its own.
     let gain = 1.0 - libm::exp(-0.5);
     for (recording, size) in recordings.iter().zip([5e-7, 2e-7]) {
         let found = coefficient(recording, 10_500);
@@ -318,11 +318,11 @@ fn a_reference_signal_may_change_from_the_checkpoint_on() {
     assert_same(&other, &branch, "another goal");
     go_on(&rig, &run, 400, "--set stimuli[0].at_s=0.3")
         .expect(2)
-        .says(&["position_m would have been another already at step 300 (0.3 s)"]);
+        .says(&["position_m would already differ at step 300 (0.3 s)"]);
 }
 
 #[test]
-fn a_run_of_an_own_plant_can_be_resumed() {
+fn a_run_of_a_user_plant_can_be_resumed() {
     let rig = Rig::new();
     let plant = example("own-plant");
     let shipped = shortened(&rig, "examples/own-plant/pendulum.toml", 1.0);

@@ -7,7 +7,7 @@ use crate::support::programs::{misbehaving_controller, program, workspace};
 
 const SCENARIO: &str = "scenarios/spring-mass.toml";
 
-/// A plant that leaves a mark when it is started for a run, so that tests see when it was not.
+/// Plant that leaves a mark when it is started for a run, so that tests see whether it was.
 struct Marked {
     plant: PathBuf,
     mark: PathBuf,
@@ -28,7 +28,7 @@ impl Marked {
     }
 }
 
-/// Runs with these arguments and fails unless that is refused before anything happens.
+/// Runs with these arguments and fails unless they are refused before anything happens.
 #[track_caller]
 fn refuse(rig: &Rig, arguments: &str, fragments: &[&str]) -> Run {
     let marked = Marked::new(rig);
@@ -87,7 +87,7 @@ fn wrong_values_are_refused() {
 }
 
 #[test]
-fn files_that_are_no_scenario_are_refused_with_the_place() {
+fn invalid_scenario_files_are_refused_with_the_location() {
     let rig = Rig::new();
     let missing = rig.path("missing.toml");
     refuse(
@@ -111,7 +111,7 @@ fn files_that_are_no_scenario_are_refused_with_the_place() {
 }
 
 #[test]
-fn all_problems_are_told_at_once() {
+fn all_problems_are_reported_at_once() {
     let rig = Rig::new();
     let changes = "--set run.rate_hz=0 --set plant.parameters.mass_kg=nan --set controller.law=lqr";
     let fragments = ["run.rate_hz", "mass_kg", "unknown law `lqr`"];
@@ -142,13 +142,13 @@ fn wrong_flags_are_refused() {
 }
 
 #[test]
-fn signals_that_nothing_gives_are_refused_with_the_nearest_name() {
+fn signals_without_a_source_are_refused_with_the_nearest_name() {
     let rig = Rig::new();
-    // The teaching plant's own law wants a reference, and there is no stimulus.
+    // The teaching plant's own law needs a reference, and there is no stimulus.
     let path = rig.scenario(1.0, "spring-mass", "pid");
     let fragments = ["reference", "position_m"];
     refuse(&rig, path.to_str().expect("plain"), &fragments);
-    // A law from outside wants a measured signal that no plant has.
+    // A user's law needs a measured signal that no plant has.
     let path = rig.scenario(1.0, "spring-mass", "moons");
     let controller = misbehaving_controller();
     let arguments = format!(
@@ -160,7 +160,7 @@ fn signals_that_nothing_gives_are_refused_with_the_nearest_name() {
 }
 
 #[test]
-fn folders_that_cannot_take_a_run_are_refused() {
+fn folders_unsuitable_for_a_run_are_refused() {
     let rig = Rig::new();
     let file = rig.write("file", "in the way");
     let full = rig.path("full");
@@ -186,7 +186,7 @@ fn folders_that_cannot_take_a_run_are_refused() {
 }
 
 #[test]
-fn an_empty_folder_is_taken() {
+fn an_empty_folder_is_accepted() {
     let rig = Rig::new();
     let empty = rig.path("empty");
     std::fs::create_dir(&empty).expect("it can be made");
@@ -196,7 +196,7 @@ fn an_empty_folder_is_taken() {
 }
 
 #[test]
-fn names_that_are_no_session_are_refused() {
+fn invalid_session_names_are_refused() {
     let rig = Rig::new();
     for name in ["", "Demo", "a/b", "..", "a-name-that-is-far-too-long"] {
         let out = rig.path("out");
@@ -208,7 +208,7 @@ fn names_that_are_no_session_are_refused() {
 }
 
 #[test]
-fn a_session_name_in_use_is_refused_and_its_run_goes_on() {
+fn a_session_name_in_use_is_refused_and_its_run_continues() {
     let rig = Rig::new();
     let first = rig.start("scenarios/severe-leakage.toml --set run.duration_s=100");
     let children = first.children();
@@ -221,7 +221,7 @@ fn a_session_name_in_use_is_refused_and_its_run_goes_on() {
 }
 
 #[test]
-fn programs_that_are_none_of_ours_are_refused() {
+fn foreign_programs_are_refused() {
     let rig = Rig::new();
     let plain = rig.write("plain", "#!/bin/sh\n");
     let babbler = rig.script("babbler", "#!/bin/sh\necho hello; echo who are you >&2\n");
@@ -260,14 +260,14 @@ fn programs_that_are_none_of_ours_are_refused() {
 #[test]
 fn a_program_that_does_not_answer_is_given_up() {
     let rig = Rig::new();
-    // Not `exec`: the shell's child holds the pipes open, too.
+    // Without `exec`: the shell's child holds the pipes open, too.
     let silent = rig.script("silent", "#!/bin/sh\nsleep 3600\n");
     let arguments = format!("{SCENARIO} --controller-bin {}", silent.display());
     refuse(&rig, &arguments, &["silent", "no answer within"]);
 }
 
 #[test]
-fn a_program_that_leaves_something_running_is_not_waited_for() {
+fn background_processes_of_a_program_are_not_waited_for() {
     let rig = Rig::new();
     let forking = rig.script("forking", "#!/bin/sh\nsleep 3600 &\n");
     let arguments = format!("{SCENARIO} --controller-bin {}", forking.display());
@@ -275,7 +275,7 @@ fn a_program_that_leaves_something_running_is_not_waited_for() {
 }
 
 #[test]
-fn without_a_folder_given_a_run_gets_one_of_its_own() {
+fn without_a_given_folder_a_run_creates_its_own() {
     let rig = Rig::new();
     let scenario = workspace().join(SCENARIO);
     let scenario = scenario.to_str().expect("plain");
@@ -299,7 +299,7 @@ fn without_a_folder_given_a_run_gets_one_of_its_own() {
 }
 
 #[test]
-fn the_summary_can_be_had_as_json() {
+fn the_summary_is_available_as_json() {
     let rig = Rig::new();
     let run = rig.run(&format!("{SCENARIO} --json")).expect(0);
     let printed = run.json();
@@ -308,7 +308,7 @@ fn the_summary_can_be_had_as_json() {
 }
 
 #[test]
-fn config_show_prints_a_scenario_that_runs_the_same() {
+fn config_show_prints_an_equivalent_scenario() {
     let rig = Rig::new();
     let shown = rig.hil(&["config", "show", SCENARIO]).expect(0);
     let path = rig.write("shown.toml", &shown.stdout);
@@ -317,7 +317,7 @@ fn config_show_prints_a_scenario_that_runs_the_same() {
 }
 
 #[test]
-fn config_check_answers_with_the_exit_code_of_a_run() {
+fn config_check_has_the_exit_code_of_a_run() {
     let rig = Rig::new();
     rig.hil(&["config", "check", SCENARIO]).expect(0);
     let wrong = rig.hil(&["config", "check", SCENARIO, "--set", "run.rate_hz=0"]);
@@ -343,7 +343,7 @@ fn the_schema_names_every_plant_and_law() {
 }
 
 #[test]
-fn a_program_is_a_path_and_the_one_that_is_hashed_runs() {
+fn a_program_is_a_path_and_the_hashed_file_is_run() {
     let rig = Rig::new();
     let text = format!(
         "#!/bin/sh\nexec '{}' \"$@\"\n",
@@ -367,18 +367,18 @@ fn a_program_is_a_path_and_the_one_that_is_hashed_runs() {
 }
 
 #[test]
-fn an_output_that_cannot_be_written_is_no_panic() {
+fn an_unwritable_output_causes_no_panic() {
     let rig = Rig::new();
     let [hil, plant] =
         ["hil", "plant-process"].map(|name| format!("'{}'", program(name).display()));
     for (line, code) in [
         (format!("exec {hil} config schema >/dev/full"), 3),
-        // What the doctor measures is told there; the findings are not.
+        // The doctor's measurements are reported there; its findings are not.
         (
             format!("{hil} doctor --seconds 0.01 2>/dev/full >/dev/null; exec test $? -ne 101"),
             0,
         ),
-        // The reader is gone before anything is written.
+        // The reader closes the pipe before anything is written.
         (
             format!("{{ {hil} config schema; echo $? >&2; }} | exec true"),
             0,
@@ -399,14 +399,14 @@ fn an_output_that_cannot_be_written_is_no_panic() {
 }
 
 #[test]
-fn a_file_that_never_ends_is_no_scenario() {
+fn an_endless_file_is_refused_as_a_scenario() {
     let rig = Rig::new();
     let run = rig.hil(&["config", "check", "/dev/zero"]);
     run.expect(2).says(&["no regular file"]);
 }
 
 #[test]
-fn a_right_scenario_has_no_problems_as_json() {
+fn a_valid_scenario_has_no_problems_as_json() {
     let rig = Rig::new();
     let scenario = workspace().join(SCENARIO).display().to_string();
     let run = rig.hil(&["config", "check", &scenario, "--json"]).expect(0);
@@ -425,7 +425,7 @@ fn lockstep_at_a_pace_is_refused() {
 }
 
 #[test]
-fn an_interrupted_question_leaves_no_program_behind() {
+fn an_interrupted_query_leaves_no_program_behind() {
     let rig = Rig::new();
     let mark = rig.path("asked");
     let text = format!("#!/bin/sh\necho $$ > {}\nexec sleep 600\n", mark.display());

@@ -1,5 +1,5 @@
-//! The three clocks: paced and real-time runs against lockstep, what comes too late, what the policies
-//! for overruns do, and reruns that repeat all of it.
+//! The three clocks: paced and real-time runs compared with lockstep, late steps and commands, the overrun
+//! policies, and reruns that repeat all of it.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use serde_json::Value;
 use crate::support::harness::{EXPIRES_S, Rig, Run, send, text, until};
 use crate::support::mcap_reader::{Record, Recording};
 
-/// A second of the teaching plant at 200 Hz: 5 ms a step.
+/// A second of the teaching plant at 200 Hz: 5 ms per step.
 const SCENARIO: &str = r#"
 schema = 1
 name = "clocks"
@@ -27,7 +27,7 @@ amplitude = 0.01
 frequency_hz = 2.0
 "#;
 
-/// A side is busy for 12 ms at each of ten steps from 0.2 s, step 40, on.
+/// Returns a fault that makes a side busy for 12 ms at each of ten steps from 0.2 s, step 40, on.
 fn busy(side: &str) -> String {
     format!(
         "[[faults]]\nkind = \"late\"\nat_s = 0.2\noccurrences = 10\n\
@@ -52,11 +52,11 @@ fn number(summary: &Value, pointer: &str) -> u64 {
 #[test]
 fn in_real_time_a_run_without_a_miss_has_the_digest_of_lockstep() {
     let rig = Rig::new();
-    // Slow steps, and gains for them: a busy machine keeps a core for 10 ms and more.
+    // Slow steps with matching gains: a busy machine occupies a core for 10 ms and more.
     let slow = "--set run.rate_hz=20 --set run.duration_s=2 --set run.deadline=1 \
         --set controller.pid.proportional_n_per_m=10 --set controller.pid.derivative_n_s_per_m=0";
     let wanted = run(&rig, "", slow).expect(0).digest();
-    // Another program may keep it for longer than a step all the same: such a run proves nothing here.
+    // Another program may still occupy it for longer than a step: such a run proves nothing here.
     for _ in 0..10 {
         let real = run(&rig, "", &format!("{slow} --clock realtime")).expect(0);
         let summary = real.summary();
@@ -70,7 +70,7 @@ fn in_real_time_a_run_without_a_miss_has_the_digest_of_lockstep() {
 }
 
 #[test]
-fn a_busy_controller_misses_its_deadlines_and_a_rerun_repeats_that() {
+fn a_busy_controller_misses_deadlines_and_a_rerun_repeats_them() {
     let rig = Rig::new();
     let late = run(&rig, &busy("controller"), "--clock realtime").expect(0);
     let summary = late.summary();
@@ -90,7 +90,7 @@ fn a_busy_controller_misses_its_deadlines_and_a_rerun_repeats_that() {
         let held_steps = word(record, "held_steps");
         held += u64::from(held_steps > 0);
         assert_eq!(word(record, "command_age_steps"), held_steps);
-        // Every step that had to do with one command had the same.
+        // All steps with the same command agree.
         let command = word(record, "command.force_n");
         let first = *of_step.entry(record.step() - held_steps).or_insert(command);
         assert_eq!(command, first, "step {}", record.step());
@@ -100,7 +100,7 @@ fn a_busy_controller_misses_its_deadlines_and_a_rerun_repeats_that() {
     let folder = text(&late.folder);
     let session = ["--session", rig.session()];
     let again = rig.rerun(&late.folder, &session).expect(0).folder;
-    // The rerun says the same of itself, so that it can be repeated as well.
+    // The rerun reports the same about itself, so that it can be repeated as well.
     let told = rig
         .hil(&[
             "rerun",
@@ -141,7 +141,7 @@ fn a_law_that_runs_at_every_fifth_sample_repeats_its_misses_too() {
 fn a_busy_plant_overruns_and_each_policy_keeps_the_trajectory() {
     let rig = Rig::new();
     let wanted = lockstep(&rig);
-    // By these the run is longer at least: 7 ms late each time are two whole periods, or 7 ms.
+    // By these times the run is longer at least: 7 ms of lateness are two whole periods, or 7 ms.
     for (policy, longer_ms) in [("catch-up", 0), ("skip", 100), ("stretch", 70)] {
         let arguments = format!("--clock paced --set run.overrun={policy}");
         let paced = run(&rig, &busy("plant"), &arguments).expect(0);
@@ -159,7 +159,7 @@ fn a_busy_plant_overruns_and_each_policy_keeps_the_trajectory() {
 }
 
 #[test]
-fn the_policy_abort_ends_a_run_with_the_step_that_was_late() {
+fn the_policy_abort_ends_a_run_at_the_late_step() {
     let rig = Rig::new();
     let paced = "--clock paced --set run.overrun=abort";
     run(&rig, &busy("plant"), paced).expect(3).says(&[
@@ -180,8 +180,8 @@ fn one_thread_has_no_real_time() {
         .says(&["two processes"]);
 }
 
-/// Ten seconds of the hydraulic system at 10 kHz in real time, under a law that feeds nothing back: beside load, late
-/// commands of another would make the plant diverge.
+/// Ten seconds of the hydraulic system at 10 kHz in real time, under a law without feedback: on a loaded machine,
+/// late commands of another law would make the plant diverge.
 fn long(rig: &Rig) -> String {
     let text = "schema = 1\nname = \"long\"\n[run]\nduration_s = 10.0\nrate_hz = 10000\n\
         clock = \"realtime\"\n[plant]\nmodel = \"drhas\"\n[controller]\nlaw = \"hold\"\n\
@@ -207,7 +207,7 @@ fn in_real_time_a_stopped_controller_is_named_after_the_wait_limit() {
         "{reason}"
     );
     assert!(reason.contains("controller was stopped"), "{reason}");
-    // Until then the plant went on with the last command.
+    // Until then the plant continued with the last command.
     assert!(number(&summary, "/missed_commands/longest_streak") > 1000);
 }
 

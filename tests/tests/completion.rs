@@ -1,4 +1,4 @@
-//! Completions in the real shells: what a session, a scenario and the folder offer, and nothing beside them.
+//! Completions in the real shells: candidates from a session, a scenario and the folder, and no side effects.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use crate::support::programs::{
 };
 use crate::support::terminal::Terminal;
 
-/// Lines as they are typed, and what each is completed to or offers. Other tests have sessions too.
+/// Typed lines with their completions or candidates. Other tests have sessions too.
 fn lines(rig: &Rig) -> Vec<(String, String)> {
     let session = rig.session();
     let lines = [
@@ -64,7 +64,7 @@ fn lines(rig: &Rig) -> Vec<(String, String)> {
     lines.map(|(line, expected)| (line, expected.into())).into()
 }
 
-/// A folder with a scenario and a run of it.
+/// Creates a folder with a scenario and a run of it.
 fn desk(rig: &Rig) -> PathBuf {
     let desk = rig.path("desk");
     std::fs::create_dir(&desk).expect("a folder");
@@ -77,12 +77,12 @@ fn desk(rig: &Rig) -> PathBuf {
     desk
 }
 
-/// The path on which `hil` is found.
+/// Returns the path on which `hil` is found.
 fn path() -> OsString {
     path_from(program("hil").parent().expect("a folder"))
 }
 
-/// Types lines into a shell at a terminal and presses the tabulator.
+/// Types lines into a shell on a terminal and presses Tab.
 fn typed(rig: &Rig, desk: &Path, shell: &[&str], setup: &str) {
     let mut command = rig.command("setsid");
     command.arg("--ctty").args(shell).current_dir(desk);
@@ -109,7 +109,7 @@ fn typed(rig: &Rig, desk: &Path, shell: &[&str], setup: &str) {
     }
 }
 
-/// Checks what a shell offers while a session is held, if that shell is here.
+/// Checks a shell's candidates during a paused session, if that shell is installed.
 fn offered_by(shell: &str, check: impl FnOnce(&Rig, &Path)) {
     if !works(&[shell, "-c", "exit 0"]) {
         return skip(&format!("{shell} is not here"), "HIL_TEST_SHELLS");
@@ -123,21 +123,21 @@ fn offered_by(shell: &str, check: impl FnOnce(&Rig, &Path)) {
 }
 
 #[test]
-fn bash_offers_what_is_there() {
+fn bash_offers_the_available_candidates() {
     let bash = ["bash", "--norc", "--noprofile", "-i"];
     let setup = "source <(hil completions bash)";
     offered_by("bash", |rig, desk| typed(rig, desk, &bash, setup));
 }
 
 #[test]
-fn zsh_offers_what_is_there() {
+fn zsh_offers_the_available_candidates() {
     let zsh = ["zsh", "-f", "-i"];
     let setup = "bindkey -e; autoload -U compinit; compinit -u -D; source <(hil completions zsh)";
     offered_by("zsh", |rig, desk| typed(rig, desk, &zsh, setup));
 }
 
 #[test]
-fn fish_offers_what_is_there() {
+fn fish_offers_the_available_candidates() {
     offered_by("fish", fish_offers);
 }
 
@@ -163,7 +163,7 @@ fn fish_offers(rig: &Rig, desk: &Path) {
     }
 }
 
-/// Asks as the script of `bash` does.
+/// Sends a request like the script of `bash`.
 fn asked(rig: &Rig, desk: &Path, line: &str) -> String {
     let mut hil = rig.command(program("hil"));
     hil.env("HIL_COMPLETE", "bash");
@@ -177,7 +177,7 @@ fn asked(rig: &Rig, desk: &Path, line: &str) -> String {
 }
 
 #[test]
-fn a_request_says_nothing_else_and_leaves_nothing() {
+fn a_request_prints_only_candidates_and_leaves_nothing() {
     let rig = Rig::new();
     let desk = desk(&rig);
     std::fs::write(desk.join("broken.toml"), "schema = [").expect("written");
@@ -196,7 +196,7 @@ fn a_request_says_nothing_else_and_leaves_nothing() {
         ("other run ", ""),
         ("hil run plain.toml --set run.see", "run.seed=\n"),
         ("A=b hil run plain.toml --set=run.see", "run.seed=\n"),
-        // Only what stands behind the last of the characters that part words.
+        // Only the text after the last word-breaking character.
         ("hil run plain.toml --set controller.law=pi", "pid\n"),
         ("hil run plain.toml --set run.clock=lo", "lockstep\n"),
         ("hil controller swap --session none --set controller.", ""),
@@ -208,7 +208,7 @@ fn a_request_says_nothing_else_and_leaves_nothing() {
     }
     assert_eq!(listed(&desk), before);
     rig.assert_nothing_left();
-    // Without a session the built-in plants answer.
+    // Without a session the built-in plants are used.
     let kinds = asked(&rig, &desk, "hil inject ");
     assert!(kinds.lines().any(|kind| kind == "leakage"), "{kinds}");
     let keys = asked(&rig, &desk, "hil inject leakage --coe");
@@ -229,7 +229,7 @@ fn listed(folder: &Path) -> Vec<PathBuf> {
 }
 
 #[test]
-fn completion_asks_an_own_program_for_its_keys() {
+fn completion_queries_a_user_program_for_its_keys() {
     let rig = Rig::new();
     let desk = desk(&rig);
     let program = misbehaving_controller();
@@ -237,7 +237,7 @@ fn completion_asks_an_own_program_for_its_keys() {
         "hil run plain.toml --controller-bin '{}' --set controller.law=pan",
         program.display()
     );
-    // The scenario has gains of a law that the program does not have: nothing is offered.
+    // The scenario has gains of a law that the program lacks: nothing is offered.
     assert_eq!(asked(&rig, &desk, &line), "");
     let text = std::fs::read_to_string(desk.join("plain.toml")).expect("text");
     let (before, after) = text.split_once("[controller]").expect("a controller");

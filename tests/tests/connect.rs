@@ -1,4 +1,4 @@
-//! `[[connect]]`: the law `pid` of the mass on a spring, on plants with other names and units.
+//! `[[connect]]`: the law `pid` for a mass on a spring, on plants with other names and units.
 
 use std::path::{Path, PathBuf};
 
@@ -17,7 +17,7 @@ rate_hz = 1000
 damping_n_s_per_m = 20.0
 ";
 
-/// The law on its own plant.
+/// Law on its own plant.
 const OWN: &str = "[controller]
 law = \"pid\"
 [[stimuli]]
@@ -29,7 +29,7 @@ after = 0.01
 model = \"spring-mass\"
 ";
 
-/// The law on the plant in millimetres and kilonewtons.
+/// Law on the plant in millimetres and kilonewtons.
 pub(crate) const SLIDER: &str = "[controller]
 law = \"pid\"
 made_for = \"spring-mass\"
@@ -52,7 +52,7 @@ law = \"command.force_n\"
 plant = \"command.f\"
 ";
 
-/// The law on the plant in halves of a metre and quarters of a newton, units that nobody knows.
+/// Law on the plant in halves of a metre and quarters of a newton, which are unknown units.
 fn halves() -> String {
     SLIDER
         .replace("\"slider\"", "\"halves\"")
@@ -83,7 +83,7 @@ fn foreign(scenario: &Path, more: &str) -> String {
     )
 }
 
-/// The values of a column, as they are in the recording.
+/// Returns the values of a column as recorded.
 fn values(run: &Run, column: &str) -> Vec<f64> {
     Recording::open(&run.recording()).column(column)
 }
@@ -96,7 +96,7 @@ fn times(values: &[f64], factor: f64) -> Vec<u64> {
 }
 
 #[test]
-fn on_a_plant_in_powers_of_two_every_bit_is_that_of_the_plant_in_its_own_units() {
+fn units_in_powers_of_two_give_bitwise_equal_runs() {
     let rig = Rig::new();
     let own = rig.run(text(&scenario(&rig, "own.toml", OWN))).expect(0);
     let run = rig
@@ -110,20 +110,20 @@ fn on_a_plant_in_powers_of_two_every_bit_is_that_of_the_plant_in_its_own_units()
 }
 
 #[test]
-fn in_millimetres_the_law_holds_the_mass_where_the_closed_form_says() {
+fn in_millimetres_the_mass_settles_at_the_closed_form_position() {
     let rig = Rig::new();
     let slider = scenario(&rig, "slider.toml", SLIDER);
     let p_only =
         "--set controller.pid.integral_n_per_m_s=0 --set controller.pid.derivative_n_s_per_m=0";
     let run = rig.run(&foreign(&slider, p_only)).expect(0);
-    // k_p (r - x) = k x with k_p = 300 N/m, k = 100 N/m and r = 10 mm; what moves decays with exp(-10 t).
+    // k_p (r - x) = k x with k_p = 300 N/m, k = 100 N/m and r = 10 mm; transients decay with exp(-10 t).
     let s = values(&run, "truth.s");
     let last_mm = s.last().expect("records");
     assert!((last_mm - 7.5).abs() < 1e-6, "{last_mm} mm");
     let f = values(&run, "command.f");
     // 100 N/m times 7.5 mm, in kN.
     assert!((f[1999] - 0.75e-3).abs() < 1e-9, "{} kN", f[1999]);
-    // At the step all of it is error: 300 N/m times 10 mm.
+    // At the step the error is the full 10 mm: 300 N/m times 10 mm.
     assert!((f[100] - 3e-3).abs() < 1e-15, "{} kN", f[100]);
 }
 
@@ -169,7 +169,7 @@ fn the_recording_has_the_names_of_the_plant_and_every_conversion() {
 }
 
 #[test]
-fn connected_runs_are_repeated_replayed_and_gone_on_with() {
+fn connected_runs_can_be_repeated_replayed_and_resumed() {
     let rig = Rig::new();
     let slider = scenario(&rig, "slider.toml", SLIDER);
     let run = rig.run(&foreign(&slider, "--checkpoint-at 0.5")).expect(0);
@@ -191,7 +191,9 @@ fn connected_runs_are_repeated_replayed_and_gone_on_with() {
     let on = format!("--from {} {}", from.display(), plant.join(" "));
     assert_eq!(rig.run(&on).expect(0).digest(), run.digest());
     let other = format!("{on} --set connect[0].factor=0.002");
-    rig.run(&other).expect(2).says(&["connect stays as it was"]);
+    rig.run(&other)
+        .expect(2)
+        .says(&["connect must stay the same"]);
     let made = out("made.toml");
     rig.hil(&["scenario", "from", folder, "-o", &made])
         .expect(0);
@@ -200,7 +202,7 @@ fn connected_runs_are_repeated_replayed_and_gone_on_with() {
 }
 
 #[test]
-fn a_name_alone_changes_no_digest_and_one_process_is_two() {
+fn renaming_changes_no_digest_in_one_process_or_two() {
     let rig = Rig::new();
     let own = rig.run(text(&scenario(&rig, "own.toml", OWN))).expect(0);
     let renamed = OWN.replace("target = \"position_m\"", "target = \"goal\"\nunit = \"m\"")
@@ -208,7 +210,7 @@ fn a_name_alone_changes_no_digest_and_one_process_is_two() {
     let renamed = scenario(&rig, "renamed.toml", &renamed);
     let run = rig.run(text(&renamed)).expect(0);
     assert_eq!(run.digest(), own.digest());
-    // In mm the numbers of the reference are others.
+    // In mm the numbers of the reference differ.
     let in_mm = "--set stimuli[0].unit=mm --set stimuli[0].after=10";
     let two = rig.run(&format!("{} {in_mm}", renamed.display())).expect(0);
     assert_ne!(two.digest(), own.digest());
@@ -233,7 +235,7 @@ fn another_controller_takes_over_under_the_same_names() {
     rig.in_session("resume").expect(0);
     let run = running.finish().expect(0);
     assert_eq!(run.summary()["verdict"], "pass");
-    // The integral of the next one begins at 0 and finds the goal again, in mm.
+    // The integral of the next controller begins at 0 and reaches the target again, in mm.
     let s = values(&run, "truth.s");
     assert!(
         (s.last().expect("records") - 10.0).abs() < 1.0,
@@ -250,7 +252,7 @@ fn faults_have_the_names_and_units_of_the_plant() {
     let run = rig
         .run(&foreign(&scenario(&rig, "biased.toml", &biased), ""))
         .expect(0);
-    // The integral leads the reading to 10 mm, and the mass to one less.
+    // The integral brings the reading to 10 mm, and the mass to one millimetre less.
     let s = values(&run, "truth.s");
     assert!(
         (s.last().expect("records") - 9.0).abs() < 0.1,
@@ -260,7 +262,7 @@ fn faults_have_the_names_and_units_of_the_plant() {
 }
 
 #[test]
-fn mistakes_of_connections_start_nothing() {
+fn invalid_connections_start_nothing() {
     let rig = Rig::new();
     for (from, to, told) in [
         (

@@ -1,5 +1,5 @@
-//! Digests of a scenario are equal: however often, over whatever link and clock, on whatever cores, next
-//! to whatever else, compiled whichever way.
+//! Digests of a scenario are equal for any number of runs, link, clock and cores, beside any other load, and for
+//! every build.
 
 use std::process::Command;
 
@@ -11,7 +11,7 @@ use crate::support::programs::program;
 /// Two seconds under FTSC; both actuators begin to leak at 1 s.
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
 
-/// The digest of the scenario run in one thread, where nothing can get out of step.
+/// Returns the digest of the scenario run in one thread, where no timing can vary.
 fn reference(rig: &Rig, changes: &str) -> String {
     let arguments = format!("{SCENARIO} --link in-process --no-record {changes}");
     rig.run(&arguments).expect(0).digest()
@@ -34,7 +34,7 @@ fn ten_runs_over_shared_memory_have_the_digest_of_one_thread() {
 }
 
 #[test]
-fn runs_beside_each_other_in_one_process_have_the_digest_of_one_alone() {
+fn concurrent_runs_in_one_process_have_the_digest_of_a_single_run() {
     let rig = Rig::new();
     let side_by_side = "--link in-process --no-record --repeat 6 --json";
     let suite = rig.run(&format!("{SCENARIO} {side_by_side}"));
@@ -58,7 +58,7 @@ fn a_paced_run_in_one_thread_has_the_digest_of_lockstep() {
 }
 
 #[test]
-fn the_digest_does_not_see_the_session_or_the_recording() {
+fn the_digest_does_not_depend_on_the_session_or_the_recording() {
     let rig = Rig::new();
     assert_same(&rig, "--no-record");
     assert_eq!(reference(&rig, ""), reference(&Rig::new(), ""));
@@ -82,7 +82,7 @@ fn another_scenario_has_another_digest() {
     }
 }
 
-/// `hil` on one core only.
+/// Returns `hil` restricted to one core.
 fn on_core_0(rig: &Rig) -> Command {
     let mut hil = rig.command("taskset");
     hil.args(["-c", "0"]).arg(program("hil"));
@@ -160,7 +160,7 @@ fn one_flipped_bit_changes_the_digest() {
             );
         }
     }
-    // Measured time is no part of it.
+    // Measured time is not part of it.
     for column in ["published_ns", "round_trip_ns", "plant_ns"] {
         assert_eq!(flipped(500, column), run.digest(), "{column}");
     }

@@ -1,5 +1,4 @@
-//! The doctor on this machine, whatever it is: every check once, and an exit code that follows from
-//! the grades.
+//! The doctor on this machine, whatever it is: every check once, and an exit code that follows from the grades.
 
 use std::collections::BTreeSet;
 
@@ -9,7 +8,7 @@ use crate::support::company::busy_loop;
 use crate::support::harness::{Rig, Run, until_gone};
 use crate::support::mcap_reader::Recording;
 
-/// Facts that are read, whether or not something is measured.
+/// Facts that are read, with or without measurements.
 const READ: [&str; 18] = [
     "clock_source",
     "cores",
@@ -38,7 +37,8 @@ const MEASURED: [&str; 5] = [
     "wake_up_loaded",
 ];
 
-/// A report that holds these checks, each once, and nothing that does not follow from them.
+/// Runs the doctor and returns a report that contains these checks, each once, with a verdict that follows from
+/// them.
 #[track_caller]
 fn report(run: &Run, expected: &[&str]) -> Value {
     let report = run.json();
@@ -75,7 +75,7 @@ fn finding<'a>(report: &'a Value, name: &str) -> &'a Value {
 }
 
 #[test]
-fn a_quick_look_tells_of_every_check_once_and_measures_nothing() {
+fn a_quick_report_has_every_check_once_and_measures_nothing() {
     let rig = Rig::new();
     let run = rig.hil(&["doctor", "--quick", "--json"]);
     let report = report(&run, &READ);
@@ -91,7 +91,7 @@ fn a_quick_look_tells_of_every_check_once_and_measures_nothing() {
 }
 
 #[test]
-fn what_is_measured_holds_together() {
+fn measurements_are_consistent() {
     let rig = Rig::new();
     let run = rig.hil(&["doctor", "--seconds", "0.1", "--json"]);
     let report = report(&run, &[&READ[..], &MEASURED].concat());
@@ -104,7 +104,7 @@ fn what_is_measured_holds_together() {
     ] {
         let finding = finding(&report, name);
         if finding["grade"] == "unknown" || cores < cores_needed {
-            continue; // a load at real-time priority, one core: told, not measured
+            continue; // a load at real-time priority, one core: reported, not measured
         }
         let figures = &finding["measured"][figures];
         let of = |key: &str| figures[key].as_u64().expect(key);
@@ -138,7 +138,7 @@ fn a_busy_core_is_named() {
     assert!(others > 0.7, "{others}");
 }
 
-/// The shares that other programs take of the judged cores, by core.
+/// Returns the shares of the judged cores that other programs used, by core.
 fn finding_of_company(rig: &Rig) -> Vec<(u64, f64)> {
     let run = rig.hil(&["doctor", "--seconds", "0.5", "--json"]);
     let report = report(&run, &[&READ[..], &MEASURED].concat());
@@ -149,7 +149,7 @@ fn finding_of_company(rig: &Rig) -> Vec<(u64, f64)> {
 }
 
 #[test]
-fn a_person_reads_every_check_and_the_verdict_in_plain_text() {
+fn the_plain_text_has_every_check_and_the_verdict() {
     let rig = Rig::new();
     let run = rig.hil(&["doctor", "--quick"]);
     assert!(!run.stdout.contains('\x1b'), "colours without a terminal");
@@ -172,7 +172,7 @@ fn a_person_reads_every_check_and_the_verdict_in_plain_text() {
 }
 
 #[test]
-fn cores_that_are_not_there_are_refused() {
+fn nonexistent_cores_are_refused() {
     let rig = Rig::new();
     for (arguments, fragment) in [
         (["doctor", "--cores", "0,99999"], "no core 99999"),
@@ -186,7 +186,7 @@ fn cores_that_are_not_there_are_refused() {
 }
 
 #[test]
-fn what_a_dead_session_left_is_gone_before_the_doctor_looks() {
+fn remains_of_a_dead_session_are_removed_before_the_checks() {
     let rig = Rig::new();
     let running = rig.start("tests/scenarios/leakage.toml --set run.duration_s=1000");
     let children = running.children();
@@ -201,7 +201,7 @@ fn what_a_dead_session_left_is_gone_before_the_doctor_looks() {
 }
 
 #[test]
-fn a_recording_keeps_what_the_doctor_read() {
+fn a_recording_contains_the_doctors_findings() {
     let rig = Rig::new();
     let run = rig
         .run("scenarios/spring-mass.toml --set metrics=[]")
@@ -209,7 +209,7 @@ fn a_recording_keeps_what_the_doctor_read() {
     let metadata = Recording::open(&run.recording()).metadata();
     let facts = &metadata["hil.run"];
     for check in READ {
-        // The run is itself a session, and would find itself.
+        // The run is itself a session, which the doctor would report.
         if check == "sessions" {
             continue;
         }

@@ -1,4 +1,4 @@
-//! The crates of `examples`: a plant, a law and a link of one's own, built outside the workspace.
+//! The crates of `examples`: a plant, a law and a link built outside the workspace.
 
 use serde_json::Value;
 
@@ -8,10 +8,10 @@ use crate::support::programs::{example, of_pendulum, shipped, test_example, work
 
 const SCENARIO: &str = "examples/own-plant/pendulum.toml";
 
-/// Error and its rate of the closed loop, in rad and rad/s, a time after they were `a` and `b`.
+/// Returns error and error rate of the closed loop in rad and rad/s, some time after they were `a` and `b`.
 ///
-/// The law cancels gravity, which leaves `m l^2 e'' + (k_2 + c) e' + k_1 e = 0`: critically damped with
-/// w = 6 rad/s for the defaults, so `e(t) = (a + (b + w a) t) exp(-w t)`.
+/// The law cancels gravity, which leaves `m l^2 e'' + (k_2 + c) e' + k_1 e = 0`: critically damped with w = 6 rad/s
+/// for the defaults, so `e(t) = (a + (b + w a) t) exp(-w t)`.
 fn closed_form(t: f64, [a, b]: [f64; 2]) -> [f64; 2] {
     const W: f64 = 6.0;
     let decay = libm::exp(-W * t);
@@ -22,11 +22,11 @@ fn closed_form(t: f64, [a, b]: [f64; 2]) -> [f64; 2] {
 }
 
 #[test]
-fn a_plant_and_a_law_from_outside_move_as_the_closed_form_says() {
+fn an_external_plant_and_law_follow_the_closed_form() {
     let rig = Rig::new();
     let run = rig.run(&of_pendulum(SCENARIO)).expect(0);
     let recording = Recording::open(&run.recording());
-    // From 0.2 rad at rest; at 1 s the wanted angle jumps by 0.3 rad.
+    // From 0.2 rad at rest; at 1 s the reference angle steps by 0.3 rad.
     let [angle_rad, rate_radps] = closed_form(1.0, [0.2, 0.0]);
     let after_jump = [angle_rad - 0.3, rate_radps];
     for record in recording.records() {
@@ -38,7 +38,7 @@ fn a_plant_and_a_law_from_outside_move_as_the_closed_form_says() {
             [error_rad + 0.3, rate]
         };
         let found_rad = recording.value(&record, "truth.angle_rad");
-        // The command is held for a millisecond, which the closed form does not know.
+        // The closed form ignores that the command is held for a millisecond.
         assert!(
             (found_rad - expected_rad).abs() < 1e-3,
             "at {time_s} s: {found_rad}"
@@ -47,7 +47,7 @@ fn a_plant_and_a_law_from_outside_move_as_the_closed_form_says() {
 }
 
 #[test]
-fn the_summary_names_the_programs_from_outside() {
+fn the_summary_names_external_programs() {
     let rig = Rig::new();
     let summary = rig.run(&of_pendulum(SCENARIO)).expect(0).summary();
     let name = |side: &str| summary[side]["binary"].as_str().expect("a path").to_owned();
@@ -57,7 +57,7 @@ fn the_summary_names_the_programs_from_outside() {
 }
 
 #[test]
-fn a_pendulum_without_torque_falls_over_and_the_run_says_so() {
+fn a_pendulum_without_torque_falls_and_the_run_fails() {
     let rig = Rig::new();
     let shipped = shipped(SCENARIO);
     let gains = "[controller.state-feedback]\nangle_nm_per_rad = 9.0\n";
@@ -73,7 +73,7 @@ fn a_pendulum_without_torque_falls_over_and_the_run_says_so() {
 }
 
 #[test]
-fn a_recording_carries_the_descriptions_of_programs_from_outside() {
+fn a_recording_contains_the_descriptions_of_external_programs() {
     let rig = Rig::new();
     let run = rig.run(&of_pendulum(SCENARIO)).expect(0);
     let attachments = Recording::open(&run.recording()).attachments();
@@ -84,7 +84,7 @@ fn a_recording_carries_the_descriptions_of_programs_from_outside() {
 }
 
 #[test]
-fn a_kind_of_fault_from_outside_is_used_live_and_follows_its_equation() {
+fn an_external_fault_kind_works_live_and_follows_its_equation() {
     let rig = Rig::new();
     let plant = example("own-fault");
     let run = rig.start(&format!(
@@ -118,7 +118,7 @@ fn a_kind_of_fault_from_outside_is_used_live_and_follows_its_equation() {
 }
 
 #[test]
-fn a_parameter_of_a_plant_from_outside_is_open_to_the_built_in_faults() {
+fn built_in_faults_apply_to_parameters_of_an_external_plant() {
     let rig = Rig::new();
     let fault = "\n[[faults]]\nkind = \"scale\"\nat_s = 0.5\n[[faults.effects]]\ntarget = \"parameter.mass_kg\"\nfactor = 2\n";
     let faulted = rig.write("heavy.toml", &(shipped(SCENARIO) + fault));
@@ -130,13 +130,13 @@ fn a_parameter_of_a_plant_from_outside_is_open_to_the_built_in_faults() {
 }
 
 #[test]
-fn a_link_from_outside_passes_the_suite_of_every_link() {
+fn an_external_link_passes_the_conformance_suite() {
     let _rig = Rig::new();
     test_example("unix-socket-link");
 }
 
 #[test]
-fn a_run_over_a_link_from_outside_has_the_digest_of_shared_memory() {
+fn a_run_over_an_external_link_has_the_digest_of_shared_memory() {
     let rig = Rig::new();
     let scenario = "scenarios/spring-mass.toml";
     let wanted = rig.run(&format!("{scenario} --no-record")).expect(0);

@@ -1,11 +1,11 @@
-//! Recordings of which not all is kept: what is in them is what was, and what needs all says so.
+//! Partial recordings: their content is unchanged, and commands that need the whole run say so.
 
 use std::collections::BTreeMap;
 
 use crate::support::harness::Rig;
 use crate::support::mcap_reader::Recording;
 
-/// Half a second of the teaching plant at 1 kHz, with a sensor that lies from 0.2 s to 0.3 s.
+/// Half a second of the teaching plant at 1 kHz, with a faulty sensor from 0.2 s to 0.3 s.
 const SCENARIO: &str = r#"
 schema = 1
 name = "excerpt"
@@ -28,7 +28,7 @@ effects = [{ target = "measured.position_m", bias = 1e-3 }]
 "#;
 
 #[test]
-fn an_excerpt_has_its_part_of_the_whole_run_and_the_same_verdict() {
+fn an_excerpt_is_part_of_the_full_recording_with_the_same_verdict() {
     let rig = Rig::new();
     let scenario = rig.write("excerpt.toml", SCENARIO);
     let scenario = scenario.display();
@@ -84,7 +84,7 @@ fn an_excerpt_has_its_part_of_the_whole_run_and_the_same_verdict() {
 }
 
 #[test]
-fn a_choice_that_cannot_be_meant_is_refused_before_the_run() {
+fn a_contradictory_selection_is_refused_before_the_run() {
     let rig = Rig::new();
     let scenario = rig.write("excerpt.toml", SCENARIO);
     for (arguments, message) in [
@@ -95,7 +95,7 @@ fn a_choice_that_cannot_be_meant_is_refused_before_the_run() {
         ("--record-every 2 --no-record", "records nothing"),
         (
             "--record-every 2 --checkpoint-at 0.1",
-            "needs a whole recording",
+            "needs a complete recording",
         ),
     ] {
         let run = rig

@@ -1,6 +1,6 @@
-//! Tables made of a recording: `hil export`, and the Python module that reads the recording itself.
+//! Tables made from a recording: `hil export`, and the Python module that reads the recording itself.
 //!
-//! What is expected comes from readers that share nothing with the exporter, or from a formula.
+//! Expected values come from independent readers or from a formula.
 
 use std::io::Read;
 use std::path::Path;
@@ -14,7 +14,7 @@ use crate::support::python::{python, succeeds};
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
 const SHORT: &str = "--set run.duration_s=0.2 --set faults[0].at_s=0.1";
 
-/// A file's header and its rows of numbers.
+/// Parses a file into its header and its rows of numbers.
 fn table(path: &Path) -> (Vec<String>, Vec<Vec<f64>>) {
     let text = std::fs::read_to_string(path).expect("the table is there");
     let mut lines = text.lines();
@@ -98,7 +98,7 @@ fn an_exported_stimulus_is_its_formula() {
 }
 
 #[test]
-fn what_cannot_be_exported_says_why_and_how_to_mend_it() {
+fn failed_exports_state_the_reason_and_the_remedy() {
     let rig = Rig::new();
     let run = rig.run(&format!("{SCENARIO} {SHORT}")).expect(0);
     let run = run.folder.to_str().expect("text");
@@ -137,7 +137,7 @@ fn what_cannot_be_exported_says_why_and_how_to_mend_it() {
 }
 
 #[test]
-fn a_reader_that_wants_no_more_is_no_failure() {
+fn a_closed_pipe_is_not_a_failure() {
     let rig = Rig::new();
     let run = rig.run(&format!("{SCENARIO} {SHORT}")).expect(0);
     let mut hil = (rig.command(program("hil")))
@@ -159,7 +159,7 @@ fn a_reader_that_wants_no_more_is_no_failure() {
 }
 
 #[test]
-fn python_reads_from_recording_csv_and_parquet_the_same_bits() {
+fn python_reads_the_same_bits_from_recording_csv_and_parquet() {
     let Some(python) = python("mcap, numpy, pandas, pyarrow") else {
         let why = "python3 with mcap, numpy, pandas and pyarrow is missing";
         return skip(why, "HIL_TEST_PYTHON");
@@ -179,7 +179,7 @@ fn python_reads_from_recording_csv_and_parquet_the_same_bits() {
 }
 
 #[test]
-fn the_types_of_the_python_module_are_right() {
+fn the_python_module_passes_type_checks() {
     let Some(python) = python("mypy, mcap, numpy") else {
         let why = "python3 with mypy, mcap and numpy is missing";
         return skip(why, "HIL_TEST_PYTHON");

@@ -1,5 +1,5 @@
-//! Failures while a run is under way: who, what and which step are named, the exit code tells
-//! the sort, the recording up to there can be read, and nothing is left.
+//! Failures during a run: side, cause and step are named, the exit code gives the kind, the recording up to then is
+//! readable, and nothing is left behind.
 
 mod remains;
 
@@ -12,15 +12,15 @@ use crate::support::harness::{EXPIRES_S, Rig, Run, send, until, until_gone};
 use crate::support::mcap_reader::{Record, Recording};
 use crate::support::programs::{misbehaving_controller, misbehaving_plant, program};
 
-/// Twenty seconds of the hydraulic system: long enough to be interrupted. Killing and stopping need
-/// the run to be there, not to be short.
+/// Twenty seconds of the hydraulic system: long enough to be interrupted. Kills and stops need an active run, not a
+/// short one.
 const LONG: &str = "scenarios/severe-leakage.toml --set run.duration_s=100";
 
 const PLANT: usize = 0;
 
 const CONTROLLER: usize = 1;
 
-/// An aborted run: exit code, reason, and a readable recording without a gap.
+/// Aborted run: exit code, reason, and a readable recording without a gap.
 struct Aborted {
     reason: String,
     records: Vec<Record>,
@@ -56,7 +56,7 @@ impl Aborted {
         }
     }
 
-    /// The number after the word `step` in the reason.
+    /// Returns the number after the word `step` in the reason.
     fn step(&self) -> u64 {
         let (_, after) = self.reason.split_once("step ").expect("a step is named");
         let digits = after.split(|c: char| !c.is_ascii_digit()).next();
@@ -64,7 +64,7 @@ impl Aborted {
         step.unwrap_or_else(|_| panic!("no step in `{}`", self.reason))
     }
 
-    /// Fails if a signal of any record is no number.
+    /// Fails if a signal of any record is NaN or infinite.
     fn assert_only_numbers(&self) {
         let signals = self.recording.columns.iter().enumerate();
         for (place, name) in signals.filter(|(_, name)| name.contains('.')) {
@@ -135,7 +135,7 @@ fn a_stopped_hil_ends_the_run_with_every_clock() {
     }
 }
 
-/// A law of the misbehaving controller on the teaching plant; each does its deed at step 100.
+/// Runs a law of the misbehaving controller on the teaching plant; each misbehaves at step 100.
 fn misbehaves(rig: &Rig, law: &str) -> Run {
     misbehaves_as(rig, law, &misbehaving_controller())
 }
@@ -149,7 +149,7 @@ fn misbehaves_as(rig: &Rig, law: &str, controller: &Path) -> Run {
     ))
 }
 
-/// Only who sleeps is to be found out by waiting; a busy machine is slow to give memory.
+/// Returns the wait limit: only a sleeping side is detected by waiting; a busy machine is slow to allocate memory.
 fn wait_limit_s(deed: &str) -> f64 {
     if deed == "sleeps" { EXPIRES_S } else { 30.0 }
 }
@@ -172,7 +172,7 @@ fn the_message_of_a_controller_that_panics_is_shown_and_kept() {
     assert_eq!(aborted.records.len(), 100);
 }
 
-/// Fails if what `hil` said or wrote of a run holds what a terminal obeys.
+/// Fails if output or files of a run contain terminal control characters.
 #[track_caller]
 fn assert_shows_only_text(run: &Run) {
     let summary = std::fs::read_to_string(run.folder.join("summary.json")).expect("a summary");
@@ -185,7 +185,7 @@ fn assert_shows_only_text(run: &Run) {
 }
 
 #[test]
-fn what_a_side_mutters_does_nothing_to_a_terminal() {
+fn output_of_a_side_cannot_control_the_terminal() {
     let rig = Rig::new();
     let run = misbehaves(&rig, "mutters").says(&["muttered"]);
     assert_shows_only_text(&run);
@@ -205,7 +205,7 @@ fn an_answer_without_end_is_refused() {
         endless.display()
     ));
     run.expect(2).says(&["its answer is longer than 16 MiB"]);
-    // Complaints may be endless too; what counts is the answer.
+    // Error output may be endless too; only the answer matters.
     let own = program("controller-process");
     let text = format!(
         "#!/bin/sh\nyes complaint | head -c 100000000 >&2\nexec '{}' \"$@\"\n",
@@ -224,7 +224,7 @@ fn a_controller_that_never_answers_again_is_named_with_the_step() {
     assert_eq!(Aborted::of(run, 3, &fragments).records.len(), 100);
 }
 
-/// A plant of the misbehaving plants; each does its deed at the end of its hundredth step.
+/// Runs a misbehaving plant; each misbehaves at the end of its hundredth step.
 fn plant_misbehaves(rig: &Rig, model: &str) -> Run {
     let scenario = rig.scenario(1.0, model, "hold");
     let plant = poor(rig, &misbehaving_plant());
@@ -235,7 +235,7 @@ fn plant_misbehaves(rig: &Rig, model: &str) -> Run {
     ))
 }
 
-/// The same program with little memory.
+/// Returns a script that runs the same program with little memory.
 fn poor(rig: &Rig, program: &Path) -> PathBuf {
     let program = program.display();
     let script = format!("#!/bin/sh\nulimit -v 2000000\nexec '{program}' \"$@\"\n");
@@ -243,7 +243,7 @@ fn poor(rig: &Rig, program: &Path) -> PathBuf {
 }
 
 #[test]
-fn a_plant_that_ends_by_itself_is_named_and_what_it_published_is_kept() {
+fn a_plant_that_exits_early_is_named_and_its_records_are_kept() {
     for (model, reason) in [
         ("leaves", "plant ended before the run was over"),
         ("panics", "plant panicked"),
@@ -252,7 +252,7 @@ fn a_plant_that_ends_by_itself_is_named_and_what_it_published_is_kept() {
     ] {
         let rig = Rig::new();
         let aborted = Aborted::of(plant_misbehaves(&rig, model), 3, &[reason]);
-        // The record of the hundredth step comes with the next one, which never comes.
+        // The record of the hundredth step would come with the next one, which never comes.
         assert_eq!(aborted.records.len(), 99, "{model}");
     }
 }
@@ -267,7 +267,7 @@ fn a_controller_without_memory_is_named_with_the_step() {
 }
 
 #[test]
-fn a_command_that_is_no_number_is_refused_with_its_name() {
+fn a_nan_command_is_refused_by_name() {
     let rig = Rig::new();
     let run = misbehaves(&rig, "babbles");
     let aborted = Aborted::of(run, 3, &["controller", "step 100", "force_n"]);
@@ -276,7 +276,7 @@ fn a_command_that_is_no_number_is_refused_with_its_name() {
 }
 
 #[test]
-fn a_plant_that_is_pushed_out_of_its_range_has_diverged() {
+fn a_plant_outside_its_range_has_diverged() {
     let rig = Rig::new();
     let run = misbehaves(&rig, "pushes");
     let aborted = Aborted::of(run, 1, &["diverged", "_m"]);
@@ -291,7 +291,7 @@ fn a_plant_that_is_pushed_out_of_its_range_has_diverged() {
 }
 
 #[test]
-fn an_unstable_loop_ends_as_diverged_and_never_in_numbers_that_are_none() {
+fn an_unstable_loop_ends_as_diverged_and_never_records_nan() {
     for (changes, signal) in [
         (
             "scenarios/spring-mass.toml --set controller.pid.proportional_n_per_m=-1e5",
@@ -309,7 +309,7 @@ fn an_unstable_loop_ends_as_diverged_and_never_in_numbers_that_are_none() {
 }
 
 #[test]
-fn memory_that_is_cut_short_is_named_and_nothing_is_left() {
+fn truncated_shared_memory_is_named_and_nothing_is_left() {
     let rig = Rig::new();
     let (junit, markdown) = (rig.path("all.xml"), rig.path("all.md"));
     let running = rig.start(&format!(
@@ -320,20 +320,20 @@ fn memory_that_is_cut_short_is_named_and_nothing_is_left() {
     rig.until_held_at(2500);
     let session = hil_session::session::SessionInfo::read(&rig.session_folder());
     let session = session.expect("it runs");
-    // The recorder's: both sides are held, and `hil` alone looks at it.
+    // The recorder's stream: both sides are stopped, and `hil` alone reads it.
     let maps = std::fs::read_to_string(format!("/proc/{}/maps", session.owner.pid));
     let maps = maps.expect("it runs");
     let mapped = |path: &PathBuf| maps.contains(path.to_str().expect("plain text"));
     let segments: Vec<PathBuf> = session.segments().into_iter().filter(mapped).collect();
     assert!(!segments.is_empty());
     for segment in segments {
-        // The session may end at the first.
+        // The session may end at the first damage.
         if let Ok(file) = std::fs::File::options().write(true).open(segment) {
             file.set_len(0).expect("our own");
         }
     }
     let run = running.finish().expect(3);
-    // The plant may have met the hole first.
+    // The plant may have met the damage first.
     let reason = run.summary()["reason"].to_string();
     assert!(reason.contains("SIGBUS"), "{reason}");
     let said = run.stderr + &run.stdout;
@@ -345,7 +345,7 @@ fn memory_that_is_cut_short_is_named_and_nothing_is_left() {
 }
 
 #[test]
-fn too_few_open_files_are_named_with_what_to_do() {
+fn too_few_open_files_are_reported_with_a_remedy() {
     let rig = Rig::new();
     let hil = program("hil");
     let limited = |limit: &str| {
@@ -356,12 +356,12 @@ fn too_few_open_files_are_named_with_what_to_do() {
     };
     let run = limited("-n 40").expect(3);
     run.says(&["40 files may be open at once", "`ulimit -n 256`"]);
-    // The soft limit is for `hil` to raise.
+    // `hil` may raise the soft limit.
     limited("-Sn 40").expect(0);
 }
 
 #[test]
-fn a_limit_of_the_scenario_ends_the_run_at_the_first_step_beyond_it() {
+fn a_scenario_limit_ends_the_run_at_the_first_step_beyond_it() {
     let rig = Rig::new();
     let limited = "scenarios/spring-mass.toml --set plant.limits.position_m=[-1.0,0.005]";
     let aborted = Aborted::of(rig.run(limited), 1, &["diverged", "position_m"]);

@@ -1,5 +1,5 @@
-//! Faults of scenarios in whole runs: they act, they are recorded beside the truth, they repeat, and
-//! none of them stops the lockstep.
+//! Faults of scenarios in whole runs: they act, are recorded beside the truth, are reproducible, and never stop the
+//! lockstep.
 
 use crate::support::harness::{Rig, Run};
 use crate::support::mcap_reader::{Record, Recording};
@@ -22,7 +22,7 @@ target = "surface_angle_rad"
 kind = "paper"
 "#;
 
-/// A fault that begins at 0.2 s, in the order kind, further keys of the event, keys of the effect.
+/// Returns a fault that begins at 0.2 s, given by kind, further keys of the event, and keys of the effect.
 fn fault((kind, event, effect): (&str, &str, &str)) -> String {
     format!("[[faults]]\nkind = \"{kind}\"\nat_s = 0.2\n{event}\n[[faults.effects]]\n{effect}\n")
 }
@@ -70,7 +70,7 @@ fn a_dead_sensor_is_marked_invalid_and_keeps_its_last_value() {
 }
 
 #[test]
-fn a_command_that_does_not_reach_the_plant_is_marked_invalid() {
+fn a_command_lost_on_the_way_to_the_plant_is_marked_invalid() {
     let rig = Rig::new();
     let current = "target = \"command.actuator2_valve_current_a\"";
     let run = faulted(&rig, &[("dropout", "duration_s = 0.1", current)], "");
@@ -79,13 +79,13 @@ fn a_command_that_does_not_reach_the_plant_is_marked_invalid() {
     let invalid = |step: usize| records[step].words[recording.place("command_invalid[0]")];
     let bits = [1_999, 2_000, 2_999, 3_000].map(invalid);
     assert_eq!(bits, [0, 0b10, 0b10, 0]);
-    // What the controller sends says nothing else than before: a replay finds no difference.
+    // The controller still sends the same commands: a replay finds no difference.
     let folder = run.folder.to_str().expect("plain");
     assert_eq!(rig.hil(&["replay", folder]).code, Some(0));
 }
 
 #[test]
-fn a_bias_is_the_difference_between_what_is_measured_and_what_is_sensed() {
+fn a_bias_is_the_difference_between_measured_and_sensed_values() {
     let rig = Rig::new();
     let given = (
         "bias",
@@ -152,7 +152,7 @@ fn a_late_message_shows_the_receiver_the_past_and_its_age() {
 }
 
 #[test]
-fn inverted_bits_are_found_by_the_check_sum_and_counted() {
+fn inverted_bits_are_detected_by_the_checksum_and_counted() {
     let rig = Rig::new();
     let given = (
         "message-corruption",
@@ -178,7 +178,7 @@ fn a_late_controller_costs_time_and_changes_nothing_else() {
 }
 
 #[test]
-fn skipped_steps_repeat_and_the_age_tells_of_them() {
+fn skipped_steps_are_reproducible_and_visible_in_the_age() {
     let rig = Rig::new();
     let given = ("skip", "", "target = \"controller\"\nsteps = 4");
     let run = faulted(&rig, &[given], "");
@@ -187,7 +187,7 @@ fn skipped_steps_repeat_and_the_age_tells_of_them() {
     let ages: Vec<u64> = (recording.records().skip(1_999).take(7))
         .map(|record| record.words[place])
         .collect();
-    // The command of step 2000 takes effect at 2004; until then that of 1999 is in force.
+    // The command of step 2000 takes effect at 2004; until then that of 1999 is active.
     assert_eq!(ages, [0, 1, 2, 3, 4, 4, 0]);
     assert_eq!(
         faulted(&rig, &[given], "--link in-process").digest(),
@@ -196,7 +196,7 @@ fn skipped_steps_repeat_and_the_age_tells_of_them() {
     assert_ne!(faulted(&rig, &[], "").digest(), run.digest());
 }
 
-/// Faults of each class, some at random.
+/// Faults of each class, some of them random.
 const MANY: [(&str, &str, &str); 9] = [
     (
         "leakage",
@@ -276,7 +276,7 @@ fn a_fault_that_does_nothing_and_one_that_never_begins_are_flagged() {
 }
 
 #[test]
-fn a_chain_of_triggers_takes_hold_where_its_definition_says() {
+fn a_chain_of_triggers_takes_hold_at_the_defined_steps() {
     let rig = Rig::new();
     let faults = r#"
 [[faults]]
@@ -301,7 +301,7 @@ effects = [
     let recording = Recording::open(&run.recording());
     let rate = |record: &Record| recording.value(record, "truth.surface_rate_radps");
     let begin = recording.records().position(|record| rate(&record) != 0.0);
-    // It holds in records begin .. begin + 99, the hundredth of them in a row; it acts one later.
+    // The condition holds in records begin .. begin + 99, a hundred in a row; the fault acts one record later.
     let first = begin.expect("the surface moves") as u64 + 100;
     let taken: Vec<u64> = (recording.events.iter())
         .filter(|event| event["event"] == "fault")

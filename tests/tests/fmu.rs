@@ -1,4 +1,4 @@
-//! FMUs as plants and controllers: the numbers that FMPy gets, what is told of them, and what misbehaves.
+//! FMUs as plants and controllers: numbers compared with FMPy, descriptions, and misbehaving FMUs.
 
 mod aliases;
 mod ends;
@@ -22,13 +22,13 @@ use crate::support::harness::{Rig, Run};
 use crate::support::programs::{program, shipped, skip, workspace};
 use crate::support::python::{python, succeeds};
 
-/// A rig whose temporary files are its own, so that what is left of FMUs is seen.
+/// Rig with its own temporary folder, so that remains of FMUs are visible.
 struct Place {
     rig: Rig,
 }
 
 impl Place {
-    /// Makes a place, or says that this machine has no C compiler for FMUs.
+    /// Creates a place, or reports that this machine has no C compiler for FMUs.
     fn new() -> Option<Self> {
         if !has_compiler() {
             skip("there is no C compiler", "HIL_TEST_CC");
@@ -39,7 +39,7 @@ impl Place {
         Some(Self { rig })
     }
 
-    /// An FMU in the test's folder.
+    /// Writes an FMU to the test's folder.
     fn fmu(&self, name: &str, entries: &[(String, Vec<u8>)]) -> PathBuf {
         let path = self.rig.path(name);
         write(&path, entries);
@@ -82,7 +82,8 @@ fn scenario(model: &str, program: &str, rate_hz: f64, steps: f64) -> String {
     )
 }
 
-/// Faults that give every command of an FMU values of its own: each number another sine, whole numbers steps.
+/// Returns faults that give every command of an FMU its own values: another sine for each number, steps for
+/// integers.
 fn moved(described: &Value, rate_hz: f64) -> String {
     let mut text = String::new();
     let commands = described["description"]["plants"][0]["commands"].as_array();
@@ -112,7 +113,7 @@ fn moved(described: &Value, rate_hz: f64) -> String {
 }
 
 #[test]
-fn every_reference_fmu_gives_the_numbers_that_fmpy_gets() {
+fn every_reference_fmu_gives_the_numbers_of_fmpy() {
     let Some(place) = Place::new() else { return };
     let mut runs = Vec::new();
     for (model, version, rate_hz) in REFERENCE {
@@ -131,7 +132,7 @@ fn every_reference_fmu_gives_the_numbers_that_fmpy_gets() {
     let Some(python) = python("fmpy, numpy, mcap") else {
         return skip("Python has no `fmpy`", "HIL_TEST_FMPY");
     };
-    // All by one interpreter: what it imports takes longer than a comparison.
+    // All in one interpreter: its imports take longer than a comparison.
     let mut compare = Command::new(python);
     compare.arg(workspace().join("tests/python/compare_fmu.py"));
     for (path, folder, rate_hz) in &runs {
@@ -150,7 +151,7 @@ fn every_reference_fmu_gives_the_numbers_that_fmpy_gets() {
 }
 
 #[test]
-fn a_description_tells_what_depends_directly_and_what_is_left_out() {
+fn a_description_lists_direct_feedthrough_and_omissions() {
     let Some(place) = Place::new() else { return };
     place.fmu("f.fmu", &reference("Feedthrough", 3));
     let told = place.hil(&["describe", "f.fmu"]).expect(0).stdout;
@@ -171,7 +172,7 @@ fn a_description_tells_what_depends_directly_and_what_is_left_out() {
         .hil(&["describe", "p.fmu", "--as", "controller"])
         .expect(0)
         .prints(&["law proportional for any plant"]);
-    // A program is described as well.
+    // A program can be described as well.
     let plant = program("plant-process");
     place
         .hil(&["describe", plant.to_str().expect("text")])
@@ -245,7 +246,7 @@ fn a_run_resumed_from_a_checkpoint_equals_the_uninterrupted_one() {
 }
 
 #[test]
-fn trouble_in_a_step_is_told_with_the_last_message() {
+fn an_error_in_a_step_is_reported_with_the_last_message() {
     let Some(place) = Place::new() else { return };
     place.fmu("p.fmu", &proportional());
     let text = scenario("proportional", "p.fmu", 10.0, 10.0);
@@ -323,7 +324,7 @@ fn an_fmu_is_a_controller() {
     assert!(moved > 400, "{moved}");
 }
 
-/// Entries with another content of one of them.
+/// Returns entries with the content of one of them replaced.
 fn with(mut entries: Entries, name: &str, change: impl FnOnce(Vec<u8>) -> Vec<u8>) -> Entries {
     let entry = entries
         .iter_mut()
@@ -417,7 +418,7 @@ fn an_fmu_that_others_can_write_is_not_run() {
 }
 
 #[test]
-fn a_recorded_run_of_an_fmu_is_repeated_with_its_inner_signals() {
+fn a_recorded_run_of_an_fmu_is_repeated_with_its_local_signals() {
     let Some(place) = Place::new() else { return };
     place.fmu("d.fmu", &reference("Dahlquist", 2));
     let text = scenario("Dahlquist", "d.fmu", 10.0, 20.0);

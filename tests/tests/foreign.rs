@@ -1,4 +1,4 @@
-//! Plants and controllers in C: the same numbers as in Rust, and every deed and mistake with its name.
+//! Plants and controllers in C: the same numbers as in Rust, and every mistake reported by name.
 
 mod connected;
 mod deeds;
@@ -27,7 +27,7 @@ const SANITIZED: &[&str] = &[
     "-fno-sanitize-recover=all",
 ];
 
-/// Checks for a tool; without the tool the test is skipped by name.
+/// Returns `true` if a tool is installed; otherwise the test is reported as skipped.
 fn has(tool: &str) -> bool {
     let is_there = works(&[tool, "--version"]);
     if !is_there {
@@ -36,12 +36,12 @@ fn has(tool: &str) -> bool {
     is_there
 }
 
-/// The library, built with the programs of the workspace.
+/// Returns the library, built with the programs of the workspace.
 fn library() -> PathBuf {
     program("examples").join("libhil_c.a")
 }
 
-/// Compiles a program of C or C++ with every warning an error.
+/// Compiles a C or C++ program with every warning as an error.
 fn compiled(rig: &Rig, compiler: &str, source: &str, name: &str, options: &[&str]) -> PathBuf {
     let built = rig.path(name);
     let mut command = Command::new(compiler);
@@ -67,7 +67,7 @@ fn compiled(rig: &Rig, compiler: &str, source: &str, name: &str, options: &[&str
     built
 }
 
-/// A program built by the Makefile of its example, in a copy of its folder.
+/// Builds the program of an example with its Makefile, in a copy of its folder.
 fn made(rig: &Rig, folder: &str, name: &str) -> PathBuf {
     let copy = copied(rig, folder);
     let mut make = Command::new("make");
@@ -78,7 +78,7 @@ fn made(rig: &Rig, folder: &str, name: &str) -> PathBuf {
     copy.join(name)
 }
 
-/// A program built by the CMake file of its example.
+/// Builds the program of an example with its CMake file.
 fn generated(rig: &Rig, folder: &str, name: &str) -> PathBuf {
     let copy = copied(rig, folder);
     let build = copy.join("build");
@@ -109,13 +109,13 @@ fn run_of(rig: &Rig, scenario: &str, plant: &Path, controller: &Path) -> Run {
 }
 
 #[test]
-fn a_pendulum_in_c_has_the_digest_of_that_in_rust() {
+fn a_pendulum_in_c_has_the_digest_of_the_one_in_rust() {
     if !has("cc") || !has("make") {
         return;
     }
     let rig = Rig::new();
     let (plant, law) = (example("own-plant"), example("own-controller"));
-    // With gains that are others from some time on, at once and on a ramp.
+    // With gains that change at some time, at once and on a ramp.
     let scenario = rig.path("tuned.toml");
     let text = shipped(PENDULUM);
     let changes = "\n[[changes]]\nat_s = 0.5\nset.controller.state-feedback.angle_nm_per_rad = 12.0\n\
@@ -143,7 +143,7 @@ fn a_pendulum_in_c_has_the_digest_of_that_in_rust() {
 }
 
 #[test]
-fn cmake_builds_the_examples_too_and_a_run_goes_on_from_a_checkpoint() {
+fn cmake_builds_the_examples_and_their_runs_can_be_resumed() {
     if !has("cc") || !has("cmake") {
         return;
     }
@@ -190,7 +190,7 @@ fn a_program_in_cpp_includes_the_header() {
 }
 
 #[test]
-fn both_sides_are_clean_under_the_sanitizers_and_a_row_that_is_overrun_is_found() {
+fn both_sides_pass_the_sanitizers_and_a_row_overrun_is_detected() {
     if !has("cc") {
         return;
     }
@@ -221,7 +221,7 @@ fn both_sides_are_clean_under_the_sanitizers_and_a_row_that_is_overrun_is_found(
 }
 
 #[test]
-fn folders_in_c_build_run_and_have_a_test() {
+fn new_c_projects_build_run_and_have_a_test() {
     if !has("cc") || !has("make") {
         return;
     }
@@ -261,7 +261,7 @@ fn folders_in_c_build_run_and_have_a_test() {
         .says(&["--lang"]);
 }
 
-/// Text of C that fails to compile if a struct of the header is another than that of Rust.
+/// C source that fails to compile if a struct of the header differs from that of Rust.
 macro_rules! same {
     ($text:ident, $name:literal, $type:ty, $($field:ident),+) => {
         writeln!($text, "_Static_assert(sizeof({0}) == {1}, \"{0}\");", $name, size_of::<$type>()).expect("text");
@@ -274,7 +274,7 @@ macro_rules! same {
 }
 
 #[test]
-fn the_structs_of_the_header_are_those_of_rust() {
+fn the_structs_of_the_header_match_those_of_rust() {
     if !has("cc") {
         return;
     }

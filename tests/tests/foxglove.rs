@@ -1,4 +1,4 @@
-//! `hil monitor --foxglove`: what a client that shares no code with it gets is what is recorded.
+//! `hil monitor --foxglove`: an independent client receives the recorded data.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -16,10 +16,10 @@ use crate::support::python::python;
 
 const FIELD: &str = "truth.position_m";
 
-/// A monitor that serves the session of a test.
+/// Monitor that serves the session of a test.
 struct Server {
     process: Companion,
-    /// Kept open: it still has something to say.
+    /// Kept open: it still has output.
     _stderr: BufReader<ChildStderr>,
     url: String,
 }
@@ -51,7 +51,7 @@ impl Server {
         self.url.trim_start_matches("ws://")
     }
 
-    /// Waits for its end; what it printed.
+    /// Waits for its end; returns its output.
     fn finish(mut self) -> (Option<i32>, String) {
         let status = ended(&mut self.process);
         let mut text = String::new();
@@ -61,7 +61,7 @@ impl Server {
     }
 }
 
-/// The client, and what it was told so far.
+/// Client with the messages received so far.
 struct Client {
     process: Child,
     lines: BufReader<ChildStdout>,
@@ -95,7 +95,7 @@ impl Client {
 }
 
 #[test]
-fn a_client_gets_the_records_that_are_recorded_and_changes_nothing() {
+fn a_client_receives_the_recorded_records_and_changes_nothing() {
     let Some(python) = python("mcap_ros2, websockets.sync.client") else {
         let why = "there is no Python with mcap-ros2-support and websockets";
         return skip(why, "HIL_TEST_PYTHON");
@@ -125,7 +125,7 @@ fn a_client_gets_the_records_that_are_recorded_and_changes_nothing() {
         .map(|channel| &channel["topic"])
         .collect();
         assert_eq!(topics, ["/record", "/events"]);
-        // By this answer it is known that the subscriptions arrived, too.
+        // This answer shows that the subscriptions arrived, too.
         let refused = client.next().expect("an answer");
         assert_eq!(refused["said"]["op"], "status", "{refused}");
         let message = refused["said"]["message"].as_str().expect("text");
@@ -180,7 +180,7 @@ fn a_client_gets_the_records_that_are_recorded_and_changes_nothing() {
     rig.assert_nothing_left();
 }
 
-/// Log time and value of the field at each step.
+/// Returns log time and value of the field at each step.
 fn recorded(recording: &Recording) -> BTreeMap<u64, (u64, u64)> {
     let at = recording.columns.iter().position(|column| column == FIELD);
     let at = at.expect("it is recorded");
@@ -190,11 +190,11 @@ fn recorded(recording: &Recording) -> BTreeMap<u64, (u64, u64)> {
 }
 
 #[test]
-fn who_speaks_something_else_is_refused_and_holds_nobody_up() {
+fn a_client_with_another_protocol_is_refused_and_delays_nobody() {
     let rig = Rig::new();
     let run = rig.held();
     let server = Server::start(&rig, &[]);
-    // One that says nothing, one that says nonsense, one of another protocol.
+    // A silent client, one that sends nonsense, one with another protocol.
     let _silent = TcpStream::connect(server.address()).expect("it listens");
     let mut nonsense = TcpStream::connect(server.address()).expect("it listens");
     nonsense
@@ -214,7 +214,7 @@ fn who_speaks_something_else_is_refused_and_holds_nobody_up() {
         .says(&["cannot serve at"]);
     rig.in_session("monitor --foxglove nowhere")
         .expect(2)
-        .says(&["a port, or an address"]);
+        .says(&["a port or an address"]);
     send(server.process.id(), Signal::TERM);
     assert_eq!(server.finish().0, Some(130));
     rig.in_session("resume").expect(0);

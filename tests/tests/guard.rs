@@ -1,5 +1,5 @@
-//! Deaths of `hil` itself: whatever kills it, its guard ends both sides, leaves a summary, and nothing else; to
-//! terminals, shells and scripts guard and run are one process.
+//! Deaths of `hil` itself: the guard ends both sides, leaves a summary, and nothing else; to terminals, shells and
+//! scripts, guard and run are one process.
 
 use std::fs;
 use std::os::unix::fs::{MetadataExt, PermissionsExt, chown};
@@ -17,9 +17,9 @@ use crate::support::programs::{
     misbehaving_controller, misbehaving_plant, program, shipped, skip, workspace,
 };
 
-/// Number of a user without rights.
+/// ID of an unprivileged user.
 const NOBODY: u32 = 65534;
-/// A run that ends only when it is ended.
+/// Run that ends only when it is ended.
 const ENDLESS: &str = "scenarios/severe-leakage.toml --set run.duration_s=1000 --wait-limit 60";
 
 /// Returns the process that runs this test's session.
@@ -33,7 +33,7 @@ fn summary_in(folder: &Path) -> Value {
     serde_json::from_str(&text.expect("a summary")).expect("JSON")
 }
 
-/// Fails unless a run has the summary that a guard writes, and the commands that read summaries take it.
+/// Fails unless a run has the summary of a guard, and the commands that read summaries accept it.
 #[track_caller]
 fn assert_lost(rig: &Rig, run: &Run, cause: &str) {
     let summary = run.summary();
@@ -50,7 +50,7 @@ fn assert_lost(rig: &Rig, run: &Run, cause: &str) {
 }
 
 #[test]
-fn a_plant_that_writes_over_its_shared_memory_ends_the_run_with_a_summary() {
+fn a_plant_that_corrupts_its_shared_memory_ends_the_run_with_a_summary() {
     for deed in ["smears", "wipes"] {
         let rig = Rig::new();
         let scenario = rig.scenario(1000.0, deed, "hold");
@@ -63,7 +63,7 @@ fn a_plant_that_writes_over_its_shared_memory_ends_the_run_with_a_summary() {
 }
 
 #[test]
-fn a_run_whose_process_a_signal_kills_has_a_summary_that_names_the_signal() {
+fn a_run_killed_by_a_signal_has_a_summary_that_names_the_signal() {
     for (signal, name) in [
         (Signal::KILL, "SIGKILL (9)"),
         (Signal::SEGV, "SIGSEGV (11)"),
@@ -74,9 +74,9 @@ fn a_run_whose_process_a_signal_kills_has_a_summary_that_names_the_signal() {
         let children = running.children();
         let owner = owner(&rig);
         let pid = Pid::from_raw(owner.pid as i32).expect("a number");
-        // Again: the standard library's handler passes over a SIGSEGV that no access of the process caused.
+        // Repeated: the standard library's handler ignores a SIGSEGV that was not caused by an access.
         until("it dies", || {
-            let _ = kill_process(pid, signal); // it may be gone
+            let _ = kill_process(pid, signal); // it may have ended
             !owner.is_alive()
         });
         let run = running.finish().expect(3).says(&[name, "hil recover"]);
@@ -87,7 +87,7 @@ fn a_run_whose_process_a_signal_kills_has_a_summary_that_names_the_signal() {
 }
 
 #[test]
-fn a_recovered_run_has_the_summary_of_its_recording_and_keeps_the_cause() {
+fn a_recovered_run_has_a_summary_of_its_recording_with_the_cause() {
     let rig = Rig::new();
     let running = rig.start(ENDLESS);
     running.children();
@@ -104,20 +104,20 @@ fn a_recovered_run_has_the_summary_of_its_recording_and_keeps_the_cause() {
 }
 
 #[test]
-fn a_killed_guard_takes_its_run_with_it_and_the_next_hil_removes_the_rest() {
+fn killing_the_guard_ends_its_run_and_the_next_hil_cleans_up() {
     let rig = Rig::new();
     let running = rig.start(ENDLESS);
     let children = running.children();
     let owner = owner(&rig);
     running.kill();
-    // At once: the run may be dying still.
+    // At once: the run may still be dying.
     rig.hil(&["sessions", "--clean"]).expect(0);
     until_gone(&children);
     until_gone(&[owner]);
 }
 
 #[test]
-fn of_a_suite_that_is_killed_each_run_is_told_as_it_ended() {
+fn each_run_of_a_killed_suite_is_reported_as_it_ended() {
     let rig = Rig::new();
     let (junit, markdown) = (rig.path("all.xml"), rig.path("all.md"));
     let short = rig.write(
@@ -167,7 +167,7 @@ fn of_a_suite_that_is_killed_each_run_is_told_as_it_ended() {
 }
 
 #[test]
-fn signals_to_the_process_that_was_started_end_the_run_in_order() {
+fn signals_to_the_started_process_end_the_run_in_order() {
     for signal in [Signal::INT, Signal::TERM, Signal::HUP] {
         let rig = Rig::new();
         let running = rig.start(ENDLESS);
@@ -180,7 +180,7 @@ fn signals_to_the_process_that_was_started_end_the_run_in_order() {
 }
 
 #[test]
-fn a_run_stops_and_goes_on_as_its_shell_wants() {
+fn a_run_stops_and_continues_under_job_control() {
     let rig = Rig::new();
     let running = rig.held();
     let run = owner(&rig);
@@ -204,7 +204,7 @@ fn a_continuation_while_a_guard_stops_is_not_lost() {
     let run = owner(&rig);
     for _ in 0..10 {
         send(running.pid(), Signal::TSTP);
-        // The guard is about to stop, and may not have done so.
+        // The guard is about to stop, and may not have done so yet.
         until("the run is stopped", || run.is_stopped());
         send(running.pid(), Signal::CONT);
         until("the run goes on", || !run.is_stopped());
@@ -213,7 +213,7 @@ fn a_continuation_while_a_guard_stops_is_not_lost() {
     running.finish().expect(0);
 }
 
-/// Starts a run that ignores signals until a handler is registered, and holds it.
+/// Starts a run that ignores signals until a handler is registered, and pauses it.
 fn held_ignoring<'r>(rig: &'r Rig, signals: &str) -> Running<'r> {
     let mut shell = rig.command("sh");
     let script = format!("trap '' {signals}; exec \"$0\" \"$@\"");
@@ -240,14 +240,14 @@ fn a_run_under_nohup_ignores_the_end_of_its_terminal() {
 #[test]
 fn a_script_interrupts_its_background_job() {
     let rig = Rig::new();
-    // A shell without job control starts such a job so.
+    // A shell without job control starts background jobs like this.
     let running = held_ignoring(&rig, "INT QUIT");
     send(running.pid(), Signal::INT);
     running.finish().expect(130);
 }
 
 #[test]
-fn a_run_ends_whatever_its_parent_made_of_the_signal_of_ended_children() {
+fn a_run_ends_under_any_inherited_disposition_of_sigchld() {
     let rig = Rig::new();
     for option in ["--block-signal=CHLD", "--ignore-signal=CHLD"] {
         let env = |arguments: &[&str]| {
@@ -260,14 +260,14 @@ fn a_run_ends_whatever_its_parent_made_of_the_signal_of_ended_children() {
         }
         let hil = program("hil");
         let start = |arguments: &str| rig.start_with(env(&[text(&hil)]), arguments);
-        // The child may be gone before it is looked at.
+        // The child may have ended before it is looked at.
         start("none.toml").finish().expect(2);
         start("scenarios/spring-mass.toml").finish().expect(0);
     }
 }
 
 #[test]
-fn any_signal_that_kills_the_process_that_was_started_leaves_a_summary() {
+fn any_signal_that_kills_the_started_process_leaves_a_summary() {
     for (signal, name) in [
         (Signal::USR1, "SIGUSR1 (10)"),
         (Signal::ALARM, "SIGALRM (14)"),
@@ -281,20 +281,20 @@ fn any_signal_that_kills_the_process_that_was_started_leaves_a_summary() {
     }
 }
 
-/// Makes a copy of `hil`, with its sides, that has a privilege of its own: its processes are closed to others of the user.
+/// Copies `hil` with its sides and gives it a privilege: its processes are then closed to others of the same user.
 fn privileged(rig: &Rig) -> PathBuf {
     let folder = rig.path("programs");
     fs::create_dir(&folder).expect("a folder");
     for name in ["hil", "plant-process", "controller-process"] {
         fs::copy(program(name), folder.join(name)).expect("copied");
     }
-    // Whatever the umask is.
+    // Independent of the umask.
     for path in ["", "hil", "plant-process", "controller-process"] {
         let mode = fs::Permissions::from_mode(0o755);
         fs::set_permissions(folder.join(path), mode).expect("set");
     }
     let hil = folder.join("hil");
-    // The second form of the attribute, in effect at once: CAP_SYS_NICE, the 23rd.
+    // Second form of the attribute, effective at once: CAP_SYS_NICE, number 23.
     let words = [0x0200_0001_u32, 1 << 23, 0, 0, 0];
     let capability: Vec<u8> = words.into_iter().flat_map(u32::to_le_bytes).collect();
     setxattr(
@@ -333,7 +333,7 @@ fn a_killed_run_of_a_privileged_program_has_a_summary() {
 }
 
 #[test]
-fn a_side_that_is_stuck_does_not_outlive_a_killed_hil() {
+fn a_stuck_side_does_not_outlive_a_killed_hil() {
     let rig = Rig::new();
     let scenario = rig.scenario(1000.0, "spring-mass", "sleeps");
     let controller = misbehaving_controller();
@@ -385,7 +385,7 @@ fn a_guard_with_a_stack_of_64_kib_reads_every_signal() {
 }
 
 #[test]
-fn a_run_that_somebody_paused_says_so_on_its_own_terminal() {
+fn a_paused_run_says_so_on_its_own_terminal() {
     for link in ["iceoryx2", "in-process"] {
         let rig = Rig::new();
         let said = rig.path("said");

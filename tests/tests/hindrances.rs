@@ -1,11 +1,11 @@
-//! A machine that gives no shared memory: what is wrong with it is said, and what to do.
+//! Machines without usable shared memory: the cause and the remedy are reported.
 
 use std::process::Output;
 
 use crate::support::harness::Rig;
 use crate::support::programs::{program, skip, works};
 
-/// Runs `hil` where `/dev/shm` is a file system of its own with these options.
+/// Runs `hil` with a separate file system with these options at `/dev/shm`.
 fn hil(rig: &Rig, options: &str, arguments: &[&str]) -> Output {
     let script = format!(
         "mount -t tmpfs -o mode=1777,{options} tmpfs /dev/shm && exec timeout 100 \"$0\" \"$@\""
@@ -18,7 +18,7 @@ fn hil(rig: &Rig, options: &str, arguments: &[&str]) -> Output {
 }
 
 #[test]
-fn shared_memory_that_cannot_be_used_is_named_with_what_to_do() {
+fn unusable_shared_memory_is_reported_with_a_remedy() {
     if !works(&["unshare", "-m", "mount", "-t", "tmpfs", "tmpfs", "/dev/shm"]) {
         let why = "this user may not mount file systems";
         return skip(why, "HIL_TEST_UNSHARE");
@@ -27,7 +27,7 @@ fn shared_memory_that_cannot_be_used_is_named_with_what_to_do() {
     for (options, told) in [
         ("ro", "mount -o remount,rw /dev/shm"),
         ("nr_inodes=1", "mount -o remount,nr_inodes="),
-        // iceoryx2 comes as far as its nodes, services and ports.
+        // iceoryx2 gets as far as its nodes, services and ports.
         ("nr_inodes=8", "mount -o remount,nr_inodes="),
         ("nr_inodes=20", "mount -o remount,nr_inodes="),
         ("nr_inodes=40", "mount -o remount,nr_inodes="),

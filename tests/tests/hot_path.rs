@@ -1,4 +1,4 @@
-//! A step makes no system call, but for a look at its thread now and then, and allocates nothing.
+//! A step makes no system calls, except to sample its thread's statistics now and then, and allocates nothing.
 
 use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -21,13 +21,13 @@ use crate::support::mcap_reader::Recording;
 use crate::support::programs::{program, skip, works};
 
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
-/// System calls of a wait: giving the core away, a sleep or its end for the other side, and a clock that the
-/// kernel does not lend.
+/// System calls of a wait: yielding the core, sleeping or waking the other side, and reading a clock outside the
+/// vDSO.
 const WAITING: [&str; 3] = ["sched_yield", "futex", "clock_gettime"];
-/// System calls of a look at the statistics of the thread: every 1,024 steps, and after one that took far too long.
+/// System calls for sampling the thread's statistics: every 1,024 steps, and after one that took far too long.
 const LOOKING: [&str; 2] = ["getcpu", "getrusage"];
 
-/// A program that traces itself once it is started for a run.
+/// Returns a program that traces itself once it is started for a run.
 fn traced(rig: &Rig, name: &str) -> String {
     let (log, program) = (rig.path(&format!("{name}.strace")), program(name));
     let (log, program) = (log.display(), program.display());
@@ -40,8 +40,7 @@ fn traced(rig: &Rig, name: &str) -> String {
     script.display().to_string()
 }
 
-/// Returns the time of each call, in s since 1970, and its name. A call that waited counts when it
-/// began.
+/// Returns the time of each call in s since 1970, and its name. A call that waited counts at its start.
 fn calls(log: &Path) -> Vec<(f64, String)> {
     let text = std::fs::read_to_string(log).unwrap_or_else(|e| panic!("{}: {e}", log.display()));
     let call = |line: &str| {
@@ -54,7 +53,7 @@ fn calls(log: &Path) -> Vec<(f64, String)> {
 }
 
 #[test]
-fn between_the_first_and_the_last_step_neither_process_calls_the_system() {
+fn neither_process_makes_system_calls_between_the_first_and_the_last_step() {
     if !works(&["strace", "-V"]) {
         return skip("strace is missing", "HIL_TEST_STRACE");
     }
@@ -77,8 +76,8 @@ fn between_the_first_and_the_last_step_neither_process_calls_the_system() {
         .expect("after 1970");
     let offset_s = since_1970.as_secs_f64() - monotonic_ns() as f64 / 1e9;
     let at_s = |time_ns: u64| offset_s + time_ns as f64 / 1e9;
-    // Both clocks are read one after the other, a trace has microseconds, and beside other programs it takes a side
-    // as long as it likes to open what the other's first sample lies in: keep off the ends.
+    // Both clocks are read one after the other, a trace has microsecond resolution, and on a loaded machine a side
+    // may take long to open the memory of the other's first sample: the ends are excluded.
     let (slack_s, ends) = (1e-3, 100);
     let begin_s = at_s(times[ends]) + slack_s;
     let end_s = at_s(times[times.len() - 1 - ends]) - slack_s;
@@ -86,7 +85,7 @@ fn between_the_first_and_the_last_step_neither_process_calls_the_system() {
 
     for name in ["plant-process", "controller-process"] {
         let calls = calls(&rig.path(&format!("{name}.strace")));
-        // The trace works: it has what came before and after.
+        // The trace works: it contains calls before and after.
         assert!(
             calls
                 .iter()
@@ -156,7 +155,7 @@ when = "tracking_error_rad > 1e9"
 effects = [{ target = "reference.surface_angle_rad", bias = 1 }]
 "#;
 
-/// The scenario's jobs for both sides.
+/// Returns the scenario's jobs for both sides.
 fn jobs(session: u64) -> (plant_process::job::Job, controller_process::job::Job) {
     // Faults act while allocations are counted, but none begins then.
     let plan = plan(
@@ -176,7 +175,7 @@ fn jobs(session: u64) -> (plant_process::job::Job, controller_process::job::Job)
     (plant, controller)
 }
 
-/// Allocations of engine, runner, link and sink in N steps, taken after as many to warm up.
+/// Counts allocations of engine, runner, link and sink in N steps, after as many for warm-up.
 fn allocations_in<L: Link>(
     steps: u64,
     session: u64,
@@ -200,14 +199,14 @@ fn allocations_in<L: Link>(
     let mut runner = Runner::new(law, controller, controller_link).expect("starts");
     runner.begin().expect("says hello");
 
-    // Records come one step late.
+    // Records arrive one step late.
     let mut records = 0;
     let mut run_to = |step: u64| {
         while records < step {
             let progress = engine.poll().expect("the engine works");
             assert_ne!(progress, Progress::Over);
             runner.poll().expect("the runner works");
-            // The recorder is another process's; it may allocate.
+            // The recorder runs in another process and may allocate.
             allocation_counter::opt_out(|| {
                 let mut count =
                     |item: Item<'_>| records += u64::from(matches!(item, Item::Record(_)));
@@ -225,7 +224,7 @@ fn a_step_allocates_nothing() {
     assert_eq!(allocations, 0);
 }
 
-/// iceoryx2 0.10.0 allocates once when a sample is loaned, which every record is. Frames, which use its
+/// iceoryx2 0.10.0 allocates once when a sample is loaned, which happens for every record. Frames, which use its
 /// blackboard, allocate nothing.
 #[test]
 fn over_shared_memory_the_loan_of_a_record_is_the_only_allocation_of_a_step() {

@@ -1,4 +1,4 @@
-//! Ctrl-C ends every command, wherever it is: with 130, and nothing left.
+//! Ctrl-C ends every command at any point: with exit code 130, and nothing left behind.
 
 use std::fs;
 use std::path::PathBuf;
@@ -12,10 +12,10 @@ use crate::support::programs::shipped;
 /// Requirements that take the check more than a second.
 const MANY: usize = 150_000;
 
-/// Returns the processor time of a process, in ticks; `None` if the process has ended.
+/// Returns the processor time of a process in ticks; `None` if it has ended.
 fn ticks(running: &Running<'_>) -> Option<u64> {
     let stat = fs::read_to_string(format!("/proc/{}/stat", running.worker())).ok()?;
-    let fields = stat.rsplit_once(')')?.1; // the name before may have spaces
+    let fields = stat.rsplit_once(')')?.1; // the name may contain spaces
     let mut fields = fields.split_ascii_whitespace();
     if fields.next()? == "Z" {
         return None;
@@ -25,7 +25,7 @@ fn ticks(running: &Running<'_>) -> Option<u64> {
     Some(user + number(fields.next())?)
 }
 
-/// Returns true if a process has begun its work and nothing of it is running.
+/// Returns `true` if a process has begun its work and none of its threads is running.
 fn waits(running: &Running<'_>) -> bool {
     let process = PathBuf::from(format!("/proc/{}", running.worker()));
     let status = fs::read_to_string(process.join("status")).unwrap_or_default();
@@ -42,9 +42,9 @@ fn waits(running: &Running<'_>) -> bool {
             .all(|stat| stat.contains(") S "))
 }
 
-/// A recording that nobody ever writes: whoever opens it waits for ever.
+/// A recording that is never written: opening it blocks for ever.
 #[test]
-fn what_waits_for_a_recording_ends_on_ctrl_c_and_leaves_nothing() {
+fn commands_waiting_for_a_recording_end_on_ctrl_c_and_leave_nothing() {
     let rig = Rig::new();
     let (folder, output) = (rig.path("silent"), rig.path("out"));
     for path in [&folder, &output] {

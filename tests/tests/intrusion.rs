@@ -1,6 +1,5 @@
-//! Strangers to a session get nowhere: confused processes of the same user, other users, and
-//! nonsense on every way in. A run that all of them try to get into has the digest of one that
-//! was left alone.
+//! Strangers to a session get no access: confused processes of the same user, other users, and nonsense on every
+//! interface. A run under all these attempts has the digest of an undisturbed one.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::fs::PermissionsExt;
@@ -19,10 +18,10 @@ use crate::support::harness::{Rig, ended, until};
 use crate::support::programs::program;
 
 const SCENARIO: &str = "scenarios/spring-mass.toml";
-/// The user that is nobody.
+/// User ID of `nobody`.
 const NOBODY: u32 = 65534;
 
-/// A held run that is tried to be got into.
+/// Paused run under attack.
 struct Target<'r> {
     rig: &'r Rig,
     session: SessionInfo,
@@ -31,7 +30,7 @@ struct Target<'r> {
 }
 
 impl Target<'_> {
-    /// Notes an attempt, which must have failed.
+    /// Records an attempt, which must have failed.
     #[track_caller]
     fn refused<T, E: std::fmt::Debug>(&mut self, attempt: &str, outcome: Result<T, E>) {
         match outcome {
@@ -40,7 +39,7 @@ impl Target<'_> {
         }
     }
 
-    /// Notes an attempt by what was said to it.
+    /// Records an attempt with its answer.
     #[track_caller]
     fn answered(&mut self, attempt: &str, said: &str, expected: &str) {
         assert!(said.contains(expected), "{attempt}: {said}");
@@ -49,7 +48,7 @@ impl Target<'_> {
 }
 
 #[test]
-fn nobody_gets_in_and_the_run_stays_the_same() {
+fn strangers_get_no_access_and_the_digest_stays_the_same() {
     let rig = Rig::new();
     let alone = rig.run(SCENARIO).expect(0).digest();
     let running = rig.held();
@@ -74,7 +73,7 @@ fn nobody_gets_in_and_the_run_stays_the_same() {
         (&json!(0), &json!({}))
     );
     assert_eq!(own, 22, "{:#?}", target.refused);
-    // Another user can only be played by who may become one.
+    // Acting as another user needs the privilege to become one.
     if rustix::process::geteuid().is_root() {
         assert_eq!(target.refused.len(), 28, "{:#?}", target.refused);
     } else {
@@ -82,13 +81,13 @@ fn nobody_gets_in_and_the_run_stays_the_same() {
     }
 }
 
-/// Second processes of the same user.
+/// Starts second processes of the same user.
 fn processes(target: &mut Target<'_>) {
     for (binary, expected) in [
         ("controller-process", "has its controller already"),
         ("plant-process", "has its plant already"),
     ] {
-        // Its input stays open, as that of one that was launched.
+        // Its input stays open, like that of a launched side.
         let mut second = target.rig.command(program(binary));
         second
             .arg("--session")
@@ -117,7 +116,7 @@ fn processes(target: &mut Target<'_>) {
     target.refused("a controller nobody asked for", own.map(drop));
 }
 
-/// Ports on the services of the run.
+/// Opens ports on the services of the run.
 fn ports(target: &mut Target<'_>) {
     let own = node(&target.session, "intruder").expect("a node");
     for name in ["frames/1/samples", "frames/1/commands"] {
@@ -149,7 +148,7 @@ fn ports(target: &mut Target<'_>) {
     target.refused("credit, giving it", speaking(&own, "credit", false));
 }
 
-/// Tries to speak on a service, whose payload is a list of numbers or one number.
+/// Tries to publish on a service, whose payload is a list of numbers or a single one.
 fn speaking(own: &Node<Ipc>, name: &str, is_list: bool) -> Result<(), String> {
     let topic = own.service_builder(&name.try_into().expect("a name"));
     let error = if is_list {
@@ -164,7 +163,7 @@ fn speaking(own: &Node<Ipc>, name: &str, is_list: bool) -> Result<(), String> {
     error.map_or(Ok(()), |error| Err(format!("{error:?}")))
 }
 
-/// Nonsense on the sockets.
+/// Sends nonsense to the sockets.
 fn sockets(target: &mut Target<'_>) {
     let deep = "[".repeat(100_000);
     let cases = [
@@ -198,7 +197,7 @@ fn asked(socket: &Path, line: &str) -> std::io::Result<String> {
     Ok(said)
 }
 
-/// Another user of the machine.
+/// Acts as another user of the machine.
 fn other_users(target: &mut Target<'_>) {
     if !rustix::process::geteuid().is_root() {
         return;
@@ -260,7 +259,7 @@ fn other_users(target: &mut Target<'_>) {
     assert_eq!(target.session.segments(), segments, "all are there");
 }
 
-/// No process of the run has a socket of the internet.
+/// Checks that no process of the run has an internet socket.
 fn nothing_listens_on_a_network(session: &SessionInfo) {
     let pids = (session.children.iter().map(|child| child.pid)).chain([session.owner.pid]);
     for pid in pids {
@@ -275,7 +274,7 @@ fn nothing_listens_on_a_network(session: &SessionInfo) {
         let descriptors = std::fs::read_dir(format!("/proc/{pid}/fd")).expect("it runs");
         for descriptor in descriptors.flatten() {
             let Ok(link) = std::fs::read_link(descriptor.path()) else {
-                continue; // closed by now
+                continue; // already closed
             };
             let link = link.to_string_lossy();
             let inode = (link.strip_prefix("socket:[")).and_then(|rest| rest.strip_suffix(']'));
@@ -286,7 +285,7 @@ fn nothing_listens_on_a_network(session: &SessionInfo) {
 }
 
 #[test]
-fn a_file_of_another_user_with_our_prefix_is_left_alone_and_in_nobodys_way() {
+fn a_file_of_another_user_with_our_prefix_is_left_alone_and_causes_no_trouble() {
     if !rustix::process::geteuid().is_root() {
         eprintln!("not root: left out");
         return;

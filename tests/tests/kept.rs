@@ -1,4 +1,4 @@
-//! The link of processes that are kept: the frames of one job are not those of the next.
+//! Link of persistent processes: frames of one job are never used for the next.
 
 use std::path::Path;
 
@@ -39,14 +39,14 @@ fn received(end: &mut IceoryxLink) -> Option<u64> {
     header.map(|header| header.step)
 }
 
-/// Files of the session in shared memory.
+/// Lists the session's files in shared memory.
 fn files(folder: &Path) -> usize {
     let all = std::fs::read_dir(folder).expect("the session's folder");
     all.count()
 }
 
 #[test]
-fn a_frame_of_the_job_before_is_refused_and_frames_of_an_equal_layout_stay() {
+fn a_frame_of_the_previous_job_is_refused_and_equal_layouts_reuse_frames() {
     let _rig = Rig::new();
     let mut session = Session::create(None).expect("a session");
     (session.add_controller(1, std::process::id())).expect("noted");
@@ -57,7 +57,7 @@ fn a_frame_of_the_job_before_is_refused_and_frames_of_an_equal_layout_stay() {
     open(&mut controller, 1, 7);
     send(&mut plant, 0);
     assert_eq!(received(&mut controller), Some(0));
-    send(&mut plant, 1); // late: nobody takes it any more
+    send(&mut plant, 1); // late: no longer accepted
     let before = files(&info.folder);
 
     open(&mut plant, 2, 7);

@@ -1,5 +1,5 @@
-//! Processes that last: what they hold does not grow with the jobs that they do. A descriptor or a thread that each job
-//! leaves would end a process after a thousand jobs, where most systems allow 1,024 open files.
+//! Long-lived processes: their resources do not grow with the number of jobs. A descriptor or thread leaked per job
+//! would end a process after a thousand jobs, because most systems allow 1,024 open files.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -13,13 +13,13 @@ use crate::support::company::Companion;
 use crate::support::harness::{Rig, ended, text, until};
 use crate::support::programs::program;
 
-/// Jobs of a process, far more than the descriptors that one job opens and closes.
+/// Number of jobs per process, far more than the descriptors that one job opens and closes.
 const JOBS: usize = 60;
 
-/// Numbers of descriptors and of threads.
+/// Numbers of descriptors and threads.
 type Held = [usize; 2];
 
-/// Counts descriptors and threads of a process; `None` if it is gone.
+/// Counts descriptors and threads of a process; `None` if it has ended.
 fn held(pid: u32) -> Option<Held> {
     let count = |what: &str| {
         let entries = std::fs::read_dir(format!("/proc/{pid}/{what}"));
@@ -28,7 +28,7 @@ fn held(pid: u32) -> Option<Held> {
     Some([count("fd")?, count("task")?])
 }
 
-/// Lists the processes that a test started, and those that they started.
+/// Lists the processes started by a test, and their children.
 fn processes(rig: &Rig) -> Vec<u32> {
     let variable = format!("{}={}", hil_session::session::GROUP, rig.session());
     let entries = std::fs::read_dir("/proc").expect("/proc").flatten();
@@ -41,10 +41,10 @@ fn processes(rig: &Rig) -> Vec<u32> {
     numbers.filter(is_of_test).collect()
 }
 
-/// Runs a command to its end. Fails if one of its processes that lived for all of it, and there must be some, held
-/// more in the last quarter of the time than it ever held in the first.
+/// Runs a command to its end. Fails if one of its processes that lived throughout, of which there must be some,
+/// held more in the last quarter of the time than before.
 #[track_caller]
-fn holds_no_more_in_the_end(rig: &Rig, mut command: Command, processes_at_least: usize) {
+fn assert_no_growth(rig: &Rig, mut command: Command, processes_at_least: usize) {
     command.stdin(Stdio::null());
     command.stdout(Stdio::null()).stderr(Stdio::null());
     let mut process = Companion::start(&mut command);
@@ -65,7 +65,7 @@ fn holds_no_more_in_the_end(rig: &Rig, mut command: Command, processes_at_least:
             part.iter().map(|sample| sample.get(pid).copied()).collect()
         };
         let (Some(early), Some(late)) = (of(early), of(late)) else {
-            continue; // not there all the time
+            continue; // did not live throughout
         };
         lasting += 1;
         for (place, what) in ["descriptors", "threads"].into_iter().enumerate() {
@@ -78,7 +78,7 @@ fn holds_no_more_in_the_end(rig: &Rig, mut command: Command, processes_at_least:
 }
 
 #[test]
-fn hundreds_of_runs_by_one_command_hold_no_more_than_a_few() {
+fn hundreds_of_runs_in_one_command_do_not_leak() {
     let rig = Rig::new();
     let scenario = rig.scenario(0.1, "spring-mass", "hold");
     for (link, jobs) in [("iceoryx2", JOBS), ("in-process", 4 * JOBS)] {
@@ -87,20 +87,20 @@ fn hundreds_of_runs_by_one_command_hold_no_more_than_a_few() {
         runs.args(["--repeat", &jobs.to_string(), "--jobs", "1"]);
         runs.args(["--link", link, "--session", rig.session()]);
         runs.arg("--out").arg(rig.path(link));
-        holds_no_more_in_the_end(&rig, runs, 1);
+        assert_no_growth(&rig, runs, 1);
     }
     rig.assert_nothing_left();
 }
 
 #[test]
-fn a_worker_of_a_campaign_holds_no_more_after_many_cases() {
+fn a_campaign_worker_does_not_leak() {
     let rig = Rig::new();
     let cases = STUDY.replace("cases = 30", "cases = 300");
     let folder = planned(&rig, &study(&rig, &cases), "many");
     let mut campaign = rig.command(program("hil"));
     campaign.args(["campaign", "run", text(&folder), "--jobs", "1"]);
     // The command and its worker.
-    holds_no_more_in_the_end(&rig, campaign, 2);
+    assert_no_growth(&rig, campaign, 2);
     rig.assert_nothing_left();
 }
 
@@ -114,7 +114,7 @@ fn until_it_holds(process: &Companion, before: Held) {
 }
 
 #[test]
-fn a_panel_holds_nothing_of_pages_that_are_gone() {
+fn a_panel_releases_the_resources_of_closed_pages() {
     let rig = Rig::new();
     let run = rig.held();
     let mut panel = rig.command(program("hil"));
@@ -138,7 +138,7 @@ fn a_panel_holds_nothing_of_pages_that_are_gone() {
     let before = held(panel.id()).expect("it serves");
     for _ in 0..JOBS {
         visit();
-        // Another that says nothing.
+        // Another client that sends nothing.
         drop(TcpStream::connect(host).expect("it listens"));
     }
     until_it_holds(&panel, before);
@@ -147,7 +147,7 @@ fn a_panel_holds_nothing_of_pages_that_are_gone() {
 }
 
 #[test]
-fn a_board_that_listens_holds_nothing_of_desks_that_are_gone() {
+fn a_listening_board_releases_the_resources_of_disconnected_desks() {
     let rig = Rig::new();
     let key = rig.path("board.key");
     let key = text(&key);
@@ -162,7 +162,7 @@ fn a_board_that_listens_holds_nothing_of_desks_that_are_gone() {
     lines.read_line(&mut line).expect("a line");
     let address = line.trim_end().strip_prefix("listening on ");
     let address = address.expect("an address").to_owned();
-    // Read on, so that the board is never kept from saying something.
+    // Keeps reading, so that the board can always send.
     let reader = std::thread::spawn(move || std::io::copy(&mut lines, &mut std::io::sink()));
     let target = format!("serve://{address}");
     let check = || rig.beside(&["target", "check", &target, "--key-file", key]);

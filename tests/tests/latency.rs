@@ -1,5 +1,5 @@
-//! `hil latency`, and the same figures of a run: how many steps each counts, that none contradicts
-//! another, and what is left. How long a step takes is nowhere asserted.
+//! `hil latency`, and the same figures of a run: each counts the right number of steps, they are consistent, and
+//! nothing is left behind. The duration of a step is never asserted.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -12,7 +12,7 @@ use serde_json::Value;
 use crate::support::harness::{Rig, text, until};
 use crate::support::mcap_reader::{Record, Recording};
 
-/// Percentiles rise and none is 0; gives their count and maximum.
+/// Checks that percentiles increase and none is 0; returns their count and maximum.
 #[track_caller]
 fn percentiles(figures: &Value) -> (u64, u64) {
     let of = |key: &str| {
@@ -25,14 +25,14 @@ fn percentiles(figures: &Value) -> (u64, u64) {
     (of("count"), of("max"))
 }
 
-/// The cores that this process, and what it starts, may run on.
+/// Returns the cores available to this process and its children.
 fn cores() -> Vec<usize> {
     let allowed = sched_getaffinity(None).expect("told");
     let all = 0..CpuSet::MAX_CPU;
     all.filter(|core| allowed.is_set(*core)).collect()
 }
 
-/// Checks what must hold for any case; returns the number of its steps.
+/// Checks the invariants of any case; returns the number of its steps.
 #[track_caller]
 fn case(case: &Value) -> u64 {
     let (steps, longest_ns) = percentiles(&case["round_trip_ns"]);
@@ -102,7 +102,7 @@ fn every_figure_counts_the_steps_after_the_warm_up_and_no_other() {
         } else {
             assert!(each["release_ns"].is_null(), "nothing is due in lockstep");
         }
-        // A check sum and a header of 12 words, one of validity bits, then room for 16 or 64 numbers.
+        // A checksum and a header of 12 words, one of validity bits, then room for 16 or 64 numbers.
         let (there, back) = match each["signals"].as_u64() {
             Some(8) => (8 * (12 + 1 + 16), 8 * (12 + 1 + 16)),
             _ => (8 * (12 + 1 + 64), 8 * (12 + 1 + 16)),
@@ -149,9 +149,9 @@ fn every_figure_counts_the_steps_after_the_warm_up_and_no_other() {
 }
 
 #[test]
-fn a_person_reads_table_bars_and_spikes_in_80_columns() {
+fn table_bars_and_spikes_fit_80_columns() {
     let rig = Rig::new();
-    // Both sides on one core, where nobody can spin.
+    // Both sides on one core, where neither can spin.
     let core = cores().pop().expect("a core").to_string();
     let arguments = "latency --signals 32 --rates max --steps 200 --warm-up 20 --wait spin";
     let mut arguments: Vec<&str> = arguments.split_ascii_whitespace().collect();
@@ -182,7 +182,7 @@ fn a_person_reads_table_bars_and_spikes_in_80_columns() {
 }
 
 #[test]
-fn a_recording_tells_what_its_summary_told() {
+fn a_recording_gives_the_latency_of_its_summary() {
     let rig = Rig::new();
     let run = rig
         .run("scenarios/spring-mass.toml --set metrics=[]")
@@ -196,7 +196,7 @@ fn a_recording_tells_what_its_summary_told() {
     assert_eq!(worst["round_trip_ns"], legs["round_trip"]["max"]);
     assert_eq!(legs["plant"]["count"], summary["steps"]);
     assert_eq!(legs["without_command"], 0);
-    // One line and no grade: nobody asked for timing.
+    // One line and no grade: timing was not requested.
     let lines = run.stdout.lines();
     let lines: Vec<&str> = lines
         .skip_while(|line| !line.starts_with("  round trip "))
@@ -320,7 +320,7 @@ fn assert_latency(summary: &Value, recording: &Path) -> usize {
     let without = steps - answered.len();
     assert_eq!(legs["without_command"], without);
     assert_figures(&legs["round_trip"], answered, "round_trip");
-    // The record after the last step was sent to nobody; that of step 0 has no step before it.
+    // The record after the last step was not sent to a controller; that of step 0 has no step before it.
     let late = column("late_ns")[..steps].to_vec();
     let latest = late.iter().max().expect("a step");
     assert_eq!(summary["late_releases"][0]["late_ns"], *latest);
@@ -373,7 +373,7 @@ fn the_worst_steps_of_a_loaded_real_time_run_count() {
         assert!(page.contains(part), "{part}");
     }
 
-    // The end of the file is gone, and the summary with it.
+    // Removes the end of the file, and the summary with it.
     let bytes = std::fs::read(run.recording()).expect("it was written");
     std::fs::write(run.recording(), &bytes[..bytes.len() * 3 / 4]).expect("it is ours");
     std::fs::remove_file(run.folder.join("summary.json")).expect("it is ours");
@@ -408,7 +408,7 @@ fn an_interrupted_measurement_leaves_nothing() {
     assert_eq!(sessions(&rig).count(), 0);
 }
 
-/// Sessions of a test.
+/// Lists the sessions of a test.
 fn sessions(rig: &Rig) -> impl Iterator<Item = SessionInfo> {
     let folders = std::fs::read_dir(rig.sessions());
     let folders = folders.into_iter().flatten().flatten();
@@ -416,7 +416,7 @@ fn sessions(rig: &Rig) -> impl Iterator<Item = SessionInfo> {
 }
 
 #[test]
-fn what_cannot_be_measured_is_refused_at_once() {
+fn impossible_measurements_are_refused_at_once() {
     let rig = Rig::new();
     for (arguments, fragment) in [
         ("--signals 0", "from 1 to 512 signals"),

@@ -1,12 +1,12 @@
-//! Peers that say what is not so: a run is what was planned, step by step and signal by signal, or it failed
-//! by name.
+//! Peers with false statements: a run is as planned, step by step and signal by signal, or it fails with the
+//! statement named.
 
 use serde_json::Value;
 
 use crate::support::harness::{Rig, Run};
 use crate::support::programs::{misbehaving_controller, program, program_of_tests};
 
-/// A second of the lying plant with 1000 steps; the model is the lie.
+/// Runs the lying plant for a second with 1000 steps; the model selects the lie.
 fn lies(rig: &Rig, lie: &str, more: &str) -> Run {
     let scenario = rig.scenario(1.0, lie, "hold");
     let (scenario, plant) = (scenario.display(), program_of_tests("lying-plant"));
@@ -16,7 +16,7 @@ fn lies(rig: &Rig, lie: &str, more: &str) -> Run {
     ))
 }
 
-/// Fails unless a run was aborted for a reason with these facts, and its recording with it.
+/// Fails unless a run and its recording were aborted for a reason with these facts.
 #[track_caller]
 fn found_out(run: Run, lie: &str, facts: &[&str]) {
     assert_eq!(run.code, Some(3), "{lie}: {}{}", run.stdout, run.stderr);
@@ -35,7 +35,7 @@ fn found_out(run: Run, lie: &str, facts: &[&str]) {
 }
 
 #[test]
-fn a_plant_that_tells_the_truth_passes() {
+fn an_honest_plant_passes() {
     for more in [
         "",
         "--no-record",
@@ -54,53 +54,50 @@ fn a_plant_that_tells_the_truth_passes() {
 }
 
 #[test]
-fn a_plant_that_lies_about_its_run_is_found_out() {
+fn false_statements_of_a_plant_are_detected() {
     for (lie, facts) in [
         (
             "runs-two-steps",
-            &["completed the run after 2 steps", "1000"][..],
+            &["a completed run after 2 steps", "1000"][..],
         ),
-        ("runs-no-step", &["completed the run after 0 steps", "1000"]),
+        ("runs-no-step", &["a completed run after 0 steps", "1000"]),
         (
             "claims-all-steps",
-            &["executed 1000 steps", "1001 records", "3 came"],
+            &["1000 executed steps", "1001 records", "3 arrived"],
         ),
-        (
-            "claims-no-step",
-            &["completed the run after 0 steps", "1000"],
-        ),
+        ("claims-no-step", &["a completed run after 0 steps", "1000"]),
         (
             "claims-more-steps",
-            &["executed 18446744073709551615 steps", "1000"],
+            &["18446744073709551615 executed steps", "1000"],
         ),
         (
             "diverges-beyond-the-end",
-            &["executed 18446744073709551615 steps", "1000"],
+            &["18446744073709551615 executed steps", "1000"],
         ),
         (
             "keeps-one-back",
-            &["record of step 501 came", "step 500 was due"],
+            &["record of step 501", "instead of step 500"],
         ),
         (
             "keeps-the-last-back",
-            &["executed 1000 steps", "1001 records", "500 came"],
+            &["1000 executed steps", "1001 records", "500 arrived"],
         ),
         (
             "doubles-one",
-            &["record of step 500 came", "step 501 was due"],
+            &["record of step 500", "instead of step 501"],
         ),
-        (
-            "swaps-two",
-            &["record of step 501 came", "step 500 was due"],
-        ),
+        ("swaps-two", &["record of step 501", "instead of step 500"]),
         (
             "tells-another-time",
             &["record of step 500", "500000001 ns", "500000000 ns"],
         ),
-        ("has-no-controller", &["lost controller 1", "hold", "abort"]),
+        (
+            "has-no-controller",
+            &["the loss of controller 1", "hold", "abort"],
+        ),
         (
             "loses-it-against-the-plan",
-            &["lost controller 1", "hold", "abort"],
+            &["the loss of controller 1", "hold", "abort"],
         ),
         ("gets-another", &["controller 2", "was not started"]),
         ("misses-commands", &["1 commands missed", "0 records"]),
@@ -123,36 +120,36 @@ fn a_plant_that_lies_about_its_run_is_found_out() {
 }
 
 #[test]
-fn a_lie_is_found_out_whatever_is_recorded_and_whoever_may_be_lost() {
-    let (back, came) = ("keeps-the-last-back", &["1001 records", "500 came"]);
+fn false_statements_are_detected_with_any_recording_and_loss_policy() {
+    let (back, came) = ("keeps-the-last-back", &["1001 records", "500 arrived"]);
     for more in ["--no-record", "--record-every 10", "--pace 100"] {
         let rig = Rig::new();
         found_out(lies(&rig, back, more), more, came);
     }
-    // The recording tells the same, and whoever reads it says so.
+    // The recording contains the same, and its readers report it.
     let rig = Rig::new();
     let run = lies(&rig, back, "");
     let folder = run.folder.to_str().expect("plain text");
     rig.hil(&["judge", folder])
         .expect(1)
-        .prints(&["aborted", "1001 records", "500 came"]);
+        .prints(&["aborted", "1001 records", "500 arrived"]);
     drop(rig);
     for (lie, policy, fact) in [
         (
             "has-no-controller",
             "hold",
-            "no record has the answer of a controller",
+            "no record has a controller's answer",
         ),
-        ("has-no-link", "hold", "no controller came to its link"),
+        ("has-no-link", "hold", "no controller connected to its link"),
         (
             "has-no-link",
             "safe-command",
-            "`hold`, and the run has `safe-command`",
+            "`hold`, but that of the run is `safe-command`",
         ),
         (
             "loses-it-against-the-plan",
             "safe-command",
-            "`hold`, and the run has `safe-command`",
+            "`hold`, but that of the run is `safe-command`",
         ),
     ] {
         let rig = Rig::new();
@@ -161,7 +158,7 @@ fn a_lie_is_found_out_whatever_is_recorded_and_whoever_may_be_lost() {
     }
 }
 
-/// The teaching plant under a law of the misbehaving controller.
+/// Runs the teaching plant under a law of the misbehaving controller.
 fn under(rig: &Rig, law: &str, more: &str) -> Run {
     let scenario = rig.scenario(0.1, "spring-mass", law);
     let (scenario, controller) = (scenario.display(), misbehaving_controller());
@@ -172,7 +169,7 @@ fn under(rig: &Rig, law: &str, more: &str) -> Run {
 }
 
 #[test]
-fn a_controller_that_says_other_things_at_hello_than_it_described_is_refused() {
+fn a_controller_that_contradicts_its_description_at_hello_is_refused() {
     let rig = Rig::new();
     let run = under(&rig, "shows", "").expect(0);
     assert_eq!(run.summary()["verdict"], "pass");
@@ -201,7 +198,7 @@ fn a_controller_that_says_other_things_at_hello_than_it_described_is_refused() {
 /// Change of a description.
 type Change = fn(&mut Value);
 
-/// The internals of a law that has some.
+/// Adds internal signals to a law.
 fn shows(description: &mut Value) -> &mut Vec<Value> {
     let laws = description["laws"].as_array_mut().expect("a list");
     let mut internals = laws
@@ -212,7 +209,7 @@ fn shows(description: &mut Value) -> &mut Vec<Value> {
 }
 
 #[test]
-fn a_description_that_cannot_be_written_down_is_refused_before_anything_starts() {
+fn an_unrecordable_description_is_refused_before_anything_starts() {
     let rig = Rig::new();
     let described = |binary: &str| -> Value {
         let output = rig.command(program(binary)).arg("--describe").output();

@@ -1,5 +1,5 @@
-//! Faults from another terminal: the same trajectory as from a scenario, at the step that the answer
-//! named, or a refusal that changed nothing.
+//! Faults from another terminal: the same trajectory as from a scenario, at the step named in the answer, or a
+//! refusal that changed nothing.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -28,7 +28,7 @@ fn inject(rig: &Rig, toml: &str) -> Result<Vec<Injected>, Vec<String>> {
     }
 }
 
-/// The scenario without its faults.
+/// Returns the scenario without its faults.
 fn healthy(rig: &Rig, scenario: &str) -> String {
     let text = shipped(scenario);
     let begin = text.find("[[faults]]").expect("it has faults");
@@ -41,7 +41,7 @@ fn healthy(rig: &Rig, scenario: &str) -> String {
 }
 
 #[test]
-fn a_fault_in_a_scenario_live_or_written_down_from_the_live_run_is_one_trajectory() {
+fn a_fault_gives_one_trajectory_from_a_scenario_live_or_reconstructed() {
     let rig = Rig::new();
     let wanted = rig.run(SHORT).expect(0).digest();
 
@@ -63,7 +63,7 @@ fn a_fault_in_a_scenario_live_or_written_down_from_the_live_run_is_one_trajector
     rig.rerun(&live.folder, &[]).expect(0);
 }
 
-/// Makes a fault that a running plant must take.
+/// Generates a fault that a running plant must accept.
 fn valid(random: &mut RandomStream, next_at_s: f64) -> String {
     let size = 1e-9 * (1.0 + random.uniform());
     let pick = |random: &mut RandomStream, list: &[&str]| {
@@ -105,7 +105,7 @@ fn valid(random: &mut RandomStream, next_at_s: f64) -> String {
             1e-9 * random.uniform()
         ),
     };
-    // Over soon, so that a thousand do not act at once.
+    // Short, so that a thousand do not act at once.
     action.replacen(
         "[[faults.effects]]",
         "duration_s = 0.01\n[[faults.effects]]",
@@ -114,7 +114,7 @@ fn valid(random: &mut RandomStream, next_at_s: f64) -> String {
 }
 
 #[test]
-fn a_thousand_live_faults_take_hold_at_the_steps_that_were_answered() {
+fn a_thousand_live_faults_take_hold_at_the_answered_steps() {
     let rig = Rig::new();
     let scenario = healthy(&rig, SHORT);
     let run = rig.start(&format!(
@@ -146,7 +146,7 @@ fn a_thousand_live_faults_take_hold_at_the_steps_that_were_answered() {
     assert_eq!(recording.digest(|_| ()), run.digest());
 }
 
-/// Makes a fault that must be refused, for one of a dozen reasons.
+/// Generates a fault that must be refused, for one of a dozen reasons.
 fn invalid(random: &mut RandomStream) -> String {
     let odd = format!("x{}", (random.uniform() * 1e6) as u32);
     let effect = |kind: &str, effect: &str| {
@@ -201,7 +201,7 @@ fn a_thousand_impossible_faults_are_refused_with_a_reason_and_change_nothing() {
             "{toml}"
         );
         if number % 100 == 99 {
-            // The others meet a loop at work.
+            // The others arrive while the loop is running.
             rig.ask(&Request::Advance { steps: 500 });
         }
     }
@@ -215,7 +215,7 @@ fn a_thousand_impossible_faults_are_refused_with_a_reason_and_change_nothing() {
 fn a_pause_of_any_length_changes_nothing() {
     let rig = Rig::new();
     let wanted = rig.run(SHORT).expect(0).digest();
-    // Held for longer than the controller's patience, which every frame of the pause renews.
+    // Paused for longer than the controller's wait limit, which every frame of the pause renews.
     let run = rig.start(&format!("{SHORT} --pause-at 0.5 --wait-limit {EXPIRES_S}"));
     rig.until_held_at(5000);
     std::thread::sleep(Duration::from_secs_f64(1.5 * EXPIRES_S));
@@ -226,7 +226,7 @@ fn a_pause_of_any_length_changes_nothing() {
 }
 
 #[test]
-fn a_paced_run_goes_on_at_its_pace_after_a_pause() {
+fn a_paced_run_continues_at_its_pace_after_a_pause() {
     let rig = Rig::new();
     let wanted = rig.run(SHORT).expect(0).digest();
     let run = rig.start(&format!("{SHORT} --pace 4"));
@@ -240,7 +240,7 @@ fn a_paced_run_goes_on_at_its_pace_after_a_pause() {
 }
 
 #[test]
-fn a_held_run_ends_when_it_is_interrupted_or_loses_its_controller() {
+fn a_paused_run_ends_on_an_interruption_or_the_loss_of_its_controller() {
     let rig = Rig::new();
     let run = rig.start(&format!("{SHORT} --pause-at 0.5"));
     rig.until_held_at(5000);
@@ -259,7 +259,7 @@ fn refused(run: Run, fragments: &[&str]) {
 }
 
 #[test]
-fn without_a_session_there_is_nobody_to_inject_into() {
+fn without_a_session_injection_is_refused() {
     let rig = Rig::new();
     refused(
         rig.hil(&["inject", "bias", "measured.x", "1"]),
@@ -268,7 +268,7 @@ fn without_a_session_there_is_nobody_to_inject_into() {
 }
 
 #[test]
-fn what_cannot_be_injected_is_told_with_what_can() {
+fn an_impossible_injection_is_refused_with_the_possible_ones() {
     let rig = Rig::new();
     let run = rig.start(&format!("{SHORT} --pause-at 0.5"));
     rig.until_held_at(5000);
@@ -323,7 +323,7 @@ fn what_cannot_be_injected_is_told_with_what_can() {
 }
 
 #[test]
-fn a_thousand_ended_faults_leave_little_in_the_plant() {
+fn a_thousand_ended_faults_use_little_memory_in_the_plant() {
     const FAULTS: u32 = 1000;
     let rig = Rig::new();
     let run = rig.held();
@@ -347,7 +347,7 @@ fn a_thousand_ended_faults_leave_little_in_the_plant() {
             ));
         }
     };
-    pass(50); // everything that is there once
+    pass(50); // allocates everything that is allocated once
     let before = resident_kib();
     pass(FAULTS);
     let each_kib = (resident_kib().saturating_sub(before)) as f64 / f64::from(FAULTS);

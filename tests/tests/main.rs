@@ -8,7 +8,7 @@
 //! | [`bad_input`] | every reader accepts any bytes or refuses them by name, and never panics |
 //! | [`baselines`] | runs compared with named runs, by digest, by samples and by figures |
 //! | [`book`] | commands, outputs, code and links of README and book |
-//! | [`by_hand`] | sides that somebody starts by hand: the same digest, and no other process in their place |
+//! | [`by_hand`] | sides started by hand: the same digest, and no other process in their place |
 //! | [`campaign`] | each case of a campaign runs once, with the digest of a run of its own |
 //! | [`chatter`] | controllers that never stop sending hold up no run |
 //! | [`checkpoints`] | a resumed run equals the uninterrupted one; a checkpoint that does not fit is refused |
@@ -26,12 +26,12 @@
 //! | [`fmu`] | FMUs as plants and controllers: the numbers of FMPy, and FMUs that misbehave |
 //! | [`foreign`] | plants and controllers in C: the numbers of Rust, and every mistake by name |
 //! | [`foxglove`] | a client that shares no code with `hil monitor --foxglove` |
-//! | [`guard`] | whatever kills `hil`, a summary says so and nothing is left |
+//! | [`guard`] | whatever kills `hil`, a summary reports it and nothing is left behind |
 //! | [`hindrances`] | a machine without usable shared memory: the cause and the remedy are named |
 //! | [`hot_path`] | a step makes no system call and no allocation |
 //! | [`interruptions`] | Ctrl-C ends every command with exit code 130 and leaves nothing behind |
 //! | [`intrusion`] | strangers to a session cannot read, disturb or join it |
-//! | [`kept`] | processes that are kept never use frames of one job for the next |
+//! | [`kept`] | persistent processes never use frames of one job for the next |
 //! | [`lasting`] | descriptors and threads of processes that do many jobs |
 //! | [`latency`] | every figure of a loop counts the right steps and is consistent with the others |
 //! | [`layouts`] | layouts for Foxglove and PlotJuggler plot signals that are recorded |

@@ -1,4 +1,4 @@
-//! Notes put at a step while a run goes on: in everything that shows a run, and not in its digest.
+//! Marks set at a step during a run: shown by every view of the run, and not part of its digest.
 
 use serde_json::{Value, json};
 
@@ -69,7 +69,7 @@ fn a_mark_is_in_summary_export_and_report_and_changes_no_digest() {
     assert!(page.contains("the &lt;b&gt;pilot&lt;/b&gt; feels"));
     assert!(!page.contains("<b>pilot"));
 
-    // Repeated and compared as if there were none.
+    // Repeated and compared as if there were no marks.
     let again = rig.rerun(&run.folder, &[]).expect(0).folder;
     rig.hil(&["compare", &folder, text(&again)]).expect(0);
 }

@@ -1,4 +1,4 @@
-//! `hil monitor`: a run that is watched is the run that is not, and the terminal is given back.
+//! `hil monitor`: a monitored run equals an unmonitored one, and the terminal is restored.
 
 use std::fs::File;
 use std::io::Read;
@@ -16,7 +16,7 @@ use crate::support::terminal::Terminal;
 const SCENARIO: &str = "scenarios/spring-mass.toml";
 const USUAL: (u16, u16) = (80, 24);
 
-/// A monitor of this test's session in a terminal, attached.
+/// Starts a monitor of this test's session in a terminal, and waits until it is attached.
 fn monitor(rig: &Rig, arguments: &[&str]) -> Terminal {
     let mut hil = rig.command(program("hil"));
     hil.current_dir(workspace());
@@ -34,7 +34,7 @@ fn json(rig: &Rig) -> Value {
 }
 
 #[test]
-fn a_run_has_the_same_digest_watched_by_a_live_a_stopped_and_a_killed_monitor() {
+fn running_stopped_and_killed_monitors_do_not_change_the_digest() {
     let rig = Rig::new();
     let alone = rig.run(SCENARIO).expect(0).digest();
 
@@ -66,7 +66,7 @@ fn a_run_has_the_same_digest_watched_by_a_live_a_stopped_and_a_killed_monitor() 
     rig.assert_nothing_left();
 }
 
-/// The state that a monitor tells of; empty as long as there is none.
+/// Returns the state reported by a monitor; empty as long as there is none.
 pub(crate) fn json_state(rig: &Rig) -> String {
     let told = rig.in_session("monitor --json").stdout;
     let told: Value = serde_json::from_str(&told).unwrap_or_default();
@@ -74,7 +74,7 @@ pub(crate) fn json_state(rig: &Rig) -> String {
 }
 
 #[test]
-fn whatever_ends_the_view_gives_the_terminal_back() {
+fn the_terminal_is_restored_however_the_view_ends() {
     let rig = Rig::new();
     let run = rig.held();
     for (key, code) in [("q", 0), ("\u{3}", 130)] {
@@ -102,10 +102,10 @@ fn whatever_ends_the_view_gives_the_terminal_back() {
 }
 
 #[test]
-fn a_view_whose_terminal_is_gone_ends() {
+fn a_view_ends_when_its_terminal_is_closed() {
     let rig = Rig::new();
     let run = rig.held();
-    // Often, because it may be doing anything when its window goes.
+    // Repeated, because it may be doing anything when its window is closed.
     for _ in 0..10 {
         assert_eq!(exit_of_a_view_without_its_window(&rig), Some(130));
     }
@@ -125,7 +125,7 @@ fn exit_of_a_view_without_its_window(rig: &Rig) -> Option<i32> {
         .stderr(end());
     let mut view = hil.spawn().expect("starts");
     drop((hil, line));
-    // The window, which is closed when the view is there.
+    // The window, which is closed when the view is open.
     std::thread::spawn(move || {
         let (mut window, mut seen, mut bytes) = (File::from(master), Vec::new(), [0; 4096]);
         while let Ok(count @ 1..) = window.read(&mut bytes) {
@@ -139,7 +139,7 @@ fn exit_of_a_view_without_its_window(rig: &Rig) -> Option<i32> {
 }
 
 #[test]
-fn a_stopped_and_a_killed_hil_are_named() {
+fn a_stopped_or_killed_hil_is_reported() {
     let rig = Rig::new();
     let run = rig.held();
     let mut terminal = monitor(&rig, &[]);
@@ -155,7 +155,7 @@ fn a_stopped_and_a_killed_hil_are_named() {
 }
 
 #[test]
-fn a_panic_gives_the_terminal_back_before_it_speaks() {
+fn a_panic_restores_the_terminal_before_it_prints() {
     let mut own = Command::new(std::env::current_exe().expect("this program"));
     own.args([
         "--ignored",
@@ -177,7 +177,7 @@ fn a_view_that_panics() {
 }
 
 #[test]
-fn no_more_than_three_may_watch_and_a_killed_one_makes_room() {
+fn at_most_three_monitors_may_attach_and_a_killed_one_frees_its_slot() {
     let rig = Rig::new();
     let run = rig.held();
     let mut monitors: Vec<Terminal> = (0..3).map(|_| monitor(&rig, &[])).collect();
@@ -194,7 +194,7 @@ fn no_more_than_three_may_watch_and_a_killed_one_makes_room() {
 }
 
 #[test]
-fn keys_step_put_in_and_end_faults() {
+fn keys_step_the_run_and_inject_and_clear_faults() {
     let rig = Rig::new();
     let run = rig.held();
     let fault = "bias measured.position_m 0.001";
@@ -207,7 +207,7 @@ fn keys_step_put_in_and_end_faults() {
     terminal.press("1");
     terminal.until_it_shows("inject bias measured.position_m 0.001? y");
     terminal.press("n");
-    terminal.until_it_shows("left as it is");
+    terminal.until_it_shows("cancelled");
     terminal.press("1y");
     terminal.until_it_shows("fault 1 bias takes hold at step 2601");
     terminal.press("S");
@@ -247,7 +247,7 @@ fn the_view_follows_the_size_of_the_terminal() {
 }
 
 #[test]
-fn without_a_terminal_one_line_tells_where_the_run_is() {
+fn without_a_terminal_one_line_reports_the_state_of_the_run() {
     let rig = Rig::new();
     let run = rig.held();
     let told = rig.in_session("monitor").expect(0).stdout;
@@ -260,7 +260,7 @@ fn without_a_terminal_one_line_tells_where_the_run_is() {
         (&status["step"], &status["steps"]),
         (&2500.into(), &5000.into())
     );
-    // Judged from step 0 on, though it came late.
+    // Judged from step 0 on, although it joined late.
     let settles = &status["requirements"][0];
     assert_eq!(
         (&settles["name"], &settles["verdict"], &settles["at_most"]),
@@ -280,14 +280,14 @@ fn without_a_terminal_one_line_tells_where_the_run_is() {
 }
 
 #[test]
-fn what_cannot_be_watched_is_refused_with_the_reason() {
+fn unwatchable_sessions_are_refused_with_the_reason() {
     let rig = Rig::new();
     rig.hil(&["monitor", "--session", "nobody"])
         .expect(2)
         .says(&["no session `nobody` is running"]);
     rig.hil(&["monitor", "--window", "0s"])
         .expect(2)
-        .says(&["no width of a time axis"]);
+        .says(&["is not a valid time-axis width"]);
     let run = rig.held();
     for (arguments, says) in [
         (&["--signal", "truth.positon_m"][..], "`truth.position_m`"),
@@ -308,15 +308,15 @@ fn what_cannot_be_watched_is_refused_with_the_reason() {
     rig.in_session("monitor")
         .expect(2)
         .says(&["in one process"]);
-    // Told to go on before it is held, it would never be held; and its end, some milliseconds later, may come before
-    // the answer, which nobody would give then however often it is asked for.
+    // If it were resumed before it is paused, it would never pause; and its end, some milliseconds later, may
+    // precede the answer, which would then never come, however often it is requested.
     rig.until_held_at(1000);
     rig.in_session("resume");
     run.finish().expect(0);
 }
 
 #[test]
-fn a_monitor_waits_for_a_session_and_says_when_it_was_killed() {
+fn a_monitor_waits_for_a_session_and_reports_its_death() {
     let rig = Rig::new();
     let mut hil = rig.command(program("hil"));
     hil.current_dir(workspace());
@@ -326,7 +326,7 @@ fn a_monitor_waits_for_a_session_and_says_when_it_was_killed() {
     let run = rig.held();
     terminal.until_it_shows("PAUSED");
     run.kill();
-    // What the plant still said, if it did, or nothing.
+    // The last message of the plant, if there was one, or nothing.
     terminal.until_it_shows("spring-mass ended:");
     terminal.press("q");
     assert_eq!(terminal.wait().code(), Some(0));

@@ -1,5 +1,5 @@
-//! The explorer of the lockstep machines finds a missing guard: each mutant of the machines, one guard
-//! taken out, fails its tests.
+//! The explorer of the lockstep machines detects missing guards: each mutant, with one guard removed, fails its
+//! tests.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -9,7 +9,7 @@ use tempfile::TempDir;
 
 use crate::support::programs::{build, workspace};
 
-/// A file of the machines, what stands there, what the mutant has instead.
+/// Mutation: a file of the machines, the original code, and that of the mutant.
 const MUTANTS: [(&str, &str, &str); 12] = [
     // A command of any step is applied.
     (
@@ -17,43 +17,43 @@ const MUTANTS: [(&str, &str, &str); 12] = [
         "Some(FrameKind::Command)) if got == *step =>",
         "Some(FrameKind::Command)) if got <= *step =>",
     ),
-    // What a lost controller sent is taken.
+    // A message of a lost controller is accepted.
     (
         "plant.rs",
         "(_, PlantEvent::Frame(_)) if self.is_alone() => self.ignore(Reason::Lost),",
         "",
     ),
-    // The death of any controller loses the active one.
+    // The death of any controller removes the active one.
     (
         "plant.rs",
         "if epoch == self.epoch() {",
         "if epoch <= self.epoch() {",
     ),
-    // A sample seen again is answered again.
+    // A repeated sample is answered again.
     (
         "controller.rs",
         "Some(FrameKind::Sample))\n                if got == *step || (may_be_later && got > *step) =>",
         "Some(FrameKind::Sample))\n                if got <= *step || (may_be_later && got > *step) =>",
     ),
-    // A command seen again breaks the protocol.
+    // A repeated command violates the protocol.
     (
         "plant.rs",
         "(_, Some(FrameKind::Command)) if got < self.at() =>",
         "(_, Some(FrameKind::Command)) if false =>",
     ),
-    // The wait for the confirmation of the end has no limit.
+    // Waiting for the confirmation of the end has no limit.
     (
         "plant.rs",
         "self.late(format!(\"confirm the end after {} steps\", self.steps), *ms)",
         "PlantAction::Nothing",
     ),
-    // The end waits for the confirmation of a controller that is lost.
+    // The end waits for the confirmation of a lost controller.
     (
         "plant.rs",
         "(State::AwaitConfirmation, PlantEvent::Missed) if self.is_alone() => {",
         "(State::AwaitConfirmation, PlantEvent::Missed) if self.steps == 0 => {",
     ),
-    // A step waits for a controller that is lost.
+    // A step waits for a lost controller.
     (
         "plant.rs",
         "self.against_clock || self.is_alone()",
@@ -65,7 +65,7 @@ const MUTANTS: [(&str, &str, &str); 12] = [
         "let Controller::Active(epoch) = self.controller else {\n            return PlantAction::Nothing;\n        };",
         "let epoch = self.epoch();",
     ),
-    // What is passed over renews the limit of a wait.
+    // Ignored messages renew the limit of a wait.
     (
         "plant.rs",
         "self.newer.0,\n        ])",
@@ -76,7 +76,7 @@ const MUTANTS: [(&str, &str, &str); 12] = [
         "Standing([self.state.number(), self.at().0, 0, 0, 0])",
         "Standing([self.state.number(), self.at().0, self.ignored, 0, 0])",
     ),
-    // In real time an older command takes the place of a newer one.
+    // In real time an older command replaces a newer one.
     (
         "plant.rs",
         "got < *step && got >= self.newer =>",
@@ -85,7 +85,7 @@ const MUTANTS: [(&str, &str, &str); 12] = [
 ];
 
 #[test]
-fn each_guard_that_is_taken_out_is_missed() {
+fn the_removal_of_each_guard_is_detected() {
     let libraries = Libraries::built();
     let original = libraries.explore(None);
     let said = String::from_utf8_lossy(&original.stdout);
@@ -99,7 +99,7 @@ fn each_guard_that_is_taken_out_is_missed() {
                     let output = libraries.explore(Some(*mutant));
                     let said = String::from_utf8_lossy(&output.stdout);
                     assert!(!output.status.success(), "survives: {mutant:?}\n{said}");
-                    // It fails by what it finds, not by falling over.
+                    // It fails by a finding, not by a crash.
                     assert!(said.contains("test result: FAILED"), "{mutant:?}\n{said}");
                 }
             });
@@ -107,7 +107,7 @@ fn each_guard_that_is_taken_out_is_missed() {
     });
 }
 
-/// Libraries that the machines are compiled against: this workspace's own.
+/// Libraries that the machines are compiled against: those of this workspace.
 struct Libraries {
     folder: PathBuf,
     externs: Vec<String>,
@@ -128,14 +128,14 @@ impl Libraries {
         for message in messages {
             let name = message["target"]["name"].as_str().unwrap_or_default();
             let package = message["package_id"].as_str().unwrap_or_default();
-            // Another version of it is some dependency's.
+            // Another version is a dependency of some package.
             let is_wanted = match name {
                 "shared_types" => true,
                 "serde" => package.contains("@1."),
                 "thiserror" => package.contains("@2."),
                 _ => false,
             };
-            // What build scripts and macros are made with is not optimised.
+            // Dependencies of build scripts and macros are not optimised.
             if !is_wanted || message["profile"]["opt_level"] == "0" {
                 continue;
             }
@@ -153,7 +153,7 @@ impl Libraries {
         Self { folder, externs }
     }
 
-    /// Runs the explorer of the machines, or of a mutant: the long test only where the short ones find nothing.
+    /// Runs the explorer of the machines, or of a mutant: the long test only if the short ones find nothing.
     fn explore(&self, mutant: Option<(&str, &str, &str)>) -> Output {
         let place = TempDir::with_prefix("hil-mutant-").expect("a temporary folder");
         let machines = place.path().join("lockstep");

@@ -1,4 +1,4 @@
-//! Programs that scenarios and recordings name: which one runs, and what is not run.
+//! Programs named by scenarios and recordings: which one runs, and which are not run.
 
 mod place;
 
@@ -20,13 +20,13 @@ fn mode(path: &Path, mode: u32) {
 }
 
 #[test]
-fn a_scenario_names_its_programs_from_its_own_folder() {
+fn program_paths_are_relative_to_the_folder_of_the_scenario() {
     let place = Place::new();
     let run = place.recorded();
     let summary = run.summary();
     assert_eq!(summary["plant"]["binary"], text(&place.plant));
     assert_eq!(summary["controller"]["binary"], text(&place.law));
-    // What was in effect can be run, wherever it is.
+    // The effective scenario can be run from anywhere.
     let effective = run.folder.join("scenario.toml");
     let again = place.rig.run(text(&effective)).expect(0);
     assert_eq!(again.digest(), run.digest());
@@ -75,7 +75,7 @@ fn several_scenarios_run_with_the_programs_of_each() {
 }
 
 #[test]
-fn a_recorded_run_is_repeated_with_its_programs_while_they_are_the_same() {
+fn a_recorded_run_is_repeated_with_its_programs_while_they_are_unchanged() {
     let place = Place::new();
     let run = place.recorded();
     let (plant, law) = (text(&place.plant), text(&place.law));
@@ -90,7 +90,7 @@ fn a_recorded_run_is_repeated_with_its_programs_while_they_are_the_same() {
     place.on(&run, &["replay"]).expect(0);
     place.on(&run, &["judge"]).expect(0);
 
-    // Programs may ignore what follows their end; their hash does not.
+    // Programs may ignore data after their end; their hash does not.
     let mut rebuilt = std::fs::read(&place.plant).expect("it is there");
     rebuilt.push(0);
     std::fs::remove_file(&place.plant).expect("it is ours");
@@ -118,7 +118,7 @@ fn a_recorded_run_is_repeated_with_its_programs_while_they_are_the_same() {
 }
 
 #[test]
-fn a_run_goes_on_from_a_checkpoint_with_the_programs_that_made_it() {
+fn a_run_is_resumed_with_the_programs_of_its_checkpoint() {
     let rig = Rig::new();
     let (plant, own) = (rig.path("plant"), example("own-plant"));
     std::fs::copy(own, &plant).expect("copied");
@@ -141,10 +141,10 @@ fn a_run_goes_on_from_a_checkpoint_with_the_programs_that_made_it() {
 }
 
 #[test]
-fn what_was_recorded_elsewhere_runs_nothing_without_a_flag() {
+fn a_foreign_recording_runs_no_program_without_a_flag() {
     let place = Place::new();
     let run = place.recorded();
-    // Another user, another machine: another key.
+    // Another user or another machine has another key.
     std::fs::rename(place.rig.path("state"), place.rig.path("other")).expect("it was made");
     let told = [
         "was not recorded by this user here",
@@ -186,11 +186,15 @@ fn what_was_recorded_elsewhere_runs_nothing_without_a_flag() {
 }
 
 #[test]
-fn a_key_that_cannot_be_used_is_told_and_a_program_that_is_not_there_is_built() {
+fn an_unusable_key_is_reported_and_a_missing_program_must_be_built() {
     let place = Place::new();
     let run = place.recorded();
     mode(&place.rig.path("state/hil/key"), 0o644);
-    let told = ["cannot be told", "can be read by others", "--plant-bin"];
+    let told = [
+        "cannot determine whether",
+        "can be read by others",
+        "--plant-bin",
+    ];
     place.rerun(&run, "never", &[]).expect(2).says(&told);
     mode(&place.rig.path("state/hil/key"), 0o600);
     std::fs::remove_file(&place.plant).expect("it is ours");
@@ -200,7 +204,7 @@ fn a_key_that_cannot_be_used_is_told_and_a_program_that_is_not_there_is_built() 
 }
 
 #[test]
-fn a_program_that_is_set_where_none_is_taken_from_the_scenario_is_refused() {
+fn setting_a_program_has_no_effect_without_one_in_the_scenario_and_is_refused() {
     let place = Place::new();
     let run = place.recorded();
     for (key, flag) in [
@@ -209,7 +213,7 @@ fn a_program_that_is_set_where_none_is_taken_from_the_scenario_is_refused() {
     ] {
         let set = format!("{key}=/bin/true");
         let refused = place.rerun(&run, "never", &["--set", &set]).expect(2);
-        refused.says(&["has no effect here", key, flag]);
+        refused.says(&["has no effect", key, flag]);
     }
     assert!(!place.rig.path("never").exists());
     let set = [
@@ -219,11 +223,11 @@ fn a_program_that_is_set_where_none_is_taken_from_the_scenario_is_refused() {
         "controller.program=/bin/true",
     ];
     let refused = place.rig.hil(&set).expect(2);
-    refused.says(&["has no effect here", "--bin PATH"]);
+    refused.says(&["has no effect", "--bin PATH"]);
 }
 
 #[test]
-fn only_runs_with_programs_of_ones_own_are_marked() {
+fn only_runs_with_user_programs_are_sealed() {
     let rig = Rig::new();
     let run = rig.run("scenarios/spring-mass.toml").expect(0);
     assert!(!rig.path("state").exists());
@@ -234,7 +238,7 @@ fn only_runs_with_programs_of_ones_own_are_marked() {
 }
 
 #[test]
-fn what_others_can_write_is_not_run() {
+fn programs_that_others_can_write_are_not_run() {
     let place = Place::new();
     let folder = place.rig.path("bin");
     let rig = place.rig.path("");
@@ -250,7 +254,7 @@ fn what_others_can_write_is_not_run() {
         refused.says(&["which is not run", "can be written by others", "-bin PATH"]);
         mode(path, own);
     }
-    // What is said on the command line is the user's own affair.
+    // The command line is the user's own responsibility.
     mode(&place.plant, 0o777);
     let flags = format!("--plant-bin {}", place.plant.display());
     let run = place.run(&flags).expect(0);
@@ -264,7 +268,7 @@ fn what_others_can_write_is_not_run() {
 }
 
 impl Place {
-    /// Programs that are none.
+    /// Checks files that are not programs.
     fn recorded_refusals(&self) {
         for (named, told) in [
             ("\"bin\"", "is a folder"),
@@ -286,7 +290,7 @@ impl Place {
 }
 
 #[test]
-fn advice_names_options_that_the_command_has_and_that_were_not_given() {
+fn advice_names_only_unused_options_of_the_command() {
     let place = Place::new();
     let run = place.recorded();
     let advice = |run: Run, told: &str| {
@@ -336,7 +340,7 @@ fn advice_names_options_that_the_command_has_and_that_were_not_given() {
 }
 
 #[test]
-fn several_sessions_are_told_apart_by_scenario_age_and_folder() {
+fn several_sessions_are_distinguished_by_scenario_age_and_folder() {
     let place = Place::new();
     let running = place.rig.held();
     let (name, folder) = (place.rig.session(), place.rig.path("beside"));
@@ -359,7 +363,7 @@ fn several_sessions_are_told_apart_by_scenario_age_and_folder() {
             told(&other, "pendulum"),
             format!(" in {}", folder.display()),
         ];
-        // Other tests may run sessions of theirs.
+        // Other tests may have running sessions.
         asked.code == Some(2) && all.iter().all(|one| asked.stderr.contains(one))
     });
     beside.signal(Signal::INT);
@@ -369,7 +373,7 @@ fn several_sessions_are_told_apart_by_scenario_age_and_folder() {
 }
 
 #[test]
-fn hold_fits_every_plant_also_beside_a_controller_of_ones_own() {
+fn hold_fits_every_plant_even_with_a_user_controller() {
     let place = Place::new();
     let run = place.run("--set controller.law=hold --set controller.hold.value=0.5 --set plant.parameters.initial_angle_rad=0");
     let summary = run.expect(1).summary();
@@ -384,7 +388,7 @@ fn hold_fits_every_plant_also_beside_a_controller_of_ones_own() {
 }
 
 #[test]
-fn a_lost_controller_is_not_started_anew_from_another_file() {
+fn a_lost_controller_is_not_restarted_from_another_file() {
     let rig = Rig::new();
     let law = rig.path("law");
     std::fs::copy(program("controller-process"), &law).expect("copied");
@@ -401,7 +405,7 @@ fn a_lost_controller_is_not_started_anew_from_another_file() {
     send(controller.pid, Signal::KILL);
     let run = running.finish().expect(3);
     let reason = run.summary()["reason"].to_string();
-    let told = "it cannot be started anew: ";
+    let told = "it cannot be restarted: ";
     assert!(reason.contains(told), "{reason}");
     assert!(
         reason.contains("was replaced or changed after it was checked"),
@@ -410,7 +414,7 @@ fn a_lost_controller_is_not_started_anew_from_another_file() {
 }
 
 #[test]
-fn a_program_that_was_replaced_while_the_run_goes_on_is_not_started_as_the_old_one() {
+fn a_program_replaced_during_the_run_is_not_started_as_the_old_one() {
     let rig = Rig::new();
     let law = rig.path("law");
     std::fs::copy(program("controller-process"), &law).expect("copied");
@@ -424,27 +428,27 @@ fn a_program_that_was_replaced_while_the_run_goes_on_is_not_started_as_the_old_o
     let swap = |more: &[&str]| rig.beside(&[&swap, more, &at[..]].concat());
     std::fs::remove_file(&law).expect("it is ours");
     let cannot = format!("cannot run {}", law.display());
-    let help = "; --bin PATH names another";
+    let help = "; use --bin PATH for another";
     swap(&[]).expect(2).says(&[&cannot, help]);
-    // Bytes behind the end of a program are none of its business.
+    // Programs ignore bytes after their end.
     let own = std::fs::read(program("controller-process")).expect("a program");
     let changed = [&own[..], b"0"].concat();
     std::fs::copy(program("controller-process"), &law).expect("copied");
     std::fs::write(&law, &changed).expect("written");
     let [now, then] = [changed, own].map(|content| blake3::hash(&content).to_hex());
     let told = format!(
-        "it has hash {now}, the run began with {then}; --bin {} takes it as it is now",
+        "its hash is {now}, at the start it was {then}; use --bin {} to accept the new one",
         law.display()
     );
     swap(&[]).expect(2).says(&[&told]);
     swap(&["--bin", text(&law)]).expect(0);
-    // A copy of what the run began with is the same program.
+    // A copy of the original program counts as the same program.
     std::fs::remove_file(&law).expect("it is ours");
     std::fs::copy(program("controller-process"), &law).expect("copied");
     swap(&["--set", "controller.hold.value=2"]).expect(0);
     rig.in_session("resume").expect(0);
     let run = running.finish();
-    // Of two that took over at one step only the later one answered.
+    // Of two that took over at one step, only the later one answered.
     let told = "(pid, hold (hold.value=2) from 2.5 s on spring-mass";
     assert!(run.stdout.contains(told), "{}", run.stdout);
     let summary = run.summary();

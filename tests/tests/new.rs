@@ -1,4 +1,4 @@
-//! Folders that `hil new` makes. What they build and run, the book's pages show.
+//! Folders created by `hil new`. The book's pages show what they build and run.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,13 +9,13 @@ use serde_json::Value;
 use crate::support::harness::{Rig, Run, names};
 use crate::support::programs::{LINES, finish, target, workspace};
 
-/// Runs `hil` in the folder of the test.
+/// Runs `hil` in the test's folder.
 fn hil(rig: &Rig, line: &str) -> Run {
     let words: Vec<&str> = line.split(' ').collect();
     rig.hil_in(&rig.path(""), &words)
 }
 
-/// Builds a crate that was made, with what the crates of `examples` have built of the framework.
+/// Builds a new crate, reusing the builds of the framework by the crates of `examples`.
 fn build(folder: &Path) {
     let outside = target().join("examples-outside");
     let mut cargo = Command::new(env!("CARGO"));
@@ -29,7 +29,7 @@ fn build(folder: &Path) {
 }
 
 #[test]
-fn a_folder_names_the_framework_by_a_relative_path() {
+fn a_new_folder_refers_to_the_framework_by_a_relative_path() {
     let rig = Rig::new();
     let told = hil(&rig, "new plant cart --json").expect(0).json();
     assert_eq!(told["folder"], "cart");
@@ -124,7 +124,7 @@ fn nothing_is_built_in_the_clone_and_a_makefile_takes_a_path_with_a_space() {
 }
 
 #[test]
-fn a_scenario_that_was_made_passes_and_is_judged() {
+fn a_new_scenario_passes_its_requirements() {
     let rig = Rig::new();
     hil(&rig, "new scenario gust").expect(0);
     let folder = rig.path("gust");
@@ -140,7 +140,7 @@ fn a_scenario_that_was_made_passes_and_is_judged() {
 }
 
 #[test]
-fn two_folders_of_one_name_have_each_its_own_program() {
+fn two_folders_of_the_same_name_have_separate_programs() {
     let rig = Rig::new();
     let described = ["first", "second"].map(|place| {
         fs::create_dir(rig.path(place)).expect("made");
@@ -152,7 +152,7 @@ fn two_folders_of_one_name_have_each_its_own_program() {
         fs::write(code, other).expect("written");
         rig.path(&format!("{place}/steer"))
     });
-    // In turns: what is fresh of one must not be taken for the other.
+    // Alternating: a fresh build of one must not be taken for the other.
     for folder in described.iter().chain(&described) {
         build(folder);
         let mut program = rig.command(folder.join("target/debug/steer"));
@@ -164,20 +164,23 @@ fn two_folders_of_one_name_have_each_its_own_program() {
 }
 
 #[test]
-fn what_cannot_be_made_is_refused_and_nothing_is_left() {
+fn impossible_projects_are_refused_and_nothing_is_left() {
     let rig = Rig::new();
     rig.write("there", "mine");
     for (line, said) in [
         ("new plant Cart", "`Cart`"),
         ("new plant 2cart", "`2cart`"),
         ("new plant cart-", "`cart-`"),
-        ("new plant ..", "ends with its name"),
+        ("new plant ..", "end with the name"),
         ("new plant spring-mass", "`spring-mass`"),
         ("new controller pid", "`pid`"),
         ("new controller loop", "`loop`"),
-        ("new scenario there", "there already"),
-        ("new scenario no/such/gust", "cannot make no/such/gust"),
-        ("new plant cart --framework .", "no clone of the framework"),
+        ("new scenario there", "already exists"),
+        ("new scenario no/such/gust", "cannot create no/such/gust"),
+        (
+            "new plant cart --framework .",
+            "not inside a clone of the framework",
+        ),
         ("new plant cart --framework nowhere", "nowhere"),
     ] {
         let run = hil(&rig, line).expect(2);

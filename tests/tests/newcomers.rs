@@ -1,4 +1,4 @@
-//! Mistakes of people who meet `hil` for the first time: each is answered with what to do.
+//! Mistakes of first-time users of `hil`: each is answered with advice.
 
 use std::fs;
 
@@ -63,7 +63,7 @@ fn a_run_without_requirements_is_called_completed_and_not_a_pass() {
 }
 
 #[test]
-fn a_file_of_another_kind_is_answered_with_the_commands_that_take_it() {
+fn a_file_of_the_wrong_kind_is_answered_with_the_commands_that_accept_it() {
     const SCENARIO: &str = "scenarios/spring-mass.toml";
     const STUDY: &str = "studies/spring-mass.toml";
     let rig = Rig::new();
@@ -135,7 +135,7 @@ fn too_many_open_files_are_not_answered_with_a_build() {
 }
 
 #[test]
-fn hil_without_its_siblings_says_where_it_looked_and_what_to_do() {
+fn hil_without_its_programs_names_the_expected_location_and_a_remedy() {
     let rig = Rig::new();
     let alone = rig.path("hil");
     fs::copy(program("hil"), &alone).expect("copied");
@@ -184,13 +184,13 @@ fn a_program_that_cargo_built_elsewhere_is_found_there() {
         rig.start_with(hil, &format!("{} --no-record", scenario.display()))
             .finish()
     };
-    // Without a package beside it, `target` is a folder like any other.
+    // Without a package beside it, `target` is an ordinary folder.
     refused(
         run(),
         "no package",
         &[
             "target/release/own",
-            "paths in a scenario begin at its folder",
+            "paths in a scenario are relative to its folder",
         ],
     );
     rig.write("Cargo.toml", "");

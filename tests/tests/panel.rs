@@ -1,7 +1,7 @@
-//! `hil panel`: what a browser shows and does, what nobody else gets, and a run that does not notice.
+//! `hil panel`: the content and the controls in a browser, no access for anybody else, and an unaffected run.
 //!
 //! The browser is a headless Chromium, driven by `tests/hosts/panel_page.py`; without one, or without playwright,
-//! its tests say so and pass, unless `HIL_TEST_CHROMIUM=1` demands it. Everybody else speaks over a bare socket.
+//! its tests say so and pass, unless `HIL_TEST_CHROMIUM=1` demands it. All other clients use a bare socket.
 
 mod browser;
 mod intruders;
@@ -23,7 +23,7 @@ use crate::support::programs::{path_from, program, workspace};
 
 const SCENARIO: &str = "scenarios/spring-mass.toml";
 
-/// A panel of the session of a test.
+/// Panel of a test's session.
 struct Panel {
     process: Companion,
     stdout: BufReader<ChildStdout>,
@@ -39,7 +39,7 @@ impl Panel {
         Self::of(hil)
     }
 
-    /// A panel that tells its address as JSON.
+    /// Starts a panel that prints its address as JSON.
     fn of(mut hil: Command) -> Self {
         hil.current_dir(workspace()).stdin(Stdio::null());
         let mut process = Companion::start(hil.stdout(Stdio::piped()));
@@ -65,7 +65,7 @@ impl Panel {
         secret
     }
 
-    /// Ends it as a terminal does; its exit code.
+    /// Interrupts it like a terminal; returns its exit code.
     fn interrupt(mut self) -> Option<i32> {
         send(self.process.id(), Signal::INT);
         self.wait()
@@ -77,7 +77,7 @@ impl Panel {
 }
 
 #[test]
-fn a_panel_beside_a_run_ends_with_it_and_no_sooner() {
+fn a_panel_beside_a_run_ends_with_it_and_not_before() {
     let rig = Rig::new();
     let (mut run, mut stderr) = with_panel(&rig, &["--pause-at", "0.5"]);
     let url = told_url(&mut stderr);
@@ -101,7 +101,7 @@ fn a_panel_of_a_run_that_is_interrupted_before_it_begins_ends_with_it() {
     let url = told_url(&mut stderr);
     let mut client = stream::Client::greeted(&url);
     interrupt(&run);
-    // Not said by one that `hil` had to kill.
+    // A panel that `hil` had to kill does not print this.
     client.until(|told| told["tell"] == "over");
     assert_eq!(ended(&mut run).code(), Some(130));
     rig.assert_nothing_left();
@@ -124,13 +124,13 @@ fn a_run_with_a_panel_that_is_interrupted_leaves_nothing() {
     rig.assert_nothing_left();
 }
 
-/// Interrupts a run and its panel, which is in the run's group, as a terminal does.
+/// Interrupts a run and its panel, which is in the run's group, like a terminal.
 fn interrupt(run: &Child) {
     let group = rustix::process::Pid::from_raw(run.id() as i32).expect("a process");
     rustix::process::kill_process_group(group, Signal::INT).expect("it is there");
 }
 
-/// A run with its panel, in a process group of its own.
+/// Starts a run with its panel, in a process group of its own.
 fn with_panel(rig: &Rig, arguments: &[&str]) -> (Child, BufReader<ChildStderr>) {
     use std::os::unix::process::CommandExt;
     let mut hil = rig.command(program("hil"));
@@ -155,7 +155,7 @@ fn with_panel(rig: &Rig, arguments: &[&str]) -> (Child, BufReader<ChildStderr>) 
     (run, stderr)
 }
 
-/// The address in what a run tells; the rest is read on, so that nobody waits for it.
+/// Returns the address printed by a run; the rest is read too, so that the writer never blocks.
 fn told_url(stderr: &mut BufReader<ChildStderr>) -> String {
     let mut line = String::new();
     loop {
@@ -169,7 +169,7 @@ fn told_url(stderr: &mut BufReader<ChildStderr>) -> String {
 }
 
 #[test]
-fn the_opener_gets_a_file_of_its_user_and_no_argument_has_the_secret() {
+fn the_opener_receives_a_private_file_and_no_argument_contains_the_secret() {
     let rig = Rig::new();
     let run = rig.held();
     let told = rig.path("told");
@@ -207,7 +207,7 @@ fn the_opener_gets_a_file_of_its_user_and_no_argument_has_the_secret() {
 }
 
 #[test]
-fn what_cannot_be_shown_is_refused_before_anything_starts() {
+fn sessions_that_cannot_be_shown_are_refused_before_anything_starts() {
     let rig = Rig::new();
     rig.hil(&["panel", "--session", rig.session()])
         .expect(2)
@@ -236,13 +236,13 @@ fn what_cannot_be_shown_is_refused_before_anything_starts() {
 }
 
 #[test]
-fn a_panel_tells_the_end_and_stays_for_a_page_that_comes_late() {
+fn a_panel_announces_the_end_and_waits_for_a_late_page() {
     let rig = Rig::new();
     let run = rig.held();
     let mut panel = Panel::start(&rig, &[]);
     rig.in_session("resume").expect(0);
     run.finish().expect(0);
-    // Only now, and it has all that was.
+    // Connected only now, it receives the whole log.
     let mut client = stream::Client::greeted(&panel.url);
     let told = client.until(|told| told["ending"]["verdict"] == "pass");
     assert_eq!(told["state"], "ended");

@@ -1,7 +1,7 @@
 //! The paper's experiment: three laws, two scenarios, 20 s, the windows of Tables 3 and 4.
 //!
-//! Expected are the checked figures of an independent simulation, typed here as they stand in the
-//! documentation, and again, with all digits, `tests/golden/paper_runs.json`.
+//! Expected values are the verified figures of an independent simulation, as in the documentation, and with all
+//! digits in `tests/golden/paper_runs.json`.
 
 use serde_json::Value;
 
@@ -19,7 +19,7 @@ struct Case {
     tracking_error_rad: Windows,
     /// Largest |Delta F| in N.
     force_fight_n: Windows,
-    /// The requirements that the paper's tables say it fails.
+    /// Requirements that fail according to the paper's tables.
     fails: &'static [&'static str],
 }
 
@@ -53,7 +53,7 @@ const CASES: [Case; 6] = [
 /// Estimates of both leakage coefficients by FTSC at 20 s of S1, in m3/s/sqrt(Pa).
 const LEAKAGE_ESTIMATES: [f64; 2] = [5.000e-7, 9.587e-8];
 
-/// The window that must be met to within what share of the expected value, in percent.
+/// Returns the tolerance in percent of the expected value.
 fn tolerance_percent(law: &str, quantity: &str, window: usize) -> f64 {
     match (law, quantity, window) {
         ("pid", ..) | (_, "force fight", 0) => 0.1,
@@ -62,7 +62,7 @@ fn tolerance_percent(law: &str, quantity: &str, window: usize) -> f64 {
     }
 }
 
-/// The range of a value: the tolerance around what is expected, except where the plant's equations
+/// Returns the accepted range of a value: the tolerance around the expected one, except where the plant's equations
 /// are stiff and the figure depends on the solver's step (FTSC, S1, steady state).
 fn admitted(case: &Case, quantity: &str, window: usize, expected: f64) -> [f64; 2] {
     match (case.law, case.scenario, quantity, window) {
@@ -86,7 +86,7 @@ fn run(rig: &Rig, case: &Case, arguments: &str) -> Run {
         .expect(i32::from(!case.fails.is_empty()))
 }
 
-/// The three windows of a metric.
+/// Returns the three windows of a metric.
 fn metric(summary: &Value, name: &str) -> Windows {
     let metrics = summary["metrics"].as_array().expect("metrics");
     let windows = metrics.iter().filter(|metric| metric["name"] == name);
@@ -175,32 +175,32 @@ fn assert_figures(law: &str, scenario: &str) {
 }
 
 #[test]
-fn pid_gives_the_figures_of_the_severe_leakage() {
+fn pid_reproduces_the_figures_of_the_severe_leakage() {
     assert_figures("pid", "S1");
 }
 
 #[test]
-fn pid_gives_the_figures_of_the_slight_leakage() {
+fn pid_reproduces_the_figures_of_the_slight_leakage() {
     assert_figures("pid", "S2");
 }
 
 #[test]
-fn nrsc_gives_the_figures_of_the_severe_leakage() {
+fn nrsc_reproduces_the_figures_of_the_severe_leakage() {
     assert_figures("nrsc", "S1");
 }
 
 #[test]
-fn nrsc_gives_the_figures_of_the_slight_leakage() {
+fn nrsc_reproduces_the_figures_of_the_slight_leakage() {
     assert_figures("nrsc", "S2");
 }
 
 #[test]
-fn ftsc_gives_the_figures_of_the_slight_leakage() {
+fn ftsc_reproduces_the_figures_of_the_slight_leakage() {
     assert_figures("ftsc", "S2");
 }
 
 #[test]
-fn ftsc_gives_the_figures_of_the_severe_leakage_and_finds_both_leaks() {
+fn ftsc_reproduces_the_figures_of_the_severe_leakage_and_estimates_both_leaks() {
     let rig = Rig::new();
     let case = case("ftsc", "S1");
     let run = run(&rig, case, "");

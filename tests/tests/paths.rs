@@ -1,4 +1,4 @@
-//! Names of files that are no UTF-8, wherever a command takes one: they work, or are refused by name.
+//! File names that are not UTF-8, wherever a command accepts one: they work, or are refused by name.
 
 use std::ffi::{OsStr, OsString};
 use std::os::unix::ffi::{OsStrExt, OsStringExt};
@@ -7,16 +7,16 @@ use std::path::PathBuf;
 use crate::support::harness::{Rig, Run};
 use crate::support::programs::{program, workspace};
 
-/// A name that is no UTF-8.
+/// Name that is not UTF-8.
 const NAME: &[u8] = b"odd\xff";
 
-/// Such a name with an ending, in the folder of a test.
+/// Returns such a name with a suffix, in the test's folder.
 fn odd(rig: &Rig, ending: &str) -> PathBuf {
     let name = [NAME, ending.as_bytes()].concat();
     rig.path("").join(OsString::from_vec(name))
 }
 
-/// A command with such a path for every `@`, with its ending behind it.
+/// Runs a command in which such a path replaces every `@`.
 fn hil(rig: &Rig, line: &str) -> Run {
     let mut hil = rig.command(program("hil"));
     for word in line.split(' ') {
@@ -28,7 +28,7 @@ fn hil(rig: &Rig, line: &str) -> Run {
     rig.program(hil)
 }
 
-/// Refused with what is wrong, and nothing made.
+/// Checks a refusal with its reason, and that nothing was created.
 #[track_caller]
 fn refused(rig: &Rig, line: &str, made: &str) {
     let run = hil(rig, line).expect(2).says(&["odd\\xFF", "UTF-8"]);
@@ -37,7 +37,7 @@ fn refused(rig: &Rig, line: &str, made: &str) {
 }
 
 #[test]
-fn a_folder_of_a_run_that_is_no_utf8_is_refused_by_name() {
+fn a_run_folder_that_is_not_utf8_is_refused_by_name() {
     let rig = Rig::new();
     refused(&rig, "run scenarios/spring-mass.toml --out @", "");
     refused(
@@ -45,13 +45,13 @@ fn a_folder_of_a_run_that_is_no_utf8_is_refused_by_name() {
         "run scenarios/spring-mass.toml --out @ --link in-process",
         "",
     );
-    // Also one that only lies in such a folder.
+    // Also a folder that merely lies in such a folder.
     std::fs::create_dir(odd(&rig, "")).expect("made");
     refused(&rig, "run scenarios/spring-mass.toml --out @/run", "/run");
 }
 
 #[test]
-fn recordings_and_scenarios_may_lie_under_any_name() {
+fn recordings_and_scenarios_may_have_any_name() {
     let rig = Rig::new();
     let run = rig.run("scenarios/spring-mass.toml").expect(0);
     let folder = odd(&rig, "");
@@ -89,7 +89,7 @@ fn recordings_and_scenarios_may_lie_under_any_name() {
 }
 
 #[test]
-fn files_of_a_run_under_any_name_work_or_are_refused() {
+fn files_of_a_run_with_any_name_work_or_are_refused() {
     let rig = Rig::new();
     std::fs::copy(program("controller-process"), odd(&rig, "-controller")).expect("copied");
     let out = rig.path("run").display().to_string();
@@ -124,7 +124,7 @@ fn files_of_a_run_under_any_name_work_or_are_refused() {
 }
 
 #[test]
-fn a_controller_under_any_name_is_refused_to_take_over_and_the_run_goes_on() {
+fn a_controller_with_such_a_name_cannot_take_over_and_the_run_continues() {
     let rig = Rig::new();
     std::fs::copy(program("controller-process"), odd(&rig, "")).expect("copied");
     let running = rig.start("scenarios/spring-mass.toml --pace 1 --set run.duration_s=600");

@@ -9,10 +9,10 @@ use crate::support::harness::{Rig, until};
 use crate::support::programs::program;
 use crate::support::terminal::Terminal;
 
-/// Room for every plot, and none beside them for lists.
+/// Terminal size with room for every plot, and none beside them for lists.
 const TALL: (u16, u16) = (109, 250);
 
-/// Titles of the plots on a screen of a monitor, each of which stands before the number of its plot.
+/// Returns the titles of the plots on a monitor's screen, each of which precedes the number of its plot.
 fn titles_on_screen(text: &str) -> Vec<String> {
     let numbered = text.lines().filter_map(|line| {
         let (rest, number) = line.trim_end().rsplit_once("  ")?;
@@ -23,7 +23,7 @@ fn titles_on_screen(text: &str) -> Vec<String> {
     numbered.collect()
 }
 
-/// Titles of the panels of a layout for Foxglove, with those of their pages.
+/// Returns the titles of the panels of a Foxglove layout, with those of their pages.
 fn titles_of_layout(layout: &Value) -> Vec<(String, String)> {
     let configs = &layout["configById"];
     let mut titles = Vec::new();
@@ -78,7 +78,7 @@ fn report_monitor_and_layout_show_the_same_plots_in_the_same_order() {
     let folder = run.folder.to_str().expect("text");
     let layout = rig.hil(&["layout", folder, "foxglove"]).expect(0).stdout;
     let layout = titles_of_layout(&serde_json::from_str(&layout).expect("JSON"));
-    // A layout knows no values, so it has sensors that tell the truth too, under the name of what they sense.
+    // A layout knows no values, so it includes fault-free sensors, under the name of the sensed signal.
     let is_plain = |(page, _): &&(String, String)| page != "Interface";
     let laid_out: Vec<&String> = (layout.iter().filter(is_plain))
         .map(|(_, title)| title)
@@ -96,7 +96,7 @@ fn report_monitor_and_layout_show_the_same_plots_in_the_same_order() {
         .filter(|one| !laid_out.contains(one))
         .collect();
     assert_eq!(only_reported, ["Figure 3: position tracking error"]);
-    // No sensor of this run lies and no step is late; the report, which has the values, knows it.
+    // In this run no sensor is faulty and no step is late, which only the report knows from the values.
     for (page, title) in &layout {
         assert!(
             ["Interface", "Loop"].contains(&page.as_str()) || reported.contains(title),

@@ -1,8 +1,7 @@
-//! Real-time settings of whole runs: what was asked for, what the system granted as it says itself, and
-//! that none of it moves a number.
+//! Real-time settings of whole runs: as requested and as granted by the system, without any effect on numbers.
 //!
-//! Not every machine grants everything. Where something is refused, the test asks for the reason and
-//! for the command that mends it instead.
+//! Not every machine grants everything. If something is refused, the test checks the reason and the command that
+//! fixes it instead.
 
 use std::process::Command;
 
@@ -21,7 +20,7 @@ fn run(rig: &Rig, arguments: &str) -> Run {
     rig.run(&format!("{SCENARIO} {arguments}")).expect(0)
 }
 
-/// A setting as the summary has it: asked for, granted, and why not.
+/// Returns a setting in the summary: requested, granted, and the reason of a refusal.
 fn setting(run: &Run, pointer: &str) -> (Value, Value, Option<String>) {
     let summary = run.summary();
     let found = summary.pointer(&format!("/realtime/{pointer}"));
@@ -30,7 +29,7 @@ fn setting(run: &Run, pointer: &str) -> (Value, Value, Option<String>) {
     (found["asked"].clone(), found["granted"].clone(), reason)
 }
 
-/// Cores that this process may run on, from the kernel's own list.
+/// Returns the cores available to this process, from the kernel's own list.
 fn cores() -> Vec<u32> {
     let status = std::fs::read_to_string("/proc/self/status").expect("reads");
     let list = status
@@ -46,7 +45,7 @@ fn cores() -> Vec<u32> {
 }
 
 #[test]
-fn no_setting_moves_the_digest_and_each_figure_names_the_wait() {
+fn no_setting_changes_the_digest_and_each_figure_names_the_wait_strategy() {
     let rig = Rig::new();
     let wanted = run(&rig, "--no-record --link in-process").digest();
     let cores = cores();
@@ -76,7 +75,7 @@ fn no_setting_moves_the_digest_and_each_figure_names_the_wait() {
 }
 
 #[test]
-fn busy_loops_on_each_core_move_no_digest_and_are_named() {
+fn busy_loops_on_each_core_change_no_digest_and_are_reported() {
     let rig = Rig::new();
     let wanted = run(&rig, "--no-record --link in-process").digest();
     let _busy: Vec<Companion> = cores().into_iter().map(busy_loop).collect();
@@ -85,7 +84,7 @@ fn busy_loops_on_each_core_move_no_digest_and_are_named() {
         assert_eq!(run.digest(), wanted, "{arguments}");
         let summary = run.summary();
         let company = |key: &str| summary["company"][key].as_f64().expect("a number");
-        // Each loop has at least the core's half, and nobody has more than the cores.
+        // Each loop gets at least the core's half, and no process has more than the cores.
         let count = cores().len() as f64;
         assert_eq!(company("cores"), count);
         let others_cores = company("others_cores");
@@ -126,7 +125,7 @@ fn each_process_runs_on_its_core() {
         let (asked, granted, reason) = setting(&run, &format!("{side}/core"));
         assert_eq!((asked, granted, reason), (core.into(), core.into(), None));
     }
-    // And not only by their own word: each sample says where its sides ran.
+    // Not only by their own reports: each sample states the cores of its sides.
     let recording = Recording::open(&run.recording());
     for (column, core) in [
         ("plant_surroundings", first),
@@ -135,7 +134,7 @@ fn each_process_runs_on_its_core() {
         let place = recording.place(column);
         for record in recording.records() {
             let word = record.words[place];
-            // The last record has no command, and so nothing of the controller.
+            // The last record has no command, and so no data of the controller.
             if word != 0 {
                 assert_eq!(
                     u32::from(ThreadStatistics::from_wire(word).core),
@@ -148,7 +147,7 @@ fn each_process_runs_on_its_core() {
 }
 
 #[test]
-fn a_core_that_is_not_there_is_refused_with_those_that_are() {
+fn a_nonexistent_core_is_refused_with_the_available_ones() {
     let rig = Rig::new();
     let online = std::fs::read_to_string("/sys/devices/system/cpu/online").expect("reads");
     let run = rig
@@ -159,7 +158,7 @@ fn a_core_that_is_not_there_is_refused_with_those_that_are() {
 }
 
 #[test]
-fn what_was_asked_for_is_granted_or_the_reason_and_the_mend_are_told() {
+fn settings_are_granted_or_refused_with_reason_and_fix() {
     let rig = Rig::new();
     let run = run(&rig, "--priority 3 --lock-memory --dma-latency 100");
     let settings = [
@@ -172,7 +171,7 @@ fn what_was_asked_for_is_granted_or_the_reason_and_the_mend_are_told() {
     for name in settings {
         let (asked, granted, reason) = setting(&run, name);
         assert_ne!(asked, Value::Null, "{name}");
-        // The kernel keeps the shortest latency that anybody asked for.
+        // The kernel keeps the shortest latency requested by any process.
         let shorter = name == "dma_latency_us" && granted.as_u64() < asked.as_u64();
         if granted == asked || shorter && !granted.is_null() {
             assert_eq!(reason.is_some(), granted != asked, "{name}");
@@ -186,11 +185,11 @@ fn what_was_asked_for_is_granted_or_the_reason_and_the_mend_are_told() {
         });
         let line = line.unwrap_or_else(|| panic!("no {key} in:\n{}", run.stderr));
         assert!(line.contains(who), "{line}");
-        assert!(run.stderr.contains("\n  mend: "), "{}", run.stderr);
+        assert!(run.stderr.contains("\n  fix: "), "{}", run.stderr);
     }
 }
 
-/// `hil` without the right to raise priorities and to lock memory.
+/// Returns `hil` without the right to raise priorities and to lock memory.
 fn without_rights(rig: &Rig) -> Option<Command> {
     let mut hil = rig.command("setpriv");
     hil.args(["--bounding-set", "-sys_nice,-ipc_lock"]);
@@ -209,8 +208,8 @@ fn without_rights(rig: &Rig) -> Option<Command> {
 }
 
 #[test]
-fn without_rights_a_run_goes_on_and_says_what_it_lacks_once() {
-    // Who is not root has none to give up.
+fn without_rights_a_run_continues_and_reports_each_refusal_once() {
+    // Only root has rights to give up.
     let rig = Rig::new();
     let hil = without_rights(&rig).unwrap_or_else(|| rig.command(program("hil")));
     let wanted = run(&rig, "--no-record").digest();
@@ -223,7 +222,7 @@ fn without_rights_a_run_goes_on_and_says_what_it_lacks_once() {
         let soft = row.and_then(|row| row.split_ascii_whitespace().next());
         soft.expect("a limit").to_owned()
     };
-    // Unless somebody has mended them, these limits leave no priority and little memory.
+    // Unless they were changed, these limits leave no priority and little memory.
     if limit("Max realtime priority") == "0" {
         assert_refused(&run, "priority", 0.into(), "Operation not permitted");
     }
@@ -233,7 +232,7 @@ fn without_rights_a_run_goes_on_and_says_what_it_lacks_once() {
     }
 }
 
-/// Both sides were refused a setting, and it is told once for both, with one way to mend all.
+/// Checks that both sides were refused a setting, reported once for both, with one fix for all.
 fn assert_refused(run: &Run, name: &str, left: Value, why: &str) {
     for side in ["plant", "controller"] {
         let (_, granted, reason) = setting(run, &format!("{side}/{name}"));
@@ -246,7 +245,7 @@ fn assert_refused(run: &Run, name: &str, left: Value, why: &str) {
     assert_eq!(said.matches("/etc/security/limits.d/").count(), 1, "{said}");
 }
 
-/// Page faults of a side between its first look at itself, in step 0, and its last.
+/// Counts page faults of a side between its first sample of statistics, in step 0, and its last.
 fn faults(run: &Run, side: &str) -> u32 {
     let recording = Recording::open(&run.recording());
     let place = recording.place(&format!("{side}_surroundings"));
@@ -260,7 +259,7 @@ fn faults(run: &Run, side: &str) -> u32 {
 }
 
 #[test]
-fn a_prefaulted_loop_meets_no_page_fault() {
+fn a_prefaulted_loop_has_no_page_faults() {
     let rig = Rig::new();
     let without = run(&rig, "");
     assert!(faults(&without, "plant") > 0, "records go to fresh memory");
@@ -275,7 +274,7 @@ fn a_prefaulted_loop_meets_no_page_fault() {
     }
 }
 
-/// Scheduling policy and cores of each thread of a process: 0 is ordinary, 1 `SCHED_FIFO`.
+/// Returns scheduling policy and cores of each thread of a process: 0 is ordinary, 1 `SCHED_FIFO`.
 fn threads(pid: u32) -> Vec<(bool, u32, String)> {
     let tasks = std::fs::read_dir(format!("/proc/{pid}/task")).expect("the process is there");
     let of = |task: std::path::PathBuf| {
@@ -341,7 +340,7 @@ fn only_the_loop_leaves_ordinary_scheduling() {
 }
 
 #[test]
-fn a_rerun_asks_for_nothing_that_the_run_asked_for() {
+fn a_rerun_requests_none_of_the_settings_of_the_run() {
     let rig = Rig::new();
     let core = cores()[0];
     let before = run(&rig, &format!("--plant-core {core} --wait yield"));

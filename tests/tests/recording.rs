@@ -1,4 +1,4 @@
-//! Content of a recording, read by code that shares nothing with the recorder, in Rust and in Python.
+//! Content of a recording, read in Rust and in Python by code independent of the recorder.
 
 use std::process::Command;
 
@@ -41,7 +41,7 @@ fn only_the_last_record_has_no_command() {
     for record in recording.records() {
         for (place, name) in recording.columns.iter().enumerate() {
             let Some((group, _)) = name.split_once('.') else {
-                continue; // no signal
+                continue; // not a signal
             };
             let missing = f64::from_bits(record.words[place]).is_nan();
             let of_command = matches!(group, "command" | "applied" | "internal");
@@ -52,7 +52,7 @@ fn only_the_last_record_has_no_command() {
 }
 
 #[test]
-fn the_metrics_can_be_computed_again_from_the_recording() {
+fn the_metrics_can_be_recomputed_from_the_recording() {
     let rig = Rig::new();
     let run = rig.run(SCENARIO).expect(0);
     let recording = Recording::open(&run.recording());
@@ -67,7 +67,7 @@ fn the_metrics_can_be_computed_again_from_the_recording() {
 }
 
 #[test]
-fn a_recording_tells_where_it_comes_from() {
+fn a_recording_states_its_provenance() {
     let rig = Rig::new();
     let run = rig.run(&format!("{SCENARIO} {SHORT}")).expect(0);
     let (recording, summary) = (Recording::open(&run.recording()), run.summary());

@@ -1,5 +1,5 @@
-//! Nothing lost, nothing left: what there is after a death, on a full disk and of a damaged file, and that
-//! every command says what to do.
+//! No data lost, nothing left behind: the state after a death, on a full disk and of a damaged file, and advice
+//! from every command.
 
 use std::path::Path;
 
@@ -40,7 +40,7 @@ fn records(path: &Path) -> Vec<Record> {
 }
 
 #[test]
-fn what_a_killed_hil_recorded_becomes_a_normal_run() {
+fn the_recording_of_a_killed_hil_becomes_a_normal_run() {
     let rig = Rig::new();
     let running = rig.start(RUN);
     let children = running.children();
@@ -100,7 +100,9 @@ fn what_a_killed_hil_recorded_becomes_a_normal_run() {
         (&true.into(), &after.len().into())
     );
 
-    rig.hil(&["recover", run]).expect(0).prints(&["is whole"]);
+    rig.hil(&["recover", run])
+        .expect(0)
+        .prints(&["is complete"]);
 }
 
 #[test]
@@ -124,14 +126,14 @@ fn every_completed_step_of_a_killed_plant_is_recorded() {
     let rig = Rig::new();
     let running = rig.start("scenarios/severe-leakage.toml --set run.duration_s=100");
     let [plant, _] = running.children();
-    // The recorder stands still, so that what the plant publishes stays in its stream.
+    // The recorder is stopped, so that the plant's records stay in its stream.
     running.signal(Signal::STOP);
     let size = || std::fs::metadata(rig.path("run0/run.mcap")).map_or(0, |data| data.len());
     let mut last = 0;
     until("the recorder stands still", || {
         std::mem::replace(&mut last, size()) == size()
     });
-    // Far more steps than it had left to take.
+    // Far more steps than were left in the stream.
     std::thread::sleep(std::time::Duration::from_millis(100));
     plant.kill();
     running.signal(Signal::CONT);
@@ -141,7 +143,7 @@ fn every_completed_step_of_a_killed_plant_is_recorded() {
     let log = std::fs::read_to_string(run.folder.join("controller.log")).expect("a log");
     let (_, step) = log.split_once("plant is gone at step ").expect("its step");
     let awaited: usize = step.trim().parse().expect("a number");
-    // It had answered the step before; the record of that before may have been on its way.
+    // It had answered the previous step; the record of the one before may have been on its way.
     assert!(
         found.len() + 2 >= awaited,
         "{} records, step {awaited} was awaited",
@@ -170,7 +172,7 @@ fn every_answered_step_of_a_killed_controller_is_recorded() {
 }
 
 #[test]
-fn a_replay_whose_controller_dies_says_so_in_json_too() {
+fn a_replay_reports_the_death_of_its_controller_in_json_too() {
     let rig = Rig::new();
     let run = rig.run(RUN);
     let run = text(&run.folder).to_owned();
@@ -196,13 +198,13 @@ fn a_replay_whose_controller_dies_says_so_in_json_too() {
 #[test]
 fn chunks_are_closed_in_time_however_slow_the_run_is() {
     let rig = Rig::new();
-    // 2 s at 50 Hz, a record each 20 ms: far less than would fill a chunk.
+    // 2 s at 50 Hz, a record every 20 ms: far less than would fill a chunk.
     let slow = SMALL.replace("1000", "50").replace("0.5", "2.0");
     let slow = rig.write("slow.toml", &slow);
     let run = rig.run(&format!("{} --clock paced", slow.display()));
     let run = run.expect(0);
     let chunks = Recording::open(&run.recording()).summary().chunk_indexes;
-    // One for each 100 ms would be 20; a loaded machine may hold the recorder up now and then.
+    // One per 100 ms would be 20; a loaded machine may delay the recorder now and then.
     assert!(chunks.len() >= 10, "{} chunks", chunks.len());
 }
 
@@ -226,7 +228,7 @@ fn a_full_disk_stops_the_run_with_a_readable_file_and_a_summary() {
     let found = records(&path);
     assert!(found.len() > 10_000, "{} records", found.len());
     assert_eq!(summary["recording"]["kept"], found.len());
-    // The digest is of all that came, and both numbers are told with why they differ.
+    // The digest covers all received records, and both numbers are reported with the reason for their difference.
     let digested = &summary["recording"]["digested"];
     assert_eq!(digested, &summary["recording"]["records"]);
     assert!(digested.as_u64() > summary["recording"]["kept"].as_u64());
@@ -241,9 +243,9 @@ fn a_full_disk_stops_the_run_with_a_readable_file_and_a_summary() {
     );
     assert!(run.stdout.contains(&both), "{}", run.stdout);
     assert_eq!(summary["verdict"], "aborted");
-    // It has an end, or the reason says what makes one.
+    // It has an end, or the reason states how to complete it.
     let recovered = rig.hil(&["recover", text(&run.folder)]).expect(0);
-    let was_whole = recovered.stdout.contains("is whole");
+    let was_whole = recovered.stdout.contains("is complete");
     assert_eq!(was_whole, !reason.contains("hil recover "), "{reason}");
     let recording = Recording::open(&path);
     assert_eq!(recording.metadata()["hil.result"]["outcome"], "failed");
@@ -251,7 +253,7 @@ fn a_full_disk_stops_the_run_with_a_readable_file_and_a_summary() {
 }
 
 #[test]
-fn what_a_killed_command_left_is_removed_by_the_next() {
+fn remains_of_a_killed_command_are_removed_by_the_next() {
     let rig = Rig::new();
     let run = rig.run(RUN);
     let folder = run.folder;
@@ -271,7 +273,7 @@ fn what_a_killed_command_left_is_removed_by_the_next() {
     assert!(!table.exists());
 }
 
-/// Lists what can become of a file.
+/// Lists possible damages of a file.
 fn damages(bytes: &[u8]) -> Vec<(&'static str, Vec<u8>)> {
     let mut flipped = bytes.to_vec();
     let middle = flipped.len() / 2;
@@ -336,7 +338,7 @@ fn every_command_names_a_damaged_recording() {
             assert!(!about.contains("panicked"), "{about}");
             assert!(matches!(told.code, Some(0..=3)), "{about}");
             if damage == "half" && !about.contains(" before its first record") {
-                // Readable as far as it goes.
+                // Readable up to the damage.
                 let says = about.contains("hil recover ") || command[0] == "recover";
                 assert!(says, "{about}");
                 continue;
@@ -349,7 +351,7 @@ fn every_command_names_a_damaged_recording() {
 }
 
 #[test]
-fn every_other_file_that_is_damaged_is_named() {
+fn every_other_damaged_file_is_named() {
     let rig = Rig::new();
     let small = rig.write("small.toml", SMALL);
     let run = rig.run(&format!("{} --checkpoint-at 0.2", small.display()));
@@ -379,7 +381,7 @@ fn every_other_file_that_is_damaged_is_named() {
             .extension()
             .is_some_and(|extension| extension == "toml")
         {
-            // Half of its lines may be a whole file too; half of a line is not.
+            // Half of its lines may be a valid file too; half of a line is not.
             damages.retain(|(damage, _)| *damage != "half");
             let text = String::from_utf8_lossy(&sound);
             let quote = text.rfind(" = \"").expect("a text") + 4;

@@ -1,5 +1,5 @@
-//! Recorded samples against a controller: one that is the same answers the same, one that is not is
-//! found out, with step and signal.
+//! Recorded samples against a controller: an identical one answers the same, a different one is detected, with step
+//! and signal.
 
 mod copy;
 
@@ -27,7 +27,7 @@ fn rebuilt() -> PathBuf {
     program_of_tests("rebuilt-controller")
 }
 
-/// `hil replay --json` of a recording, and what it says.
+/// Runs `hil replay --json` on a recording, and returns its output.
 #[track_caller]
 fn replayed(rig: &Rig, run: &Path, arguments: &[&str], code: i32) -> Value {
     let told = rig.hil(&[&["replay", text(run), "--json"], arguments].concat());
@@ -64,7 +64,7 @@ fn with_all_faults(rig: &Rig) -> PathBuf {
 }
 
 #[test]
-fn an_unchanged_controller_answers_every_sample_bit_by_bit() {
+fn an_unchanged_controller_reproduces_every_answer_bit_by_bit() {
     let rig = Rig::new();
     let faults = with_all_faults(&rig);
     let faults = text(&faults);
@@ -192,7 +192,7 @@ fn a_change_of_one_line_is_found_with_step_signal_and_both_values() {
 }
 
 #[test]
-fn each_signal_has_the_tolerance_that_it_was_given() {
+fn each_signal_has_its_given_tolerance() {
     let rig = Rig::new();
     let run = rig
         .run(&format!(
@@ -226,7 +226,7 @@ fn each_signal_has_the_tolerance_that_it_was_given() {
 }
 
 #[test]
-fn what_only_one_of_them_shows_is_named() {
+fn signals_present_on_one_side_only_are_named() {
     let rig = Rig::new();
     let run = rig
         .run(&format!(
@@ -259,7 +259,7 @@ fn rewritten(
 }
 
 #[test]
-fn a_flipped_bit_in_any_recorded_answer_is_found_and_named() {
+fn a_flipped_bit_in_any_recorded_answer_is_detected_and_named() {
     let rig = Rig::new();
     let run = rig
         .run(&format!(
@@ -297,7 +297,7 @@ fn a_flipped_bit_in_any_recorded_answer_is_found_and_named() {
         );
         std::fs::remove_file(&path).expect("removed");
     }
-    // A bit of validity: that of the last internal is the last of the answer.
+    // A validity bit: that of the last internal signal is the last of the answer.
     let last = answers.len() - 1;
     let path = rewritten(&rig, &run, "invalid", |words, columns| {
         let place = columns
@@ -318,7 +318,7 @@ fn a_flipped_bit_in_any_recorded_answer_is_found_and_named() {
 }
 
 #[test]
-fn what_cannot_be_replayed_is_refused_before_anything_starts() {
+fn unreplayable_recordings_are_refused_before_anything_starts() {
     let rig = Rig::new();
     let hydraulic = format!(
         "{LEAKAGE} --set run.duration_s=0.02 --set faults[0].at_s=0.01 --set controller.law=pid"
@@ -339,7 +339,7 @@ fn what_cannot_be_replayed_is_refused_before_anything_starts() {
             vec![folder, "--controller-bin", text(&misbehaving)],
             "unknown law `pid`",
         ),
-        // One that no longer gives a command of this one.
+        // One that no longer has a command of this one.
         (
             vec![folder, "--controller-bin", text(&rebuilt)],
             "needs the command `actuator2_valve_current_a`",
@@ -419,7 +419,7 @@ fn an_interrupted_replay_ends_in_order_also_with_a_silent_controller() {
 }
 
 #[test]
-fn a_recording_that_was_cut_off_is_replayed_as_far_as_it_goes() {
+fn a_truncated_recording_is_replayed_up_to_its_last_record() {
     let rig = Rig::new();
     let run = rig
         .run(&format!("{LEAKAGE} --set run.duration_s=1.5"))
@@ -454,7 +454,7 @@ fn a_run_that_diverged_is_replayed_to_its_last_record() {
 }
 
 #[test]
-fn a_run_of_a_plant_that_is_not_here_needs_its_recording_only() {
+fn replaying_a_run_of_a_missing_plant_needs_only_its_recording() {
     let rig = Rig::new();
     let run = rig.run(&of_pendulum("examples/own-plant/pendulum.toml"));
     let run = run.expect(0);

@@ -1,7 +1,7 @@
-//! `hil report`: what is in the page, against readers of their own, and what a real browser makes of it.
+//! `hil report`: the content of the page, checked by independent readers, and its rendering in a real browser.
 //!
-//! What a page must show comes from the recording, read without the reporter's code, and from `summary.json`,
-//! which the run wrote. The browser is a headless Chromium; without one its tests say so and pass, unless
+//! The expected content comes from the recording, read without the reporter's code, and from the run's
+//! `summary.json`. The browser is a headless Chromium; without one its tests say so and pass, unless
 //! `HIL_TEST_CHROMIUM=1` demands it.
 
 mod browser;
@@ -17,7 +17,7 @@ use crate::support::programs::shipped;
 use page::Page;
 
 const LEAKAGE: &str = "tests/scenarios/leakage.toml";
-/// The teaching run at 1 kHz for 10 s with one spike of one step on its sensor.
+/// The teaching run at 1 kHz for 10 s with a one-step spike on its sensor.
 const SPIKE: &str = "
 [[faults]]
 kind = \"spike\"
@@ -44,7 +44,7 @@ fn spike_scenario(rig: &Rig) -> PathBuf {
 }
 
 #[test]
-fn every_bucket_has_the_least_and_the_greatest_value_of_its_records() {
+fn every_bucket_has_the_extremes_of_its_records() {
     let rig = Rig::new();
     let run = rig.run(LEAKAGE).expect(0);
     let page = Page::of(&rig, &[&run], &[]);
@@ -79,7 +79,7 @@ fn every_bucket_has_the_least_and_the_greatest_value_of_its_records() {
             assert_eq!(found, expected.map(f32::to_bits), "{name}, bucket {bucket}");
         }
     }
-    // Around the fault a bucket is a step.
+    // Around the fault a bucket is one step.
     let near = starts_s
         .iter()
         .filter(|start_s| (**start_s - 1.0).abs() < 0.01045);
@@ -87,7 +87,7 @@ fn every_bucket_has_the_least_and_the_greatest_value_of_its_records() {
 }
 
 #[test]
-fn a_page_says_what_the_run_said_and_where_each_margin_comes_from() {
+fn a_page_agrees_with_the_summary_and_marks_the_origin_of_each_margin() {
     let rig = Rig::new();
     let scenario = spike_scenario(&rig);
     let run = rig.run(scenario.to_str().expect("text")).expect(1);
@@ -127,7 +127,7 @@ fn a_page_says_what_the_run_said_and_where_each_margin_comes_from() {
     };
     assert_eq!(mark["signal"], "measured.position_m");
     assert_eq!(mark["decisive"], serde_json::json!([sensed, 0.3]));
-    // A magnitude has two limits, in the time in which they count.
+    // A magnitude has two limits, in the time in which they apply.
     let reach = page.plot(&["reference.position_m", "truth.position_m"]);
     let limits: Vec<_> = (reach["limits"].as_array().expect("limits").iter())
         .filter(|limit| limit["requirement"] == "stays_in_reach")
@@ -163,7 +163,7 @@ fn a_page_says_what_the_run_said_and_where_each_margin_comes_from() {
 }
 
 #[test]
-fn a_page_loads_nothing_and_texts_of_a_recording_stay_texts() {
+fn a_page_loads_nothing_and_escapes_texts_of_a_recording() {
     let rig = Rig::new();
     let scenario = spike_scenario(&rig);
     let text = std::fs::read_to_string(&scenario).expect("a scenario");
@@ -186,14 +186,14 @@ fn a_page_loads_nothing_and_texts_of_a_recording_stay_texts() {
     ] {
         assert!(!rest.contains(loads), "{loads}");
     }
-    // Addresses: the home of uPlot in a comment, and the name of a namespace.
+    // Addresses: the home page of uPlot in a comment, and the name of a namespace.
     let addresses = rest.matches("http://").count() + rest.matches("https://").count();
     assert_eq!(addresses, 2);
     assert!(page.text.contains("default-src 'none'"));
 }
 
 #[test]
-fn several_runs_lie_over_each_other_and_tell_apart() {
+fn several_runs_are_overlaid_and_distinguishable() {
     let rig = Rig::new();
     let runs = ["pid", "nrsc", "ftsc"].map(|law| {
         rig.run(&format!("scenarios/severe-leakage.toml --set run.duration_s=8 --set requirements=[] --set metrics=[] --set controller.law={law}")).expect(0)
@@ -235,8 +235,8 @@ fn a_change_of_the_controller_is_in_title_label_plots_and_published_figures() {
         .expect(0);
     rig.in_session("resume").expect(0);
     let run = run.finish().expect(0);
-    // The paper's Tables 3 and 4: of the first law until 7 s, of the second one from 15 s on, and of
-    // neither from 7 to 8 s.
+    // The paper's Tables 3 and 4: of the first law until 7 s, of the second one from 15 s on, and of neither from 7
+    // to 8 s.
     let published = |text: &str, window: &str| {
         let lines = text.lines().filter(|line| line.contains(window));
         let lines = lines.filter(|line| line.contains("max_abs_"));
@@ -273,7 +273,7 @@ fn a_change_of_the_controller_is_in_title_label_plots_and_published_figures() {
 }
 
 #[test]
-fn what_cannot_be_reported_says_why() {
+fn impossible_reports_are_refused_with_the_reason() {
     let rig = Rig::new();
     let run = rig.run("scenarios/spring-mass.toml").expect(0);
     let folder = run.folder.to_str().expect("text");
@@ -324,7 +324,7 @@ fn what_cannot_be_reported_says_why() {
 }
 
 #[test]
-fn runs_that_ended_badly_or_kept_a_part_are_shown_as_far_as_they_go() {
+fn aborted_and_partial_runs_are_shown_as_far_as_possible() {
     let rig = Rig::new();
     // The shaft is pushed out of its range of validity.
     let run = rig
@@ -338,13 +338,13 @@ fn runs_that_ended_badly_or_kept_a_part_are_shown_as_far_as_they_go() {
     let page = Page::of(&rig, &[&excerpt], &[]);
     assert!(page.text.contains("an excerpt") && page.text.contains("data-verdict=\"pass\""));
     page.plot(&["truth.position_m"]);
-    // Of several chunks, of which one is closed every 100 ms.
+    // Several chunks, one closed every 100 ms.
     let damaged = rig
         .run("scenarios/spring-mass.toml --compression none --clock paced")
         .expect(0);
     let whole = std::fs::read(damaged.recording()).expect("a recording");
     let middle = whole.len() / 2;
-    // One bit of one byte is another: something that is shown was never recorded.
+    // One bit of one byte is flipped: part of the shown data was never recorded.
     let mut bytes = whole.clone();
     bytes[middle] ^= 1;
     std::fs::write(damaged.recording(), &bytes).expect("it can be written");
@@ -359,8 +359,8 @@ fn runs_that_ended_badly_or_kept_a_part_are_shown_as_far_as_they_go() {
         .expect("the runs");
     let (_, verdict) = runs.split_once("data-verdict=\"").expect("a verdict");
     assert!(!verdict.starts_with("pass"), "whatever the bit was part of");
-    assert!(page.text.contains("damaged") || page.text.contains("not the recorded one"));
-    // Cut off there.
+    assert!(page.text.contains("damaged") || page.text.contains("differs from the recorded one"));
+    // Truncated there.
     std::fs::write(damaged.recording(), &whole[..middle]).expect("it can be written");
     let (page, told) = Page::with_exit(&rig, &[&damaged], &[], 0);
     assert!(told.contains("hil recover "), "{told}");

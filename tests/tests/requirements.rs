@@ -1,4 +1,4 @@
-//! Requirements in whole runs: verdict, exit code, and the same from the recording.
+//! Requirements in whole runs: verdict, exit code, and the same results from the recording.
 
 use controller_process::laws;
 use hil_config::evaluation::Evaluation;
@@ -56,7 +56,7 @@ fn with_requirements(rig: &Rig) -> String {
     path.to_str().expect("plain").into()
 }
 
-/// Runs `hil judge --json`; returns what it says, and its exit code.
+/// Runs `hil judge --json`; returns its output and its exit code.
 fn judge(rig: &Rig, run: &Run, more: &[&str]) -> (Value, Option<i32>) {
     let folder = run.folder.to_str().expect("plain");
     let judged = rig.hil(&[&["judge", folder, "--json"], more].concat());
@@ -64,7 +64,7 @@ fn judge(rig: &Rig, run: &Run, more: &[&str]) -> (Value, Option<i32>) {
 }
 
 #[test]
-fn a_recording_is_judged_to_the_last_bit_as_the_run_was() {
+fn judging_a_recording_reproduces_the_verdicts_of_the_run_bit_by_bit() {
     let rig = Rig::new();
     let scenario = with_requirements(&rig);
     for link in ["iceoryx2", "in-process"] {
@@ -89,7 +89,7 @@ fn a_recording_is_judged_to_the_last_bit_as_the_run_was() {
                 "{one}"
             );
         }
-        // The leak of 1 s shows at once and decides; what holds always is known at the end.
+        // The leak at 1 s shows at once and decides; an `always` is decided at the end.
         let decided_at_s = |at: usize| requirements[at]["decided_at_s"].as_f64();
         assert_eq!(decided_at_s(0), Some(2.0));
         assert!(decided_at_s(2).is_some_and(|at_s| at_s > 1.0 && at_s < 1.5));
@@ -118,7 +118,7 @@ fn a_recording_is_judged_by_the_requirements_of_another_scenario() {
         judged.expect(2).says(fragments);
     };
     refuse("no/such.toml", &["cannot read no/such.toml"]);
-    // That one runs for 20 s, this run for 2 s.
+    // The other scenario runs for 20 s, this run for 2 s.
     refuse(
         "scenarios/severe-leakage.toml",
         &["does not fit the run", "the run ends at 2 s"],
@@ -133,7 +133,7 @@ fn a_recording_is_judged_by_the_requirements_of_another_scenario() {
 }
 
 #[test]
-fn a_failed_requirement_is_told_with_its_formula_and_ends_with_exit_code_1() {
+fn a_failed_requirement_is_reported_with_its_formula_and_exit_code_1() {
     let rig = Rig::new();
     let run = rig.run(&format!("{SPRING_MASS} --set controller.law=hold"));
     let run = run.expect(1).prints(&[
@@ -141,7 +141,7 @@ fn a_failed_requirement_is_told_with_its_formula_and_ends_with_exit_code_1() {
         "settles           FAIL",
         "always[4s,5s](abs(tracking_error_m) < 2e-4)",
     ]);
-    // The mass stays where it is, 0.01 m from where it should be.
+    // The mass stays where it is, 0.01 m from its target.
     let settles = &run.summary()["requirements"][0];
     let robustness = settles["robustness"].as_f64().expect("a number");
     assert!((robustness - (2e-4 - 0.01)).abs() < 1e-12, "{settles}");
@@ -151,7 +151,7 @@ fn a_failed_requirement_is_told_with_its_formula_and_ends_with_exit_code_1() {
 }
 
 #[test]
-fn a_run_that_diverges_leaves_undecided_what_was_not_certain() {
+fn a_diverged_run_leaves_uncertain_requirements_undecided() {
     let rig = Rig::new();
     let limited = format!("{SPRING_MASS} --set plant.limits.position_m=[-1.0,0.009]");
     let run = rig.run(&limited).expect(1);
@@ -167,7 +167,7 @@ fn a_run_that_diverges_leaves_undecided_what_was_not_certain() {
     assert_eq!(judged["requirements"], summary["requirements"]);
 }
 
-/// The plan of a changed scenario of the workspace, with the laws and plants that are built in.
+/// Returns the plan of a modified scenario of the workspace, with the built-in laws and plants.
 pub(crate) fn plan(scenario: &str, more: &str, changes: &[&str]) -> Plan {
     let plants = Vec::from_iter(models::all().into_iter().map(|plant| plant.description));
     let laws = Vec::from_iter(laws::all().into_iter().map(|law| law.description));
@@ -203,8 +203,8 @@ fn judging_allocates_nothing() {
     assert!(values.iter().all(|value| value.robustness.is_some()));
 }
 
-/// The teaching plant for 1 s, with a fault on one target from `at_s` to 0.6 s. Its requirements are easy:
-/// only what does not exist fails them.
+/// Runs the teaching plant for 1 s, with a fault on one target from `at_s` to 0.6 s. Its requirements are easy:
+/// only missing values fail them.
 fn left_out(rig: &Rig, kind: &str, target: &str, at_s: f64) -> Run {
     let text = format!(
         r#"
@@ -244,14 +244,14 @@ expression = "mean(command.force_n)"
 }
 
 #[test]
-fn what_a_fault_left_out_counts_against_a_requirement_and_in_no_mean() {
+fn values_removed_by_a_fault_fail_requirements_and_are_excluded_from_means() {
     let rig = Rig::new();
     let sensor = "measured.position_m";
     for (kind, target, at_s, failing, skipped) in [
         ("dropout", sensor, 0.2, "measured", [40, 1]),
-        // A controller that never got a sample.
+        // A controller that never received a sample.
         ("message-loss", "link.sample", 0.0, "measured", [60, 1]),
-        // Of all commands the final record has none.
+        // The final record has none of the commands.
         ("dropout", "command.force_n", 0.2, "command", [0, 41]),
         ("message-loss", "link.command", 0.0, "command", [0, 61]),
         // Late and wrong values exist.
@@ -264,7 +264,7 @@ fn what_a_fault_left_out_counts_against_a_requirement_and_in_no_mean() {
             let fails = one["name"] == failing;
             let wanted = if fails { "fail" } else { "pass" };
             assert_eq!(one["verdict"], wanted, "{kind} on {target}: {one}");
-            // Minus infinity is no number of JSON.
+            // Minus infinity is not a JSON number.
             assert_eq!(one["robustness"].is_null(), fails, "{one}");
             let first_s = if fails { at_s } else { 0.0 };
             assert!(one["at_s"].as_f64() >= Some(first_s), "{one}");

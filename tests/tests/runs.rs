@@ -1,4 +1,4 @@
-//! Runs of a folder as `hil runs` lists and removes them, and the newest of them as commands find it.
+//! Runs in a folder as `hil runs` lists and removes them, and the newest run as found by commands.
 
 use std::fs;
 use std::os::unix::fs::symlink;
@@ -9,13 +9,13 @@ use serde_json::Value;
 use crate::support::harness::{Rig, Run, until, until_gone};
 use crate::support::programs::shipped;
 
-/// Runs `hil` in the folder of the test.
+/// Runs `hil` in the test's folder.
 fn hil(rig: &Rig, line: &str) -> Run {
     let words: Vec<&str> = line.split(' ').collect();
     rig.hil_in(&rig.path(""), &words)
 }
 
-/// Copies a shipped scenario into the folder of the test and returns its name there.
+/// Copies a shipped scenario to the test's folder and returns its name there.
 fn scenario(rig: &Rig, name: &str) -> String {
     rig.write(name, &shipped(format!("scenarios/{name}")));
     name.into()
@@ -35,13 +35,13 @@ fn summary(folder: &Path) -> Value {
     serde_json::from_slice(&text).expect("JSON")
 }
 
-/// Bytes of the files of a folder, added by another program.
+/// Returns the size of the files in a folder, computed by another program.
 fn bytes(folder: &Path) -> u64 {
     let files = fs::read_dir(folder).expect("a folder").flatten();
     (files.map(|file| file.metadata().expect("a file").len())).sum()
 }
 
-/// Three runs, the oldest first: one that passes, one that fails and one deeper that passes.
+/// Creates three runs, oldest first: one that passes, one that fails and one in a subfolder that passes.
 fn three(rig: &Rig) -> [PathBuf; 3] {
     let (spring, breaks) = (
         scenario(rig, "spring-mass.toml"),
@@ -62,7 +62,7 @@ fn three(rig: &Rig) -> [PathBuf; 3] {
 }
 
 #[test]
-fn runs_are_listed_with_what_their_summaries_say() {
+fn runs_are_listed_with_the_facts_of_their_summaries() {
     let rig = Rig::new();
     assert_eq!(hil(&rig, "runs").expect(0).stdout, "no run below runs\n");
     hil(&rig, "runs nowhere").expect(2).says(&["nowhere"]);
@@ -115,13 +115,13 @@ fn runs_are_listed_with_what_their_summaries_say() {
 }
 
 #[test]
-fn latest_is_the_run_that_was_begun_last() {
+fn latest_is_the_most_recently_started_run() {
     let rig = Rig::new();
     hil(&rig, "judge latest")
         .expect(2)
         .says(&["newest run below runs, but there is none"]);
     three(&rig);
-    // Neither a copy is a newer run nor what a link leads to.
+    // Neither a copy nor the target of a link is a newer run.
     let copied = rig.path("runs/copy");
     fs::create_dir(&copied).expect("made");
     for file in ["scenario.toml", "summary.json", "run.mcap"] {
@@ -155,13 +155,13 @@ fn latest_is_the_run_that_was_begun_last() {
     assert_eq!(summary(&rig.path("again"))["digest"], digest);
     assert_eq!(summary(&rig.path("runs/b"))["digest"], digest);
     assert_eq!(paths(&listed(&rig, "runs --last 1")), ["runs/b"]);
-    // A folder of that name is still to be had.
+    // A folder of that name is still accessible.
     fs::rename(rig.path("runs/bad"), rig.path("latest")).expect("renamed");
     hil(&rig, "judge ./latest").expect(1);
 }
 
 #[test]
-fn runs_go_by_a_rule_and_only_when_that_is_meant() {
+fn runs_are_removed_by_a_rule_and_only_with_confirmation() {
     let rig = Rig::new();
     let [good, bad, today] = three(&rig);
     let all = [&good, &bad, &today];
@@ -172,18 +172,21 @@ fn runs_go_by_a_rule_and_only_when_that_is_meant() {
     assert!(all.iter().all(|folder| folder.exists()));
     hil(&rig, "runs rm --keep-last 1 --keep-failed --yes").expect(0);
     assert_eq!(all.map(|folder| folder.exists()), [false, true, true]);
-    // What nobody but the user put there stays, and so does the run that it is with.
+    // A file added by the user stays, and so does the run that contains it.
     fs::write(today.join("note.txt"), "mine").expect("written");
     symlink("/etc", bad.join("checkpoint-1")).expect("linked");
     let told = hil(&rig, "runs rm --keep-last 0 --yes").expect(0).stdout;
-    assert!(told.contains("stays: runs/of/today: note.txt"), "{told}");
+    assert!(
+        told.contains("kept: runs/of/today: it contains note.txt"),
+        "{told}"
+    );
     assert_eq!(all.map(|folder| folder.exists()), [false, false, true]);
     assert_eq!(fs::read_dir(&today).expect("a folder").count(), 5);
     assert!(Path::new("/etc/passwd").exists());
 }
 
 #[test]
-fn a_run_that_goes_on_stays_and_one_that_was_killed_is_broken() {
+fn a_live_run_is_kept_and_a_killed_one_is_broken() {
     let rig = Rig::new();
     let running = rig.start("scenarios/spring-mass.toml --pace 0.1 --wait-limit 60");
     let children = running.children_at_once();

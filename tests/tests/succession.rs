@@ -1,5 +1,4 @@
-//! Controllers that are lost and controllers that take over: how the run goes on, and who may speak for
-//! the controller at all.
+//! Loss and takeover of controllers: the continuation of the run, and which process may act as the controller.
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +13,7 @@ use crate::support::harness::{EXPIRES_S, Rig, Run, Running, send, until};
 use crate::support::mcap_reader::Recording;
 use crate::support::programs::{misbehaving_controller, program, program_of_tests};
 
-/// The step at which the laws of the misbehaving controller misbehave, counted from their first.
+/// Step at which the laws of the misbehaving controller misbehave, counted from their first.
 const WHEN: u64 = 100;
 /// Force that these laws command before that step.
 const BEFORE_N: f64 = 0.5;
@@ -32,10 +31,10 @@ pub(crate) fn losing(rig: &Rig, law: &str, policy: &str) -> PathBuf {
     rig.write("scenario.toml", &text)
 }
 
-/// Arguments that run it under a law that misbehaves.
+/// Returns the arguments that run it under a misbehaving law.
 fn scenario(rig: &Rig, law: &str, policy: &str) -> String {
     let (path, controller) = (losing(rig, law, policy), misbehaving_controller());
-    // The limit expires for a law that sleeps; all else is noticed at once, also on a machine that is slow.
+    // The limit expires for a sleeping law; everything else is noticed at once, even on a slow machine.
     let limit_s = if law == "sleeps" { EXPIRES_S } else { 1000.0 };
     format!(
         "{} --controller-bin {} --wait-limit {limit_s}",
@@ -44,7 +43,7 @@ fn scenario(rig: &Rig, law: &str, policy: &str) -> String {
     )
 }
 
-/// The forces that the plant met, all steps of which there is a command.
+/// Returns the forces received by the plant, whose steps all have a command.
 pub(crate) fn applied_n(run: &Run) -> Vec<f64> {
     let mut applied = Recording::open(&run.recording()).column("applied.force_n");
     applied.retain(|force_n| !force_n.is_nan());
@@ -58,7 +57,7 @@ fn lost_at(summary: &Value, controller: usize) -> u64 {
 }
 
 #[test]
-fn without_its_controller_the_plant_goes_on_as_the_policy_says() {
+fn without_its_controller_the_plant_follows_the_policy() {
     let (leaves, panics) = ("controller is gone at step 100", "gone at step 100");
     for (law, policy, then_n, reason) in [
         ("leaves", "hold", BEFORE_N, leaves),
@@ -88,12 +87,12 @@ fn without_its_controller_the_plant_goes_on_as_the_policy_says() {
 }
 
 #[test]
-fn a_lost_controller_is_started_anew_and_not_for_ever() {
+fn a_lost_controller_is_restarted_a_limited_number_of_times() {
     let rig = Rig::new();
     let run = rig.run(&scenario(&rig, "leaves", "wait-for-restart"));
     let run = run.expect(3);
     let summary = run.summary();
-    // It leaves at each of its hundredth samples: once at first, three times anew.
+    // It leaves at each of its hundredth samples: once at first, and after three restarts.
     let lost: Vec<u64> = (0..4)
         .map(|controller| lost_at(&summary, controller))
         .collect();
@@ -107,7 +106,7 @@ fn a_lost_controller_is_started_anew_and_not_for_ever() {
 }
 
 #[test]
-fn a_killed_controller_is_started_anew_and_the_run_completes() {
+fn a_killed_controller_is_restarted_and_the_run_completes() {
     let rig = Rig::new();
     let running = rig.start(
         "scenarios/spring-mass.toml --set run.rate_hz=10000 --set run.duration_s=30 \
@@ -121,7 +120,7 @@ fn a_killed_controller_is_started_anew_and_the_run_completes() {
     let (lost, joined) = (lost_at(&summary, 0), &summary["controllers"][1]);
     assert_eq!(joined["from_step"], lost);
     assert_eq!(joined["end"], Value::Null);
-    // Every step has an answer of its own, and of the active one.
+    // Every step has an answer of its own, from the active controller.
     let recording = Recording::open(&run.recording());
     let [held, epoch] = ["held_steps", "epoch"].map(|name| recording.place(name));
     for record in recording.records().take(300_000) {
@@ -132,17 +131,17 @@ fn a_killed_controller_is_started_anew_and_the_run_completes() {
 }
 
 #[test]
-fn in_real_time_the_run_goes_on_until_another_controller_is_there() {
+fn in_real_time_the_run_continues_until_another_controller_is_ready() {
     let rig = Rig::new();
     let arguments = scenario(&rig, "leaves", "wait-for-restart");
-    // The run ends at once with the last controller that is started anew, however long each start takes: the limit is
-    // beyond every watchdog.
+    // The run ends at once with the last restarted controller, however long each start takes: the limit is beyond
+    // every watchdog.
     let run = rig.run(&format!(
         "{arguments} --clock realtime --set run.rate_hz=500 --set run.duration_s=1e5"
     ));
     let run = run.expect(3);
     let summary = run.summary();
-    // Where one is lost depends on the machine; the command is held until the next one is there.
+    // The step of a loss depends on the machine; the command is held until the next controller is active.
     for next in 1..4 {
         let (lost, joined) = (lost_at(&summary, next - 1), &summary["controllers"][next]);
         let from = joined["from_step"].as_u64().expect("it took over");
@@ -166,7 +165,7 @@ fn resume(rig: &Rig, running: Running<'_>) -> Run {
 }
 
 #[test]
-fn another_controller_takes_over_at_the_step_that_the_answer_names() {
+fn another_controller_takes_over_at_the_answered_step() {
     let rig = Rig::new();
     let plain = rig.run("scenarios/spring-mass.toml").expect(0);
     let running = rig.held();
@@ -185,20 +184,20 @@ fn another_controller_takes_over_at_the_step_that_the_answer_names() {
         facts["controller_2_blake3"],
         summary["controller"]["blake3"].as_str().expect("a hash")
     );
-    // The law `hold` commands nothing; until then the runs are one.
+    // The law `hold` commands nothing; until then the runs are equal.
     let (before, after) = (applied_n(&plain), applied_n(&run));
     assert_eq!(before[..2500], after[..2500]);
     assert!(after[2500..].iter().all(|force_n| *force_n == 0.0));
 }
 
 #[test]
-fn a_law_of_another_program_takes_over_without_the_keys_that_it_does_not_have() {
+fn a_law_of_another_program_takes_over_without_its_unknown_keys() {
     let rig = Rig::new();
     let running = rig.held();
     let other = program_of_tests("clock-reading-controller");
     let other = other.to_str().expect("plain text");
     let arguments = ["--bin", other, "--set", "controller.law=honest"];
-    // What is asked for now has to be known.
+    // The requested law must be known now.
     let wrong = [
         &arguments[..],
         &["--set", "controller.pid.proportional_n_per_m=3"],
@@ -207,7 +206,7 @@ fn a_law_of_another_program_takes_over_without_the_keys_that_it_does_not_have() 
     swap(&rig, &wrong).expect(2).says(&["unknown key `pid`"]);
     let swapped = swap(&rig, &arguments).expect(0).stdout;
     let took = format!("controller 2 (honest, {other}) took over at step 2500\n");
-    let left_out = "  left out, as none of its laws has them: controller.pid\n";
+    let left_out = "  left out, because none of its laws has them: controller.pid\n";
     assert_eq!(swapped, took + left_out);
     // Back again: nothing of the scenario is left out.
     let told = swap(&rig, &["--set", "controller.law=pid", "--json"])
@@ -258,10 +257,10 @@ fn a_controller_that_cannot_take_over_changes_nothing() {
 }
 
 #[test]
-fn who_was_not_launched_is_told_to_leave_and_the_run_stays_the_same() {
+fn a_process_that_was_not_launched_is_rejected_and_the_run_is_unaffected() {
     let rig = Rig::new();
     let plain = rig.run("scenarios/spring-mass.toml").expect(0).digest();
-    // The controller comes late: first comes this test.
+    // The controller is late: this test connects first.
     let (binary, gate) = (program("controller-process"), rig.path("gate"));
     let late = rig.script(
         "late",
@@ -299,7 +298,7 @@ fn who_was_not_launched_is_told_to_leave_and_the_run_stays_the_same() {
     assert!(log.contains("refused: process"), "{log}");
 }
 
-/// Opens the link as the controller would, by this process.
+/// Opens the link like the controller, from this process.
 fn stranger(folder: &Path) -> IceoryxLink {
     let mut link = None;
     until("the plant makes its link", || {
@@ -342,7 +341,7 @@ fn one_good_swap_after_another_never_ends_the_run() {
 }
 
 #[test]
-fn a_loss_is_noticed_at_once_after_a_swap_that_came_to_nothing() {
+fn a_loss_is_noticed_at_once_after_a_failed_swap() {
     for (policy, code) in [("hold", 130), ("wait-for-restart", 130), ("abort", 3)] {
         let rig = Rig::new();
         let controller = program("controller-process");
@@ -351,7 +350,7 @@ fn a_loss_is_noticed_at_once_after_a_swap_that_came_to_nothing() {
             controller.display()
         );
         let leaves = rig.script("leaves", &leaves);
-        // A limit beyond every watchdog: what is noticed is noticed at once.
+        // A limit beyond every watchdog: everything noticed is noticed at once.
         let running = rig.start(&format!(
             "scenarios/spring-mass.toml --pace 1 --set run.duration_s=600 --wait-limit 1000 \
              --set run.on_controller_loss={policy}"
@@ -385,7 +384,7 @@ fn a_loss_is_noticed_at_once_after_a_swap_that_came_to_nothing() {
 }
 
 #[test]
-fn a_plant_that_is_stopped_is_noticed_under_every_policy() {
+fn a_stopped_plant_is_noticed_under_every_policy() {
     for policy in ["hold", "wait-for-restart", "safe-command"] {
         let rig = Rig::new();
         let running = rig.start(&format!(

@@ -1,4 +1,4 @@
-//! Several runs by one command: one verdict table, one exit code, runs that do not disturb each other.
+//! Several runs in one command: one table of verdicts, one exit code, independent runs.
 
 use std::fs;
 use std::path::Path;
@@ -11,7 +11,7 @@ use serde_json::Value;
 use crate::support::harness::{Rig, Running, names, until};
 use crate::support::programs::program_of_tests;
 
-/// A quarter of a second of the teaching plant at 1 kHz, or one that leaves its limits.
+/// Writes a quarter of a second of the teaching plant at 1 kHz, or one that leaves its limits.
 fn scenario(name: &str, law: &str, limit_m: f64) -> String {
     format!(
         "schema = 1\nname = \"{name}\"\n[run]\nduration_s = 0.25\nrate_hz = 1000\n\
@@ -73,7 +73,7 @@ fn several_runs_have_one_table_and_the_exit_code_of_the_worst() {
 }
 
 #[test]
-fn no_number_makes_a_run_the_namesake_of_another_scenario() {
+fn numbering_never_makes_two_runs_share_a_name() {
     let rig = Rig::new();
     let named = ["a", "a", "a-1", "a-2-1"].map(|name| scenario(name, "pid", 1.0));
     let files = (1..).zip(&named).map(|(number, text)| {
@@ -98,7 +98,7 @@ fn no_number_makes_a_run_the_namesake_of_another_scenario() {
 }
 
 #[test]
-fn a_repetition_with_another_digest_fails_and_says_where_it_differs() {
+fn a_repetition_with_another_digest_fails_with_the_first_difference() {
     let rig = Rig::new();
     let scenario = rig.write("clock.toml", &scenario("clock", "reads-clock", 1.0));
     let controller = program_of_tests("clock-reading-controller");
@@ -115,7 +115,7 @@ fn a_repetition_with_another_digest_fails_and_says_where_it_differs() {
 }
 
 #[test]
-fn what_cannot_be_run_is_refused_before_anything_starts() {
+fn impossible_suites_are_refused_before_anything_starts() {
     let rig = Rig::new();
     let good = rig.write("good.toml", &scenario("good", "pid", 1.0));
     let wrong = rig.write("wrong.toml", &scenario("wrong", "pdi", 1.0));
@@ -151,7 +151,7 @@ fn summary_in(folder: &Path) -> Value {
     serde_json::from_slice(&text).expect("JSON")
 }
 
-/// The parts of a summary that do not depend on when and beside whom a run was.
+/// Returns the parts of a summary that do not depend on time and other runs.
 fn lasting(summary: &Value) -> Value {
     let mut lasting = summary.clone();
     let parts = lasting.as_object_mut().expect("an object");
@@ -170,7 +170,7 @@ fn lasting(summary: &Value) -> Value {
     lasting
 }
 
-/// Sessions of a suite that are there, by the name that they begin with.
+/// Lists the existing sessions of a suite, by their common prefix.
 fn sessions(rig: &Rig) -> Vec<SessionInfo> {
     let all = rig.session_folder();
     let entries = fs::read_dir(all.parent().expect("a folder")).into_iter();
@@ -181,7 +181,7 @@ fn sessions(rig: &Rig) -> Vec<SessionInfo> {
         .collect()
 }
 
-/// Page faults of the processes that a process waited for: more with each that it starts.
+/// Counts page faults of the processes that a process has waited for: more with each child.
 fn faults_of_children(running: &Running<'_>) -> u64 {
     let stat = fs::read_to_string(format!("/proc/{}/stat", running.pid())).expect("it runs");
     let (_, behind_name) = stat.rsplit_once(')').expect("a name");
@@ -190,7 +190,7 @@ fn faults_of_children(running: &Running<'_>) -> u64 {
 }
 
 #[test]
-fn runs_side_by_side_in_one_process_are_those_that_they_are_alone() {
+fn concurrent_runs_in_one_process_equal_separate_ones() {
     let rig = Rig::new();
     let scenarios = [
         ("good", "pid", 1.0),
@@ -248,7 +248,7 @@ fn a_suite_in_one_process_starts_no_process_for_a_run() {
 }
 
 #[test]
-fn a_suite_in_one_process_takes_requests_and_ends_on_ctrl_c() {
+fn a_suite_in_one_process_accepts_requests_and_ends_on_ctrl_c() {
     let rig = Rig::new();
     let good = rig.write("good.toml", &scenario("good", "pid", 1.0));
     let endless = "--set run.duration_s=1000 --pace 1 --no-record --link in-process";

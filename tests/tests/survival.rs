@@ -1,5 +1,5 @@
-//! The paper's scenario for each law with each kind of fault: whatever becomes of the surface, both
-//! processes end in order, nothing that is no number passes as valid, and the fault acted.
+//! The paper's scenario for each law with each kind of fault: whatever happens to the surface, both processes end
+//! in order, NaN never counts as valid, and the fault acted.
 
 use crate::every_fault::{LAWS, faults, with_fault};
 use crate::support::harness::Rig;
@@ -10,7 +10,7 @@ use crate::support::programs::{program, shipped};
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
 
 #[test]
-fn every_kind_that_the_plant_offers_is_tried() {
+fn every_fault_kind_of_the_plant_is_tested() {
     let rig = Rig::new();
     // Without a session: another test's may be the only one, and end meanwhile.
     let plant = program("plant-process");
@@ -37,10 +37,10 @@ fn every_kind_that_the_plant_offers_is_tried() {
 }
 
 #[test]
-fn no_fault_ends_a_process_out_of_order_or_lets_a_number_that_is_none_pass() {
+fn no_fault_ends_a_process_abnormally_or_lets_nan_pass_as_valid() {
     let text = shipped(SCENARIO);
     for fault in faults() {
-        // Each its own: a test that must be alone need not wait for all.
+        // Each with its own rig: a test that must run alone need not wait for all.
         let rig = Rig::new();
         let path = rig.write("faulted.toml", &with_fault(&text, &fault, 1.2));
         for law in LAWS {
@@ -65,7 +65,7 @@ fn no_fault_ends_a_process_out_of_order_or_lets_a_number_that_is_none_pass() {
     }
 }
 
-/// Fails unless each value is a number or is marked invalid; only the last record has no command.
+/// Fails unless each value is finite or marked invalid; only the last record has no command.
 fn assert_numbers(recording: &Recording, about: &str) {
     let place = |group: &str| {
         recording

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::support::programs::build;
 
-/// The contracts as Cargo built them for the programs under test.
+/// Returns the library of contracts as Cargo built it for the programs under test.
 fn contracts() -> &'static Path {
     static FOUND: OnceLock<PathBuf> = OnceLock::new();
     FOUND.get_or_init(|| {
@@ -27,7 +27,7 @@ fn contracts() -> &'static Path {
     })
 }
 
-/// Returns what the compiler says of a program; empty if the program compiles.
+/// Returns the compiler's messages for a program; empty if it compiles.
 fn compiled(program: &str) -> String {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("own.rs"), program).expect("written");
@@ -48,7 +48,7 @@ fn compiled(program: &str) -> String {
     told
 }
 
-/// A program with a table of parameters whose last rows are these.
+/// Returns a program with a table of parameters that ends with these rows.
 fn with(rows: &str) -> String {
     format!(
         "shared_types::table! {{\n/// What it can be told.\npub struct Parameters {{\n\
@@ -56,7 +56,7 @@ fn with(rows: &str) -> String {
     )
 }
 
-/// The line of [`with`]'s rows, and the one below it.
+/// Line of [`with`]'s rows, and the line below it.
 const FIRST: usize = 6;
 const SECOND: usize = 7;
 
@@ -71,7 +71,7 @@ fn refused(rows: &str, line: usize, words: &[&str]) {
     assert_eq!(errors.count(), 1, "{told}");
 }
 
-/// Fails unless each of these rows, behind a description, is refused with these words.
+/// Fails unless each of these rows, after a description, is refused with these words.
 #[track_caller]
 fn each_is_refused(rows: &[&str], words: &[&str]) {
     for row in rows {
@@ -80,7 +80,7 @@ fn each_is_refused(rows: &[&str], words: &[&str]) {
 }
 
 #[test]
-fn right_tables_compile_without_a_warning() {
+fn valid_tables_compile_without_a_warning() {
     let rows = "/// From below 0.\nangle_rad: \"rad\" = (-0.1) in (-1.5)..=(f64::MAX),";
     assert_eq!(compiled(&with(rows)), "");
 }
@@ -165,7 +165,7 @@ fn a_negative_number_without_parentheses_is_named() {
 }
 
 #[test]
-fn a_table_without_defaults_is_none_of_parameters() {
+fn a_table_without_defaults_is_not_a_parameter_table() {
     let told = compiled(
         "shared_types::table! {\n/// Gains.\npub struct Gains {\n/// Gain.\nk: \"1\" in 0.0..=1.0,\n}\n}\n\
          pub fn set<T: shared_types::table::Parameters>() {}\n\

@@ -1,4 +1,5 @@
-//! The controller on another machine: the same digest, whatever happens on the way, and nothing left on either side.
+//! Controller on another machine: the same digest, whatever happens on the wire, and nothing left behind on either
+//! side.
 
 mod listening;
 mod long;
@@ -35,7 +36,7 @@ fn log(run: &Run) -> String {
     std::fs::read_to_string(run.folder.join("controller.log")).unwrap_or_default()
 }
 
-/// The process there with this first argument, once it is there.
+/// Waits for the process on the board with this first argument.
 fn there(board: &Board, argument: &str) -> u32 {
     let mut found = None;
     until("it runs there", || {
@@ -50,7 +51,7 @@ fn under_way(rig: &Rig) {
     until("steps are exchanged", || rig.status().step > 10);
 }
 
-/// Sessions of this test without a name of their own, as agents make them.
+/// Lists sessions of this test without a given name, as created by agents.
 fn sessions(rig: &Rig) -> Vec<String> {
     let entries = std::fs::read_dir(rig.sessions());
     let names = (entries.into_iter().flatten().flatten()).map(|entry| entry.file_name());
@@ -67,7 +68,7 @@ fn no_process_there(board: &Board) {
 }
 
 #[test]
-fn a_run_there_has_the_digest_of_the_desk_and_says_where_it_was() {
+fn a_run_on_a_target_has_the_digest_of_the_desk_and_records_the_target() {
     let rig = Rig::new();
     let board = Board::new(&rig);
     let here = rig.run(SHORT).expect(0).summary();
@@ -83,10 +84,10 @@ fn a_run_there_has_the_digest_of_the_desk_and_says_where_it_was() {
     assert_eq!(target["boot_id"], kernel.trim());
     // Two ends on one machine prove nothing about another.
     assert_eq!(there["evidence"], "sil");
-    // The file that ran there is the file that runs here.
+    // The same file runs on both sides.
     assert_eq!(there["controller"]["blake3"], here["controller"]["blake3"]);
 
-    // Each program names its source; the lock file is the one of this workspace.
+    // Each program states its source; the lock file is that of this workspace.
     let lock = std::fs::read(workspace().join("Cargo.lock")).expect("read");
     let git = |arguments: &[&str]| {
         let mut git = std::process::Command::new("git");
@@ -112,7 +113,7 @@ fn a_run_there_has_the_digest_of_the_desk_and_says_where_it_was() {
         assert!(is_modified || commit.is_none_or(same), "{build}");
     }
 
-    // The agent and the program are kept, by their hashes, for this user alone; and can be removed.
+    // Agent and program are cached under their hashes, for this user alone; and can be removed.
     let kept = |board: &Board| -> Vec<(String, u32)> {
         let files = std::fs::read_dir(board.cache()).expect("the cache");
         let files = files.flatten().map(|file| {
@@ -137,7 +138,7 @@ fn a_run_there_has_the_digest_of_the_desk_and_says_where_it_was() {
                 .all(|(name, mode)| name.len() == 64 && *mode == 0o500),
         "{files:?}"
     );
-    // What ran there as the agent is the other file.
+    // The agent that ran there is the other file.
     let agent = files
         .iter()
         .find(|(name, _)| *name != here["controller"]["blake3"]);
@@ -155,7 +156,7 @@ fn a_run_there_has_the_digest_of_the_desk_and_says_where_it_was() {
 }
 
 #[test]
-fn recordings_of_either_side_are_replayed_and_repeated_on_the_other() {
+fn recordings_of_desk_and_target_can_be_replayed_and_repeated_on_the_other() {
     let rig = Rig::new();
     let board = Board::new(&rig);
     let here = rig.run(SHORT).expect(0);
@@ -188,7 +189,7 @@ fn recordings_of_either_side_are_replayed_and_repeated_on_the_other() {
 }
 
 #[test]
-fn against_the_clock_a_run_there_repeats_here_to_the_same_digest() {
+fn a_real_time_run_on_a_target_repeats_at_the_desk_with_the_same_digest() {
     let rig = Rig::new();
     let board = Board::new(&rig);
     let overrun = "--clock realtime";
@@ -197,9 +198,9 @@ fn against_the_clock_a_run_there_repeats_here_to_the_same_digest() {
 }
 
 #[test]
-fn frames_go_through_the_connection_where_no_datagram_does() {
+fn frames_use_the_connection_if_no_datagrams_get_through() {
     let rig = Rig::new();
-    // No address of this machine: the agent has no socket there.
+    // Not an address of this machine: the agent has no socket there.
     let board = Board::reached_by(&rig, "export SSH_CONNECTION='203.0.113.1 1 203.0.113.2 2'");
     let here = rig.run(SHORT).expect(0).summary();
     let there = run(&rig, &board, &format!("{SHORT} {ON_BOARD}")).expect(0);
@@ -212,7 +213,7 @@ fn frames_go_through_the_connection_where_no_datagram_does() {
 }
 
 #[test]
-fn a_shell_profile_that_talks_is_no_harm_and_one_without_end_is_named() {
+fn a_noisy_shell_profile_is_harmless_and_an_endless_one_is_named() {
     let rig = Rig::new();
     let local = "export SSH_CONNECTION='127.0.0.1 1 127.0.0.1 2'";
     let board = Board::reached_by(&rig, &format!("{local}\necho Welcome; printf 'to the '"));
@@ -223,7 +224,7 @@ fn a_shell_profile_that_talks_is_no_harm_and_one_without_end_is_named() {
 }
 
 #[test]
-fn a_check_says_what_is_there() {
+fn a_check_describes_the_target() {
     let rig = Rig::new();
     let board = Board::new(&rig);
     let checked = hil(&rig, &board, &["target", "check", "me@board", "--json"])
@@ -259,7 +260,7 @@ fn an_audit_compares_the_target_with_this_machine() {
 }
 
 #[test]
-fn live_faults_and_another_controller_come_to_a_run_there() {
+fn live_faults_and_swaps_work_on_a_target() {
     let rig = Rig::new();
     let board = Board::new(&rig);
     let held = format!("{SHORT} --pause-at 0.5 --wait-limit 60 {ON_BOARD}");
@@ -273,7 +274,7 @@ fn live_faults_and_another_controller_come_to_a_run_there() {
     rig.until_held_at(500);
     let first = there(&board, "--session");
     beside(&["inject", "bias", "measured.position_m", "0.001"]).expect(0);
-    // The run is held until the other one has taken over: it cannot end before.
+    // The run is paused until the other one has taken over: it cannot end before.
     beside(&["controller", "swap", "--set", "controller.law=hold"]).expect(0);
     until("the other one alone is there", || {
         let there = board.processes("--session");
@@ -292,7 +293,7 @@ fn live_faults_and_another_controller_come_to_a_run_there() {
 }
 
 #[test]
-fn a_controller_that_dies_there_is_named_and_the_policy_is_applied() {
+fn the_death_of_a_controller_on_a_target_is_named_and_the_policy_applies() {
     let rig = Rig::new();
     let board = Board::new(&rig);
     let long = "scenarios/spring-mass.toml --pace 1 --set requirements=[]";
@@ -321,7 +322,7 @@ fn a_controller_that_dies_there_is_named_and_the_policy_is_applied() {
 }
 
 #[test]
-fn an_agent_that_is_killed_ends_the_run_and_the_next_contact_removes_what_it_left() {
+fn a_killed_agent_ends_the_run_and_the_next_contact_cleans_up() {
     let rig = Rig::new();
     let before = sessions(&rig);
     let board = Board::new(&rig);
@@ -342,7 +343,7 @@ fn an_agent_that_is_killed_ends_the_run_and_the_next_contact_removes_what_it_lef
 }
 
 #[test]
-fn whatever_ends_the_desk_nothing_goes_on_there() {
+fn nothing_continues_on_the_target_however_the_desk_ends() {
     let rig = Rig::new();
     let before = sessions(&rig);
     let board = Board::new(&rig);
@@ -359,30 +360,30 @@ fn whatever_ends_the_desk_nothing_goes_on_there() {
     there(&board, "--session");
     running.kill();
     no_process_there(&board);
-    // The desk's is left for the next `hil`, the board's agent removed its own.
+    // The desk's session is left for the next `hil`; the board's agent removed its own.
     assert_eq!(sessions(&rig), before);
     rig.hil(&["sessions", "--clean"]).expect(0);
     rig.assert_nothing_left();
 }
 
 #[test]
-fn a_silent_target_is_given_up_by_name() {
+fn a_silent_target_is_given_up_and_named() {
     let rig = Rig::new();
     let board = Board::new(&rig);
-    // A run that is held awaits no answer: nobody but the bridge can miss the target.
+    // A paused run awaits no answer: only the bridge can miss the target.
     let held = format!("scenarios/spring-mass.toml --pause-at 0.5 {ON_BOARD}");
     let running = rig.start_with(board.hil(), &held);
     rig.until_held_at(500);
     let agent = there(&board, "agent");
     send(agent, Signal::STOP);
     let run = running.finish_beside_another().expect(3);
-    // The hold is no sample: the last one was that of the step before.
+    // A pause is not a sample: the last one was that of the previous step.
     assert!(
         log(&run).contains("target me@board: nothing received since step 499 for 4.5 s"),
         "{}",
         log(&run)
     );
-    // What was silent hears when it is back that nobody is there any more.
+    // When it continues, the silent agent notices the closed connection.
     let _ = kill_process(Pid::from_raw(agent as i32).expect("a number"), Signal::CONT); // `ssh` may have ended it
     no_process_there(&board);
     // Then its session is still there, for the next contact to remove.
@@ -391,7 +392,7 @@ fn a_silent_target_is_given_up_by_name() {
 }
 
 #[test]
-fn what_cannot_be_meant_is_refused_and_nothing_is_started() {
+fn contradictory_options_are_refused_and_nothing_is_started() {
     let rig = Rig::new();
     let board = Board::new(&rig);
     let foreign = rig.path("foreign");
@@ -407,9 +408,9 @@ fn what_cannot_be_meant_is_refused_and_nothing_is_started() {
     let (foreign, open, nothing) = (text(&foreign), text(&open), text(&nothing));
     for (arguments, told) in [
         ("--target -oProxyCommand=x", "unexpected argument"),
-        ("--target=-oProxyCommand=x", "is no target"),
-        ("--target a;b", "is no target"),
-        ("--target serve://board", "is no target"),
+        ("--target=-oProxyCommand=x", "is not a target"),
+        ("--target a;b", "is not a target"),
+        ("--target serve://board", "is not a target"),
         ("--key-file board.key", "--target <TARGET>"),
         (
             &format!("{ON_BOARD} --key-file {open}"),
@@ -434,7 +435,7 @@ fn what_cannot_be_meant_is_refused_and_nothing_is_started() {
         ),
         (
             &format!("{ON_BOARD} --link in-process"),
-            "needs a process there",
+            "needs a process on the target",
         ),
         (
             &format!("{ON_BOARD} --checkpoint-at 0.1"),
@@ -455,7 +456,7 @@ fn what_cannot_be_meant_is_refused_and_nothing_is_started() {
 }
 
 #[test]
-fn what_ssh_says_is_passed_on_with_the_exit_code_that_fits() {
+fn messages_of_ssh_are_passed_on_with_the_right_exit_code() {
     let rig = Rig::new();
     for (said, code) in [
         (

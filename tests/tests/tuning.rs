@@ -1,5 +1,4 @@
-//! Values changed while a run goes on: at the step told, all or none, and the same again from what was
-//! recorded.
+//! Values changed during a run: at the announced step, all or none, and reproducible from the recording.
 
 use std::time::Duration;
 
@@ -21,7 +20,7 @@ fn changed(rig: &Rig, words: &str) -> Value {
         .json()
 }
 
-/// The run again in every way: by rerun, from the scenario made of it in both links, and by replay.
+/// Repeats the run in every way: by rerun, from the scenario made of it in both links, and by replay.
 fn repeats(rig: &Rig, run: &Run) {
     let folder = run.folder.display().to_string();
     let again = rig.rerun(&run.folder, &[]).expect(0).folder;
@@ -39,7 +38,7 @@ fn repeats(rig: &Rig, run: &Run) {
 }
 
 #[test]
-fn keys_change_together_at_the_step_told_and_every_repetition_does_the_same() {
+fn keys_change_together_at_the_announced_step_and_repetitions_agree() {
     let rig = Rig::new();
     let plain = rig.run(SPRING).expect(0).digest();
     let run = rig.start(&format!("{SPRING} --pause-at 1"));
@@ -56,7 +55,7 @@ fn keys_change_together_at_the_step_told_and_every_repetition_does_the_same() {
             {"key": "reference.position_m", "unit": "m", "value": 0.02},
         ]})
     );
-    // Held as it is, a second one at the same step; and one that waits.
+    // A second change at the same step while paused; and one that waits.
     let second = changed(&rig, "controller.pid.integral_n_per_m_s=1500 --ramp 300ms");
     assert_eq!(
         (&second["id"], &second["step"], &second["ramp_steps"]),
@@ -137,7 +136,7 @@ fn keys_change_together_at_the_step_told_and_every_repetition_does_the_same() {
 }
 
 #[test]
-fn what_is_wrong_is_refused_by_name_and_changes_nothing() {
+fn invalid_changes_are_refused_by_name_and_change_nothing() {
     let rig = Rig::new();
     let plain = rig.run(SPRING).expect(0).digest();
     let run = rig.start(&format!("{SPRING} --pause-at 1"));
@@ -210,7 +209,7 @@ fn a_law_judges_combinations_of_its_parameters() {
 }
 
 #[test]
-fn a_fault_acts_on_the_base_that_a_change_made() {
+fn a_fault_acts_on_the_changed_base_value() {
     let rig = Rig::new();
     let scenario = shipped(SPRING)
         + "\n[[faults]]\nkind = \"stiffness-loss\"\nat_s = 1.0\nend_s = 3.0\n[[faults.effects]]\nfactor = 0.5\n\
@@ -242,7 +241,7 @@ fn a_fault_acts_on_the_base_that_a_change_made() {
 }
 
 #[test]
-fn random_changes_at_full_speed_take_hold_at_the_steps_told() {
+fn random_changes_at_full_speed_take_hold_at_the_announced_steps() {
     let rig = Rig::new();
     let run = rig.start(&format!(
         "{SPRING} --set run.duration_s=2000 --pause-at 0.001"
@@ -275,7 +274,7 @@ fn random_changes_at_full_speed_take_hold_at_the_steps_told() {
         });
         match asked(&request) {
             Response::Changed(changed) => told.push((changed.step, changed.set[0].clone())),
-            // A run that is over takes none.
+            // A run that is over accepts none.
             other => panic!("{other:?} after {}", told.len()),
         }
     }

@@ -1,4 +1,4 @@
-//! Signals of a running session as `hil get` and `hil watch` tell them, against its recording.
+//! Signals of a running session as printed by `hil get` and `hil watch`, compared with its recording.
 
 use serde_json::Value;
 
@@ -12,7 +12,7 @@ const SIGNALS: [&str; 3] = [
     "measured.surface_angle_rad",
 ];
 
-/// Checks that the values told of the signals are those recorded at their step.
+/// Checks that the printed values of the signals equal the recorded ones at their step.
 fn is_recorded(told: &Value, recording: &Recording, records: &[Record]) {
     let step = told["step"].as_u64().expect("a step");
     let record = &records[step as usize];
@@ -43,7 +43,7 @@ fn is_recorded(told: &Value, recording: &Recording, records: &[Record]) {
 }
 
 #[test]
-fn values_that_are_told_are_those_recorded_and_telling_them_changes_no_digest() {
+fn printed_values_equal_the_recorded_ones_and_change_no_digest() {
     let rig = Rig::new();
     let wanted = rig.run(SHORT).expect(0).digest();
     let run = rig.start(&format!("{SHORT} --pause-at 0.5"));
@@ -71,7 +71,7 @@ fn values_that_are_told_are_those_recorded_and_telling_them_changes_no_digest() 
     beside(&["get", "["]).expect(2).says(&["signal `[`"]);
     beside(&["watch"]).expect(2).says(&["<SIGNAL>"]);
 
-    // One line is told of the held step, others as the run goes on.
+    // One line is printed for the paused step, others as the run continues.
     let once = beside(&[&["watch", "--count", "1"][..], &SIGNALS].concat());
     let once = once.expect(0).stdout;
     assert!(once.starts_with("0.4999 s  tracking_error_rad "), "{once}");
@@ -118,7 +118,7 @@ fn values_that_are_told_are_those_recorded_and_telling_them_changes_no_digest() 
 }
 
 #[test]
-fn before_the_first_step_there_is_nothing_to_tell() {
+fn before_the_first_step_there_are_no_values() {
     let rig = Rig::new();
     let run = rig.start(&format!("{SHORT} --pause-at 0"));
     rig.until_held_at(0);

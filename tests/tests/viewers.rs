@@ -1,5 +1,5 @@
-//! Recordings in the programs that engineers look at them with: rerun's converter, the packages that
-//! Foxglove decodes with, and rosbags, which takes nothing but recordings of ROS 2.
+//! Recordings in the programs that engineers use: rerun's converter, Foxglove's decoding packages, and rosbags,
+//! which accepts only recordings of ROS 2.
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -11,7 +11,7 @@ use crate::support::python::{python, succeeds};
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
 const SHORT: &str = "--set run.duration_s=0.2 --set faults[0].at_s=0.1";
 
-/// Recordings that differ in how they are written, and one that broke off and was recovered.
+/// Creates recordings with different settings, and one that was truncated and recovered.
 fn recordings(rig: &Rig) -> Vec<Run> {
     let ways = [
         "",
@@ -56,7 +56,7 @@ fn exported(rig: &Rig, run: &Run, number: usize) -> PathBuf {
 }
 
 #[test]
-fn rosbags_reads_every_message_with_the_bits_that_are_exported() {
+fn rosbags_reads_every_message_with_the_exported_bits() {
     let Some(python) = python("rosbags, pandas") else {
         return skip("Python has no `rosbags`", "HIL_TEST_PYTHON");
     };
@@ -73,7 +73,7 @@ fn rosbags_reads_every_message_with_the_bits_that_are_exported() {
     assert_eq!(same, runs.len(), "{told}");
 }
 
-/// A folder with the packages of `tests/node`; made if that is demanded.
+/// Returns a folder with the packages of `tests/node`, installed if demanded.
 fn node_packages() -> Option<PathBuf> {
     let folder = target().join("node");
     if folder.join("node_modules/@foxglove/rosmsg").exists() {
@@ -102,7 +102,7 @@ fn node_packages() -> Option<PathBuf> {
 }
 
 #[test]
-fn foxgloves_decoders_read_what_is_exported_of_the_same_recording() {
+fn foxgloves_decoders_agree_with_the_export_of_the_same_recording() {
     let Some(packages) = node_packages() else {
         let why = "the packages of tests/node are not installed";
         return skip(why, "HIL_TEST_NODE");

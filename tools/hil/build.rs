@@ -1,4 +1,4 @@
-//! Notes the source that the program is built from, for the provenance of its recordings.
+//! Records the source revision of the program for the provenance of its recordings.
 
 fn main() {
     hil_origin::note();

@@ -5,7 +5,7 @@
 //! script in place of `ssh`, and the wire its loopback, or with `-- veth` that between two network namespaces, which needs
 //! root: so both ends share the cores, and what is shown is the work of bridge and agent, not that of a network.
 //! A third exchange shows the way that was not taken, both sides on the wire themselves, without bridge and agent.
-//! The share of the answers that came as datagrams is shown too: on a clean wire the connection has to carry next to none.
+//! The share of the answers that arrived as datagrams is shown too: on a clean wire the connection has to carry next to none.
 //! Each is measured idle and beside a busy loop on each core; medians of `HIL_BENCH_ROUNDS` (5) in turns.
 //!
 //! `-- strangers` measures an agent that listens instead: the time of `hil target check` beside silent contacts, and what
@@ -141,7 +141,7 @@ fn main() -> ExitCode {
         let least = shares.iter().copied().min_by(f64::total_cmp);
         let share = 1e2 * median(shares);
         println!(
-            "{beside:<28} answers that came as datagrams: {share:.2} %, least {:.2} %",
+            "{beside:<28} answers that arrived as datagrams: {share:.2} %, least {:.2} %",
             1e2 * least.expect("runs with a target")
         );
     }
@@ -249,7 +249,7 @@ struct Run {
     /// Time of a step and p50 of the round trips, in us.
     figures: [f64; 2],
     digest: String,
-    /// Share of the answers that came as datagrams, with a target.
+    /// Share of the answers that arrived as datagrams, with a target.
     datagrams: Option<f64>,
 }
 
@@ -292,12 +292,12 @@ fn run(programs: &Programs, path: &str, target: Option<&str>) -> Run {
     }
 }
 
-/// Reads the share of the answers that came as datagrams in the log of a run.
+/// Reads the share of the answers that arrived as datagrams in the log of a run.
 fn share(log: &str) -> Option<f64> {
     let line = log
         .lines()
-        .find(|line| line.contains("came as datagrams"))?;
-    let (counts, _) = line.split_once(" answers came")?;
+        .find(|line| line.contains("arrived as datagrams"))?;
+    let (counts, _) = line.split_once(" answers arrived")?;
     let (datagrams, all) = counts.split_once(" of ")?;
     let datagrams: f64 = datagrams.rsplit(' ').next()?.parse().ok()?;
     Some(datagrams / all.parse::<f64>().ok()?)

@@ -17,14 +17,14 @@ const ROOMS: [(&str, &[&str]); 3] = [
     ("tools/console", &["files", "terminal"]),
 ];
 
-/// Pieces that tests of several packages share, at the root of each.
+/// Files shared by tests of several packages, at the root of each.
 const SHARED: [&str; 2] = ["fixture", "rig"];
 
 fn sources(package: &str) -> PathBuf {
     workspace().join(package).join("src")
 }
 
-/// The modules that a package declares on its root.
+/// Returns the modules declared at the root of a package.
 fn modules(package: &str) -> BTreeSet<String> {
     let root = fs::read_to_string(sources(package).join("lib.rs")).expect("a root");
     let declared = root.lines().filter_map(|line| {
@@ -92,7 +92,7 @@ fn rooms_name_only_rooms_below_them() {
     }
 }
 
-/// The first circle among modules of a root, as its paths.
+/// Returns the first circle among the modules of a root, as its paths.
 fn circle(named: &[Named], modules: &BTreeSet<String>) -> Option<Vec<String>> {
     let mut arrows: BTreeMap<&str, BTreeMap<&str, &Named>> = BTreeMap::new();
     for named in named {
@@ -104,7 +104,7 @@ fn circle(named: &[Named], modules: &BTreeSet<String>) -> Option<Vec<String>> {
             from.entry(to).or_insert(named);
         }
     }
-    // Modules that name nothing of what is left go, until only circles and what leads to them are left.
+    // Removes modules that name no remaining module, until only circles and the modules leading to them remain.
     loop {
         let left: BTreeSet<&str> = arrows.keys().copied().collect();
         let before = left.len();
@@ -146,7 +146,7 @@ fn modules_of_lower_packages_form_no_circle() {
     ] {
         let (named, modules) = (named_below(&sources(package)), modules(package));
         for named in &named {
-            // A package that the root hands on looks at no module of this one; the macro is one of `link`.
+            // A package re-exported by the root imports no module of this one; the macro belongs to `link`.
             let handed_on = ["zerocopy", "pass_on"];
             let is_told = (named.to.first())
                 .is_some_and(|to| modules.contains(to) || handed_on.contains(&&**to))
@@ -161,7 +161,7 @@ fn modules_of_lower_packages_form_no_circle() {
 }
 
 #[test]
-fn a_circle_is_found_and_what_leads_to_it_is_left_out() {
+fn a_circle_is_found_without_the_modules_leading_to_it() {
     let arrow = |from: &str, to: &str| Named {
         file: format!("{from}.rs").into(),
         line: 1,

@@ -1,29 +1,29 @@
-//! The paths that the sources of a package name, read from their text.
+//! Paths named in the sources of a package, read from their text.
 //!
-//! Knows as much of Rust as that needs: comments, strings, characters, trees of `use` and modules in braces.
+//! Parses just enough Rust for that: comments, strings, characters, `use` trees and inline modules.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// A path that begins with `crate` or `super`, in code.
+/// Path that begins with `crate` or `super`, in code.
 pub(super) struct Named {
-    /// The file, from the folder of the sources.
+    /// File, relative to the source folder.
     pub(super) file: PathBuf,
     pub(super) line: usize,
-    /// The module that names it, from the root of the package.
+    /// Module that contains it, relative to the root of the package.
     pub(super) from: Vec<String>,
-    /// The path from the root of the package; an item or a `*` may stand at its end.
+    /// Path relative to the root of the package; may end with an item or `*`.
     pub(super) to: Vec<String>,
 }
 
 impl Named {
-    /// Tells where it stands.
+    /// Describes its location.
     pub(super) fn place(&self) -> String {
         format!("{}:{}", self.file.display(), self.line)
     }
 }
 
-/// Reads every source file below a folder but those of the root, `lib.rs` and `main.rs`.
+/// Parses every source file below a folder, except the root, `lib.rs` and `main.rs`.
 pub(super) fn named_below(sources: &Path) -> Vec<Named> {
     let mut folders = vec![sources.to_owned()];
     let mut named = Vec::new();
@@ -46,9 +46,9 @@ pub(super) fn named_below(sources: &Path) -> Vec<Named> {
     named
 }
 
-/// Reads one file.
+/// Parses one file.
 fn named_in(file: &Path, text: &str) -> Vec<Named> {
-    // Pieces that tests of several packages share name no module of any of them.
+    // Files shared by tests of several packages name no module of any of them.
     let moved = text.split("#[path = \"").skip(1);
     let moved = moved.filter(|path| {
         !path
@@ -60,7 +60,7 @@ fn named_in(file: &Path, text: &str) -> Vec<Named> {
     assert_eq!(moved.count(), 0, "{file:?} moves a module elsewhere");
     let code = without_texts(text);
     let words = words(&code);
-    // Modules in braces that are open, and the depth that each began at.
+    // Open inline modules, with the depth at which each began.
     let (mut inner, mut depth) = (Vec::<(String, usize)>::new(), 0);
     let mut named = Vec::new();
     let mut at = 0;
@@ -79,7 +79,7 @@ fn named_in(file: &Path, text: &str) -> Vec<Named> {
             }
             root @ ("crate" | "super") => {
                 let is_path = followed(&words, "::");
-                // In `pub(crate)`, and as the key of an attribute.
+                // As in `pub(crate)`, and as the key of an attribute.
                 let is_no_path = followed(&words, ")") || followed(&words, "=");
                 let line = code[..words[at].0].matches('\n').count() + 1;
                 assert!(
@@ -107,7 +107,7 @@ fn named_in(file: &Path, text: &str) -> Vec<Named> {
     named
 }
 
-/// The module of a file.
+/// Returns the module of a file.
 fn module_of(file: &Path) -> Vec<String> {
     let module = file.with_extension("");
     let mut parts: Vec<String> = (module.iter())
@@ -117,7 +117,7 @@ fn module_of(file: &Path) -> Vec<String> {
     parts
 }
 
-/// A path as seen from the root.
+/// Resolves a path from the root.
 fn from_root(module: &[String], path: &[&str]) -> Vec<String> {
     let (mut whole, mut rest) = match path.split_first() {
         Some((&"crate", rest)) => (Vec::new(), rest),
@@ -132,7 +132,7 @@ fn from_root(module: &[String], path: &[&str]) -> Vec<String> {
     whole
 }
 
-/// The paths of a tree as in `use`, and the first word behind it.
+/// Returns the paths of a `use` tree, and the first word after it.
 fn tree<'t>(words: &[(usize, &'t str)], mut at: usize) -> (Vec<Vec<&'t str>>, usize) {
     let word = |at: usize| words.get(at).map_or("", |(_, word)| *word);
     if word(at) == "{" {
@@ -142,7 +142,7 @@ fn tree<'t>(words: &[(usize, &'t str)], mut at: usize) -> (Vec<Vec<&'t str>>, us
             let (more, end) = tree(words, at);
             paths.extend(more);
             at = end;
-            // A new name, and what parts one from the next.
+            // A new name, and separators.
             if word(at) == "as" {
                 at += 2;
             }
@@ -164,7 +164,7 @@ fn tree<'t>(words: &[(usize, &'t str)], mut at: usize) -> (Vec<Vec<&'t str>>, us
     (paths.collect(), end)
 }
 
-/// The words of code with their places; a sign is a word, and so is `::`.
+/// Splits code into words with their positions; punctuation and `::` count as words.
 fn words(code: &str) -> Vec<(usize, &str)> {
     let is_part = |c: char| c.is_alphanumeric() || c == '_';
     let mut words = Vec::new();
@@ -181,7 +181,7 @@ fn words(code: &str) -> Vec<(usize, &str)> {
     words
 }
 
-/// The code alone: comments, strings and characters become blanks, lines stay.
+/// Blanks out comments, strings and characters, keeping line breaks.
 fn without_texts(text: &str) -> String {
     let mut code = String::with_capacity(text.len());
     let mut rest = text;
@@ -202,7 +202,7 @@ fn without_texts(text: &str) -> String {
     code
 }
 
-/// The length of the comment, string or character that code begins with; 0 if it begins with none.
+/// Returns the length of the comment, string or character at the beginning of the code; 0 if there is none.
 fn text_at(code: &str, is_in_word: bool) -> usize {
     if code.starts_with("//") {
         return code.find('\n').unwrap_or(code.len());
@@ -224,7 +224,7 @@ fn text_at(code: &str, is_in_word: bool) -> usize {
         }
     }
     if let Some(inside) = code.strip_prefix('\'') {
-        // A character, unless it is the name of a lifetime.
+        // A character, unless it is a lifetime.
         let mut signs = inside.char_indices();
         let escaped = match signs.next() {
             Some((_, '\\')) => signs

@@ -1,11 +1,11 @@
-//! Programs that tests start: ours only through the rig, which gives each test sessions of its own.
+//! Programs started by tests: ours only through the rig, which gives each test its own sessions.
 
 use std::fs;
 use std::path::Path;
 
 use crate::support::programs::workspace;
 
-/// Tools that tests start without the rig, as the sources spell them; they start none of our programs.
+/// Tools that tests start without the rig, as spelled in the sources; they start none of our programs.
 const TOOLS: [&str; 20] = [
     "\"cat\"",
     "\"cc\"",
@@ -29,7 +29,7 @@ const TOOLS: [&str; 20] = [
     "rustc",
 ];
 
-/// Places that start another program without the rig, with the reason.
+/// Locations that start another program without the rig, with the reason.
 const OTHERS: [(&str, &str, &str); 6] = [
     ("book.rs", "program", "the preprocessor of the book"),
     ("intrusion.rs", "\"sh\"", "attempts of another user"),
@@ -47,7 +47,7 @@ const OTHERS: [(&str, &str, &str); 6] = [
     ),
 ];
 
-/// Returns what each `Command::new` of a source is given.
+/// Returns the argument of each `Command::new` in a source.
 fn started(source: &str) -> Vec<&str> {
     let calls = source.split("Command::new(").skip(1);
     calls
@@ -67,7 +67,7 @@ fn check(folder: &Path, wrong: &mut Vec<String>) {
         let path = entry.expect("an entry").path();
         let name = path.file_name().expect("a name").to_owned();
         if path.is_dir() {
-            // The rig itself, and this test, which spells calls.
+            // The rig itself, and this test, which contains such calls.
             if name != "support" && name != "architecture" {
                 check(&path, wrong);
             }
@@ -95,7 +95,7 @@ fn tests_start_our_programs_through_the_rig() {
 }
 
 #[test]
-fn a_program_that_is_started_is_read_from_the_source() {
+fn started_programs_are_found_in_the_source() {
     let source = "let a = Command::new(&python);\nstd::process::Command::new(program(\"hil\"))";
     assert_eq!(started(source), ["python", "program(\"hil\")"]);
 }

@@ -1,5 +1,5 @@
-//! Records of a recording that are shorter than they say, of every type and every length, outside of chunks
-//! and in one: each is taken or refused by the file's name, and none asks for more memory than it has.
+//! Records of a recording that are shorter than their stated length, of every type and length, outside of chunks
+//! and inside: each is accepted or refused with the file's name, without allocating more memory than its size.
 
 use allocation_counter::measure;
 use mcap::records::op;
@@ -8,10 +8,10 @@ use super::targets::{ALL, Target};
 
 /// Lengths that no record has.
 const HUGE: [u64; 4] = [1 << 27, 1 << 32, 1 << 63, u64::MAX];
-/// Most bytes that a reader may hold of a file of some hundred bytes.
+/// Maximum number of bytes that a reader may allocate for a file of some hundred bytes.
 const MOST_BYTES: u64 = 32 << 20;
 
-/// A text or a list of bytes with its length.
+/// Encodes a text or a byte list with its length.
 fn text(text: &str) -> Vec<u8> {
     [&(text.len() as u32).to_le_bytes(), text.as_bytes()].concat()
 }
@@ -30,7 +30,7 @@ fn chunk(content: &[u8]) -> Vec<u8> {
     [&[0; 16][..], &size, &[0; 4], &text(""), &size, content].concat()
 }
 
-/// The content of a right record of every type, by the format, and where lengths are in it.
+/// Returns the content of a valid record of every type, by the format, and the positions of its lengths.
 fn contents() -> Vec<(&'static str, u8, Vec<u8>)> {
     let bytes = |count: usize| vec![0; count];
     let schema =
@@ -118,7 +118,7 @@ fn contents() -> Vec<(&'static str, u8, Vec<u8>)> {
     ]
 }
 
-/// A file that begins as a recording does, then has these bytes.
+/// Builds a file that begins like a recording, followed by these bytes.
 fn file(bytes: &[u8]) -> Vec<u8> {
     let mut file = mcap::MAGIC.to_vec();
     let all = contents();
@@ -126,7 +126,7 @@ fn file(bytes: &[u8]) -> Vec<u8> {
         let (_, opcode, content) = all.iter().find(|one| one.0 == name).expect("there");
         file.extend(record(*opcode, content.len() as u64, content));
     }
-    // The channel of records, so that what follows is read as a run's.
+    // The channel of records, so that the following is read as data of a run.
     let channel = [
         vec![9, 0, 1, 0],
         text("/record"),
@@ -139,7 +139,7 @@ fn file(bytes: &[u8]) -> Vec<u8> {
     file
 }
 
-/// Puts a file through every reader.
+/// Passes a file through every reader.
 fn read(about: &str, bytes: &[u8]) {
     let target: &Target = ALL
         .iter()
@@ -151,7 +151,7 @@ fn read(about: &str, bytes: &[u8]) {
     assert!(most < MOST_BYTES, "{about}: {most} bytes of memory");
 }
 
-/// The record alone in a file, behind the beginning of one, and in a chunk of one.
+/// Places the record alone in a file, after the beginning of a recording, and in a chunk.
 fn everywhere(about: &str, bytes: &[u8]) {
     read(&format!("{about}, first"), &[mcap::MAGIC, bytes].concat());
     read(about, &file(bytes));
@@ -161,7 +161,7 @@ fn everywhere(about: &str, bytes: &[u8]) {
 }
 
 #[test]
-fn every_record_that_is_cut_at_any_byte_is_taken_or_refused_by_name() {
+fn every_record_truncated_at_any_byte_is_accepted_or_refused_by_name() {
     for (name, opcode, content) in contents() {
         for length in 0..=content.len() {
             let bytes = record(opcode, length as u64, &content[..length]);
@@ -171,7 +171,7 @@ fn every_record_that_is_cut_at_any_byte_is_taken_or_refused_by_name() {
 }
 
 #[test]
-fn every_record_with_a_length_that_cannot_be_is_taken_or_refused_by_name() {
+fn every_record_with_an_impossible_length_is_accepted_or_refused_by_name() {
     for (name, opcode, content) in contents() {
         for huge in HUGE {
             let bytes = record(opcode, huge, &content);
@@ -188,7 +188,7 @@ fn every_record_with_a_length_that_cannot_be_is_taken_or_refused_by_name() {
 }
 
 #[test]
-fn a_chunk_in_a_chunk_is_no_chunk() {
+fn a_chunk_inside_a_chunk_is_refused() {
     let inner = chunk(&record(op::MESSAGE, 42, &[0; 42]));
     let mut bytes = record(op::CHUNK, inner.len() as u64, &inner);
     for depth in 0..20 {

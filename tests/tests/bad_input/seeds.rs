@@ -1,8 +1,8 @@
-//! Writes the seeds of the corpus that no person can write: recordings, frames, messages and job
-//! files, each of a run of a few steps.
+//! Writes the seeds of the corpus that cannot be written by hand: recordings, frames, messages and job files, each
+//! of a run of a few steps.
 //!
-//! States of checkpoints are those of a real run, `hil run tests/fuzz/corpus/scenario/small.toml
-//! --checkpoint-at 0.003`, with the name of the file in a line before them.
+//! States of checkpoints come from a real run, `hil run tests/fuzz/corpus/scenario/small.toml --checkpoint-at
+//! 0.003`, with the name of the file in a line before them.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -43,7 +43,7 @@ fn write(path: &Path, bytes: &[u8]) {
     fs::write(path, bytes).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
 }
 
-/// The plant and the law of the small scenario, with no others beside them.
+/// Returns the descriptions of the small scenario's plant and law alone.
 fn described() -> (Description, Description) {
     let (all, plan) = (rig::rig(), rig::small_plan());
     let mut plant = Description::new("plant-process", "0.1.0");
@@ -146,7 +146,7 @@ fn recordings(folder: &Path) {
     }
 }
 
-/// The seeds that are frames: name, kind and number of values.
+/// Seeds that are frames: name, kind and number of values.
 const FRAMES: [(&str, FrameKind, usize); 4] = [
     ("sample", FrameKind::Sample, 4),
     ("command", FrameKind::Command, 1),
@@ -252,8 +252,8 @@ fn files(folder: &Path) {
     );
 }
 
-/// Models as the Reference-FMUs and our own describe them, and archives: a sound one, a packed one, and those that
-/// are refused.
+/// Writes model descriptions like those of the Reference-FMUs and ours, and archives: a valid one, a compressed
+/// one, and invalid ones.
 fn fmus(folder: &Path) {
     let file = |path: &str| {
         let path = workspace().join("tests").join(path);
@@ -313,7 +313,7 @@ fn fmus(folder: &Path) {
     );
     changed("encrypted.fmu", second + 8, &[1, 0]);
     changed("shared-bytes.fmu", second + 42, &[0; 4]);
-    // Told to unpack to 600 MiB.
+    // States an unpacked size of 600 MiB.
     changed("bomb.fmu", first + 10, &[8, 0]);
     let mut bomb = fs::read(folder.join("bomb.fmu")).expect("it was just written");
     bomb[first + 24..first + 28].copy_from_slice(&(600_u32 << 20).to_le_bytes());
@@ -328,7 +328,7 @@ fn fmus(folder: &Path) {
     write(&folder.join("entities.xml"), bomb.as_bytes());
 }
 
-/// An archive whose one entry is packed, in a block that a packer leaves as it is.
+/// Returns an archive whose only entry is compressed, in a stored block.
 fn packed(folder: &Path, content: &[u8]) -> Vec<u8> {
     let length = u16::try_from(content.len()).expect("short");
     let mut block = vec![1];

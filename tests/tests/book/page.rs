@@ -1,31 +1,31 @@
-//! A page of the book as its blocks: what is shown, what is run, what is written to a file.
+//! Page of the book as a list of blocks: shown output, commands, and files to write.
 //!
-//! Comments of a page speak to the test, where a reader need not see it: `<!-- file: PATH -->` before a
-//! block writes it to that file (`<!-- file: PATH, continued -->` appends), and `<!-- sh` .. `-->` holds
-//! commands that are run but not shown, such as those of the other terminal that a page tells about.
+//! HTML comments of a page instruct the test: `<!-- file: PATH -->` before a block writes it to that file (`<!--
+//! file: PATH, continued -->` appends), and `<!-- sh` .. `-->` contains commands that are executed but not shown,
+//! such as those of another terminal.
 
 use std::path::{Path, PathBuf};
 
 use crate::support::programs::{shipped, workspace};
 
-/// A page: a file of Markdown, by its path from the top of the workspace.
+/// Page: a Markdown file, given by its path relative to the workspace.
 pub(super) struct Page {
     pub(super) path: PathBuf,
     pub(super) text: String,
 }
 
-/// A fenced block, or a hidden one.
+/// Fenced or hidden block.
 #[derive(Debug)]
 pub(super) struct Block<'p> {
     /// Line of its fence, from 1.
     pub(super) line: usize,
-    /// Text behind the fence.
+    /// Text after the fence.
     pub(super) language: &'p str,
-    /// Text; a block without an end is a mistake that the parser refuses.
+    /// Content; the parser refuses a block without an end.
     pub(super) text: String,
-    /// The file that a comment before it names, and whether it goes on with it.
+    /// File named by a preceding comment, with `true` if the block is appended.
     pub(super) file: Option<(&'p str, bool)>,
-    /// True if only blank lines stand between the block and the one before.
+    /// `true` if only blank lines separate the block from the previous one.
     pub(super) follows: bool,
 }
 
@@ -38,7 +38,7 @@ const TOP: [&str; 5] = [
     "SECURITY.md",
 ];
 
-/// Reads all pages: those at the top, the book and the examples.
+/// Reads all pages: those at the top, of the book and of the examples.
 pub(super) fn pages() -> Vec<Page> {
     let mut paths: Vec<PathBuf> = TOP.map(PathBuf::from).into();
     let mut found: Vec<PathBuf> = ["docs", "docs/design", "docs/reference"]
@@ -72,7 +72,7 @@ impl Page {
         Self { path, text }
     }
 
-    /// Lists the blocks in order.
+    /// Parses the blocks in order.
     pub(super) fn blocks(&self) -> Vec<Block<'_>> {
         let mut blocks = Vec::new();
         let mut lines = self.text.lines().enumerate();
@@ -118,14 +118,14 @@ impl Page {
     }
 }
 
-/// Returns the text that a comment of one line has behind a word.
+/// Returns the text after a keyword in a one-line comment.
 fn comment<'l>(line: &'l str, word: &str) -> Option<&'l str> {
     let said = line.strip_prefix("<!--")?.strip_suffix("-->")?;
     Some(said.trim().strip_prefix(word)?.trim())
 }
 
 #[test]
-fn blocks_are_read_with_their_lines_files_and_hidden_commands() {
+fn blocks_are_parsed_with_lines_files_and_hidden_commands() {
     let page = Page {
         path: "page.md".into(),
         text: "Text.\n\n```sh\nhil run\n```\n\n```text\npass\n```\n<!-- sh\nhil resume\n-->\n\

@@ -1,9 +1,8 @@
-//! A reader who does what a page says: one shell for each page, in a folder that looks like a fresh
-//! clone after `cargo build --release`.
+//! Executes the pages: one shell per page, in a folder that looks like a fresh clone after `cargo build --release`.
 //!
-//! `hil` and `cargo` on the path of that shell are scripts in front of the real ones. `hil` names the
-//! session of the page, where a reader has only one that runs. `cargo` builds with the profile `dev` into a
-//! folder of the tests; tests and benches are only looked up, since they are what runs here.
+//! `hil` and `cargo` on the path of that shell are wrapper scripts. `hil` names the session of the page, where a
+//! reader has a single one running. `cargo` builds with the profile `dev` into a folder of the tests; tests and
+//! benches are only checked for existence, because they are what runs here.
 
 use std::fs::File;
 use std::os::unix::fs::{PermissionsExt, symlink};
@@ -21,20 +20,20 @@ use crate::support::harness::Rig;
 use crate::support::programs::{LINES, path_from, program, target, workspace};
 use crate::support::python::python;
 
-/// Time that a page may take before it counts as hanging. On busy cores a run of 20 s takes minutes.
+/// Time limit of a page, after which it counts as hanging. On busy cores a run of 20 s takes minutes.
 const WATCHDOG: Duration = Duration::from_secs(1200);
 
-/// Folders of the scripts and of what pages share.
+/// Folders of the scripts and of files shared by pages.
 pub(super) struct Desk {
-    /// The same at each time: builds in it are found again.
+    /// Fixed location, so that its builds are reused.
     folder: PathBuf,
     programs: PathBuf,
-    /// Keeps a second test run of this user out.
+    /// Lock against a second test run of this user.
     _lock: File,
 }
 
-/// Modules that Python's blocks may import to be run: those in the clone, and those that other tests
-/// need as well.
+/// Modules that Python blocks may import to be executed: those in the clone, and those that other tests need as
+/// well.
 const MODULES: [&str; 6] = ["hil_run", "json", "mcap", "numpy", "pandas", "pyarrow"];
 
 const HIL: &str = r#"#!/usr/bin/env bash
@@ -104,16 +103,16 @@ interrupt() {
 
 impl Drop for Desk {
     fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.folder); // the next one begins by that, too
+        let _ = std::fs::remove_dir_all(&self.folder); // the next page begins with the same removal
     }
 }
 
 impl Desk {
     pub(super) fn new() -> Self {
-        // Not in the target directory: `cargo new` enters a crate into the workspace that it finds above.
+        // Not in the target directory: `cargo new` would add a crate to the enclosing workspace.
         let user = rustix::process::geteuid().as_raw();
         let folder = std::env::temp_dir().join(format!("hil-book-{user}"));
-        // Beside the folder, which goes when all is done.
+        // Beside the folder, which is removed at the end.
         let lock = File::create(folder.with_extension("lock")).expect("a lock");
         lock.lock().expect("a lock");
         std::fs::create_dir_all(folder.join("bin")).expect("a folder");
@@ -131,10 +130,10 @@ impl Desk {
         desk
     }
 
-    /// Makes a folder with what a fresh clone has, and nothing of the page before.
+    /// Creates a folder with the content of a fresh clone, and nothing of the previous page.
     fn clone(&self) -> PathBuf {
         let desk = self.folder.join("desk");
-        let _ = std::fs::remove_dir_all(&desk); // not there at first
+        let _ = std::fs::remove_dir_all(&desk); // does not exist at first
         let clone = desk.join("hil");
         let release = clone.join("target/release");
         std::fs::create_dir_all(&release).expect("a folder");
@@ -147,7 +146,7 @@ impl Desk {
             let to = clone.join(&name);
             match name.to_str().unwrap_or_default() {
                 "target" | "runs" | ".git" => {}
-                // Pages write there.
+                // Pages write to these.
                 "examples" | "scenarios" => copy(&from, &to),
                 _ => symlink(from, to).expect("a link"),
             }
@@ -155,7 +154,7 @@ impl Desk {
         clone
     }
 
-    /// Builds what a reader of the page about FMUs has from elsewhere: a plant and a controller.
+    /// Builds the FMUs that a reader of the FMU page is assumed to have: a plant and a controller.
     fn build_fmus(&self) {
         let folder = self.folder.join("fmus");
         std::fs::create_dir_all(&folder).expect("a folder");
@@ -163,10 +162,10 @@ impl Desk {
         fmus::write(&folder.join("controller.fmu"), &fmus::proportional());
     }
 
-    /// Does all that a page says.
+    /// Executes everything on a page.
     ///
     /// # Errors
-    /// What went wrong, with page and line.
+    /// If anything fails, with page and line.
     pub(super) fn follow(&self, page: &Page) -> Result<(), String> {
         let blocks = page.blocks();
         if !blocks.iter().any(|block| block.language == "sh") {
@@ -197,7 +196,7 @@ impl Desk {
                 text += &with_exit_codes(&block.text);
             }
             if let ("python", Some(python)) = (block.language, &python) {
-                // What needs more than the other tests do is only read.
+                // Blocks that need more than the other tests are only parsed.
                 let runs = imports(&block.text).all(|module| MODULES.contains(&module));
                 let reads = if runs { "-" } else { "-m ast" };
                 text += &format!("echo {line} >\"$NOTES/line\"\nexec 2>\"$NOTES/{line}.err\"\n");
@@ -252,12 +251,13 @@ impl Desk {
     }
 }
 
-/// Runs to the end, or until the watchdog barks; whether it succeeded. A page that failed leaves no session.
+/// Runs a shell to its end, or until the watchdog expires; returns `true` on success. A failed page leaves no
+/// session.
 fn finish(bash: &mut Command) -> bool {
     let mut child = bash.spawn().expect("bash is there");
     let group = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
     let end = |signal| {
-        let _ = kill_process_group(group.expect("a number"), signal); // gone already?
+        let _ = kill_process_group(group.expect("a number"), signal); // may have ended
     };
     let since = Instant::now();
     loop {
@@ -276,7 +276,7 @@ fn finish(bash: &mut Command) -> bool {
     }
 }
 
-/// The modules that a block of Python imports, each by its first name.
+/// Returns the modules imported by a Python block, by their first names.
 fn imports(text: &str) -> impl Iterator<Item = &str> {
     let lines = text.lines().filter_map(|line| {
         let names = line.strip_prefix("import ");
@@ -286,7 +286,7 @@ fn imports(text: &str) -> impl Iterator<Item = &str> {
     names.filter_map(|name| name.trim().split(['.', ' ']).next())
 }
 
-/// The command and the codes that the comment behind it names, as a pattern: `0|1`.
+/// Returns the command and the exit codes named by the comment after it, as a pattern: `0|1`.
 fn exit_codes(command: &str) -> Option<(&str, String)> {
     let (does, comment) = command
         .rsplit_once(" # ")
@@ -297,7 +297,7 @@ fn exit_codes(command: &str) -> Option<(&str, String)> {
     Some((does, codes.trim().replace(" or ", "|")))
 }
 
-/// A command whose comment says `exit code 1` has to end so; any other has to succeed.
+/// Wraps commands so that one with a comment `exit code 1` must end that way; any other must succeed.
 fn with_exit_codes(text: &str) -> String {
     let mut script = String::new();
     let mut command = String::new();
@@ -336,14 +336,14 @@ fn copy(from: &Path, to: &Path) {
 }
 
 #[test]
-fn modules_of_python_are_found() {
+fn imported_python_modules_are_found() {
     let text = "import json, pyarrow.parquet\nimport numpy as np\nfrom mcap.reader import x\n";
     let found: Vec<&str> = imports(text).collect();
     assert_eq!(found, ["json", "pyarrow", "numpy", "mcap"]);
 }
 
 #[test]
-fn a_command_has_the_exit_code_that_stands_behind_it() {
+fn a_command_must_have_the_exit_code_in_its_comment() {
     for (commands, passes) in [
         ("true", true),
         ("false", false),

@@ -1,6 +1,6 @@
-//! The references of the book, `docs/reference`, made from the code.
+//! References of the book, `docs/reference`, generated from the code.
 //!
-//! `HIL_WRITE_BOOK=1 cargo test --release -p tests book::references` writes them anew.
+//! `HIL_WRITE_BOOK=1 cargo test --release -p tests book::references` regenerates them.
 
 use std::fmt::Write as _;
 
@@ -17,7 +17,7 @@ const MADE: &str = "<!-- Made from the code: `HIL_WRITE_BOOK=1 cargo test --rele
 const EXITS: &str = include_str!("../../../tools/console/src/terminal/exit.rs");
 
 #[test]
-fn the_references_say_what_the_code_says() {
+fn the_references_agree_with_the_code() {
     let pages = [
         ("commands", commands()),
         ("scenario", scenario()),
@@ -40,7 +40,7 @@ fn the_references_say_what_the_code_says() {
     assert!(stale.is_empty(), "{stale:?} are stale; `{renew}`");
 }
 
-/// Makes the page of all commands with their help, as `hil` prints it on a terminal of 100 columns.
+/// Generates the page of all commands with their help, as `hil` prints it on a terminal of 100 columns.
 fn commands() -> String {
     let mut page = format!("# Commands\n\n{MADE}\n");
     let mut hil = CommandLine::command().term_width(100);
@@ -64,7 +64,7 @@ fn command(page: &mut String, one: &mut clap::Command, name: &str) {
     }
 }
 
-/// Makes the page of all keys of a scenario, from the tables that the check and `hil config schema` use.
+/// Generates the page of all scenario keys, from the tables used by the check and `hil config schema`.
 fn scenario() -> String {
     let mut page = format!(
         "# Scenario keys\n\n{MADE}\nA scenario is TOML. `hil config schema` prints the same for editors, with the keys of \
@@ -77,7 +77,7 @@ fn scenario() -> String {
     page + "\n"
 }
 
-/// Makes the page of all keys of a study, from the table that `hil campaign check` uses.
+/// Generates the page of all study keys, from the table used by `hil campaign check`.
 fn study() -> String {
     let mut page = format!(
         "# Study keys\n\n{MADE}\nA study is TOML; [Campaigns](../campaigns.md) shows one. `hil config schema --study` prints \
@@ -160,7 +160,7 @@ fn kind(value: &Value) -> &'static str {
     }
 }
 
-/// Writes the page of what the built-in plants and laws say of themselves.
+/// Generates the page of the descriptions of built-in plants and laws.
 fn signals() -> String {
     let mut page = format!(
         "# Plants and laws\n\n{MADE}\nWhat `plant-process --describe` and `controller-process --describe` say. A parameter with a \
@@ -231,7 +231,7 @@ fn columns(page: &mut String, title: &str, fields: &[Field]) {
     list(page, title, ("", ""), fields, |_| ("", String::new()));
 }
 
-/// Lists fields; `own` gives what follows a field's name, and further cells.
+/// Formats a list of fields; `own` returns the text after a field's name, and further cells.
 fn list(
     page: &mut String,
     title: &str,
@@ -260,12 +260,12 @@ fn range(field: &Field) -> String {
     format!("{} to {}", number(field.min), number(field.max))
 }
 
-/// Text in a table.
+/// Escapes text for a table.
 fn cell(text: &str) -> String {
     text.replace('|', "\\|")
 }
 
-/// Makes the page of all kinds of faults, each with a link to its full description.
+/// Generates the page of all fault kinds, each with a link to its full description.
 fn faults() -> String {
     let mut page = format!(
         "# Kinds of faults\n\n{MADE}\nThe built-in kinds act on any plant: on its signals, its faultable parameters, the link and \
@@ -324,7 +324,7 @@ fn faults() -> String {
     page
 }
 
-/// The keys of an effect of a plant's fault.
+/// Formats the keys of an effect of a plant's fault.
 fn sizes(fault: &FaultDescription) -> String {
     let speed = match &fault.profile {
         ProfileDescription::Exponential { speed } => Some(speed),
@@ -338,7 +338,7 @@ fn sizes(fault: &FaultDescription) -> String {
         .join(", ")
 }
 
-/// The codes of `hil`, from the lines of their enum.
+/// Returns the exit codes of `hil`, from the lines of their enum.
 fn exit_codes() -> String {
     let mut page = format!("# Exit codes\n\n{MADE}\n| code | name | |\n|---|---|---|\n");
     let (_, codes) = EXITS.split_once("pub enum Exit {").expect("the enum");

@@ -1,12 +1,12 @@
-//! Output that a page shows behind a command, against what the command says today.
+//! Comparison of the output shown on a page with the current output of the command.
 //!
-//! Every shown line has to be there, in order; more may be between. Times, speeds and the names of run
-//! folders vary and are not compared, figures, names and digests are.
+//! Every shown line must occur, in order; more lines may be between. Times, speeds and the names of run folders
+//! vary and are not compared; figures, names and digests are.
 
-/// Checks that the output has everything that is shown of it.
+/// Checks that the output contains all shown lines.
 ///
 /// # Errors
-/// The first shown line that is missing, with the output.
+/// If a shown line is missing, with the output.
 pub(super) fn compare(shown: &str, found: &str) -> Result<(), String> {
     let mut rest = found.lines();
     for line in shown.lines() {
@@ -21,7 +21,7 @@ pub(super) fn compare(shown: &str, found: &str) -> Result<(), String> {
     Ok(())
 }
 
-/// The words of a line that are the same in every run.
+/// Returns the words of a line that are the same in every run.
 fn stable(line: &str) -> Vec<&str> {
     let words: Vec<&str> = line.split_ascii_whitespace().collect();
     if let Some(start) = ["round trip", "worst:", "late by", "latest:"]

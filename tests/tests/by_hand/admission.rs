@@ -1,4 +1,4 @@
-//! Admission to the place of a side, and refusals before anybody is awaited.
+//! Admission of a side, and refusals before any side is awaited.
 
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::fs::PermissionsExt;
@@ -16,10 +16,10 @@ use super::{Hand, SCENARIO, awaited, controller, held, launched};
 use crate::support::harness::{Rig, until};
 use crate::support::programs::{misbehaving_controller, program};
 
-/// The user that is nobody.
+/// User ID of `nobody`.
 const NOBODY: u32 = 65534;
 
-/// Shows something at the door of the controller, and gives the answer to it.
+/// Sends a message to the controller's socket, and returns the answer.
 fn asked(folder: &Path, line: &str) -> String {
     let mut stream = UnixStream::connect(folder.join("controller.door")).expect("a door");
     writeln!(stream, "{line}").expect("written");
@@ -30,13 +30,13 @@ fn asked(folder: &Path, line: &str) -> String {
     said
 }
 
-/// An entry as a program shows it.
+/// Returns the entry that a program sends.
 fn entry(token: &Value, process: ProcessId) -> String {
     json!({"token": token, "process": process}).to_string()
 }
 
 #[test]
-fn nobody_else_gets_in() {
+fn no_other_process_is_admitted() {
     let digest = launched();
     let rig = Rig::new();
     let running = rig.start(&format!("{SCENARIO} --controller external"));
@@ -77,7 +77,7 @@ fn nobody_else_gets_in() {
         (
             "the name of another process",
             entry(&token, ProcessId::of(1).expect("the first")),
-            "it says that it is process 1, and process",
+            "it claims to be process 1, but process",
         ),
         (
             "a process of before",
@@ -88,12 +88,12 @@ fn nobody_else_gets_in() {
                     ..own
                 },
             ),
-            "it says that it is process",
+            "it claims to be process",
         ),
         (
             "another program with the right token",
             entry(&token, own),
-            "was checked: start that, or name yours by --controller-bin",
+            "was checked: start that, or name yours with --controller-bin",
         ),
     ] {
         let said = asked(&folder, &line);
@@ -102,7 +102,7 @@ fn nobody_else_gets_in() {
             "{attempt}: {said}"
         );
     }
-    // A program that speaks all of it, from another file.
+    // A program with a complete implementation, from another file.
     let (code, said) = Hand::start(&rig, "controller", &misbehaving_controller(), &[]).end();
     assert_eq!(code, Some(2), "{said}");
     assert!(said.contains("misbehaving-controller with hash"), "{said}");
@@ -118,7 +118,7 @@ fn nobody_else_gets_in() {
         let mut shell = rig.command(program("controller-process"));
         let output = shell.arg("--session").arg(&folder).arg("--by-hand");
         let output = output.uid(NOBODY).gid(NOBODY).output();
-        // It may not even be allowed to run the program.
+        // The user may not even be allowed to run the program.
         assert!(!output.is_ok_and(|output| output.status.success()));
     } else {
         eprintln!("not root: attempts of another user were left out");
@@ -134,7 +134,7 @@ fn nobody_else_gets_in() {
         let _ = writeln!(stream, "{line}");
         let mut said = String::new();
         let _ = BufReader::new(stream).read_line(&mut said);
-        let expected = format!("process {pid} is the controller of this run");
+        let expected = format!("process {pid} is already the controller of this run");
         assert!(said.is_empty() || said.contains(&expected), "{said}");
     }
     let run = running.finish().expect(0);
@@ -149,7 +149,7 @@ fn nobody_else_gets_in() {
     assert!(kept.iter().all(|text| !text.contains(secret)));
 }
 
-/// The token of another session of this user.
+/// Starts another session of this user; returns its token.
 fn second_session(rig: &Rig) -> Value {
     let name = format!("{}-2", rig.session());
     let folder = rig.session_folder().with_file_name(&name);
@@ -181,7 +181,10 @@ fn a_second_process_with_the_right_token_is_refused() {
     let (running, hand) = held(&rig, "--wait-limit 60");
     let (code, said) = controller(&rig).end();
     assert_eq!(code, Some(2), "{said}");
-    let expected = format!("process {} is the controller of this run", hand.pid());
+    let expected = format!(
+        "process {} is already the controller of this run",
+        hand.pid()
+    );
     assert!(said.contains(&expected), "{said}");
     rig.in_session("resume").expect(0);
     running.finish().expect(0);
@@ -189,7 +192,7 @@ fn a_second_process_with_the_right_token_is_refused() {
 }
 
 #[test]
-fn what_makes_no_sense_is_refused_by_name() {
+fn contradictory_options_are_refused_by_name() {
     let rig = Rig::new();
     let script = rig.script(
         "controller",
@@ -230,12 +233,12 @@ fn what_makes_no_sense_is_refused_by_name() {
         ),
         (
             script,
-            "is a script, and which one an interpreter runs cannot be seen",
+            "is a script, which cannot be identified by its interpreter's process",
         ),
     ] {
         rig.run(&arguments).expect(2).says(&[expected]);
     }
-    // Where nobody waits for one.
+    // A session that awaits no side.
     let running = rig.held();
     let mut hand = rig.command(program("controller-process"));
     hand.arg("--session")

@@ -1,4 +1,4 @@
-//! Ends of sides that somebody started by hand: each is named, and leaves nothing.
+//! Ends of sides started by hand: each is named, and leaves nothing behind.
 
 use hil_session::session::SessionInfo;
 use rustix::process::Signal;
@@ -17,7 +17,7 @@ fn an_interrupted_wait_leaves_nothing() {
         let running = rig.start(&format!("{SCENARIO} {flags}"));
         let folder = running.folder().to_owned();
         awaited(&rig.session_folder(), "controller");
-        // One of two is there, and goes too.
+        // One of two sides is admitted, and ends too.
         let hand = flags.contains("plant").then(|| plant(&rig));
         if hand.is_some() {
             until("the plant is admitted", || {
@@ -34,7 +34,7 @@ fn an_interrupted_wait_leaves_nothing() {
 }
 
 #[test]
-fn an_interrupted_run_ends_a_side_that_is_held() {
+fn an_interrupted_run_ends_a_stopped_side() {
     let rig = Rig::new();
     let (running, hand) = held(&rig, "--wait-limit inf");
     hand.stop();
@@ -49,7 +49,7 @@ fn an_interrupted_run_ends_a_side_that_is_held() {
 fn each_end_of_a_side_started_by_hand_is_named() {
     let program = misbehaving_controller();
     let path = program.display();
-    let silent = "controller, started by hand, is gone without a word";
+    let silent = "controller, started by hand, ended without reporting why";
     for (law, expected) in [("panics", "controller panicked"), ("leaves", silent)] {
         let rig = Rig::new();
         let scenario = format!(
@@ -76,12 +76,12 @@ fn each_end_of_a_side_started_by_hand_is_named() {
         send(hand.pid(), Signal::KILL);
         let run = running.finish().expect(3);
         let reason = run.summary()["reason"].to_string();
-        let expected = format!("{side}, started by hand, is gone without a word");
+        let expected = format!("{side}, started by hand, ended without reporting why");
         assert!(reason.contains(&expected), "{reason}");
     }
 }
 
-/// The teaching scenario without what only the law `pid` has.
+/// Returns the teaching scenario without the keys specific to the law `pid`.
 fn scenario_without_gains(rig: &Rig, arguments: &str) -> String {
     let text = shipped(SCENARIO);
     let (before, after) = text.split_once("[controller.pid]").expect("gains");
@@ -100,13 +100,13 @@ fn a_side_ends_with_a_killed_hil_even_if_it_is_stopped() {
         }
         running.kill();
         if is_stopped {
-            // The next command, whichever it is, ends what a dead one left.
+            // Any later command removes the remains of a dead one.
             rig.hil(&["config", "schema"]).expect(0);
             assert_eq!(hand.end().0, None);
         } else {
             let (code, said) = hand.end();
             assert_eq!(code, Some(3), "{said}");
-            // Its own leash or the plant's word comes first.
+            // Its own connection or the plant's message arrives first.
             let told = [
                 "stopped at step 2500",
                 "gave up at step 2500: it was asked to stop",

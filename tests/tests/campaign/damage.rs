@@ -1,11 +1,11 @@
-//! Folders in which something is not as it was, and disks without room: named, with what to do.
+//! Damaged or incomplete folders, and full disks: each is named, with advice.
 
 use super::{STUDY, campaign, digest, planned, study, text};
 use crate::support::harness::Rig;
 use crate::support::programs::{program, skip, works};
 
 #[test]
-fn a_damaged_table_of_results_is_named_with_the_command_that_writes_it_anew() {
+fn a_damaged_table_of_results_is_named_with_the_command_to_rewrite_it() {
     let rig = Rig::new();
     let folder = planned(&rig, &study(&rig, STUDY), "demo");
     campaign(&rig, &["run", text(&folder)]).expect(0);
@@ -22,20 +22,20 @@ fn a_damaged_table_of_results_is_named_with_the_command_that_writes_it_anew() {
             let run = campaign(&rig, &["show", text(&folder)])
                 .expect(3)
                 .says(&[&format!("{name} is damaged"), &mend]);
-            // The answers come from the shards, which are whole.
+            // The answers come from the shards, which are intact.
             assert!(run.stdout.contains(&expected), "{}", run.stdout);
         }
         campaign(&rig, &["collect", text(&folder)]).expect(0);
         let run = campaign(&rig, &["show", text(&folder)]).expect(0);
         assert!(!run.stderr.contains("parquet"), "{}", run.stderr);
     }
-    // None is no damage.
+    // A missing table is not damage.
     std::fs::remove_file(folder.join("results.parquet")).expect("removed");
     campaign(&rig, &["show", text(&folder)]).expect(0);
 }
 
 #[test]
-fn a_damaged_manifest_is_named_and_costs_no_result() {
+fn a_damaged_manifest_is_named_and_loses_no_result() {
     let rig = Rig::new();
     let folder = planned(&rig, &study(&rig, STUDY), "demo");
     campaign(&rig, &["run", text(&folder)]).expect(0);
@@ -55,7 +55,7 @@ fn a_damaged_manifest_is_named_and_costs_no_result() {
 }
 
 #[test]
-fn a_table_that_is_older_than_the_results_is_named() {
+fn an_outdated_table_is_named() {
     let rig = Rig::new();
     let folder = planned(&rig, &study(&rig, STUDY), "demo");
     campaign(&rig, &["work", text(&folder), "--shards", "0-3"]).expect(0);
@@ -68,7 +68,7 @@ fn a_table_that_is_older_than_the_results_is_named() {
 }
 
 #[test]
-fn a_study_that_was_changed_is_refused_wherever_its_goals_count() {
+fn a_changed_study_is_refused_wherever_its_goals_matter() {
     let rig = Rig::new();
     let goal = format!("{STUDY}\n[[goals]]\nvariant = \"pid\"\nprobability = 0.99\n");
     let folder = planned(&rig, &study(&rig, &goal), "demo");
@@ -105,7 +105,7 @@ fn a_missing_study_is_named_as_missing() {
 }
 
 #[test]
-fn a_scenario_that_was_changed_or_removed_is_named_and_the_answers_stay() {
+fn a_changed_or_removed_scenario_is_named_and_answers_are_unaffected() {
     let rig = Rig::new();
     let folder = planned(&rig, &study(&rig, STUDY), "demo");
     campaign(&rig, &["run", text(&folder)]).expect(0);
@@ -125,7 +125,7 @@ fn a_scenario_that_was_changed_or_removed_is_named_and_the_answers_stay() {
 }
 
 #[test]
-fn a_table_of_cases_that_is_cut_foreign_or_missing_is_named_and_written_anew() {
+fn a_truncated_foreign_or_missing_table_of_cases_is_named_and_rewritten() {
     let rig = Rig::new();
     let folder = planned(&rig, &study(&rig, STUDY), "demo");
     let other = STUDY.replace("seed = 3", "seed = 4");
@@ -190,7 +190,7 @@ fn the_cases_of_a_damaged_shard_are_not_published() {
 }
 
 #[test]
-fn a_full_disk_is_named_and_nobody_was_interrupted() {
+fn a_full_disk_is_named_and_does_not_count_as_an_interruption() {
     if !works(&["unshare", "-m", "mount", "-t", "tmpfs", "tmpfs", "/mnt"]) {
         return skip("this user may not mount anything", "HIL_TEST_UNSHARE");
     }
@@ -198,7 +198,7 @@ fn a_full_disk_is_named_and_nobody_was_interrupted() {
     let study = study(&rig, STUDY);
     let room = rig.path("room");
     std::fs::create_dir(&room).expect("a folder");
-    // What is left after the plan has room for the claims of some shards and not for their rows.
+    // The space left after planning suffices for some claims of shards, but not for their rows.
     let script = "set -e\nmount -t tmpfs -o mode=0755 tmpfs \"$2\"\n\"$1\" campaign plan \"$3\" -o \"$2/demo\"\n\
         used=$(df --output=used -k \"$2\" | tail -1)\nmount -o remount,size=$((used + 64))k \"$2\"\n\
         exec \"$1\" campaign run \"$2/demo\" --jobs 2";

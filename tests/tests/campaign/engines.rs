@@ -6,17 +6,17 @@ use super::{STUDY, campaign, digest, planned, study, text};
 use crate::support::harness::Rig;
 use crate::support::programs::{shipped, skip};
 
-/// Tasks of the page's commands.
+/// Number of tasks in the page's commands.
 const TASKS: u32 = 64;
 
-/// Returns the line of the page that has this in it.
+/// Returns the line of the page that contains this text.
 fn line(part: &str) -> String {
     let page = shipped("docs/clusters.md");
     let found = page.lines().find(|line| line.contains(part));
     found.expect("a line").trim().to_owned()
 }
 
-/// Runs a campaign by a shell's command that names a folder; gives its digest beside that of one worker.
+/// Runs a campaign with a shell command that names a folder; returns its digest and that of one worker.
 fn digests(rig: &Rig, run: impl FnOnce(&str)) -> [String; 2] {
     let study = study(rig, STUDY);
     let [one, other] = ["one", "with space"].map(|name| planned(rig, &study, name));
@@ -26,7 +26,7 @@ fn digests(rig: &Rig, run: impl FnOnce(&str)) -> [String; 2] {
 }
 
 #[test]
-fn gnu_parallel_runs_a_campaign_by_the_command_of_the_page() {
+fn gnu_parallel_runs_a_campaign_with_the_documented_command() {
     let version = Command::new("parallel").arg("--version").output();
     if !version.is_ok_and(|version| version.stdout.starts_with(b"GNU parallel")) {
         return skip("there is no GNU parallel", "HIL_TEST_PARALLEL");
@@ -47,7 +47,7 @@ fn gnu_parallel_runs_a_campaign_by_the_command_of_the_page() {
 }
 
 #[test]
-fn pods_of_an_indexed_job_run_a_campaign_by_the_command_of_the_page() {
+fn pods_of_an_indexed_job_run_a_campaign_with_the_documented_command() {
     let listed = line("JOB_COMPLETION_INDEX").replace("command: ", "");
     let words: Vec<String> = serde_json::from_str(&listed).expect("a list");
     let [shell, flag, command] = &*words else {
@@ -57,7 +57,7 @@ fn pods_of_an_indexed_job_run_a_campaign_by_the_command_of_the_page() {
     let rig = Rig::new();
     let [one, other] = digests(&rig, |folder| {
         let command = command.replace("/campaign", &format!("'{folder}'"));
-        // One pod was started twice, as Kubernetes does at times.
+        // One pod was started twice, as Kubernetes sometimes does.
         for index in (0..TASKS).chain([3]) {
             let mut pod = rig.command(shell);
             pod.args([flag, &command])

@@ -1,4 +1,4 @@
-//! Campaigns that grow: the digest of one that was planned so large, and no case run twice.
+//! Growing campaigns: the same digest as one planned at the final size, and no case run twice.
 
 use serde_json::Value;
 
@@ -6,7 +6,7 @@ use super::{STUDY, campaign, digest, planned, study, text};
 use crate::support::harness::Rig;
 
 #[test]
-fn a_campaign_that_grew_has_the_digest_of_one_planned_so_large_and_its_earlier_parts() {
+fn a_grown_campaign_has_the_digest_of_one_planned_at_that_size() {
     let rig = Rig::new();
     for sampling in ["independent", "sobol"] {
         let of = |cases: u32| {
@@ -20,7 +20,7 @@ fn a_campaign_that_grew_has_the_digest_of_one_planned_so_large_and_its_earlier_p
         let small = planned(&rig, &study(&rig, &of(33)), &format!("small-{sampling}"));
         campaign(&rig, &["run", text(&small)]).expect(0);
         let parts = super::below(&small.join("shards"));
-        // The second growth comes before the cases of the first are run.
+        // The second growth happens before the cases of the first have run.
         for cases in ["40", "50"] {
             campaign(&rig, &["grow", text(&small), "--cases", cases]).expect(0);
         }
@@ -40,7 +40,7 @@ fn a_campaign_that_grew_has_the_digest_of_one_planned_so_large_and_its_earlier_p
         assert!(parts.iter().all(|part| after.contains(part)));
         let [of_small, of_large] = [&small, &large].map(|folder| super::page::data(&rig, folder));
         assert_eq!(of_small["envelopes"], of_large["envelopes"]);
-        // A new case is the run of its values too.
+        // A new case equals the run of its values too.
         campaign(
             &rig,
             &[
@@ -62,7 +62,7 @@ fn a_campaign_that_grew_has_the_digest_of_one_planned_so_large_and_its_earlier_p
 }
 
 #[test]
-fn what_would_change_the_cases_that_are_there_is_refused() {
+fn changes_to_existing_cases_are_refused() {
     let rig = Rig::new();
     let hypercube = STUDY.replace("cases = 30", "cases = 30\nsampling = \"latin-hypercube\"");
     let grid = "schema = 1\nscenario = \"SCENARIO\"\nsampling = \"grid\"\n[[vary]]\nkey = \"plant.parameters.mass_kg\"\nkind = \"grid\"\nmin = 0.5\nmax = 2\npoints = 3\n";
@@ -98,7 +98,7 @@ fn what_would_change_the_cases_that_are_there_is_refused() {
         let after = std::fs::read(folder.join("manifest.json")).expect("a manifest");
         assert_eq!(before, after);
     }
-    // Whoever plans the same study with more cases is told about it.
+    // Planning the same study with more cases suggests growing.
     let more = study(&rig, &STUDY.replace("cases = 30", "cases = 31"));
     let folder = rig.path("plain");
     campaign(&rig, &["plan", text(&more), "-o", text(&folder)])
@@ -107,9 +107,9 @@ fn what_would_change_the_cases_that_are_there_is_refused() {
 }
 
 #[test]
-fn a_new_case_that_the_scenario_refuses_is_told_before_anything_is_written() {
+fn an_invalid_new_case_is_reported_before_anything_is_written() {
     let rig = Rig::new();
-    // Of an unbounded mass some draw is below what the plant takes; the first ones are not.
+    // Some draw of an unbounded mass is below the plant's minimum; the first draws are not.
     let wide = STUDY
         .replace("cases = 30", "cases = 2")
         .replace("min = 0.2\nmax = 3.0\n", "");
@@ -128,7 +128,7 @@ fn a_new_case_that_the_scenario_refuses_is_told_before_anything_is_written() {
 }
 
 #[test]
-fn keys_that_take_whole_numbers_vary_by_distributions_of_them() {
+fn integer_keys_vary_by_integer_distributions() {
     let rig = Rig::new();
     let substeps = "[[vary]]\nkey = \"plant.substeps\"\nkind = \"uniform\"\nmin = 2\nmax = 5\n";
     let of = |more: &str| {
@@ -169,7 +169,7 @@ fn keys_that_take_whole_numbers_vary_by_distributions_of_them() {
 }
 
 #[test]
-fn folders_with_blanks_are_quoted_in_every_hint() {
+fn folders_with_spaces_are_quoted_in_every_hint() {
     let rig = Rig::new();
     let path = study(&rig, STUDY);
     let folder = rig.path("my study");

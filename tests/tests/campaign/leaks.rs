@@ -1,4 +1,4 @@
-//! Workers that run hundreds of cases: no descriptor and no thread stays behind.
+//! Workers that run hundreds of cases leak neither descriptors nor threads.
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -8,11 +8,11 @@ use super::{STUDY, campaign, planned, study, text};
 use crate::support::harness::Rig;
 use crate::support::programs::program;
 
-/// Difference between early and late cases in the same worker that is no leak, such as a thread that is yet to end. One
-/// descriptor a case would be over 100.
+/// Difference between early and late cases in the same worker that does not count as a leak, for example a thread
+/// about to end. One leaked descriptor per case would add up to over 100.
 const PASSING: usize = 20;
 
-/// Descriptors and threads of a worker and of the processes that it keeps.
+/// Counts descriptors and threads of a worker and of the processes that it keeps.
 fn held(worker: u32) -> usize {
     let process = PathBuf::from(format!("/proc/{worker}"));
     let count = |path: &Path| std::fs::read_dir(path).map_or(0, Iterator::count);
@@ -28,8 +28,8 @@ fn held(worker: u32) -> usize {
     all
 }
 
-/// Runs all cases in one worker and compares what it holds in the first ones and in the last.
-fn holds_the_same_from_case_to_case(rig: &Rig, folder: &Path) {
+/// Runs all cases in one worker and compares its resources in the first cases with those in the last.
+fn assert_no_growth(rig: &Rig, folder: &Path) {
     let mut worker = rig.command(program("hil"));
     worker.args(["campaign", "work", "--tell", text(folder)]);
     let mut worker = worker.stdout(Stdio::piped()).spawn().expect("hil runs");
@@ -42,8 +42,8 @@ fn holds_the_same_from_case_to_case(rig: &Rig, folder: &Path) {
     }
     assert!(worker.wait().expect("it ends").success());
     assert!(counts.len() >= 200, "{}", counts.len());
-    // Neither the first cases, which open what is kept, nor the last one, after which all is closed. What a case holds for
-    // a moment is met in some cases and not in all; what leaks is in all that follow.
+    // Skips the first cases, which open persistent resources, and the last one, after which everything is closed.
+    // Short-lived resources are seen in some cases only, leaked ones in all that follow.
     let least = |counts: &[usize]| counts.iter().copied().min().unwrap_or_default();
     let (early, late) = (least(&counts[5..50]), least(&counts[150..counts.len() - 1]));
     assert!(early > 0 && late < early + PASSING, "{early}, later {late}");
@@ -53,7 +53,7 @@ fn holds_the_same_from_case_to_case(rig: &Rig, folder: &Path) {
 fn a_worker_that_runs_in_one_process_leaks_nothing_from_case_to_case() {
     let rig = Rig::new();
     let study = study(&rig, &STUDY.replace("cases = 30", "cases = 110"));
-    holds_the_same_from_case_to_case(&rig, &planned(&rig, &study, "in-process"));
+    assert_no_growth(&rig, &planned(&rig, &study, "in-process"));
 }
 
 #[test]
@@ -71,6 +71,6 @@ fn a_worker_with_kept_or_new_processes_leaks_nothing_from_case_to_case() {
             text(&sides[1]),
         ];
         campaign(&rig, &[&plan[..], &options[..]].concat()).expect(0);
-        holds_the_same_from_case_to_case(&rig, &folder);
+        assert_no_growth(&rig, &folder);
     }
 }

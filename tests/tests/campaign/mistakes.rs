@@ -1,11 +1,11 @@
-//! Mistakes in a study or a folder: told with their place, and nothing is lost.
+//! Mistakes in a study or a folder: reported with their location, without any loss.
 
 use super::{STUDY, campaign, digest, planned, study, text};
 use crate::support::harness::Rig;
 use crate::support::programs::shipped;
 
 #[test]
-fn a_mistake_in_a_study_is_told_at_its_place_with_the_nearest_name() {
+fn a_mistake_in_a_study_is_reported_at_its_location_with_the_nearest_name() {
     let rig = Rig::new();
     for (from, to, told) in [
         (
@@ -86,7 +86,7 @@ fn a_mistake_in_a_study_is_told_at_its_place_with_the_nearest_name() {
 #[test]
 fn a_variation_that_changes_nothing_is_refused() {
     let rig = Rig::new();
-    // Both variants hold: the gains of the law that does not run change nothing.
+    // Both variants are affected: the gains of the inactive law change nothing.
     let idle = STUDY
         .replace("[[variants]]\nname = \"pid\"\n", "")
         .replace("[[variants]]", "[[vary]]\nkey = \"controller.pid.proportional_n_per_m\"\nkind = \"uniform\"\nmin = 1\nmax = 2\n\n[[variants]]");
@@ -127,7 +127,7 @@ fn a_folder_of_another_campaign_or_of_anything_else_is_refused() {
 }
 
 #[test]
-fn a_copy_of_everything_is_in_the_folder() {
+fn the_folder_contains_copies_of_all_inputs() {
     let rig = Rig::new();
     rig.write("points.csv", "time_s,value\n0,0\n1,0.01\n3,0.02\n");
     let scenario = shipped("scenarios/spring-mass.toml");
@@ -145,7 +145,7 @@ fn a_copy_of_everything_is_in_the_folder() {
     let one = planned(&rig, &path, "one");
     let two = planned(&rig, &path, "two");
     campaign(&rig, &["run", text(&one)]).expect(0);
-    // What was beside it is gone.
+    // The original files are removed.
     for path in [&own, &path, &rig.path("points.csv")] {
         std::fs::remove_file(path).expect("removed");
     }
@@ -154,11 +154,11 @@ fn a_copy_of_everything_is_in_the_folder() {
 }
 
 #[test]
-fn a_folder_that_cannot_be_written_is_an_error_and_nothing_is_lost() {
+fn an_unwritable_folder_is_an_error_and_nothing_is_lost() {
     let rig = Rig::new();
     let folder = planned(&rig, &study(&rig, STUDY), "demo");
     campaign(&rig, &["work", text(&folder), "--shards", "0"]).expect(0);
-    // A file in the way, which stops even those whom no mode stops.
+    // A file in the way blocks even users whom no mode blocks.
     let shard = folder.join("shards/00000001");
     std::fs::write(&shard, "").expect("written");
     campaign(&rig, &["run", text(&folder)])
@@ -169,11 +169,11 @@ fn a_folder_that_cannot_be_written_is_an_error_and_nothing_is_lost() {
 }
 
 #[test]
-fn tables_that_cannot_be_written_point_to_the_command_that_writes_none() {
+fn unwritable_tables_point_to_the_command_that_writes_none() {
     let rig = Rig::new();
     let folder = planned(&rig, &study(&rig, STUDY), "demo");
     campaign(&rig, &["run", text(&folder)]).expect(0);
-    // A folder in the way, which stops even those whom no mode stops.
+    // A folder in the way blocks even users whom no mode blocks.
     let results = folder.join("results.parquet");
     std::fs::remove_file(&results).expect("removed");
     std::fs::create_dir(&results).expect("a folder");
@@ -187,7 +187,7 @@ fn tables_that_cannot_be_written_point_to_the_command_that_writes_none() {
 }
 
 #[test]
-fn wrong_arguments_are_told() {
+fn wrong_arguments_are_refused_with_the_reason() {
     let rig = Rig::new();
     let folder = planned(&rig, &study(&rig, STUDY), "demo");
     for (arguments, told) in [
@@ -213,7 +213,7 @@ fn wrong_arguments_are_told() {
 }
 
 #[test]
-fn workers_that_end_in_order_and_compute_nothing_are_an_error_and_not_started_for_ever() {
+fn workers_that_exit_normally_without_results_are_an_error_and_not_restarted_forever() {
     for code in [0, 1] {
         let rig = Rig::new();
         let folder = planned(&rig, &study(&rig, STUDY), "demo");

@@ -1,4 +1,4 @@
-//! Campaigns of programs of their own: the digest of one process, copies that a rebuild does not change, and cases
+//! Campaigns of user programs: the digest of a single process, copies that a rebuild does not change, and cases
 //! that kill their program.
 
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use super::{STUDY, campaign, digest, planned, study, text};
 use crate::support::harness::Rig;
 use crate::support::programs::{program, program_of_tests};
 
-/// A short study with four draws and one variant.
+/// Returns a short study with four draws and one variant.
 fn short() -> String {
     let study = STUDY.replace("cases = 30", "cases = 4");
     study
@@ -17,7 +17,7 @@ fn short() -> String {
         .to_owned()
 }
 
-/// Twelve cases of a plant of `case-plant`, at the positions 0 to 11.
+/// Returns a study with twelve cases of the plant `case-plant`, at the positions 0 to 11.
 fn twelve(rig: &Rig, model: &str, more: &str) -> PathBuf {
     rig.scenario(0.01, model, "hold");
     let study = format!(
@@ -55,7 +55,7 @@ fn with_plant(rig: &Rig, name: &str, study: &Path, plant: &str) -> PathBuf {
 }
 
 #[test]
-fn programs_of_their_own_have_the_digest_of_one_process() {
+fn user_programs_give_the_digest_of_one_process() {
     let rig = Rig::new();
     let built_in = planned(&rig, &study(&rig, &short()), "in");
     campaign(&rig, &["run", text(&built_in)]).expect(0);
@@ -73,7 +73,7 @@ fn programs_of_their_own_have_the_digest_of_one_process() {
 }
 
 #[test]
-fn processes_are_kept_from_case_to_case_unless_the_study_says_otherwise() {
+fn processes_are_reused_between_cases_unless_the_study_says_otherwise() {
     let rig = Rig::new();
     let script = format!(
         "#!/bin/sh\ncase \"$1\" in --session) echo >> '{}';; esac\nexec '{}' \"$@\"\n",
@@ -81,7 +81,7 @@ fn processes_are_kept_from_case_to_case_unless_the_study_says_otherwise() {
         text(&program_of_tests("case-plant"))
     );
     let plant = rig.script("counted", &script);
-    // One for all cases, and one for each of those run once more: the second, fourth, seventh and twelfth.
+    // One start for all cases, and one for each case repeated as a check: the second, fourth, seventh and twelfth.
     for (name, more, starts) in [("kept", "", 5), ("fresh", "fresh_processes = true", 12)] {
         let folder = with_plant(&rig, name, &twelve(&rig, "behaves", more), text(&plant));
         rig.write("starts", "");
@@ -92,14 +92,14 @@ fn processes_are_kept_from_case_to_case_unless_the_study_says_otherwise() {
 }
 
 #[test]
-fn a_plant_that_keeps_something_from_case_to_case_is_caught_and_named() {
+fn a_plant_with_state_leaking_between_cases_is_detected_and_named() {
     let rig = Rig::new();
     let plant = program_of_tests("case-plant");
     let kept = with_plant(&rig, "kept", &twelve(&rig, "leaks", ""), text(&plant));
     campaign(&rig, &["run", text(&kept), "--jobs", "1"])
         .expect(1)
         .says(&["case 1: digest is", "in new ones", "fresh_processes = true"]);
-    // The first case ran in new processes; the second never counted.
+    // The first case ran in new processes; the second was never counted.
     let status = campaign(&rig, &["status", text(&kept), "--json"]).expect(1);
     let status = status.json();
     assert_eq!(
@@ -113,7 +113,7 @@ fn a_plant_that_keeps_something_from_case_to_case_is_caught_and_named() {
 }
 
 #[test]
-fn a_case_that_kills_kept_processes_is_set_aside_and_the_others_have_their_results() {
+fn a_case_that_kills_persistent_processes_is_set_aside_and_the_others_complete() {
     let rig = Rig::new();
     let plant = program_of_tests("case-plant");
     let study = twelve(&rig, "dies", "");
@@ -131,7 +131,7 @@ fn a_case_that_kills_kept_processes_is_set_aside_and_the_others_have_their_resul
 }
 
 #[test]
-fn a_plant_that_hangs_is_ended_by_the_wait_limit_and_its_case_tried_again() {
+fn a_hanging_plant_is_ended_by_the_wait_limit_and_its_case_retried() {
     let rig = Rig::new();
     let flag = rig.path("flag");
     let script = format!(
@@ -151,7 +151,7 @@ fn a_plant_that_hangs_is_ended_by_the_wait_limit_and_its_case_tried_again() {
     assert!(rig.processes().is_empty(), "{:?}", rig.processes());
 }
 
-/// A plant that dies in a case once for each line of a file, and notes each of its starts in another.
+/// Plant that dies in a case once for each line of a file, and records each of its starts in another.
 fn mortal(rig: &Rig) -> PathBuf {
     let script = format!(
         "#!/bin/sh\ncase \"$1\" in --session) echo >> '{}';; esac\nCASE_PLANT_DIES='{}' exec '{}' \"$@\"\n",
@@ -163,11 +163,11 @@ fn mortal(rig: &Rig) -> PathBuf {
 }
 
 #[test]
-fn a_plant_that_dies_between_two_cases_is_no_try_of_the_next_one() {
+fn a_death_between_two_cases_does_not_count_as_an_attempt_of_the_next() {
     let rig = Rig::new();
     let plant = mortal(&rig);
     let study = twelve(&rig, "stumbles", "");
-    // Two deaths in the case itself leave it its third try; three do not.
+    // Two deaths in the case itself leave it its third attempt; three do not.
     for (deaths, code, classes) in [(2, 0, [12, 0, 0, 0, 0]), (3, 3, [11, 0, 0, 0, 1])] {
         let folder = with_plant(&rig, &format!("kept{deaths}"), &study, text(&plant));
         rig.write("deaths", &"once more\n".repeat(deaths));
@@ -185,7 +185,7 @@ fn a_plant_that_dies_between_two_cases_is_no_try_of_the_next_one() {
 }
 
 #[test]
-fn a_case_that_is_tried_again_is_run_without_the_others_of_its_shard() {
+fn a_retried_case_runs_without_the_others_of_its_shard() {
     let rig = Rig::new();
     let plant = mortal(&rig);
     let twelve = std::fs::read_to_string(twelve(&rig, "mortal", "")).expect("a study");
@@ -197,7 +197,7 @@ fn a_case_that_is_tried_again_is_run_without_the_others_of_its_shard() {
     );
     let study = rig.write("study.toml", &study);
     let folder = with_plant(&rig, "kept", &study, text(&plant));
-    // The first death comes before the first record of a kept pair, and is no try of the case.
+    // The first death precedes the first record of a persistent pair, and does not count as an attempt of the case.
     rig.write("deaths", &"once more\n".repeat(4));
     campaign(&rig, &["run", text(&folder), "--jobs", "1"])
         .expect(3)
@@ -215,7 +215,7 @@ fn a_case_that_is_tried_again_is_run_without_the_others_of_its_shard() {
 }
 
 #[test]
-fn a_program_that_is_rebuilt_under_a_planned_campaign_changes_nothing() {
+fn rebuilding_a_program_does_not_affect_a_planned_campaign() {
     let rig = Rig::new();
     let plant = rig.path("plant");
     std::fs::copy(program("plant-process"), &plant).expect("copied");
@@ -226,10 +226,10 @@ fn a_program_that_is_rebuilt_under_a_planned_campaign_changes_nothing() {
 }
 
 #[test]
-fn cases_that_kill_their_program_are_set_aside_by_name_and_the_others_go_on() {
+fn cases_that_kill_their_program_are_set_aside_by_name_and_the_others_continue() {
     let rig = Rig::new();
     let plant = program("plant-process");
-    // It dies of the job of one case.
+    // It dies from the job of one case.
     let script = format!(
         "#!/bin/sh\nif [ \"$1\" = --session ] && [ -e '{flag}' ] && grep -q \"$(cat '{flag}')\" \"$2/plant.json\"; then kill -9 $$; fi\nexec '{plant}' \"$@\"\n",
         flag = text(&rig.path("mass")),
@@ -260,7 +260,7 @@ fn cases_that_kill_their_program_are_set_aside_by_name_and_the_others_go_on() {
         answers["variants"][0]["passes"]["bounds"],
         serde_json::Value::Null
     );
-    // What made it die is mended.
+    // The cause of death is fixed.
     std::fs::remove_file(rig.path("mass")).expect("removed");
     campaign(&rig, &["run", text(&folder), "--again"]).expect(0);
 }

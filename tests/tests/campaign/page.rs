@@ -1,4 +1,4 @@
-//! The page of a campaign: what it says without a script, and with one in a browser.
+//! Page of a campaign: its content without a script, and with one in a browser.
 
 use std::path::Path;
 use std::process::Command;
@@ -13,7 +13,7 @@ use crate::support::programs::{chromium, skip, workspace};
 use crate::support::python::{python, succeeds};
 
 #[test]
-fn a_page_of_a_campaign_says_what_show_says_and_asks_for_nothing() {
+fn a_campaign_page_agrees_with_show_and_loads_nothing() {
     let rig = Rig::new();
     let folder = planned(&rig, &study(&rig, STUDY), "demo");
     campaign(&rig, &["run", text(&folder)]).expect(0);
@@ -59,7 +59,7 @@ pub(super) fn data(rig: &Rig, folder: &Path) -> Value {
     serde_json::from_str(json.expect("data")).expect("JSON")
 }
 
-/// Curves of some numbers each.
+/// Returns curves of some numbers each.
 fn curves(packed: &Value, bins: usize) -> Vec<Vec<f32>> {
     let bytes = STANDARD.decode(packed.as_str().expect("text"));
     let bytes = bytes.expect("base64");
@@ -69,7 +69,7 @@ fn curves(packed: &Value, bins: usize) -> Vec<Vec<f32>> {
 }
 
 #[test]
-fn envelopes_are_the_least_and_greatest_values_of_recordings_of_all_cases() {
+fn envelopes_are_the_extremes_of_the_recordings_of_all_cases() {
     let rig = Rig::new();
     let study = STUDY.replace("cases = 30", "cases = 4");
     let study = study.split("[[variants]]").next().expect("a study");
@@ -85,7 +85,7 @@ fn envelopes_are_the_least_and_greatest_values_of_recordings_of_all_cases() {
     let bins = usize::try_from(envelopes["bins"].as_u64().expect("bins")).expect("some");
     let bin_s = envelopes["bin_s"].as_f64().expect("a time");
 
-    // Of each case the least and the greatest value in each bin, from a recording of its own.
+    // Expected: minimum and maximum of each case in each bin, from a recording of its own.
     let recorded = (0..4).map(|case| {
         let out = rig.path(&format!("case-{case}"));
         let number = case.to_string();

@@ -1,6 +1,7 @@
-//! Campaigns on a real Slurm: the digest of one core, whatever dies on the way.
+//! Campaigns on a real Slurm: the digest of one core, whatever dies meanwhile.
 //!
-//! No row can be there twice unseen: the digest is over the number of each case and its row, and the rows are counted.
+//! A duplicate row cannot go unnoticed: the digest covers the number of each case with its row, and the rows are
+//! counted.
 
 mod long;
 
@@ -13,17 +14,17 @@ use crate::support::harness::{Rig, Run, text, until};
 use crate::support::programs::workspace;
 use crate::support::slurm::Cluster;
 
-/// Time between two looks at a campaign.
+/// Polling interval for a campaign.
 const LOOK: Duration = Duration::from_millis(200);
 
-/// A campaign and the cluster that works on it.
+/// Campaign with the cluster that works on it.
 struct Campaign<'a> {
     rig: &'a Rig,
     cluster: &'a Cluster,
     folder: PathBuf,
 }
 
-/// Writes the study: two variants, and N cases of each that last so long.
+/// Writes the study: two variants, each with N cases of this duration.
 fn study(rig: &Rig, draws: u64, duration_s: f64) -> PathBuf {
     let scenario = workspace().join("scenarios/spring-mass.toml");
     rig.write(
@@ -70,7 +71,7 @@ impl<'a> Campaign<'a> {
         }
     }
 
-    /// An action on this campaign, by a `hil` that knows the cluster.
+    /// Returns a command on this campaign, by a `hil` that knows the cluster.
     fn action(&self, action: &str, options: &[&str]) -> Run {
         let mut all = vec!["campaign", action, text(&self.folder)];
         all.extend(options);
@@ -93,7 +94,7 @@ impl<'a> Campaign<'a> {
     fn until(&self, what: &str, holds: impl Fn(&Value) -> bool) -> Value {
         let mut status = Value::Null;
         until(what, || {
-            std::thread::sleep(LOOK); // a look starts programs
+            std::thread::sleep(LOOK); // every poll starts programs
             status = self.status();
             holds(&status)
         });
@@ -105,7 +106,7 @@ impl<'a> Campaign<'a> {
     }
 }
 
-/// Returns what the same study gives on one core.
+/// Returns the results of the same study on one core.
 fn on_one_core(rig: &Rig, study: &Path) -> Value {
     let folder = planned(rig, study, "one-core");
     let run = rig.start_hil(&["campaign", "run", text(&folder), "--jobs", "1"]);
@@ -137,7 +138,7 @@ fn a_campaign_on_slurm_has_the_digest_of_one_core() {
     let study = study(&rig, 30, 0.5);
     let here = on_one_core(&rig, &study);
     let campaign = Campaign::planned(&rig, &cluster, &study, "on-slurm");
-    // Several tasks, so that both nodes have some.
+    // Several tasks, so that both nodes get some.
     let submitted = campaign.submit(&["--task-s", "0.02"]).expect(0);
     assert!(submitted.stdout.contains("60 cases"), "{submitted:?}");
     campaign.until("all is there", |status| status["missing"] == 0);
@@ -151,7 +152,7 @@ fn a_campaign_on_slurm_has_the_digest_of_one_core() {
 }
 
 #[test]
-fn paths_with_spaces_quotes_and_percent_signs_come_to_the_tasks() {
+fn paths_with_spaces_quotes_and_percent_signs_reach_the_tasks() {
     let Some(cluster) = Cluster::begin() else {
         return;
     };
@@ -166,7 +167,7 @@ fn paths_with_spaces_quotes_and_percent_signs_come_to_the_tasks() {
 }
 
 #[test]
-fn status_tells_of_tasks_that_wait_are_held_and_run() {
+fn status_reports_pending_held_and_running_tasks() {
     let Some(cluster) = Cluster::begin() else {
         return;
     };
@@ -224,7 +225,7 @@ fn status_tells_of_tasks_that_wait_are_held_and_run() {
 }
 
 #[test]
-fn tasks_that_are_left_of_a_complete_campaign_have_the_command_that_removes_them() {
+fn leftover_tasks_of_a_complete_campaign_are_listed_with_the_command_to_remove_them() {
     let Some(cluster) = Cluster::begin() else {
         return;
     };
@@ -244,7 +245,7 @@ fn tasks_that_are_left_of_a_complete_campaign_have_the_command_that_removes_them
     let remove = format!("scancel {job} removes them");
     let told = campaign.action("status", &[]).expect(0).stdout;
     assert!(told.contains(&remove), "{told}");
-    // Whoever submits again hears of it too.
+    // A repeated submission shows it too.
     let again = campaign.submit(&[]).expect(0);
     assert_eq!(again.stdout, "nothing is missing\n");
     assert!(again.stderr.contains(&remove), "{again:?}");

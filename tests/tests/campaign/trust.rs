@@ -1,4 +1,4 @@
-//! Folders that somebody else made or can change: their programs are not run.
+//! Folders that another user made or can change: their programs are not run.
 
 use std::fs::Permissions;
 use std::os::unix::fs::{PermissionsExt, chown, symlink};
@@ -10,14 +10,14 @@ use super::{STUDY, campaign, planned, study, text};
 use crate::support::harness::Rig;
 use crate::support::programs::{program, skip};
 
-/// Number of another user, who need not exist.
+/// ID of another user, who need not exist.
 const ANOTHER: u32 = 12345;
 
 fn set(path: &Path, mode: u32) {
     std::fs::set_permissions(path, Permissions::from_mode(mode)).expect("it is ours");
 }
 
-/// Checks that no command runs anything of a folder, and that reading it stays possible.
+/// Checks that no command runs anything from a folder, and that reading it remains possible.
 fn refused(rig: &Rig, folder: &Path, reason: &str) {
     let out = rig.path("out");
     for arguments in [
@@ -43,7 +43,7 @@ fn refused(rig: &Rig, folder: &Path, reason: &str) {
 }
 
 #[test]
-fn programs_that_others_can_write_are_not_run_whatever_the_command() {
+fn no_command_runs_programs_that_others_can_write() {
     let rig = Rig::new();
     let folder = planned(&rig, &study(&rig, STUDY), "demo");
     let hil = folder.join("programs/hil");
@@ -94,7 +94,7 @@ fn the_folder_of_another_user_is_not_run_until_it_is_copied() {
     }
     let rig = Rig::new();
     let folder = planned(&rig, &study(&rig, STUDY), "demo");
-    // As somebody makes it who wants others to run it: every hash is right.
+    // As prepared by a user who wants others to run it: every hash is right.
     let script = rig.script(
         "script",
         &format!("#!/bin/sh\ntouch '{}'\n", text(&rig.path("ran"))),
@@ -113,7 +113,7 @@ fn the_folder_of_another_user_is_not_run_until_it_is_copied() {
         chown(path, Some(ANOTHER), None).expect("as root");
     }
     refused(&rig, &folder, "belongs to another user (12345)");
-    // A copy is the user's own, and so is the decision.
+    // A copy belongs to the user, as does the decision.
     let copy = rig.path("copy");
     let copied = std::process::Command::new("cp")
         .arg("-r")
@@ -125,7 +125,7 @@ fn the_folder_of_another_user_is_not_run_until_it_is_copied() {
 }
 
 #[test]
-fn programs_of_their_own_in_a_folder_are_looked_at_too() {
+fn user_programs_in_a_folder_are_checked_too() {
     let rig = Rig::new();
     let (study, folder) = (study(&rig, STUDY), rig.path("own"));
     let sides = ["plant-process", "controller-process"].map(program);
@@ -150,7 +150,7 @@ fn programs_of_their_own_in_a_folder_are_looked_at_too() {
 }
 
 #[test]
-fn a_campaign_is_not_planned_where_it_could_not_be_run() {
+fn a_campaign_is_not_planned_where_it_could_not_run() {
     let rig = Rig::new();
     let open = rig.path("open");
     std::fs::create_dir(&open).expect("a folder");

@@ -1,4 +1,4 @@
-//! Runs in which everything moves: faults that wait, act or are under way continue across any checkpoint.
+//! Runs full of activity: faults that wait, act or are in transition continue across any checkpoint.
 
 use shared_types::random::RandomStream;
 
@@ -197,13 +197,13 @@ const CASES: [(&str, &str, &str); 13] = [
     ),
 ];
 
-/// The scenario of a case.
+/// Returns the scenario of a case.
 fn moving(controller: &str, faults: &str) -> String {
     format!("{MOVING}\n[controller]\nlaw = \"pid\"\n{controller}\n{faults}")
 }
 
 #[test]
-fn what_waits_acts_or_is_under_way_continues_after_a_checkpoint() {
+fn waiting_active_and_changing_faults_continue_after_a_checkpoint() {
     for (about, controller, faults) in CASES {
         let rig = Rig::new();
         let path = rig.write("moving.toml", &moving(controller, faults));

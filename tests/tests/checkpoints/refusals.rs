@@ -8,7 +8,7 @@ use crate::support::harness::Rig;
 use crate::support::programs::{example, program_of_tests};
 
 #[test]
-fn what_contradicts_the_past_is_refused_and_named() {
+fn contradictions_with_the_past_are_refused_and_named() {
     let rig = Rig::new();
     let run = rig
         .run(&format!(
@@ -16,35 +16,41 @@ fn what_contradicts_the_past_is_refused_and_named() {
         ))
         .expect(0);
     for (change, told) in [
-        ("run.rate_hz=20000", "run.rate_hz was 10000 and stays"),
-        ("run.seed=2", "run.seed was 1 and stays"),
+        ("run.rate_hz=20000", "run.rate_hz was 10000 and must stay"),
+        ("run.seed=2", "run.seed was 1 and must stay"),
         (
             "run.duration_s=1.02",
-            "run.duration_s ends it at step 10200",
+            "run.duration_s ends the run at step 10200",
         ),
         ("run.clock=realtime", "real time"),
         ("plant.model=spring-mass", ""),
-        ("plant.substeps=5", "plant.substeps stays"),
+        ("plant.substeps=5", "plant.substeps must stay"),
         (
             "plant.parameters.actuator1.piston_mass_kg=56",
-            "piston_mass_kg was 55 and stays, 56",
+            "piston_mass_kg was 55 and must stay, but is 56",
         ),
-        ("controller.law=nrsc", "controller.law stays"),
-        ("controller.rate_hz=5000", "controller.rate_hz stays"),
+        ("controller.law=nrsc", "controller.law must stay"),
+        ("controller.rate_hz=5000", "controller.rate_hz must stay"),
         (
             "controller.command_delay_steps=1",
-            "controller.command_delay_steps stays",
+            "controller.command_delay_steps must stay",
         ),
         (
             "controller.ftsc.trajectory.angle_gain_per_s=3",
             "angle_gain_per_s was",
         ),
         ("stimuli[0].amplitude=0.3", "already at step 0 "),
-        ("faults[0].at_s=1.2", "has acted since step 10000 (1 s)"),
-        ("faults[0].end_s=1.2", "has acted since step 10000 (1 s)"),
+        (
+            "faults[0].at_s=1.2",
+            "has been active since step 10000 (1 s)",
+        ),
+        (
+            "faults[0].end_s=1.2",
+            "has been active since step 10000 (1 s)",
+        ),
         (
             "faults[0].effects[1].speed_per_s=2",
-            "has acted since step 10000 (1 s)",
+            "has been active since step 10000 (1 s)",
         ),
         ("faults[0].effects[1].actuator=1", ""),
     ] {
@@ -53,11 +59,11 @@ fn what_contradicts_the_past_is_refused_and_named() {
             .says(&[told]);
         assert!(!refused.folder.exists(), "{change}");
     }
-    // What is wrong with one side hides nothing of the other.
+    // Errors of one side do not hide those of the other.
     let both = "--set plant.parameters.actuator1.piston_mass_kg=56 \
         --set controller.ftsc.trajectory.angle_gain_per_s=3";
     let told = [
-        "piston_mass_kg was 55 and stays, 56",
+        "piston_mass_kg was 55 and must stay, but is 56",
         "angle_gain_per_s was",
     ];
     let refused = go_on(&rig, &run, 10_500, both).expect(2).says(&told);
@@ -71,7 +77,7 @@ fn what_contradicts_the_past_is_refused_and_named() {
 }
 
 #[test]
-fn what_cannot_be_asked_for_is_refused_before_anything_starts() {
+fn impossible_requests_are_refused_before_anything_starts() {
     let rig = Rig::new();
     let foreign = program_of_tests("clock-reading-controller");
     let stateless = format!("{MOVING}[controller]\nlaw = \"reads-clock\"\n");
@@ -103,7 +109,7 @@ fn what_cannot_be_asked_for_is_refused_before_anything_starts() {
             "omit --checkpoint-at",
         ),
         (format!("{SCENARIO} --from tests"), "cannot be used with"),
-        ("--from tests".to_owned(), "tests is no checkpoint"),
+        ("--from tests".to_owned(), "tests is not a checkpoint"),
         (
             format!("{stateless} --controller-bin {foreign} --checkpoint-at 0.5"),
             "law `reads-clock` cannot save its state, so there can be no checkpoint; it needs `Controller::state`",
@@ -126,7 +132,7 @@ fn what_cannot_be_asked_for_is_refused_before_anything_starts() {
 }
 
 #[test]
-fn a_fault_from_outside_that_cannot_be_saved_is_refused_in_a_scenario_and_live() {
+fn an_external_fault_without_saved_state_is_refused_in_a_scenario_and_live() {
     let rig = Rig::new();
     let plant = example("own-fault");
     let plant = plant.display();
@@ -204,12 +210,12 @@ fn a_damaged_checkpoint_is_refused_by_name() {
             shorter,
             "checkpoint.json: ",
         ),
-        ("checkpoint-10500/checkpoint.json", replaced, "form 9"),
+        ("checkpoint-10500/checkpoint.json", replaced, "schema 9"),
         ("run.mcap", empty, "run.mcap"),
         (
             "run.mcap",
             |bytes| bytes.truncate(bytes.len() / 3),
-            "10500 were before it",
+            "10500 precede the checkpoint",
         ),
     ];
     for (file, damage, told) in cases {
@@ -225,7 +231,7 @@ fn a_damaged_checkpoint_is_refused_by_name() {
             .says(&[told]);
         std::fs::remove_dir_all(folder).expect("it is ours");
     }
-    // Of a run whose recording goes on differently the records before it are still the same.
+    // If a recording continues differently, the records before the checkpoint are still the same.
     let moved = rig.path("moved");
     copy(&run.folder, &moved);
     let from = moved.join("checkpoint-10500");

@@ -10,26 +10,26 @@ use crate::support::mcap_reader::Recording;
 use crate::support::programs::{misbehaving_controller, program};
 
 #[test]
-fn a_log_without_end_keeps_its_beginning_and_its_end() {
+fn an_endless_log_keeps_its_beginning_and_its_end() {
     let rig = Rig::new();
     let run = misbehaves(&rig, "chatters").says(&["the first line", "the law said enough"]);
     let log = std::fs::read(run.folder.join("controller.log")).expect("a log");
-    // 64 MiB were written; the last look is at what is complete.
+    // 64 MiB were written; the last read finds the complete log.
     assert!(log.len() <= 8 << 20, "{} bytes", log.len());
     let log = String::from_utf8_lossy(&log);
     assert!(log.starts_with("the first line\nxxxx"));
-    assert!(log.contains("the law said enough") && log.contains("bytes out here"));
+    assert!(log.contains("the law said enough") && log.contains("bytes here"));
     assert!(run.stderr.len() < 100_000, "{} bytes", run.stderr.len());
     Aborted::of(run, 3, &["controller", "step 100", "panicked"]);
 }
 
 #[test]
-fn what_a_side_leaves_running_ends_with_the_run() {
+fn background_processes_of_a_side_end_with_the_run() {
     let rig = Rig::new();
     // A bystander that looks alike, but was not started by the run.
     let bystander = std::process::Command::new("sleep").arg("1000").spawn();
     let mut bystander = bystander.expect("it can be run");
-    // The rig looks for every process that names its session.
+    // The rig searches for every process that names its session.
     misbehaves(&rig, "forks").expect(0);
     let run = misbehaves(&rig, "forks-and-dies");
     assert_eq!(bystander.try_wait().expect("our child"), None);
@@ -39,7 +39,7 @@ fn what_a_side_leaves_running_ends_with_the_run() {
 }
 
 #[test]
-fn what_escaped_from_a_killed_hil_ends_with_the_next() {
+fn processes_that_outlived_a_killed_hil_end_with_the_next() {
     let rig = Rig::new();
     let scenario = rig.scenario(1.0, "spring-mass", "forks");
     let controller = misbehaving_controller();
@@ -59,7 +59,7 @@ fn what_escaped_from_a_killed_hil_ends_with_the_next() {
 }
 
 #[test]
-fn what_a_description_leaves_running_is_ended() {
+fn background_processes_of_a_description_are_ended() {
     let rig = Rig::new();
     let own = program("controller-process");
     // One that holds the answer's pipe open, in a session of its own; its arguments name this test.
@@ -144,13 +144,13 @@ fn a_stopped_process_does_not_outlive_hil_for_long() {
     until("the plant is stopped", || plant.is_stopped());
     running.kill();
     until("the controller ends by itself", || !controller.is_alive());
-    // The kernel may have ended it already: its process group lost the last parent that cared.
+    // The kernel may have ended it already: its process group was orphaned.
     rig.hil(&["sessions", "--clean"]).expect(0);
     assert!(!plant.is_alive());
 }
 
 #[test]
-fn sessions_lists_what_runs_and_clean_leaves_it_alone() {
+fn sessions_lists_running_sessions_and_clean_leaves_them_alone() {
     let rig = Rig::new();
     let running = rig.start(LONG);
     let children = running.children();
@@ -169,7 +169,7 @@ fn sessions_lists_what_runs_and_clean_leaves_it_alone() {
 }
 
 #[test]
-fn a_session_of_another_group_is_neither_found_nor_removed() {
+fn a_session_of_another_group_is_neither_listed_nor_removed() {
     let rig = Rig::new();
     let running = rig.held();
     let elsewhere = |group: &str, arguments: &[&str]| {

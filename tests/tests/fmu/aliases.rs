@@ -1,4 +1,4 @@
-//! Variables under several names, differences, and parameters that are read back.
+//! Aliases of variables, differences, and parameters that are read back.
 
 use super::Place;
 use crate::support::fmus::{Entries, entries, proportional};
@@ -6,14 +6,14 @@ use crate::support::mcap_reader::Recording;
 
 const STEPS: usize = 20;
 
-/// Variable of an FMU of one accumulator: attributes and further names.
+/// Variable of an accumulator FMU: attributes and aliases.
 pub(super) struct Row<'a> {
     name: &'a str,
     aliases: &'a [&'a str],
     unit: &'a str,
 }
 
-/// Row of a plain number.
+/// Row for a plain number.
 pub(super) const fn row<'a>(name: &'a str, aliases: &'a [&'a str]) -> Row<'a> {
     Row {
         name,
@@ -22,7 +22,7 @@ pub(super) const fn row<'a>(name: &'a str, aliases: &'a [&'a str]) -> Row<'a> {
     }
 }
 
-/// An FMU whose output grows at a step by its input and its gain, as entries of its archive.
+/// Returns an FMU whose output grows per step by its input and its gain, as entries of its archive.
 pub(super) fn accumulator(version: u32, rows: &[Row<'_>; 3], options: &[&str]) -> Entries {
     let causalities = ["output", "input", "parameter"];
     let mut variables = String::new();
@@ -99,7 +99,7 @@ pub(super) fn accumulator(version: u32, rows: &[Row<'_>; 3], options: &[&str]) -
     entries("accumulators", version, text.into_bytes(), &options)
 }
 
-/// A scenario of the plant `plant.fmu` under the law `law.fmu`.
+/// Returns a scenario of the plant `plant.fmu` under the law `law.fmu`.
 pub(super) fn scenario(rest: &str) -> String {
     let duration_s = STEPS as f64 / 100.0;
     format!(
@@ -110,7 +110,7 @@ pub(super) fn scenario(rest: &str) -> String {
 }
 
 #[test]
-fn every_name_of_a_variable_means_the_one_variable() {
+fn every_alias_refers_to_the_same_variable() {
     for version in [2, 3] {
         let Some(place) = Place::new() else { return };
         let plant = [
@@ -118,7 +118,7 @@ fn every_name_of_a_variable_means_the_one_variable() {
             row("u", &["body.force"]),
             row("k", &["body.gain"]),
         ];
-        // The law has the plant's other names, of its input as an alias of its own.
+        // The law uses the plant's other names, for its input as an alias of its own.
         let law = [
             row("body.force", &[]),
             row("sensor", &["body.x"]),
@@ -171,7 +171,7 @@ fn every_name_of_a_variable_means_the_one_variable() {
 }
 
 #[test]
-fn a_difference_is_converted_without_the_zeros_of_the_units() {
+fn a_difference_is_converted_without_unit_offsets() {
     let Some(place) = Place::new() else { return };
     let sent = |unit: &str, is_difference: bool, version| {
         let unit = format!("unit=\"{unit}\" relativeQuantity=\"{is_difference}\"");
@@ -208,7 +208,7 @@ fn a_difference_is_converted_without_the_zeros_of_the_units() {
                 received(is_difference, version);
                 let run = place.run(&text, "").expect(0);
                 let command = Recording::open(&run.recording()).column("command.u");
-                // The rise is 0 at step 0 and then 9 and the first command.
+                // The rise is 0 at step 0, then 9 and the first command.
                 let first = offset_k;
                 let second = first + (9.0 + first) * factor + offset_k;
                 for (value, expected) in command.iter().zip([first, second]) {
@@ -223,7 +223,7 @@ fn a_difference_is_converted_without_the_zeros_of_the_units() {
 }
 
 #[test]
-fn a_parameter_that_the_fmu_does_not_take_ends_the_run() {
+fn a_parameter_not_accepted_by_the_fmu_ends_the_run() {
     let text = scenario("")
         .replace("program = \"law.fmu\"\n", "")
         .replace("law = \"accumulators\"", "law = \"hold\"");
@@ -236,7 +236,7 @@ fn a_parameter_that_the_fmu_does_not_take_ends_the_run() {
         let start = format!("{text}[plant.parameters]\nk = 7\n");
         place.run(&start, "").expect(2).says(&told);
         let change = format!("{text}[[changes]]\nat_s = 0.1\nset.\"plant.parameters.k\" = 7.0\n");
-        // A trial before the start has the values of later as well.
+        // A trial before the start includes the later values.
         place.run(&change, "").expect(2).says(&told);
         let fault = format!(
             "{text}[[faults]]\nkind = \"bias\"\nat_s = 0.1\n[[faults.effects]]\ntarget = \"parameter.k\"\nbias = 7.0\n"
@@ -249,7 +249,7 @@ fn a_parameter_that_the_fmu_does_not_take_ends_the_run() {
 }
 
 #[test]
-fn a_start_value_that_the_fmu_does_not_keep_is_told_and_the_run_goes_on() {
+fn a_start_value_changed_by_the_fmu_is_reported_and_the_run_continues() {
     let text = scenario("")
         .replace("program = \"law.fmu\"\n", "")
         .replace("law = \"accumulators\"", "law = \"hold\"");
@@ -261,14 +261,14 @@ fn a_start_value_that_the_fmu_does_not_keep_is_told_and_the_run_goes_on() {
         let run = place.run(&text, "").expect(0);
         let warning = "parameter `k` starts at 0 by the FMU's own description, and the FMU has 5";
         assert!(run.stderr.contains(warning), "{}", run.stderr);
-        // A value that somebody chose is another matter.
+        // A value set by the user is treated differently.
         let chosen = format!("{text}[plant.parameters]\nk = 1\n");
         place.run(&chosen, "").expect(2);
     }
 }
 
 #[test]
-fn a_parameter_that_cannot_be_read_is_not_confirmed_and_the_run_goes_on() {
+fn an_unreadable_parameter_is_not_confirmed_and_the_run_continues() {
     let Some(place) = Place::new() else { return };
     place.fmu("p.fmu", &proportional());
     let text = super::scenario("proportional", "p.fmu", 10.0, 10.0);
@@ -281,7 +281,7 @@ fn a_parameter_that_cannot_be_read_is_not_confirmed_and_the_run_goes_on() {
 }
 
 #[test]
-fn every_name_is_understood_while_the_run_goes_on_and_afterwards() {
+fn aliases_work_during_the_run_and_afterwards() {
     for version in [2, 3] {
         let Some(place) = Place::new() else { return };
         let plant = [

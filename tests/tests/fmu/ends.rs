@@ -1,4 +1,5 @@
-//! FMUs that never answer or are killed, and those that cannot be started by hand or elsewhere: each is named, and nothing is left.
+//! FMUs that never answer or are killed, and those that cannot be started by hand or on a target: each is named,
+//! and nothing is left behind.
 
 use rustix::process::Signal;
 
@@ -7,7 +8,7 @@ use crate::support::board::Board;
 use crate::support::fmus::proportional;
 use crate::support::harness::{EXPIRES_S, send, until};
 
-/// The FMU as the controller of the mass on a spring.
+/// Scenario with the FMU as the controller of the mass on a spring.
 const AS_CONTROLLER: &str = "schema = 1
 name = \"fmu\"
 [run]
@@ -26,7 +27,7 @@ after = 0.01
 ";
 
 #[test]
-fn an_endless_loop_is_named_by_the_wait_limit() {
+fn an_endless_loop_is_named_at_the_wait_limit() {
     let Some(place) = Place::new() else { return };
     place.fmu("p.fmu", &proportional());
     let as_plant = scenario("proportional", "p.fmu", 100.0, 100.0);
@@ -38,7 +39,7 @@ fn an_endless_loop_is_named_by_the_wait_limit() {
             "controller did not answer step 2",
         ),
     ] {
-        // That nothing runs on and nothing stays on the disk is looked at when the run has ended.
+        // Leftover processes and files are checked when the run has ended.
         let run = place.run(
             text,
             &format!("--set {key}.trouble=11 --wait-limit {EXPIRES_S}"),
@@ -52,7 +53,7 @@ fn an_endless_loop_is_named_by_the_wait_limit() {
 }
 
 #[test]
-fn a_rounding_mode_that_an_fmu_leaves_behind_is_named_and_changes_no_digest() {
+fn a_rounding_mode_left_by_an_fmu_is_named_and_changes_no_digest() {
     let Some(place) = Place::new() else { return };
     place.fmu("p.fmu", &proportional());
     let plain = place.run(AS_CONTROLLER, "").expect(0);
@@ -68,7 +69,7 @@ fn a_rounding_mode_that_an_fmu_leaves_behind_is_named_and_changes_no_digest() {
 }
 
 #[test]
-fn a_killed_fmu_is_lost_by_name_with_its_last_message() {
+fn the_loss_of_a_killed_fmu_is_reported_with_its_last_message() {
     let Some(place) = Place::new() else { return };
     place.fmu("p.fmu", &proportional());
     let as_plant = scenario("proportional", "p.fmu", 100.0, 100.0);
@@ -102,7 +103,7 @@ fn a_killed_fmu_is_lost_by_name_with_its_last_message() {
 }
 
 #[test]
-fn a_model_that_another_program_runs_is_not_started_by_hand() {
+fn a_model_with_a_host_program_cannot_be_started_by_hand() {
     let Some(place) = Place::new() else { return };
     // By its content as well as by its name.
     for name in ["p.fmu", "renamed"] {
@@ -113,7 +114,7 @@ fn a_model_that_another_program_runs_is_not_started_by_hand() {
             let run = place.run(&text, &format!("--{side} external"));
             let named = place.rig.path(name).display().to_string();
             let told = format!(
-                "--{side} external: {named} is a model that another program runs; it takes a program"
+                "--{side} external: {named} is a model run by another program; name a program"
             );
             let run = run.expect(2).says(&[&told]);
             assert!(!run.folder.exists(), "nothing was started");
@@ -123,7 +124,7 @@ fn a_model_that_another_program_runs_is_not_started_by_hand() {
 }
 
 #[test]
-fn an_fmu_is_no_controller_on_another_machine() {
+fn an_fmu_cannot_be_a_controller_on_a_target() {
     let Some(place) = Place::new() else { return };
     place.fmu("p.fmu", &proportional());
     let path = place.rig.write("scenario.toml", AS_CONTROLLER);

@@ -1,4 +1,4 @@
-//! Names as foreign tools write them, through everything that reads a scenario or a recording.
+//! Names as written by foreign tools, through everything that reads a scenario or a recording.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -13,7 +13,7 @@ use super::Place;
 use crate::support::fmus::entries;
 use crate::support::mcap_reader::Recording;
 
-/// Names that tools write, and names that begin others.
+/// Names as written by tools, and names that are prefixes of others.
 const FIXED: [&str; 16] = [
     "p",
     "p.q",
@@ -32,11 +32,11 @@ const FIXED: [&str; 16] = [
     "back\\slash",
     "#hash = [1]",
 ];
-/// Names that are generated besides.
+/// Number of additional generated names.
 const GENERATED: usize = 24;
 const STEPS: u32 = 20;
 
-/// Adds names of random characters, none of which a recording could take for another.
+/// Adds names of random characters, none of which is ambiguous in a recording.
 fn names() -> Vec<String> {
     let mut runner = TestRunner::deterministic();
     let random = "[a-cA-C_\\.\\[\\]0-2 '\"()#=é]{1,12}";
@@ -60,7 +60,7 @@ fn escaped(name: &str) -> String {
         .replace('"', "&quot;")
 }
 
-/// Describes an FMU with an output, an input and a gain of each name; inputs and gains get an ending.
+/// Describes an FMU with an output, an input and a gain per name; inputs and gains get a suffix.
 fn description(names: &[String]) -> String {
     let mut text = String::from(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"3.0\" modelName=\"accumulators\" \
@@ -95,7 +95,7 @@ fn description(names: &[String]) -> String {
     text + "</ModelStructure>\n</fmiModelDescription>\n"
 }
 
-/// Names of a table of the plant, as they are here.
+/// Returns the names in a table of the plant's description.
 fn table(described: &Value, table: &str) -> Vec<String> {
     let fields = described["description"]["plants"][0][table].as_array();
     let names = fields.expect("a list").iter();
@@ -105,7 +105,7 @@ fn table(described: &Value, table: &str) -> Vec<String> {
 }
 
 #[test]
-fn names_of_foreign_tools_survive_every_tool() {
+fn names_written_by_foreign_tools_survive_every_command() {
     let Some(place) = Place::new() else { return };
     let names = names();
     let count = format!("-DCOUNT_OF={}", names.len());
@@ -199,9 +199,9 @@ fn names_of_foreign_tools_survive_every_tool() {
 }
 
 #[test]
-fn a_full_name_is_never_taken_for_the_end_of_another() {
+fn a_full_name_is_never_confused_with_a_suffix_of_another() {
     let Some(place) = Place::new() else { return };
-    // Gains `x.k` and `a.x.k`: the first is also how the second ends.
+    // Gains `x.k` and `a.x.k`: the first is also a suffix of the second.
     let names = ["x", "a.x"].map(str::to_owned);
     let text = description(&names).into_bytes();
     place.fmu(
@@ -226,7 +226,7 @@ fn a_full_name_is_never_taken_for_the_end_of_another() {
 }
 
 #[test]
-fn a_law_with_steps_of_its_own_is_refused_with_the_key_that_mends_it() {
+fn a_law_with_a_fixed_step_is_refused_with_the_key_to_change() {
     let Some(place) = Place::new() else { return };
     let text = description(&["x.y".to_owned()]);
     let own = text.replace(

@@ -1,4 +1,4 @@
-//! The order of a step of an FMU as the controller: set, stepped, read.
+//! Order of operations in a step of an FMU controller: set, step, read.
 
 use super::Place;
 use std::path::Path;
@@ -53,7 +53,7 @@ fn description(version: u32) -> String {
     )
 }
 
-/// The output of the controller by FMPy's own loop: at the start, then at the end of each step.
+/// Simulates the controller with FMPy's own loop: outputs at the start, then at the end of each step.
 fn simulated(python: &Path, fmu: &Path, samples: &[f64]) -> Vec<f64> {
     let [kp, ki] = GAINS;
     let arguments = json!({ "samples": samples, "parameters": { "kp": kp, "ki": ki } });
@@ -70,7 +70,7 @@ fn simulated(python: &Path, fmu: &Path, samples: &[f64]) -> Vec<f64> {
 }
 
 #[test]
-fn a_sampled_controller_answers_its_sample_and_a_continuous_one_leads_by_a_period() {
+fn a_sampled_controller_answers_its_sample_and_a_continuous_one_leads_by_one_period() {
     for (version, options, lead) in [
         (2, &["-DSAMPLED"][..], 0),
         (3, &["-DSAMPLED"], 0),
@@ -84,7 +84,7 @@ fn a_sampled_controller_answers_its_sample_and_a_continuous_one_leads_by_a_perio
         let fmu = place.fmu("law.fmu", &entries_for_fmpy("pi", version, text, options));
         let described = place.hil(&["describe", "law.fmu", "--as", "controller"]);
         described.expect(0).prints(&[
-            "they show the sample of the same step, and the inner states lead by a period",
+            "they reflect the sample of the same step, and the internal states lead by one period",
             "u on x",
         ]);
 
@@ -116,8 +116,8 @@ fn a_sampled_controller_answers_its_sample_and_a_continuous_one_leads_by_a_perio
             skip("Python has no `fmpy`", "HIL_TEST_FMPY");
             continue;
         };
-        // FMPy shows what a step gives at the end of the step: the command of a sample is a period earlier than there.
-        // Its steps are differences of times, and so are not the period in every bit.
+        // FMPy shows the result of a step at the end of the step: the command of a sample is a period earlier than
+        // there. Its steps are differences of times, so they are not the period in every bit.
         let of_fmpy = simulated(&python, &fmu, x);
         assert_eq!(of_fmpy.len(), u.len() + 1);
         for (step, (u, expected)) in u.iter().zip(&of_fmpy[1..]).enumerate() {

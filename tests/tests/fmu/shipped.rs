@@ -1,5 +1,5 @@
-//! FMUs as vendors ship them: libraries that count on their host, documents in other encodings, crowded archives, and
-//! values that the standard does not foresee. Each has the number of its closed form, or a refusal that names the cause.
+//! FMUs as shipped by vendors: libraries that rely on their host, documents in other encodings, crowded archives,
+//! and values not foreseen by the standard. Each gives the number of its closed form, or is refused with the cause.
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -20,14 +20,14 @@ fn source() -> PathBuf {
     workspace().join("tests/fmus/odd.c")
 }
 
-/// The library of `odd.c`, built with these options in place of libm.
+/// Compiles `odd.c` with these options in place of libm.
 fn library(options: &[&str]) -> Vec<u8> {
-    // Not the compiler's own `sin`: the call is what is tested.
+    // Not the compiler's built-in `sin`: the call is what is tested.
     let all = [&["-fno-builtin"], options].concat();
     linked("odd", &[source()], &all, &[])
 }
 
-/// The description of `odd.c` with these variables, in the words of a vendor.
+/// Describes `odd.c` with these variables, in the style of a vendor.
 fn description(token: &str, variables: &str, attributes: &str) -> String {
     let types = "<TypeDefinitions><SimpleType name=\"gear\"><Enumeration><Item name=\"P\" value=\"1\"/><Item name=\"R\" value=\"2\"/><Item name=\"D\" value=\"5\"/></Enumeration></SimpleType></TypeDefinitions>";
     format!(
@@ -51,7 +51,7 @@ fn last(run: &Run, signal: &str) -> f64 {
     *column.last().expect("a record")
 }
 
-/// An entry of so many zeros, a multiple of 258 and one more, packed 158 times: a block of fixed codes (RFC 1951).
+/// Compresses an entry of zeros, a multiple of 258 plus one, by a factor of 158: a block of fixed codes (RFC 1951).
 fn with_zeros(name: &str, least: usize) -> Packed {
     let (mut bytes, mut bits, mut count) = (Vec::new(), 0_u32, 0);
     let mut put = |code: u32, length: u32| {
@@ -71,7 +71,7 @@ fn with_zeros(name: &str, least: usize) -> Packed {
         put(0, 5);
     }
     put(0, 7);
-    put(0, 7); // up to a whole byte
+    put(0, 7); // up to a byte boundary
     let size = repeats * 258 + 1;
     Packed {
         name: name.into(),
@@ -83,7 +83,7 @@ fn with_zeros(name: &str, least: usize) -> Packed {
 }
 
 #[test]
-fn a_library_that_counts_on_its_host_for_libm_runs() {
+fn a_library_that_relies_on_its_host_for_libm_runs() {
     let Some(place) = Place::new() else { return };
     let library = library(&[SINE]);
     place.fmu("odd.fmu", &fmu(description("t", OUTPUT, ""), &library));
@@ -91,26 +91,23 @@ fn a_library_that_counts_on_its_host_for_libm_runs() {
     let expected = libm::sin(10.0) + 2.0_f64.sqrt();
     assert!((last(&run, "truth.y") - expected).abs() < 1e-12);
     let needs = place.hil(&["describe", "odd.fmu", "--load"]).expect(0);
-    for line in [
-        "libraries that are not there: none",
-        "symbols that nothing defines: none",
-    ] {
+    for line in ["missing libraries: none", "undefined symbols: none"] {
         assert!(needs.stdout.contains(line), "{}", needs.stdout);
     }
 }
 
 #[test]
-fn what_a_library_lacks_is_listed_by_name_before_it_runs() {
+fn missing_symbols_and_libraries_are_listed_before_the_run() {
     let Some(place) = Place::new() else { return };
-    // A function that nobody defines and nobody calls: a program in C would run it.
+    // A function that is never defined nor called: a program in C would run it.
     let calls = "-DVALUE=n < 0.0 ? no_such_function(n) : n";
     let uncalled = linked("odd", &[source()], &[calls], &["-Wl,-z,lazy"]);
     place.fmu("odd.fmu", &fmu(description("t", OUTPUT, ""), &uncalled));
     assert_eq!(last(&place.run(&odd(), "").expect(0), "truth.y"), 100.0);
     let lacks = place.hil(&["describe", "odd.fmu", "--load"]).expect(0);
-    let line = "symbols that nothing defines: no_such_function";
+    let line = "undefined symbols: no_such_function";
     assert!(lacks.stdout.contains(line), "{}", lacks.stdout);
-    // A library that it names and that is not there.
+    // A missing library that it names.
     let absent = place.rig.path("libabsent_part.so");
     let empty = place.rig.write("empty.c", "int part(void) { return 1; }");
     let mut cc = Command::new("cc");
@@ -124,7 +121,7 @@ fn what_a_library_lacks_is_listed_by_name_before_it_runs() {
     let named = linked("odd", &[source()], &[COUNTED], &links);
     place.fmu("odd.fmu", &fmu(description("t", OUTPUT, ""), &named));
     let lacks = place.hil(&["describe", "odd.fmu", "--load"]).expect(2);
-    let line = "libraries that are not there: libabsent_part.so";
+    let line = "missing libraries: libabsent_part.so";
     assert!(lacks.stdout.contains(line), "{}", lacks.stdout);
     place
         .run(&odd(), "")
@@ -133,7 +130,7 @@ fn what_a_library_lacks_is_listed_by_name_before_it_runs() {
 }
 
 #[test]
-fn a_description_in_any_encoding_of_tools_gives_the_same_run() {
+fn a_description_in_any_common_encoding_gives_the_same_run() {
     let Some(place) = Place::new() else { return };
     let library = library(&[COUNTED]);
     let text = description("t", &OUTPUT.replace("/>", " unit=\"\u{b0}\"/>"), "");
@@ -171,7 +168,7 @@ fn a_description_in_any_encoding_of_tools_gives_the_same_run() {
 }
 
 #[test]
-fn an_entry_that_is_there_twice_is_one_if_its_bytes_are_the_same() {
+fn duplicate_entries_are_accepted_if_their_bytes_are_equal() {
     let Some(place) = Place::new() else { return };
     let mut entries = reference("Resource", 3);
     entries.push(("resources/y.txt".into(), entries[2].1.clone()));
@@ -187,7 +184,7 @@ fn an_entry_that_is_there_twice_is_one_if_its_bytes_are_the_same() {
 }
 
 #[test]
-fn a_well_packed_archive_runs_where_the_scenario_trusts_it() {
+fn a_highly_compressed_archive_runs_if_the_scenario_trusts_it() {
     let Some(place) = Place::new() else { return };
     let entries = fmu(description("t", OUTPUT, ""), &library(&[COUNTED]));
     let mut packed: Vec<Packed> = entries.iter().map(Packed::stored).collect();
@@ -213,7 +210,7 @@ fn a_well_packed_archive_runs_where_the_scenario_trusts_it() {
 }
 
 #[test]
-fn an_fmu_that_says_it_needs_its_tool_runs_where_the_scenario_allows_it() {
+fn an_fmu_that_needs_its_tool_runs_if_the_scenario_allows_it() {
     let Some(place) = Place::new() else { return };
     let needs = description("t", OUTPUT, "needsExecutionTool=\"true\"");
     place.fmu("odd.fmu", &fmu(needs, &library(&[COUNTED])));
@@ -224,7 +221,7 @@ fn an_fmu_that_says_it_needs_its_tool_runs_where_the_scenario_allows_it() {
         .says(&["needsExecutionTool", key]);
     let run = place.run(&odd(), &format!("--set {key}=true")).expect(0);
     assert_eq!(last(&run, "truth.y"), 100.0);
-    // As a controller the key is the controller's, and a plant that is no FMU takes none.
+    // For a controller the key is the controller's, and a plant that is not an FMU accepts none.
     let law = "schema = 1\nname = \"c\"\n[run]\nduration_s = 0.1\nrate_hz = 100\n[plant]\nmodel = \"spring-mass\"\n[controller]\nlaw = \"odd\"\nprogram = \"odd.fmu\"\n";
     place
         .run(law, "")
@@ -236,11 +233,11 @@ fn an_fmu_that_says_it_needs_its_tool_runs_where_the_scenario_allows_it() {
             &format!("--set {key}=true --set controller.allow_execution_tool=true"),
         )
         .expect(2)
-        .says(&["is no FMU", key]);
+        .says(&["is not an FMU", key]);
 }
 
 #[test]
-fn an_enumeration_takes_its_items_and_no_number_between_them() {
+fn an_enumeration_accepts_its_items_and_no_number_between_them() {
     let Some(place) = Place::new() else { return };
     let of = |name: &str, reference: u32, rest: &str, start: u32| {
         format!(
@@ -274,7 +271,7 @@ fn an_enumeration_takes_its_items_and_no_number_between_them() {
 }
 
 #[test]
-fn a_boolean_is_true_by_any_number_but_0() {
+fn a_boolean_is_true_for_any_nonzero_number() {
     let Some(place) = Place::new() else { return };
     let variables = "<ScalarVariable name=\"b\" valueReference=\"1\" causality=\"output\" variability=\"discrete\"><Boolean/></ScalarVariable>";
     place.fmu(
@@ -288,7 +285,7 @@ fn a_boolean_is_true_by_any_number_but_0() {
 }
 
 #[test]
-fn a_start_outside_its_own_range_must_be_set_and_then_runs() {
+fn a_start_value_outside_its_range_must_be_set() {
     let Some(place) = Place::new() else { return };
     let variables = format!(
         "{OUTPUT}<ScalarVariable name=\"p\" valueReference=\"3\" causality=\"parameter\"><Real start=\"7\" min=\"0\" max=\"5\"/></ScalarVariable>"
@@ -305,7 +302,7 @@ fn a_start_outside_its_own_range_must_be_set_and_then_runs() {
 }
 
 #[test]
-fn an_inner_variable_that_cannot_be_used_is_left_out_and_listed() {
+fn an_unusable_local_variable_is_omitted_and_listed() {
     let Some(place) = Place::new() else { return };
     let long = "v".repeat(300);
     let inner = |name: &str, reference: u32, start: &str| {
@@ -330,7 +327,7 @@ fn an_inner_variable_that_cannot_be_used_is_left_out_and_listed() {
 }
 
 #[test]
-fn a_missing_library_is_named_with_what_is_there() {
+fn a_missing_library_is_named_with_the_existing_ones() {
     let Some(place) = Place::new() else { return };
     let library = library(&[COUNTED]);
     let described = description("t", OUTPUT, "");
@@ -352,7 +349,7 @@ fn a_missing_library_is_named_with_what_is_there() {
 }
 
 #[test]
-fn an_fmu_that_crashes_is_named_by_its_signal_and_its_call() {
+fn a_crash_of_an_fmu_is_reported_with_signal_and_call() {
     let Some(place) = Place::new() else { return };
     let library = library(&[COUNTED]);
     for call in [
@@ -379,9 +376,9 @@ fn an_fmu_that_crashes_is_named_by_its_signal_and_its_call() {
 }
 
 #[test]
-fn an_fmu_that_exits_is_named_by_its_exit_code_and_its_call() {
+fn an_exit_of_an_fmu_is_reported_with_exit_code_and_call() {
     let Some(place) = Place::new() else { return };
-    // Of a function that is called before there is an instance.
+    // A function that is called before there is an instance.
     let early = library(&[COUNTED, "-DEXITS_AT_VERSION"]);
     let library = library(&[COUNTED]);
     for (call, code) in [
@@ -411,7 +408,7 @@ fn an_fmu_that_exits_is_named_by_its_exit_code_and_its_call() {
 }
 
 #[test]
-fn an_fmu_may_take_its_time_to_be_freed_after_a_complete_run() {
+fn an_fmu_may_take_long_to_free_after_a_complete_run() {
     let Some(place) = Place::new() else { return };
     let late = description("late 3000", OUTPUT, "");
     place.fmu("odd.fmu", &fmu(late, &library(&[COUNTED])));
@@ -420,9 +417,9 @@ fn an_fmu_may_take_its_time_to_be_freed_after_a_complete_run() {
 }
 
 #[test]
-fn a_message_by_its_text_argument_is_the_reason_of_the_end() {
+fn a_message_passed_by_its_text_argument_is_the_reason_of_the_end() {
     let Some(place) = Place::new() else { return };
-    // Some libraries pass a constant in place of the environment that they were given.
+    // Some libraries pass a constant instead of the environment they were given.
     for token in ["say the tank is empty", "lost the tank is empty"] {
         place.fmu(
             "odd.fmu",

@@ -1,4 +1,4 @@
-//! Settings of a scenario for the start of an FMU: tolerance, times, initial values, texts, files and sizes of arrays.
+//! Scenario settings for the start of an FMU: tolerance, times, initial values, strings, files and array sizes.
 
 use std::process::Command;
 
@@ -14,7 +14,7 @@ const OUTPUTS: [&str; 6] = ["tolerance", "start", "stop", "at", "length", "bytes
 const RATE_HZ: f64 = 10.0;
 const STEPS: u32 = 20;
 
-/// The FMU that gives back what it was told, as entries of its archive.
+/// Returns the FMU that outputs its start settings, as entries of its archive.
 pub(super) fn starts(version: u32, experiment: &str) -> Entries {
     let mut variables = String::new();
     let mut add = |name: &str, reference: usize, role: &str, start: &str, is_text: bool| {
@@ -61,7 +61,7 @@ pub(super) fn starts_scenario(rest: &str) -> String {
     format!("{before}locals = [\"body.x\"]\n{rest}\n[controller]{after}")
 }
 
-/// The outputs at the end of a run.
+/// Returns the outputs at the end of a run.
 pub(super) fn told(run: &Run) -> Vec<f64> {
     let recording = Recording::open(&run.recording());
     let last = |name: &&str| {
@@ -77,7 +77,7 @@ const SETTINGS: &str = "tolerance = 1e-6\nstart_time_s = 5\nstop_time_s = 100.0\
                         [plant.texts]\nname = \"seven b\"\n[plant.files]\ntable = \"data/table.csv\"\n";
 
 #[test]
-fn an_fmu_gets_what_the_scenario_tells_it_at_its_start() {
+fn an_fmu_receives_the_scenario_settings_at_its_start() {
     let last_s = f64::from(STEPS - 1) / RATE_HZ;
     for version in [2, 3] {
         let Some(place) = Place::new() else { return };
@@ -88,7 +88,7 @@ fn an_fmu_gets_what_the_scenario_tells_it_at_its_start() {
         let experiment = "<DefaultExperiment startTime=\"2\" stopTime=\"2.5\" tolerance=\"1e-3\"/>";
         place.fmu("starts.fmu", &starts(version, experiment));
         let run = place.run(&starts_scenario(""), "").expect(0);
-        // As FMPy's `simulate_fmu`, but for a stop that the run may pass.
+        // As FMPy's `simulate_fmu`, but for a stop time that the run may pass.
         assert_eq!(told(&run), [1e-3, 2.0, -1.0, 2.0 + last_s, 0.0, 0.0]);
 
         std::fs::create_dir(place.rig.path("data")).expect("a folder");
@@ -110,7 +110,7 @@ fn an_fmu_gets_what_the_scenario_tells_it_at_its_start() {
 }
 
 #[test]
-fn what_an_fmu_was_told_at_its_start_stays_with_its_run() {
+fn the_start_settings_of_an_fmu_are_part_of_its_recording() {
     let Some(place) = Place::new() else { return };
     place.fmu("starts.fmu", &starts(3, ""));
     std::fs::create_dir(place.rig.path("data")).expect("a folder");
@@ -140,7 +140,7 @@ fn what_an_fmu_was_told_at_its_start_stays_with_its_run() {
 }
 
 #[test]
-fn settings_that_an_fmu_cannot_have_are_refused_by_name() {
+fn unsupported_settings_of_an_fmu_are_refused_by_name() {
     for version in [2, 3] {
         let Some(place) = Place::new() else { return };
         place.fmu("starts.fmu", &starts(version, ""));
@@ -211,10 +211,10 @@ fn settings_that_an_fmu_cannot_have_are_refused_by_name() {
     place
         .run(&text, "")
         .expect(2)
-        .says(&["is no FMU, so `plant.tolerance` has no effect"]);
+        .says(&["is not an FMU, so `plant.tolerance` has no effect"]);
 }
 
-/// The FMU whose arrays have the size of its structural parameter, as entries of its archive.
+/// Returns the FMU whose arrays have the size of its structural parameter, as entries of its archive.
 fn sized() -> Entries {
     let array = |name: &str, reference: u32, role: &str| {
         format!(
@@ -242,7 +242,7 @@ fn sized() -> Entries {
 }
 
 #[test]
-fn sizes_of_arrays_are_those_of_the_scenario_and_the_numbers_those_of_fmpy() {
+fn array_sizes_come_from_the_scenario_and_numbers_agree_with_fmpy() {
     let Some(place) = Place::new() else { return };
     let fmu = place.fmu("sized.fmu", &sized());
     let text = |n: u32, parameters: &str| {

@@ -1,4 +1,5 @@
-//! FMUs whose saved state does not restore exactly: each checkpoint says how many steps came again, and why no more.
+//! FMUs whose saved state does not restore exactly: each checkpoint states the number of reproduced steps, and the
+//! cause of the end.
 
 use rustix::process::Signal;
 use serde_json::{Value, json};
@@ -21,7 +22,7 @@ fn states(token: &str, [output, input]: [&str; 2]) -> Vec<(String, Vec<u8>)> {
     entries("states", 2, text.into_bytes(), &[])
 }
 
-/// 300 steps of the plant with this token, with a checkpoint before each of these steps.
+/// Runs 300 steps of the plant with this token, with a checkpoint before each of these steps.
 fn run(place: &Place, token: &str, steps: &[u32], arguments: &str) -> Run {
     place.fmu("plant.fmu", &states(token, ["y", "u"]));
     let text = scenario("states", "plant.fmu", 100.0, 300.0);
@@ -54,8 +55,8 @@ fn resumed(place: &Place, run: &Run, step: u32) -> Run {
 }
 
 #[test]
-fn a_checkpoint_tells_the_step_at_which_a_restored_fmu_differs() {
-    // Counted anew from step 50, a jump of every N steps comes after N, and in the run after the rest to a multiple.
+fn a_checkpoint_reports_the_step_at_which_a_restored_fmu_differs() {
+    // Counted from step 50, a jump every N steps comes after N; in the run it comes after the rest to a multiple.
     for (period, expected) in [(3, Some(1)), (6, Some(4)), (90, Some(40)), (25, None)] {
         let Some(place) = Place::new() else { return };
         let run = run(&place, &format!("jump {period}"), &[50], "").expect(0);
@@ -87,7 +88,7 @@ fn a_checkpoint_tells_the_step_at_which_a_restored_fmu_differs() {
 }
 
 #[test]
-fn fewer_steps_are_checked_where_the_run_ends_sooner() {
+fn fewer_steps_are_checked_if_the_run_ends_sooner() {
     let Some(place) = Place::new() else { return };
     let run = run(&place, "jump 0", &[150, 263, 299], "").expect(0);
     for (number, text) in [
@@ -106,7 +107,7 @@ fn fewer_steps_are_checked_where_the_run_ends_sooner() {
 }
 
 #[test]
-fn a_restored_fmu_that_crashes_fails_or_hangs_is_told_by_its_call() {
+fn a_restored_fmu_that_crashes_fails_or_hangs_is_reported_with_its_call() {
     for (token, verdict, fragments) in [
         (
             "crash fmi2DeSerializeFMUstate",
@@ -182,7 +183,7 @@ fn an_fmu_as_the_controller_is_checked_too() {
 }
 
 #[test]
-fn an_interruption_ends_the_check_and_the_checkpoint_says_that_there_was_none() {
+fn an_interrupted_check_is_recorded_as_missing() {
     let Some(place) = Place::new() else { return };
     place.fmu("plant.fmu", &states("hang fmi2DoStep", ["y", "u"]));
     let text = scenario("states", "plant.fmu", 100.0, 300.0);
@@ -203,7 +204,7 @@ fn an_interruption_ends_the_check_and_the_checkpoint_says_that_there_was_none() 
 }
 
 #[test]
-fn a_hil_that_is_killed_while_it_checks_leaves_the_result_of_the_run() {
+fn killing_hil_during_the_check_keeps_the_result_of_the_run() {
     let Some(place) = Place::new() else { return };
     place.fmu("plant.fmu", &states("hang fmi2DoStep", ["y", "u"]));
     let text = scenario("states", "plant.fmu", 100.0, 300.0);
@@ -219,7 +220,7 @@ fn a_hil_that_is_killed_while_it_checks_leaves_the_result_of_the_run() {
 }
 
 #[test]
-fn a_checkpoint_without_a_check_can_be_resumed_and_says_so() {
+fn a_checkpoint_without_a_check_can_be_resumed_with_a_note() {
     let Some(place) = Place::new() else { return };
     let run = run(&place, "jump 3", &[50], "").expect(0);
     let path = run.folder.join("checkpoint-50/checkpoint.json");
@@ -233,7 +234,7 @@ fn a_checkpoint_without_a_check_can_be_resumed_and_says_so() {
 }
 
 #[test]
-fn an_audit_tells_of_state_that_does_not_restore() {
+fn an_audit_reports_state_that_does_not_restore() {
     let Some(place) = Place::new() else { return };
     let audited = run(&place, "jump 60", &[], "--audit").expect(0);
     // The state is saved before step 150, 30 steps before the next jump.

@@ -1,4 +1,4 @@
-//! Studies of FMUs: each case has the settings of its own scenario, when the campaign runs and when the case runs again.
+//! Studies of FMUs: each case has the settings of its own scenario, in the campaign and when it is repeated.
 
 use super::Place;
 use super::start::{starts, starts_scenario, told};
@@ -22,13 +22,13 @@ fn each_case_of_a_study_has_the_settings_of_its_own_scenario() {
     );
     let plan = ["campaign", "plan", "study.toml", "-o", "campaign"];
     place.hil(&plan).expect(0);
-    // The campaign has what it needs.
+    // The folder of the campaign is self-contained.
     std::fs::remove_dir_all(place.rig.path("data")).expect("it is ours");
     let run = ["campaign", "run", "campaign", "--jobs", "1"];
     place.hil(&run).expect(0);
     for case in 0..4 {
         let (case_text, out) = (case.to_string(), format!("case-{case}"));
-        // It has the digest of the campaign.
+        // Its digest equals that of the campaign.
         let again = place
             .hil(&["campaign", "case", "campaign", &case_text, "--out", &out])
             .expect(0);

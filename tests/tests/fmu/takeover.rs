@@ -1,11 +1,11 @@
-//! An FMU that takes over as the controller: what the scenario and the flags of the swap tell it at its start.
+//! An FMU that takes over as controller: its start settings from the scenario and the flags of the swap.
 
 use super::Place;
 use crate::support::fmus::entries;
 use crate::support::mcap_reader::Recording;
 use crate::support::programs::program;
 
-/// A law whose force is the tolerance that it is told, in `tests/fmus/starts.c`.
+/// Law whose force equals its tolerance setting, in `tests/fmus/starts.c`.
 const LAW: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"3.0\" modelName=\"starts\" \
     instantiationToken=\"starts\"><CoSimulation modelIdentifier=\"starts\"/><ModelVariables>\
     <Float64 name=\"force_n\" valueReference=\"1\" causality=\"output\" unit=\"N\"/>\
@@ -43,10 +43,10 @@ fn an_fmu_that_takes_over_has_the_settings_of_the_scenario_and_of_the_swap() {
         "controller.law=hold",
     ];
     let refused = [&native[..], &["--set", "controller.tolerance=0.1"]].concat();
-    (swap(&refused).expect(2)).says(&["is no FMU, so it has no effect"]);
+    (swap(&refused).expect(2)).says(&["is not an FMU, so this has no effect"]);
     let swapped = swap(&native).expect(0).stdout;
     let left_out =
-        "left out, as none of its laws has them: controller.tolerance, controller.initial\n";
+        "left out, because none of its laws has them: controller.tolerance, controller.initial\n";
     assert!(swapped.contains(left_out), "{swapped}");
     place.rig.in_session("resume").expect(0);
     let run = running.finish().expect(0);

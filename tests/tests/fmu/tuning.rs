@@ -1,4 +1,4 @@
-//! Parameters that are changed while an FMU runs: the others stay as they are, and a value that cannot be read is told.
+//! Parameters changed while an FMU runs: the others keep their values, and an unreadable value is reported.
 
 use super::{Place, scenario};
 use crate::support::fmus::{Entries, entries};
@@ -38,7 +38,7 @@ fn stubborn(version: u32, is_array: bool, options: &[&str]) -> Entries {
     entries("stubborn", version, text.into_bytes(), options)
 }
 
-/// 100 steps with a bias of 2 on a parameter from step 50 on.
+/// Runs 100 steps with a bias of 2 on a parameter from step 50 on.
 fn biased(place: &Place, parameter: &str) -> Run {
     let text = scenario("stubborn", "stubborn.fmu", 100.0, 100.0)
         + &format!(
@@ -53,7 +53,7 @@ fn assert_ends_with(run: &Run, signal: &str, expected: f64) {
 }
 
 #[test]
-fn a_fault_on_one_parameter_leaves_the_others_as_the_fmu_has_them() {
+fn a_fault_on_one_parameter_leaves_the_others_unchanged() {
     for version in [2, 3] {
         for will in ["-DBEGINS=4.0", "-DKEPT(value)=((value) == 5 ? 4 : (value))"] {
             let Some(place) = Place::new() else { return };
@@ -70,7 +70,7 @@ fn a_fault_on_one_parameter_leaves_the_others_as_the_fmu_has_them() {
 }
 
 #[test]
-fn a_fault_on_an_element_of_a_parameter_leaves_the_other_elements() {
+fn a_fault_on_an_array_element_leaves_the_others_unchanged() {
     let Some(place) = Place::new() else { return };
     place.fmu(
         "stubborn.fmu",
@@ -82,7 +82,7 @@ fn a_fault_on_an_element_of_a_parameter_leaves_the_other_elements() {
 }
 
 #[test]
-fn a_fault_on_a_parameter_that_cannot_be_read_is_told_as_not_confirmed() {
+fn a_fault_on_an_unreadable_parameter_is_reported_as_unconfirmed() {
     for version in [2, 3] {
         let Some(place) = Place::new() else { return };
         place.fmu(

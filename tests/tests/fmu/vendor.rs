@@ -1,4 +1,4 @@
-//! An FMU of 500 variables, of both versions of the standard: each variable as the generator wrote it, and its numbers.
+//! FMU with 500 variables, in both versions of the standard: each variable as generated, and its numbers.
 
 use serde_json::Value;
 
@@ -8,7 +8,7 @@ use crate::support::vendor_fmu::{
     INNER, INPUTS, OUTPUTS, PARAMETERS, Role, Variable, rate, variables, vendor,
 };
 
-/// The variables of some roles, in the order of the FMU.
+/// Returns the variables of some roles, in the order of the FMU.
 fn of(is: impl Fn(Role) -> bool) -> Vec<Variable> {
     variables().into_iter().filter(|one| is(one.role)).collect()
 }
@@ -17,7 +17,7 @@ fn list<'a>(all: &'a Value, name: &str) -> &'a [Value] {
     all[name].as_array().expect("a list")
 }
 
-/// Compares a table with the variables that it is made of.
+/// Compares a table with the variables it is made from.
 fn assert_table(table: &[Value], wanted: &[Variable]) {
     assert_eq!(table.len(), wanted.len());
     for (field, variable) in table.iter().zip(wanted) {
@@ -40,7 +40,7 @@ fn assert_table(table: &[Value], wanted: &[Variable]) {
 }
 
 #[test]
-fn each_of_500_variables_has_its_place_its_unit_and_its_start_value() {
+fn each_of_500_variables_has_its_position_unit_and_start_value() {
     let parameters = of(|role| matches!(role, Role::Parameter { .. }));
     let inputs = of(|role| role == Role::Input);
     let outputs = of(|role| role == Role::Output);
@@ -77,7 +77,7 @@ fn each_of_500_variables_has_its_place_its_unit_and_its_start_value() {
 }
 
 #[test]
-fn the_numbers_of_all_its_signals_are_those_of_the_closed_form_in_both_versions() {
+fn all_signals_follow_the_closed_form_in_both_versions() {
     let (rate_hz, steps) = (10.0, 20_u16);
     let mut digests = Vec::new();
     for version in [2, 3] {

@@ -1,5 +1,5 @@
 //! The law `pid` on the same mass in millimetres and kilonewtons as an FMU, as a plant in C and as one in Rust: one
-//! digest, in every way to run it.
+//! digest, in every mode of running it.
 
 use std::path::PathBuf;
 
@@ -10,14 +10,14 @@ use crate::support::fmus::{slider, write};
 use crate::support::harness::{Rig, Run};
 use crate::support::programs::program_of_tests;
 
-/// The scenario of [`connect`](crate::connect), integrated in whole steps as the FMU is.
+/// Returns the scenario of [`connect`](crate::connect), integrated in whole steps like the FMU.
 fn scenario() -> String {
     let whole_steps = SLIDER.replace("\"slider\"\n", "\"slider\"\nsubsteps = 1\n");
     let arrives = "[[requirements]]\nname = \"arrives\"\nformula = \"eventually (truth.s > 9)\"\n";
     [RUN, &whole_steps, arrives].concat()
 }
 
-/// The plant as an FMU and as a program in C.
+/// Builds the plant as an FMU and as a program in C.
 fn plants(rig: &Rig) -> [PathBuf; 2] {
     let fmu = rig.path("slider.fmu");
     write(&fmu, &slider());
@@ -33,7 +33,7 @@ fn run(rig: &Rig, plant: &std::path::Path, more: &str) -> Run {
 }
 
 #[test]
-fn a_law_of_other_names_has_one_digest_on_an_fmu_on_c_and_on_rust() {
+fn a_connected_law_has_one_digest_on_an_fmu_in_c_and_in_rust() {
     if !has("cc") {
         return;
     }
@@ -60,7 +60,7 @@ fn a_law_of_other_names_has_one_digest_on_an_fmu_on_c_and_on_rust() {
 }
 
 #[test]
-fn connections_hold_against_the_clock_and_on_another_machine() {
+fn connections_work_in_real_time_and_on_a_target() {
     if !has("cc") {
         return;
     }
@@ -82,7 +82,7 @@ fn connections_hold_against_the_clock_and_on_another_machine() {
         for more in ["", "--pace 5"] {
             assert_eq!(there(more).digest(), here.digest(), "{shown} {more}");
         }
-        // Which step a command comes in depends on the machine, and the names and units do not.
+        // The step of a command depends on the machine, but names and units do not.
         for clocked in [
             run(&rig, &plant, "--clock realtime"),
             there("--clock realtime"),
@@ -100,7 +100,7 @@ fn connections_hold_against_the_clock_and_on_another_machine() {
 }
 
 #[test]
-fn cases_of_a_campaign_have_the_digests_of_connected_runs() {
+fn campaign_cases_have_the_digests_of_connected_runs() {
     if !has("cc") {
         return;
     }
@@ -127,7 +127,7 @@ fn cases_of_a_campaign_have_the_digests_of_connected_runs() {
         for (case, mass_kg) in [0.5, 1.0, 2.0].into_iter().enumerate() {
             let out = format!("{folder}-case-{case}");
             let (number, out) = (case.to_string(), out.as_str());
-            // It fails if the digest is not that of the campaign.
+            // Fails if the digest differs from that of the campaign.
             let told = ["campaign", "case", folder, &number, "--out", out, "--json"];
             let told = rig.hil(&told).expect(0).json();
             std::fs::remove_dir_all(out).expect("ours");

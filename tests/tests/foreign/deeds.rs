@@ -1,4 +1,4 @@
-//! Everything that a plant or a controller in C can do wrong, each by its name.
+//! Every possible mistake of a plant or a controller in C, each reported by name.
 
 use std::path::{Path, PathBuf};
 
@@ -18,7 +18,7 @@ pub(super) fn misbehaving(rig: &Rig, name: &str, options: &[&str]) -> PathBuf {
     )
 }
 
-/// Runs a deed of the plant or of the controller in C; the other side behaves.
+/// Runs one mistake of the plant or the controller in C; the other side behaves.
 pub(super) fn deed(rig: &Rig, side: &str, program: &Path, deed: u32) -> Run {
     let (law, section) = match side {
         "plant" => ("hold", "plant.parameters"),
@@ -37,7 +37,7 @@ pub(super) fn deed(rig: &Rig, side: &str, program: &Path, deed: u32) -> Run {
             format!("--plant-bin {} --controller-bin {program}", plant.display())
         }
     };
-    // Only a side that loops is found out by waiting.
+    // Only a looping side is detected by waiting.
     let limit_s = if deed == 4 { 0.5 } else { 30.0 };
     rig.run(&format!("{scenario} {programs} --wait-limit {limit_s}"))
 }
@@ -54,7 +54,7 @@ fn reason(run: Run, code: i32, fragments: &[&str]) {
 }
 
 #[test]
-fn a_plant_in_c_that_restores_a_part_of_its_state_is_named_by_its_checkpoint() {
+fn a_plant_in_c_that_restores_part_of_its_state_is_reported_by_its_checkpoint() {
     if !has("cc") {
         return;
     }
@@ -83,7 +83,7 @@ fn a_plant_in_c_that_restores_a_part_of_its_state_is_named_by_its_checkpoint() {
 }
 
 #[test]
-fn every_deed_of_a_plant_in_c_is_named() {
+fn every_mistake_of_a_plant_in_c_is_named() {
     if !has("cc") {
         return;
     }
@@ -130,7 +130,7 @@ fn every_deed_of_a_plant_in_c_is_named() {
 }
 
 #[test]
-fn a_plant_in_c_that_is_killed_is_lost_by_name_with_its_last_words() {
+fn the_loss_of_a_killed_plant_in_c_is_reported_with_its_last_message() {
     if !has("cc") {
         return;
     }
@@ -155,7 +155,7 @@ fn a_plant_in_c_that_is_killed_is_lost_by_name_with_its_last_words() {
 }
 
 #[test]
-fn every_deed_of_a_controller_in_c_is_named() {
+fn every_mistake_of_a_controller_in_c_is_named() {
     if !has("cc") {
         return;
     }
@@ -266,7 +266,7 @@ fn every_mistake_in_the_tables_is_named_before_anything_starts() {
         assert_eq!(output.status.code(), Some(2), "{mistake}: {said}");
         assert!(said.contains(told), "{mistake}: {said}");
     }
-    // And `hil` shows it.
+    // `hil` shows it too.
     let wrong = rig.script(
         "wrong",
         &format!(
@@ -281,8 +281,7 @@ fn every_mistake_in_the_tables_is_named_before_anything_starts() {
 }
 
 #[test]
-fn a_law_in_c_whose_parameter_is_tunable_takes_new_values_or_is_refused_by_the_name_of_the_parameter()
- {
+fn a_tunable_parameter_of_a_law_in_c_accepts_values_or_is_refused_by_name() {
     if !has("cc") {
         return;
     }

@@ -1,4 +1,4 @@
-//! Options of a compiler that change numbers, and modes of the floating-point unit that a callback leaves behind.
+//! Compiler options that change numbers, and modes of the floating-point unit left behind by a callback.
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -9,7 +9,7 @@ use crate::support::harness::{Rig, Run};
 use crate::support::programs::workspace;
 use crate::support::python::succeeds;
 
-/// Number of the deed that rounds up from step 100 on, and of that which flushes to zero.
+/// Numbers of the modes that round up from step 100 on, and that flush to zero.
 const ROUNDS_UP: u32 = 12;
 const FLUSHES: u32 = 13;
 
@@ -38,7 +38,7 @@ fn compilation(rig: &Rig, compiler: &str, options: &str, to: &str) -> Command {
     command
 }
 
-/// Checks for Clang, whose macros tell less.
+/// Returns `true` for Clang, whose macros report less.
 fn is_clang(compiler: &str) -> bool {
     let version = succeeds(Command::new(compiler).arg("--version"));
     version.to_ascii_lowercase().contains("clang")
@@ -83,7 +83,7 @@ fn options_that_change_numbers_do_not_compile() {
 }
 
 #[test]
-fn clang_compiles_the_same_code_under_options_that_it_does_not_tell() {
+fn clang_compiles_the_same_code_under_undetectable_options() {
     if !has("clang") {
         return;
     }
@@ -104,7 +104,7 @@ fn clang_compiles_the_same_code_under_options_that_it_does_not_tell() {
     }
 }
 
-/// Checks that a run has the digest of another, and that one warning is in the log of a side and on the terminal.
+/// Checks that a run has the digest of another, and that the log of a side and the terminal have one warning.
 #[track_caller]
 fn assert_restored(run: Run, digest: &str, side: &str, call: &str, mode: &str) {
     let run = run.expect(0);
@@ -121,7 +121,7 @@ fn assert_restored(run: Run, digest: &str, side: &str, call: &str, mode: &str) {
     );
 }
 
-/// Names the mode that the deed of flushing sets on this machine.
+/// Returns the mode set by flushing to zero on this machine.
 const fn flushing() -> &'static str {
     if cfg!(target_arch = "x86_64") {
         "flush-to-zero, denormals-are-zero"
@@ -131,7 +131,7 @@ const fn flushing() -> &'static str {
 }
 
 #[test]
-fn a_mode_that_a_callback_leaves_behind_is_named_and_changes_no_digest() {
+fn a_mode_left_by_a_callback_is_named_and_changes_no_digest() {
     if !has("cc") {
         return;
     }
@@ -151,7 +151,7 @@ fn a_mode_that_a_callback_leaves_behind_is_named_and_changes_no_digest() {
     }
 }
 
-/// The object that sets flush-to-zero at the start of a program, as the linker adds it under -ffast-math.
+/// Returns the object that sets flush-to-zero at the start of a program, as the linker adds it under -ffast-math.
 fn fast_start() -> Option<PathBuf> {
     let printed = succeeds(Command::new("cc").arg("-print-file-name=crtfastmath.o"));
     let path = PathBuf::from(printed.trim());
@@ -159,7 +159,7 @@ fn fast_start() -> Option<PathBuf> {
 }
 
 #[test]
-fn a_program_that_is_linked_with_fast_math_starts_in_the_default_mode() {
+fn a_program_linked_with_fast_math_starts_in_the_default_mode() {
     if !has("cc") {
         return;
     }

@@ -1,11 +1,11 @@
-//! A folder with programs and a scenario that names them.
+//! Folder with programs and a scenario that names them.
 
 use std::path::PathBuf;
 
 use crate::support::harness::{Rig, Run};
 use crate::support::programs::{example, shipped};
 
-/// The pendulum's scenario and its two programs in a folder of the test, the programs named by it.
+/// The pendulum's scenario and its two programs in the test's folder, with the programs named by the scenario.
 pub(super) struct Place {
     pub(super) rig: Rig,
     pub(super) scenario: PathBuf,
@@ -42,12 +42,12 @@ impl Place {
         self.rig.run(&format!("{scenario} {arguments}"))
     }
 
-    /// A recorded run.
+    /// Records a run.
     pub(super) fn recorded(&self) -> Run {
         self.run("").expect(0)
     }
 
-    /// A command on a recorded run, which writes to a folder of its own if it writes any.
+    /// Runs a command on a recorded run, writing to a folder of its own.
     pub(super) fn on(&self, run: &Run, arguments: &[&str]) -> Run {
         let folder = run.folder.to_str().expect("plain text");
         let [command, rest @ ..] = arguments else {
@@ -63,7 +63,7 @@ impl Place {
     }
 }
 
-/// The pendulum's scenario with these programs.
+/// Returns the pendulum's scenario with these programs.
 pub(super) fn naming(plant: &str, controller: &str) -> String {
     let shipped = shipped("examples/own-plant/pendulum.toml");
     let lines = shipped.lines().filter(|line| !line.starts_with("program"));

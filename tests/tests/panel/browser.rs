@@ -1,4 +1,4 @@
-//! The page in a headless Chromium: every control used, and its effect seen in the session.
+//! The page in a headless Chromium: every control is used, and its effect is observed in the session.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
@@ -17,7 +17,7 @@ use crate::support::python::python;
 
 const DROPOUT: &str = "dropout measured.position_m --duration 0.05";
 
-/// A play of the browser.
+/// Browser script in progress.
 pub(super) struct Play {
     process: Companion,
     stdout: BufReader<ChildStdout>,
@@ -42,7 +42,7 @@ impl Play {
         Some(Self { process, stdout })
     }
 
-    /// Waits until the play has something done, and tells it that it was.
+    /// Waits until the script requests an action, and tells it when the action is done.
     fn at_go(&mut self, does: impl FnOnce()) {
         let mut line = String::new();
         self.stdout.read_line(&mut line).expect("text");
@@ -52,7 +52,7 @@ impl Play {
         stdin.write_all(b"on\n").expect("it listens");
     }
 
-    /// Waits for the end of the play, in which the browser reported no error; gives its result.
+    /// Waits for the end of the script, in which the browser reported no error; returns its result.
     pub(super) fn told(mut self) -> Value {
         let mut told = String::new();
         self.stdout.read_to_string(&mut told).expect("text");
@@ -64,7 +64,7 @@ impl Play {
     }
 }
 
-/// A run that is held before step 2500, with a panel that has seen it from its begin.
+/// Starts a run that is paused before step 2500, with a panel that observed it from its beginning.
 pub(super) fn begun<'r>(rig: &'r Rig, pace: &str, arguments: &[&str]) -> (Running<'r>, Panel) {
     let paused = format!("{pace} --pause-at 0.001");
     let run = held(rig, Path::new(SCENARIO), &paused);
@@ -74,13 +74,13 @@ pub(super) fn begun<'r>(rig: &'r Rig, pace: &str, arguments: &[&str]) -> (Runnin
     (run, panel)
 }
 
-/// Fails unless every curve of every plot in sight has ink.
+/// Fails unless every curve of every visible plot has ink.
 fn assert_drawn(ink: &Value) {
     let plots = ink.as_array().expect("plots");
     assert!(!plots.is_empty());
     for curves in plots {
         let curves = curves.as_array().expect("curves");
-        // One may lie nearly all beneath another.
+        // A curve may be almost entirely covered by another.
         let has = |least: u64| {
             curves
                 .iter()
@@ -97,9 +97,9 @@ fn number(text: &str) -> f64 {
 }
 
 #[test]
-fn every_control_does_in_the_session_what_it_says() {
+fn every_control_has_its_effect_in_the_session() {
     let rig = Rig::new();
-    // Slow, so that the page can hold it again before it is over.
+    // Slow, so that the page can pause it again before it ends.
     let (run, panel) = begun(&rig, "--pace 0.2", &["--inject", DROPOUT]);
     let Some(play) = Play::start("controls", &panel.url) else {
         return;
@@ -118,7 +118,7 @@ fn every_control_does_in_the_session_what_it_says() {
             effect["ended_step"]
         ])
     });
-    // The bias was ended before step 2701, the prepared dropout ended by itself after 50 ms.
+    // The bias was cleared before step 2701, the prepared dropout ended by itself after 50 ms.
     let bias = effects
         .clone()
         .find(|effect| effect[0] == "bias")
@@ -146,7 +146,7 @@ fn every_control_does_in_the_session_what_it_says() {
         (&json!("false"), &json!("dark"))
     );
     assert_eq!(told["words"], "bias measured.position_m --bias=-0.001");
-    // A tenth of what the position has been, which is near 1 cm, in one digit.
+    // A tenth of the position so far, which is near 1 cm, in one digit.
     let usual = number(told["usual"].as_str().expect("text"));
     assert!((5e-4..=2e-3).contains(&usual), "{usual}");
     let verdict = summary["verdict"].as_str().expect("a verdict");
@@ -170,7 +170,7 @@ fn every_control_does_in_the_session_what_it_says() {
             .expect("text")
             .contains("truth.position_m")
     );
-    // The first curve was hidden by its name.
+    // The first curve was hidden by clicking its name.
     let mut ink = told["ink"].clone();
     assert_eq!(ink[0][0].take(), 0, "{told}");
     ink[0].as_array_mut().expect("curves").remove(0);
@@ -179,7 +179,7 @@ fn every_control_does_in_the_session_what_it_says() {
 }
 
 #[test]
-fn a_slider_changes_its_value_and_every_page_follows() {
+fn a_slider_changes_its_value_on_every_page() {
     let rig = Rig::new();
     let (run, panel) = begun(&rig, "", &[]);
     let Some(play) = Play::start("tune", &panel.url) else {
@@ -206,7 +206,7 @@ fn a_slider_changes_its_value_and_every_page_follows() {
         gains.len() >= 2 && gains.iter().all(|(step, _)| step == 2500),
         "{gains:?}"
     );
-    // A slider of 300 N/m goes from 0 to 600 in 200 steps of 3; a pixel or two of the drag are its thumb.
+    // A slider of 300 N/m goes from 0 to 600 in 200 steps of 3; a pixel or two of the drag belong to its thumb.
     let (dragged, pressed) = (told["dragged"].as_f64(), told["pressed"].as_f64());
     let (dragged, pressed) = dragged.zip(pressed).expect("numbers");
     assert!((435.0..=465.0).contains(&dragged), "{told}");
@@ -220,7 +220,7 @@ fn a_slider_changes_its_value_and_every_page_follows() {
         .iter()
         .find(|change| change["clear"] == json!(["reference.position_m"]));
     assert_eq!(back.expect("it was given back")["step"], 2600);
-    // The changes of the slider are one row, which counts them.
+    // The changes by the slider share one row with a count.
     let rows = told["rows"].as_array().expect("rows");
     let (count, pressed) = (gains.len(), number(&told["pressed"].to_string()));
     let row = format!(
@@ -248,7 +248,8 @@ fn everything_can_be_done_without_a_pointer() {
         .filter_map(Value::as_f64)
         .collect();
     let asks = told["asks"].as_array().expect("looks");
-    let question = "Inject dropout measured.position_m --duration 0.05?\ny injects it, any other key does not.";
+    let question =
+        "Inject dropout measured.position_m --duration 0.05?\ny injects it, any other key cancels.";
     let nothing = json!(false);
     assert_eq!(asks[..5], [(); 5].map(|()| nothing.clone()), "{told}");
     assert_eq!(
@@ -256,7 +257,7 @@ fn everything_can_be_done_without_a_pointer() {
         [json!(question), nothing.clone(), nothing],
         "{told}"
     );
-    // The whole run is the longest there is.
+    // The whole run is the longest window.
     assert!(
         window[0] == window[1] && window[2] < window[0],
         "{window:?}"
@@ -283,7 +284,7 @@ fn everything_can_be_done_without_a_pointer() {
 }
 
 #[test]
-fn a_phone_and_a_desk_show_it_in_both_themes() {
+fn the_page_fits_a_phone_and_a_desktop_in_both_themes() {
     let rig = Rig::new();
     let (run, panel) = begun(&rig, "", &["--inject", DROPOUT]);
     let Some(play) = Play::start("looks", &panel.url) else {
@@ -303,7 +304,7 @@ fn a_phone_and_a_desk_show_it_in_both_themes() {
 }
 
 #[test]
-fn two_browsers_show_what_each_other_does() {
+fn two_browsers_show_each_others_actions() {
     let rig = Rig::new();
     let (run, panel) = begun(&rig, "", &[]);
     let Some(play) = Play::start("several", &panel.url) else {
@@ -314,7 +315,7 @@ fn two_browsers_show_what_each_other_does() {
         told["one"].as_str().expect("text").contains("dropout"),
         "{told}"
     );
-    // The mark and the fault are of one step, and so of one look at the state.
+    // The mark and the fault belong to one step, and so to one update of the state.
     let log = told["log"].as_array().expect("rows");
     let rows = |part: &str| {
         let has = |row: &&Value| row.as_str().is_some_and(|row| row.contains(part));
@@ -332,7 +333,7 @@ fn two_browsers_show_what_each_other_does() {
     assert_eq!(summary["faults"][0]["effective_step"], 2501);
 }
 
-/// A wire as `ssh -L` makes one: another port, and all connections can be cut.
+/// Forwarded connection like that of `ssh -L`: another port, and all connections can be cut.
 struct Wire {
     port: u16,
     ends: Arc<Mutex<Vec<TcpStream>>>,
@@ -381,13 +382,13 @@ impl Wire {
             .unwrap_or_else(PoisonError::into_inner)
             .drain(..)
         {
-            let _ = end.shutdown(Shutdown::Both); // it may be closed
+            let _ = end.shutdown(Shutdown::Both); // it may be closed already
         }
     }
 }
 
 #[test]
-fn a_connection_over_another_port_that_is_cut_comes_back_with_what_was() {
+fn a_forwarded_connection_recovers_after_a_cut_with_the_missed_data() {
     let rig = Rig::new();
     let (run, panel) = begun(&rig, "", &[]);
     let wire = Wire::to(panel.address());
@@ -415,7 +416,7 @@ fn a_connection_over_another_port_that_is_cut_comes_back_with_what_was() {
 }
 
 #[test]
-fn a_browser_without_the_secret_and_a_page_of_elsewhere_get_nothing() {
+fn a_browser_without_the_secret_and_a_foreign_page_get_nothing() {
     let rig = Rig::new();
     let (run, panel) = begun(&rig, "", &[]);
     let Some(play) = Play::start("strangers", &panel.url) else {

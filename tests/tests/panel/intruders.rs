@@ -1,4 +1,4 @@
-//! Everybody who is no page of this panel: foreign names, foreign pages, no secret, too much, too slow, too many.
+//! Clients that are no page of this panel: foreign names, foreign pages, no secret, too large, too slow, too many.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -9,10 +9,10 @@ use super::stream::Client;
 use super::{Panel, SCENARIO};
 use crate::support::harness::{Rig, WATCHDOG};
 
-/// Sends bytes and reads what is answered until it is closed.
+/// Sends bytes and reads the answer until the connection closes.
 fn answer(panel: &Panel, bytes: &[u8]) -> String {
     let mut stream = connected(panel);
-    let _ = stream.write_all(bytes); // it may be closed before it has taken all
+    let _ = stream.write_all(bytes); // it may be closed before everything is sent
     rest(stream)
 }
 
@@ -22,7 +22,7 @@ fn connected(panel: &Panel) -> TcpStream {
     stream
 }
 
-/// Reads the answer until the connection closes, in order or not.
+/// Reads the answer until the connection closes, cleanly or not.
 fn rest(mut stream: TcpStream) -> String {
     let mut all = Vec::new();
     let mut bytes = [0; 4096];
@@ -48,7 +48,7 @@ const UPGRADE: [(&str, &str); 4] = [
 ];
 
 #[test]
-fn nobody_but_a_page_of_the_panel_gets_anything_and_the_run_does_not_notice() {
+fn only_pages_of_the_panel_get_data_and_the_run_is_unaffected() {
     let rig = Rig::new();
     let alone = rig.run(SCENARIO).expect(0).digest();
     let run = rig.held();
@@ -56,7 +56,7 @@ fn nobody_but_a_page_of_the_panel_gets_anything_and_the_run_does_not_notice() {
     let host = ("Host", panel.address());
     let own = format!("http://{}", panel.address());
 
-    // The page is for everybody on this machine, and has nothing of the run.
+    // The page is public on this machine, and contains no data of the run.
     let page = answer(&panel, &get("/", &[host]));
     let (head, body) = page.split_once("\r\n\r\n").expect("a head");
     assert!(head.starts_with("HTTP/1.1 200 OK\r\n"), "{head}");
@@ -81,7 +81,7 @@ fn nobody_but_a_page_of_the_panel_gets_anything_and_the_run_does_not_notice() {
     let again = answer(&panel, &get("/", &[host]));
     assert_ne!(page, again, "a number for each page");
 
-    // Names that lead here, and pages of elsewhere.
+    // Names that resolve to this machine, and pages from elsewhere.
     let refused = |place: &str, lines: &[(&str, &str)], status: &str| {
         let told = answer(&panel, &get(place, lines));
         assert!(
@@ -127,7 +127,7 @@ fn nobody_but_a_page_of_the_panel_gets_anything_and_the_run_does_not_notice() {
     refused("/", &[host, ("Content-Length", "1000000")], "413");
     refused("/", &[], "400");
 
-    // Too long, too odd.
+    // Too long or malformed.
     let long = "x".repeat(100_000);
     refused("/", &[host, ("Cookie", &long)], "431");
     for garbage in [
@@ -143,7 +143,7 @@ fn nobody_but_a_page_of_the_panel_gets_anything_and_the_run_does_not_notice() {
         );
     }
 
-    // A WebSocket without the secret is told nothing, and not for long.
+    // A WebSocket without the secret receives nothing, and is closed soon.
     for greeting in [
         json!({ "secret": "0".repeat(32) }),
         json!({ "secret": "" }),
@@ -165,7 +165,7 @@ fn nobody_but_a_page_of_the_panel_gets_anything_and_the_run_does_not_notice() {
         Client::connected(&panel.url).until_closed().is_empty(),
         "who says nothing"
     );
-    // One that knows it and says what no page says is closed, and did nothing.
+    // A client with the secret that sends an invalid message is closed without effect.
     for nonsense in [
         json!({ "ask": "run" }),
         json!(null),
@@ -184,7 +184,7 @@ fn nobody_but_a_page_of_the_panel_gets_anything_and_the_run_does_not_notice() {
 }
 
 #[test]
-fn slow_and_silent_strangers_are_dropped_and_a_crowd_keeps_no_page_out_for_long() {
+fn slow_and_silent_strangers_are_dropped_and_crowds_block_no_page_for_long() {
     let rig = Rig::new();
     let run = rig.held();
     let panel = Panel::start(&rig, &[]);
@@ -194,7 +194,7 @@ fn slow_and_silent_strangers_are_dropped_and_a_crowd_keeps_no_page_out_for_long(
     for stream in crowd {
         assert_eq!(rest(stream), "", "nothing is told to who asks nothing");
     }
-    // Byte by byte, for ever.
+    // Byte by byte, endlessly.
     let request = get("/", &[("Host", panel.address()), ("X", &"y".repeat(6000))]);
     for byte in &request {
         if slow.write_all(&[*byte]).is_err() {
@@ -203,7 +203,7 @@ fn slow_and_silent_strangers_are_dropped_and_a_crowd_keeps_no_page_out_for_long(
         std::thread::sleep(std::time::Duration::from_millis(2));
     }
     assert_eq!(rest(slow), "");
-    // Room again, for as many pages as there may be.
+    // Room again, for the maximum number of pages.
     let mut pages: Vec<Client> = (0..8).map(|_| Client::greeted(&panel.url)).collect();
     for page in &mut pages {
         page.until(|told| told["tell"] == "about");
@@ -211,7 +211,7 @@ fn slow_and_silent_strangers_are_dropped_and_a_crowd_keeps_no_page_out_for_long(
     let told = Client::greeted(&panel.url).until_closed();
     assert_eq!(
         told,
-        [json!({ "tell": "over", "text": "8 pages are open, which is as many as there may be" })]
+        [json!({ "tell": "over", "text": "8 pages are open, the maximum" })]
     );
     pages.pop();
     crate::support::harness::until("there is room", || {

@@ -1,4 +1,4 @@
-//! The log of a panel: every event of the recording once and in its order, whoever looks, and whenever.
+//! Log of a panel: every event of the recording once and in order, for any page at any time.
 
 use std::time::Instant;
 
@@ -11,7 +11,7 @@ use crate::support::harness::{Rig, WATCHDOG};
 use crate::support::mcap_reader::Recording;
 use crate::support::programs::shipped;
 
-/// A page that keeps the log as it is told, without a browser.
+/// Page that stores the log it receives, without a browser.
 struct Page {
     client: Client,
     edition: Value,
@@ -29,7 +29,7 @@ impl Page {
         }
     }
 
-    /// Reads on until something is so.
+    /// Reads until a condition holds.
     fn until(&mut self, is_it: impl Fn(&Value, &[String]) -> bool) -> Value {
         let began = Instant::now();
         loop {
@@ -58,14 +58,14 @@ impl Page {
         assert_eq!(answer["is_done"], true, "{answer}");
     }
 
-    /// The log of the whole session.
+    /// Reads the log of the whole session.
     fn until_the_end(mut self) -> Vec<String> {
         self.until(|told, _| told["ending"]["verdict"].is_string());
         self.log
     }
 }
 
-/// An event of a recording as the log has it; `None` of those that it does not have.
+/// Returns an event of a recording in the form of the log; `None` for events that the log omits.
 fn told(event: &Value) -> Option<String> {
     let step = event["step"].as_u64();
     let at = step.map(|step| format!("step {step} ({} s)", step as f64 / 1000.0));
@@ -99,7 +99,7 @@ fn told(event: &Value) -> Option<String> {
 }
 
 #[test]
-fn the_log_has_every_event_once_in_its_order_also_for_who_comes_late() {
+fn the_log_has_every_event_once_and_in_order_even_for_late_pages() {
     let rig = Rig::new();
     let (run, panel) = begun(&rig, "", &[]);
     let mut first = Page::at(&panel.url);
@@ -108,7 +108,7 @@ fn the_log_has_every_event_once_in_its_order_also_for_who_comes_late() {
         let set = json!([{ "key": key, "value": value }]);
         json!({ "deed": "set", "change": { "set": set } })
     };
-    // All at one step, within one look at the state; two notes are the same.
+    // All at one step, within one update of the state; two marks are equal.
     let dropout = "dropout measured.position_m --duration 0.002";
     first.does(&json!({ "deed": "inject", "words": dropout }));
     first.does(&mark("beside it"));
@@ -121,7 +121,7 @@ fn the_log_has_every_event_once_in_its_order_also_for_who_comes_late() {
     first.does(&mark("behind it"));
     let is_behind = |_: &Value, log: &[String]| (log.iter()).any(|row| row.ends_with("behind it"));
     first.until(is_behind);
-    // Another page, and another panel, which saw nothing of it.
+    // Another page, and another panel, which observed nothing of it.
     let mut second = Page::at(&panel.url);
     second.until(is_behind);
     let late = Panel::start(&rig, &[]);
@@ -152,7 +152,7 @@ fn the_log_has_every_event_once_in_its_order_also_for_who_comes_late() {
 }
 
 #[test]
-fn a_log_of_very_many_changes_is_whole() {
+fn a_log_of_very_many_changes_is_complete() {
     let rig = Rig::new();
     let changes: String = (1..=1200)
         .map(|step| {

@@ -1,4 +1,4 @@
-//! Comforts of the page: labels that are whole, a button that stays, choices that outlast a reload, final values.
+//! Details of the page: complete labels, a stable button, choices that survive a reload, final values.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use super::{Panel, SCENARIO};
 use crate::support::harness::{Rig, Running};
 use crate::support::programs::shipped;
 
-/// The teaching run with a signal whose values differ in their fifth digit alone.
+/// Starts the teaching run with a signal whose values differ in their fifth digit alone.
 fn begun_with_long_labels(rig: &Rig) -> (Running<'_>, Panel) {
     let narrow = "\n[[derived]]\nname = \"narrow\"\nunit = \"m\"\nexpression = \"5e-7 + 1e-8 * truth.position_m\"\n\
                   [[plots]]\ntitle = \"a narrow range\"\nsignals = [\"narrow\"]\n";
@@ -24,7 +24,7 @@ fn begun_with_long_labels(rig: &Rig) -> (Running<'_>, Panel) {
 }
 
 #[test]
-fn labels_of_the_value_axes_are_whole_in_both_themes_and_at_every_zoom() {
+fn axis_labels_are_complete_in_both_themes_and_at_every_zoom() {
     let rig = Rig::new();
     let (run, panel) = begun_with_long_labels(&rig);
     let Some(play) = Play::start("labels", &panel.url) else {
@@ -51,7 +51,7 @@ fn labels_of_the_value_axes_are_whole_in_both_themes_and_at_every_zoom() {
         for (text, left) in texts {
             assert!(left >= Some(0.0), "{view}: {text:?} begins at {left:?}");
         }
-        // Times stand beneath each other, and names beneath the curves.
+        // Times are listed below each other, and names below the curves.
         let over = &plots[0]["over"];
         for plot in plots {
             assert_eq!(&plot["over"], over, "{view}");
@@ -66,9 +66,9 @@ fn labels_of_the_value_axes_are_whole_in_both_themes_and_at_every_zoom() {
 }
 
 #[test]
-fn the_button_that_pauses_resumes_at_the_same_place_and_keeps_the_focus() {
+fn the_pause_button_becomes_resume_in_place_and_keeps_the_focus() {
     let rig = Rig::new();
-    // So slow that it does not end however slow the browser is.
+    // So slow that it does not end before the browser is done.
     let run = held(&rig, Path::new(SCENARIO), "--pace 0.02 --pause-at 0.001");
     let panel = Panel::start(&rig, &[]);
     let Some(play) = Play::start("places", &panel.url) else {
@@ -89,7 +89,7 @@ fn the_button_that_pauses_resumes_at_the_same_place_and_keeps_the_focus() {
 }
 
 #[test]
-fn window_theme_and_hidden_curves_outlast_a_reload_and_any_content_of_the_storage() {
+fn window_theme_and_hidden_curves_survive_a_reload_and_corrupt_storage() {
     let rig = Rig::new();
     let (run, panel) = begun(&rig, "", &[]);
     let Some(play) = Play::start("reload", &panel.url) else {

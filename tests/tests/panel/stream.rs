@@ -1,4 +1,4 @@
-//! Points that a page is sent, against the recording; and a page that takes nothing.
+//! Points sent to a page, compared with the recording; and a page that reads nothing.
 
 use std::net::TcpStream;
 use std::path::Path;
@@ -13,14 +13,14 @@ use crate::support::harness::{Rig, Running, WATCHDOG, until};
 use crate::support::mcap_reader::Recording;
 use crate::support::programs::shipped;
 
-/// Points of a message, read as the page reads them.
+/// Points of a message, parsed like in the page.
 pub(super) struct Points {
     pub(super) view: u32,
     pub(super) newest: u64,
     first: u64,
-    /// Length of a stretch in steps.
+    /// Length of an interval in steps.
     length: u64,
-    /// Newest value and stretches of each signal.
+    /// Newest value and intervals of each signal.
     signals: Vec<(f64, Vec<[f32; 2]>)>,
 }
 
@@ -50,13 +50,13 @@ impl Points {
     }
 }
 
-/// A page without a browser.
+/// Page without a browser.
 pub(super) struct Client {
     socket: WebSocket<TcpStream>,
 }
 
 impl Client {
-    /// Connects as the page does.
+    /// Connects like the page.
     pub(super) fn connected(url: &str) -> Self {
         let socket = connected(url);
         let limit = socket.get_ref().set_read_timeout(Some(WATCHDOG));
@@ -64,7 +64,7 @@ impl Client {
         Self { socket }
     }
 
-    /// Connects and shows the secret.
+    /// Connects and sends the secret.
     pub(super) fn greeted(url: &str) -> Self {
         let mut client = Self::connected(url);
         let (_, secret) = parts(url);
@@ -85,7 +85,7 @@ impl Client {
         self.say(&json!({ "ask": "view", "number": number, "window_s": window_s }));
     }
 
-    /// The next message; points are acknowledged.
+    /// Returns the next message; acknowledges points.
     pub(super) fn next(&mut self) -> Result<Result<Value, Points>, tungstenite::Error> {
         loop {
             match self.socket.read()? {
@@ -105,12 +105,12 @@ impl Client {
         }
     }
 
-    /// Reads on to a message of this kind.
+    /// Reads up to a message of this kind.
     pub(super) fn until(&mut self, is_it: impl Fn(&Value) -> bool) -> Value {
         self.find(|next| next.ok().filter(&is_it))
     }
 
-    /// Reads on to points of this kind.
+    /// Reads up to points of this kind.
     pub(super) fn until_points(&mut self, is_it: impl Fn(&Points) -> bool) -> Points {
         self.find(|next| next.err().filter(&is_it))
     }
@@ -125,7 +125,7 @@ impl Client {
         }
     }
 
-    /// Waits until it is closed.
+    /// Waits until the connection is closed.
     pub(super) fn until_closed(&mut self) -> Vec<Value> {
         let mut told = Vec::new();
         while let Ok(message) = self.next() {
@@ -135,7 +135,7 @@ impl Client {
     }
 }
 
-/// Place of a signal among those that are told.
+/// Returns the index of a signal among those described.
 fn place(about: &Value, name: &str) -> usize {
     let signals = about["signals"].as_array().expect("signals");
     let place = signals.iter().position(|one| one["name"] == name);
@@ -143,7 +143,7 @@ fn place(about: &Value, name: &str) -> usize {
 }
 
 #[test]
-fn points_have_the_least_and_the_greatest_value_of_all_their_records() {
+fn points_are_the_extremes_of_all_their_records() {
     let rig = Rig::new();
     let spike = "\n[[faults]]\nkind = \"spike\"\nat_s = 0.789\neffects = [{ target = \"measured.position_m\", amplitude = 0.5 }]\n";
     let scenario = rig.write("spike.toml", &(shipped(SCENARIO) + spike));
@@ -153,7 +153,7 @@ fn points_have_the_least_and_the_greatest_value_of_all_their_records() {
     let mut panel = Panel::start(&rig, signals.as_flattened());
     let mut client = Client::greeted(&panel.url);
     let about = client.until(|told| told["tell"] == "about");
-    // In parts that a watcher's queue holds, so that nothing is lost however slow the panel is.
+    // In parts that fit an observer's queue, so that nothing is lost however slow the panel is.
     let mut state = client.until(|told| told["step"].is_u64());
     while state["state"] != "ended" {
         let last = state["step"].as_u64().expect("a step") + 1000;
@@ -162,7 +162,7 @@ fn points_have_the_least_and_the_greatest_value_of_all_their_records() {
             client.until(|told| told["state"] == "ended" || told["step"].as_u64() >= Some(last));
     }
     assert_eq!(state["lost"], 0);
-    // A window longer than all of it, one that is shorter, and every step of a short one.
+    // A window longer than the run, a shorter one, and every step of a short one.
     let windows: Vec<Points> = [(1, 5.0), (2, 1.0), (3, 0.2)]
         .into_iter()
         .map(|(number, window_s)| {
@@ -182,7 +182,7 @@ fn points_have_the_least_and_the_greatest_value_of_all_their_records() {
         for name in names {
             let (newest, stretches) = &points.signals[place(&about, name)];
             let value = |step: u64| recording.value(&records[step as usize], name);
-            // No command answers the last sample: the one before it stays.
+            // No command answers the last sample: the previous one stays.
             let last = if name.starts_with("command.") {
                 4999
             } else {
@@ -205,12 +205,12 @@ fn points_have_the_least_and_the_greatest_value_of_all_their_records() {
             }
         }
     }
-    // The spike of one step of 5,001 is there, however many steps a stretch has.
+    // The spike of one step in 5,001 is present, however many steps an interval has.
     let (_, stretches) = &windows[0].signals[place(&about, "measured.position_m")];
     assert!(windows[0].length > 1 && stretches.iter().any(|[_, most]| *most > 0.4));
 }
 
-/// Starts a scenario and waits until it is held.
+/// Starts a scenario and waits until it is paused.
 pub(super) fn held<'r>(rig: &'r Rig, scenario: &Path, options: &str) -> Running<'r> {
     let run = rig.start(&format!("{} {options} --wait-limit 60", scenario.display()));
     until("the run is held", || rig.status().paused);
@@ -244,7 +244,7 @@ fn the_panel_of_a_scenario_chooses_readings_sliders_and_buttons() {
     let keys = tunable["values"].as_array().expect("values").iter();
     let keys: Vec<&Value> = keys.map(|one| &one["key"]).collect();
     assert_eq!(keys, ["plant.parameters.mass_kg", "reference.position_m"]);
-    // A page may change what has no slider, and is refused what the session refuses.
+    // A page may change values without a slider, and is refused what the session refuses.
     for (value, is_done) in [(600.0, true), (1e30, false)] {
         let set = json!([{ "key": "controller.pid.proportional_n_per_m", "value": value }]);
         client.do_it(&json!({ "deed": "set", "change": { "set": set } }));
@@ -266,7 +266,7 @@ fn the_panel_of_a_scenario_chooses_readings_sliders_and_buttons() {
     run.finish();
 }
 
-/// Memory of a process that is not shared, in KiB.
+/// Returns the private memory of a process in KiB.
 fn memory_kib(pid: u32) -> u64 {
     let status = std::fs::read_to_string(format!("/proc/{pid}/status")).expect("it lives");
     let line = status.lines().find(|line| line.starts_with("RssAnon"));
@@ -279,10 +279,10 @@ fn memory_kib(pid: u32) -> u64 {
 }
 
 #[test]
-fn a_page_that_takes_nothing_costs_nothing_and_is_not_told_old_things_later() {
+fn a_stalled_page_costs_nothing_and_receives_no_outdated_data() {
     let rig = Rig::new();
     let alone = rig.run("tests/scenarios/leakage.toml").expect(0).digest();
-    // 20,000 steps at half of their speed, so that there is time for very many messages.
+    // 20,000 steps at half of their speed, which gives time for very many messages.
     let scenario = Path::new("tests/scenarios/leakage.toml");
     let run = held(&rig, scenario, "--pace 0.5 --pause-at 0.001");
     let panel = Panel::start(&rig, &[]);
@@ -300,8 +300,8 @@ fn a_page_that_takes_nothing_costs_nothing_and_is_not_told_old_things_later() {
         after_kib < before_kib + 4096,
         "{before_kib} KiB grew to {after_kib} KiB"
     );
-    // Three messages may have been under way; what follows them is what is newest: the panel may see the last of the
-    // run after that.
+    // Three messages may have been in flight; the newest data follows: the panel may see the end of the run after
+    // that.
     let mut points = Vec::new();
     let last = run.summary()["steps"].as_u64().expect("steps");
     while points.last().is_none_or(|newest| *newest < last) {

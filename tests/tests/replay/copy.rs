@@ -1,4 +1,4 @@
-//! A recording that is written once more, with a change.
+//! Modified copy of a recording.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -9,7 +9,7 @@ use hil_recording::writer::{Attachment, Provenance, Recording};
 use shared_types::record::RecordLayout;
 use shared_types::table::Field;
 
-/// A recording that is written once more by the code that writes all recordings.
+/// Copy of a recording, written by the code that writes all recordings.
 pub(super) struct Copy {
     pub(super) layout: RecordLayout,
     pub(super) records: Vec<Vec<u64>>,
@@ -75,7 +75,7 @@ impl Copy {
         }
     }
 
-    /// Puts another name into what the controller of the run said of itself.
+    /// Replaces a name in the recorded description of the controller.
     pub(super) fn describe(&mut self, before: &str, now: &str) {
         let description = self.provenance.attachments.last_mut().expect("three");
         description.text = description.text.replace(before, now);

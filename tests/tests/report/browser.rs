@@ -9,7 +9,7 @@ use super::spike_scenario;
 use crate::support::harness::Rig;
 use crate::support::programs::{chromium, shipped, skip};
 
-/// Runs before the page's own scripts, keeps their errors and what each canvas has been told to write.
+/// Runs before the page's own scripts; collects their errors and the texts drawn on each canvas.
 const CATCH: &str = "<script>window.wrong = [];
 addEventListener('error', (event) => wrong.push(String(event.message)));
 addEventListener('unhandledrejection', (event) => wrong.push(String(event.reason)));
@@ -20,8 +20,8 @@ context.clearRect = function (...box) { this.canvas.texts = []; return clearRect
 context.fillText = function (text, x, y) { const wide = this.measureText(text).width; (this.canvas.texts ||= []).push([text, x, y, wide, x - wide * ({ right: 1, center: 0.5 }[this.textAlign] || 0)]); return fillText.call(this, text, x, y); };
 </script>";
 
-/// Waits for every plot and tells what is drawn: of each figure its colours and, of its first series, the
-/// column whose ink is highest and how high that is, as parts of width and height. Then zooms in and tells the texts.
+/// Waits for every plot and reports the drawing: of each figure its colours and, of its first series, the column
+/// whose ink is highest and its height, as fractions of width and height. Then zooms in and reports the texts.
 const LOOK: &str = "<script>(() => {
   const tell = () => {
     const figures = [...document.querySelectorAll('figure.plot')].map((figure) => {
@@ -59,7 +59,7 @@ const LOOK: &str = "<script>(() => {
   addEventListener('load', wait);
 })();</script>";
 
-/// Looks at a page in Chromium, at a width and in a theme.
+/// Opens a page in Chromium, at a width and in a theme.
 fn looked_at(rig: &Rig, page: &Page, width: u32, dark: bool) -> Option<Value> {
     let Some(chromium) = chromium() else {
         skip("there is no Chromium", "HIL_TEST_CHROMIUM");
@@ -103,7 +103,7 @@ fn assert_drawn(told: &Value, page: &Page) {
     for figure in figures {
         let ink = figure["ink"].as_array().expect("ink");
         assert!(
-            // The curve of one run may lie nearly all beneath that of another.
+            // The curve of one run may be almost entirely covered by another.
             ink.iter().any(|ink| ink.as_u64() > Some(20))
                 && ink.iter().all(|ink| ink.as_u64() > Some(5)),
             "{figure}"
@@ -124,7 +124,7 @@ fn assert_drawn(told: &Value, page: &Page) {
 }
 
 #[test]
-fn labels_of_the_value_axes_are_whole_in_both_themes_on_a_phone_and_zoomed() {
+fn axis_labels_are_complete_in_both_themes_on_a_phone_and_zoomed() {
     let rig = Rig::new();
     let narrow = "\n[[derived]]\nname = \"narrow\"\nunit = \"m\"\nexpression = \"5e-7 + 1e-8 * truth.position_m\"\n\
                   [[plots]]\ntitle = \"a narrow range\"\nsignals = [\"narrow\"]\n";
@@ -152,7 +152,7 @@ fn labels_of_the_value_axes_are_whole_in_both_themes_on_a_phone_and_zoomed() {
 }
 
 #[test]
-fn a_browser_draws_every_plot_without_a_word_in_both_themes_and_on_a_phone() {
+fn a_browser_draws_every_plot_without_errors_in_both_themes_and_on_a_phone() {
     let rig = Rig::new();
     let scenario = spike_scenario(&rig);
     let run = rig.run(scenario.to_str().expect("text")).expect(1);
@@ -168,7 +168,7 @@ fn a_browser_draws_every_plot_without_a_word_in_both_themes_and_on_a_phone() {
 }
 
 #[test]
-fn many_faults_have_a_button_each_and_labels_beneath_each_other() {
+fn many_faults_have_buttons_and_stacked_labels() {
     let rig = Rig::new();
     let times_s = [0.5, 0.5, 0.51, 0.6, 1.0, 2.0, 2.0, 2.0, 2.1, 3.0, 4.9, 4.99];
     let faults = times_s.map(|at_s| {
@@ -230,9 +230,9 @@ fn many_faults_have_a_button_each_and_labels_beneath_each_other() {
 }
 
 #[test]
-fn a_spike_of_one_step_is_seen_from_as_far_away_as_one_can_be() {
+fn a_one_step_spike_is_visible_when_fully_zoomed_out() {
     let rig = Rig::new();
-    // Without a fault, so that nothing makes the grid fine there: 100 s at 1 kHz, one sample of 100,001.
+    // Without a fault, so that the grid is not refined there: 100 s at 1 kHz, one sample of 100,001.
     let scenario = spike_scenario(&rig);
     let run = rig
         .run(&format!("{} --set run.duration_s=100", scenario.display()))
@@ -253,8 +253,8 @@ fn a_spike_of_one_step_is_seen_from_as_far_away_as_one_can_be() {
             .is_some_and(|title| title.starts_with("position_m"))
     };
     let figure = figures.iter().find(is_it).expect("the plot");
-    // The spike is what the axis ends at, so it reaches the top tenth, at 6.789 of 100 s of what is right
-    // of the axis, whose width is 70 px.
+    // The spike ends the axis, so it reaches the top tenth, at 6.789 of the 100 s to the right of the axis, whose
+    // width is 70 px.
     let (top, column) = (
         figure["top"].as_f64().expect("a number"),
         figure["column"].as_f64().expect("a number"),

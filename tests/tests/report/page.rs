@@ -1,4 +1,4 @@
-//! A page of a report, read without the reporter's code.
+//! Page of a report, read without the reporter's code.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use crate::support::harness::{Rig, Run};
 
-/// A page and the data in it.
+/// Page with the data in it.
 pub(crate) struct Page {
     pub(super) path: PathBuf,
     pub(super) text: String,
@@ -18,7 +18,7 @@ impl Page {
         Self::with_exit(rig, runs, options, 0).0
     }
 
-    /// The page of a command that ends with this code, and what that says of it.
+    /// Returns the page of a command that ends with this exit code, and the command's output.
     pub(super) fn with_exit(
         rig: &Rig,
         runs: &[&Run],
@@ -46,7 +46,7 @@ impl Page {
         self.data["plots"].as_array().expect("plots")
     }
 
-    /// The plot that shows exactly these signals.
+    /// Returns the plot that shows exactly these signals.
     pub(super) fn plot(&self, signals: &[&str]) -> &Value {
         let is_it = |plot: &&Value| plot["signals"] == serde_json::json!(signals);
         let titles: Vec<&Value> = self.plots().iter().map(|plot| &plot["signals"]).collect();
@@ -56,7 +56,7 @@ impl Page {
             .unwrap_or_else(|| panic!("{signals:?} in {titles:?}"))
     }
 
-    /// Beginnings of the buckets, in s.
+    /// Returns the starts of the buckets in s.
     pub(super) fn grid(&self) -> Vec<f64> {
         let bytes = base64(self.data["grid"].as_str().expect("text"));
         bytes
@@ -67,7 +67,7 @@ impl Page {
             .collect()
     }
 
-    /// The least and the greatest value of each bucket.
+    /// Returns the minimum and maximum of each bucket.
     pub(super) fn envelope(&self, run: usize, signal: &str) -> (Vec<f32>, Vec<f32>) {
         let signal = &self.data["runs"][run]["signals"][signal];
         if let Some(same) = signal["same"].as_str() {
@@ -103,7 +103,7 @@ impl Page {
     }
 }
 
-/// Base 64 by its definition (RFC 4648).
+/// Decodes base 64 by its definition (RFC 4648).
 pub(super) fn base64(text: &str) -> Vec<u8> {
     const LETTERS: &[u8] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let (mut bits, mut filled, mut bytes) = (0_u32, 0, Vec::new());

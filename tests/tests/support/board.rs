@@ -1,7 +1,7 @@
-//! A board for the controller: a machine that `hil` reaches by `ssh`, played by this one.
+//! Board for the controller: a target reached by `ssh`, simulated on this machine.
 //!
-//! The `ssh` of a [`Board`] is a script that runs the remote command here, with a home of its own. Everything but the network
-//! and its keys is real.
+//! The `ssh` of a [`Board`] is a script that runs the remote command here, with a home of its own. Everything
+//! except the network and its keys is real.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -9,19 +9,19 @@ use std::process::Command;
 use crate::support::harness::Rig;
 use crate::support::programs::{path_from, program, workspace};
 
-/// A board in a test's folder.
+/// Board in a test's folder.
 pub(crate) struct Board {
     home: PathBuf,
     bin: PathBuf,
 }
 
 impl Board {
-    /// A board that is reached without trouble.
+    /// Creates a board that is reached without trouble.
     pub(crate) fn new(rig: &Rig) -> Self {
         Self::reached_by(rig, "export SSH_CONNECTION='127.0.0.1 1 127.0.0.1 2'")
     }
 
-    /// A board whose `ssh` does this before the remote command runs, the host's name in `$host`.
+    /// Creates a board whose `ssh` runs these commands before the remote command, with the host's name in `$host`.
     pub(crate) fn reached_by(rig: &Rig, first: &str) -> Self {
         let (home, bin) = (rig.path("home"), rig.path("bin"));
         for folder in [&home, &bin] {
@@ -42,7 +42,7 @@ impl Board {
         Self { home, bin }
     }
 
-    /// A `hil` that finds this board's `ssh`.
+    /// Returns a `hil` that uses this board's `ssh`.
     pub(crate) fn hil(&self) -> Command {
         let mut hil = Command::new(program("hil"));
         hil.env("PATH", path_from(&self.bin))
@@ -50,12 +50,12 @@ impl Board {
         hil
     }
 
-    /// The folder of programs there.
+    /// Returns the folder of cached programs on the board.
     pub(crate) fn cache(&self) -> PathBuf {
         self.home.join(".cache/hil-target")
     }
 
-    /// Process numbers of those that run a program of the cache with this first argument.
+    /// Returns the IDs of processes that run a cached program with this first argument.
     pub(crate) fn processes(&self, argument: &str) -> Vec<u32> {
         let own = self.cache();
         let own = own.to_str().expect("plain text");

@@ -1,9 +1,9 @@
-//! Company for a run: processes that a test starts beside it.
+//! Contention for a run: processes that a test starts beside it.
 
 use std::ops::{Deref, DerefMut};
 use std::process::{Child, Command};
 
-/// A process that does not outlive its test.
+/// Process that does not outlive its test.
 pub(crate) struct Companion(Child);
 
 impl Companion {
@@ -34,7 +34,7 @@ impl Drop for Companion {
     }
 }
 
-/// Starts a process that wants a whole core.
+/// Starts a process that occupies a whole core.
 pub(crate) fn busy_loop(core: u32) -> Companion {
     let mut shell = Command::new("taskset");
     shell.args(["-c", &core.to_string(), "sh", "-c", "while :; do :; done"]);

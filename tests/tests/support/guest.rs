@@ -1,7 +1,7 @@
-//! A board with a kernel of its own: a guest of QEMU that emulates its processor, with an agent that listens.
+//! Board with a kernel of its own: a QEMU guest with an emulated processor and a listening agent.
 //!
-//! Its kernel and modules are those of a Debian package that lies unpacked in `target/guest` (`.ci/run`), its only files
-//! the agent, the controller, the libraries that they need and a shell.
+//! Kernel and modules come from a Debian package unpacked in `target/guest` (`.ci/run`); its only files are the
+//! agent, the controller, the libraries they need and a shell.
 
 use std::fs;
 use std::io::Write;
@@ -16,7 +16,7 @@ use crate::support::hosts::lines;
 use crate::support::programs::{program, skip, target, works};
 
 const SHELL: &str = "/bin/busybox";
-/// Modules of the network, each after those that it needs.
+/// Modules of the network, in the order of their dependencies.
 const MODULES: [&str; 8] = [
     "virtio_ring",
     "virtio",
@@ -27,7 +27,7 @@ const MODULES: [&str; 8] = [
     "net_failover",
     "virtio_net",
 ];
-/// First program of the guest.
+/// Init program of the guest.
 const INIT: &str = "#!/bin/busybox sh
 b=/bin/busybox
 $b mount -t proc proc /proc
@@ -41,18 +41,18 @@ $b ip link set eth0 up
 exec /hil-target serve --listen 0.0.0.0:7000 --key-file /key --allow /controller-process
 ";
 
-/// The guest, until it is dropped.
+/// Running guest; stopped when dropped.
 pub(crate) struct Guest {
     _qemu: Companion,
     said: Receiver<String>,
     /// Release of its kernel.
     pub(crate) kernel: String,
-    /// The arguments of `hil` that name it.
+    /// Arguments of `hil` that name it.
     pub(crate) target: String,
 }
 
 impl Guest {
-    /// Starts it and waits until its agent listens, or says what this machine lacks for that.
+    /// Starts it and waits until its agent listens, or reports what this machine lacks for that.
     pub(crate) fn new(folder: &Path, key: &Path) -> Option<Self> {
         let unpacked = target().join("guest");
         let kernel = first(&unpacked.join("boot"), "vmlinuz");
@@ -70,7 +70,7 @@ impl Guest {
         let port = TcpListener::bind("127.0.0.1:0").and_then(|one| one.local_addr());
         let port = port.expect("a port").port();
         let mut qemu = Command::new("qemu-system-x86_64");
-        // The processor is emulated, the network reaches nobody, and only this machine reaches the guest.
+        // The processor is emulated, the network is isolated, and only this machine reaches the guest.
         qemu.args([
             "-accel",
             "tcg",
@@ -105,7 +105,7 @@ impl Guest {
     fn wait_for(&mut self, what: &str) {
         let mut all = String::new();
         loop {
-            // A guest says something all the time until it listens.
+            // A guest prints continuously until it listens.
             let line = self.said.recv_timeout(3 * WATCHDOG);
             let line =
                 line.unwrap_or_else(|_| panic!("watchdog: the guest is silent or ended\n{all}"));
@@ -118,7 +118,7 @@ impl Guest {
     }
 }
 
-/// The first file of a folder whose name begins so.
+/// Returns the first file in a folder with this prefix.
 fn first(folder: &Path, name: &str) -> Option<PathBuf> {
     let mut files: Vec<PathBuf> = fs::read_dir(folder)
         .ok()?
@@ -133,7 +133,7 @@ fn first(folder: &Path, name: &str) -> Option<PathBuf> {
     files.into_iter().find(is_it)
 }
 
-/// The guest's files, as the kernel unpacks them: an archive of cpio's form `newc`.
+/// Returns the guest's files as the kernel unpacks them: a cpio archive in the format `newc`.
 fn initramfs(unpacked: &Path, key: &Path) -> Vec<u8> {
     let mut archive = Archive::default();
     for folder in ["bin", "proc", "dev", "modules", "tmp"] {
@@ -169,7 +169,7 @@ fn initramfs(unpacked: &Path, key: &Path) -> Vec<u8> {
             folders.insert(folder.to_str().expect("plain text").to_owned());
         }
     }
-    // A folder sorts before what is in it.
+    // A folder sorts before its content.
     for folder in folders {
         archive.put(&folder, 0o40_755, &[], (0, 0));
     }
@@ -185,7 +185,7 @@ fn initramfs(unpacked: &Path, key: &Path) -> Vec<u8> {
         let found = found.expect("find runs");
         let found = String::from_utf8_lossy(&found.stdout).trim().to_owned();
         let content = match found.as_str() {
-            "" => continue, // part of this kernel
+            "" => continue, // built into this kernel
             packed if packed.ends_with(".xz") => {
                 let unpacked = Command::new("xz").args(["-dc", packed]).output();
                 unpacked.expect("xz runs").stdout

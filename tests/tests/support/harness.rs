@@ -1,8 +1,8 @@
 //! Harness in which tests run `hil`: a [`Rig`] for each test.
 //!
-//! A rig has a session name, a group of sessions, a folder and a watchdog. What it starts knows the sessions of its
-//! group and no others: neither those of another test nor those of the user. After every `hil` it looks for processes, shared
-//! memory and folders that should be gone. A watchdog that barks fails the test; no test measures time.
+//! A rig has a session name, a group of sessions, a folder and a watchdog. Processes it starts see only the
+//! sessions of its group: neither those of another test nor those of the user. After every `hil` it checks for
+//! leftover processes, shared memory and folders. An expired watchdog fails the test; no test measures time.
 
 use std::collections::BTreeSet;
 use std::ffi::{OsStr, OsString};
@@ -27,14 +27,14 @@ use crate::support::programs::{program, words, workspace};
 pub(crate) use crate::support::run::Run;
 use crate::support::signals::set_default_signals;
 
-/// Time that anything may take before it counts as hanging.
+/// Time limit of anything, after which it counts as hanging.
 pub(crate) const WATCHDOG: Duration = Duration::from_secs(120);
-/// Wait limit, in seconds, for a test in which it expires: the default, which a loaded machine keeps.
+/// Wait limit in seconds for a test in which it expires: the default, which a loaded machine meets.
 pub(crate) const EXPIRES_S: f64 = 5.0;
-/// Time between two looks at something that is awaited.
+/// Polling interval.
 const LOOK: Duration = Duration::from_millis(2);
 
-/// Place of a test, which shares nothing with that of another.
+/// Environment of a test, which shares nothing with that of another.
 pub(crate) struct Rig {
     folder: TempDir,
     session: String,
@@ -59,7 +59,7 @@ impl Rig {
         self.folder.path().join(name)
     }
 
-    /// Writes a file into the test's folder.
+    /// Writes a file to the test's folder.
     pub(crate) fn write(&self, name: &str, text: &str) -> PathBuf {
         let path = self.path(name);
         std::fs::write(&path, text).expect("the test's folder can be written");
@@ -87,20 +87,20 @@ impl Rig {
         &self.session
     }
 
-    /// Starts the teaching run and waits until it is held before step 2500.
+    /// Starts the teaching run and waits until it is paused before step 2500.
     pub(crate) fn held(&self) -> Running<'_> {
         let running = self.start("scenarios/spring-mass.toml --pause-at 2.5 --wait-limit 60");
         self.until_held_at(2500);
         running
     }
 
-    /// Asks the plant of this test's session, which may only just be starting. Starts no process, as a `hil` that asks
-    /// again and again would.
+    /// Queries the plant of this test's session, which may be just starting. Starts no process, unlike repeated
+    /// calls of `hil`.
     pub(crate) fn ask(&self, request: &Request) -> Response {
         let mut answer = None;
         until("the plant takes requests", || {
             let Ok(session) = SessionInfo::read(&self.session_folder()) else {
-                return false; // not made yet
+                return false; // not created yet
             };
             match ask(&session, request, Duration::from_secs(60)) {
                 Ok(response) => answer = Some(response),
@@ -112,7 +112,7 @@ impl Rig {
         answer.expect("answered")
     }
 
-    /// Asks where this test's run is.
+    /// Returns the status of this test's run.
     pub(crate) fn status(&self) -> Status {
         match self.ask(&Request::Status) {
             Response::Status(status) => status,
@@ -120,7 +120,7 @@ impl Rig {
         }
     }
 
-    /// Waits until this test's run is held before a step.
+    /// Waits until this test's run is paused before a step.
     pub(crate) fn until_held_at(&self, step: u64) {
         until("the run is held", || {
             let status = self.status();
@@ -133,13 +133,13 @@ impl Rig {
         self.start(arguments).finish()
     }
 
-    /// Starts what [`run`](Self::run) runs, and does not wait.
+    /// Starts the command of [`run`](Self::run) without waiting.
     pub(crate) fn start(&self, arguments: &str) -> Running<'_> {
         self.start_with(self.command(program("hil")), arguments)
     }
 
-    /// Makes a command of a program, one of ours or one that starts ours: `hil` finds this test's sessions only, and no
-    /// program of the environment. Nothing of a test is kept for the user.
+    /// Creates a command for a program, one of ours or one that starts ours: `hil` sees this test's sessions only,
+    /// and no program from the environment. Nothing of a test is kept for the user.
     pub(crate) fn command(&self, program: impl AsRef<OsStr>) -> Command {
         let mut command = Command::new(program);
         command.current_dir(workspace());
@@ -147,7 +147,7 @@ impl Rig {
         command
     }
 
-    /// Sets the surroundings of a command but for those that it has already.
+    /// Sets the environment of a command, except for variables that it has already.
     fn surround(&self, command: &mut Command) {
         let (group, state) = (OsString::from(&self.session), self.path("state"));
         for (name, value) in [(GROUP, group), ("XDG_STATE_HOME", state.into())] {
@@ -160,7 +160,7 @@ impl Rig {
                 command.env_remove(name);
             }
         }
-        // It would push the message of a panic out of what is shown.
+        // A backtrace would push the message of a panic out of the excerpt.
         command.env_remove("RUST_BACKTRACE");
     }
 
@@ -181,7 +181,7 @@ impl Rig {
         self.start_hil(arguments).finish()
     }
 
-    /// Starts what [`hil`](Self::hil) runs, and does not wait.
+    /// Starts the command of [`hil`](Self::hil) without waiting.
     pub(crate) fn start_hil(&self, arguments: &[&str]) -> Running<'_> {
         let mut hil = self.command(program("hil"));
         hil.args(arguments);
@@ -200,7 +200,7 @@ impl Rig {
         Running::start(self, command, self.path("none")).finish_beside_another()
     }
 
-    /// Runs any `hil` command while this test's run goes on.
+    /// Runs any `hil` command during this test's run.
     pub(crate) fn beside(&self, arguments: &[&str]) -> Run {
         self.start_hil(arguments).finish_beside_another()
     }
@@ -221,13 +221,13 @@ impl Rig {
         Run { folder, ..run }
     }
 
-    /// Returns the folder of all sessions of this test, which is there while one is.
+    /// Returns the folder of all sessions of this test, which exists while there is one.
     pub(crate) fn sessions(&self) -> PathBuf {
         let uid = rustix::process::geteuid().as_raw();
         PathBuf::from(format!("/dev/shm/hil-{uid}-{}", self.session))
     }
 
-    /// Returns the folder of the session, which is there while it runs.
+    /// Returns the folder of the session, which exists while it runs.
     pub(crate) fn session_folder(&self) -> PathBuf {
         self.sessions().join(&self.session)
     }
@@ -245,7 +245,7 @@ impl Rig {
         assert!(segments.is_empty(), "{segments:?} belong to no session");
     }
 
-    /// Lists command lines of the live processes that mention this test's session or folder.
+    /// Lists command lines of live processes that mention this test's session or folder.
     pub(crate) fn processes(&self) -> Vec<String> {
         let own_folder = self.folder.path().to_str().expect("plain text");
         let session = self.session_folder();
@@ -256,10 +256,10 @@ impl Rig {
         let mut found = Vec::new();
         for process in processes {
             let Ok(line) = std::fs::read(process.path().join("cmdline")) else {
-                continue; // not a process, or gone
+                continue; // not a process, or ended
             };
             let line = String::from_utf8_lossy(&line).replace('\0', " ");
-            // Sessions are numbered: one's name may begin with another's.
+            // Sessions are numbered: the name of one may be a prefix of another's.
             let of_session = |word: &str| {
                 let rest = word.strip_prefix(session);
                 rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
@@ -273,7 +273,7 @@ impl Rig {
 }
 
 impl Drop for Rig {
-    /// Removes what a killed `hil` of the test left: nobody else knows its group.
+    /// Removes the remains of a killed `hil` of the test: no other process knows its group.
     fn drop(&mut self) {
         if self.sessions().exists() {
             let clean = self
@@ -286,7 +286,7 @@ impl Drop for Rig {
     }
 }
 
-/// A `hil` at work. Dropped before its end, it is killed with everything it started.
+/// Running `hil`. Dropped before its end, it is killed with all its descendants.
 pub(crate) struct Running<'r> {
     rig: &'r Rig,
     process: Child,
@@ -300,7 +300,7 @@ impl<'r> Running<'r> {
         hil.stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
-            // A group of its own, which gets signals as that of a terminal does.
+            // In its own process group, which receives signals like that of a terminal.
             .process_group(0);
         rig.surround(&mut hil);
         println!("{:?}", hil.get_args()); // shown if the test fails
@@ -318,13 +318,13 @@ impl<'r> Running<'r> {
         }
     }
 
-    /// Waits for the end and checks that nothing is left.
+    /// Waits for the end and checks that nothing is left behind.
     pub(crate) fn finish(self) -> Run {
         let rig = self.rig;
         self.end(|| rig.assert_nothing_left())
     }
 
-    /// Waits for the end as [`finish`](Self::finish) does, ten times as long.
+    /// Waits for the end like [`finish`](Self::finish), ten times as long.
     pub(crate) fn finish_late(mut self) -> Run {
         let since = Instant::now();
         while since.elapsed() < 9 * WATCHDOG && matches!(self.process.try_wait(), Ok(None)) {
@@ -333,7 +333,7 @@ impl<'r> Running<'r> {
         self.finish()
     }
 
-    /// Waits for the end while another run of the same session goes on.
+    /// Waits for the end while another run of the same session continues.
     pub(crate) fn finish_beside_another(self) -> Run {
         self.end(|| ())
     }
@@ -341,7 +341,7 @@ impl<'r> Running<'r> {
     fn end(mut self, check: impl FnOnce()) -> Run {
         let status = ended(&mut self.process);
         self.ended = true;
-        // Before its output is read to the end: a process that is left may hold it open.
+        // Checked before its output is read to the end: a leftover process may hold it open.
         check();
         let mut output = self.output.drain(..).map(|text| text.join().expect("read"));
         Run {
@@ -352,7 +352,7 @@ impl<'r> Running<'r> {
         }
     }
 
-    /// Waits until steps are being exchanged and some of them are safe in the file, in closed chunks.
+    /// Waits until steps are being exchanged and some of them are stored in closed chunks.
     pub(crate) fn wait_for_records(&self) {
         let recording = self.folder.join("run.mcap");
         until("the recording grows", || {
@@ -367,7 +367,7 @@ impl<'r> Running<'r> {
         info.children.try_into().expect("two children")
     }
 
-    /// Waits until both sides were started and the plant takes requests, and returns plant and controller.
+    /// Waits until both sides have started and the plant accepts requests, and returns plant and controller.
     pub(crate) fn children_at_once(&self) -> [ProcessId; 2] {
         let folder = self.rig.session_folder();
         let mut children = None;
@@ -384,17 +384,17 @@ impl<'r> Running<'r> {
         &self.folder
     }
 
-    /// Returns the process number.
+    /// Returns the process ID.
     pub(crate) fn pid(&self) -> u32 {
         self.process.id()
     }
 
-    /// Returns the number of the process that does the work: that of a guard's child, once there is one.
+    /// Returns the ID of the working process: that of a guard's child, once it exists.
     pub(crate) fn worker(&self) -> u32 {
         let own = self.process.id();
         let children = std::fs::read_to_string(format!("/proc/{own}/task/{own}/children"));
         let children = children.unwrap_or_default();
-        // A program that is asked what it is, is no guard's child.
+        // A program being described is not a guard's child.
         let is_hil = |process: &u32| {
             let name = std::fs::read_to_string(format!("/proc/{process}/comm"));
             name.is_ok_and(|name| name == "hil\n")
@@ -446,14 +446,14 @@ pub(crate) fn text(path: &Path) -> &str {
     path.to_str().expect("plain text")
 }
 
-/// Lists the names of what is in a folder.
+/// Lists the names of a folder's entries.
 pub(crate) fn names(folder: &Path) -> BTreeSet<String> {
     let entries = std::fs::read_dir(folder).expect("a folder").flatten();
     let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
     names.collect()
 }
 
-/// Waits for something that must come; the watchdog barks if it does not.
+/// Waits for a condition that must occur; the watchdog fails the test otherwise.
 #[track_caller]
 pub(crate) fn until(what: &str, mut happened: impl FnMut() -> bool) {
     let since = Instant::now();

@@ -1,5 +1,5 @@
-//! Two hosts on one machine, each with a network of its own, joined by a wire that can be spoiled and cut; `sshd` on the
-//! board, which has processes and a `/dev/shm` of its own too. `tests/hosts/hosts.py` makes them.
+//! Two hosts on one machine, each with a network of its own, joined by a wire that can be disturbed and cut; `sshd`
+//! on the board, which has its own processes and `/dev/shm` too. Created by `tests/hosts/hosts.py`.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::process::CommandExt;
@@ -12,20 +12,20 @@ use tempfile::TempDir;
 use crate::support::harness::WATCHDOG;
 use crate::support::programs::{path_from, program, skip, works, workspace};
 
-/// Both hosts, until it is dropped.
+/// Both hosts; removed when dropped.
 pub(crate) struct Hosts {
     wire: Child,
     orders: ChildStdin,
     answers: Receiver<String>,
-    /// Processes to enter the namespaces by.
+    /// Processes whose namespaces are entered.
     desk: String,
     board: String,
-    /// Keys and configuration. Not in a test's folder: an `sshd` goes on after a run.
+    /// Keys and configuration. Not in a test's folder, because `sshd` outlives a run.
     folder: TempDir,
 }
 
 impl Hosts {
-    /// Makes both, or says what this machine lacks for that.
+    /// Creates both, or reports what this machine lacks for that.
     pub(crate) fn new() -> Option<Self> {
         if !works(&[
             "unshare", "--net", "--mount", "--pid", "--fork", "ip", "link", "show", "lo",
@@ -124,13 +124,13 @@ impl Hosts {
         answer.expect("watchdog: the wire has ended or does not answer")
     }
 
-    /// Gives the wire an order.
+    /// Sends a command to the wire.
     pub(crate) fn order(&mut self, order: &str) -> String {
         writeln!(self.orders, "{order}").expect("the wire listens");
         self.answer()
     }
 
-    /// A `hil` at the desk.
+    /// Returns a `hil` at the desk.
     pub(crate) fn hil(&self) -> Command {
         let mut hil = Command::new("nsenter");
         hil.args(["-t", &self.desk, "-n"]).arg(program("hil"));
@@ -139,7 +139,7 @@ impl Hosts {
         hil
     }
 
-    /// The board's output as a driver there reads it: step, whether it is the safe command, and the values.
+    /// Returns the board's output as read by a driver: step, `true` for the safe command, and the values.
     pub(crate) fn output(&self) -> Option<(u64, bool, Vec<f64>)> {
         let inside = Command::new("nsenter")
             .args(["-t", &self.board, "-m", "-p", "sh", "-c"])
@@ -147,7 +147,7 @@ impl Hosts {
             .output();
         let bytes = inside.expect("nsenter runs").stdout;
         let (content, sum) = bytes.split_at_checked(bytes.len().checked_sub(8)?)?;
-        // Read while it was written: the next look has it.
+        // Read during a write: the next poll succeeds.
         if blake3::hash(content).as_bytes()[..8] != *sum {
             return None;
         }
@@ -159,7 +159,7 @@ impl Hosts {
         Some((words[1], words[2] == 1, values.collect()))
     }
 
-    /// Lists the files in the board's shared memory, and the processes there that are not its `sshd`'s.
+    /// Lists the files in the board's shared memory, and its processes except those of `sshd`.
     pub(crate) fn left_on_board(&self) -> Vec<String> {
         let script =
             "find /dev/shm -mindepth 1 -type f && ps -eo args= | sed -n '/[h]il-target\\//p'";
@@ -176,18 +176,18 @@ impl Hosts {
 impl Drop for Hosts {
     fn drop(&mut self) {
         let group = rustix::process::Pid::from_child(&self.wire);
-        // Both hosts are in its group, and what runs on the board ends with its first process.
+        // Both hosts are in its group, and processes on the board end with its init process.
         let _ = rustix::process::kill_process_group(group, rustix::process::Signal::KILL); // it may have ended
         let _ = self.wire.wait();
     }
 }
 
-/// Reads lines on a thread of its own, so that who awaits one can give up.
+/// Reads lines on a thread of its own, so that a waiting test can give up.
 pub(crate) fn lines(from: impl Read + Send + 'static) -> Receiver<String> {
     let (sender, lines) = channel();
     std::thread::spawn(move || {
         let read = BufReader::new(from).lines().map_while(Result::ok);
-        // To the end, also when nobody listens any more: who writes must not wait.
+        // Reads to the end, even without a receiver, so that the writer never blocks.
         read.for_each(|line| drop(sender.send(line)));
     });
     lines

@@ -1,4 +1,4 @@
-//! Files in shared memory that no session of this user claims any more.
+//! Files in shared memory that belong to no session of this user any more.
 
 use std::ffi::OsStr;
 use std::os::unix::fs::MetadataExt;
@@ -16,14 +16,14 @@ pub(crate) fn segments_of_nobody() -> Vec<PathBuf> {
     .map(|entry| entry.path())
     .filter(|path| name(path).starts_with("hil_"))
     .collect();
-    // Those of the user, and of each test.
+    // Sessions of the user, and of each test.
     let groups = (std::fs::read_dir("/dev/shm")
         .expect("shared memory")
         .flatten())
     .map(|entry| entry.path())
     .filter(|path| name(path).starts_with(&format!("hil-{uid}")));
     let sessions = groups.filter_map(|group| std::fs::read_dir(group).ok());
-    // From the lock, which notes the prefix too: a test may have damaged the other file.
+    // From the lock file, which contains the prefix too: a test may have damaged the other file.
     let prefixes: Vec<String> = (sessions.flatten().flatten())
         .filter_map(|session| std::fs::read_to_string(session.path().join("lock")).ok())
         .filter_map(|lock| Some(lock.split_once(' ')?.0.to_owned()))
@@ -38,7 +38,7 @@ fn name(path: &Path) -> &str {
     path.file_name().and_then(OsStr::to_str).unwrap_or_default()
 }
 
-/// Returns what was left on this machine before any test began.
+/// Returns the files left on this machine before any test began.
 pub(crate) fn left_before() -> &'static [PathBuf] {
     static BEFORE: OnceLock<Vec<PathBuf>> = OnceLock::new();
     BEFORE.get_or_init(segments_of_nobody)

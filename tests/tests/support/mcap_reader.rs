@@ -1,4 +1,4 @@
-//! Reads recordings by what their format says, with nothing of the code that writes them.
+//! Reader of recordings based on their format alone, independent of the code that writes them.
 //!
 //! A record is 4 bytes of CDR encapsulation and 64-bit words; the `ros2msg` schema names every word.
 
@@ -9,7 +9,7 @@ use mcap::MessageStream;
 use mcap::read::Options;
 use serde_json::Value;
 
-/// A recording in memory.
+/// Recording in memory.
 pub(crate) struct Recording {
     bytes: Vec<u8>,
     /// Name of each word of a record, for example `truth.force_fight_n`.
@@ -32,7 +32,7 @@ impl Record {
 }
 
 impl Recording {
-    /// Reads a file, also one whose writer was killed.
+    /// Reads a file, even one whose writer was killed.
     pub(crate) fn open(path: &Path) -> Self {
         let bytes = std::fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
         let (mut columns, mut events) = (Vec::new(), Vec::new());
@@ -40,7 +40,7 @@ impl Recording {
             match message.channel.topic.as_str() {
                 "/events" => {
                     assert_eq!(message.channel.message_encoding, "cdr");
-                    // Behind the encapsulation the length of a text, and the text, with a zero.
+                    // After the encapsulation: the length of a text, and the text, with a zero.
                     let length =
                         u32::from_le_bytes(message.data[4..8].try_into().expect("4 bytes"));
                     let (json, rest) = message.data[8..].split_at(length as usize - 1);
@@ -80,7 +80,7 @@ impl Recording {
         })
     }
 
-    /// The values of a signal in all records.
+    /// Returns the values of a signal in all records.
     pub(crate) fn column(&self, column: &str) -> Vec<f64> {
         let place = self.place(column);
         let values = self
@@ -89,20 +89,20 @@ impl Recording {
         values.collect()
     }
 
-    /// Returns the place of a word in a record.
+    /// Returns the index of a word in a record.
     pub(crate) fn place(&self, column: &str) -> usize {
         let found = self.columns.iter().position(|name| name == column);
         found.unwrap_or_else(|| panic!("no {column} in {:?}", self.columns))
     }
 
-    /// A signal of a record.
+    /// Returns a signal of a record.
     pub(crate) fn value(&self, record: &Record, column: &str) -> f64 {
         f64::from_bits(record.words[self.place(column)])
     }
 
-    /// The digest by its definition: for each record in order the fault events that take hold at its
-    /// step, each as its length and its text, then the words up to the last internal, little-endian.
-    /// A fault that only costs time does not count.
+    /// Computes the digest by its definition: for each record in order the fault events that take hold at its step,
+    /// each as its length and its text, then the words up to the last internal signal, little-endian. A fault that
+    /// only costs time does not count.
     pub(crate) fn digest(&self, mut change: impl FnMut(&mut Record)) -> String {
         let mut hasher = blake3::Hasher::new();
         let unhashed = |name: &String| name.starts_with("sensed.") || name == "time_ns";
@@ -159,7 +159,7 @@ impl Recording {
             .collect()
     }
 
-    /// The enclosed files by name.
+    /// Returns the attachments by name.
     pub(crate) fn attachments(&self) -> BTreeMap<String, String> {
         let summary = self.summary();
         let files = summary.attachment_indexes.iter();
@@ -171,21 +171,21 @@ impl Recording {
             .collect()
     }
 
-    /// Only a recording that was finished has one.
+    /// Returns `true` if the recording was finished.
     pub(crate) fn summary(&self) -> mcap::Summary {
         let summary = mcap::Summary::read(&self.bytes).expect("a whole file");
         summary.expect("a finished recording")
     }
 }
 
-/// The messages up to the end of the file, or to where its writer was killed.
+/// Returns the messages up to the end of the file, or to where its writer was killed.
 fn messages(bytes: &[u8]) -> impl Iterator<Item = mcap::Message<'static>> {
     let stream = MessageStream::new_with_options(bytes, Options::IgnoreEndMagic.into());
     stream.expect("an MCAP file").map_while(Result::ok)
 }
 
-/// The names of the words: `uint64` fields, arrays of two `uint32` for each word, messages of
-/// `float64`, and messages of eight bytes that are one word.
+/// Returns the names of the words: `uint64` fields, arrays of two `uint32` per word, messages of `float64`, and
+/// messages of eight bytes that form one word.
 fn columns_of(schema: &str) -> Vec<String> {
     let ruler = format!("{}\n", "=".repeat(80));
     let mut parts = schema.split(&ruler);
@@ -218,7 +218,7 @@ fn columns_of(schema: &str) -> Vec<String> {
     columns
 }
 
-/// Type and name of a field, without its comment.
+/// Returns type and name of a field, without its comment.
 fn field(line: &str) -> (&str, &str) {
     let mut words = line.split_ascii_whitespace();
     (words.next().expect("a type"), words.next().expect("a name"))

@@ -1,6 +1,8 @@
-//! Shared pieces of the tests, none of them a test: a place of its own and a watchdog for each run
-//! ([`harness`]) what it leaves ([`run`], [`leftovers`]), the programs that are run ([`programs`]), a board for the controller ([`board`]) and two hosts with a wire ([`hosts`]), a guest with a kernel of its own ([`guest`]), a cluster ([`slurm`]), others beside them ([`company`]), a terminal
-//! ([`terminal`]), the signals that programs are started with ([`signals`]), FMUs ([`fmus`]), one of 500 variables ([`vendor_fmu`]), a Python interpreter ([`python`]) and a reader of recordings without the project's code ([`mcap_reader`]).
+//! Shared parts of the tests: an environment and a watchdog for each run ([`harness`]), its results ([`run`],
+//! [`leftovers`]), the programs under test ([`programs`]), a board for the controller ([`board`]), two hosts with a
+//! wire ([`hosts`]), a guest with a kernel of its own ([`guest`]), a cluster ([`slurm`]), contention ([`company`]),
+//! a terminal ([`terminal`]), inherited signals ([`signals`]), FMUs ([`fmus`]), one of 500 variables
+//! ([`vendor_fmu`]), a Python interpreter ([`python`]) and an independent reader of recordings ([`mcap_reader`]).
 
 pub(crate) mod board;
 pub(crate) mod company;

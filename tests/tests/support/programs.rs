@@ -1,5 +1,5 @@
-//! The programs that tests run, built once for each test binary with its own profile and target
-//! directory, and what a machine may lack.
+//! Programs run by tests, built once for each test binary with its own profile and target directory, and
+//! requirements that a machine may lack.
 
 use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
@@ -9,8 +9,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::{Mutex, OnceLock, PoisonError};
 
-/// Variable of Cargo for builds outside the workspace: lines are all that a debugger is asked for, and the rest would make
-/// programs larger, which each run hashes. All builds into one folder need the same, or they build twice.
+/// Cargo variable for builds outside the workspace: debuggers need line tables only, and more debug information
+/// would enlarge programs, which each run hashes. All builds into one folder need the same value, or they build
+/// twice.
 pub(crate) const LINES: (&str, &str) = ("CARGO_PROFILE_DEV_DEBUG", "line-tables-only");
 
 /// Returns the top of the workspace, where every command is run.
@@ -25,7 +26,7 @@ pub(crate) fn shipped(path: impl AsRef<Path>) -> String {
     std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// Profile by which the programs are compiled.
+/// Profile with which the programs are compiled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Profile {
     Debug,
@@ -50,7 +51,7 @@ impl Profile {
         })
     }
 
-    /// Makes a `cargo build` with this profile into the target directory of the tests.
+    /// Creates a `cargo build` with this profile into the target directory of the tests.
     fn build(self) -> Command {
         let mut cargo = Command::new(env!("CARGO"));
         cargo.arg("build").current_dir(workspace());
@@ -63,7 +64,7 @@ impl Profile {
     }
 }
 
-/// Makes a `cargo build` of all programs and of the examples, which tests run, with the profile of this test binary.
+/// Creates a `cargo build` of all programs and of the examples run by tests, with the profile of this test binary.
 pub(crate) fn build() -> Command {
     let mut cargo = Profile::own().build();
     cargo.arg("--examples");
@@ -95,12 +96,12 @@ pub(crate) fn program(name: &str) -> PathBuf {
     Profile::own().folder().join(name)
 }
 
-/// Returns the controller that does everything wrong, from `tests/examples`.
+/// Returns the misbehaving controller, from `tests/examples`.
 pub(crate) fn misbehaving_controller() -> PathBuf {
     program_of_tests("misbehaving-controller")
 }
 
-/// Returns the plant that does everything wrong.
+/// Returns the misbehaving plant.
 pub(crate) fn misbehaving_plant() -> PathBuf {
     program_of_tests("misbehaving-plant")
 }
@@ -120,12 +121,12 @@ pub(crate) fn other_hil() -> PathBuf {
     other.folder().join("hil")
 }
 
-/// Builds a crate of `examples` and gives its program.
+/// Builds a crate of `examples` and returns its program.
 pub(crate) fn example(name: &str) -> PathBuf {
     outside(&Path::new("examples").join(name), name)
 }
 
-/// Splits a line at its spaces, but for those in the paths of the workspace and of what is built.
+/// Splits a line at its spaces, except those in the paths of the workspace and of builds.
 pub(crate) fn words(line: &str) -> Vec<String> {
     let mut line = line.to_owned();
     for folder in [workspace().to_owned(), target()] {
@@ -136,7 +137,7 @@ pub(crate) fn words(line: &str) -> Vec<String> {
     words.map(|word| word.replace('\0', " ")).collect()
 }
 
-/// Arguments that run a scenario with the pendulum of `examples` and its own law.
+/// Returns the arguments that run a scenario with the pendulum of `examples` and its own law.
 pub(crate) fn of_pendulum(scenario: impl Display) -> String {
     let (plant, controller) = (example("own-plant"), example("own-controller"));
     let (plant, controller) = (plant.display(), controller.display());
@@ -152,11 +153,11 @@ pub(crate) fn test_example(name: &str) {
     finish(cargo.current_dir(workspace().join("examples").join(name)));
 }
 
-/// Builds a crate that is outside the workspace, once for each test binary, and gives a copy of its program that stays
-/// as it is: commands of the book build the same crates meanwhile.
+/// Builds a crate outside the workspace, once for each test binary, and returns a permanent copy of its program,
+/// because commands of the book rebuild the same crates meanwhile.
 pub(crate) fn outside(folder: &Path, program: &str) -> PathBuf {
     static COPIES: Mutex<BTreeMap<PathBuf, PathBuf>> = Mutex::new(BTreeMap::new());
-    // Whoever comes second waits for the build, as it would for Cargo's lock.
+    // A second caller waits for the build, as it would for Cargo's lock.
     let mut copies = COPIES.lock().unwrap_or_else(PoisonError::into_inner);
     let copy = copies.entry(folder.join(program));
     copy.or_insert_with(|| built_outside(folder, program))
@@ -182,21 +183,21 @@ fn built_outside(folder: &Path, program: &str) -> PathBuf {
             .expect("a folder");
         let whole = part.path().join(program);
         std::fs::copy(&built, &whole).expect("copied");
-        // Not renamed: a test beside this one may have made it meanwhile, and checked it.
+        // Not renamed: another test may have created it meanwhile, and checked it.
         let made = std::fs::hard_link(&whole, &copy);
         assert!(made.is_ok() || copy.exists(), "{made:?}");
     }
     copy
 }
 
-/// Returns true if a command can be run here and succeeds.
+/// Returns `true` if a command can be run here and succeeds.
 pub(crate) fn works(command: &[&str]) -> bool {
     let mut run = Command::new(command[0]);
     let output = run.args(&command[1..]).stdin(Stdio::null()).output();
     output.is_ok_and(|output| output.status.success())
 }
 
-/// Returns the path on which programs are found, with a folder in front.
+/// Returns the search path of programs, with a folder in front.
 pub(crate) fn path_from(folder: &Path) -> OsString {
     let path = std::env::var_os("PATH").unwrap_or_default();
     let folders = std::iter::once(folder.to_owned()).chain(std::env::split_paths(&path));
@@ -209,19 +210,19 @@ pub(crate) fn chromium() -> Option<&'static str> {
     paths.into_iter().find(|path| Path::new(path).exists())
 }
 
-/// Returns true if the environment insists on a part that not every machine has.
+/// Returns `true` if the environment demands an optional feature.
 pub(crate) fn demanded(variable: &str) -> bool {
     std::env::var_os(variable).is_some_and(|value| value != "0")
 }
 
-/// Says that the test on this thread could not do its work here.
+/// Reports that the test on this thread was skipped here.
 pub(crate) fn skip(why: &str, variable: &str) {
     assert!(!demanded(variable), "{variable} is set, but {why}");
-    // A test's thread has the name of the test, behind that of its module.
+    // A test's thread has the name of the test, after that of its module.
     let thread = std::thread::current();
     let test = thread.name().and_then(|name| name.rsplit("::").next());
     let test = test.unwrap_or("a test");
-    // Not `eprintln`, which is shown of failed tests only.
+    // Not `eprintln`, whose output is shown for failed tests only.
     let told = writeln!(
         std::io::stderr(),
         "SKIPPED {test}: {why}; {variable}=1 insists on it"

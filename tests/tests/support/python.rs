@@ -1,13 +1,13 @@
-//! A Python for tests that check with it what the workspace says of itself.
+//! Python interpreter for tests that verify the workspace's statements with it.
 
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
 use crate::support::programs::{demanded, target, workspace};
 
-/// A Python with these modules: the machine's, or if that is demanded one made for it.
+/// Returns a Python with these modules: the machine's, or if demanded one made for it.
 pub(crate) fn python(modules: &str) -> Option<PathBuf> {
-    // Looked up and not imported, which takes a second for some.
+    // Located without importing, which takes a second for some.
     let look = "import sys, importlib.util as u; sys.exit(None in map(u.find_spec, sys.argv[1:]))";
     let has_modules = |python: &PathBuf| {
         let mut looked_up = Command::new(python);
@@ -32,7 +32,7 @@ pub(crate) fn python(modules: &str) -> Option<PathBuf> {
     Some(made)
 }
 
-/// Runs something that has to succeed; what it printed.
+/// Runs a command that must succeed; returns its output.
 pub(crate) fn succeeds(command: &mut Command) -> String {
     let output = command.output();
     let Output {

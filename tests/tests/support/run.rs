@@ -1,42 +1,42 @@
-//! A finished `hil`, and what it said and left.
+//! Finished `hil`, with its output and files.
 
 use std::path::PathBuf;
 
 use serde_json::Value;
 
-/// A finished `hil`.
+/// Finished `hil`.
 #[derive(Debug)]
 pub(crate) struct Run {
     pub(crate) code: Option<i32>,
     pub(crate) stdout: String,
     pub(crate) stderr: String,
-    /// Run folder, which exists if it got that far.
+    /// Run folder, which exists if the run got that far.
     pub(crate) folder: PathBuf,
 }
 
 impl Run {
-    /// Fails with everything that was said if the exit code is another.
+    /// Fails with all output if the exit code differs.
     #[track_caller]
     pub(crate) fn expect(self, code: i32) -> Self {
         assert_eq!(self.code, Some(code), "{}\n{}", self.stdout, self.stderr);
         self
     }
 
-    /// Fails if standard error lacks one of these.
+    /// Fails if standard error lacks one of these texts.
     #[track_caller]
     pub(crate) fn says(self, fragments: &[&str]) -> Self {
         assert_has(&self.stderr, fragments);
         self
     }
 
-    /// Fails if standard output lacks one of these.
+    /// Fails if standard output lacks one of these texts.
     #[track_caller]
     pub(crate) fn prints(self, fragments: &[&str]) -> Self {
         assert_has(&self.stdout, fragments);
         self
     }
 
-    /// Reads standard output as JSON.
+    /// Parses standard output as JSON.
     #[track_caller]
     pub(crate) fn json(&self) -> Value {
         let (text, said) = (&self.stdout, &self.stderr);
@@ -51,7 +51,7 @@ impl Run {
         serde_json::from_str(&text).expect("the summary is JSON")
     }
 
-    /// Reads the digest.
+    /// Returns the digest.
     pub(crate) fn digest(&self) -> String {
         let summary = self.summary();
         let digest = summary["digest"].as_str();

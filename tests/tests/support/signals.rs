@@ -1,11 +1,11 @@
-//! Signals that the tests were started to ignore.
+//! Signals that the test process was started to ignore.
 
 use std::sync::{Arc, Once};
 
 use rustix::process::Signal;
 
-/// Lets programs be started with the default action of signals that this process was started to ignore, as by `nohup`:
-/// a handler is not inherited.
+/// Starts programs with the default action of signals that this process was started to ignore, for example by
+/// `nohup`: a handler is not inherited.
 pub(crate) fn set_default_signals() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {

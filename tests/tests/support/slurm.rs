@@ -1,5 +1,5 @@
-//! A cluster of two nodes on this machine, kept by a real Slurm; `tests/hosts/slurm.py` makes it, and nothing of it
-//! outlives it.
+//! Cluster of two nodes on this machine with a real Slurm; created by `tests/hosts/slurm.py`, and entirely removed
+//! with it.
 
 use std::io::Write;
 use std::os::unix::process::CommandExt;
@@ -15,13 +15,13 @@ use crate::support::harness::WATCHDOG;
 use crate::support::hosts::lines;
 use crate::support::programs::{program, skip, works, workspace};
 
-/// Time that the cluster has to end by itself.
+/// Time limit for the cluster to end by itself.
 const END: Duration = Duration::from_secs(20);
 
-/// A cluster, until it is dropped.
+/// Running cluster; ended when dropped.
 pub(crate) struct Cluster {
     process: Child,
-    /// Closed, it ends the cluster.
+    /// Closing it ends the cluster.
     orders: Option<ChildStdin>,
     answers: Receiver<String>,
     /// Value of `SLURM_CONF`.
@@ -30,7 +30,7 @@ pub(crate) struct Cluster {
 }
 
 impl Cluster {
-    /// Starts a cluster, or says what this machine lacks for that.
+    /// Starts a cluster, or reports what this machine lacks for that.
     pub(crate) fn begin() -> Option<Self> {
         if let Some(why) = lacking() {
             skip(why, "HIL_TEST_SLURM");
@@ -64,21 +64,21 @@ impl Cluster {
         answer.expect("watchdog: the cluster has ended or does not answer")
     }
 
-    /// Gives the cluster an order, such as `kill n1`.
+    /// Sends a command to the cluster, such as `kill n1`.
     pub(crate) fn order(&mut self, order: &str) {
         let orders = self.orders.as_mut().expect("open until it is dropped");
         writeln!(orders, "{order}").expect("the cluster listens");
         assert_eq!(self.answer(), "done", "{order}");
     }
 
-    /// A `hil` that submits to this cluster.
+    /// Returns a `hil` that submits to this cluster.
     pub(crate) fn hil(&self, arguments: &[&str]) -> Command {
         let mut hil = self.client(program("hil"), arguments);
         hil.current_dir(workspace());
         hil
     }
 
-    /// A program that asks this cluster.
+    /// Returns a program that queries this cluster.
     pub(crate) fn client(&self, program: impl AsRef<Path>, arguments: &[&str]) -> Command {
         let mut client = Command::new(program.as_ref());
         client.args(arguments).env("SLURM_CONF", &self.conf);
@@ -86,7 +86,7 @@ impl Cluster {
     }
 }
 
-/// Names what is lacking here; nothing if all is there.
+/// Returns the missing requirement, if there is one.
 fn lacking() -> Option<&'static str> {
     let there = |name: &str| Path::new("/usr/sbin").join(name).exists();
     if !["slurmctld", "slurmd", "munged"].into_iter().all(there) {
@@ -109,7 +109,7 @@ impl Drop for Cluster {
         }
         let group = rustix::process::Pid::from_child(&self.process);
         if matches!(self.process.try_wait(), Ok(None)) {
-            // All processes of its namespace end with the first one.
+            // All processes of its namespace end with its first one.
             let _ = rustix::process::kill_process_group(group, rustix::process::Signal::KILL); // it may have ended
             let _ = self.process.wait();
         }

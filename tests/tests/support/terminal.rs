@@ -1,4 +1,4 @@
-//! A terminal of a test's own: a pseudo terminal with a program in it, and what its screen shows.
+//! Terminal for a test: a pseudo-terminal with a program in it, and the content of its screen.
 
 use std::fs::File;
 use std::io::{Read, Write};
@@ -12,10 +12,10 @@ use crate::pseudo_terminal::{open_terminal, resize};
 use crate::support::company::Companion;
 use crate::support::harness::{ended, until};
 
-/// A program in a terminal. Dropped before its end, it is killed.
+/// Program in a terminal. Dropped before its end, it is killed.
 pub(crate) struct Terminal {
     keyboard: File,
-    /// Kept open, so that its settings can be asked for after the program ended.
+    /// Kept open, so that its settings can be read after the program ended.
     line: OwnedFd,
     settings: String,
     screen: Arc<Mutex<vt100::Parser>>,
@@ -23,7 +23,7 @@ pub(crate) struct Terminal {
 }
 
 impl Terminal {
-    /// Starts a program in a terminal of some columns and rows.
+    /// Starts a program in a terminal with some columns and rows.
     pub(crate) fn start(mut program: Command, (columns, rows): (u16, u16)) -> Self {
         let (master, line) = open_terminal(columns, rows);
         let settings = format!("{:?}", tcgetattr(&line).expect("its settings"));
@@ -42,7 +42,7 @@ impl Terminal {
         let mut output = File::from(master.try_clone().expect("another handle"));
         std::thread::spawn(move || {
             let mut bytes = [0; 4096];
-            // An error is the end, as when the terminal is closed.
+            // An error means the end, as when the terminal is closed.
             while let Ok(count @ 1..) = output.read(&mut bytes) {
                 let mut shown = shown.lock().unwrap_or_else(PoisonError::into_inner);
                 shown.process(&bytes[..count]);
@@ -57,7 +57,7 @@ impl Terminal {
         }
     }
 
-    /// Returns the text that the screen shows.
+    /// Returns the text on the screen.
     pub(crate) fn text(&self) -> String {
         self.with_screen(vt100::Screen::contents)
     }
@@ -71,29 +71,29 @@ impl Terminal {
         )
     }
 
-    /// Waits until the screen shows something.
+    /// Waits until the screen shows a text.
     pub(crate) fn until_it_shows(&self, wanted: &str) {
         until(&format!("`{wanted}` is shown"), || {
             self.text().contains(wanted)
         });
     }
 
-    /// Types.
+    /// Types a text.
     pub(crate) fn press(&mut self, keys: &str) {
         (self.keyboard.write_all(keys.as_bytes())).expect("the terminal takes keys");
     }
 
-    /// Makes it another size, as a person who drags its corner.
+    /// Resizes the terminal, like a user dragging its corner.
     pub(crate) fn resize(&self, columns: u16, rows: u16) {
         let mut screen = self.screen.lock().unwrap_or_else(PoisonError::into_inner);
         screen.screen_mut().set_size(rows, columns);
         resize(&self.keyboard, columns, rows);
         drop(screen);
-        // A terminal tells its foreground processes, of which a test's program is none.
+        // A terminal signals its foreground processes, which exclude a test's program.
         crate::support::harness::send(self.pid(), rustix::process::Signal::WINCH);
     }
 
-    /// Number of the program's process.
+    /// Returns the ID of the program's process.
     pub(crate) fn pid(&self) -> u32 {
         self.process.id()
     }
@@ -103,7 +103,7 @@ impl Terminal {
         ended(&mut self.process)
     }
 
-    /// Fails unless the terminal is as it was before the program.
+    /// Fails unless the terminal is in the state before the program.
     pub(crate) fn assert_restored(&self, after: &str) {
         until(&format!("the screen is given back after {after}"), || {
             self.with_screen(|screen| !screen.alternate_screen() && !screen.hide_cursor())
@@ -112,7 +112,7 @@ impl Terminal {
         assert_eq!(settings, self.settings, "after {after}");
     }
 
-    /// Returns true if the program has the screen to itself.
+    /// Returns `true` if the program uses the alternate screen.
     pub(crate) fn is_taken(&self) -> bool {
         self.with_screen(|screen| screen.alternate_screen() && screen.hide_cursor())
     }

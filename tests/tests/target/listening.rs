@@ -1,4 +1,4 @@
-//! An agent that listens, in place of `ssh`.
+//! Listening agent instead of `ssh`.
 
 use std::io::Write;
 use std::net::TcpStream;
@@ -15,13 +15,13 @@ use crate::support::harness::{Rig, Run, WATCHDOG};
 use crate::support::hosts::lines;
 use crate::support::programs::program;
 
-/// An agent that listens, until it is dropped.
+/// Listening agent; stopped when dropped.
 struct Listening {
     _serving: Companion,
     address: String,
     key: PathBuf,
     log: Receiver<String>,
-    /// Not the test's: one who serves goes on after a run.
+    /// Not the test's session: the agent outlives a run.
     _folder: TempDir,
 }
 
@@ -67,7 +67,7 @@ impl Listening {
         TcpStream::connect(&self.address).expect("it listens")
     }
 
-    /// Lines of the log up to the one that contains this.
+    /// Reads the log up to the line that contains this text.
     fn log_until(&self, last: &str) -> Vec<String> {
         let mut lines = Vec::new();
         while !lines
@@ -86,15 +86,15 @@ fn silent_contacts_of_the_same_host_do_not_keep_the_honest_one_out() {
     let listening = Listening::start(&rig);
     let silent: Vec<TcpStream> = (0..50).map(|_| listening.contact()).collect();
     listening.check(&rig).expect(0);
-    // Those that say something wrong take no place either.
+    // Contacts with invalid messages hold no slot either.
     for mut contact in &silent {
-        let _ = contact.write_all(b"\x20\0GET / HTTP/1.1"); // it may be gone by now
+        let _ = contact.write_all(b"\x20\0GET / HTTP/1.1"); // it may be closed by now
     }
     listening.check(&rig).expect(0);
 }
 
 #[test]
-fn contacts_that_come_to_nothing_are_counted_and_not_logged_one_by_one() {
+fn failed_contacts_are_counted_and_not_logged_individually() {
     let rig = Rig::new();
     let listening = Listening::start(&rig);
     for _ in 0..2000 {
@@ -109,7 +109,7 @@ fn contacts_that_come_to_nothing_are_counted_and_not_logged_one_by_one() {
 }
 
 #[test]
-fn a_contact_during_a_session_hears_whose_session_it_is() {
+fn a_contact_during_a_session_learns_whose_session_it_is() {
     let rig = Rig::new();
     let listening = Listening::start(&rig);
     let target = listening.target();
@@ -127,7 +127,7 @@ fn a_contact_during_a_session_hears_whose_session_it_is() {
 }
 
 #[test]
-fn an_agent_that_listens_serves_who_has_the_key_and_runs_what_is_listed() {
+fn a_listening_agent_serves_holders_of_the_key_and_runs_listed_programs_only() {
     let rig = Rig::new();
     let listening = Listening::start(&rig);
     let key = text(&listening.key);
@@ -165,7 +165,7 @@ fn an_agent_that_listens_serves_who_has_the_key_and_runs_what_is_listed() {
     ])
     .expect(3)
     .says(&["no handshake", "another key"]);
-    // It serves on.
+    // It continues to serve.
     rig.hil(&[
         "target",
         "check",

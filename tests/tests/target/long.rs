@@ -1,4 +1,5 @@
-//! Tests that take minutes: many runs over a spoiled wire, many cuts, whole scenarios on another processor. `.ci/run long`.
+//! Tests that take minutes: many runs over a disturbed wire, many cuts, whole scenarios on another processor.
+//! `.ci/run long`.
 
 use std::time::Duration;
 
@@ -15,7 +16,7 @@ const ALL_OF_IT: &str = "scenarios/spring-mass.toml --no-record";
 
 #[test]
 #[ignore = "long: .ci/run long"]
-fn a_hundred_runs_over_a_spoiled_wire_have_one_digest() {
+fn a_hundred_runs_over_a_disturbed_wire_have_one_digest() {
     let Some(mut hosts) = Hosts::new() else {
         return;
     };
@@ -35,7 +36,7 @@ fn a_hundred_runs_over_a_spoiled_wire_have_one_digest() {
 
 #[test]
 #[ignore = "long: .ci/run long"]
-fn the_papers_severe_leakage_over_a_spoiled_wire_has_its_digest() {
+fn the_papers_severe_leakage_over_a_disturbed_wire_has_its_digest() {
     let Some(mut hosts) = Hosts::new() else {
         return;
     };
@@ -53,7 +54,7 @@ fn the_papers_severe_leakage_over_a_spoiled_wire_has_its_digest() {
 
 #[test]
 #[ignore = "long: .ci/run long"]
-fn two_hundred_cuts_at_random_times_leave_no_hang_no_stale_command_and_nothing_else() {
+fn two_hundred_random_cuts_cause_no_hang_and_no_stale_command() {
     let Some(mut hosts) = Hosts::new() else {
         return;
     };
@@ -73,14 +74,14 @@ fn two_hundred_cuts_at_random_times_leave_no_hang_no_stale_command_and_nothing_e
         }
         std::thread::sleep(Duration::from_millis((random.uniform() * 800.0) as u64));
         hosts.order("cut");
-        // Every second cut is mended before anybody gives up.
+        // Every second cut is repaired before a timeout.
         if number % 2 == 0 {
             std::thread::sleep(Duration::from_millis((random.uniform() * 500.0) as u64));
             hosts.order("mend");
         }
         let run = running.finish();
         match run.code {
-            // A whole run is that of the desk: no command of another step was ever taken.
+            // A complete run equals that of the desk: no command of another step was ever accepted.
             Some(0) => {
                 assert_eq!(run.summary()["digest"], here["digest"], "cut {number}");
                 whole += 1;
@@ -102,11 +103,11 @@ fn the_papers_severe_leakage_on_another_processor_has_its_digests() {
 
 #[test]
 #[ignore = "long: .ci/run long"]
-fn a_kernel_of_its_own_is_evidence_of_pil_and_against_the_clock_of_hil() {
+fn a_separate_kernel_is_evidence_of_pil_and_in_real_time_of_hil() {
     // Eighty steps: a frame takes milliseconds to an emulated processor and back.
     let few = format!("{SHORT} --set run.rate_hz=100");
     let rig = Rig::new();
-    // Not in the test's folder: the guest goes on after a run.
+    // Not in the test's folder, because the guest outlives a run.
     let folder = tempfile::tempdir().expect("a folder");
     let key = folder.path().join("board.key");
     rig.hil(&["target", "key", text(&key)]).expect(0);

@@ -5,8 +5,8 @@ use std::process::Command;
 use crate::support::harness::{Rig, text};
 use crate::support::programs::{self, skip, works, workspace};
 
-/// The three laws on the paper's plant, by the same source built for another processor: arithmetic and layout are the
-/// same. An emulator keeps this machine's memory order, so nothing is shown of a weaker one.
+/// Builds the three laws for the paper's plant from the same source for another processor: arithmetic and layout
+/// are the same. An emulator keeps this machine's memory order, so nothing is proved about a weaker one.
 pub(super) fn on_another_processor(scenario: &str) {
     const TRIPLE: &str = "aarch64-unknown-linux-musl";
     let installed = Command::new("rustup")
@@ -20,8 +20,8 @@ pub(super) fn on_another_processor(scenario: &str) {
             "HIL_TEST_AARCH64",
         );
     }
-    // In a folder of its own, since `hil` takes agents from beside the other programs. What it is made of is shared:
-    // macros and build scripts are there already if programs of this machine were built with that profile.
+    // In its own folder, because `hil` takes agents from beside the other programs. Dependencies are shared: macros
+    // and build scripts exist already if programs of this machine were built with that profile.
     let target = programs::target().join("other-processor");
     let mut cargo = Command::new(env!("CARGO"));
     cargo.args([
@@ -33,7 +33,7 @@ pub(super) fn on_another_processor(scenario: &str) {
         "-p",
         "hil-target",
     ]);
-    // What computes is built as it is for a board. The rest shows nothing here by how fast it is, and is built sooner so.
+    // Numerical code is built as for a board. The speed of the rest is irrelevant here, so it is built faster.
     for level in [
         "opt-level=1",
         "package.hil-target.opt-level=1",
@@ -49,7 +49,7 @@ pub(super) fn on_another_processor(scenario: &str) {
         .arg(&target)
         .env("CARGO_BUILD_BUILD_DIR", programs::target())
         .current_dir(workspace());
-    // No C compiler and no other linker: a stray one would fail here.
+    // No C compiler and no other linker: an unexpected one would fail here.
     cargo.env("CARGO_TARGET_AARCH64_UNKNOWN_LINUX_MUSL_LINKER", "rust-lld");
     cargo.env("CC_aarch64_unknown_linux_musl", "/nonexistent/cc");
     let built = cargo.output().expect("cargo runs");

@@ -1,4 +1,4 @@
-//! An agent that is stopped while a run begins: the wait limit ends the run, and names the agent.
+//! An agent stopped while a run begins: the wait limit ends the run, and names the agent.
 
 use super::{SHORT, log, no_process_there, run, send, there};
 use crate::support::board::Board;
@@ -7,7 +7,7 @@ use crate::support::harness::{Rig, until};
 use rustix::process::Signal;
 
 #[test]
-fn an_agent_that_is_stopped_while_it_asks_a_program_ends_the_run_at_the_wait_limit() {
+fn an_agent_stopped_while_querying_a_program_ends_the_run_at_the_wait_limit() {
     let rig = Rig::new();
     let board = Board::new(&rig);
     let asked = rig.path("asked");
@@ -23,7 +23,7 @@ fn an_agent_that_is_stopped_while_it_asks_a_program_ends_the_run_at_the_wait_lim
     send(agent, Signal::STOP);
     let run = running.finish_beside_another().expect(3);
     run.says(&["target me@board: nothing received from its agent for 1 s"]);
-    // Its `ssh` has ended it, or it hears that nobody is there any more.
+    // Its `ssh` has ended it, or it notices the closed connection.
     let _ = std::process::Command::new("kill")
         .args(["-CONT", &agent.to_string()])
         .status();
@@ -31,7 +31,7 @@ fn an_agent_that_is_stopped_while_it_asks_a_program_ends_the_run_at_the_wait_lim
 }
 
 #[test]
-fn an_agent_that_is_slow_but_gives_signs_of_life_is_waited_for() {
+fn a_slow_agent_with_signs_of_life_is_waited_for() {
     let rig = Rig::new();
     let board = Board::new(&rig);
     let slow = crate::support::programs::program("controller-process");
@@ -50,8 +50,8 @@ fn an_agent_that_is_slow_but_gives_signs_of_life_is_waited_for() {
 }
 
 #[test]
-fn an_agent_that_is_stopped_at_any_contact_of_a_start_ends_the_run_at_the_wait_limit() {
-    // To look, to describe the program, to check its job, and to run it.
+fn an_agent_stopped_at_any_contact_of_the_start_ends_the_run_at_the_wait_limit() {
+    // To check the machine, describe the program, check its job, and run it.
     for contact in 1..=4 {
         let rig = Rig::new();
         let count = rig.write("count", "");

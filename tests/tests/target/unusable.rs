@@ -1,11 +1,11 @@
-//! Targets that cannot be used: another protocol there, no shared memory, no room.
+//! Unusable targets: another protocol, no shared memory, no space.
 
 use super::{ON_BOARD, SHORT, hil, run};
 use crate::support::board::Board;
 use crate::support::harness::Rig;
 use crate::support::programs::{program, skip, works};
 
-/// A board whose `ssh` does this to the file systems that the remote command sees, and to no others.
+/// Creates a board whose `ssh` changes the file systems seen by the remote command, and no others.
 fn behind_mounts(rig: &Rig, mounts: &str) -> Board {
     let inside = format!("set -e; {mounts}; exec /bin/sh -c \"$0\"");
     let script = rig.write("mounts", &inside);
@@ -33,7 +33,7 @@ fn a_target_without_shared_memory_or_room_is_named_and_nothing_is_started() {
         format!("mkdir -p $HOME/.cache; mount -t tmpfs -o size={size} none $HOME/.cache")
     };
     for (mounts, told) in [
-        (device, "there is no /dev/shm there"),
+        (device, "it has no /dev/shm"),
         (
             "mount -t tmpfs -o size=64k none /dev/shm",
             "/dev/shm has only 0 MiB free, and a run needs 8 at least",

@@ -1,4 +1,4 @@
-//! Two hosts and the wire between them: spoiled, intruded, blocked and cut, with a real `ssh`.
+//! Two hosts and the wire between them: disturbed, intruded, blocked and cut, with a real `ssh`.
 
 use std::path::Path;
 
@@ -8,12 +8,13 @@ use super::{SHORT, log, under_way};
 use crate::support::harness::{Rig, until};
 use crate::support::hosts::Hosts;
 
-/// Answers that came as datagrams, and all answers, as the bridge counts them at its end.
+/// Returns the number of answers that arrived as datagrams, and of all answers, as counted by the bridge at its
+/// end.
 fn answers(log: &str) -> (u64, u64) {
     let counted = log.lines().find_map(|line| {
         let (_, counts) = line.split_once("target board: ")?;
         let (datagrams, rest) = counts.split_once(" of ")?;
-        let (all, _) = rest.split_once(" answers came as datagrams")?;
+        let (all, _) = rest.split_once(" answers arrived as datagrams")?;
         Some((datagrams.parse().ok()?, all.parse().ok()?))
     });
     counted.unwrap_or_else(|| panic!("{log}"))
@@ -25,7 +26,7 @@ fn log_until(folder: &Path, what: &str) {
     });
 }
 
-/// Steps after which the target missed samples, as far as they are not before this one.
+/// Returns steps after which the target missed samples, except those before this one.
 fn switches_after(step: u64, log: &str) -> Vec<u64> {
     let parts = log.split("no sample after step ").skip(1);
     let steps = parts.filter_map(|part| part.split_once(' ')?.0.parse().ok());
@@ -37,7 +38,7 @@ pub(super) fn nothing_left_on_board(hosts: &Hosts) {
 }
 
 #[test]
-fn over_a_wire_that_loses_doubles_reorders_and_corrupts_the_digest_is_that_of_the_desk() {
+fn over_a_wire_that_loses_duplicates_reorders_and_corrupts_the_digest_is_that_of_the_desk() {
     let Some(mut hosts) = Hosts::new() else {
         return;
     };
@@ -69,7 +70,7 @@ fn over_a_wire_that_loses_doubles_reorders_and_corrupts_the_digest_is_that_of_th
     assert!(counts.iter().all(|count| *count > 50), "{counts:?}");
 }
 
-/// Counts of the datagrams that the wire passed on, lost, doubled, held back and changed, and of those from the board.
+/// Counts the datagrams that the wire forwarded, lost, duplicated, delayed and changed, and those from the board.
 fn counted(hosts: &mut Hosts) -> Vec<u64> {
     let counts = hosts.order("counts");
     let counts = counts.split_ascii_whitespace().skip(1);
@@ -79,7 +80,7 @@ fn counted(hosts: &mut Hosts) -> Vec<u64> {
 }
 
 #[test]
-fn who_is_on_the_wire_gets_nothing_in() {
+fn an_attacker_on_the_wire_cannot_inject_anything() {
     let Some(mut hosts) = Hosts::new() else {
         return;
     };
@@ -90,7 +91,7 @@ fn who_is_on_the_wire_gets_nothing_in() {
     let run = run.finish().expect(0);
     assert_eq!(run.summary()["digest"], here["digest"]);
     assert!(!log(&run).contains("no datagram"), "{}", log(&run));
-    // In real time an old sample that got in would be answered, and the run not repeat.
+    // In real time an accepted old sample would be answered, and the run not be repeatable.
     let there = rig.start_with(
         hosts.hil(),
         &format!("{SHORT} --target board --clock realtime"),
@@ -101,7 +102,7 @@ fn who_is_on_the_wire_gets_nothing_in() {
 }
 
 #[test]
-fn behind_a_firewall_frames_go_through_the_connection_and_back_when_it_opens() {
+fn frames_use_the_connection_while_a_firewall_blocks_datagrams() {
     let Some(mut hosts) = Hosts::new() else {
         return;
     };
@@ -121,19 +122,19 @@ fn behind_a_firewall_frames_go_through_the_connection_and_back_when_it_opens() {
         text.contains("datagrams get through to 10.77.0.2"),
         "{text}"
     );
-    // All before the hold went through the connection, and soon nothing after it.
+    // Everything before the pause went through the connection, and soon nothing after it.
     let (datagrams, all) = answers(&text);
     assert!((1..=all - 400).contains(&datagrams), "{text}");
     nothing_left_on_board(&hosts);
 }
 
 #[test]
-fn against_the_clock_bursts_of_lost_datagrams_repeat_here_to_the_same_digest() {
+fn real_time_runs_with_bursts_of_loss_repeat_at_the_desk_with_the_same_digest() {
     let Some(mut hosts) = Hosts::new() else {
         return;
     };
     let rig = Rig::new();
-    // Slow enough that a busy machine keeps up, or the law loses the mass.
+    // Slow enough for a busy machine to keep up, or the law loses the mass.
     let clock = "--set run.rate_hz=100 --clock realtime --set metrics=[] --set requirements=[]";
     let there = rig.start_with(
         hosts.hil(),
@@ -160,7 +161,7 @@ fn a_target_without_samples_switches_its_output_to_the_safe_command_by_itself() 
     const HELD_N: f64 = 0.5;
     const SAFE_N: f64 = -1.25;
     let rig = Rig::new();
-    // A law that keeps the mass where it is, however late its commands come.
+    // A law that keeps the mass where it is, however late its commands arrive.
     let clock = format!(
         "--set run.duration_s=12 --clock realtime --wait-limit 60 --set metrics=[] --set requirements=[] \
          --set controller.law=hold --set controller.hold.value={HELD_N} --set plant.safe_command.force_n={SAFE_N}"
@@ -187,7 +188,7 @@ fn a_target_without_samples_switches_its_output_to_the_safe_command_by_itself() 
     let (step, _, values) = safe.expect("seen");
     assert_eq!(values, [SAFE_N]);
     assert!(step >= last, "{step} {last}");
-    // The desk did not order it: it has heard of no switch after that step.
+    // The desk did not order it: it received no report of a switch after that step.
     let controller_log = running.folder().join("controller.log");
     let before = std::fs::read_to_string(controller_log).expect("a log");
     assert!(switches_after(step, &before).is_empty(), "{before}");
@@ -197,9 +198,9 @@ fn a_target_without_samples_switches_its_output_to_the_safe_command_by_itself() 
         output.is_some_and(|(back, is_safe, _)| back > step && !is_safe)
     });
     let run = running.finish().expect(0);
-    // What it did alone is told by number: in the log, as a note of the recording, and in the summary.
+    // Switches without a connection are counted: in the log, as a mark in the recording, and in the summary.
     let switches = switches_after(step, &log(&run));
-    // The last sample may be one that had no answer.
+    // The last sample may have had no answer.
     let last_sample = switches.first().expect("a switch is logged");
     let text = format!("no sample after step {last_sample} ");
     let summary = run.summary();
@@ -218,16 +219,16 @@ fn a_target_without_samples_switches_its_output_to_the_safe_command_by_itself() 
 }
 
 #[test]
-fn a_cut_is_survived_or_named_and_the_board_is_clean_either_way() {
+fn a_cut_is_survived_or_named_and_leaves_the_board_clean() {
     let Some(mut hosts) = Hosts::new() else {
         return;
     };
     let rig = Rig::new();
     let here = rig.run(SHORT).expect(0).summary();
-    // A run that is held cannot end before the cut, however slow the machine is.
+    // A paused run cannot end before the cut, however slow the machine is.
     let held = format!("{SHORT} --pause-at 0.4 --target board");
     let last = "since step 399";
-    // A cut that is shorter than the limit costs time; the controller stays the same.
+    // A cut shorter than the limit costs time; the controller stays the same.
     let running = rig.start_with(hosts.hil(), &format!("{held} --wait-limit 60"));
     rig.until_held_at(400);
     let there = hosts.left_on_board();
@@ -245,7 +246,7 @@ fn a_cut_is_survived_or_named_and_the_board_is_clean_either_way() {
     assert_eq!(summary["controllers"], Value::Array(Vec::new()));
     nothing_left_on_board(&hosts);
 
-    // While it is held the plant awaits no answer: the bridge alone misses the board.
+    // While paused the plant awaits no answer: only the bridge misses the board.
     let running = rig.start_with(hosts.hil(), &held);
     rig.until_held_at(400);
     hosts.order("cut");
@@ -255,11 +256,11 @@ fn a_cut_is_survived_or_named_and_the_board_is_clean_either_way() {
     let reason = summary["reason"].as_str().expect("a reason");
     assert!(reason.contains(lost), "{reason}");
     log_until(&folder, lost);
-    // The board hears nothing either, and ends by itself.
+    // The board receives nothing either, and ends by itself.
     nothing_left_on_board(&hosts);
     hosts.order("mend");
 
-    // The same with a policy: the run goes on without the controller.
+    // The same with a policy: the run continues without the controller.
     let policy = "--set run.on_controller_loss=hold";
     let running = rig.start_with(hosts.hil(), &format!("{held} {policy}"));
     rig.until_held_at(400);
@@ -270,7 +271,7 @@ fn a_cut_is_survived_or_named_and_the_board_is_clean_either_way() {
 }
 
 #[test]
-fn a_real_ssh_refuses_strangers_impostors_and_nobody() {
+fn a_real_ssh_refuses_strangers_and_impostors() {
     let Some(hosts) = Hosts::new() else {
         return;
     };

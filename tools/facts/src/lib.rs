@@ -1,13 +1,13 @@
-//! Facts: what a run is made of and what became of it, and a running session as other terminals have it. Starts no run
-//! and compares none.
+//! Facts about runs: their programs, their results, and a running session as seen from another terminal. Starts no
+//! run and compares none.
 //!
-//! | Room | What lives there |
+//! | Module | Contents |
 //! |---|---|
 //! | [`session`] | a running session from another terminal: requests, faults, records |
-//! | [`checkpoint`] | the state of both sides before a step, for another run to go on from |
-//! | [`results`] | the end of a run, its verdicts, its latency and the grade of that, its summary |
+//! | [`checkpoint`] | the state of both sides before a step, from which another run can continue |
+//! | [`results`] | the end of a run, its verdicts, its latency with a grade, its summary |
 //! | [`programs`] | plant and controller programs, and the scenario checked against them |
-//! | [`arguments`] | arguments that verbs of several packages share |
+//! | [`arguments`] | arguments shared by verbs of several packages |
 
 #![expect(
     missing_docs,

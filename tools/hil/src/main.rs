@@ -1,4 +1,4 @@
-//! `hil`, the one program a person calls.
+//! `hil`, the command-line program of the framework.
 
 use std::process::ExitCode;
 

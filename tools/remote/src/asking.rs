@@ -1,4 +1,4 @@
-//! Asking a program: run for a short answer, with a limit to everything that it may do meanwhile.
+//! Queries of a program: runs it for a short answer, with limits on time and output.
 
 use std::ffi::OsStr;
 use std::io::{self, Read};
@@ -12,15 +12,15 @@ use std::time::{Duration, Instant};
 
 use hil_session::process::{MARK, end_group, end_marked, reap};
 
-/// Time that every program may take to describe itself or to check a job.
+/// Time limit for every program to describe itself or to check a job.
 const ANSWER_LIMIT: Duration = Duration::from_secs(10);
-/// The same in s: the least that a program may take to start.
+/// Time limit in s: the minimum allowed to a program to start.
 pub const LEAST_S: f64 = ANSWER_LIMIT.as_secs() as f64;
-/// Time that a program may take in this process, in ms: the limit of its command line, if that is longer.
+/// Time limit of programs in this process in ms: the wait limit of its command line, if that is longer.
 static LIMIT_MS: AtomicU64 = AtomicU64::new(ANSWER_LIMIT.as_millis() as u64);
-/// Longest answer; that of 100 plants with 512 signals each is shorter.
+/// Maximum length of an answer in bytes; that of 100 plants with 512 signals each is shorter.
 const LONGEST_ANSWER: u64 = 16 << 20;
-/// Longest beginning of a program's standard error that is kept, in bytes.
+/// Maximum number of bytes kept from the beginning of a program's standard error.
 const LONGEST_COMPLAINT: u64 = 64 << 10;
 
 /// Answer of a program.
@@ -28,26 +28,26 @@ const LONGEST_COMPLAINT: u64 = 64 << 10;
 pub struct Answer {
     /// Exit status.
     pub status: ExitStatus,
-    /// Standard output, whole.
+    /// Complete standard output.
     pub stdout: Vec<u8>,
-    /// The beginning of its standard error.
+    /// Beginning of its standard error.
     pub stderr: Vec<u8>,
 }
 
-/// A program gave no answer.
+/// Reason for a missing answer.
 #[derive(Debug, thiserror::Error)]
 pub enum NoAnswer {
-    /// Somebody interrupted it.
+    /// The query was interrupted.
     #[error("interrupted")]
     Interrupted,
-    /// Failure: it cannot be started, or does not answer as it should.
+    /// The program cannot be started, or does not answer properly.
     #[error("{0}")]
     Failed(String),
 }
 
-/// Lets every program that this process asks take so many seconds from now on, and never less than 10.
+/// Extends the time limit of all programs run by this process to this number of seconds; the minimum is 10.
 pub fn allow_seconds(limit_s: f64) {
-    // The cast saturates: infinity is 584 million years.
+    // The cast saturates: infinity becomes 584 million years.
     let limit_ms = (limit_s * 1e3) as u64;
     LIMIT_MS.fetch_max(limit_ms, Ordering::Relaxed);
 }
@@ -56,11 +56,11 @@ fn limit() -> Duration {
     Duration::from_millis(LIMIT_MS.load(Ordering::Relaxed))
 }
 
-/// Runs a program for a short answer; one that never answers, or never ends to, is ended, and so is
-/// all that it started.
+/// Runs a program for a short answer; a program that never answers or never ends is killed with all its
+/// descendants.
 ///
 /// # Errors
-/// If there is no answer.
+/// If there is no answer, with the reason.
 pub fn ask<S: AsRef<OsStr>>(
     path: &Path,
     arguments: &[S],
@@ -85,9 +85,9 @@ pub fn ask<S: AsRef<OsStr>>(
     let status = await_end(&mut child, &heard, is_interrupted);
     if status.is_err() {
         end_group(&child);
-        let _ = child.wait(); // it was killed, or had ended just now
+        let _ = child.wait(); // it was killed, or has just ended
     }
-    // What left its group would live on, and hold the pipes open.
+    // Descendants outside its process group would live on and hold the pipes open.
     end_marked(&mark);
     heard.answer(status?).map_err(NoAnswer::Failed)
 }
@@ -96,7 +96,7 @@ fn failed(error: io::Error) -> NoAnswer {
     NoAnswer::Failed(error.to_string())
 }
 
-/// Waits for the end of a program that was asked.
+/// Waits for the end of a program.
 fn await_end(
     child: &mut Child,
     heard: &Heard,
@@ -110,7 +110,7 @@ fn await_end(
             None if heard.stdout.is_too_long() => return Err(NoAnswer::Failed(too_long())),
             None if since.elapsed() > limit() => {
                 let limit_s = limit().as_secs_f64();
-                let reason = format!("it gave no answer within {limit_s} s");
+                let reason = format!("no answer within {limit_s} s");
                 return Err(NoAnswer::Failed(reason));
             }
             None => std::thread::sleep(Duration::from_millis(1)),
@@ -122,13 +122,13 @@ fn too_long() -> String {
     format!("its answer is longer than {} MiB", LONGEST_ANSWER >> 20)
 }
 
-/// Output of a program, read while it runs: a full pipe would stop the binary.
+/// Output of a program, read while it runs, because a full pipe would block it.
 struct Heard {
     stdout: Ear,
     stderr: Ear,
 }
 
-/// Output of the program, read on a thread of its own.
+/// Output stream, read on a thread of its own.
 struct Ear {
     is_too_long: Arc<AtomicBool>,
     bytes: Receiver<Vec<u8>>,
@@ -141,11 +141,11 @@ impl Ear {
 }
 
 impl Heard {
-    /// The answer of a program that has ended.
+    /// Returns the answer of a program that has ended.
     fn answer(self, status: ExitStatus) -> Result<Answer, String> {
         let collect = |ear: &Ear| {
-            let held = |_| "something that it started holds its output open".to_owned();
-            ear.bytes.recv_timeout(ANSWER_LIMIT).map_err(held)
+            let held_open = |_| "a process started by it holds its output open".to_owned();
+            ear.bytes.recv_timeout(ANSWER_LIMIT).map_err(held_open)
         };
         let stdout = collect(&self.stdout)?;
         if self.stdout.is_too_long() {
@@ -159,7 +159,7 @@ impl Heard {
     }
 }
 
-/// Reads an output to its end; what is beyond the limit is passed over.
+/// Reads an output to its end; discards everything beyond the limit.
 fn listen(pipe: Option<impl Read + Send + 'static>, limit_bytes: u64) -> Ear {
     let is_too_long = Arc::new(AtomicBool::new(false));
     let (sender, bytes) = channel();
@@ -167,14 +167,14 @@ fn listen(pipe: Option<impl Read + Send + 'static>, limit_bytes: u64) -> Ear {
     std::thread::spawn(move || {
         let mut bytes = Vec::new();
         if let Some(mut pipe) = pipe {
-            // What was read before an error is all there is to show.
+            // After a read error, the output so far is all there is.
             let _ = (&mut pipe).take(limit_bytes).read_to_end(&mut bytes);
             if matches!(io::copy(&mut (&mut pipe).take(1), &mut io::sink()), Ok(1)) {
                 tell.store(true, Ordering::Release);
                 let _ = io::copy(&mut pipe, &mut io::sink());
             }
         }
-        let _ = sender.send(bytes); // nobody waits for it any more
+        let _ = sender.send(bytes); // the receiver may be gone
     });
     Ear { is_too_long, bytes }
 }

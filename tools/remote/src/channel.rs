@@ -1,8 +1,9 @@
-//! The channel between desk and agent: messages, parts of a file and, where no datagram gets through, packets, in
-//! order, over anything that carries bytes.
+//! Channel between desk and agent: messages, parts of files and, where no datagrams get through, packets, in order,
+//! over any byte stream.
 //!
-//! A frame is its length (32 bits, little-endian), its kind, and its content. Over `ssh` that is all; over a bare
-//! connection each frame is sealed. What arrives is bounded before it is read, and checked before it is used.
+//! A frame is its length (32 bits, little-endian), its kind, and its content. Over `ssh` that is all; over a plain
+//! connection each frame is encrypted and authenticated. Received data is bounded before it is read, and validated
+//! before it is used.
 
 use std::io::{self, BufReader, Read, Write};
 use std::sync::Arc;
@@ -13,18 +14,18 @@ use serde::de::DeserializeOwned;
 
 use crate::seal::Seal;
 
-/// Longest content of a frame.
+/// Maximum content of a frame in bytes.
 const LONGEST_FRAME: usize = 32 << 10;
-/// Longest message, of several frames; the description of 100 plants with 512 signals is shorter.
+/// Maximum length of a message of several frames; the description of 100 plants with 512 signals is shorter.
 const LONGEST_MESSAGE: usize = 17 << 20;
-/// Bytes that a seal and the kind add at most.
+/// Maximum number of bytes added by encryption and the kind.
 const AROUND: usize = 64;
-/// Things that may wait to be heard; who says more waits.
+/// Capacity of the receive queue; a full queue blocks the sender.
 const HEARD: usize = 16;
-/// Frames that may wait to be written. A packet that finds no room is lost, as a datagram would be.
+/// Capacity of the send queue in frames. A packet that finds it full is dropped, like a datagram.
 const WAITING: usize = 256;
 
-/// Kind of a frame. One that more of the same message follows has the highest bit set.
+/// Kind of a frame. The highest bit marks a frame that is continued by another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 enum FrameContent {
@@ -35,28 +36,28 @@ enum FrameContent {
 
 const MORE: u8 = 0x80;
 
-/// Something that came through the channel.
+/// Item received through the channel.
 #[derive(Debug)]
 pub enum Heard<M> {
     /// A message.
     Message(M),
-    /// A part of a file.
+    /// Part of a file.
     Part(Vec<u8>),
-    /// A packet that would have been a datagram.
+    /// Packet, as in a datagram.
     Packet(Vec<u8>),
-    /// The end, with its reason.
+    /// End of the channel, with the reason.
     Closed(String),
 }
 
-/// The end that is heard, on a thread of its own.
+/// Receiving end, on a thread of its own.
 pub struct Ear<M>(Receiver<Heard<M>>);
 
-/// The end that speaks, on a thread of its own: nobody who speaks ever waits for the other end.
+/// Sending end, on a thread of its own, so that senders never wait for the other end.
 #[derive(Clone)]
 pub struct Mouth(SyncSender<(FrameContent, Vec<u8>)>);
 
 impl<M: DeserializeOwned + Send + 'static> Ear<M> {
-    /// Listens from now on; `ring` is called after each thing that came.
+    /// Starts receiving; `ring` is called after each received item.
     pub fn listen(
         from: impl Read + Send + 'static,
         seal: Option<Arc<Seal>>,
@@ -84,13 +85,13 @@ impl<M: DeserializeOwned + Send + 'static> Ear<M> {
         Self(heard)
     }
 
-    /// The next thing that came, if there is one.
+    /// Returns the next item, if there is one.
     #[must_use]
     pub fn next(&self) -> Option<Heard<M>> {
         self.0.try_recv().ok()
     }
 
-    /// Waits for the next thing, at most so long.
+    /// Waits for the next item, up to the limit.
     #[must_use]
     pub fn wait(&self, limit: std::time::Duration) -> Option<Heard<M>> {
         self.0.recv_timeout(limit).ok()
@@ -109,7 +110,7 @@ impl<R: Read> Reader<R> {
         loop {
             let (kind, content) = self.frame()?;
             if whole.len() + content.len() > LONGEST_MESSAGE {
-                return Err(wrong("a message is too long"));
+                return Err(wrong("message too long"));
             }
             whole.extend(content);
             if kind & MORE != 0 {
@@ -121,10 +122,10 @@ impl<R: Read> Reader<R> {
             return match kind {
                 MESSAGE => serde_json::from_slice(&whole)
                     .map(Heard::Message)
-                    .map_err(|_| wrong("a message is none")),
+                    .map_err(|_| wrong("malformed message")),
                 PART => Ok(Heard::Part(whole)),
                 PACKET => Ok(Heard::Packet(whole)),
-                _ => Err(wrong("a frame has an unknown kind")),
+                _ => Err(wrong("unknown kind of frame")),
             };
         }
     }
@@ -134,12 +135,14 @@ impl<R: Read> Reader<R> {
         self.from
             .read_exact(&mut length)
             .map_err(|error| match error.kind() {
-                io::ErrorKind::UnexpectedEof => io::Error::new(error.kind(), "it was closed"),
+                io::ErrorKind::UnexpectedEof => {
+                    io::Error::new(error.kind(), "closed by the other end")
+                }
                 _ => error,
             })?;
         let length = u32::from_le_bytes(length) as usize;
         if length == 0 || length > LONGEST_FRAME + AROUND {
-            return Err(wrong("a frame has an impossible length"));
+            return Err(wrong("impossible frame length"));
         }
         let mut frame = vec![0; length];
         self.from.read_exact(&mut frame)?;
@@ -152,7 +155,7 @@ impl<R: Read> Reader<R> {
         }
         match frame.split_first() {
             Some((kind, content)) => Ok((*kind, content.to_vec())),
-            None => Err(wrong("a frame is empty")),
+            None => Err(wrong("empty frame")),
         }
     }
 }
@@ -162,7 +165,7 @@ fn wrong(what: &str) -> io::Error {
 }
 
 impl Mouth {
-    /// Speaks into this from now on.
+    /// Starts sending to a writer.
     pub fn speak(into: impl Write + Send + 'static, seal: Option<Arc<Seal>>) -> Self {
         let (sender, frames) = sync_channel::<(FrameContent, Vec<u8>)>(WAITING);
         std::thread::spawn(move || {
@@ -173,23 +176,23 @@ impl Mouth {
             };
             while let Ok((kind, content)) = frames.recv() {
                 if writer.write(kind, &content).is_err() {
-                    return; // the ear hears that it is closed
+                    return; // the receiving end reports the closed channel
                 }
             }
         });
         Self(sender)
     }
 
-    /// Says a message. It waits if many do.
+    /// Sends a message; waits while the queue is full.
     ///
     /// # Panics
     /// Never: messages are plain data, which always serialises.
     pub fn say(&self, message: &impl Serialize) {
         let content = serde_json::to_vec(message).expect("plain data serialises");
-        let _ = self.0.send((FrameContent::Message, content)); // closed: the ear hears it
+        let _ = self.0.send((FrameContent::Message, content)); // if closed, the receiving end reports it
     }
 
-    /// Says a message unless many wait; false if they do.
+    /// Sends a message unless the queue is full; returns `false` if it is.
     ///
     /// # Panics
     /// Never: messages are plain data, which always serialises.
@@ -203,10 +206,10 @@ impl Mouth {
 
     /// Sends a part of a file.
     pub fn part(&self, part: Vec<u8>) {
-        let _ = self.0.send((FrameContent::Part, part)); // closed: the ear hears it
+        let _ = self.0.send((FrameContent::Part, part)); // if closed, the receiving end reports it
     }
 
-    /// Sends a packet, or loses it if many things wait.
+    /// Sends a packet, or drops it if the queue is full.
     pub fn packet(&self, packet: &[u8]) {
         let _ = self.0.try_send((FrameContent::Packet, packet.to_vec()));
     }
@@ -242,7 +245,7 @@ impl<W: Write> Writer<W> {
             self.number += 1;
             plain = sealed;
         }
-        // At once: two writes would wait for each other on a connection.
+        // In one write: two would wait for each other on a connection.
         let mut frame = (plain.len() as u32).to_le_bytes().to_vec();
         frame.extend(plain);
         self.into.write_all(&frame)
@@ -285,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn everything_arrives_in_order_whatever_its_length() {
+    fn items_of_any_length_arrive_in_order() {
         let [ours, theirs] = seals();
         for (mouth, ear) in [through(None, None), through(Some(ours), Some(theirs))] {
             mouth.say(&"x".repeat(100_000));
@@ -295,14 +298,14 @@ mod tests {
             drop(mouth);
             let all: Vec<String> = (0..5).map(|_| heard(&ear)).collect();
             let part = format!("part of {LONGEST_FRAME}");
-            let wanted = [
+            let expected = [
                 "message of 100000",
                 &part,
                 "part of 0",
                 "packet of 5",
-                "closed: it was closed",
+                "closed: closed by the other end",
             ];
-            assert_eq!(all, wanted);
+            assert_eq!(all, expected);
         }
     }
 

@@ -1,4 +1,4 @@
-//! A connection to an agent that listens.
+//! Connection to a listening agent.
 
 use std::io;
 use std::net::{TcpStream, ToSocketAddrs};
@@ -12,26 +12,26 @@ use crate::message::ToDesk;
 use crate::seal::{Seal, begin};
 use crate::way::{TargetError, Way};
 
-/// Time for a connection to be made.
+/// Time limit for a connection.
 const CONNECT: Duration = Duration::from_secs(10);
 
-/// Connects to an agent that listens.
+/// Connects to a listening agent.
 pub(crate) fn connect(
     way: &Way,
     address: &str,
     ring: Box<dyn Fn() + Send>,
 ) -> Result<(Ear<ToDesk>, Mouth, Leash), TargetError> {
     let Some(key_file) = &way.key_file else {
-        return Err(way.usage("an agent that listens needs its key: --key-file FILE"));
+        return Err(way.usage("a listening agent needs its key: --key-file FILE"));
     };
     let key = read_key(key_file).map_err(|error| way.usage(error))?;
-    // Before the connection is made: an agent that many strangers contact has little time for one that says nothing.
+    // Before the connection is made: an agent under many contacts gives a silent one little time.
     let begun = begin(&key, &prologue()).map_err(|error| way.infrastructure(error));
     let (begun, first) = begun?;
     let addresses =
         (address.to_socket_addrs()).map_err(|error| way.usage(format!("unknown host: {error}")))?;
     let mut connection = Err(way.usage("unknown host"));
-    // A name may have addresses of both versions, and the agent listens on one.
+    // A name may have IPv4 and IPv6 addresses, and the agent listens on one.
     for address in addresses {
         connection = TcpStream::connect_timeout(&address, CONNECT)
             .map_err(|error| way.infrastructure(error));
@@ -56,7 +56,7 @@ pub(crate) fn connect(
         Ok(seal)
     };
     let seal = hands().map_err(|error| {
-        let silence = ": no agent that answers listens there";
+        let silence = ": no agent answers at this address";
         way.infrastructure(no_handshake(&error, limit, silence))
     })?;
     let seal = Arc::new(seal);

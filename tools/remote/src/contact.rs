@@ -1,4 +1,4 @@
-//! Contact of the desk with a target: reach it, have the program there, ask it.
+//! Connection of the desk to a target: connects, provides the program, and queries it.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -13,40 +13,40 @@ use crate::name::Target;
 use crate::way::{TargetError, Way};
 use crate::{connection, ssh};
 
-/// Longest time until an agent says that it is there, and until it answers.
+/// Time limit for an agent to start, and to answer.
 const ANSWER_LIMIT: Duration = Duration::from_secs(15);
-/// Longest silence of an agent that is receiving a part of a file.
+/// Limit of the silence of an agent that is receiving part of a file.
 const COPY_LIMIT: Duration = Duration::from_secs(60);
-/// Parts of a file under way, and the bytes of each.
+/// Number of parts of a file in flight; the size of each follows in bytes.
 const PARTS: u32 = 4;
 const PART_BYTES: u64 = 256 << 10;
-/// Time between two looks at an interruption.
+/// Polling interval for an interruption.
 const LOOK: Duration = Duration::from_millis(20);
-/// Time that the last word of `ssh` may take.
+/// Time limit for the last message of `ssh`.
 const LAST_WORD: Duration = Duration::from_millis(500);
 
-/// An open contact. Dropping it ends the agent.
+/// Open connection. Dropping it ends the agent.
 pub struct Contact {
     pub(crate) way: Way,
     pub(crate) ear: Ear<ToDesk>,
-    // Before the leash: closing it is what ends the agent.
+    // Dropped before the leash, whose closing ends the agent.
     pub(crate) mouth: Mouth,
     pub(crate) leash: Leash,
     findings: Findings,
 }
 
-/// Answer of a program that was asked on a target.
+/// Answer of a program on a target.
 #[derive(Debug)]
 pub struct Answer {
-    /// True if its exit code was 0.
+    /// `true` if its exit code was 0.
     pub is_success: bool,
     /// Standard output.
     pub stdout: String,
-    /// The beginning of its standard error.
+    /// Beginning of its standard error.
     pub stderr: String,
 }
 
-/// A program that runs on a target.
+/// Program running on a target.
 pub(crate) struct Running {
     /// Address for datagrams.
     pub(crate) address: Option<String>,
@@ -55,8 +55,8 @@ pub(crate) struct Running {
 }
 
 impl Contact {
-    /// Reaches a target and starts an agent there, or greets the one that listens. `ring` is called whenever something
-    /// comes; `is_interrupted` is asked again and again.
+    /// Connects to a target and starts an agent there, or contacts the one that listens. `ring` is called after
+    /// each received item; `is_interrupted` is polled.
     ///
     /// # Errors
     /// If the target cannot be reached or used.
@@ -74,7 +74,7 @@ impl Contact {
             ear,
             mouth,
             leash,
-            findings: Findings::own(), // replaced at once
+            findings: Findings::own(), // replaced below
         };
         match contact.wait(ANSWER_LIMIT, is_interrupted)? {
             ToDesk::Here { protocol, findings } if protocol == PROTOCOL => {
@@ -82,28 +82,26 @@ impl Contact {
             }
             ToDesk::Here { protocol, .. } => {
                 return Err(way.usage(format!(
-                    "its agent speaks protocol {protocol}, this hil {PROTOCOL}; use programs of one version"
+                    "its agent speaks protocol {protocol}, this hil {PROTOCOL}; use programs of the same version"
                 )));
             }
             _ => {
-                return Err(
-                    way.infrastructure("its agent says something else than that it is there")
-                );
+                return Err(way.infrastructure("unexpected first message from its agent"));
             }
         }
         Ok(contact)
     }
 
-    /// Findings of the agent about its machine.
+    /// Returns the agent's findings about its machine.
     #[must_use]
     pub const fn findings(&self) -> &Findings {
         &self.findings
     }
 
-    /// Provides this program on the target, by its hash.
+    /// Makes this program available on the target, under its hash.
     ///
     /// # Errors
-    /// If it is built for another machine, or cannot be copied.
+    /// If it is built for another type of machine, or cannot be copied.
     pub fn provide(
         &self,
         program: &Path,
@@ -162,15 +160,15 @@ impl Contact {
     /// Asks the program for its description.
     ///
     /// # Errors
-    /// If no answer comes.
+    /// If no answer arrives.
     pub fn describe(&self, is_interrupted: &dyn Fn() -> bool) -> Result<Answer, TargetError> {
         self.ask(&ToAgent::Describe, is_interrupted)
     }
 
-    /// Asks the program to check a job.
+    /// Has the program check a job.
     ///
     /// # Errors
-    /// If no answer comes.
+    /// If no answer arrives.
     pub fn check(
         &self,
         job: String,
@@ -199,10 +197,10 @@ impl Contact {
         }
     }
 
-    /// Removes the programs that are kept on the target; returns how many there were.
+    /// Removes the programs cached on the target; returns their number.
     ///
     /// # Errors
-    /// If no answer comes.
+    /// If no answer arrives.
     pub fn clean(&self, is_interrupted: &dyn Fn() -> bool) -> Result<u32, TargetError> {
         self.mouth.say(&ToAgent::Clean);
         match self.wait(ANSWER_LIMIT, is_interrupted)? {
@@ -211,10 +209,10 @@ impl Contact {
         }
     }
 
-    /// Measures the round trip of a message through the channel, in ns: each of `count`, one after another.
+    /// Measures `count` consecutive round trips of a message through the channel in ns.
     ///
     /// # Errors
-    /// If no answer comes.
+    /// If no answer arrives.
     pub fn round_trips(
         &self,
         count: u32,
@@ -232,7 +230,7 @@ impl Contact {
         Ok(trips)
     }
 
-    /// Waits until the agent has started the program; `log` takes what that writes at once.
+    /// Waits until the agent has started the program; `log` receives the program's early output.
     pub(crate) fn wait_to_run(
         &self,
         is_interrupted: &dyn Fn() -> bool,
@@ -250,8 +248,7 @@ impl Contact {
     }
 
     pub(crate) fn out_of_turn(&self) -> TargetError {
-        self.way
-            .infrastructure("its agent says something that was not asked")
+        self.way.infrastructure("unexpected message from its agent")
     }
 
     /// Waits for the agent's next message.
@@ -261,19 +258,19 @@ impl Contact {
         is_interrupted: &dyn Fn() -> bool,
     ) -> Result<ToDesk, TargetError> {
         let since = Instant::now();
-        let mut heard = since;
+        let mut last_heard = since;
         while since.elapsed() <= limit {
             if is_interrupted() {
                 return Err(TargetError::Interrupted);
             }
             match self.ear.wait(LOOK) {
-                None if heard.elapsed() > self.way.silence => {
+                None if last_heard.elapsed() > self.way.silence => {
                     let silence_s = self.way.silence.as_secs_f64();
                     let reason = format!("nothing received from its agent for {silence_s} s");
                     return Err(self.way.infrastructure(reason));
                 }
                 None => {}
-                Some(Heard::Message(ToDesk::Beat)) => heard = Instant::now(),
+                Some(Heard::Message(ToDesk::Beat)) => last_heard = Instant::now(),
                 Some(Heard::Message(ToDesk::Refused { is_usage, reason })) => {
                     return Err(if is_usage {
                         self.way.usage(reason)
@@ -287,19 +284,20 @@ impl Contact {
             }
         }
         let limit_s = limit.as_secs();
-        let told = format!("its agent gave no answer within {limit_s} s");
-        Err(self.way.infrastructure(told))
+        let text = format!("no answer from its agent within {limit_s} s");
+        Err(self.way.infrastructure(text))
     }
 
-    /// Describes the end of the channel, with what `ssh` said of it.
+    /// Describes the end of the channel, with the last message of `ssh`.
     pub(crate) fn lost(&self, why: &str) -> TargetError {
-        let said = match &self.leash {
-            Leash::Ssh(_, said) => said.last_line(LAST_WORD),
+        let last_message = match &self.leash {
+            Leash::Ssh(_, last_message) => last_message.last_line(LAST_WORD),
             Leash::Connection(_) => None,
         };
-        let said = said.map_or_else(String::new, |said| format!(" ({said})"));
+        let last_message =
+            last_message.map_or_else(String::new, |last_message| format!(" ({last_message})"));
         self.way
-            .infrastructure(format!("connection lost: {why}{said}"))
+            .infrastructure(format!("connection lost: {why}{last_message}"))
     }
 }
 
@@ -309,7 +307,7 @@ mod tests {
 
     use super::*;
 
-    /// A contact with an agent that says what it is told to.
+    /// Creates a connection to an agent controlled by the test.
     fn contact() -> (Contact, Mouth) {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let address = listener.local_addr().expect("its address");
@@ -332,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn an_agent_that_takes_more_parts_than_it_was_sent_is_refused() {
+    fn an_agent_that_acknowledges_more_parts_than_were_sent_is_refused() {
         let folder = tempfile::tempdir().expect("a folder");
         let program = folder.path().join("program");
         std::fs::write(&program, "short").expect("written");
@@ -341,7 +339,7 @@ mod tests {
             agent.say(&said);
         }
         let refused = contact.provide(&program, "0", &|| false);
-        let told = refused.expect_err("refused").to_string();
-        assert!(told.contains("something that was not asked"), "{told}");
+        let message = refused.expect_err("refused").to_string();
+        assert!(message.contains("unexpected message"), "{message}");
     }
 }

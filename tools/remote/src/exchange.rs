@@ -1,17 +1,17 @@
-//! The exchange of frames over a wire that loses, repeats, reorders and delays: two state machines without input or
-//! output.
+//! Exchange of frames over a wire that loses, repeats, reorders and delays packets: two state machines without
+//! input or output.
 //!
-//! Each end has a newest frame and knows the newest of the other that it gave to its peer. A packet carries both.
-//! So whatever is lost is made good by any later packet, whatever comes twice or too late changes nothing, and a frame is
-//! given to the peer once.
+//! Each end has a newest frame and the number of the other end's newest frame that it passed to its peer. A packet
+//! carries both. So any later packet makes up for lost ones, duplicates and late packets change nothing, and a
+//! frame is passed to the peer once.
 //!
 //! The desk asks, the target answers. In lockstep the desk repeats its newest frame until it is answered, after a
-//! time that it takes from the round trips; the target answers a frame that it had before with the answer that it has
-//! stored, so the law steps once. In real time a sample is never repeated: the next is newer.
+//! timeout derived from the round trips; the target answers a repeated frame with the stored answer, so the law
+//! steps once. In real time a sample is never repeated: the next one is newer.
 //!
-//! There the target keeps a sample from the controller as long as the plant has not seen the last answer but one, which the
-//! sample itself tells; the last one, if two samples are still to be answered. So at most two answers in a row are unseen by
-//! the plant, however many packets are lost, and the two that each command names
+//! In real time the target withholds a sample from the controller until the plant has seen the last answer but one,
+//! as stated by the sample itself; or the last answer, if two samples are still unanswered. So the plant misses at
+//! most two consecutive answers, however many packets are lost, and the two answers named by each command
 //! ([`Answered`]) complete the list of all.
 
 use shared_types::directive::Answered;
@@ -20,23 +20,23 @@ use shared_types::time::Step;
 
 use crate::packet::{Numbered, Packet, write};
 
-/// Least time before a frame is repeated.
+/// Minimum time before a frame is repeated in ns.
 const LEAST_NS: u64 = 1_000_000;
-/// Longest time before a frame is repeated.
+/// Maximum time before a frame is repeated in ns.
 const MOST_NS: u64 = 50_000_000;
-/// Time before a frame is repeated as long as no round trip is known.
+/// Time before a frame is repeated until a round trip is known, in ns.
 const FIRST_NS: u64 = 20_000_000;
-/// Time between two packets where nothing has to be said: each end hears that the other lives.
+/// Interval between packets without news, in ns: a sign of life for the other end.
 pub const BEAT_NS: u64 = 100_000_000;
 
-/// Facts that both ends know.
+/// State common to both ends.
 #[derive(Debug, Default)]
 struct Ends {
     /// Newest frame of this end.
     own: Option<Numbered>,
-    /// Highest number of this end's frames that the other has heard.
+    /// Highest number of this end's frames received by the other end.
     answered: u64,
-    /// Highest number of the other end's frames that was given to the peer here.
+    /// Highest number of the other end's frames passed to the peer here.
     heard: u64,
 }
 
@@ -54,7 +54,7 @@ impl Ends {
         own.values.extend_from_slice(&values[..count]);
     }
 
-    /// Number of the newest frame of this end.
+    /// Returns the number of this end's newest frame.
     fn said(&self) -> u64 {
         self.own.as_ref().map_or(0, |own| own.number)
     }
@@ -68,7 +68,7 @@ impl Ends {
         write(self.heard, unheard, bytes);
     }
 
-    /// Takes what the other end has heard; nothing that was never said.
+    /// Records a number received by the other end; ignores numbers that were never sent.
     fn note(&mut self, heard: u64) {
         if heard <= self.said() && heard > self.answered {
             self.answered = heard;
@@ -76,7 +76,7 @@ impl Ends {
     }
 }
 
-/// Times of round trips, as TCP keeps them (RFC 6298).
+/// Round-trip statistics, as in TCP (RFC 6298).
 #[derive(Clone, Copy, Debug, Default)]
 struct Trips {
     smooth_ns: u64,
@@ -102,16 +102,16 @@ impl Trips {
     }
 }
 
-/// The desk's end.
+/// Desk's end.
 #[derive(Debug)]
 pub struct DeskEnd {
     ends: Ends,
     against_clock: bool,
     beat_ns: u64,
     trips: Trips,
-    /// The newest frame wants an answer, a frame of the target that was not there when it was sent.
+    /// `true` if the newest frame needs an answer: a frame of the target newer than those known when it was sent.
     wants_answer: bool,
-    /// Packets of the newest frame.
+    /// Number of packets sent with the newest frame.
     sent: u32,
     first_ns: u64,
     last_ns: u64,
@@ -119,8 +119,7 @@ pub struct DeskEnd {
 }
 
 impl DeskEnd {
-    /// Makes the end of a run, `against_clock` if its plant waits for nobody; says something each `beat_ns` at
-    /// least.
+    /// Creates the end of a run, `against_clock` if its plant never waits; sends a packet at least every `beat_ns`.
     #[must_use]
     pub fn new(against_clock: bool, beat_ns: u64) -> Self {
         Self {
@@ -136,7 +135,7 @@ impl DeskEnd {
         }
     }
 
-    /// Takes a frame of the plant; its packet is due at once.
+    /// Accepts a frame of the plant; its packet is due at once.
     pub fn say(&mut self, header: &Header, values: &[f64]) {
         self.ends.next(header, values);
         self.sent = 0;
@@ -148,7 +147,7 @@ impl DeskEnd {
         };
     }
 
-    /// Time of the monotonic clock at which the next packet is due.
+    /// Returns the time of the monotonic clock at which the next packet is due.
     #[must_use]
     pub fn due_ns(&self) -> u64 {
         if self.sent == 0 && !self.ends.is_heard() {
@@ -163,19 +162,19 @@ impl DeskEnd {
             }
     }
 
-    /// Returns true if the newest frame is one that the next replaces: it is sent once.
+    /// Returns `true` if the newest frame is sent only once, because the next one replaces it.
     fn is_passing(&self) -> bool {
         let newest = self.ends.own.as_ref().and_then(|own| own.header.kind());
         self.against_clock && newest == Some(FrameKind::Sample)
     }
 
-    /// Writes the packet that is due now.
+    /// Writes the packet that is due.
     pub fn packet(&mut self, now_ns: u64, bytes: &mut Vec<u8>) {
         let is_first = self.sent == 0;
         if is_first {
             self.first_ns = now_ns;
         } else {
-            // Longer each time: a controller may compute for long, and the wire may be full.
+            // Backs off: a controller may compute for a long time, and the wire may be congested.
             self.patience_ns = (2 * self.patience_ns).min(MOST_NS);
         }
         self.sent += 1;
@@ -187,13 +186,13 @@ impl DeskEnd {
         }
     }
 
-    /// Takes a packet of the target; returns the frame in it if it is to be given to the plant.
+    /// Processes a packet of the target; returns its frame if it must be passed to the plant.
     pub fn take(&mut self, packet: Packet, now_ns: u64) -> Option<Numbered> {
         self.ends.note(packet.heard);
         let frame = packet
             .frame
             .filter(|frame| frame.number > self.ends.heard)?;
-        // A frame of the target answers one of the desk that it has heard.
+        // A frame of the target answers the desk's frame that it has received.
         if !self.ends.is_heard() && self.wants_answer {
             return None;
         }
@@ -205,32 +204,32 @@ impl DeskEnd {
         Some(frame)
     }
 
-    /// Number of the last frame that was given to the plant.
+    /// Returns the number of the last frame passed to the plant.
     #[must_use]
     pub const fn heard(&self) -> u64 {
         self.ends.heard
     }
 
-    /// Returns true as long as the plant's newest frame is not answered.
+    /// Returns `true` while the plant's newest frame is unanswered.
     #[must_use]
     pub fn awaits_answer(&self) -> bool {
         self.wants_answer || !self.ends.is_heard()
     }
 }
 
-/// The target's end.
+/// Target's end.
 #[derive(Debug)]
 pub struct TargetEnd {
     ends: Ends,
     against_clock: bool,
-    /// Steps of the last answer that is known and of the one before it, which may never have been known.
+    /// Steps of the last known answer and of the one before it, which may never have been known.
     answers: [Option<u64>; 2],
-    /// Steps of the last sample that was given to the controller and of the one before it.
+    /// Steps of the last two samples passed to the controller.
     given: [Option<u64>; 2],
 }
 
 impl TargetEnd {
-    /// Makes the end of a run; `against_clock` if its plant waits for nobody.
+    /// Creates the end of a run; `against_clock` if its plant never waits.
     #[must_use]
     pub fn new(against_clock: bool) -> Self {
         Self {
@@ -241,17 +240,17 @@ impl TargetEnd {
         }
     }
 
-    /// Checks whether a frame came that is newer than those that were given to the controller.
+    /// Returns `true` if a frame is newer than those passed to the controller.
     #[must_use]
     pub const fn is_news(&self, frame: &Numbered) -> bool {
         frame.number > self.ends.heard
     }
 
-    /// Takes a packet of the desk; returns the frame in it if it is to be given to the controller. Otherwise the packet
-    /// wants an answer at once.
+    /// Processes a packet of the desk; returns its frame if it must be passed to the controller. Otherwise the
+    /// packet needs an answer at once.
     ///
-    /// In real time the newest frame of the controller must have been looked for right before, and
-    /// [said](Self::say): if there was none, only one of the samples given since its last answer can be in work.
+    /// In real time the caller must just have polled the controller's newest frame and [passed it on](Self::say):
+    /// if there was none, at most one of the samples passed since its last answer can be in progress.
     pub fn take(&mut self, packet: Packet) -> Option<Numbered> {
         self.ends.note(packet.heard);
         let frame = packet.frame.filter(|frame| self.is_news(frame))?;
@@ -265,11 +264,11 @@ impl TargetEnd {
         Some(frame)
     }
 
-    /// Checks whether the plant had seen so much when it made a sample that it will miss two answers in a row at most
+    /// Returns `true` if the plant has seen enough answers at this sample to miss at most two consecutive ones even
     /// if this sample is answered too.
     ///
-    /// Of the samples given since the last answer one may be in work, and the newest may be taken before this one
-    /// replaces it: if there are two, this one's answer can be the third from now.
+    /// Of the samples passed since the last answer, one may be in progress, and the newest may be taken before this
+    /// one replaces it: with two, the answer to this one can be the third from now.
     fn is_seen(&self, sample: &Header) -> bool {
         let [last, last_but_one] = self.answers;
         let are_two_open = self.given[1] > last;
@@ -277,22 +276,22 @@ impl TargetEnd {
         let Some(answer) = needed else {
             return true;
         };
-        // The step before the sample met the command that the plant holds since so many steps.
+        // The step before the sample received the command that the plant has held for this many steps.
         let held = u64::from(sample.held_steps) + 1;
         sample.kind() != Some(FrameKind::Sample) || answer + held <= sample.step
     }
 
-    /// Takes a frame of the controller; its packet is due at once.
+    /// Accepts a frame of the controller; its packet is due at once.
     pub fn say(&mut self, header: &Header, values: &[f64]) {
         self.ends.next(header, values);
         if header.kind() == Some(FrameKind::Command) {
-            // One that was replaced before anybody looked is known by its name alone.
+            // A replaced answer is known only because later commands name it.
             let before = Answered::from_wire(header.directive).steps(Step(header.step));
             self.answers = [Some(header.step), before.map(|step| step.0).next()];
         }
     }
 
-    /// Writes the packet that answers.
+    /// Writes the answering packet.
     pub fn packet(&self, bytes: &mut Vec<u8>) {
         self.ends.packet(bytes);
     }
@@ -303,13 +302,13 @@ impl TargetEnd {
         !self.ends.is_heard()
     }
 
-    /// Number of the last frame that was given to the controller.
+    /// Returns the number of the last frame passed to the controller.
     #[must_use]
     pub const fn heard(&self) -> u64 {
         self.ends.heard
     }
 
-    /// Number of the controller's last frame.
+    /// Returns the number of the controller's last frame.
     #[must_use]
     pub fn said(&self) -> u64 {
         self.ends.said()

@@ -10,37 +10,37 @@ use std::time::{Duration, Instant};
 use crate::message::PROTOCOL;
 use crate::seal::{Key, Seal};
 
-/// Bytes of the length before a handshake message.
+/// Size of the length field before a handshake message in bytes.
 const LENGTH_BYTES: usize = size_of::<u16>();
-/// Longest handshake message.
+/// Maximum length of a handshake message in bytes.
 const LONGEST: usize = 256;
 
-/// A key file cannot be used.
+/// Unusable key file.
 #[derive(Debug, thiserror::Error)]
 pub enum KeyError {
-    /// The system refused.
+    /// Error of the operating system.
     #[error("key file {}: {error}", path.display())]
     Io {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// Error of the system.
+        /// Error.
         error: io::Error,
     },
-    /// A new key must not replace one.
-    #[error("key file {} is there already and is not overwritten; name another, or remove it", .0.display())]
+    /// The file exists, and a new key must not replace one.
+    #[error("key file {} already exists and is not overwritten; name another, or remove it", .0.display())]
     Exists(PathBuf),
-    /// Others can read it, or it is somebody else's.
+    /// The file is readable by others, or belongs to another user.
     #[error("key file {} can be read by others, or is not yours: `chmod 600 {}`", .0.display(), .0.display())]
     Open(PathBuf),
-    /// File with other content than a key.
-    #[error("key file {} holds no key; `hil target key FILE` makes one", .0.display())]
+    /// The content is not a key.
+    #[error("key file {} holds no key; create one with `hil target key FILE`", .0.display())]
     NoKey(PathBuf),
 }
 
-/// Makes a new key file, which nobody else can read.
+/// Creates a new key file that nobody else can read.
 ///
 /// # Errors
-/// If it is there already, or cannot be made.
+/// If it exists, or cannot be created.
 pub fn make_key(path: &Path) -> Result<(), KeyError> {
     let failed = |error| KeyError::Io {
         path: path.into(),
@@ -72,12 +72,12 @@ pub fn read_key(path: &Path) -> Result<Key, KeyError> {
         error,
     };
     let file = fs::File::open(path).map_err(failed)?;
-    let found = file.metadata().map_err(failed)?;
+    let metadata = file.metadata().map_err(failed)?;
     let own = rustix::process::geteuid().as_raw();
-    if !found.is_file() {
+    if !metadata.is_file() {
         return Err(KeyError::NoKey(path.into()));
     }
-    if found.mode() & 0o077 != 0 || ![own, 0].contains(&found.uid()) {
+    if metadata.mode() & 0o077 != 0 || ![own, 0].contains(&metadata.uid()) {
         return Err(KeyError::Open(path.into()));
     }
     let mut digits = String::new();
@@ -92,15 +92,16 @@ pub(crate) fn prologue() -> Vec<u8> {
 }
 
 pub(crate) fn put(into: &mut impl Write, message: &[u8]) -> io::Result<()> {
-    let mut whole = (message.len() as u16).to_le_bytes().to_vec();
-    whole.extend(message);
-    into.write_all(&whole)
+    let mut bytes = (message.len() as u16).to_le_bytes().to_vec();
+    bytes.extend(message);
+    into.write_all(&bytes)
 }
 
-/// Number of the seal that ends a handshake; the messages after it count from 0.
+/// Nonce of the message that ends a handshake; later messages count from 0.
 const PROOF: u64 = 1 << 62;
 
-/// Shows the other end that the handshake came to its end here: nobody who only repeats old messages can.
+/// Proves to the other end that this end completed the handshake, which an attacker who only replays messages
+/// cannot do.
 ///
 /// # Errors
 /// If the connection failed.
@@ -111,16 +112,16 @@ pub(crate) fn prove(into: &mut impl Write, seal: &Seal) -> io::Result<()> {
     put(into, &proof)
 }
 
-/// Checks the proof that the handshake came to its end at the other end.
+/// Checks the other end's proof that it completed the handshake.
 ///
 /// # Errors
-/// If it is none.
+/// If the proof is invalid.
 pub(crate) fn check_proof(proof: &[u8], seal: &Seal) -> io::Result<()> {
     let opened = seal.open(PROOF, proof, &mut Vec::new());
     opened.map_err(io::Error::other)
 }
 
-/// Says why a handshake came to nothing, with what a silence may mean.
+/// Describes the failure of a handshake, with a possible cause of silence.
 pub(crate) fn no_handshake(error: &io::Error, limit: Duration, silence: &str) -> String {
     use io::ErrorKind::{BrokenPipe, ConnectionReset, TimedOut, UnexpectedEof, WouldBlock};
     match error.kind() {
@@ -134,7 +135,7 @@ pub(crate) fn no_handshake(error: &io::Error, limit: Duration, silence: &str) ->
     }
 }
 
-/// A connection that may take until a time, all reads together.
+/// Connection with a deadline for all reads together.
 pub(crate) struct Until<'a>(pub(crate) &'a TcpStream, pub(crate) Instant);
 
 impl Read for Until<'_> {
@@ -148,18 +149,18 @@ impl Read for Until<'_> {
     }
 }
 
-/// Waits for a message of a handshake.
+/// Waits for a handshake message.
 pub(crate) fn get(from: &mut impl Read) -> io::Result<Vec<u8>> {
     let message = PartialMessage::default().read(from)?;
     message.ok_or_else(|| io::ErrorKind::WouldBlock.into())
 }
 
-/// Message of a handshake, as far as it has come. Nothing after it is read.
+/// Handshake message received so far. No bytes after it are read.
 #[derive(Default)]
 pub(crate) struct PartialMessage(Vec<u8>);
 
 impl PartialMessage {
-    /// Reads as much as is there; returns the message once it is whole.
+    /// Reads available bytes; returns the message once it is complete.
     ///
     /// # Errors
     /// If the connection failed or was closed, or the message is too long.
@@ -169,7 +170,7 @@ impl PartialMessage {
             let length = self.0.first_chunk().copied().map(u16::from_le_bytes);
             let whole = LENGTH_BYTES + length.map_or(0, usize::from);
             if whole > buffer.len() {
-                let text = "a handshake is too long";
+                let text = "handshake too long";
                 return Err(io::Error::new(io::ErrorKind::InvalidData, text));
             }
             if length.is_some() && self.0.len() == whole {
@@ -193,7 +194,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_handshake_that_failed_says_why() {
+    fn a_failed_handshake_reports_the_reason() {
         use io::ErrorKind::{ConnectionReset, Other, TimedOut, UnexpectedEof, WouldBlock};
         for (kinds, begin) in [
             (
@@ -207,14 +208,14 @@ mod tests {
             (&[Other], "no handshake ("),
         ] {
             for kind in kinds {
-                let told = no_handshake(&(*kind).into(), Duration::from_secs(10), "; busy");
-                assert!(told.starts_with(begin), "{told}");
+                let reason = no_handshake(&(*kind).into(), Duration::from_secs(10), "; busy");
+                assert!(reason.starts_with(begin), "{reason}");
             }
         }
     }
 
     #[test]
-    fn a_key_is_read_unless_others_can_read_it_or_it_is_none() {
+    fn a_key_is_read_unless_it_is_invalid_or_readable_by_others() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("board.key");
         make_key(&path).expect("made");

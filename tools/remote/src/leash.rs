@@ -1,4 +1,4 @@
-//! The leash: what keeps an agent alive. When it goes, the agent ends.
+//! Leash of an agent: the agent ends when it is dropped.
 
 use std::io::Read;
 use std::net::{Shutdown, TcpStream};
@@ -8,19 +8,19 @@ use std::time::{Duration, Instant};
 
 use shared_types::text;
 
-/// Time that `ssh` may take to end once its input is closed.
+/// Time limit for `ssh` to end once its input is closed.
 const PARTING: Duration = Duration::from_secs(1);
 
-/// Leash that keeps an agent alive: when it goes, the agent ends.
+/// Leash of an agent: the agent ends when it is dropped.
 pub(crate) enum Leash {
-    /// The `ssh` that started it, and the last of what that said.
+    /// `ssh` process that started the agent, with the end of its messages.
     Ssh(Child, Said),
-    /// The connection itself.
+    /// Connection to the agent.
     Connection(TcpStream),
 }
 
 impl Leash {
-    /// The last of what `ssh` said.
+    /// Returns the last messages of `ssh`.
     pub(crate) fn said(&self) -> String {
         match self {
             Self::Ssh(_, said) => said.text(),
@@ -33,22 +33,22 @@ impl Drop for Leash {
     fn drop(&mut self) {
         match self {
             Self::Ssh(child, _) => {
-                // Its input closes with the mouth; the agent ends, and `ssh` with it.
+                // The sending end closes its input; the agent ends, and `ssh` with it.
                 let since = Instant::now();
                 while matches!(child.try_wait(), Ok(None)) && since.elapsed() < PARTING {
                     std::thread::sleep(Duration::from_millis(2));
                 }
-                let _ = child.kill(); // it has ended by now, or never would
+                let _ = child.kill(); // it has ended by now, or never will
                 let _ = child.wait();
             }
             Self::Connection(connection) => {
-                let _ = connection.shutdown(Shutdown::Both); // it may be closed by now
+                let _ = connection.shutdown(Shutdown::Both); // it may be closed already
             }
         }
     }
 }
 
-/// The last of what `ssh`, and the agent through it, wrote to standard error.
+/// End of the messages that `ssh`, and the agent through it, wrote to standard error.
 #[derive(Clone, Default)]
 pub(crate) struct Said(Arc<Mutex<Text>>);
 
@@ -62,16 +62,16 @@ impl Said {
     const LONGEST: usize = 16 << 10;
 
     pub(crate) fn listen(&self, mut from: impl Read + Send + 'static) {
-        let said = self.clone();
+        let shared = self.clone();
         std::thread::spawn(move || {
             let mut buffer = [0; 1024];
             while let Ok(count @ 1..) = from.read(&mut buffer) {
-                let tail = &mut said.lock().tail;
+                let tail = &mut shared.lock().tail;
                 tail.extend(&buffer[..count]);
                 let surplus = tail.len().saturating_sub(Self::LONGEST);
                 tail.drain(..surplus);
             }
-            said.lock().has_ended = true;
+            shared.lock().has_ended = true;
         });
     }
 
@@ -80,11 +80,11 @@ impl Said {
     }
 
     pub(crate) fn text(&self) -> String {
-        let tail = String::from_utf8_lossy(&self.lock().tail).replace("\r\n", "\n"); // ssh ends its lines so
+        let tail = String::from_utf8_lossy(&self.lock().tail).replace("\r\n", "\n"); // line ends of ssh
         text::printable(&tail).into_owned()
     }
 
-    /// The last line, once all is said or the limit is over.
+    /// Returns the last line, once the stream has ended or the limit is over.
     pub(crate) fn last_line(&self, limit: Duration) -> Option<String> {
         let since = Instant::now();
         while !self.lock().has_ended && since.elapsed() < limit {

@@ -1,26 +1,27 @@
-//! The controller of a run on another machine, a *target*: everything between the desk's shared memory and the
+//! Controller of a run on another machine, the *target*: everything between the desk's shared memory and the
 //! target's.
 //!
-//! The controller's file knows nothing of it. On the target an [`agent`] owns a session, starts the file in it and
-//! speaks as the plant; at the desk a [`bridge`] has the controller's place in the run's session and speaks as the
-//! controller. What one hears the other says, so the plant, the controller, and everything of `hil` that deals with
-//! controllers work as on one machine.
+//! The controller program is unaware of it. On the target an [`agent`] owns a session, starts the program in it and
+//! acts as the plant; at the desk a [`bridge`] takes the controller's place in the run's session. Each repeats what
+//! the other receives, so the plant, the controller, and all parts of `hil` that deal with controllers work as on
+//! one machine.
 //!
 //! ```text
 //!   plant <- iceoryx2 -> bridge <- wire -> agent <- iceoryx2 -> controller
 //!          desk                                    target
 //! ```
 //!
-//! The wire is two things: a [`channel`], which is the leash too (when it closes, the other end stops), for
-//! everything that happens once or seldom; and datagrams for the frames, each [sealed](seal) by itself, which
-//! [`exchange`] repeats until they are answered. Where no datagram gets through, the frames go through the channel.
+//! The wire consists of a [`channel`], which also serves as leash (when it closes, the other end stops), for rare
+//! messages; and of datagrams for the frames, each [encrypted and authenticated](seal) by itself, which
+//! [`exchange`] repeats until they are answered. Where no datagrams get through, the frames go through the channel.
 //!
-//! At the desk, [`contact`], [`way`], [`name`] and `ssh` reach a target. There, [`programs`] holds what an agent may run
-//! and checks the hash of each program at every use, [`asking`] runs one for a short answer, [`machine`] describes what it
-//! runs on and `leash` ends the agent. [`serve`] and [`key`] are for an agent that listens, and `connection` reaches one.
-//! [`message`] and [`packet`] are the forms of the wire, `path` carries the datagrams, and `sleep` waits for them.
+//! At the desk, [`contact`], [`way`], [`name`] and `ssh` connect to a target. There, [`programs`] stores the
+//! programs an agent may run and checks their hashes at every use, [`asking`] runs a program for a short answer,
+//! [`machine`] describes the target, and `leash` ends the agent. [`serve`] and [`key`] are for a listening agent,
+//! and `connection` contacts one. [`message`] and [`packet`] define the formats on the wire, `path` carries the
+//! datagrams, and `sleep` waits for them.
 //!
-//! Scenarios, recordings and verdicts are never known here.
+//! Knows nothing of scenarios, recordings and verdicts.
 
 pub mod agent;
 pub mod asking;

@@ -1,4 +1,4 @@
-//! Machines: what the agent finds of its own, and the machine that a program was built for.
+//! Machines: an agent's findings about its own, and the type of machine for which a program was built.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -8,43 +8,43 @@ use hil_session::shared_memory::{FOLDER, hindrance};
 use serde::{Deserialize, Serialize};
 use shared_types::text::{line_if_any, line_of};
 
-/// Findings of an agent about the machine that it runs on.
+/// Findings of an agent about its machine.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Findings {
-    /// Name of the host, as it calls itself.
+    /// Host name of the machine.
     #[serde(deserialize_with = "line_of")]
     pub host: String,
-    /// Type of the machine, as `uname -m` has it.
+    /// Machine type as reported by `uname -m`.
     #[serde(deserialize_with = "line_of")]
     pub machine: String,
     /// Release and version of the kernel.
     #[serde(deserialize_with = "line_of")]
     pub kernel: String,
-    /// Random number of the boot: two that differ are two kernels.
+    /// Random number of the boot, which identifies a running kernel.
     #[serde(deserialize_with = "line_of")]
     pub boot_id: String,
-    /// Cores that the agent may use.
+    /// Number of cores available to the agent.
     pub cores: u32,
-    /// Highest real-time priority that the agent may ask for.
+    /// Highest real-time priority available to the agent.
     pub most_priority: u32,
-    /// Other types of machines whose programs its kernel hands to an emulator.
+    /// Other machine types whose programs the kernel runs in an emulator.
     #[serde(default)]
     pub emulates: Vec<String>,
-    /// Bytes free in `/dev/shm`, if it is there.
+    /// Free bytes in `/dev/shm`, if it exists.
     pub free_bytes: Option<u64>,
-    /// Hindrance that keeps a session from being made there, and the remedy; `None` if none is known.
+    /// Reason that no session can be created there, with the remedy; `None` if none is known.
     #[serde(default, deserialize_with = "line_if_any")]
     pub hindrance: Option<String>,
-    /// Bytes free in the folder of programs, of an agent that takes any.
+    /// Free bytes in the cache folder of an agent that stores programs.
     #[serde(default)]
     pub cache_free_bytes: Option<u64>,
-    /// Hash of the agent's file; empty for who is no agent.
+    /// Hash of the agent's file; empty for a process that is not an agent.
     #[serde(default, deserialize_with = "line_of")]
     pub agent_blake3: String,
 }
 
 impl Findings {
-    /// Looks at this machine.
+    /// Examines this machine.
     #[must_use]
     pub fn own() -> Self {
         let host = rustix::system::uname();
@@ -66,7 +66,7 @@ impl Findings {
         }
     }
 
-    /// Looks at this machine as an agent, with the folder where it keeps programs.
+    /// Examines this machine as an agent, with the folder of its cached programs.
     #[must_use]
     pub(crate) fn of_agent(cache: Option<&Path>) -> Self {
         let own = std::env::current_exe().and_then(|own| hash(&own));
@@ -78,13 +78,13 @@ impl Findings {
     }
 }
 
-/// Bytes free where a folder is, if it is there.
+/// Returns the free bytes in the file system of a folder, if the folder exists.
 pub(crate) fn free_bytes(folder: &Path) -> Option<u64> {
     let disk = rustix::fs::statvfs(folder).ok()?;
     Some(disk.f_bavail.saturating_mul(disk.f_frsize))
 }
 
-/// Returns the machines that qemu-user is registered for, as Debian's package does it.
+/// Returns the machine types registered with qemu-user, in the manner of Debian's package.
 fn emulated() -> Vec<String> {
     let entries = std::fs::read_dir("/proc/sys/fs/binfmt_misc");
     let names = entries
@@ -96,7 +96,7 @@ fn emulated() -> Vec<String> {
     names.filter_map(machine).collect()
 }
 
-/// Returns the highest real-time priority that this process may have.
+/// Returns the highest real-time priority available to this process.
 fn most_priority() -> u32 {
     if rustix::process::geteuid().is_root() {
         return 99;
@@ -105,7 +105,8 @@ fn most_priority() -> u32 {
     limit.unwrap_or(99).min(99) as u32
 }
 
-/// Names the machine that an ELF file was built for as `uname -m` does; `None` if it is no ELF file, as a script is
+/// Returns the machine type for which an ELF file was built, as in `uname -m`; `None` for other files such as
+/// scripts.
 /// none.
 ///
 /// # Errors
@@ -131,7 +132,7 @@ pub fn built_for(program: &Path) -> io::Result<Option<String>> {
     }))
 }
 
-/// Hash of a program's file, as the agent checks it.
+/// Returns the hash of a program's file, as checked by the agent.
 ///
 /// # Errors
 /// If it cannot be read.
@@ -141,7 +142,7 @@ pub fn hash(program: &Path) -> io::Result<String> {
     Ok(hasher.finalize().to_hex().to_string())
 }
 
-/// Names the target of `cargo build` whose programs need nothing but a kernel of this machine.
+/// Returns the target of `cargo build` for static programs of a machine type.
 #[must_use]
 pub fn triple(machine: &str) -> Option<&'static str> {
     Some(match machine {
@@ -158,7 +159,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_program_tells_its_machine_and_a_script_none() {
+    fn a_program_has_a_machine_type_and_a_script_has_none() {
         let own = std::env::current_exe().expect("this");
         assert_eq!(
             built_for(&own).expect("read"),

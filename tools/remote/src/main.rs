@@ -1,5 +1,5 @@
-//! The program of both ends: `hil` starts it at the desk in the controller's place, and `ssh` or a service manager starts it
-//! on the target.
+//! Program of both ends: `hil` starts it at the desk in the controller's place, and `ssh` or a service manager
+//! starts it on the target.
 
 use std::io;
 use std::net::SocketAddr;
@@ -98,7 +98,7 @@ fn run() -> ExitCode {
     }))
 }
 
-/// Serves the desk behind `ssh`, which says on which address it came in.
+/// Serves the desk behind `ssh`, at the address through which it connected.
 fn serve_ssh() -> Result<(), String> {
     let connection = std::env::var("SSH_CONNECTION").unwrap_or_default();
     let own = connection

@@ -6,17 +6,17 @@ use shared_types::text::{line_if_any, line_of};
 
 use crate::machine::Findings;
 
-/// Version of everything that desk and agent say to each other.
+/// Version of the protocol between desk and agent.
 pub const PROTOCOL: u32 = 3;
 
-/// A reason of the agent to end, and whether the user can mend it where it was typed.
+/// Reason for an agent to end, with `true` if it is a usage error that the user can fix on the command line.
 pub(crate) type Refusal = (bool, String);
 
 /// Message of the desk.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(tag = "message", rename_all = "kebab-case")]
 pub enum ToAgent {
-    /// First: this program is meant. Parts of its file follow if the agent wants them.
+    /// First message: identifies the program. Parts of its file follow if the agent requests them.
     Program {
         /// [`PROTOCOL`] of the desk.
         protocol: u32,
@@ -25,55 +25,55 @@ pub enum ToAgent {
         /// Length in bytes.
         bytes: u64,
     },
-    /// Run the program with `--describe`.
+    /// Request to run the program with `--describe`.
     Describe,
-    /// Run it with `--check` and this job.
+    /// Request to run it with `--check` and this job.
     Check {
-        /// The job file.
+        /// Content of the job file.
         job: String,
     },
-    /// Run it in a session.
+    /// Request to run it in a session.
     Run(Box<RunRequest>),
-    /// A control message of the plant.
+    /// Control message of the plant.
     Control {
-        /// The message.
+        /// Content of the message.
         content: String,
     },
-    /// A line for the program's standard input.
+    /// Line for the program's standard input.
     Word {
-        /// The line.
+        /// Content of the line.
         line: String,
     },
-    /// Remove the programs that are kept.
+    /// Request to remove the cached programs.
     Clean,
-    /// Say the same.
+    /// Request to answer with an echo.
     Echo,
-    /// The desk lives.
+    /// Sign of life of the desk.
     Beat,
 }
 
 /// Request for a run.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct RunRequest {
-    /// The job file.
+    /// Content of the job file.
     pub job: String,
     /// Number of the controller in the session.
     pub epoch: u32,
-    /// Longest silence in s; `None` for no limit.
+    /// Limit of the silence in s; `None` for no limit.
     pub limit_s: Option<f64>,
-    /// A fresh key, as hexadecimal digits.
+    /// Fresh key, as hexadecimal digits.
     pub key: String,
     /// First message of the handshake, as hexadecimal digits.
     pub handshake: String,
-    /// Rule for a target that hears no sample any more, where the plant waits for nobody.
+    /// Rule for missing samples on a target whose plant never waits.
     pub missed: Missed,
-    /// The safe command, by the names of the plant's commands.
+    /// Safe command, by the names of the plant's commands.
     pub safe: Settings,
     /// Random number of the desk's boot.
     pub boot_id: String,
 }
 
-/// Rule for a target that hears no sample any more: then its output is the safe command.
+/// Rule for missing samples: after this time the target's output is the safe command.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Missed {
     /// Sample period in s.
@@ -86,104 +86,104 @@ pub struct Missed {
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(tag = "message", rename_all = "kebab-case")]
 pub enum ToDesk {
-    /// First, unasked.
+    /// First message, sent unasked.
     Here {
         /// [`PROTOCOL`] of the agent.
         protocol: u32,
         /// Findings about its machine.
         findings: Findings,
     },
-    /// The program is not here: send its parts.
+    /// Request to send the parts of the program, which is not cached.
     Send,
-    /// A part of it came; there are more.
+    /// Acknowledgement of a part; more are missing.
     Taken,
-    /// The program is here, whole.
+    /// The program is complete on the target.
     Have,
-    /// The program's answer.
+    /// Answer of the program.
     Answer {
         /// Exit code; `None` if it was killed.
         code: Option<i32>,
         /// Standard output.
         stdout: String,
-        /// The beginning of its standard error.
+        /// Beginning of its standard error.
         stderr: String,
     },
-    /// The program runs.
+    /// The program is running.
     Running {
-        /// Address on which datagrams are awaited; `None` if they cannot be.
+        /// Address that receives datagrams; `None` if there is none.
         #[serde(default, deserialize_with = "line_if_any")]
         address: Option<String>,
         /// Answer to the handshake, as hexadecimal digits.
         handshake: String,
     },
-    /// A control message of the controller.
+    /// Control message of the controller.
     Control {
-        /// The message.
+        /// Content of the message.
         content: String,
     },
-    /// Something that the controller wrote.
+    /// Output of the controller.
     Log {
-        /// Text of it.
+        /// Text of the output.
         text: String,
     },
-    /// The real-time settings that the controller was granted, a JSON file of its session.
+    /// Real-time settings granted to the controller, a JSON file of its session.
     Realtime {
-        /// The file.
+        /// Content of the file.
         report: String,
     },
-    /// The output was switched to the safe command, or is the controller's again.
+    /// The output was switched to the safe command, or back to the controller.
     Output {
         /// Event in words.
         #[serde(deserialize_with = "line_of")]
         what: String,
-        /// Number of times that it was switched in this run.
+        /// Number of switches in this run.
         switches: u32,
-        /// True if the output is the controller's again.
+        /// `true` if the output is the controller's again.
         is_back: bool,
     },
-    /// The program ended.
+    /// The program has ended.
     Ended {
         /// Exit code; `None` if it was killed.
         code: Option<i32>,
-        /// Fate of the program, if that was not in order.
+        /// Description of the program's end, if it was abnormal.
         #[serde(default, deserialize_with = "line_if_any")]
         fate: Option<String>,
         /// Number of its last frame.
         said: u64,
     },
-    /// The agent refuses, and is about to end.
+    /// Refusal of the agent, which is about to end.
     Refused {
-        /// True if the user can mend it where it was typed.
+        /// `true` for a usage error that the user can fix on the command line.
         is_usage: bool,
-        /// Reason for it.
+        /// Reason.
         #[serde(deserialize_with = "line_of")]
         reason: String,
     },
-    /// The programs that were kept are removed.
+    /// The cached programs were removed.
     Cleaned {
-        /// Number of them.
+        /// Their number.
         files: u32,
     },
-    /// The same was said.
+    /// Answer to an echo request.
     Echo,
-    /// The agent lives.
+    /// Sign of life of the agent.
     Beat,
 }
 
-/// Writes what both ends believe about a session; the handshake fails if they do not agree.
+/// Returns the facts about a session that both ends must agree on; the handshake fails otherwise.
 #[must_use]
 pub fn prologue(blake3: &str, job: &str, epoch: u32) -> Vec<u8> {
     let job = blake3::hash(job.as_bytes()).to_hex();
     format!("hil-target {PROTOCOL} desk-target {epoch} {blake3} {job}").into_bytes()
 }
 
-/// Writes bytes as hexadecimal digits.
+/// Formats bytes as hexadecimal digits.
 #[must_use]
 pub fn to_hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Reads hexadecimal digits.
+/// Parses hexadecimal digits.
 #[must_use]
 pub fn from_hex(digits: &str) -> Option<Vec<u8>> {
     let pairs = digits.as_bytes().chunks(2);
@@ -201,7 +201,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn hexadecimal_digits_are_read_as_they_are_written_and_nothing_else_is() {
+    fn only_hexadecimal_digits_are_parsed_and_round_trips_are_exact() {
         let bytes: Vec<u8> = (0..=255).collect();
         assert_eq!(from_hex(&to_hex(&bytes)), Some(bytes));
         for wrong in ["0", "0g", "+f", "-1", " 1", "\u{e9}"] {

@@ -1,33 +1,33 @@
-//! Names of targets: `[user@]host` or a name of the user's ssh configuration, or `serve://HOST:PORT` of an agent that
-//! listens.
+//! Names of targets: `[user@]host` or a name of the user's ssh configuration, or `serve://HOST:PORT` of a listening
+//! agent.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// Longest name in bytes.
+/// Maximum length of a name in bytes.
 const LONGEST: usize = 255;
 
-/// A target, checked: its text can be given to `ssh` as a host.
+/// Validated target, whose text is safe as the host argument of `ssh`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Target {
-    /// Host that `ssh` knows.
+    /// Host known to `ssh`.
     Ssh(String),
-    /// Address of an agent that listens.
+    /// Address of a listening agent.
     Serve(String),
 }
 
-/// Text that is no name of a target.
+/// Invalid target.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoTarget {
-    /// Name that is something else for `ssh` or a shell, or too long.
+    /// Name that `ssh` or a shell could misinterpret, or that is too long.
     #[error(
-        "`{0}` is no target: [user@]host or a name of your ssh configuration, of letters, digits and ._@:[]- and not \
+        "`{0}` is not a target: use [user@]host or a name of your ssh configuration, of letters, digits and ._@:[]- and not \
          beginning with -; or serve://HOST:PORT"
     )]
     Name(String),
-    /// Address of an agent that listens, without a port.
+    /// Address of a listening agent without a port.
     #[error(
-        "`{0}` is no target: it needs a port from 1 to 65535, as serve://HOST:7000, and no user"
+        "`{0}` is not a target: it needs a port from 1 to 65535, such as serve://HOST:7000, and no user"
     )]
     Port(String),
 }
@@ -36,7 +36,7 @@ impl FromStr for Target {
     type Err = NoTarget;
 
     fn from_str(text: &str) -> Result<Self, NoTarget> {
-        let shown = || shared_types::text::printable(text).into_owned();
+        let printable = || shared_types::text::printable(text).into_owned();
         let (host, is_served) = match text.strip_prefix("serve://") {
             Some(address) => (address, true),
             None => (text, false),
@@ -44,7 +44,7 @@ impl FromStr for Target {
         let is_legal = |c: char| c.is_ascii_alphanumeric() || "._@:[]-".contains(c);
         let is_short = (1..=LONGEST).contains(&host.len());
         if !is_short || host.starts_with('-') || !host.chars().all(is_legal) {
-            return Err(NoTarget::Name(shown()));
+            return Err(NoTarget::Name(printable()));
         }
         if !is_served {
             return Ok(Self::Ssh(host.into()));
@@ -52,7 +52,7 @@ impl FromStr for Target {
         let port = host.rsplit_once(':').map(|(_, port)| port.parse::<u16>());
         match port {
             Some(Ok(port)) if port > 0 && !host.contains('@') => Ok(Self::Serve(host.into())),
-            _ => Err(NoTarget::Port(shown())),
+            _ => Err(NoTarget::Port(printable())),
         }
     }
 }
@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn what_ssh_or_a_shell_could_take_for_something_else_is_none() {
+    fn names_that_ssh_or_a_shell_could_misinterpret_are_refused() {
         let long = "a".repeat(LONGEST + 1);
         for name in [
             "",

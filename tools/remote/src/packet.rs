@@ -1,30 +1,30 @@
-//! Packets: the content of one datagram, a newest frame and what is known of the other end's.
+//! Packets: the content of a datagram, with one end's newest frame and the number it received from the other.
 
 use shared_types::frame::{Header, MAX_SIGNALS};
 use shared_types::zerocopy::{FromBytes, IntoBytes};
 
-/// A frame of one end, by its number there.
+/// Frame of one end, with its number.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Numbered {
-    /// Counts the frames of its end from 1.
+    /// Number, counted from 1 at its end.
     pub number: u64,
-    /// The header, as the link gave it.
+    /// Header as received from the link.
     pub header: Header,
-    /// The values, as many as the header says.
+    /// Values, as many as the header states.
     pub values: Vec<f64>,
 }
 
-/// Content of one datagram.
+/// Content of a datagram.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Packet {
-    /// Highest number of the frames of the other end that were given to its peer; 0 for none.
+    /// Highest number of the other end's frames that were passed to the peer; 0 for none.
     pub heard: u64,
-    /// The newest frame of this end, if the other has not heard it.
+    /// Newest frame of this end, if the other has not received it.
     pub frame: Option<Numbered>,
 }
 
 impl Packet {
-    /// Reads one.
+    /// Parses a packet.
     #[must_use]
     pub fn read(bytes: &[u8]) -> Option<Self> {
         let (heard, rest) = number(bytes)?;
@@ -48,7 +48,7 @@ impl Packet {
     }
 }
 
-/// Writes the packet of these.
+/// Writes a packet.
 pub(crate) fn write(heard: u64, frame: Option<&Numbered>, bytes: &mut Vec<u8>) {
     bytes.clear();
     bytes.extend(heard.to_le_bytes());
@@ -93,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn a_packet_is_read_as_it_was_written() {
+    fn a_packet_survives_a_round_trip() {
         for packet in [
             full(),
             Packet {
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_cut_or_longer_than_it_says_is_none() {
+    fn truncated_and_overlong_packets_are_refused() {
         for packet in [full(), Packet::default()] {
             let mut bytes = written(&packet);
             for length in 0..bytes.len() {

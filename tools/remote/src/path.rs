@@ -1,4 +1,4 @@
-//! The path of datagrams: a UDP socket and their seals. What is not the other end's is passed over.
+//! Path of datagrams: a UDP socket and their encryption. Datagrams of anyone else are ignored.
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
@@ -7,22 +7,22 @@ use std::sync::Arc;
 use crate::packet::Packet;
 use crate::seal::{Datagrams, Seal};
 
-/// Most datagrams that are looked at in a row: a flood must not keep the loop from its other work.
+/// Maximum number of datagrams processed in a row: a flood must not keep the loop from its other work.
 const MOST_AT_ONCE: u32 = 32;
-/// Longest datagram: a frame of 512 signals, and what is around it.
+/// Maximum length of a datagram: a frame of 512 signals with its overhead.
 const LONGEST: usize = 8192;
 
-/// End of the path of datagrams.
+/// End of the datagram path.
 pub(crate) struct DatagramPath {
     socket: Arc<UdpSocket>,
     datagrams: Datagrams,
-    /// Address of the other end, as the newest authentic datagram had it.
+    /// Address of the other end, from the newest authentic datagram.
     peer: Option<SocketAddr>,
     follows_peer: bool,
     buffer: Box<[u8; LONGEST]>,
 }
 
-/// Opens the target's socket, on the address that the desk reached.
+/// Opens the target's socket, on the address through which the desk connected.
 ///
 /// # Errors
 /// If it cannot be opened.
@@ -33,12 +33,12 @@ pub(crate) fn listen(address: IpAddr) -> io::Result<UdpSocket> {
 }
 
 impl DatagramPath {
-    /// The target's end.
+    /// Creates the target's end.
     pub(crate) fn target(socket: UdpSocket, seal: Seal) -> Self {
         Self::new(socket, seal, None)
     }
 
-    /// The desk's end.
+    /// Creates the desk's end.
     ///
     /// # Errors
     /// If no socket can be opened.
@@ -48,7 +48,7 @@ impl DatagramPath {
             SocketAddr::V6(_) => Ipv6Addr::UNSPECIFIED.into(),
         };
         let socket = listen(any)?;
-        // From then on the kernel passes over what comes from elsewhere.
+        // From then on the kernel discards datagrams from elsewhere.
         socket.connect(to)?;
         Ok(Self::new(socket, seal, Some(to)))
     }
@@ -63,12 +63,12 @@ impl DatagramPath {
         }
     }
 
-    /// The socket, to sleep on.
+    /// Returns the socket, to wait on.
     pub(crate) fn socket(&self) -> Arc<UdpSocket> {
         Arc::clone(&self.socket)
     }
 
-    /// Sends a packet. One that cannot be sent is lost, as any may be.
+    /// Sends a packet. A packet that cannot be sent is lost, like any other on the way.
     pub(crate) fn send(&mut self, packet: &[u8]) {
         let Some(peer) = self.peer else { return };
         let Ok(sealed) = self.datagrams.close(packet) else {
@@ -81,13 +81,13 @@ impl DatagramPath {
         };
     }
 
-    /// The next authentic packet, if there is one.
+    /// Returns the next authentic packet, if there is one.
     pub(crate) fn receive(&mut self) -> Option<Packet> {
         for _ in 0..MOST_AT_ONCE {
             let (length, from) = match self.socket.recv_from(&mut self.buffer[..]) {
                 Ok(received) => received,
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => return None,
-                Err(_) => continue, // a refused datagram comes back as an error of the next
+                Err(_) => continue, // the refusal of a datagram is reported at the next call
             };
             let Ok((content, is_newest)) = self.datagrams.open(&self.buffer[..length]) else {
                 continue;

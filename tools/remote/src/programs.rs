@@ -1,5 +1,5 @@
-//! Programs that an agent may run: those of its own cache, named by their hashes alone, or those that were listed
-//! when it was started.
+//! Programs that an agent may run: those in its own cache, identified by their hashes alone, or those listed when
+//! it was started.
 
 use std::fs;
 use std::io::{self, Write};
@@ -10,27 +10,27 @@ use std::time::Duration;
 use crate::machine::{free_bytes, hash};
 use crate::message::Refusal;
 
-/// Most files in a cache.
+/// Maximum number of files in a cache.
 const MOST_FILES: usize = 8;
-/// Age at which the part of a copy is of no use any more: nobody waits so long for its next piece.
+/// Age at which a partial copy is obsolete: no desk waits that long for its next part.
 const PART_LIMIT: Duration = Duration::from_secs(300);
-/// Longest program in bytes.
+/// Maximum length of a program in bytes.
 pub const MOST_BYTES: u64 = 512 << 20;
 
-/// Programs that may be run.
+/// Programs that an agent may run.
 #[derive(Debug)]
 pub enum AllowedPrograms {
-    /// Whatever is sent, kept in this folder.
+    /// Any received program, cached in this folder.
     Cached(PathBuf),
-    /// These and no others, as they were when they were listed.
+    /// Listed programs, with their hashes at the time of listing.
     Listed(Vec<(PathBuf, String)>),
 }
 
 impl AllowedPrograms {
-    /// Makes the cache in the folder of the running agent, which the desk's script put there.
+    /// Creates the cache in the folder of the running agent, where the desk's script stored the agent.
     ///
     /// # Errors
-    /// If the folder is not this user's alone.
+    /// If the folder is accessible to other users.
     pub fn cached() -> Result<Self, String> {
         let own = std::env::current_exe().map_err(|error| error.to_string())?;
         let folder = own.parent().unwrap_or(Path::new("/")).to_owned();
@@ -46,21 +46,21 @@ impl AllowedPrograms {
         Ok(Self::Cached(folder))
     }
 
-    /// Takes the programs that were listed.
+    /// Creates the list of programs.
     ///
     /// # Errors
-    /// If one cannot be read or is no program.
+    /// If one cannot be read or is not executable.
     pub fn listed(programs: &[PathBuf]) -> Result<Self, String> {
         let listed = |program: &PathBuf| {
-            let told = |error: io::Error| format!("{}: {error}", program.display());
-            let found = fs::metadata(program).map_err(told)?;
-            if !found.is_file() || found.mode() & 0o111 == 0 {
+            let in_words = |error: io::Error| format!("{}: {error}", program.display());
+            let metadata = fs::metadata(program).map_err(in_words)?;
+            if !metadata.is_file() || metadata.mode() & 0o111 == 0 {
                 return Err(format!(
-                    "{} is no program: it cannot be executed; `chmod +x` it, or list another",
+                    "{} is not executable; `chmod +x` it, or list another",
                     program.display()
                 ));
             }
-            Ok((program.clone(), hash(program).map_err(told)?))
+            Ok((program.clone(), hash(program).map_err(in_words)?))
         };
         programs
             .iter()
@@ -69,7 +69,7 @@ impl AllowedPrograms {
             .map(Self::Listed)
     }
 
-    /// Returns the file of a program, whose content is checked at each call.
+    /// Returns the file of a program; its content is verified at each call.
     #[must_use]
     pub fn find(&self, blake3: &str) -> Option<PathBuf> {
         blake3::Hash::from_hex(blake3).ok()?;
@@ -80,12 +80,10 @@ impl AllowedPrograms {
                 programs.iter().find(is_it)?.0.clone()
             }
         };
-        hash(&file)
-            .is_ok_and(|found| found == blake3)
-            .then_some(file)
+        hash(&file).is_ok_and(|hash| hash == blake3).then_some(file)
     }
 
-    /// Folder of the cache, if there is one.
+    /// Returns the folder of the cache, if there is one.
     pub(crate) fn folder(&self) -> Option<&Path> {
         match self {
             Self::Cached(folder) => Some(folder),
@@ -93,17 +91,17 @@ impl AllowedPrograms {
         }
     }
 
-    /// Begins to store a program.
+    /// Starts to store a program.
     ///
     /// # Errors
-    /// If the programs are listed, or there is no room.
+    /// If only listed programs are allowed, or there is no space.
     pub(crate) fn store(&self, blake3: &str, bytes: u64) -> Result<Storing, Refusal> {
         let Self::Cached(folder) = self else {
-            let told = "this agent runs only the programs that were listed when it was started";
-            return Err((true, told.into()));
+            let reason = "this agent runs only the programs that were listed when it was started";
+            return Err((true, reason.into()));
         };
         if blake3::Hash::from_hex(blake3).is_err() {
-            return Err((true, "that is no program".into()));
+            return Err((true, "invalid hash of a program".into()));
         }
         if bytes > MOST_BYTES {
             let most = MOST_BYTES >> 20;
@@ -130,7 +128,7 @@ impl AllowedPrograms {
         })
     }
 
-    /// Removes every program; returns how many there were.
+    /// Removes all cached programs; returns their number.
     #[must_use]
     pub fn clean(&self) -> u32 {
         let Self::Cached(folder) = self else { return 0 };
@@ -142,7 +140,7 @@ impl AllowedPrograms {
     }
 }
 
-/// A program that is arriving. Dropped before it is whole, it leaves nothing.
+/// Program being received. Dropping it before it is complete removes the file.
 #[derive(Debug)]
 pub struct Storing {
     file: fs::File,
@@ -152,33 +150,33 @@ pub struct Storing {
 }
 
 impl Storing {
-    /// Takes a part; true when the program is there, whole and as its hash says.
+    /// Adds a part; returns `true` once the program is complete and matches its hash.
     ///
     /// # Errors
-    /// If it is longer than it was to be, another than it was to be, or there is no room.
+    /// If it is longer than announced, does not match its hash, or there is no space.
     pub fn take(&mut self, part: &[u8]) -> Result<bool, String> {
-        let told = |error: io::Error| format!("cannot keep the program: {error}");
+        let in_words = |error: io::Error| format!("cannot store the program: {error}");
         let left = self.left.checked_sub(part.len() as u64);
-        self.left = left.ok_or("the program is longer than it was to be")?;
-        self.file.write_all(part).map_err(told)?;
+        self.left = left.ok_or("the program is longer than announced")?;
+        self.file.write_all(part).map_err(in_words)?;
         if self.left > 0 {
             return Ok(false);
         }
-        self.file.sync_all().map_err(told)?;
-        if hash(&self.part).map_err(told)? != self.blake3 {
-            return Err("the program arrived otherwise than its hash says".into());
+        self.file.sync_all().map_err(in_words)?;
+        if hash(&self.part).map_err(in_words)? != self.blake3 {
+            return Err("the received program does not match its hash".into());
         }
         self.file
             .set_permissions(fs::Permissions::from_mode(0o500))
-            .map_err(told)?;
-        fs::rename(&self.part, self.part.with_file_name(&self.blake3)).map_err(told)?;
+            .map_err(in_words)?;
+        fs::rename(&self.part, self.part.with_file_name(&self.blake3)).map_err(in_words)?;
         Ok(true)
     }
 }
 
 impl Drop for Storing {
     fn drop(&mut self) {
-        let _ = fs::remove_file(&self.part); // it has its own name by now, or is of no use
+        let _ = fs::remove_file(&self.part); // it has been renamed by now, or is obsolete
     }
 }
 
@@ -189,7 +187,7 @@ fn files(folder: &Path) -> Vec<PathBuf> {
     files.map(|entry| entry.path()).collect()
 }
 
-/// Says that there is no room for a program of N bytes.
+/// Returns the error for a lack of space for a program of `bytes` bytes.
 #[must_use]
 pub fn no_room(bytes: u64, free: u64) -> String {
     let mib = |bytes: u64| bytes.div_ceil(1 << 20);
@@ -200,11 +198,13 @@ pub fn no_room(bytes: u64, free: u64) -> String {
     )
 }
 
-/// Removes the oldest programs, so that N more have room, and what is left of copies that were cut off.
+/// Removes the oldest programs to make room for `more`, and remains of interrupted copies.
 fn make_room(folder: &Path, more: usize) {
     let mut programs = Vec::new();
     for file in files(folder) {
-        let changed = fs::metadata(&file).and_then(|found| found.modified()).ok();
+        let changed = fs::metadata(&file)
+            .and_then(|metadata| metadata.modified())
+            .ok();
         if file.extension().is_none() {
             programs.push((changed, file));
             continue;
@@ -212,16 +212,16 @@ fn make_room(folder: &Path, more: usize) {
         // Another agent may be writing it.
         let age = changed.and_then(|changed| changed.elapsed().ok());
         if age.is_some_and(|age| age > PART_LIMIT) {
-            let _ = fs::remove_file(file); // the next one tries again
+            let _ = fs::remove_file(file); // the next call tries again
         }
     }
     programs.sort();
     let own = std::env::current_exe().ok();
     programs.retain(|(_, file)| Some(file) != own.as_ref());
-    // The agent itself is one.
+    // The agent itself is one of the files.
     let surplus = (programs.len() + 1 + more).saturating_sub(MOST_FILES);
     for (_, file) in programs.into_iter().take(surplus) {
-        let _ = fs::remove_file(file); // the next one tries again
+        let _ = fs::remove_file(file); // the next call tries again
     }
 }
 
@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn a_program_is_kept_by_its_hash_and_found_unchanged_alone() {
+    fn a_program_is_stored_by_its_hash_and_found_only_while_unchanged() {
         let folder = tempfile::tempdir().expect("a folder");
         let programs = AllowedPrograms::Cached(folder.path().into());
         let hash = store(&programs, b"a program").expect("kept");
@@ -251,22 +251,22 @@ mod tests {
     }
 
     #[test]
-    fn only_what_can_be_executed_is_listed() {
+    fn only_executable_files_can_be_listed() {
         let folder = tempfile::tempdir().expect("a folder");
         let file = folder.path().join("a.toml");
         assert!(AllowedPrograms::listed(std::slice::from_ref(&file)).is_err()); // it is not there
         fs::write(&file, "no program").expect("written");
         let listed = |file: &Path| AllowedPrograms::listed(&[file.into()]).map(|_| ());
         for none in [&file, folder.path()] {
-            let told = listed(none).expect_err("no program");
-            assert!(told.contains("cannot be executed"), "{told}");
+            let reason = listed(none).expect_err("no program");
+            assert!(reason.contains("is not executable"), "{reason}");
         }
         fs::set_permissions(&file, fs::Permissions::from_mode(0o700)).expect("set");
         assert_eq!(listed(&file), Ok(()));
     }
 
     #[test]
-    fn what_arrives_otherwise_leaves_nothing() {
+    fn a_corrupted_transfer_leaves_no_file() {
         let folder = tempfile::tempdir().expect("a folder");
         let programs = AllowedPrograms::Cached(folder.path().into());
         let hash = blake3::hash(b"a program").to_hex().to_string();
@@ -281,8 +281,8 @@ mod tests {
         for name in ["", "../x", "a"] {
             assert!(programs.store(name, 9).is_err(), "{name}");
         }
-        let (_, told) = programs.store(&hash, MOST_BYTES + 1).expect_err("large");
-        assert_eq!(told, "the program has more than 512 MiB");
+        let (_, reason) = programs.store(&hash, MOST_BYTES + 1).expect_err("large");
+        assert_eq!(reason, "the program has more than 512 MiB");
     }
 
     #[test]
@@ -304,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn a_contact_that_stores_nothing_removes_no_program_that_has_a_place() {
+    fn a_contact_that_stores_nothing_removes_no_program() {
         let folder = tempfile::tempdir().expect("a folder");
         let programs = AllowedPrograms::Cached(folder.path().into());
         for number in 0..MOST_FILES {
@@ -317,13 +317,13 @@ mod tests {
     }
 
     #[test]
-    fn parts_of_copies_count_for_nothing_and_old_ones_go() {
+    fn partial_copies_do_not_count_as_programs_and_old_ones_are_removed() {
         let folder = tempfile::tempdir().expect("a folder");
         let programs = AllowedPrograms::Cached(folder.path().into());
         for number in 0..MOST_FILES - 1 {
             store(&programs, format!("program {number}").as_bytes()).expect("kept");
         }
-        let kept = files(folder.path()).len();
+        let count = files(folder.path()).len();
         let part = |name: &str, age: Duration| {
             let path = folder.path().join(format!("{name}.part1"));
             let file = fs::File::create(&path).expect("made");
@@ -338,11 +338,11 @@ mod tests {
         let old = part(&name(9), 2 * PART_LIMIT);
         make_room(folder.path(), 1);
         assert!(new.iter().all(|part| part.exists()) && !old.exists());
-        assert_eq!(files(folder.path()).len(), kept - 1 + new.len());
+        assert_eq!(files(folder.path()).len(), count - 1 + new.len());
     }
 
     #[test]
-    fn an_agent_with_a_list_takes_no_program() {
+    fn an_agent_with_a_list_stores_no_program() {
         let own = std::env::current_exe().expect("this");
         let programs = AllowedPrograms::listed(std::slice::from_ref(&own)).expect("there");
         assert_eq!(programs.find(&hash(&own).expect("read")), Some(own));

@@ -1,43 +1,43 @@
-//! The rule that chooses between datagrams and the channel: one state machine for each end, without input, output or clock.
+//! Choice between datagrams and the channel: a state machine for each end, without input, output or clock.
 //!
-//! Datagrams are faster, but a firewall may drop them, in one direction or both, or only those as large as a frame. The
-//! channel always works. So the desk sends every packet as a datagram, and a copy through the channel as long as
-//! datagrams are in doubt. A frame of the target that arrives as a datagram ends the doubt, whichever copy came first;
-//! [`SILENCE_NS`] without a datagram begins it again.
+//! Datagrams are faster, but a firewall may drop them, in one direction or both, or only large ones. The channel
+//! always works. So the desk sends every packet as a datagram, and a copy through the channel while datagrams are
+//! in doubt. A frame of the target that arrives as a datagram ends the doubt, whichever copy arrived first;
+//! [`SILENCE_NS`] without a datagram starts it again.
 //!
-//! The target must not end that doubt while the desk's own datagrams are lost. So it sends a frame as a datagram only while
-//! frames of the desk arrive as datagrams, and sends a copy through the channel if the frame that it answers came
-//! through the channel too.
+//! The target must not end that doubt while the desk's own datagrams are lost. So it sends a frame as a datagram
+//! only while frames of the desk arrive as datagrams, and also sends a copy through the channel if the frame it
+//! answers arrived through the channel too.
 
 use std::fmt;
 
-/// Silence of the datagrams after which the desk doubts them.
+/// Time without datagrams in ns after which the desk doubts them.
 pub const SILENCE_NS: u64 = 1_000_000_000;
-/// Time for which the arrival of a datagram at the target proves that others arrive. Shorter than [`SILENCE_NS`]: when the
-/// desk begins to doubt, the proof must be over.
+/// Time in ns for which the arrival of a datagram at the target proves that others arrive. Shorter than
+/// [`SILENCE_NS`], because the proof must have expired when the desk begins to doubt.
 const PROOF_NS: u64 = SILENCE_NS / 2;
-/// Least time between two notices that datagrams do not arrive.
+/// Minimum time in ns between two notices about lost datagrams.
 const NOTICE_NS: u64 = 60_000_000_000;
 
 /// Carrier of a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Carrier {
-    /// A datagram of its own.
+    /// Datagram.
     Datagram,
-    /// The channel.
+    /// Channel.
     Channel,
 }
 
-/// Carriers by which a packet is to be sent.
+/// Carriers of a packet to send.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Carriers {
-    /// Send it as a datagram.
+    /// `true` to send it as a datagram.
     pub datagram: bool,
-    /// Send it through the channel.
+    /// `true` to send it through the channel.
     pub channel: bool,
 }
 
-/// Answers that the plant was given, by their carrier.
+/// Number of answers passed to the plant, by carrier.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Answers {
     datagrams: u64,
@@ -45,7 +45,7 @@ pub struct Answers {
 }
 
 impl Answers {
-    /// Counts one.
+    /// Counts an answer.
     pub const fn note(&mut self, carrier: Carrier) {
         match carrier {
             Carrier::Datagram => self.datagrams += 1,
@@ -58,24 +58,24 @@ impl fmt::Display for Answers {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { datagrams, channel } = self;
         let all = datagrams + channel;
-        write!(f, "{datagrams} of {all} answers came as datagrams")
+        write!(f, "{datagrams} of {all} answers arrived as datagrams")
     }
 }
 
-/// Change of the route that a user should hear of.
+/// Change of the route to report to the user.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Notice {
-    /// No datagram arrives: the frames go through the channel.
+    /// No datagrams arrive: the frames go through the channel.
     Lost,
     /// Datagrams arrive again.
     Restored,
 }
 
-/// Route of the packets from the desk.
+/// Route of packets from the desk.
 #[derive(Debug)]
 pub struct DeskRoute {
     state: DeskState,
-    /// Time of the last notice that datagrams do not arrive.
+    /// Time of the last notice about lost datagrams in ns.
     noticed_ns: Option<u64>,
 }
 
@@ -83,16 +83,16 @@ pub struct DeskRoute {
 enum DeskState {
     /// There is no socket.
     NoSocket,
-    /// Nothing is known of datagrams, as no sample was sent.
+    /// Nothing is known about datagrams, because no sample was sent.
     Unknown,
-    /// No frame has come as a datagram since then; copies go through the channel.
+    /// No frame has arrived as a datagram since `since_ns`; copies go through the channel.
     Doubted { since_ns: u64, is_noticed: bool },
-    /// Datagrams arrive, the last at that time.
+    /// Datagrams arrive, the last one at `last_ns`.
     Proven { last_ns: u64 },
 }
 
 impl DeskRoute {
-    /// Makes the route of a run, with a socket for datagrams or without one.
+    /// Creates the route of a run, with or without a socket for datagrams.
     #[must_use]
     pub const fn new(has_socket: bool) -> Self {
         let state = if has_socket {
@@ -114,7 +114,7 @@ impl DeskRoute {
         }
     }
 
-    /// Notes a datagram of the target, with a frame or without one. Small datagrams may arrive where frames do not, so
+    /// Notes a datagram of the target, with or without a frame. Small datagrams may arrive where frames do not, so
     /// they end no doubt.
     pub fn received_datagram(&mut self, has_frame: bool, now_ns: u64) -> Option<Notice> {
         let is_noticed = match self.state {
@@ -128,7 +128,7 @@ impl DeskRoute {
         None
     }
 
-    /// Looks at the time; to be called several times a second.
+    /// Checks for elapsed times; to be called several times a second.
     pub fn look(&mut self, now_ns: u64) -> Option<Notice> {
         let is_late = |since_ns: u64| now_ns.saturating_sub(since_ns) > SILENCE_NS;
         match self.state {
@@ -164,7 +164,7 @@ impl DeskRoute {
         };
     }
 
-    /// Carriers of the next packet.
+    /// Returns the carriers of the next packet.
     #[must_use]
     pub const fn carriers(&self) -> Carriers {
         Carriers {
@@ -174,17 +174,17 @@ impl DeskRoute {
     }
 }
 
-/// Route of the packets from the target.
+/// Route of packets from the target.
 #[derive(Debug, Default)]
 pub struct TargetRoute {
-    /// Time at which the last datagram came that proves that frames arrive as datagrams.
+    /// Time of the last datagram that proves that frames arrive as datagrams.
     proof_ns: Option<u64>,
-    /// Number of the newest frame that came through the channel.
+    /// Number of the newest frame that arrived through the channel.
     copied: Option<u64>,
 }
 
 impl TargetRoute {
-    /// Makes the route of a run.
+    /// Creates the route of a run.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -194,7 +194,7 @@ impl TargetRoute {
     pub fn received(&mut self, carrier: Carrier, frame: Option<u64>, now_ns: u64) {
         match carrier {
             Carrier::Channel => self.copied = self.copied.max(frame),
-            // Small ones may arrive where frames do not: they prove nothing by themselves.
+            // Small datagrams may arrive where frames do not: they prove nothing by themselves.
             Carrier::Datagram if frame.is_some() || self.hears_datagrams(now_ns) => {
                 self.proof_ns = Some(now_ns);
             }
@@ -209,8 +209,8 @@ impl TargetRoute {
         self.proof_ns.is_some_and(is_fresh)
     }
 
-    /// Carriers of the reply to a packet that needs nothing of the controller; `has_frame` if the controller's newest frame
-    /// is repeated in it.
+    /// Returns the carriers of the reply to a packet without news for the controller; `has_frame` if the reply
+    /// repeats the controller's newest frame.
     #[must_use]
     pub fn of_reply(&self, to: Carrier, has_frame: bool, now_ns: u64) -> Carriers {
         let is_proven = self.hears_datagrams(now_ns);
@@ -221,7 +221,7 @@ impl TargetRoute {
         }
     }
 
-    /// Carriers of a frame of the controller, which was given the frame of this number last.
+    /// Returns the carriers of the controller's answer to the frame with this number.
     #[must_use]
     pub fn of_answer(&self, heard: u64, now_ns: u64) -> Carriers {
         let is_proven = self.hears_datagrams(now_ns);

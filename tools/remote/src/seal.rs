@@ -1,33 +1,33 @@
-//! Seals: what crosses the wire is encrypted and authenticated with keys that only the two ends of one session have.
+//! Seals: data on the wire is encrypted and authenticated with keys known only to the two ends of one session.
 //!
-//! Noise (`NNpsk0`, Curve25519, ChaCha20-Poly1305, BLAKE2s) by the crate `snow`. The pre-shared key makes a
-//! handshake between strangers fail, the ephemeral keys make that of yesterday useless, and the prologue binds
-//! what both ends believe about the session.
+//! Noise (`NNpsk0`, Curve25519, ChaCha20-Poly1305, BLAKE2s) from the crate `snow`. The pre-shared key makes a
+//! handshake with a stranger fail, the ephemeral keys make replayed handshakes useless, and the prologue binds the
+//! facts about the session that both ends must agree on.
 
 use rustix::rand::{GetRandomFlags, getrandom};
 use snow::{Builder, HandshakeState, StatelessTransportState};
 
-/// Bytes of a key.
+/// Size of a key in bytes.
 const KEY_BYTES: usize = 32;
-/// Bytes that a seal adds.
+/// Size of an authentication tag in bytes.
 const TAG_BYTES: usize = 16;
-/// Bytes of a datagram's number.
+/// Size of a datagram's number in bytes.
 const NUMBER_BYTES: usize = 8;
-/// Longest handshake message: an ephemeral key and a tag.
+/// Maximum length of a handshake message: an ephemeral key and a tag.
 const LONGEST_HANDSHAKE: usize = 48;
 const PATTERN: &str = "Noise_NNpsk0_25519_ChaChaPoly_BLAKE2s";
 
-/// A secret that both ends know. Never shown, logged or written but to its own file.
+/// Secret shared by both ends. Never shown, logged or written except to its own file.
 #[derive(Clone)]
 pub struct Key([u8; KEY_BYTES]);
 
-/// The other end has another key, believes something else about the session, or is nobody who should be here.
+/// Authentication failure: the other end has another key or another prologue, or the data was changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the seal is not that of this session's other end")]
+#[error("authentication failed: the data is not from this session's other end")]
 pub struct Unsealed;
 
 impl Key {
-    /// Makes a fresh key.
+    /// Creates a fresh key.
     ///
     /// # Errors
     /// If the system has no random numbers.
@@ -46,7 +46,7 @@ impl Key {
         blake3::Hash::from_bytes(self.0).to_hex().to_string()
     }
 
-    /// Reads a key of 64 hexadecimal digits.
+    /// Parses a key of 64 hexadecimal digits.
     #[must_use]
     pub fn from_hex(digits: &str) -> Option<Self> {
         let key = blake3::Hash::from_hex(digits.trim()).ok()?;
@@ -54,10 +54,10 @@ impl Key {
     }
 }
 
-/// The beginning of a handshake.
+/// Handshake in progress.
 pub struct Begun(HandshakeState);
 
-/// Begins a handshake; returns its first message too.
+/// Starts a handshake; also returns its first message.
 ///
 /// # Errors
 /// If the system has no random numbers.
@@ -70,7 +70,7 @@ pub fn begin(key: &Key, prologue: &[u8]) -> Result<(Begun, Vec<u8>), Unsealed> {
 }
 
 impl Begun {
-    /// Ends the handshake with the other end's answer.
+    /// Completes the handshake with the other end's answer.
     ///
     /// # Errors
     /// If the other end has another key or another prologue.
@@ -80,7 +80,7 @@ impl Begun {
     }
 }
 
-/// Answers the first message of a handshake; returns the answer too.
+/// Completes a handshake from its first message; also returns the answer.
 ///
 /// # Errors
 /// If the other end has another key or another prologue.
@@ -112,11 +112,11 @@ fn unsealed(_: snow::Error) -> Unsealed {
     Unsealed
 }
 
-/// Keys of one end, one for each direction.
+/// Keys of one end, one per direction.
 pub struct Seal(StatelessTransportState);
 
 impl Seal {
-    /// Longest content of one seal.
+    /// Maximum length of sealed content in bytes.
     pub const LONGEST: usize = 65_535 - TAG_BYTES;
 
     fn of(handshake: HandshakeState) -> Result<Self, Unsealed> {
@@ -126,7 +126,7 @@ impl Seal {
             .map_err(unsealed)
     }
 
-    /// Seals content with a number that was never used before, into `sealed`.
+    /// Encrypts content with a never-used number as nonce, into `sealed`.
     ///
     /// # Errors
     /// If it is longer than [`Self::LONGEST`].
@@ -141,10 +141,10 @@ impl Seal {
         Ok(())
     }
 
-    /// Opens what was sealed with this number, into `content`.
+    /// Decrypts content sealed with this number, into `content`.
     ///
     /// # Errors
-    /// If it is not the other end's, or not as it was sent.
+    /// If it is not from the other end, or was changed.
     pub fn open(&self, number: u64, sealed: &[u8], content: &mut Vec<u8>) -> Result<(), Unsealed> {
         content.resize(sealed.len(), 0);
         let written = self
@@ -156,7 +156,7 @@ impl Seal {
     }
 }
 
-/// Datagrams of one end: each has a number, is sealed by itself, and is taken once.
+/// Datagrams of one end: each is numbered, sealed by itself, and accepted once.
 pub struct Datagrams {
     seal: Seal,
     sent: u64,
@@ -166,7 +166,7 @@ pub struct Datagrams {
 }
 
 impl Datagrams {
-    /// Makes the datagrams of a session.
+    /// Creates the datagrams of a session.
     #[must_use]
     pub const fn new(seal: Seal) -> Self {
         Self {
@@ -190,10 +190,10 @@ impl Datagrams {
         Ok(&self.sealed)
     }
 
-    /// Opens a datagram; true beside its content if none of a higher number came before.
+    /// Opens a datagram; also returns `true` if it has the highest number so far.
     ///
     /// # Errors
-    /// If it is not the other end's, was changed, or came before.
+    /// If it is not from the other end, was changed, or is a replay.
     pub fn open(&mut self, datagram: &[u8]) -> Result<(&[u8], bool), Unsealed> {
         let (number, sealed) = datagram.split_at_checked(NUMBER_BYTES).ok_or(Unsealed)?;
         let number = u64::from_le_bytes(number.try_into().map_err(|_| Unsealed)?);
@@ -206,10 +206,10 @@ impl Datagrams {
     }
 }
 
-/// The numbers of the datagrams that came, as far back as one may be late.
+/// Numbers of received datagrams, back to the latest acceptable one.
 struct Window {
     highest: u64,
-    /// Bit `i` set: `highest - i` came.
+    /// Bit `i` is set if `highest - i` was received.
     came: u128,
 }
 
@@ -227,7 +227,7 @@ impl Window {
         age < 128 && self.came >> age & 1 == 0
     }
 
-    /// Notes a datagram that is authentic; true if it is the newest.
+    /// Records an authentic datagram; returns `true` if it is the newest.
     const fn note(&mut self, number: u64) -> bool {
         if number > self.highest {
             let newer = number - self.highest;
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn another_key_or_another_belief_is_refused() {
+    fn another_key_or_another_prologue_is_refused() {
         let keys = [
             Key::random().expect("random"),
             Key::random().expect("random"),
@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn a_key_survives_its_file_and_nothing_else_is_one() {
+    fn a_key_round_trips_through_its_digits_and_invalid_digits_are_refused() {
         let key = Key::random().expect("random");
         let read = Key::from_hex(&format!("{}\n", key.to_hex())).expect("its digits");
         assert!(read.0 == key.0);
@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn a_datagram_is_taken_once_unchanged_and_by_the_other_end_alone() {
+    fn a_datagram_is_accepted_once_unchanged_and_only_by_the_other_end() {
         let [mut desk, mut target] = same();
         let first = desk.close(b"first").expect("sealed").to_vec();
         let second = desk.close(b"second").expect("sealed").to_vec();
@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn one_that_is_too_late_is_not_taken() {
+    fn a_datagram_that_is_too_late_is_refused() {
         let [mut desk, mut target] = same();
         let all: Vec<Vec<u8>> = (0..200)
             .map(|_| desk.close(b"x").expect("sealed").to_vec())

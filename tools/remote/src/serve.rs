@@ -1,8 +1,8 @@
-//! An agent that listens, for boards without `ssh`: whoever has the key may have one of the listed programs run,
-//! one session at a time.
+//! Listening agent for boards without `ssh`: any desk with the key may run one of the listed programs, one session
+//! at a time.
 //!
-//! One thread greets all contacts side by side, also during a session. A contact that has proved that it has the key gets a
-//! thread, on which it waits for its turn.
+//! One thread greets all contacts concurrently, even during a session. A contact that has proved that it has the
+//! key gets a thread, on which it waits for its turn.
 
 mod greetings;
 mod refusals;
@@ -25,16 +25,16 @@ use greetings::{Greeting, Places, Refused};
 use refusals::{Refusals, Source};
 use turn::Turn;
 
-/// Contacts that are accepted before those under way are heard: far fewer than have a place, so that one is heard several times
-/// before others can take its place.
+/// Maximum number of contacts accepted before those in progress are read: far fewer than there are slots, so that
+/// each contact is read several times before others can replace it.
 const MOST_AT_ONCE: usize = 16;
-/// Time after which another contact is looked for when none could be accepted, as no file was to be had.
+/// Time to wait before accepting again, after a failure to open a file.
 const RETRY: Duration = Duration::from_millis(100);
 
-/// Serves one desk after another, for ever.
+/// Serves one desk after another, forever.
 ///
 /// # Errors
-/// If the address cannot be listened on, the key is none, or a listed program cannot be read or is none.
+/// If it cannot listen at the address, the key is invalid, or a listed program cannot be read or is not executable.
 pub fn serve(
     listen: SocketAddr,
     key_file: &Path,
@@ -68,37 +68,37 @@ pub fn serve(
                 let session = move || session(connection, seal, programs, turn, say);
                 let thread = std::thread::Builder::new().spawn_scoped(scope, session);
                 if let Err(error) = thread {
-                    say(&format!("a session cannot begin: {error}"));
+                    say(&format!("cannot start a session: {error}"));
                 }
             }
         }
     })
 }
 
-/// Place where contacts are accepted and greeted.
+/// Acceptance and greeting of contacts.
 struct Reception {
     listener: TcpListener,
     key: Key,
     places: Places<Greeting>,
     refusals: Refusals,
-    /// None could be accepted: the time to try again.
+    /// Time of the next attempt, after a failure to accept.
     retry: Option<Instant>,
 }
 
 impl Reception {
-    /// Sleeps until somebody says something or something is due.
+    /// Sleeps until a contact sends something or something is due.
     fn sleep(&self) {
         let due = [self.places.next(), self.refusals.next(), self.retry];
         let due = due.into_iter().flatten().min();
         let limit = due.map(|due| due.saturating_duration_since(Instant::now()));
-        // A little later, so that what is due at that time is over.
+        // Slightly longer, so that everything due at that time is over.
         let limit = limit.map(|limit| limit + Duration::from_millis(1));
         let limit = limit.and_then(|limit| Timespec::try_from(limit).ok());
-        // News, the end of the time and a signal all mean the same: look.
+        // Data, a timeout and a signal are all handled by polling again.
         let _ = poll(&mut self.watched(), limit.as_ref());
     }
 
-    /// The connections, in order, and the listener behind them.
+    /// Returns the connections in order, followed by the listener.
     fn watched(&self) -> Vec<PollFd<'_>> {
         let connections = self.places.connections();
         let watched = connections.map(|connection| PollFd::new(connection, PollFlags::IN));
@@ -107,11 +107,11 @@ impl Reception {
         watched.chain(listener).collect()
     }
 
-    /// Hears and accepts contacts; returns those that have the key, and lines for the log.
+    /// Reads and accepts contacts; returns those that have the key, and lines for the log.
     fn receive(&mut self, now: Instant) -> (Vec<(TcpStream, Seal)>, Vec<String>) {
         let mut lines = self.refusals.due(now);
         self.retry.take_if(|retry| *retry <= now);
-        // Those that are there are heard before others can take their places.
+        // Existing contacts are read before others can take their slots.
         let mut greeted = self.hear(now, &mut lines);
         for _ in 0..MOST_AT_ONCE {
             let (connection, address) = match self.listener.accept() {
@@ -130,7 +130,7 @@ impl Reception {
             };
             lines.extend(refused.and_then(|refused| self.refuse(&refused, now)));
         }
-        // What a contact sent at once is there by now.
+        // Data that a contact sent at once has arrived by now.
         greeted.extend(self.hear(now, &mut lines));
         (greeted, lines)
     }
@@ -171,10 +171,10 @@ fn session(
         let address = connection.local_addr().map_err(described)?.ip();
         let reader = connection.try_clone().map_err(described)?;
         let writer = connection.try_clone().map_err(described)?;
-        // Kept until the end of the session is logged.
-        let mut taken = None;
+        // Held until the end of the session is logged.
+        let mut turn_guard = None;
         let admit = || {
-            taken = Some(turn.take(from)?);
+            turn_guard = Some(turn.take(from)?);
             say(&format!("{from}: a session begins"));
             Ok(())
         };
@@ -188,7 +188,7 @@ fn session(
         Ok(())
     };
     if let Err(reason) = serve() {
-        say(&format!("a session came to nothing: {reason}"));
+        say(&format!("a session failed: {reason}"));
     }
-    let _ = connection.shutdown(std::net::Shutdown::Both); // it may be closed by now
+    let _ = connection.shutdown(std::net::Shutdown::Both); // it may be closed already
 }

@@ -1,5 +1,4 @@
-//! Sleeping until shared memory or the wire has something: on whichever is awaited, looking at the other at short
-//! intervals.
+//! Sleep until shared memory or the wire has data: on whichever is expected, polling the other at short intervals.
 
 use std::cell::Cell;
 use std::net::UdpSocket;
@@ -15,13 +14,13 @@ use shared_types::wait::{Sleeper, WaitLimit, WaitStrategy};
 
 use crate::path::DatagramPath;
 
-/// Longest sleep on one of them while the other may have news too.
+/// Maximum sleep in ns on one of them while the other may have data too.
 const SLICE_NS: u64 = 200_000;
-/// Longest sleep otherwise: a sleep on the wire hears no bell, and some looks are due by time.
+/// Maximum sleep in ns otherwise: a sleep on the wire does not notice the bell, and some checks are due by time.
 const LONGEST_NS: u64 = 5_000_000;
 
-/// Makes the waiter of one end, whose limit is looked at elsewhere, and what tells it where to sleep. With fewer cores than
-/// loops it polls nothing: that would be the others' time.
+/// Creates the waiter of one end, whose limit is checked elsewhere, and the handle that selects where to sleep.
+/// With fewer cores than loops it never spins, which would take time from the others.
 pub(crate) fn waiter(
     both_here: bool,
     bell: Bell,
@@ -43,17 +42,17 @@ pub(crate) fn waiter(
     (waiter, awaited)
 }
 
-/// A bell that is made later than those who will ring it.
+/// Bell that is created after its ringers.
 #[derive(Clone, Default)]
 pub(crate) struct LateBell(Arc<OnceLock<Bell>>);
 
 impl LateBell {
-    /// Rings this bell from now on.
+    /// Sets the bell to ring.
     pub(crate) fn is(&self, bell: Bell) {
-        let _ = self.0.set(bell); // a process has one link in its life
+        let _ = self.0.set(bell); // a process has a single link
     }
 
-    /// Rings it, if it is there.
+    /// Rings the bell, if it exists.
     pub(crate) fn ring(&self) {
         if let Some(bell) = self.0.get() {
             bell.ring();
@@ -61,7 +60,7 @@ impl LateBell {
     }
 }
 
-/// Source of the next news.
+/// Source of the next data.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Awaited {
     wire: Rc<Cell<bool>>,
@@ -69,14 +68,14 @@ pub(crate) struct Awaited {
 }
 
 impl Awaited {
-    /// Notes that the wire has the next news, or else the shared memory; `both` if either may.
+    /// Selects the wire or the shared memory as the source of the next data; `both` if either is possible.
     pub(crate) fn set(&self, wire: bool, both: bool) {
         self.wire.set(wire);
         self.both.set(both);
     }
 }
 
-/// The place to sleep.
+/// Place to sleep.
 #[derive(Debug)]
 struct Either {
     bell: Bell,
@@ -97,7 +96,7 @@ impl Sleeper for Either {
         match &self.socket {
             Some(socket) if self.awaited.wire.get() => {
                 let limit = Timespec::try_from(Duration::from_nanos(ns)).unwrap_or_default();
-                // Readable, the end of the time and a signal all mean the same: look again.
+                // Data, a timeout and a signal are all handled by polling again.
                 let _ = poll(&mut [PollFd::new(&**socket, PollFlags::IN)], Some(&limit));
             }
             _ => self.bell.sleep(announced, ns),

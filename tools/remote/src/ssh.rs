@@ -1,8 +1,8 @@
-//! Starting an agent through the user's own `ssh`: keys, configuration and jump hosts all work.
+//! Start of an agent through the user's own `ssh`: keys, configuration and jump hosts all work.
 //!
-//! The remote command is a constant. Everything else goes by its standard input, once its marker was seen, so nothing of
-//! a scenario or of a command line ever gets near the shell there. The agent's file is kept there by its SHA-256,
-//! which is checked before every start.
+//! The remote command is a constant. Everything else goes through its standard input, once its marker has been
+//! received, so nothing of a scenario or a command line reaches the remote shell. The agent's file is stored there
+//! under its SHA-256, which is verified before every start.
 
 use std::io::{self, Read, Write};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
@@ -20,22 +20,23 @@ use crate::leash::{Leash, Said};
 use crate::message::ToDesk;
 use crate::way::{TargetError, Way};
 
-/// Script of the remote command, for any POSIX shell. It has no single quotes, so that it can stand in them.
+/// Script of the remote command, for any POSIX shell. Contains no single quotes, so that it can be enclosed in
+/// them.
 const SCRIPT: &str = r#"umask 077; c="${XDG_CACHE_HOME:-$HOME/.cache}/hil-target"; mkdir -p "$c" && chmod 700 "$c" && [ -O "$c" ] || { echo "HIL-TARGET no-cache $c"; exit 1; }; echo "HIL-TARGET 1 $(uname -m)"; read -r h n || exit 1; case "$h" in *[!0-9a-f]*|"") exit 1;; esac; f="$c/$h"; ok() { [ -f "$1" ] && [ -O "$1" ] && [ "$(sha256sum <"$1" | cut -c1-64)" = "$h" ]; }; if ok "$f"; then echo have; else p="$f.part$$"; echo send; head -c "$n" >"$p" && sync; if ok "$p" && chmod 500 "$p" && mv -f "$p" "$f"; then echo stored; else rm -f "$p"; echo broken; exit 1; fi; fi; exec "$f" agent"#;
-/// Beginning of the line that says that the script runs.
+/// Prefix of the line that announces the script.
 const MARKER: &str = "HIL-TARGET ";
-/// Most bytes that a noisy profile may print before it.
+/// Maximum number of bytes that a noisy profile may print before it.
 const MOST_NOISE: usize = 64 << 10;
-/// Time for `ssh` to connect, in s.
+/// Time limit for `ssh` to connect, in s.
 const CONNECT_S: u32 = 10;
-/// Time between two looks at an interruption.
+/// Polling interval for an interruption.
 const LOOK: Timespec = Timespec {
     tv_sec: 0,
     tv_nsec: 50_000_000,
 };
-/// Longest time until the script speaks, and until it answers.
+/// Time limit for the script to start, and to answer.
 const SPEAKS: Duration = Duration::from_secs(20);
-/// Longest time for a part of the agent to get on its way, and for the last to arrive.
+/// Time limit for sending a part of the agent, and for the arrival of the last.
 const COPIES: Duration = Duration::from_secs(60);
 
 type Opened = (Ear<ToDesk>, Mouth, Leash);
@@ -53,14 +54,14 @@ pub(crate) fn open(
             "-T",
             "-oBatchMode=yes",
             "-oClearAllForwardings=yes",
-            // A connection that is there is used; none of a run outlives it.
+            // An existing connection is used; none of a run outlives it.
             "-oControlMaster=no",
             "-oForwardAgent=no",
             "-oForwardX11=no",
             "-oRemoteCommand=none",
         ])
         .arg(format!("-oConnectTimeout={CONNECT_S}"))
-        // A line that is dead is noticed in this time, wherever it stands.
+        // A dead line is detected within this time, in any state.
         .args(["-oServerAliveInterval=5", "-oServerAliveCountMax=2"])
         .args(["--", host])
         .arg(format!("exec /bin/sh -c '{SCRIPT}'"))
@@ -110,7 +111,7 @@ struct Start<'a> {
 }
 
 impl Start<'_> {
-    /// Talks to the script until it becomes the agent.
+    /// Exchanges messages with the script until it becomes the agent.
     fn up_to_agent(&mut self, input: &mut ChildStdin) -> Result<(), TargetError> {
         let way = self.way;
         let machine = self.marker()?;
@@ -128,32 +129,32 @@ impl Start<'_> {
             self.copy(input, &content)?;
             if self.answer(COPIES)? != "stored" {
                 return Err(way.infrastructure(
-                    "the agent did not arrive there whole; is there room in its cache folder?",
+                    "the agent was not copied completely; is there room in its cache folder?",
                 ));
             }
         }
         Ok(())
     }
 
-    /// Writes the agent's file. A script that has ended says why in its answer.
+    /// Sends the agent's file. A script that has ended reports the reason in its answer.
     fn copy(&self, input: &mut ChildStdin, content: &[u8]) -> Result<(), TargetError> {
         let failed = |error: Errno| self.way.infrastructure(error);
         fcntl_setfl(&*input, OFlags::NONBLOCK).map_err(failed)?;
-        let (mut left, mut since) = (content, Instant::now());
-        while !left.is_empty() {
+        let (mut remaining, mut since) = (content, Instant::now());
+        while !remaining.is_empty() {
             if (self.is_interrupted)() {
                 return Err(TargetError::Interrupted);
             }
             if since.elapsed() > COPIES {
                 let limit_s = COPIES.as_secs();
-                let told = format!("nothing of the agent could be sent for {limit_s} s");
-                return Err(self.way.infrastructure(told));
+                let reason = format!("sending the agent made no progress for {limit_s} s");
+                return Err(self.way.infrastructure(reason));
             }
-            match input.write(left) {
-                Ok(count) => (left, since) = (&left[count..], Instant::now()),
+            match input.write(remaining) {
+                Ok(count) => (remaining, since) = (&remaining[count..], Instant::now()),
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
                     let mut ready = [PollFd::new(&*input, PollFlags::OUT)];
-                    let _ = poll(&mut ready, Some(&LOOK)); // a signal means the same: look again
+                    let _ = poll(&mut ready, Some(&LOOK)); // a signal means polling again
                 }
                 Err(error) if error.kind() == io::ErrorKind::BrokenPipe => break,
                 Err(error) => return Err(self.way.infrastructure(error)),
@@ -162,19 +163,19 @@ impl Start<'_> {
         fcntl_setfl(&*input, OFlags::empty()).map_err(failed)
     }
 
-    /// Reads up to the marker; returns the type of the machine.
+    /// Reads up to the marker; returns the machine type.
     fn marker(&mut self) -> Result<String, TargetError> {
         let (mut noise, since) = (0, Instant::now());
         loop {
             if since.elapsed() > SPEAKS {
-                return Err(self.way.usage("its shell profile does not come to an end"));
+                return Err(self.way.usage("its shell profile does not finish"));
             }
             let line = self.line(SPEAKS)?;
-            // A profile may print the beginning of a line before it.
+            // A profile may print an unterminated line before it.
             if let Some((_, marked)) = line.split_once(MARKER) {
                 if let Some(folder) = marked.strip_prefix("no-cache ") {
                     return Err(self.way.usage(format!(
-                        "its cache folder {folder} cannot be made, or is not that user's alone"
+                        "its cache folder {folder} cannot be created, or is accessible to other users"
                     )));
                 }
                 let machine = marked.strip_prefix("1 ").unwrap_or_default().trim();
@@ -186,12 +187,12 @@ impl Start<'_> {
                     true => Ok(machine.to_owned()),
                     false => Err(self
                         .way
-                        .infrastructure("it does not say what machine it is")),
+                        .infrastructure("it does not report its machine type")),
                 };
             }
             noise += line.len() + 1;
             if noise > MOST_NOISE {
-                return Err(self.way.usage("its shell profile prints without end; it must print nothing where no terminal is"));
+                return Err(self.way.usage("its shell profile prints without end; it must print nothing without a terminal"));
             }
         }
     }
@@ -202,11 +203,11 @@ impl Start<'_> {
             "have" | "send" | "stored" | "broken" => Ok(line),
             _ => Err(self
                 .way
-                .infrastructure(format!("it answers `{}`", text::line(&line)))),
+                .infrastructure(format!("unexpected answer `{}`", text::line(&line)))),
         }
     }
 
-    /// Reads a line, byte by byte: what follows the last is the agent's.
+    /// Reads a line byte by byte: the data after the last line is the agent's.
     fn line(&mut self, limit: Duration) -> Result<String, TargetError> {
         let (mut line, since) = (Vec::new(), Instant::now());
         loop {
@@ -237,11 +238,11 @@ impl Start<'_> {
         }
     }
 
-    /// Says why `ssh` ended.
+    /// Describes the failure of `ssh`.
     fn refused(&self) -> TargetError {
         let last = self.said.last_line(Duration::from_millis(500));
         let text = self.said.text();
-        let reason = last.unwrap_or_else(|| "ssh ended without a word".into());
+        let reason = last.unwrap_or_else(|| "ssh ended without a message".into());
         let is_usage = [
             "Could not resolve hostname",
             "Host key verification failed",
@@ -251,7 +252,7 @@ impl Start<'_> {
             "no such identity",
         ]
         .iter()
-        .any(|known| text.contains(known));
+        .any(|phrase| text.contains(phrase));
         if is_usage {
             self.way.usage(reason)
         } else {
@@ -265,7 +266,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_script_can_stand_in_single_quotes_and_is_one_line() {
+    fn the_script_has_no_single_quotes_and_is_one_line() {
         assert!(!SCRIPT.contains('\'') && !SCRIPT.contains('\n'));
     }
 }

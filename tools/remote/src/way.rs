@@ -1,4 +1,4 @@
-//! The way to a target: its name, its agent and its key, and the errors that name it.
+//! Route to a target: its name, its agent and its key, and errors that name it.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -8,44 +8,45 @@ use shared_types::text;
 use crate::machine::{built_for, triple};
 use crate::name::Target;
 
-/// A target cannot be used.
+/// Error of a target.
 #[derive(Debug, thiserror::Error)]
 pub enum TargetError {
-    /// Mended where it was typed or configured.
+    /// Error that the user can fix on the command line or in the configuration.
     #[error("target {target}: {reason}")]
     Usage {
         /// Name of the target.
         target: String,
-        /// Reason for it.
+        /// Reason.
         reason: String,
     },
-    /// The machine or the way to it is in the way.
+    /// Failure of the machine or of the connection to it.
     #[error("target {target}: {reason}")]
     Infrastructure {
         /// Name of the target.
         target: String,
-        /// Reason for it.
+        /// Reason.
         reason: String,
     },
-    /// Somebody interrupted it.
+    /// The operation was interrupted.
     #[error("interrupted")]
     Interrupted,
 }
 
-/// The way to a target.
+/// Route to a target.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Way {
-    /// The target.
+    /// Target.
     pub target: Target,
-    /// The agent that was named, if one was.
+    /// Path of the agent, if it was named.
     pub agent: Option<PathBuf>,
-    /// File of the key, of an agent that listens.
+    /// Path of the key file of a listening agent.
     pub key_file: Option<PathBuf>,
-    /// Longest silence of the agent. One that works on an answer gives signs of life.
+    /// Limit of the agent's silence. An agent that is working on an answer sends signs of life.
     pub silence: Duration,
 }
 
-/// The static agent for a type of machine in the same build folder as a program of this build, and the agent beside that.
+/// Returns the static agent for a machine type in the build folder of this program, and the agent beside the
+/// program.
 fn agents(own: &Path, machine: &str) -> (Option<PathBuf>, PathBuf) {
     let beside = own.with_file_name("hil-target");
     let profile = own.parent().and_then(Path::file_name);
@@ -56,18 +57,18 @@ fn agents(own: &Path, machine: &str) -> (Option<PathBuf>, PathBuf) {
     (built, beside)
 }
 
-/// Checks that a file is a program for a type of machine.
+/// Returns `true` if a file is a program for a machine type.
 fn is_for(file: &Path, machine: &str) -> bool {
     built_for(file).is_ok_and(|built| built.as_deref() == Some(machine))
 }
 
 impl Way {
-    /// Longest silence where no wait limit is given.
+    /// Limit of the silence without a wait limit.
     pub const SILENCE: Duration = Duration::from_secs(15);
-    /// Least limit of a silence: some signs of life may be late.
+    /// Minimum limit of the silence: some signs of life may be late.
     const LEAST_SILENCE: Duration = Duration::from_secs(1);
 
-    /// Takes the wait limit of a run, in s, as the longest silence of the agent.
+    /// Sets the limit of the agent's silence to the wait limit of a run in s.
     #[must_use]
     pub fn with_silence(mut self, wait_limit_s: f64) -> Self {
         let limit = Duration::try_from_secs_f64(wait_limit_s).unwrap_or(Self::SILENCE);
@@ -75,8 +76,8 @@ impl Way {
         self
     }
 
-    /// The agent for a type of machine, if nobody named it and it is older than the one beside this program, with
-    /// that: a part of this build that was not built anew.
+    /// Returns the agent for a machine type and the program beside this one, if the agent was not named and is
+    /// older: it was not rebuilt with this program.
     #[must_use]
     pub fn stale_agent(&self, machine: &str) -> Option<(PathBuf, PathBuf)> {
         if self.agent.is_some() {
@@ -86,7 +87,7 @@ impl Way {
         let (built, beside) = agents(&own, machine);
         let changed = |file: &Path| {
             std::fs::metadata(file)
-                .and_then(|found| found.modified())
+                .and_then(|metadata| metadata.modified())
                 .ok()
         };
         let built = built.filter(|file| is_for(file, machine))?;
@@ -107,11 +108,11 @@ impl Way {
         }
     }
 
-    /// Finds the agent for a type of machine: the one that was named, else a static build beside this program's folder,
-    /// else the one beside this program.
+    /// Finds the agent for a machine type: the named one, else a static build in the folder of this build, else the
+    /// one beside this program.
     ///
     /// # Errors
-    /// If there is none for this machine; the error says how to build one.
+    /// If there is none for this machine; the error states how to build one.
     pub fn agent_for(&self, machine: &str) -> Result<PathBuf, TargetError> {
         if let Some(named) = &self.agent {
             let built = built_for(named)

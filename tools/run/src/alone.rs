@@ -1,8 +1,7 @@
-//! A run in the thread that asks for it: no session, no folder, no recording and no other thread.
+//! Run in the calling thread: no session, no folder, no recording and no other thread.
 //!
-//! For very many runs of what is built into `hil`. Engine, runner and the recorder's work are those of every
-//! other run, so digest, metrics and requirements are too. Waits for nobody: both sides and the recorder take
-//! turns.
+//! For very many runs of the plants and laws built into `hil`. Engine, runner and recorder are the same as in every
+//! other run, so digest, metrics and requirements are too. Never blocks: both sides and the recorder take turns.
 
 use std::sync::Arc;
 
@@ -22,10 +21,10 @@ use shared_types::wait::{WaitLimit, WaitStrategy};
 use super::jobs;
 use super::recorder::direct::DirectRecorder;
 
-/// Number of every session that is none: no frame of such a run leaves its thread.
+/// Session number of such runs, whose frames never leave the thread.
 const NO_SESSION: u64 = 0;
 
-/// Plants, laws and kinds of faults that are built into `hil`.
+/// Returns the descriptions of the plants, laws and fault kinds built into `hil`.
 pub fn built_in() -> [Description; 2] {
     let version = env!("CARGO_PKG_VERSION");
     let mut plant = Description::new("plant-process", version);
@@ -39,24 +38,25 @@ pub fn built_in() -> [Description; 2] {
 /// Refuses a plan whose result depends on the clock.
 ///
 /// # Errors
-/// If it is one.
+/// If it does.
 pub fn refuse_clock(plan: &Plan) -> Result<(), Failure> {
     match plan.run.clock {
         Clock::Lockstep => Ok(()),
         Clock::Paced { .. } | Clock::Realtime => Err(Failure::usage(format!(
-            "run.clock = \"{}\": very many runs are in lockstep, which waits for no clock",
+            "run.clock = \"{}\": runs without processes are in lockstep, which follows no clock",
             plan.run.clock.name()
         ))),
     }
 }
 
-/// Makes the jobs of a plan that was checked against what is [built in](built_in), and the layout of its records.
+/// Creates the jobs of a plan checked against the [built-in](built_in) descriptions, and the layout of its records.
 fn jobs_of(
     plan: &Plan,
     [plant, controller]: &[Description; 2],
 ) -> Result<(PlantJob, ControllerJob, RecordLayout), Failure> {
     let both = (plan.plant_among(&plant.plants)).zip(plan.law_among(&controller.laws));
-    let (plant, law) = both.ok_or_else(|| Failure::infrastructure("hil lost its plant or law"))?;
+    let (plant, law) = both
+        .ok_or_else(|| Failure::infrastructure("the plan's plant or law is not built into hil"))?;
     let layout = plan.record_layout(plant, &law);
     let plant = PlantJob {
         law: Some(law),
@@ -66,20 +66,20 @@ fn jobs_of(
     Ok((plant, controller, layout))
 }
 
-/// Checks the jobs of a plan as `--check` of programs does.
+/// Checks the jobs of a plan like `--check` of the programs.
 ///
 /// # Errors
-/// Objection of a side to its job.
+/// The objection of a side to its job.
 pub fn check(plan: &Plan, described: &[Description; 2]) -> Result<(), Failure> {
     let (plant, controller, _) = jobs_of(plan, described)?;
     check_plant(plant).map_err(Failure::usage)?;
     check_controller(controller).map_err(Failure::usage)
 }
 
-/// Runs a plan that was checked against what is [built in](built_in); takes its curve if there is a grid for it.
+/// Executes a plan checked against the [built-in](built_in) descriptions; records its curve if `grid` is set.
 ///
 /// # Errors
-/// If a side refuses its job, or it was interrupted.
+/// If a side refuses its job, or the run was interrupted.
 pub fn run(
     plan: &Plan,
     described: &[Description; 2],

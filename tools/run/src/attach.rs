@@ -1,5 +1,5 @@
-//! Attachment of the recorder to the record stream of a session: files closed to other users, and the
-//! layout that both programs described, or no run.
+//! Attachment of the recorder to the record stream of a session: requires files closed to other users and the
+//! layout that both programs described.
 
 use std::time::Duration;
 
@@ -9,12 +9,11 @@ use hil_session::stream::{IceoryxSource, LAYOUT_FILE};
 use shared_types::link::LinkError;
 use shared_types::record::RecordLayout;
 
-/// Number of times that files of a session which are open to others are closed before a run is refused
-/// for them.
+/// Number of attempts to close session files to other users before the run is refused.
 const LOOKS: u32 = 20;
 
-/// Attaches the recorder: first the stream, then the layout that the plant writes after hello. That must
-/// be the one that was described.
+/// Attaches the recorder: first to the stream, then checks the layout that the plant writes after hello, which must
+/// equal the described one.
 pub(super) fn attach(
     session: &SessionInfo,
     described: &RecordLayout,
@@ -34,14 +33,15 @@ pub(super) fn attach(
         return Ok(None);
     }
     refuse_open(session).map_err(|open| cannot_attach(&open))?;
-    let said: RecordLayout = (session.read_file(LAYOUT_FILE)).map_err(|e| cannot_attach(&e))?;
-    refuse_other_layout(described, &said)?;
+    let layout_at_hello: RecordLayout =
+        (session.read_file(LAYOUT_FILE)).map_err(|e| cannot_attach(&e))?;
+    refuse_other_layout(described, &layout_at_hello)?;
     observer::admit(session, described).map_err(|e| cannot_attach(&e))?;
     Ok(source.take().map(|source| (source, described.clone())))
 }
 
-/// Closes what is open to other users, and refuses what stays so. What a side makes just now may be open
-/// between two looks.
+/// Closes files that are open to other users, and refuses those that cannot be closed. A file being created may be
+/// open between two attempts.
 fn refuse_open(session: &SessionInfo) -> Result<(), String> {
     for _ in 0..LOOKS {
         session.tighten();
@@ -60,14 +60,16 @@ fn cannot_attach(error: &dyn std::fmt::Display) -> String {
     format!("cannot attach to the record stream: {error}")
 }
 
-/// Refuses records with other signals than both binaries described.
+/// Refuses a layout that differs from the descriptions of both programs.
 pub(super) fn refuse_other_layout(
     described: &RecordLayout,
-    said: &RecordLayout,
+    layout_at_hello: &RecordLayout,
 ) -> Result<(), String> {
-    described.difference(said).map_or(Ok(()), |difference| {
-        Err(format!(
-            "at hello plant and controller agreed on {difference}"
-        ))
-    })
+    described
+        .difference(layout_at_hello)
+        .map_or(Ok(()), |difference| {
+            Err(format!(
+                "plant and controller agreed on a different layout at hello: {difference}"
+            ))
+        })
 }

@@ -1,8 +1,8 @@
-//! Sides that somebody starts by hand, in a debugger for one: the command that starts each is printed, and who
-//! shows the token of the session and runs the program that was checked is admitted.
+//! Sides started by hand, for example in a debugger: prints the command that starts each, and admits a process that
+//! presents the session's token and runs the checked program.
 //!
-//! Waits without a limit before anything else of the run is started. Its doors stay until the end of the run,
-//! so that a second process hears why it gets no place.
+//! Waits without a time limit before anything else of the run is started. The sockets stay open until the end of
+//! the run, so that a second process is told why it is refused.
 
 use std::os::unix::net::UnixStream;
 use std::path::Path;
@@ -24,7 +24,7 @@ use super::prepare::PreparedRun;
 use super::processes::LOOK;
 use super::side::SideProcess;
 
-/// Sides of a run that were admitted.
+/// Admitted sides of a run.
 #[derive(Default)]
 pub(crate) struct ByHand {
     pub(super) plant: Option<SideProcess>,
@@ -41,13 +41,13 @@ impl ByHand {
     }
 }
 
-/// A process that may be a side, and the connection that it came by.
+/// Process that may become a side, with its connection.
 type Admitted = (Side, ProcessId, UnixStream);
 
 /// Waits for the sides of a run that are started by hand.
 ///
 /// # Errors
-/// If the user does not want it any more, or one of them ended before all were there.
+/// If the user interrupts the wait, or an admitted side ends before all are admitted.
 pub(super) fn admit(prepared: &PreparedRun, session: &mut Session) -> Result<ByHand, Failure> {
     let (sender, admitted) = channel();
     let mut by_hand = ByHand::default();
@@ -74,7 +74,7 @@ pub(super) fn admit(prepared: &PreparedRun, session: &mut Session) -> Result<ByH
     Ok(by_hand)
 }
 
-/// Waits for the next one.
+/// Waits for the next process.
 fn next(
     admitted: &Receiver<Admitted>,
     prepared: &PreparedRun,
@@ -85,7 +85,7 @@ fn next(
             Ok(one) => return Ok(one),
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => {
-                return Err(Failure::infrastructure("nobody can be admitted any more"));
+                return Err(Failure::infrastructure("no more sides can be admitted"));
             }
         }
         prepared.interruption.check()?;
@@ -103,12 +103,12 @@ fn next(
     }
 }
 
-/// Prints the command that starts a side, and what to know about it.
+/// Prints the command that starts a side, with advice.
 fn tell_command(prepared: &PreparedRun, role: Side, program: &Path) -> Result<(), Failure> {
     let words = [program, &prepared.session.folder].map(Path::to_str);
     let [Some(program), Some(folder)] = words else {
         return Err(Failure::usage(format!(
-            "{}: its path is no text that can be printed as a command",
+            "{}: its path is not valid UTF-8, so no command can be printed",
             program.display()
         )));
     };
@@ -117,11 +117,11 @@ fn tell_command(prepared: &PreparedRun, role: Side, program: &Path) -> Result<()
     let (side, limit_s) = (role.name(), prepared.settings.wait_limit_s);
     let limit = if limit_s.is_finite() {
         format!(
-            "from hello on nobody waits longer than {} for it: --wait-limit inf while a debugger holds it",
+            "after hello the run waits at most {} for it; use --wait-limit inf with a debugger",
             exact_in(limit_s, "s")
         )
     } else {
-        "a debugger may hold it as long as you like".to_owned()
+        "a debugger may stop it for any length of time".to_owned()
     };
     tell!(
         "{side}: waits to be started by hand, in another terminal (Ctrl-C ends the wait); {limit}\n  {command}"
@@ -129,7 +129,7 @@ fn tell_command(prepared: &PreparedRun, role: Side, program: &Path) -> Result<()
     Ok(())
 }
 
-/// Opens the door of a side and writes its token.
+/// Opens the socket of a side and writes its token.
 fn open(
     session: &SessionInfo,
     role: Side,
@@ -137,40 +137,40 @@ fn open(
     admitted: Sender<Admitted>,
 ) -> Result<Listening, String> {
     let token = Token::random().map_err(|error| format!("/dev/urandom: {error}"))?;
-    let (own, mut taken) = (token.clone(), None);
+    let (own, mut occupant) = (token.clone(), None);
     let listening = live::listen(session, &door(role), move |client| {
-        // One that went away needs no answer.
+        // A process that disconnected needs no answer.
         let _ = live::answer(client, |entry| {
             let judged = (entry.map_err(|refusal: Refusal| refusal.message))
                 .and_then(|entry| judge(client, &entry, &own, (role, &binary), taken))
                 .and_then(|process| {
                     let leash = client.try_clone().map_err(|error| error.to_string())?;
-                    let sent = admitted.send((role, process, leash));
-                    sent.map_err(|_| "the run is over".to_owned())?;
+                    let result = admitted.send((role, process, leash));
+                    result.map_err(|_| "the run is over".to_owned())?;
                     Ok(process)
                 });
-            match judged {
+            match verdict {
                 Ok(process) => {
-                    taken = Some(process);
+                    occupant = Some(process);
                     Admission::Admitted
                 }
                 Err(reason) => Admission::Refused { reason },
             }
         });
     })?;
-    // After that: who reads it can come in.
+    // Written last: a process that reads it can connect at once.
     let written = session.write_file(&token_file(role), &token);
     written.map_err(|error| error.to_string())?;
     Ok(listening)
 }
 
-/// Checks a process that asks to be a side: its token first, by which it may hear anything else.
+/// Checks a process that asks to be a side: first its token, without which it learns nothing else.
 fn judge(
     client: &UnixStream,
     Entry { token, process }: &Entry,
     own: &Token,
     (role, binary): (Side, &Binary),
-    taken: Option<ProcessId>,
+    occupant: Option<ProcessId>,
 ) -> Result<ProcessId, String> {
     let side = role.name();
     if !own.is(token) {
@@ -180,26 +180,26 @@ fn judge(
     }
     let peer = socket_peercred(client).map_err(|error| error.to_string())?;
     if peer.uid != rustix::process::geteuid() {
-        return Err("it belongs to another user".into());
+        return Err("the process belongs to another user".into());
     }
     let pid = peer.pid.as_raw_nonzero().get().cast_unsigned();
     if pid != process.pid || ProcessId::of(pid) != Some(*process) {
         return Err(format!(
-            "it says that it is process {}, and process {pid} is connected",
+            "it claims to be process {}, but process {pid} is connected",
             process.pid
         ));
     }
-    if let Some(ProcessId { pid, .. }) = taken {
-        return Err(format!("process {pid} is the {side} of this run"));
+    if let Some(ProcessId { pid, .. }) = occupant {
+        return Err(format!("process {pid} is already the {side} of this run"));
     }
     let file = format!("/proc/{pid}/exe");
-    let shown = std::fs::read_link(&file).map(|path| path.display().to_string());
-    let shown = shown.unwrap_or_else(|_| "its program".into());
-    let found = hash(Path::new(&file)).map_err(|error| format!("{shown}: {error}"))?;
-    if found != binary.blake3 {
-        let (path, wanted) = (binary.path.display(), &binary.blake3);
+    let program = std::fs::read_link(&file).map(|path| path.display().to_string());
+    let program = program.unwrap_or_else(|_| "its program".into());
+    let actual = hash(Path::new(&file)).map_err(|error| format!("{program}: {error}"))?;
+    if actual != binary.blake3 {
+        let (path, expected) = (binary.path.display(), &binary.blake3);
         return Err(format!(
-            "process {pid} runs {shown} with hash {found}, and {path} with hash {wanted} was checked: start that, or name yours by --{side}-bin"
+            "process {pid} runs {program} with hash {actual}, but {path} with hash {expected} was checked: start that, or name yours with --{side}-bin"
         ));
     }
     Ok(*process)

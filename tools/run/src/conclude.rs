@@ -1,4 +1,4 @@
-//! Conclusion of a run: its outcome, its checkpoints, its summary and its exit code.
+//! Conclusion of a run: its outcome, checkpoints, summary and exit code.
 
 use hil_console::files::part_file;
 use hil_console::files::runs::SUMMARY;
@@ -22,7 +22,7 @@ use hil_target::bridge::switches;
 /// Ends the session of a run and writes its summary.
 ///
 /// # Errors
-/// If the summary cannot be made; one that cannot be written is part of the result.
+/// If the summary cannot be made; a failure to write it is part of the result.
 pub(super) fn conclude(
     mut prepared: PreparedRun,
     session: Session,
@@ -30,13 +30,13 @@ pub(super) fn conclude(
     mut ended: EndedRun,
     before: &ProcessorTime,
 ) -> Result<RunResult, Failure> {
-    // A side that is no child counts among the others.
+    // A side that is not a child process is counted as contention.
     let is_all_here = prepared.settings.by_hand.flag().is_none();
     let company = is_all_here.then(|| ProcessorTime::now().company(before));
     let has_joined = prepared.settings.link == LinkKind::InProcess || realtime.controller.is_some();
     if ended.outcome == Outcome::Completed && !has_joined {
         ended.outcome = Outcome::Failed;
-        let what = "the plant says that it completed the run, and no controller came to its link";
+        let what = "the plant reports a completed run, but no controller connected to its link";
         ended.reason = Some(what.into());
     }
     if ended.outcome == Outcome::Failed {
@@ -89,10 +89,10 @@ pub(super) fn conclude(
         Ok::<_, Failure>((json, written))
     };
     if !summary.checkpoints.is_empty() {
-        // The run is over: whatever becomes of the check, its result stays. The last writing tells of a failure.
+        // The run is over: its result stays, however the check ends. The final write reports failures.
         let _ = write(&summary)?;
     }
-    let noted = restoration::check(&prepared, &ended.recorded, &mut summary.checkpoints);
+    let check_result = restoration::check(&prepared, &ended.recorded, &mut summary.checkpoints);
     let mut checks = (summary.checkpoints.iter()).filter_map(|made| made.check.as_ref());
     let is_cut = prepared.interruption.came() && checks.any(|check| !check.is_made());
     let (json, written) = write(&summary)?;
@@ -108,7 +108,7 @@ pub(super) fn conclude(
         curve: ended.recorded.curve,
         recording: recorded_to.map(|name| folder.join(name)),
         table: summary.table(&prepared.plan, &folder),
-        written: written.and(collected).and(noted),
+        written: written.and(collected).and(check_result),
         summary,
         json,
         folder,

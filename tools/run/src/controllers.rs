@@ -1,7 +1,7 @@
-//! The controllers of a run: the active one, those before it, and the one that is to take over.
+//! Controllers of a run: the active one, its predecessors, and the next one.
 //!
-//! The plant decides which one is active and tells it in the record stream; here processes are started
-//! and ended accordingly.
+//! The plant decides which one is active and reports it in the record stream; here processes are started and ended
+//! accordingly.
 
 use std::path::PathBuf;
 use std::sync::PoisonError;
@@ -20,33 +20,33 @@ use shared_types::lockstep::OnLoss;
 use shared_types::record::{ControllerChange, ControllerFate};
 
 use super::jobs;
-use super::objections::Crew;
+use super::objections::Programs;
 use super::processes::LOOK;
 use super::side::SideProcess;
-use crate::swap::{Swapped, Wanted};
+use crate::swap::{SwapRequest, Swapped};
 
-/// Most restarts of a lost controller in one run.
+/// Maximum number of restarts of a lost controller in one run.
 const RESTARTS: u32 = 3;
-/// Longest time that a controller may take to end by itself once it is not active any more.
+/// Time limit for a controller to end by itself after it stopped being active.
 const PARTING: Duration = Duration::from_millis(500);
 
-/// All controllers that were started.
+/// All controllers started in a run.
 pub(super) struct Controllers {
     members: Vec<Member>,
     policy: OnLoss,
     run_dir: PathBuf,
     session: SessionInfo,
     restarts: u32,
-    /// Reason for which no controller is started anew any more.
+    /// Reason that no controller is restarted any more.
     exhausted: Option<String>,
-    /// Changes that were heard of.
+    /// Number of processed controller changes.
     known: usize,
-    /// Members that the recording tells of.
+    /// Number of controllers in the recording's facts.
     recorded: usize,
-    /// The plant told of one that was never started.
+    /// Controller that the plant reported although it was never started.
     unknown: Option<u32>,
-    /// Programs and jobs, for those who judge parameters.
-    crew: Crew,
+    /// Programs and jobs, for judging parameters.
+    programs: Programs,
 }
 
 /// Controller process.
@@ -55,17 +55,17 @@ struct Member {
     side: SideProcess,
     binary: Binary,
     job: Job,
-    /// Values of the scenario that were changed for it.
+    /// Values of the scenario changed for it.
     set: Vec<String>,
-    standing: Standing,
-    /// The plant was told that it comes.
+    standing: Role,
+    /// `true` once the plant was told to expect it.
     is_announced: bool,
-    /// Time at which the plant was told that the controller ended.
-    told_gone: Option<Instant>,
-    /// The controller was told that the run is over.
-    told_over: bool,
-    /// Request that the controller was started for.
-    asked: Option<Asked>,
+    /// Time at which the plant was told that the controller has ended.
+    plant_told_at: Option<Instant>,
+    /// `true` once the controller was told that the run is over.
+    is_told_of_end: bool,
+    /// Request that led to its start.
+    asked: Option<Requester>,
 }
 
 impl Member {
@@ -82,34 +82,34 @@ impl Member {
             binary,
             job,
             set,
-            standing: Standing::Coming,
+            standing: Role::Coming,
             is_announced: epoch == 1,
-            told_gone: None,
-            told_over: false,
+            plant_told_at: None,
+            is_told_of_end: false,
             asked: None,
         }
     }
 }
 
-/// Somebody who asked for a controller.
-struct Asked {
+/// Pending request for a controller.
+struct Requester {
     answer: Sender<Result<Swapped, String>>,
-    /// Keys of the running scenario that the controller does not have.
+    /// Keys of the running scenario that none of the controller's laws has.
     left_out: Vec<String>,
 }
 
 /// Role of a controller in the run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Standing {
+enum Role {
     Coming,
     InOffice,
-    /// Since when it is of no more use.
+    /// Replaced or lost at this time.
     Past(Instant),
 }
 
 impl Controllers {
-    /// Waits until the first may be expected to say hello, which on a target takes as long as `ssh` does; or until it
-    /// has ended, or somebody interrupted that.
+    /// Waits until the first controller can be expected to say hello, which on a target takes as long as `ssh`
+    /// does; or until it has ended, or the wait is interrupted.
     pub(super) fn wait_until_ready(&mut self, interruption: &Interruption) {
         let Self {
             members, session, ..
@@ -123,7 +123,7 @@ impl Controllers {
         }
     }
 
-    /// Starts the first one, unless somebody did so by hand.
+    /// Starts the first controller, unless it was started by hand.
     ///
     /// # Errors
     /// If it cannot be started.
@@ -142,9 +142,9 @@ impl Controllers {
             restarts: 0,
             exhausted: None,
             known: 0,
-            recorded: 1, // of the first it tells from the start
+            recorded: 1, // the first is recorded from the start
             unknown: None,
-            crew: Crew::default(),
+            programs: Programs::default(),
         };
         match by_hand {
             Some(side) => {
@@ -155,22 +155,22 @@ impl Controllers {
                 controllers.add(session, binary, job, Vec::new())?;
             }
         }
-        controllers.members[0].standing = Standing::InOffice;
+        controllers.members[0].standing = Role::InOffice;
         Ok(controllers)
     }
 
-    /// Programs and jobs of all that were started, those to come included.
-    pub(super) fn crew(&self) -> Crew {
-        Crew::clone(&self.crew)
+    /// Returns programs and jobs of all controllers, including later ones.
+    pub(super) fn programs(&self) -> Programs {
+        Programs::clone(&self.programs)
     }
 
-    /// Takes down one that starts, for those who judge parameters.
+    /// Registers a controller for judging parameters.
     fn know(&self, binary: &Binary, job: &Job) {
-        let mut crew = self.crew.lock().unwrap_or_else(PoisonError::into_inner);
-        crew.push((binary.clone(), job.clone()));
+        let mut programs = self.programs.lock().unwrap_or_else(PoisonError::into_inner);
+        programs.push((binary.clone(), job.clone()));
     }
 
-    /// Starts one more.
+    /// Starts another controller.
     fn add(
         &mut self,
         session: &mut Session,
@@ -181,7 +181,7 @@ impl Controllers {
         let epoch = self.next_epoch();
         if epoch > MOST_EPOCHS {
             return Err(Failure::usage(format!(
-                "a run has {MOST_EPOCHS} controllers at most"
+                "a run can have at most {MOST_EPOCHS} controllers"
             )));
         }
         let job = Job { epoch, ..job };
@@ -206,96 +206,98 @@ impl Controllers {
         self.members.last().map_or(1, |last| last.epoch + 1)
     }
 
-    /// The active one.
+    /// Returns the active controller.
     pub(super) fn in_office(&self) -> Option<&SideProcess> {
         let member = &self.members[self.place_in_office()];
-        (member.standing == Standing::InOffice).then_some(&member.side)
+        (member.standing == Role::InOffice).then_some(&member.side)
     }
 
-    /// The active one, or the one that was started last.
+    /// Returns the active controller, or the one started last.
     pub(super) fn latest(&self) -> &SideProcess {
         &self.members[self.place_in_office()].side
     }
 
     fn place_in_office(&self) -> usize {
-        let in_office = |member: &Member| member.standing == Standing::InOffice;
+        let in_office = |member: &Member| member.standing == Role::InOffice;
         let place = self.members.iter().rposition(in_office);
         place.unwrap_or(self.members.len() - 1)
     }
 
-    /// Counts those that have not ended.
+    /// Counts the controllers that have not ended.
     pub(crate) fn running(&mut self) -> usize {
         let runs = |member: &mut Member| usize::from(!member.side.has_ended());
         self.members.iter_mut().map(runs).sum()
     }
 
-    /// Returns the ends that are still to come.
+    /// Returns the pending ends of controllers.
     pub(super) fn endings(&self) -> impl Iterator<Item = &Ending> {
         self.members
             .iter()
             .filter_map(|member| member.side.ending())
     }
 
-    /// Returns true if the active controller has died and that ends the run. While another is to take over,
-    /// only the plant knows which controller is active.
+    /// Returns `true` if the active controller has died and that ends the run. During a takeover, only the plant
+    /// knows which controller is active.
     pub(super) fn death_ends_run(&mut self) -> bool {
         if self.is_one_coming() {
             return false;
         }
         let place = self.place_in_office();
         let member = &mut self.members[place];
-        self.policy == OnLoss::Abort
-            && member.standing == Standing::InOffice
-            && member.side.has_ended()
+        self.policy == OnLoss::Abort && member.standing == Role::InOffice && member.side.has_ended()
     }
 
-    /// Returns true unless one is to take over, or the plant was told of a death and has not said what follows.
+    /// Returns `true` unless a takeover is pending, or the plant was told of a death and has not reported the
+    /// consequence.
     pub(super) fn are_settled(&self) -> bool {
         !self.is_one_coming() && !self.plant_is_silent(Duration::ZERO)
     }
 
     fn is_one_coming(&self) -> bool {
-        let coming = |member: &Member| member.standing == Standing::Coming;
+        let coming = |member: &Member| member.standing == Role::Coming;
         self.members.iter().any(coming)
     }
 
-    /// Returns true if the plant was told more than `limit` ago that a controller is gone, and has not said
-    /// what follows.
+    /// Returns `true` if the plant was told more than `limit` ago that a controller has ended, and has not reported
+    /// the consequence.
     pub(super) fn plant_is_silent(&self, limit: Duration) -> bool {
         self.members.iter().any(|member| {
-            member.standing == Standing::InOffice
-                && member.told_gone.is_some_and(|told| told.elapsed() > limit)
+            member.standing == Role::InOffice
+                && member
+                    .plant_told_at
+                    .is_some_and(|told| told.elapsed() > limit)
         })
     }
 
-    /// Returns the reason for which no lost controller is started anew any more, if there is one.
+    /// Returns the reason that no lost controller is restarted any more, if there is one.
     pub(super) fn exhausted(&self) -> Option<String> {
         self.exhausted.clone()
     }
 
-    /// Describes what the plant told of a controller that was never started, if it did.
+    /// Describes a controller reported by the plant that was never started.
     pub(crate) fn unknown(&self) -> Option<String> {
-        let told = |epoch| format!("the plant tells of controller {epoch}, which was not started");
-        self.unknown.map(told)
+        let describe =
+            |epoch| format!("the plant reports controller {epoch}, which was not started");
+        self.unknown.map(describe)
     }
 
-    /// Tells all of them that it is over, in this way, if they were not told yet.
+    /// Tells all controllers once that the run is over, with this line.
     pub(super) fn tell_once(&mut self, line: &str) {
         for member in &mut self.members {
-            if !std::mem::replace(&mut member.told_over, true) {
+            if !std::mem::replace(&mut member.is_told_of_end, true) {
                 member.side.tell(line);
             }
         }
     }
 
-    /// Ends those that had their time to end by themselves.
+    /// Ends the controllers whose grace period is over.
     pub(super) fn end_if_due(&mut self, since: Instant, grace: Duration) {
         for member in &mut self.members {
             member.side.end_if_due(since, grace);
         }
     }
 
-    /// Returns the controllers that were started, in order.
+    /// Returns the started controllers in order.
     pub(crate) fn started(&self) -> Vec<Started> {
         let started = |member: &Member| Started {
             epoch: member.epoch,
@@ -307,7 +309,7 @@ impl Controllers {
         self.members.iter().map(started).collect()
     }
 
-    /// Returns the controllers that were started since the last call.
+    /// Returns the controllers started since the last call.
     pub(super) fn unrecorded(&mut self) -> Vec<Started> {
         let recorded = std::mem::replace(&mut self.recorded, self.members.len());
         if recorded == self.members.len() {
@@ -316,23 +318,23 @@ impl Controllers {
         self.started().split_off(recorded)
     }
 
-    /// Changes that were heard of.
+    /// Returns the number of processed changes.
     pub(super) const fn known_changes(&self) -> usize {
         self.known
     }
 
-    /// Somebody wants another one.
-    pub(crate) fn swap(&mut self, session: &mut Session, wanted: Wanted) {
-        let Wanted {
+    /// Starts a requested controller.
+    pub(crate) fn swap(&mut self, session: &mut Session, request: SwapRequest) {
+        let SwapRequest {
             binary,
             law,
             set,
             left_out,
             answer,
-        } = wanted;
+        } = request;
         if self.is_one_coming() {
             let busy = "another controller is about to take over".to_owned();
-            let _ = answer.send(Err(busy)); // who asked may be gone
+            let _ = answer.send(Err(busy)); // the requester may be gone
             return;
         }
         let place = self.place_in_office();
@@ -340,7 +342,7 @@ impl Controllers {
         match self.add(session, binary, job, set) {
             Ok(_) => {
                 if let Some(member) = self.members.last_mut() {
-                    member.asked = Some(Asked { answer, left_out });
+                    member.asked = Some(Requester { answer, left_out });
                 }
             }
             Err(failure) => {
@@ -349,7 +351,7 @@ impl Controllers {
         }
     }
 
-    /// Takes in what the plant told: the controller that is active, and the one that is to be started anew.
+    /// Processes the plant's report: the active controller, and one to restart.
     pub(crate) fn hear(
         &mut self,
         session: &mut Session,
@@ -366,7 +368,7 @@ impl Controllers {
         }
     }
 
-    /// Takes down which one is active, and answers who asked for it.
+    /// Records the active controller, and answers its requester.
     pub(crate) fn note(&mut self, change: &ControllerChange) {
         self.known += 1;
         let ControllerChange {
@@ -378,9 +380,9 @@ impl Controllers {
             self.unknown.get_or_insert(*epoch);
             return;
         }
-        let past = Standing::Past(Instant::now());
+        let past = Role::Past(Instant::now());
         if matches!(change, ControllerFate::Joined { .. }) {
-            let in_office = |member: &&mut Member| member.standing == Standing::InOffice;
+            let in_office = |member: &&mut Member| member.standing == Role::InOffice;
             for member in self.members.iter_mut().filter(in_office) {
                 member.standing = past;
             }
@@ -388,44 +390,45 @@ impl Controllers {
         let Some(member) = (self.members.iter_mut()).find(|member| member.epoch == *epoch) else {
             return;
         };
-        let asked = match change {
+        let requester = match change {
             ControllerFate::Lost { .. } => None,
             _ => member.asked.take(),
         };
-        let told = match change {
+        let result = match change {
             ControllerFate::Lost { .. } => {
                 member.standing = past;
                 return;
             }
             ControllerFate::Refused { reason } => {
                 member.standing = past;
-                // Its own last word says more than that it is gone.
+                // Its own last message says more than the fact of its end.
                 let word = member.side.last_word().filter(|_| member.side.has_ended());
                 Err(word.unwrap_or_else(|| reason.clone()))
             }
             ControllerFate::Joined { law } => {
-                member.standing = Standing::InOffice;
+                member.standing = Role::InOffice;
                 Ok(Swapped {
                     epoch: *epoch,
                     step: *step,
                     law: law.clone(),
                     binary: member.binary.path.clone(),
-                    left_out: (asked.as_ref()).map_or_else(Vec::new, |one| one.left_out.clone()),
+                    left_out: (requester.as_ref())
+                        .map_or_else(Vec::new, |one| one.left_out.clone()),
                 })
             }
         };
-        if let Some(asked) = asked {
-            let _ = asked.answer.send(told); // who asked may be gone
+        if let Some(requester) = requester {
+            let _ = requester.answer.send(result); // the requester may be gone
         }
     }
 
-    /// Starts a lost controller anew, or lets the plant know that none comes any more.
+    /// Restarts a lost controller, or tells the plant that none follows.
     fn restart(&mut self, session: &mut Session, plant: &mut SideProcess, lost: u32) {
         if self.is_one_coming() {
-            return; // somebody asked for another one just before
+            return; // another one was just requested
         }
         if self.restarts == RESTARTS {
-            let most = format!("it was started anew {RESTARTS} times, which is the most");
+            let most = format!("it was restarted {RESTARTS} times, the maximum");
             self.exhausted = Some(most);
             plant.tell(&format!("{PEER_GONE} {}", self.next_epoch()));
             return;
@@ -444,13 +447,13 @@ impl Controllers {
             Ok(_) => {} // announced once it can say hello
             Err(failure) => {
                 let why = failure.reason();
-                self.exhausted = Some(format!("it cannot be started anew: {why}"));
+                self.exhausted = Some(format!("it cannot be restarted: {why}"));
                 plant.tell(&format!("{PEER_GONE} {}", self.next_epoch()));
             }
         }
     }
 
-    /// Tells the plant of those that ended, and ends those that are of no more use.
+    /// Tells the plant of controllers that ended, and ends those no longer needed.
     pub(crate) fn look(&mut self, plant: &mut SideProcess) {
         for member in &mut self.members {
             let has_ended = member.side.has_ended();
@@ -461,13 +464,11 @@ impl Controllers {
                 plant.tell(&format!("{EXPECT} {}", member.epoch));
             }
             match member.standing {
-                Standing::Past(since) if !has_ended && since.elapsed() > PARTING => {
+                Role::Past(since) if !has_ended && since.elapsed() > PARTING => {
                     member.side.kill();
                 }
-                Standing::Coming | Standing::InOffice
-                    if has_ended && member.told_gone.is_none() =>
-                {
-                    member.told_gone = Some(Instant::now());
+                Role::Coming | Role::InOffice if has_ended && member.plant_told_at.is_none() => {
+                    member.plant_told_at = Some(Instant::now());
                     plant.tell(&format!("{PEER_GONE} {}", member.epoch));
                 }
                 _ => {}

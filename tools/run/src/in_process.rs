@@ -1,4 +1,4 @@
-//! A run in one process: both sides in one thread, taking turns.
+//! Run in one process: both sides take turns in one thread.
 
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
@@ -23,13 +23,13 @@ use super::pause::PauseLookout;
 use super::prepare::PreparedRun;
 use super::realtime::Watched;
 
-/// Time between two looks at what may end a run before its time.
+/// Interval between checks for an early end of the run.
 const LOOK: Duration = Duration::from_millis(10);
 
-/// Checks both jobs as `--check` of their programs does.
+/// Checks both jobs like `--check` of their programs.
 ///
 /// # Errors
-/// Objection of a side to its job.
+/// The objection of a side to its job.
 pub(super) fn check(
     plant: &plant_process::job::Job,
     controller: &controller_process::job::Job,
@@ -39,7 +39,7 @@ pub(super) fn check(
     check_controller(controller.clone()).map_err(|why| binaries.controller.refused_job(&why))
 }
 
-/// A sink that tells the recorder the layout when the stream opens.
+/// Sink that passes the layout to the recorder when the stream opens.
 struct TellingSink {
     sink: stream::in_process::InProcessSink,
     tell: std::sync::mpsc::Sender<RecordLayout>,
@@ -47,7 +47,7 @@ struct TellingSink {
 
 impl RecordSink for TellingSink {
     fn open(&mut self, layout: &RecordLayout) -> Result<(), LinkError> {
-        let _ = self.tell.send(layout.clone()); // a recorder that ended needs no layout
+        let _ = self.tell.send(layout.clone()); // the recorder may have ended
         self.sink.open(layout)
     }
 
@@ -67,18 +67,18 @@ impl RecordSink for TellingSink {
 /// Runs both sides in turns to the end of the run.
 ///
 /// # Errors
-/// If a side cannot begin, or the recorder broke.
+/// If a side cannot begin, or the recorder failed.
 pub(super) fn run(prepared: &PreparedRun, realtime: &mut Watched) -> Result<EndedRun, Failure> {
     let (sink, source) = stream::in_process::pair();
-    let (tell, told) = channel();
+    let (tell, layouts) = channel();
     let described = prepared.layout.clone();
     let recorder = prepared.recorder(realtime.recorder_core(), move || {
         let mut source = Some(source);
         move || {
-            let Ok(said) = told.recv_timeout(LOOK) else {
+            let Ok(layout) = layouts.recv_timeout(LOOK) else {
                 return Ok(None);
             };
-            refuse_other_layout(&described, &said)?;
+            refuse_other_layout(&described, &layout)?;
             Ok(source.take().map(|source| (source, described.clone())))
         }
     });
@@ -89,7 +89,7 @@ pub(super) fn run(prepared: &PreparedRun, realtime: &mut Watched) -> Result<Ende
     let (theirs, session) = (supervision.clone(), prepared.session.clone());
     let (over, ended) = channel::<()>();
     let sides = std::thread::spawn(move || {
-        let _over = over; // dropped when the thread ends, in whatever way
+        let _over = over; // dropped however the thread ends
         let sink = TellingSink { sink, tell };
         take_turns(&session, plant, controller, sink, &theirs)
     });
@@ -114,8 +114,8 @@ pub(super) fn run(prepared: &PreparedRun, realtime: &mut Watched) -> Result<Ende
     let end = ran.map_err(Failure::infrastructure)?;
     let (mut outcome, mut reason) = (end.outcome, end.reason);
     if outcome == Outcome::Stopped && prepared.interruption.came() {
-        let seen = reason.map_or_else(String::new, |seen| format!("; {seen}"));
-        reason = Some(format!("interrupted{seen}"));
+        let cause = reason.map_or_else(String::new, |cause| format!("; {cause}"));
+        reason = Some(format!("interrupted{cause}"));
     }
     if let Some(error) = &recorded.error {
         reason = Some(error.clone());
@@ -126,7 +126,7 @@ pub(super) fn run(prepared: &PreparedRun, realtime: &mut Watched) -> Result<Ende
     Ok(EndedRun::new(recorded, outcome, reason))
 }
 
-/// Judges parameters of plant and law by a start of it.
+/// Judges parameters of plant and law by starting each with them.
 fn objections(
     plant: plant_process::job::Job,
     job: controller_process::job::Job,
@@ -139,7 +139,7 @@ fn objections(
     })
 }
 
-/// Polls both sides in turns to the end of the run.
+/// Polls both sides in turns until the end of the run.
 fn take_turns(
     session: &SessionInfo,
     plant: plant_process::job::Job,

@@ -1,5 +1,5 @@
-//! Jobs of a run: the part of the plan that each side gets, put into the session's folder and looked at by
-//! both programs before anything is started.
+//! Jobs of a run: each side's part of the plan, written to the session's folder and checked by both programs before
+//! anything is started.
 
 use hil_config::plan::{Clock, ControllerPlan, Plan, law_keys, settings_after};
 use hil_console::terminal::exit::Failure;
@@ -15,7 +15,7 @@ use shared_types::time::Step;
 
 use super::settings::Settings;
 
-/// Makes the job of each side, which saves its state before these steps.
+/// Makes the jobs of both sides, which save their state before these steps.
 pub(super) fn of(
     plan: &Plan,
     binaries: &Binaries,
@@ -67,7 +67,7 @@ pub(super) fn of(
     (plant, controller)
 }
 
-/// Makes the job of a controller that saves nothing and asks nothing of its machine.
+/// Makes the job of a controller without checkpoints and real-time settings.
 pub fn controller(plan: &Plan, session: u64, wait_limit_s: f64) -> controller_process::job::Job {
     let (made_for, law) = (&plan.controller.made_for, &plan.controller.law);
     let rate = plan.run.rate;
@@ -79,7 +79,7 @@ pub fn controller(plan: &Plan, session: u64, wait_limit_s: f64) -> controller_pr
     }
 }
 
-/// Gives a job another law.
+/// Sets another law in a job.
 pub(super) fn with_law(
     job: controller_process::job::Job,
     plan: ControllerPlan,
@@ -97,7 +97,7 @@ pub(super) fn with_law(
     }
 }
 
-/// The same job with other values of some parameters, as a law judges it: it goes on from nothing.
+/// Returns the job with other values of some parameters, for a law to judge; it resumes from nothing.
 pub(super) fn tuned(
     mut job: controller_process::job::Job,
     parameters: &describe::Settings,
@@ -110,7 +110,7 @@ pub(super) fn tuned(
     job
 }
 
-/// The same job of a plant with other parameters, as the plant judges them.
+/// Returns a plant's job with other parameters, for the plant to judge.
 pub(super) fn tuned_plant(
     mut job: plant_process::job::Job,
     parameters: &describe::Settings,
@@ -123,10 +123,10 @@ pub(super) fn tuned_plant(
     job
 }
 
-/// Puts a job into the session's folder and has its program look at it.
+/// Writes a job to the session's folder and has its program check it.
 ///
 /// # Errors
-/// Objection of the program to its job.
+/// The objection of the program to its job.
 pub(super) fn check(
     binary: &Binary,
     session: &SessionInfo,

@@ -1,7 +1,7 @@
-//! Runs in processes that are kept: one session and one pair of processes for many runs, one after the other.
+//! Persistent processes: one session and one pair of processes for many consecutive runs.
 //!
-//! For very many short runs of programs of their own, whose start would take longer than they do. Writes no folder
-//! of a run and takes no live requests. A pair that a run leaves in disorder is ended; the next run starts another.
+//! For very many short runs of user programs, whose start would take longer than the run. Writes no run folder and
+//! accepts no live requests. A pair left in disorder by a run is ended; the next run starts a new one.
 
 use std::sync::Arc;
 
@@ -24,40 +24,40 @@ use super::recorder::direct::take_run;
 use super::settings::Settings;
 use super::side::SideProcess;
 
-/// Most pairs that are kept at once; each sleeps while another one runs.
+/// Maximum number of persistent pairs; each sleeps while another one runs.
 const MOST_PAIRS: usize = 16;
-/// Most runs of a pair from one that is to be run once more to the next.
+/// Maximum number of runs of a pair between two that are repeated as a check.
 const UNCHECKED: u64 = 251;
 
-/// Kept processes: a pair for each layout of records.
+/// Persistent processes: a pair for each layout of records.
 #[derive(Default)]
 pub struct Kept {
-    /// The pair that ran last stands last.
+    /// Pairs, the most recently used last.
     pairs: Vec<Pair>,
 }
 
-/// A plant, a controller and their session. Parts are dropped in this order: ends of the stream, processes, session.
+/// Plant, controller and their session. Fields are dropped in this order: ends of the stream, processes, session.
 struct Pair {
     source: IceoryxSource,
     plant: SideProcess,
     controller: SideProcess,
     session: Session,
     layout: RecordLayout,
-    /// Runs that were begun after the first.
+    /// Runs begun after the first.
     runs: u64,
-    /// A record of the last one came.
+    /// `true` once a record of the latest run arrived.
     has_begun: bool,
-    /// The run that is to be run once more in new processes.
+    /// Number of the run to repeat in new processes.
     checked: u64,
 }
 
 impl Kept {
-    /// Runs a plan in a pair that is there, or in a new one; tells whether the run is to be run once more in new
-    /// processes, as few of many are. A pair that is lost before the first record of the run is replaced: its end is
-    /// no deed of this run.
+    /// Executes a plan in an existing or a new pair; also returns whether the run should be repeated in new
+    /// processes as a check, as a few of many are. A pair lost before the first record of the run is replaced,
+    /// because the run did not cause its end.
     ///
     /// # Errors
-    /// If the run did not end by itself: a side died, refused its job or was too late, or it was interrupted.
+    /// If the run did not end by itself: a side died, refused its job or was late, or the run was interrupted.
     pub fn run(
         &mut self,
         plan: &Plan,
@@ -83,24 +83,25 @@ impl Kept {
             && pair.runs > 0
             && !pair.has_begun
         {
-            // It may be what the run before left behind; what this one does to its sides, it does in new ones too.
-            tell!("between two runs: {seen}; another one is started");
+            // It may be left over from the previous run; if this run causes it, it will also do so in new
+            // processes.
+            tell!("between two runs: {seen}; starting another pair");
             drop(pair);
             pair = Pair::start(plan, binaries, layout, interruption)?;
             ended = pair.take_run(plan, grid, interruption);
         }
         let ended = match ended {
             Err(Failure::Infrastructure(seen)) => {
-                // What a side would have refused before it ran is nothing that another try mends.
+                // An error that would have prevented the run is not fixed by another attempt.
                 refuse_jobs(plan, binaries, interruption)?;
                 return Err(Failure::Infrastructure(seen));
             }
             ended => ended?,
         };
         let is_to_check = pair.is_to_check();
-        // Their output is bounded by who looks at them.
+        // The size of their logs is limited when they are checked.
         for other in &mut self.pairs {
-            let _ = other.plant.has_ended() | other.controller.has_ended(); // told when it is wanted
+            let _ = other.plant.has_ended() | other.controller.has_ended(); // reported when the pair is needed
         }
         self.pairs.push(pair);
         if self.pairs.len() > MOST_PAIRS {
@@ -109,7 +110,7 @@ impl Kept {
         Ok((ended, is_to_check))
     }
 
-    /// Takes the pair of a layout, if there is one and both processes live.
+    /// Takes the pair of a layout, if there is one and both processes are alive.
     fn take(&mut self, layout: &RecordLayout) -> Option<Pair> {
         let place = self.pairs.iter().position(|pair| pair.layout == *layout)?;
         let mut pair = self.pairs.remove(place);
@@ -117,7 +118,7 @@ impl Kept {
             if side.has_ended() {
                 let fate = side.death();
                 let fate = fate.unwrap_or_else(|| format!("{} ended", side.name));
-                tell!("after a run was over: {fate}; another one is started");
+                tell!("after the end of a run: {fate}; starting another pair");
                 return None;
             }
         }
@@ -125,8 +126,8 @@ impl Kept {
     }
 }
 
-/// Puts the jobs of a run into the session's folder. The number of the session in frames is another one for each
-/// run, so that a late frame of one is refused in the next.
+/// Writes the jobs of a run to the session's folder. The session number in frames differs between runs, so that a
+/// late frame of one is refused in the next.
 fn write_jobs(
     plan: &Plan,
     binaries: &Binaries,
@@ -154,7 +155,7 @@ impl Pair {
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
         let mut session = Session::create(None).map_err(Failure::infrastructure)?;
-        // Gone once both have opened what they write to: no end of hil leaves it.
+        // Removed once both have opened their logs, so that nothing remains however hil ends.
         let folder = tempfile::tempdir().map_err(Failure::infrastructure)?;
         let info = session.info().clone();
         write_jobs(plan, binaries, &info, 0)?;
@@ -166,7 +167,7 @@ impl Pair {
         drop(folder);
         let mut opened = None;
         let source = loop {
-            // Asked before the look: what they said before they ended still counts.
+            // Checked before reading, so that messages from just before their end still count.
             let is_over = plant.has_ended() || controller.has_ended();
             match attach(&info, &layout, &mut opened).map_err(Failure::infrastructure)? {
                 Some((source, _)) => break source,
@@ -187,8 +188,8 @@ impl Pair {
         })
     }
 
-    /// Tells whether the run that is over is to be run once more: the second one of the pair, and then ever fewer,
-    /// at odd and even numbers, as variants take turns.
+    /// Returns `true` if the finished run should be repeated: the second one of the pair, and then fewer and fewer,
+    /// at odd and even numbers, as variants alternate.
     fn is_to_check(&mut self) -> bool {
         let is_to_check = self.runs == self.checked;
         if is_to_check {
@@ -202,7 +203,7 @@ impl Pair {
         is_to_check
     }
 
-    /// Takes the records of the run that both were told to begin.
+    /// Drains the records of the run that both sides were told to begin.
     fn take_run(
         &mut self,
         plan: &Plan,
@@ -233,10 +234,10 @@ impl Pair {
     }
 }
 
-/// Asks both sides to look at their jobs, as they do before a run in new processes.
+/// Has both sides check their jobs, as before a run in new processes.
 ///
 /// # Errors
-/// Objection of a side.
+/// The objection of a side.
 fn refuse_jobs(
     plan: &Plan,
     binaries: &Binaries,
@@ -252,7 +253,7 @@ fn refuse_jobs(
     jobs::check(&binaries.controller, info, file, &controller, interruption)
 }
 
-/// Describes a run that did not end by itself: what was seen of it, and what became of its sides.
+/// Describes a run that did not end by itself: the cause, and the fates of its sides.
 fn disorder(seen: Option<String>, sides: [&mut SideProcess; 2]) -> Failure {
     let mut parts: Vec<String> = seen.into_iter().collect();
     for side in sides {

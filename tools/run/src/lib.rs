@@ -1,23 +1,23 @@
 //! A run from checked scenario to summary: its processes or its one thread, the recorder, the real-time settings,
-//! the controllers that come and go. Decides nothing about several runs, and compares nothing.
+//! and controller changes. Decides nothing about several runs, and compares nothing.
 //!
-//! 1. [`settings`] is the checked form of what was typed.
+//! 1. [`settings`] checks the options from the command line.
 //! 2. [`execute`](execute()) calls `prepare`: refusals, session, folder, [jobs], [provenance].
 //! 3. `processes` or `in_process` runs both sides, with the [recorder] attached to their stream.
-//!    Both end a run whose recorder failed, as on a full disk, and `processes` one whose side died.
-//!    `controllers` starts a lost controller again or lets its loss end the run, and `termination` says why it
-//!    ended; to hold or to take the safe command is the plant's, in `plant_process::engine`.
-//!    `by_hand` waits before that for the sides that somebody starts by hand.
-//! 4. `conclude` makes checkpoints, summary and exit code of what came of it; `restoration` checks each checkpoint with
-//!    second sides.
+//! 3. `processes` or `in_process` runs both sides, with the [recorder] attached to their stream. Both end a run
+//!    whose recorder failed, for example on a full disk, and `processes` also one whose side died. `controllers`
+//!    restarts a lost controller or lets its loss end the run, and `termination` determines the cause of the end;
+//!    holding and the safe command are the plant's, in `plant_process::engine`. Before that, `by_hand` waits for
+//!    sides that are started by hand.
+//! 4. `conclude` makes checkpoints, summary and exit code from the results; `restoration` checks each checkpoint
+//!    with second sides.
 //!
-//! Meanwhile `attach` joins the recorder to the stream, [`swap`] brings another controller, `objections` asks the
-//! programs about changed parameters, `pause` says that a run is held, and `log` bounds what processes write.
-//! [`realtime`] applies what is `hil`'s own,
-//! and [`open_files`] sees to enough open files.
+//! Meanwhile `attach` connects the recorder to the stream, [`swap`] brings another controller, `objections` asks
+//! the programs about changed parameters, `pause` reports that a run is paused, and `log` limits the size of logs.
+//! [`realtime`] applies the settings of `hil` itself, and [`open_files`] ensures a sufficient limit of open files.
 //!
-//! For very many runs, [`alone`] is a run in one thread with neither session nor folder, and [`kept`] keeps the
-//! processes of one for the next.
+//! For very many runs, [`alone`] is a run in one thread with neither session nor folder, and [`kept`] reuses the
+//! processes of one run for the next.
 
 #![expect(
     rustdoc::private_intra_doc_links,

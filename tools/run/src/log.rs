@@ -1,9 +1,8 @@
-//! The log of a process: what it writes, bounded on disk, in memory and where it is shown.
+//! Log of a process: its output, limited in size on disk, in memory and on display.
 //!
-//! The process appends to a file and nobody ever waits: not the process for `hil`, which a pipe would
-//! make it do, and not `hil` for the process. [`processes`](super::processes) looks at the length
-//! while it watches; of what grew too long the beginning and the end stay, with a line between them
-//! that says how much is left out.
+//! The process appends to a file, so neither the process nor `hil` ever waits for the other, as a pipe would force
+//! them to. [`processes`](super::processes) checks the length while it supervises the process; of a log that grew
+//! too long the beginning and the end are kept, with a line between them that states the number of omitted bytes.
 
 use std::fs::File;
 use std::io::{self, Write};
@@ -12,31 +11,31 @@ use std::path::{Path, PathBuf};
 
 use shared_types::text;
 
-/// Longest log that is left alone.
+/// Maximum length of a complete log.
 const LONGEST_BYTES: u64 = 8 << 20;
-/// Length of the beginning and of the end that stay of a longer log.
+/// Length of the beginning and of the end kept of a longer log.
 const KEPT_BYTES: u64 = 1 << 20;
-/// Most looks at the end of a log that grows meanwhile.
+/// Maximum number of reads of the end of a growing log.
 const LOOKS: u32 = 16;
-/// Length that is read of each end to be shown.
+/// Length read at each end for display.
 const READ_BYTES: u64 = 64 << 10;
-/// Lines at each end that are shown.
+/// Number of lines displayed from each end.
 const EXCERPT: usize = 6;
 
-/// The log of one process.
+/// Log of one process.
 pub(crate) struct Log {
     path: PathBuf,
     file: File,
     left_out_bytes: u64,
-    /// Length of the line that tells of it.
+    /// Length of the line that marks the omission.
     marker_bytes: u64,
 }
 
 impl Log {
-    /// Creates it.
+    /// Creates the log file.
     ///
     /// # Errors
-    /// If it cannot be written, or is there already.
+    /// If it cannot be written, or already exists.
     pub(crate) fn create(path: PathBuf) -> io::Result<Self> {
         let mut options = File::options();
         let file = (options.read(true).append(true).create_new(true)).open(&path)?;
@@ -52,7 +51,7 @@ impl Log {
         &self.path
     }
 
-    /// The file, for the process to write to.
+    /// Returns the file for the process to write to.
     ///
     /// # Errors
     /// If there are too many open files.
@@ -60,17 +59,17 @@ impl Log {
         self.file.try_clone()
     }
 
-    /// Empties it.
+    /// Empties the log.
     pub(crate) fn clear(&mut self) {
-        // What cannot be emptied is read once more.
+        // A log that cannot be emptied is read again.
         if self.file.set_len(0).is_ok() {
             (self.left_out_bytes, self.marker_bytes) = (0, 0);
         }
     }
 
-    /// Leaves out the middle of a log that is too long.
+    /// Omits the middle of a log that is too long.
     pub(super) fn bound(&mut self) {
-        // A log that cannot be made shorter must not end a run.
+        // Failing to shorten a log must not end the run.
         let _ = self.leave_out_middle();
     }
 
@@ -78,9 +77,9 @@ impl Log {
         if self.length() <= LONGEST_BYTES {
             return Ok(());
         }
-        // What is appended between the last look and the cut is lost and not counted. So only what came
-        // meanwhile is read at each look, which takes a shorter time each; of a log that grows faster
-        // than it can be read something is lost all the same.
+        // Data appended between the last read and the cut is lost and not counted. Therefore each pass reads only
+        // what was appended meanwhile, which takes less time each pass; of a log that grows faster than it can be
+        // read, something is still lost.
         let mut length = self.length();
         let mut end = self.read(length.saturating_sub(KEPT_BYTES), KEPT_BYTES);
         for _ in 0..LOOKS {
@@ -96,7 +95,7 @@ impl Log {
         self.file.set_len(KEPT_BYTES)?;
         self.left_out_bytes += left_out;
         let marker = format!(
-            "\n[hil left {} bytes out here: the log was longer than {} MiB]\n",
+            "\n[hil omitted {} bytes here: the log was longer than {} MiB]\n",
             self.left_out_bytes,
             LONGEST_BYTES >> 20
         );
@@ -104,16 +103,16 @@ impl Log {
         self.file.write_all(&[marker.as_bytes(), &end].concat())
     }
 
-    /// The last line that says something, printable, without the word `error`.
+    /// Returns the last non-blank line, printable, without the prefix `error`.
     pub(crate) fn last_word(&self) -> Option<String> {
         let line = self.last_line()?;
         Some(text::line(line.trim_start_matches("error: ")))
     }
 
-    /// The error with this begin that its process ended with, without the word `error`.
+    /// Returns the error with this beginning that its process ended with, without the prefix `error`.
     pub(super) fn last_error(&self, begin: &str) -> Option<String> {
         let line = self.last_line()?;
-        // Others may write to the same log, and not end their lines.
+        // Other writers to the same log may leave lines unterminated.
         let at = line.find(&format!("error: {begin}"))?;
         Some(text::line(&line[at + "error: ".len()..]))
     }
@@ -125,7 +124,7 @@ impl Log {
         Some(line.to_owned())
     }
 
-    /// The warnings that its process wrote, printable, at most as many as an excerpt has lines.
+    /// Returns the warnings of the process, printable, at most as many as an excerpt has lines.
     pub(super) fn warnings(&self) -> Vec<String> {
         let content = self.read(0, KEPT_BYTES);
         let content = String::from_utf8_lossy(&content);
@@ -133,7 +132,7 @@ impl Log {
         warnings.map(text::line).take(EXCERPT).collect()
     }
 
-    /// The first and last lines, printable: a panic's message comes before its backtrace.
+    /// Returns the first and last lines, printable: a panic's message precedes its backtrace.
     pub(crate) fn excerpt(&self) -> String {
         let is_short = self.length() <= 2 * READ_BYTES;
         let read = if is_short { 2 * READ_BYTES } else { READ_BYTES };
@@ -156,18 +155,18 @@ impl Log {
         self.file.metadata().map_or(0, |found| found.len())
     }
 
-    /// The last bytes, at most N.
+    /// Returns up to `bytes` bytes from the end.
     fn end(&self, bytes: u64) -> Vec<u8> {
         self.read(self.length().saturating_sub(bytes), bytes)
     }
 
-    /// Reads at most N bytes from there on; fewer if the log ends before, none if it cannot be read.
+    /// Reads up to `bytes` bytes from an offset; fewer if the log ends before, none if it cannot be read.
     fn read(&self, from: u64, bytes: u64) -> Vec<u8> {
         let there = self.length().saturating_sub(from).min(bytes);
         let mut content = vec![0; usize::try_from(there).unwrap_or(0)];
         match self.file.read_exact_at(&mut content, from) {
             Ok(()) => content,
-            Err(_) => Vec::new(), // it was made shorter by somebody else
+            Err(_) => Vec::new(), // truncated by another process
         }
     }
 }
@@ -183,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn warnings_are_picked_out_of_a_log_and_bounded() {
+    fn warnings_are_extracted_from_a_log_and_limited() {
         let (_folder, log) = log();
         let mut process = log.output().expect("a file");
         process
@@ -197,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn an_error_is_the_last_word_and_a_note_is_no_error() {
+    fn the_last_word_is_an_error_if_there_is_one_and_not_a_note() {
         let (_folder, log) = log();
         let mut process = log.output().expect("a file");
         for (written, word, error) in [
@@ -221,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_long_log_both_ends_stay_and_what_is_missing_is_counted() {
+    fn a_long_log_keeps_both_ends_and_counts_the_omitted_bytes() {
         let (_folder, mut log) = log();
         let mut process = log.output().expect("a file");
         process.write_all(b"first\n").expect("written");
@@ -235,35 +234,35 @@ mod tests {
         }
         process.write_all(b"\nlast\n").expect("written");
         written += 6;
-        let marker = format!("\n[hil left {} bytes", log.left_out_bytes);
+        let marker = format!("\n[hil omitted {} bytes", log.left_out_bytes);
         let content = log.read(0, u64::MAX);
         let text = String::from_utf8(content).expect("text");
         assert!(text.starts_with("first\naaaa") && text.ends_with("\nlast\n"));
-        assert_eq!(text.matches("[hil left").count(), 1);
+        assert_eq!(text.matches("[hil omitted").count(), 1);
         assert!(text.contains(&marker));
-        let kept = text.len() as u64 - log.marker_bytes;
-        assert_eq!(kept + log.left_out_bytes, written);
+        let length = text.len() as u64 - log.marker_bytes;
+        assert_eq!(length + log.left_out_bytes, written);
         assert_eq!(log.last_word().as_deref(), Some("last"));
-        // Lines of a MiB each are cut.
+        // Lines of 1 MiB each are cut.
         assert!(log.excerpt().len() < 20_000);
         assert!(log.excerpt().starts_with("first\naaaa"));
     }
 
     #[test]
-    fn what_is_shown_does_nothing_to_a_terminal() {
+    fn displayed_output_contains_no_terminal_control_characters() {
         let (_folder, log) = log();
         let mut process = log.output().expect("a file");
         assert_eq!((log.last_word(), log.excerpt()), (None, String::new()));
-        let said = b"one\n\x1b]52;c;eA==\x07\rtwo\nerror: \xc2\x9b2Jthree\xff\n\n";
-        process.write_all(said).expect("written");
+        let output = b"one\n\x1b]52;c;eA==\x07\rtwo\nerror: \xc2\x9b2Jthree\xff\n\n";
+        process.write_all(output).expect("written");
         let fffd = '\u{fffd}';
         assert_eq!(log.last_word(), Some(format!("{fffd}2Jthree{fffd}")));
-        let shown = format!("one\n{fffd}]52;c;eA=={fffd}{fffd}two\nerror: {fffd}2Jthree{fffd}\n");
-        assert_eq!(log.excerpt(), shown);
+        let excerpt = format!("one\n{fffd}]52;c;eA=={fffd}{fffd}two\nerror: {fffd}2Jthree{fffd}\n");
+        assert_eq!(log.excerpt(), excerpt);
     }
 
     #[test]
-    fn a_short_log_is_shown_whole_and_a_longer_one_by_its_ends() {
+    fn a_short_log_is_shown_completely_and_a_longer_one_by_its_ends() {
         let (_folder, log) = log();
         let mut process = log.output().expect("a file");
         let lines = |all: std::ops::Range<u32>| -> String {

@@ -1,5 +1,5 @@
-//! Objections to parameters of plant and law: the plant asks before it takes a change, and the program that they
-//! are for answers, by `--check` with a job that has them.
+//! Objections to parameters of plant and law: before the plant accepts a change, it asks here, and the program in
+//! question is run with `--check` on a job with the new values.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -15,20 +15,20 @@ use shared_types::live::{ParameterAnswer, ParameterQuestion, Refusal};
 
 use super::jobs;
 
-/// Job that is checked, in the session's folder.
+/// Job to check, in the session's folder.
 const FILE: &str = "judge.json";
 
-/// The controllers that were started: program and job of each, by their numbers from 1.
-pub(super) type Crew = Arc<Mutex<Vec<(Binary, Job)>>>;
+/// Started controllers: program and job of each, by their numbers from 1.
+pub(super) type Programs = Arc<Mutex<Vec<(Binary, Job)>>>;
 
-/// Listens until what it gives is dropped.
+/// Answers such questions until the returned value is dropped.
 ///
 /// # Errors
-/// If the socket cannot be made.
+/// If the socket cannot be created.
 pub(super) fn listen(
     session: &SessionInfo,
     plant: (Binary, plant_process::job::Job),
-    crew: Crew,
+    programs: Programs,
     interruption: Interruption,
 ) -> Result<Listening, Failure> {
     let theirs = session.clone();
@@ -40,16 +40,16 @@ pub(super) fn listen(
             checked.map_err(|failure| failure.reason())
         };
     let listening = live::listen(session, OBJECTIONS, move |client| {
-        // A plant that went away needs no answer.
+        // A plant that disconnected needs no answer.
         let _ = live::answer(client, |question: Result<ParameterQuestion, Refusal>| {
-            let found = question
+            let result = question
                 .map_err(|refusal| refusal.message)
                 .and_then(|question| match question.epoch {
                     0 => check_plant(&theirs, &question, &interruption),
-                    _ => check_controller(&theirs, &crew, &question, &interruption),
+                    _ => check_controller(&theirs, &programs, &question, &interruption),
                 });
             ParameterAnswer {
-                objection: found.err(),
+                objection: result.err(),
             }
         });
     });
@@ -58,14 +58,14 @@ pub(super) fn listen(
 
 fn check_controller(
     session: &SessionInfo,
-    crew: &Crew,
+    programs: &Programs,
     question: &ParameterQuestion,
     interruption: &Interruption,
 ) -> Result<(), String> {
     let member = {
-        let crew = crew.lock().unwrap_or_else(PoisonError::into_inner);
+        let programs = programs.lock().unwrap_or_else(PoisonError::into_inner);
         let place = (question.epoch as usize).checked_sub(1);
-        place.and_then(|place| crew.get(place).cloned())
+        place.and_then(|place| programs.get(place).cloned())
     };
     let (binary, job) = member.ok_or("there is no such controller")?;
     let target = binary.at.as_ref().map(Reached::target);

@@ -1,5 +1,5 @@
-//! Look-out for a run that somebody paused and left: the run's own terminal says where it is held and how it goes
-//! on. The loop is asked only once nothing has happened for a while.
+//! Detection of a paused run: the run's own terminal shows the step at which it is paused and how to resume it. The
+//! plant is queried only once nothing has happened for a while.
 
 use std::time::{Duration, Instant, SystemTime};
 
@@ -8,12 +8,12 @@ use hil_session::live;
 use hil_session::session::SessionInfo;
 use shared_types::live::{Request, Response};
 
-/// Time without a new record after which the plant is asked.
+/// Time without a new record after which the plant is queried.
 const QUIET: Duration = Duration::from_secs(1);
-/// Limit of the plant's answer; it is asked again.
+/// Time limit for the plant's answer; the query is repeated.
 const ANSWER_LIMIT: Duration = Duration::from_millis(100);
 
-/// Look-out over one run.
+/// Pause detection for one run.
 pub(super) struct PauseLookout {
     next_step: u64,
     /// Time of the newest record.
@@ -32,7 +32,7 @@ impl PauseLookout {
         }
     }
 
-    /// Shows the steps that are done, and a pause that has lasted for a while.
+    /// Shows the executed steps, and a pause that has lasted for a while.
     pub(crate) fn look(&mut self, next_step: u64, session: &SessionInfo, progress: &mut Progress) {
         progress.set(next_step);
         if next_step != self.next_step {

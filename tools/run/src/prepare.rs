@@ -1,6 +1,6 @@
-//! Preparation of a run: refusals that need its plan, its session, its folder, its jobs.
+//! Preparation of a run: checks that need its plan, its session, its folder and its jobs.
 //!
-//! Nothing of a side runs yet, except that both programs look at their jobs.
+//! No side runs yet, except that both programs check their jobs.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -39,41 +39,41 @@ use super::settings::Settings;
 use super::{in_process, jobs, provenance, realtime};
 use crate::recorder::{Recorder, RecordingPlan};
 
-/// Room that is kept on the disk for the summary.
+/// Disk space reserved for the summary.
 const SUMMARY_BYTES: u64 = 256 << 10;
 
-/// A run that can begin.
+/// Run that is ready to start.
 pub(super) struct PreparedRun {
     pub(super) plan: Plan,
     pub(super) binaries: Arc<Binaries>,
     pub(super) settings: Settings,
     pub(super) interruption: Interruption,
     pub(super) session: SessionInfo,
-    /// Time at which the run was begun.
+    /// Start time of the run.
     pub(super) started_utc: String,
     /// Folder of the run.
     pub(super) folder: PathBuf,
-    /// Room on its disk for the summary.
+    /// Disk space reserved for the summary.
     pub(super) reserve: Reserve,
-    /// The scenario as it is in effect.
+    /// Effective scenario.
     pub(super) effective: String,
     pub(super) plant: plant_process::job::Job,
     pub(super) controller: controller_process::job::Job,
     pub(super) recording: Option<RecordingPlan>,
-    /// Content of its records, as both programs describe it.
+    /// Layout of its records, as both programs describe it.
     pub(super) layout: RecordLayout,
     /// Steps before which the state is saved.
     pub(super) checkpoints: Vec<Step>,
-    /// Numbers of records after which the digest is wanted besides.
+    /// Numbers of records after which an additional digest is taken.
     pub(super) marks: Vec<u64>,
-    /// The records that the run goes on from.
+    /// Records that the run continues.
     pub(super) past: Option<PastRecords>,
-    /// The checkpoint that it goes on from.
+    /// Checkpoint that it continues from.
     pub(super) resumed: Option<Resumed>,
 }
 
 impl PreparedRun {
-    /// Starts the recorder; the result of `attach` looks for the stream again and again.
+    /// Starts the recorder; the function returned by `attach` is called repeatedly until it finds the stream.
     pub(crate) fn recorder<S, A>(
         &self,
         core: RecorderCore,
@@ -92,13 +92,13 @@ impl PreparedRun {
         })
     }
 
-    /// Removes the folder of a run of which nothing was started: the next try finds it as this one did.
+    /// Removes the folder of a run that was not started, so that the next attempt finds the same state.
     pub(super) fn leave_nothing(mut self) {
         self.reserve.release();
         leave(&self.folder);
     }
 
-    /// Begins the progress of the run, with the hold that was asked for.
+    /// Creates the progress display of the run, with the requested pause.
     pub(crate) fn progress(&self) -> Progress {
         let shown = !self.settings.is_one_of_many;
         let mut progress = Progress::new(self.plan.run.steps, self.plan.run.rate, shown);
@@ -109,10 +109,10 @@ impl PreparedRun {
     }
 }
 
-/// Checks a run and makes its session and its folder.
+/// Checks a run and creates its session and its folder.
 ///
 /// # Errors
-/// If it cannot be run as asked.
+/// If it cannot be run as requested.
 pub(super) fn prepare(
     plan: Plan,
     environment: Environment,
@@ -217,7 +217,7 @@ pub(super) fn prepare(
         interruption,
         session: info,
         started_utc,
-        // Where thousands of runs keep nothing but their summaries, this would take longer than they do.
+        // Where thousands of runs keep only their summaries, this would take longer than the runs.
         reserve: if is_in_process && recording.is_none() {
             Reserve::default()
         } else {
@@ -237,8 +237,8 @@ pub(super) fn prepare(
     Ok((prepared, session))
 }
 
-/// Writes the scenario into the new folder, whole or not at all; `in_place` in less time: a folder counts
-/// only with its summary.
+/// Writes the scenario to the new folder, atomically; or faster with `in_place`, where a folder counts only with
+/// its summary.
 fn write_scenario(folder: &Path, effective: &str, in_place: bool) -> Result<(), Failure> {
     let path = folder.join(SCENARIO);
     let written = if in_place {
@@ -248,17 +248,17 @@ fn write_scenario(folder: &Path, effective: &str, in_place: bool) -> Result<(), 
     } else {
         part_file::write_text(&path, effective)
     };
-    // Nothing was run: the next try finds the folder as this one did.
+    // Nothing was run: the next attempt finds the same state.
     written.inspect_err(|_| leave(folder))
 }
 
-/// Removes the folder of a run with the scenario in it, and nothing else.
+/// Removes the folder of a run with its scenario, if there is nothing else in it.
 fn leave(folder: &Path) {
     let _ = std::fs::remove_file(folder.join(SCENARIO));
     let _ = std::fs::remove_dir(folder);
 }
 
-/// Refuses what the plan and the settings cannot have together; gives the steps of the checkpoints.
+/// Refuses combinations of plan and settings that are impossible; returns the steps of the checkpoints.
 fn check(
     plan: &Plan,
     binaries: &Binaries,
@@ -275,7 +275,7 @@ fn check(
     }
     if plan.run.clock == Clock::Realtime && settings.link == LinkKind::InProcess {
         return Err(Failure::usage(
-            "--clock realtime needs two processes: in one thread no side can be late for the other; leave out --link in-process",
+            "--clock realtime needs two processes: in one thread neither side can be late for the other; omit --link in-process",
         ));
     }
     settings.by_hand.check(binaries)?;
@@ -288,7 +288,7 @@ fn check(
         if let Some(at) = &binaries.controller.at {
             let target = at.target();
             return Err(Failure::usage(format!(
-                "checkpoints with --target {target}: the controller's state is on the target, where nothing is kept"
+                "checkpoints with --target {target}: the controller's state is on the target, where nothing is stored"
             )));
         }
     }
@@ -303,13 +303,13 @@ fn check(
         && !repeated.missed.is_empty()
     {
         return Err(Failure::usage(
-            "--checkpoint-at: the run that is repeated was in real time; what its controller missed cannot be saved",
+            "--checkpoint-at: the repeated run was in real time; the commands that its controller missed cannot be saved",
         ));
     }
     Ok(steps)
 }
 
-/// Tells how large the recording can get, where a person watches or the disk may not have room.
+/// Reports the maximum size of the recording, if a user watches or the disk may lack space.
 fn tell_size(plan: &Plan, layout: &RecordLayout, settings: &Settings) -> Result<(), Failure> {
     let all = Choice::default();
     let recording = settings.recording.as_ref();
@@ -318,7 +318,7 @@ fn tell_size(plan: &Plan, layout: &RecordLayout, settings: &Settings) -> Result<
     if recording.is_none() {
         return Ok(());
     }
-    let shown = size::shown(largest);
+    let size_text = size::shown(largest);
     let folder = settings.out.as_deref().unwrap_or(Path::new("."));
     let there = folder.ancestors().find(|folder| folder.is_dir());
     let there = there.unwrap_or(Path::new("."));
@@ -326,14 +326,14 @@ fn tell_size(plan: &Plan, layout: &RecordLayout, settings: &Settings) -> Result<
         let free = disk.f_bavail.saturating_mul(disk.f_frsize);
         if largest > free {
             tell!(
-                "warning: the recording takes up to {shown} before compression, and {} are free; --record, --record-every and --record-around-faults make it smaller",
+                "warning: the recording takes up to {size_text} before compression, and {} are free; --record, --record-every and --record-around-faults make it smaller",
                 size::shown(free)
             );
             return Ok(());
         }
     }
     if output::person_watches() && !settings.is_one_of_many {
-        tell!("recording: up to {shown} before compression");
+        tell!("recording: up to {size_text} before compression");
     }
     Ok(())
 }

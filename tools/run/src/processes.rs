@@ -1,4 +1,4 @@
-//! A run in two processes: starting them, watching over them, and ending both whatever happens.
+//! Run in two processes: starts and supervises them, and ends both whatever happens.
 
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
@@ -28,20 +28,20 @@ use super::side::{GRACE, SideProcess};
 use super::termination::termination;
 use crate::open_files;
 use crate::recorder::Recorder;
-use crate::swap::{self, SwapContext, Wanted};
+use crate::swap::{self, SwapContext, SwapRequest};
 
-/// Time between two looks at a process that is about to say or do something.
+/// Polling interval for a process that is about to answer or end.
 pub const LOOK: Duration = Duration::from_millis(2);
-/// Time between two looks at a run. Each takes a core from the loop; the end of a process is seen at once.
+/// Polling interval for a run. Each poll takes a core from the loop; the end of a process is noticed at once.
 const WATCH: Duration = Duration::from_millis(10);
 
-/// Least time that the recorder may get nowhere in the stream of dead sides, also on a busy machine.
+/// Minimum time limit for the recorder to progress in the stream of dead sides, even on a busy machine.
 const LEAST_STREAM_LIMIT: Duration = Duration::from_secs(2);
 
-/// Runs both sides to their end, whatever it is.
+/// Runs both sides until they end, for whatever reason.
 ///
 /// # Errors
-/// If one cannot be started, or the recorder broke.
+/// If a side cannot be started, or the recorder failed.
 pub(super) fn run(
     prepared: &PreparedRun,
     session: &mut Session,
@@ -70,7 +70,7 @@ pub(super) fn run(
             by_hand,
         )
     };
-    // The plant awaits the controller from its own start on.
+    // The plant waits for the controller from its own start on.
     let mut early = None;
     if binaries.controller.at.is_some() {
         let controllers: &mut Controllers = early.insert(start(session, None)?);
@@ -91,7 +91,7 @@ pub(super) fn run(
         Some(controllers) => controllers,
         None => start(session, by_hand.controller.take())?,
     };
-    let door = swap::listen(
+    let listener = swap::listen(
         info,
         SwapContext {
             plan: prepared.plan.clone(),
@@ -106,7 +106,7 @@ pub(super) fn run(
     let _objections = objections::listen(
         info,
         (binaries.plant.clone(), prepared.plant.clone()),
-        controllers.crew(),
+        controllers.programs(),
         prepared.interruption.clone(),
     )?;
     let _standing = standing::listen(info, recorder.board())?;
@@ -118,7 +118,7 @@ pub(super) fn run(
         plant: &mut plant,
         controllers: &mut controllers,
         recorder: &recorder,
-        wanted: &door.wanted,
+        requests: &listener.requests,
         progress: &mut progress,
         pause: PauseLookout::new(),
         realtime,
@@ -130,7 +130,7 @@ pub(super) fn run(
     let first = watched.first.unwrap_or("plant");
     drop(progress);
     let recorded = recorder.finish().map_err(Failure::infrastructure)?;
-    // A short run may be over before anybody looked.
+    // A short run may be over before the first poll.
     for change in recorded.changes.iter().skip(controllers.known_changes()) {
         controllers.note(change);
     }
@@ -138,7 +138,7 @@ pub(super) fn run(
     let controller = controllers.latest();
     let mut ended = termination(prepared, recorded, (&plant, &controllers), first);
     ended.controllers = started;
-    // Of many runs, one that diverged is a row of a table.
+    // Among many runs, a diverged one is only a row in a table.
     let is_shown = match ended.outcome {
         Outcome::Completed | Outcome::Stopped => false,
         Outcome::Diverged => !prepared.settings.is_one_of_many,
@@ -154,21 +154,21 @@ pub(super) fn run(
     Ok(ended)
 }
 
-/// Looks after the processes of a run.
+/// Supervision of a run's processes.
 struct Watch<'a> {
     prepared: &'a PreparedRun,
     session: &'a mut Session,
     plant: &'a mut SideProcess,
     controllers: &'a mut Controllers,
     recorder: &'a Recorder,
-    /// Controllers that somebody wants to take over.
-    wanted: &'a Receiver<Wanted>,
+    /// Requests for another controller.
+    requests: &'a Receiver<SwapRequest>,
     progress: &'a mut Progress,
     pause: PauseLookout,
     realtime: &'a mut Watched,
-    /// Since when the run is to end.
+    /// Time since which the run is to end.
     ending_since: Option<Instant>,
-    /// Since when the plant is stopped.
+    /// Time since which the plant is stopped.
     stopped_since: Option<Instant>,
     /// Side that ended first.
     first: Option<&'static str>,
@@ -189,7 +189,7 @@ impl Watch<'_> {
         }
     }
 
-    /// Waits until one of so many running sides ends, or until the next look; gives how many run then.
+    /// Waits until one of `before` running sides ends, or until the next poll; returns the number of running sides.
     fn wait(&mut self, before: usize) -> usize {
         let running = self.running();
         if running != before {
@@ -204,7 +204,7 @@ impl Watch<'_> {
         let has_one_ended = Ending::wait_for_any(endings, limit);
         let running = self.running();
         if has_one_ended && running == before {
-            // A debugger traces it and has not let go of it.
+            // A debugger traces it and has not reaped it.
             std::thread::sleep(LOOK);
         }
         running
@@ -224,8 +224,8 @@ impl Watch<'_> {
         }
         (self.controllers).hear(self.session, self.plant, &changes);
         if self.ending_since.is_none() {
-            if let Ok(wanted) = self.wanted.try_recv() {
-                self.controllers.swap(self.session, wanted);
+            if let Ok(request) = self.requests.try_recv() {
+                self.controllers.swap(self.session, request);
             }
             self.controllers.look(self.plant);
         }
@@ -234,21 +234,21 @@ impl Watch<'_> {
         }
     }
 
-    /// Ends a plant that is stopped, or that says nothing about a controller that is gone, for longer
-    /// than a side may be silent.
+    /// Ends a plant that is stopped, or does not react to the end of a controller, for longer than a side may be
+    /// silent.
     fn end_a_stuck_plant(&mut self) {
         let run = &self.prepared.plan.run;
         let pace = match run.clock {
             Clock::Paced { factor } => factor,
             Clock::Lockstep | Clock::Realtime => 1.0,
         };
-        // Before hello nothing limits one that was started by hand.
+        // Before hello there is no limit for a plant started by hand.
         let is_in_hand = self.prepared.settings.by_hand.plant
             && !self.prepared.session.folder.join(LAYOUT_FILE).exists();
         // In real time it may wait for the next step first.
         let limit_s = self.prepared.plant.wait_limit_s + run.rate.period_s() / pace;
         let Ok(limit) = Duration::try_from_secs_f64(limit_s) else {
-            return; // without a limit, as under a debugger
+            return; // no limit, for example under a debugger
         };
         if !is_in_hand && self.plant.is_stopped() {
             self.stopped_since.get_or_insert_with(Instant::now);
@@ -275,7 +275,7 @@ impl Watch<'_> {
             self.ending_since.get_or_insert_with(Instant::now);
         }
         let is_over = |since: &Instant, grace| since.elapsed() > grace;
-        // The plant passes a stop on; one that cannot must not take the controller with it.
+        // The plant forwards a stop; if it cannot, the controller must not be stopped with it.
         if (self.ending_since.as_ref()).is_some_and(|since| is_over(since, GRACE / 2)) {
             self.controllers.tell_once(STOP);
         }
@@ -297,8 +297,8 @@ impl Watch<'_> {
         }
     }
 
-    /// Time that a side may take to end after the other one did: after a run to its end as long as a step may take, as
-    /// an FMU may have much to free.
+    /// Returns the time limit for a side to end after the other one: after a complete run as long as a step may
+    /// take, because an FMU may have much to free.
     fn grace(&self) -> Duration {
         let is_complete = !self.plant.told_to_stop
             && match self.first {

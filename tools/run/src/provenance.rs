@@ -1,4 +1,4 @@
-//! Provenance of a run, as its recording has it: scenario, programs, machine, and what else it came from.
+//! Provenance of a run in its recording: scenario, programs, machine and origin.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -16,7 +16,7 @@ use super::settings::Settings;
 use hil_recording::reader::EXCERPT;
 use hil_recording::writer::{Attachment, Provenance};
 
-/// Collects what the recording says of its run.
+/// Collects the facts about a run that its recording contains.
 pub(super) fn of(
     plan: &Plan,
     session: &SessionInfo,
@@ -36,11 +36,11 @@ pub(super) fn of(
     if !by_hand.is_empty() {
         fact(BY_HAND, by_hand.join(" "));
     }
-    for (name, found) in Target::of(&binaries.controller)
+    for (name, content) in Target::of(&binaries.controller)
         .iter()
         .flat_map(Target::facts)
     {
-        fact(name, found);
+        fact(name, content);
     }
     fact("seed", plan.run.seed.to_string());
     fact("rate_hz", plan.run.rate.hz().to_string());

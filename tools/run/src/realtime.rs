@@ -1,8 +1,8 @@
-//! The real-time settings of a run: looked at before it, applied to what is `hil`'s own, and told as
-//! asked for and as granted.
+//! Real-time settings of a run: checked before it, applied to `hil` itself, and reported as requested and as
+//! granted.
 //!
-//! Plant and controller apply theirs themselves and leave a [`Report`] in the session's folder. What
-//! was not granted is said once on standard error, with the command that mends it; the run goes on.
+//! Plant and controller apply theirs themselves and write a [`Report`] to the session's folder. Refused settings
+//! are reported once on standard error, with the command that fixes each; the run continues.
 
 mod refusals;
 
@@ -27,7 +27,7 @@ use refusals::Refusals;
 
 const DMA_LATENCY: &str = "/dev/cpu_dma_latency";
 
-/// The settings of one run while it goes on.
+/// Real-time settings of a run in progress.
 pub(super) struct Watched {
     asked: plan::Realtime,
     session: SessionInfo,
@@ -38,11 +38,11 @@ pub(super) struct Watched {
     has_told_sides: bool,
     recorder: RecorderCore,
     dma_latency_us: Granted<Option<u32>>,
-    /// Holds the latency down as long as it is open.
+    /// Keeps the CPU latency low while it is open.
     _dma_latency: Option<File>,
 }
 
-/// The core of the recorder's thread, which moves there by itself.
+/// Core of the recorder's thread, which moves there by itself.
 #[derive(Clone)]
 pub struct RecorderCore {
     asked: Option<u32>,
@@ -50,7 +50,7 @@ pub struct RecorderCore {
 }
 
 impl RecorderCore {
-    /// Moves the calling thread there.
+    /// Moves the calling thread to the core.
     pub fn apply(&self) {
         let pinned = self.asked.map_or(Ok(()), pin);
         let refused = pinned.err().map(|error| error.to_string());
@@ -60,17 +60,16 @@ impl RecorderCore {
     }
 }
 
-/// Refuses cores that this machine does not have, and warns of settings that leave nothing to
-/// anybody else.
+/// Refuses cores that this machine does not have, and warns of settings that leave no core for other processes.
 ///
 /// # Errors
-/// If a core cannot be used; the error names the setting and the cores that there are.
+/// If a core cannot be used; the error names the setting and the available cores.
 pub fn check(
     asked: &plan::Realtime,
     link: LinkKind,
     target: Option<&Reached>,
 ) -> Result<(), Failure> {
-    // The cores of a target are not this machine's: what it does not grant is told when it runs.
+    // The cores of a target are not this machine's: settings it refuses are reported during the run.
     let controller_core = asked.controller_core.filter(|_| target.is_none());
     if asked.priority == 0
         && [asked.plant_core, asked.controller_core, asked.recorder_core] == [None; 3]
@@ -84,19 +83,19 @@ pub fn check(
         ("recorder_core", asked.recorder_core),
     ] {
         let Some(core) = core else { continue };
-        // Asking is the only way to know: a container may have fewer cores than the machine.
+        // Trying is the only way to know: a container may have fewer cores than the machine.
         let usable = std::thread::spawn(move || pin(core)).join();
         if !matches!(usable, Ok(Ok(()))) {
             let there = &cores.online;
             return Err(Failure::usage(format!(
-                "realtime.{key} is {core}, which cannot be used; the cores of this machine are {there}"
+                "realtime.{key} = {core} cannot be used; the cores of this machine are {there}"
             )));
         }
     }
     let are_both_here = target.is_none_or(Reached::is_here);
     let loops = match link {
         LinkKind::Iceoryx2 if are_both_here => vec![asked.plant_core, asked.controller_core],
-        // Or one thread for both sides, with the settings of the plant.
+        // One thread runs both sides with the settings of the plant.
         LinkKind::Iceoryx2 | LinkKind::InProcess => vec![asked.plant_core],
     };
     if asked.priority > 0 && may_take_all(&loops, &cores.allowed) {
@@ -119,20 +118,20 @@ pub fn check(
     Ok(())
 }
 
-/// Returns true if loops on these cores, or on any, may leave none to others.
+/// Returns `true` if loops on these cores, or on any, may occupy all allowed cores.
 fn may_take_all(loops: &[Option<u32>], allowed: &CoreList) -> bool {
-    let kept: CoreList = loops.iter().copied().flatten().collect();
+    let occupied: CoreList = loops.iter().copied().flatten().collect();
     let anywhere = loops.iter().filter(|core| core.is_none()).count();
-    allowed.without(&kept).len() <= anywhere
+    allowed.without(&occupied).len() <= anywhere
 }
 
 impl Watched {
-    /// Begins to hold what `hil` itself holds.
+    /// Applies the settings of `hil` itself.
     pub(crate) fn begin(asked: plan::Realtime, link: LinkKind, session: &SessionInfo) -> Self {
         let mut refusals = Refusals::default();
         let (granted, reason, held) = match asked.dma_latency_us.map(hold_latency) {
             None => (None, None, None),
-            // It may be shorter than asked for, if somebody else needs it so.
+            // It may be lower than requested, if another process needs that.
             Some(Ok((granted, held))) => (Some(granted), None, Some(held)),
             Some(Err(error)) => {
                 let reason = format!("{DMA_LATENCY}: {error}");
@@ -158,12 +157,12 @@ impl Watched {
         }
     }
 
-    /// For the recorder's thread.
+    /// Returns the settings of the recorder's thread.
     pub(crate) fn recorder_core(&self) -> RecorderCore {
         self.recorder.clone()
     }
 
-    /// Looks whether the sides have told what they run with; once all have, what was refused.
+    /// Reads the reports of the sides; once all have reported, returns the refusals as text.
     pub(crate) fn look(&mut self) -> Option<String> {
         for (file, report, is_awaited) in [
             (PLANT_FILE, &mut self.plant, true),
@@ -181,9 +180,9 @@ impl Watched {
         if all { self.refused() } else { None }
     }
 
-    /// Takes the refusals that were not told yet, as text.
+    /// Returns the unreported refusals as text.
     fn refused(&mut self) -> Option<String> {
-        // In this order, whoever told first.
+        // In a fixed order, whichever side reported first.
         if !std::mem::replace(&mut self.has_told_sides, true) {
             for (side, report) in [("plant", &self.plant), ("controller", &self.controller)] {
                 if let Some(report) = report {
@@ -192,11 +191,11 @@ impl Watched {
             }
         }
         let refusals = std::mem::take(&mut self.refusals);
-        // What the sides say of themselves is in it.
+        // The reports of the sides are included.
         (!refusals.is_empty()).then(|| text::printable(&refusals.to_string()).into_owned())
     }
 
-    /// Tells the refusals that are left; returns the settings as they were asked for and granted.
+    /// Reports the remaining refusals; returns the settings as requested and as granted.
     pub(crate) fn end(mut self) -> Realtime {
         let asked = self.asked.recorder_core;
         let core = self.recorder.granted.get().cloned();
@@ -217,8 +216,8 @@ impl Watched {
     }
 }
 
-/// Returns the facts that a recording keeps of the settings: the reports of both sides, which are there
-/// when their stream begins.
+/// Returns the facts about the settings for a recording: the reports of both sides, which exist when their stream
+/// begins.
 pub(crate) fn facts(session: &SessionInfo) -> impl Iterator<Item = (String, String)> {
     let files = [
         ("realtime_plant", PLANT_FILE),
@@ -231,7 +230,7 @@ pub(crate) fn facts(session: &SessionInfo) -> impl Iterator<Item = (String, Stri
     })
 }
 
-/// Opens the kernel's file, which holds the latency down while it is open; what it says then.
+/// Opens the kernel's file that limits the latency while it is open; returns the latency in effect.
 fn hold_latency(us: u32) -> std::io::Result<(u32, File)> {
     let mut file = File::options().read(true).write(true).open(DMA_LATENCY)?;
     file.write_all(&us.to_ne_bytes())?;
@@ -258,8 +257,8 @@ mod tests {
             (&[None], "0-1", false),
             (&[Some(0)], "0", true),
         ] {
-            let taken = may_take_all(loops, &CoreList::parse(allowed));
-            assert_eq!(taken, all, "{loops:?} {allowed}");
+            let result = may_take_all(loops, &CoreList::parse(allowed));
+            assert_eq!(result, all, "{loops:?} {allowed}");
         }
     }
 }

@@ -1,8 +1,8 @@
-//! The recorder: drains the record stream on a thread of its own.
+//! Recorder: drains the record stream on a thread of its own.
 //!
-//! Its `work` takes record after record: digest, metrics, latency figures, requirements, recording. A recording
-//! that cannot be written is told to whoever watches over the run. The loop never waits for any of this, except
-//! that the stream's credit holds it back before a record would be lost.
+//! Its `work` processes each record: digest, metrics, latency figures, requirements, recording. A failure to write
+//! the recording is reported to the supervisor of the run. The loop never waits for any of this, except that the
+//! stream's credit delays it before a record would be lost.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -31,74 +31,74 @@ pub(crate) mod direct;
 mod heard;
 mod work;
 
-/// Time between two looks for the stream.
+/// Polling interval for the stream.
 const LOOK: Duration = Duration::from_micros(500);
-/// Time to sleep when nothing is left to take: well below the time in which the fastest loop
-/// fills the stream's buffer, so that it is not held back. Each waking takes a core from the loop for
-/// some microseconds more than its records cost.
+/// Time to sleep when the stream is empty: well below the time in which the fastest loop fills the stream's buffer,
+/// so that it is not delayed. Each wake-up takes a core from the loop for some microseconds in addition to the work
+/// on its records.
 const NAP: Duration = Duration::from_millis(4);
 
-/// Time after which a thread that goes on without the sides may be stuck in what they left.
+/// Time after which a thread that goes on without the sides may be stuck in memory they left behind.
 const STUCK: Duration = Duration::from_millis(50);
 
-/// Place and form of a recording.
+/// Location and format of a recording.
 #[derive(Clone, Debug)]
 pub struct RecordingPlan {
-    /// The file.
+    /// Path of the file.
     pub path: PathBuf,
     /// Compression.
     pub compression: Compression,
-    /// Part of the run that is kept.
+    /// Selection of the run's records.
     pub choice: Choice,
-    /// Provenance that the recording tells of the run.
+    /// Provenance of the run.
     pub provenance: Provenance,
-    /// Session in which both sides tell what they run with, before the first record.
+    /// Session in which both sides report their settings before the first record.
     pub session: SessionInfo,
 }
 
-/// The recorder thread as its owner sees it.
+/// Handle of the recorder thread.
 pub struct Recorder {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<Recorded>>,
-    /// Way out of a stream that dead sides left behind.
+    /// Escape from a stream left by dead sides.
     way_out: Option<WayOut>,
 }
 
-/// Way out of a stream that dead sides left half made, or wrote over.
+/// Escape from a stream that dead sides left incomplete or corrupted.
 struct WayOut {
-    /// Frees the thread from one that is half made.
+    /// Frees the thread from an incomplete stream.
     unblock: Box<dyn Fn()>,
-    /// Time after which a thread that got nowhere in the stream never will; none, if there is no limit.
+    /// Time limit for progress in the stream, after which the thread counts as stuck; `None` for no limit.
     limit: Option<Duration>,
 }
 
 #[derive(Default)]
 struct Shared {
-    /// The stream will get no more items than are in it.
+    /// `true` once the stream will receive no more items.
     finish: AtomicBool,
-    /// The records that the run goes on from are taken.
+    /// `true` once the records that the run continues have been processed.
     recalled: AtomicBool,
-    /// Something went wrong; the run makes no sense any more.
+    /// `true` after a failure, which makes the run pointless.
     failed: AtomicBool,
     next_step: AtomicU64,
-    /// Count of the times that the thread entered or left the stream's own code: odd while it is in there.
+    /// Number of times that the thread entered or left the stream's code: odd while it is inside.
     crossings: AtomicU64,
     /// Changes of controllers.
     changes: Mutex<Vec<ControllerChange>>,
-    /// Further facts that the recording is to hold.
+    /// Additional facts for the recording.
     facts: Mutex<BTreeMap<String, String>>,
-    /// Queue of questions on where the requirements stand.
+    /// Queue of queries about the state of the requirements.
     board: Arc<Board>,
 }
 
 impl Shared {
-    /// Notes that the thread, which alone calls this, enters the stream's own code or leaves it.
+    /// Notes that the thread, the only caller, enters or leaves the stream's code.
     fn cross(&self) {
         let crossings = self.crossings.load(Ordering::Relaxed);
         (self.crossings).store(crossings.wrapping_add(1), Ordering::Relaxed);
     }
 
-    /// Does what may stay in the stream's own code for ever.
+    /// Executes work that may hang in the stream's code.
     fn in_stream<T>(&self, work: impl FnOnce() -> T) -> T {
         self.cross();
         let result = work();
@@ -108,9 +108,10 @@ impl Shared {
 }
 
 impl Recorder {
-    /// Starts the thread. `marks` are after how many records the digest is wanted besides, `past` the
-    /// records that the run goes on from, which are taken first, `curve` the grid of the curve if one is kept. What `prepare` returns is called there, again and again, until it gives
-    /// the stream and its layout.
+    /// Starts the thread. `marks` are the numbers of records after which an additional digest is taken, `past` the
+    /// records that the run continues, which are processed first, and `curve` the grid of the curve if one is
+    /// recorded. The function returned by `prepare` is called on the thread repeatedly, until it returns the stream
+    /// and its layout.
     pub fn start<S, A>(
         plan: Plan,
         recording: Option<RecordingPlan>,
@@ -137,7 +138,7 @@ impl Recorder {
                 theirs.recalled.store(true, Ordering::Release);
             }
             loop {
-                // Asked before the last look: a short run may be over between the two.
+                // Checked before the last look: a short run may be over between the two.
                 let is_over = theirs.finish.load(Ordering::Acquire);
                 match theirs.in_stream(&mut attach) {
                     Ok(Some((mut source, layout))) => {
@@ -163,10 +164,10 @@ impl Recorder {
         }
     }
 
-    /// The same with a way out of a stream that dead sides left half made. It is called again and again
-    /// while the thread does not end, and only once the sides are gone. If the thread gets nowhere in the stream's own
-    /// code for longer than the limit then, the memory of the stream was written over, and the process is aborted:
-    /// nothing else ends the thread.
+    /// Adds an escape from a stream that dead sides left incomplete. `unblock` is called repeatedly while the
+    /// thread does not end, and only once the sides are gone. If the thread makes no progress in the stream's code
+    /// for longer than `limit` then, the memory of the stream was corrupted, and the process is aborted: nothing
+    /// else ends the thread.
     #[must_use]
     pub fn unblocked_by(mut self, limit: Option<Duration>, unblock: impl Fn() + 'static) -> Self {
         self.way_out = Some(WayOut {
@@ -176,11 +177,11 @@ impl Recorder {
         self
     }
 
-    /// Waits until the records that the run goes on from are taken: before it begins, so that no side
+    /// Waits until the records that the run continues have been processed: before the run begins, so that no side
     /// has to wait for them.
     ///
     /// # Errors
-    /// If the user does not want it any more.
+    /// If the user interrupts the wait.
     pub fn recall(&self, interruption: &Interruption) -> Result<(), Failure> {
         while !self.shared.recalled.load(Ordering::Acquire) {
             interruption.check()?;
@@ -189,19 +190,19 @@ impl Recorder {
         Ok(())
     }
 
-    /// The step after the last one recorded.
+    /// Returns the step after the last one recorded.
     #[must_use]
     pub fn next_step(&self) -> u64 {
         self.shared.next_step.load(Ordering::Relaxed)
     }
 
-    /// Adds facts to the recording that became known while the run goes on.
+    /// Adds facts to the recording that became known during the run.
     pub fn add_facts(&self, facts: impl IntoIterator<Item = (String, String)>) {
         let known = self.shared.facts.lock();
         (known.unwrap_or_else(PoisonError::into_inner)).extend(facts);
     }
 
-    /// Returns the queue for questions on where the requirements stand.
+    /// Returns the queue for queries about the state of the requirements.
     #[must_use]
     pub fn board(&self) -> Arc<Board> {
         Arc::clone(&self.shared.board)
@@ -215,13 +216,13 @@ impl Recorder {
         changes.get(known..).unwrap_or_default().to_vec()
     }
 
-    /// Returns true if recording failed, so that the run should stop.
+    /// Returns `true` if recording failed, so that the run should stop.
     #[must_use]
     pub fn has_failed(&self) -> bool {
         self.shared.failed.load(Ordering::Acquire)
     }
 
-    /// Takes what is left in the stream of an ended plant, and ends.
+    /// Processes the remaining items in the stream of an ended plant, and ends.
     ///
     /// # Errors
     /// If the thread panicked.
@@ -235,10 +236,10 @@ impl Recorder {
     fn join(&mut self) -> Option<thread::Result<Recorded>> {
         self.shared.finish.store(true, Ordering::Release);
         let thread = self.thread.take()?;
-        thread.thread().unpark(); // it may have lain down for a nap
+        thread.thread().unpark(); // it may be sleeping
         if !self.comes_back(&thread) {
             tell!(
-                "error: the recorder does not come back from the memory that it shares with the plant: something wrote over it"
+                "error: the recorder is stuck in memory that it shares with the plant: the memory was corrupted"
             );
             std::process::abort();
         }
@@ -255,7 +256,7 @@ impl Recorder {
         while !thread.is_finished() {
             let since = Instant::now();
             thread::sleep(LOOK);
-            // A process that was stopped gave the thread no time either.
+            // While this process was stopped, the thread had no time either.
             let slept = since.elapsed().min(STUCK);
             since_unblocked += slept;
             without_progress += slept;
@@ -277,8 +278,8 @@ impl Recorder {
 
 impl Drop for Recorder {
     fn drop(&mut self) {
-        // Of a run that could not be started nothing will come.
-        let _ = self.join(); // whatever it has, nobody asks for it
+        // A run that could not be started delivers nothing more.
+        let _ = self.join(); // its result is not needed
     }
 }
 

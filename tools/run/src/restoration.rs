@@ -1,10 +1,11 @@
-//! Checks of the checkpoints of a run: for each of them second sides start from its state and do the steps that the
-//! run did after it. Called when the run is over, so that it costs the run nothing; decides nothing about its verdict.
+//! Checks of the checkpoints of a run: for each, second sides start from its state and repeat the steps that
+//! followed it in the run. Called after the end of the run, so that it costs the run nothing; does not affect its
+//! verdict.
 //!
-//! State that foreign code forgets to save shows in no other way: an FMU's solver may keep a part of its history to
-//! itself, and saved bytes may hold addresses of the process that wrote them. The second sides run as those of the run
-//! did, as processes or in one thread, in lockstep: the controller answers the plant, and until the first difference
-//! both get what they got in the run. Scenario faults, changes and stimuli come from the same job.
+//! State that foreign code forgets to save shows in no other way: an FMU's solver may hide part of its history, and
+//! saved bytes may contain addresses of the process that wrote them. The second sides run like those of the run, as
+//! processes or in one thread, in lockstep: the controller answers the plant, and until the first difference both
+//! receive the same data as in the run. Scenario faults, changes and stimuli come from the same job.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -39,20 +40,20 @@ use super::prepare::PreparedRun;
 use super::processes::LOOK;
 use super::side::{GRACE, SideProcess};
 
-/// Fate of sides that ended before their comparison, and its cause in words.
+/// Verdict on sides that ended before their comparison, with the cause in words.
 type Fate = Option<(Verdict, String)>;
 
-/// Checks the checkpoints that a run made, and notes in each how its check came out.
+/// Checks the checkpoints of a run, and stores the result in each.
 ///
 /// # Errors
-/// If a note cannot be written.
+/// If a result cannot be written.
 pub(super) fn check(
     prepared: &PreparedRun,
     recorded: &Recorded,
     checkpoints: &mut [MadeCheckpoint],
 ) -> Result<(), Failure> {
     if !checkpoints.is_empty() && output::person_watches() && !prepared.settings.is_one_of_many {
-        tell!("checking that the checkpoints restore exactly; Ctrl-C leaves that out");
+        tell!("checking that the checkpoints restore exactly; Ctrl-C skips this");
     }
     for checkpoint in checkpoints {
         let folder = prepared.folder.join(&checkpoint.folder);
@@ -89,7 +90,7 @@ fn check_one(
     if !comparison.has_steps() {
         return Ok(Check::missing("the run ended or was changed there"));
     }
-    let second = Second {
+    let second = SecondSides {
         prepared,
         recorded,
         stretch,
@@ -106,7 +107,7 @@ fn check_one(
 }
 
 /// Second sides of a run, which start from a checkpoint of it.
-struct Second<'a> {
+struct SecondSides<'a> {
     prepared: &'a PreparedRun,
     recorded: &'a Recorded,
     stretch: &'a Stretch,
@@ -114,8 +115,9 @@ struct Second<'a> {
     folder: PathBuf,
 }
 
-impl Second<'_> {
-    /// Makes the jobs of both sides: those of the run from the checkpoint on, with neither clock nor live requests.
+impl SecondSides<'_> {
+    /// Creates the jobs of both sides: those of the run from the checkpoint on, with neither clock nor live
+    /// requests.
     fn jobs(
         &self,
         session: &SessionInfo,
@@ -140,7 +142,7 @@ impl Second<'_> {
             session: session.id,
             faults: plan.faults.iter().chain(live).cloned().collect(),
             pause_at_s: None,
-            // Takes no live requests.
+            // Accepts no live requests.
             is_kept: true,
             checkpoints: checkpoints(Side::Plant),
             realtime: realtime::Settings::default(),
@@ -157,7 +159,7 @@ impl Second<'_> {
         (plant, controller)
     }
 
-    /// Runs both sides as processes until the comparison is over or a side ends.
+    /// Runs both sides as processes until the comparison is complete or a side ends.
     fn in_processes(&self, comparison: &mut Comparison<'_>) -> Result<Fate, Failure> {
         let mut session = Session::create(None).map_err(Failure::infrastructure)?;
         let info = session.info().clone();
@@ -181,7 +183,7 @@ impl Second<'_> {
         };
         let mut since = Instant::now();
         let has_plant_ended = loop {
-            // Asked before the look: what they said before they ended still counts.
+            // Checked before reading, so that messages from just before their end still count.
             let ended = [plant.has_ended(), controller.has_ended()];
             let has_news = stream.drain(comparison)?;
             let is_late = limit.is_some_and(|limit| since.elapsed() > limit);
@@ -228,7 +230,7 @@ impl Second<'_> {
             comparison,
             is_over: Arc::clone(&is_over),
         };
-        // Of sides that panicked nothing is looked at again.
+        // The state of panicked sides is not used again.
         let ran = catch_unwind(AssertUnwindSafe(|| {
             let turns = Turns::new(plant, controller, &mut sink)?;
             let waiter = Waiter::with(limit, WaitStrategy::Hybrid, true);
@@ -246,7 +248,8 @@ impl Second<'_> {
     }
 }
 
-/// Time without a record after which no side says any more that the other is late; none without a wait limit.
+/// Returns the time without a record after which neither side is reported late any more; `None` without a wait
+/// limit.
 fn limit(job: &plant_process::job::Job) -> Option<Duration> {
     let start_s = job
         .start_limit_s
@@ -255,7 +258,7 @@ fn limit(job: &plant_process::job::Job) -> Option<Duration> {
     limit.checked_add(GRACE)
 }
 
-/// Tells what became of sides that ended before their comparison; the one that ended first comes first.
+/// Describes the fates of sides that ended before their comparison, in the order of their ends.
 fn fate(sides: [&SideProcess; 2], comparison: &Comparison<'_>) -> (Verdict, String) {
     let words = |side: &SideProcess| {
         let words = [side.death(), side.last_word()].into_iter().flatten();
@@ -267,7 +270,7 @@ fn fate(sides: [&SideProcess; 2], comparison: &Comparison<'_>) -> (Verdict, Stri
     }
     let last = || sides.iter().find_map(|side| side.last_word());
     if let Some(side) = sides.iter().find(|side| side.killed.is_some()) {
-        // The other side may have noticed.
+        // The other side may have noticed it.
         let other = sides.iter().filter(|other| other.name != side.name);
         let report = other.filter_map(|other| other.last_word()).next();
         let report = report.or(end).unwrap_or_else(|| "no record came".into());
@@ -282,13 +285,13 @@ fn fate(sides: [&SideProcess; 2], comparison: &Comparison<'_>) -> (Verdict, Stri
 struct Stream<'a> {
     session: &'a SessionInfo,
     layout: &'a RecordLayout,
-    /// Opened, and its layout is not there yet.
+    /// Opened stream whose layout is not available yet.
     opened: Option<IceoryxSource>,
     source: Option<IceoryxSource>,
 }
 
 impl Stream<'_> {
-    /// Takes what is there; returns `false` if that is nothing.
+    /// Processes available items; returns `false` if there were none.
     fn drain(&mut self, comparison: &mut Comparison<'_>) -> Result<bool, Failure> {
         let Some(source) = &mut self.source else {
             let stream = attach(self.session, self.layout, &mut self.opened);

@@ -1,7 +1,7 @@
-//! Settings of a run: the meaning of what was typed, checked as far as no scenario is needed for it.
+//! Settings of a run: the command-line options, checked as far as possible without a scenario.
 //!
-//! Made once by each command that runs scenarios; a suite gives each of its runs a folder and a session
-//! of its own. Knows no plan and starts nothing.
+//! Created once by each command that runs scenarios; a suite gives each of its runs a folder and a session of its
+//! own. Contains no plan and starts nothing.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -17,48 +17,48 @@ use shared_types::side::Side;
 use hil_recording::compression::Compression;
 use hil_recording::excerpt::Choice;
 
-/// Longest silence of a living process in s, unless another one is asked for.
+/// Default limit of the silence of a living process in s.
 pub(crate) const WAIT_LIMIT_S: f64 = 5.0;
 
-/// Checked settings of a run, whatever its scenario.
+/// Checked settings of a run, independent of its scenario.
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// Connection of plant and controller.
+    /// Link between plant and controller.
     pub link: LinkKind,
     /// Folder of the run; `None` for a new one below `runs`.
     pub out: Option<PathBuf>,
     /// Name of the session; `None` for a random one.
     pub session: Option<String>,
-    /// Form of the recording; `None` if none is written.
+    /// Settings of the recording; `None` if none is written.
     pub recording: Option<RecordingSettings>,
-    /// Longest silence of a living process in s.
+    /// Limit of the silence of a living process in s.
     pub wait_limit_s: f64,
-    /// Time at which the run is held.
+    /// Simulated time at which the run pauses.
     pub pause_at_s: Option<f64>,
     /// Times before which the state of both sides is saved.
     pub checkpoints_at_s: Vec<f64>,
-    /// Values of the scenario that were changed, as `KEY=VALUE`.
+    /// Changed values of the scenario, as `KEY=VALUE`.
     pub set: Vec<String>,
-    /// Several runs share the terminal.
+    /// `true` if several runs share the terminal.
     pub is_one_of_many: bool,
-    /// Grid of the curve that is kept of a campaign's case.
+    /// Grid of the recorded curve of a campaign's case.
     pub curve: Option<Arc<Grid>>,
-    /// Sides that somebody starts by hand.
+    /// Sides that are started by hand.
     pub by_hand: ByHand,
 }
 
-/// Sides of a run that somebody starts by hand.
+/// Sides of a run that are started by hand.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ByHand {
     pub(crate) plant: bool,
     pub(crate) controller: bool,
 }
 
-/// Form of a recording.
+/// Settings of a recording.
 #[derive(Clone, Debug)]
 pub struct RecordingSettings {
     pub(crate) compression: Compression,
-    /// Part of the run that is kept.
+    /// Selection of the run's records.
     pub(crate) choice: Choice,
 }
 
@@ -73,18 +73,18 @@ impl ByHand {
         };
         if options.link == LinkKind::InProcess {
             return Err(Failure::usage(format!(
-                "{flag} needs a process to start; leave out --link in-process"
+                "{flag} needs a process to start; omit --link in-process"
             )));
         }
         if options.target.target.is_some() {
             return Err(Failure::usage(format!(
-                "{flag} is for a side on this machine; leave out --target"
+                "{flag} is for a side on this machine; omit --target"
             )));
         }
         Ok(by_hand)
     }
 
-    /// Returns the sides.
+    /// Returns the sides started by hand.
     pub(crate) fn roles(self) -> impl Iterator<Item = Side> {
         let all = [
             (self.plant, Side::Plant),
@@ -93,13 +93,13 @@ impl ByHand {
         (all.into_iter()).filter_map(|(is_by_hand, side)| is_by_hand.then_some(side))
     }
 
-    /// Names the flag that asked for one of them.
+    /// Returns the flag for one of them.
     pub fn flag(self) -> Option<String> {
         let side = self.roles().next()?;
         Some(format!("--{} external", side.name()))
     }
 
-    /// Refuses programs that cannot be known by the file that their process runs.
+    /// Refuses programs that cannot be identified by the executable of their process.
     ///
     /// # Errors
     /// If one of them is a script or a model.
@@ -109,13 +109,13 @@ impl ByHand {
             if binary.host.is_some() {
                 let path = binary.path.display();
                 return Err(Failure::usage(format!(
-                    "--{name} external: {path} is a model that another program runs; it takes a program"
+                    "--{name} external: {path} is a model run by another program; name a program"
                 )));
             }
             if binary.is_script() {
                 let path = binary.path.display();
                 return Err(Failure::usage(format!(
-                    "--{name} external: {path} is a script, and which one an interpreter runs cannot be seen; it takes a program"
+                    "--{name} external: {path} is a script, which cannot be identified by its interpreter's process; name a program"
                 )));
             }
         }
@@ -124,28 +124,28 @@ impl ByHand {
 }
 
 impl Settings {
-    /// Checks what was typed.
+    /// Checks the options.
     ///
     /// # Errors
-    /// If a value is out of its range, or options do not go together.
+    /// If a value is out of range, or options contradict each other.
     pub fn of(options: &RunOptions) -> Result<Self, Failure> {
         if options.wait_limit.is_nan() || options.wait_limit <= 0.0 {
             return Err(Failure::usage(
-                "--wait-limit takes a number above 0, or inf",
+                "--wait-limit must be a number above 0, or inf",
             ));
         }
         asking::allow_seconds(options.wait_limit);
-        let given = &options.binaries;
-        let is_given = given.plant_bin.is_some() || given.controller_bin.is_some();
+        let binaries = &options.binaries;
+        let is_given = binaries.plant_bin.is_some() || binaries.controller_bin.is_some();
         if options.link == LinkKind::InProcess && is_given {
             return Err(Failure::usage(
-                "--link in-process runs what is built into hil; --plant-bin and --controller-bin need processes",
+                "--link in-process runs built-in plants and laws; --plant-bin and --controller-bin need processes",
             ));
         }
         let checkpoints_at_s = options.checkpoints.checkpoint_at.clone();
         if options.no_record && !checkpoints_at_s.is_empty() {
             return Err(Failure::usage(
-                "--checkpoint-at needs the recording of what was before; leave out --no-record",
+                "--checkpoint-at needs the recording up to the checkpoint; omit --no-record",
             ));
         }
         let choice = options.choice.choice(options)?;
@@ -167,7 +167,7 @@ impl Settings {
         })
     }
 
-    /// Makes the settings of a run whose recording nobody needs.
+    /// Creates the settings of a run without a recording.
     pub fn without_recording(link: LinkKind, out: Option<PathBuf>) -> Self {
         Self {
             link,
@@ -184,7 +184,7 @@ impl Settings {
         }
     }
 
-    /// Makes the settings of a run with a whole recording.
+    /// Creates the settings of a run with a complete recording.
     pub fn with_recording(link: LinkKind, out: Option<PathBuf>) -> Self {
         Self {
             recording: Some(RecordingSettings {
@@ -195,7 +195,7 @@ impl Settings {
         }
     }
 
-    /// Names the kind of evidence that a run gives, as its recording and its summary have it.
+    /// Returns the level of evidence that a run provides, as named in its recording and its summary.
     pub fn evidence(&self, plan: &Plan, controller: &Binary) -> &'static str {
         match (self.link, &controller.at) {
             (LinkKind::InProcess, _) => "in-process",
@@ -207,7 +207,7 @@ impl Settings {
     }
 }
 
-/// Refuses programs that were named where none is started.
+/// Refuses programs that were named although none is started.
 ///
 /// # Errors
 /// If there is one.
@@ -218,13 +218,13 @@ pub fn refuse_in_process(link: LinkKind, binaries: &[&Binary]) -> Result<(), Fai
     if let Some(at) = binaries.iter().find_map(|binary| binary.at.as_ref()) {
         let target = at.target();
         return Err(Failure::usage(format!(
-            "--link in-process runs the law in hil; --target {target} needs a process there"
+            "--link in-process runs the law in hil; --target {target} needs a process on the target"
         )));
     }
     let named = binaries.iter().find(|binary| binary.named().is_some());
     match named {
         Some(Binary { path, by, .. }) => Err(Failure::usage(format!(
-            "--link in-process runs what is built into hil; {} ({by}) needs a process",
+            "--link in-process runs built-in plants and laws; {} ({by}) needs a process",
             path.display()
         ))),
         None => Ok(()),

@@ -1,5 +1,5 @@
-//! The process of a side: started in a group of its own, or by hand and admitted; told the end over its input
-//! or its leash, killed if it does not end by itself. Knows nothing of the run that it belongs to.
+//! Process of a side: started in its own process group, or by hand and admitted; told to end through its input or
+//! its connection, and killed if it does not end by itself. Knows nothing of the run it belongs to.
 
 use std::io::Write;
 use std::os::unix::net::UnixStream;
@@ -17,13 +17,13 @@ use hil_session::session::SessionInfo;
 use super::log::Log;
 use super::open_files;
 
-/// Time that a process may take to end once it was told to.
+/// Time limit for a process to end once told to.
 pub const GRACE: Duration = Duration::from_secs(2);
-/// Time that it may take if it is stopped, which it cannot end from.
+/// Time limit for a stopped process, which cannot end by itself.
 const STOPPED_GRACE: Duration = Duration::from_millis(200);
 /// Exit code of a Rust program that panicked.
 const PANIC: i32 = by_hand::PANIC as i32;
-/// Time that a process that was killed may take to be gone.
+/// Time limit for a killed process to disappear.
 const DEATH_LIMIT: Duration = Duration::from_secs(1);
 
 /// Side of the run.
@@ -31,14 +31,14 @@ pub struct SideProcess {
     pub name: &'static str,
     process: Process,
     id: Option<ProcessId>,
-    /// Its end, where the kernel tells of it.
+    /// Pending end, if the kernel reports it.
     ending: Option<Ending>,
-    /// Output, unless that goes to a terminal.
+    /// Output, unless it goes to a terminal.
     log: Option<Log>,
-    /// Name of the machine that it is the bridge to.
+    /// Name of the machine to which this process is the bridge.
     target: Option<String>,
     status: Option<ExitStatus>,
-    /// A process that is no child ended and did not say how.
+    /// `true` if a process that is not a child ended without reporting how.
     is_silent: bool,
     /// State in which the process was found, if it had to be killed.
     pub killed: Option<&'static str>,
@@ -47,12 +47,12 @@ pub struct SideProcess {
 
 enum Process {
     Launched(Child),
-    /// Started by hand, with the connection that it came in by.
+    /// Started by hand, with its connection.
     ByHand(UnixStream),
 }
 
 impl SideProcess {
-    /// Takes a process that somebody started by hand and that was admitted.
+    /// Wraps a process that was started by hand and admitted.
     pub fn by_hand(name: &'static str, id: ProcessId, leash: UnixStream) -> Self {
         Self {
             name,
@@ -68,10 +68,10 @@ impl SideProcess {
         }
     }
 
-    /// Starts it; its output goes to a log of this name in a folder.
+    /// Starts a process; its output goes to a log of this name in a folder.
     ///
     /// # Errors
-    /// If it cannot be started, or is not the file any more that was checked.
+    /// If it cannot be started, or its file has changed since it was checked.
     pub fn start(
         name: &'static str,
         binary: &Binary,
@@ -89,7 +89,7 @@ impl SideProcess {
             .stdout(log.output().map_err(cannot)?)
             .stderr(log.output().map_err(cannot)?)
             .env(MARK, &session.prefix)
-            // A group of its own: Ctrl-C is for hil, which ends both in order.
+            // In its own process group: Ctrl-C is for hil, which ends both sides in order.
             .process_group(0)
             .spawn()
             .map_err(cannot)?;
@@ -106,7 +106,7 @@ impl SideProcess {
             killed: None,
             told_to_stop: false,
         };
-        // After the start: what was replaced just before it ends with the side.
+        // After the start: a file replaced just before it ends with the side.
         binary.refuse_changed()?;
         Ok(side)
     }
@@ -118,10 +118,10 @@ impl SideProcess {
         }
     }
 
-    /// Returns true if the side has ended, and all that it started in its group with it; bounds its log.
+    /// Returns `true` if the side and its whole process group have ended; limits its log.
     pub fn has_ended(&mut self) -> bool {
         if self.status.is_none() {
-            // Without such a process there is no status to be had.
+            // Without such a process there is no exit status.
             const UNKNOWN: i32 = 0xff00;
             self.status = match (&mut self.process, self.id) {
                 (Process::Launched(process), _) => {
@@ -140,7 +140,7 @@ impl SideProcess {
         self.status.is_some()
     }
 
-    /// Returns its end to wait for, if it is still to come.
+    /// Returns the pending end, to wait for.
     pub const fn ending(&self) -> Option<&Ending> {
         match self.status {
             None => self.ending.as_ref(),
@@ -154,14 +154,14 @@ impl SideProcess {
         }
     }
 
-    /// Forgets its output so far.
+    /// Discards its output so far.
     pub(super) fn forget_output(&mut self) {
         if let Some(log) = &mut self.log {
             log.clear();
         }
     }
 
-    /// Writes a line to its input or its leash. It may have ended, which shows elsewhere.
+    /// Writes a line to its input or its connection. The process may have ended, which is noticed elsewhere.
     pub fn tell(&mut self, line: &str) {
         let _ = match &mut self.process {
             Process::Launched(process) => match &mut process.stdin {
@@ -172,7 +172,7 @@ impl SideProcess {
         };
     }
 
-    /// Ends it if it had this time to end by itself, `since` it was to.
+    /// Ends the process if its grace period, which began at `since`, is over.
     pub(super) fn end_if_due(&mut self, since: Instant, grace: Duration) {
         let waited = since.elapsed();
         let is_due = waited > grace || waited > STOPPED_GRACE && self.is_stopped();
@@ -196,7 +196,7 @@ impl SideProcess {
                 end_group(process);
                 self.status = process.wait().ok();
             }
-            // Its group is the terminal's, or the debugger's.
+            // Its process group is the terminal's, or the debugger's.
             Process::ByHand(_) => {
                 let since = Instant::now();
                 while let Some(id) = self.id.filter(|id| id.is_alive())
@@ -211,7 +211,7 @@ impl SideProcess {
         self.bound_log();
     }
 
-    /// Describes how the side ended, if there is something to say about it, and where to read more.
+    /// Describes how the side ended, if that is notable, and where to read more.
     pub(super) fn fate(&self) -> Option<String> {
         let death = self.death()?;
         let panicked = self.status.and_then(|status| status.code()) == Some(PANIC);
@@ -223,7 +223,7 @@ impl SideProcess {
         })
     }
 
-    /// Describes its end, if that was not in order.
+    /// Describes its end, if that was abnormal.
     pub fn death(&self) -> Option<String> {
         if let Some(state) = self.killed {
             return Some(format!("{} was {state} and had to be killed", self.name));
@@ -231,7 +231,7 @@ impl SideProcess {
         let status = self.status?;
         if self.is_silent {
             return Some(format!(
-                "{}, started by hand, is gone without a word: killed, or its debugger ended",
+                "{}, started by hand, ended without reporting why: killed, or its debugger ended",
                 self.name
             ));
         }
@@ -250,29 +250,29 @@ impl SideProcess {
         }
     }
 
-    /// Returns `true` if it died by a signal or a panic, and was not killed.
+    /// Returns `true` if it died by a signal or a panic, and was not killed by hil.
     pub(super) fn has_crashed(&self) -> bool {
         let status = self.status.filter(|_| self.killed.is_none());
         status.is_some_and(|status| status.signal().is_some() || status.code() == Some(PANIC))
     }
 
-    /// Returns the error that a bridge ended with, which says what became of the controller on its target.
+    /// Returns the error that a bridge ended with, which describes the fate of the controller on its target.
     fn said_of_target(&self) -> Option<String> {
         let begin = format!("target {}: ", self.target.as_ref()?);
         self.log.as_ref()?.last_error(&begin)
     }
 
-    /// The last line of its output, without the word `error`.
+    /// Returns the last line of its output, without the prefix `error`.
     pub fn last_word(&self) -> Option<String> {
         self.log.as_ref().and_then(Log::last_word)
     }
 
-    /// The warnings that it wrote to its log.
+    /// Returns the warnings in its log.
     pub(super) fn warnings(&self) -> Vec<String> {
         self.log.as_ref().map(Log::warnings).unwrap_or_default()
     }
 
-    /// The file of its output and the first and last lines of that, if there is any.
+    /// Returns the path of its log with the first and last lines, if there are any.
     pub(super) fn shown_log(&self) -> Option<String> {
         let log = self.log.as_ref()?;
         let excerpt = log.excerpt();
@@ -280,7 +280,7 @@ impl SideProcess {
         (!excerpt.is_empty()).then(|| format!("{path}:\n{excerpt}"))
     }
 
-    /// The first and last lines of its output.
+    /// Returns the first and last lines of its output.
     pub fn excerpt(&self) -> String {
         self.log.as_ref().map(Log::excerpt).unwrap_or_default()
     }

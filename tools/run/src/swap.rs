@@ -1,8 +1,8 @@
-//! Another controller takes over while the run goes on.
+//! Takeover by another controller during a run.
 //!
-//! Answers `hil controller swap`. The `hil` that runs the session listens on a socket of its own in the session's folder: it alone
-//! starts processes. It checks the new controller against the scenario as at the start, starts it, and
-//! answers once the plant has taken it, or has not.
+//! Answers `hil controller swap`. The `hil` that runs the session listens on a socket in the session's folder,
+//! because it alone starts processes. It checks the new controller against the scenario as at the start, starts it,
+//! and answers once the plant has accepted it or not.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -30,14 +30,13 @@ use super::jobs;
 
 /// Name of the socket in the session's folder.
 pub const SOCKET: &str = "hil";
-/// Time that an answer may take beyond the wait limit: the binary describes itself, checks its job and
-/// starts.
+/// Additional time for an answer beyond the wait limit: the binary describes itself, checks its job and starts.
 const BESIDES: Duration = Duration::from_secs(25);
 
 /// Request for another controller.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Request {
-    /// The binary; the active one if `None`.
+    /// Path of the binary; the active one if `None`.
     pub binary: Option<PathBuf>,
     /// Values of the scenario's `[controller]` to change.
     pub set: Vec<String>,
@@ -49,30 +48,30 @@ pub struct Request {
 pub enum Response {
     /// The controller took over.
     Swapped(Swapped),
-    /// No; the run goes on with the one that it had.
+    /// The request was refused; the run continues with the active controller.
     Refused {
         /// Reason for the refusal.
         reason: String,
     },
 }
 
-/// A controller that took over.
+/// Controller that took over.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Swapped {
     /// Number of the controller in the session.
     pub epoch: u32,
-    /// The first step that it answers.
+    /// First step that it answers.
     pub step: u64,
     pub law: String,
     pub binary: PathBuf,
-    /// Keys of the running scenario that do not hold for it, as none of its laws has them.
+    /// Keys of the running scenario that were left out because none of its laws has them.
     pub left_out: Vec<String>,
 }
 
-/// A controller that is checked and waits to be started.
-pub struct Wanted {
+/// Checked controller that waits to be started.
+pub struct SwapRequest {
     pub(crate) binary: Binary,
-    /// Part of the scenario.
+    /// Controller part of the scenario.
     pub(crate) law: ControllerPlan,
     /// Values of the scenario that are changed for it.
     pub(crate) set: Vec<String>,
@@ -91,21 +90,21 @@ pub(crate) struct SwapContext {
     pub(crate) wait_limit_s: f64,
 }
 
-/// Controllers that are wanted, as long as it is kept.
-pub(crate) struct Door {
-    pub(crate) wanted: Receiver<Wanted>,
+/// Listener for swap requests, until it is dropped.
+pub(crate) struct SwapListener {
+    pub(crate) requests: Receiver<SwapRequest>,
     _listening: Listening,
 }
 
-/// Listens from now on; what passed every check comes out.
+/// Starts listening; requests that passed every check are sent to the returned listener's channel.
 ///
 /// # Errors
-/// If the socket cannot be made.
-pub(crate) fn listen(session: &SessionInfo, ground: SwapContext) -> Result<Door, Failure> {
-    let (sender, wanted) = channel();
+/// If the socket cannot be created.
+pub(crate) fn listen(session: &SessionInfo, ground: SwapContext) -> Result<SwapListener, Failure> {
+    let (sender, receiver) = channel();
     let theirs = session.clone();
     let listening = live::listen(session, SOCKET, move |client| {
-        // A client that went away needs no answer.
+        // A client that disconnected needs no answer.
         let _ = live::answer(client, |request: Result<Request, Refusal>| {
             let swapped = request
                 .map_err(|refusal| refusal.message)
@@ -116,8 +115,8 @@ pub(crate) fn listen(session: &SessionInfo, ground: SwapContext) -> Result<Door,
             }
         });
     });
-    Ok(Door {
-        wanted,
+    Ok(SwapListener {
+        requests: receiver,
         _listening: listening.map_err(Failure::infrastructure)?,
     })
 }
@@ -127,50 +126,52 @@ impl SwapContext {
         &self,
         session: &SessionInfo,
         request: &Request,
-        wanted: &Sender<Wanted>,
+        requests: &Sender<SwapRequest>,
     ) -> Result<Swapped, String> {
         if self.saves {
             return Err(
-                "this run makes checkpoints, or went on from one: its controller stays".into(),
+                "this run makes checkpoints, or continues from one: its controller cannot change"
+                    .into(),
             );
         }
-        let told = |failure: Failure| failure.reason();
-        // Where the first runs, the next does too.
+        let reason_of = |failure: Failure| failure.reason();
+        // The next controller runs on the same machine as the first.
         let at = self.binaries.controller.at.as_ref();
         if let Some(target) = at
             .map(Reached::target)
             .filter(|target| matches!(target, Target::Serve(_)))
         {
             return Err(format!(
-                "{target} serves one session at a time, so no other controller can start there beside this one"
+                "{target} serves one session at a time, so a second controller cannot start there"
             ));
         }
-        let of_fmu = self.settings(&request.set).map_err(told)?;
+        let of_fmu = self.settings(&request.set).map_err(reason_of)?;
         let ask = |path| Binary::asked_for(path, "--bin", of_fmu.clone(), at, &self.interruption);
         let binary = match &request.binary {
-            Some(path) => ask(path).map_err(told)?,
+            Some(path) => ask(path).map_err(reason_of)?,
             None => {
                 let first = &self.binaries.controller;
-                let mut binary = ask(&first.path)
-                    .map_err(|failure| format!("{}; --bin PATH names another", told(failure)))?;
+                let mut binary = ask(&first.path).map_err(|failure| {
+                    format!("{}; use --bin PATH for another", reason_of(failure))
+                })?;
                 binary.by = first.by.clone();
                 if binary.blake3 != first.blake3 {
                     let (path, now, then) = (first.path.display(), &binary.blake3, &first.blake3);
                     return Err(format!(
-                        "{path} has changed since the run began: it has hash {now}, the run began with {then}; --bin {path} takes it as it is now"
+                        "{path} has changed since the run began: its hash is {now}, at the start it was {then}; use --bin {path} to accept the new one"
                     ));
                 }
                 binary
             }
         };
-        let (law, left_out) = self.law(&binary, &request.set).map_err(told)?;
-        // Beside the job of the active one, which may not have read it yet.
+        let (law, left_out) = self.law(&binary, &request.set).map_err(reason_of)?;
+        // Written beside the job of the active one, which may not have read it yet.
         let job = jobs::with_law(self.job.clone(), law.clone());
-        jobs::check(&binary, session, "swap.json", &job, &self.interruption).map_err(told)?;
+        jobs::check(&binary, session, "swap.json", &job, &self.interruption).map_err(reason_of)?;
         let (answer, answered) = channel();
         const ENDED: &str = "the run has ended";
-        wanted
-            .send(Wanted {
+        requests
+            .send(SwapRequest {
                 binary,
                 law,
                 set: request.set.clone(),
@@ -181,13 +182,14 @@ impl SwapContext {
         match Duration::try_from_secs_f64(self.wait_limit_s) {
             Ok(limit) => match answered.recv_timeout(limit.saturating_add(BESIDES)) {
                 Ok(answer) => answer,
-                Err(_) => Err("the run has ended, or did not take the controller in time".into()),
+                Err(_) => Err("the run has ended, or did not accept the controller in time".into()),
             },
-            Err(_) => answered.recv().map_err(|_| ENDED)?, // without a limit
+            Err(_) => answered.recv().map_err(|_| ENDED)?, // no time limit
         }
     }
 
-    /// Returns the permissions and settings of an FMU as the controller, by the running scenario with these changes.
+    /// Returns the permissions and settings of an FMU as the controller, from the running scenario with these
+    /// changes.
     fn settings(&self, set: &[String]) -> Result<(Permissions, ModelSettings), Failure> {
         let text = scenario::show(&self.plan, &self.binaries)?;
         let programs = Scenario::parse(&text, "the running scenario")?
@@ -199,8 +201,8 @@ impl SwapContext {
         ))
     }
 
-    /// The controller's part of the scenario as it is for this binary, and the keys of it that none of
-    /// its laws has.
+    /// Returns the controller part of the scenario for this binary, and its keys that none of the binary's laws
+    /// has.
     fn law(
         &self,
         binary: &Binary,
@@ -208,7 +210,7 @@ impl SwapContext {
     ) -> Result<(ControllerPlan, Vec<String>), Failure> {
         if let Some(other) = set.iter().find(|set| !set.starts_with("controller.")) {
             return Err(Failure::usage(format!(
-                "--set {other}: a swap changes keys that begin with `controller.`"
+                "--set {other}: a swap can only change keys that begin with `controller.`"
             )));
         }
         let effective = scenario::show(&self.plan, &self.binaries)?;
@@ -220,7 +222,7 @@ impl SwapContext {
         if let (false, Some(other)) = (is_fmu, set_for_fmu) {
             let path = binary.path.display();
             return Err(Failure::usage(format!(
-                "--set {other}: {path} is no FMU, so it has no effect"
+                "--set {other}: {path} is not an FMU, so this has no effect"
             )));
         }
         let left_out = leave_out(&mut document, &binary.description.laws, is_fmu);
@@ -259,10 +261,10 @@ fn is_at(set: &str, key: &str) -> bool {
     path.split('.').nth(1) == Some(key)
 }
 
-/// Takes the keys out of a scenario that none of these laws has, and gives their names; `is_fmu` is true if the laws
-/// are of an FMU.
+/// Removes the keys that none of these laws has from a scenario, and returns their names; `is_fmu` is `true` if the
+/// laws are of an FMU.
 fn leave_out(scenario: &mut DocumentMut, laws: &[LawDescription], is_fmu: bool) -> Vec<String> {
-    let mut gone = Vec::new();
+    let mut removed = Vec::new();
     if let Some(connect) = scenario
         .get_mut("connect")
         .and_then(Item::as_array_of_tables_mut)
@@ -271,7 +273,7 @@ fn leave_out(scenario: &mut DocumentMut, laws: &[LawDescription], is_fmu: bool) 
             let path = one.get("law").and_then(Item::as_str).unwrap_or_default();
             let is_known = laws.iter().any(|law| has_signal(law, path));
             if !is_known {
-                gone.push(format!("connect {path}"));
+                removed.push(format!("connect {path}"));
             }
             is_known
         });
@@ -280,12 +282,12 @@ fn leave_out(scenario: &mut DocumentMut, laws: &[LawDescription], is_fmu: bool) 
         .get_mut("controller")
         .and_then(Item::as_table_like_mut)
     else {
-        return gone;
+        return removed;
     };
     if !is_fmu {
         for key in keys_of_fmus() {
             if controller.remove(key).is_some() {
-                gone.push(format!("controller.{key}"));
+                removed.push(format!("controller.{key}"));
             }
         }
     }
@@ -296,7 +298,7 @@ fn leave_out(scenario: &mut DocumentMut, laws: &[LawDescription], is_fmu: bool) 
     for name in tables {
         let path = format!("controller.{name}");
         let of_law = laws.iter().filter(|law| law.name == name);
-        let known: Vec<&str> = match name.as_str() {
+        let valid: Vec<&str> = match name.as_str() {
             "model" => laws.iter().flat_map(|law| &law.model).collect::<Vec<_>>(),
             _ => of_law.clone().flat_map(|law| &law.parameters).collect(),
         }
@@ -305,15 +307,15 @@ fn leave_out(scenario: &mut DocumentMut, laws: &[LawDescription], is_fmu: bool) 
         .collect();
         if name != "model" && of_law.count() == 0 {
             controller.remove(&name);
-            gone.push(path);
+            removed.push(path);
         } else if let Some(table) = controller.get_mut(&name).and_then(Item::as_table_like_mut) {
-            prune(table, &path, "", &known, &mut gone);
+            prune(table, &path, "", &valid, &mut removed);
         }
     }
-    gone
+    removed
 }
 
-/// Checks whether a law has a signal, written with its kind in front.
+/// Returns `true` if a law has a signal, given with its kind as prefix.
 fn has_signal(law: &LawDescription, path: &str) -> bool {
     let commands = law.commands.as_deref().unwrap_or_default();
     let tables = [
@@ -327,28 +329,28 @@ fn has_signal(law: &LawDescription, path: &str) -> bool {
     })
 }
 
-/// Takes the values out of a table whose names are not known; `below` is where it is from `path` on.
+/// Removes unknown names from a table; `below` is its path relative to `path`.
 fn prune(
     table: &mut dyn TableLike,
     path: &str,
     below: &str,
-    known: &[&str],
-    gone: &mut Vec<String>,
+    names: &[&str],
+    removed: &mut Vec<String>,
 ) {
     let keys: Vec<String> = table.iter().map(|(key, _)| key.to_owned()).collect();
     for key in keys {
         let name = format!("{below}{key}");
         match table.get_mut(&key).and_then(Item::as_table_like_mut) {
             Some(inner) => {
-                prune(inner, path, &format!("{name}."), known, gone);
+                prune(inner, path, &format!("{name}."), names, removed);
                 if inner.is_empty() {
                     table.remove(&key);
                 }
             }
-            None if known.contains(&name.as_str()) => {}
+            None if names.contains(&name.as_str()) => {}
             None => {
                 table.remove(&key);
-                gone.push(format!("{path}.{name}"));
+                removed.push(format!("{path}.{name}"));
             }
         }
     }
@@ -359,11 +361,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn keys_that_no_law_has_are_left_out_and_no_others() {
+    fn only_keys_that_no_law_has_are_left_out() {
         let mut laws = controller_process::laws::all();
         laws.retain(|law| law.description.name == "pid");
         let mut laws: Vec<LawDescription> = laws.into_iter().map(|law| law.description).collect();
-        let known = laws[0].parameters[0].name.clone();
+        let parameter = laws[0].parameters[0].name.clone();
         let unit = laws[0].parameters[0].clone();
         for law in &mut laws {
             law.model = vec![shared_types::table::Field {
@@ -373,23 +375,23 @@ mod tests {
         }
         let text = format!(
             "[run]\nduration_s = 1.0\n[controller]\nlaw = \"pid\"\nprogram = \"/a\"\nrate_hz = 10.0\n\
-             [controller.pid]\n{known} = 1.0\nolder = 2.0\nown.older = 3.0\n\
+             [controller.pid]\n{parameter} = 1.0\nolder = 2.0\nown.older = 3.0\n\
              [controller.lqr]\ngain = 1.0\n[controller.model]\nrod.mass_kg = 1.0\nrod.length_m = 2.0\n"
         );
         let mut scenario: DocumentMut = text.parse().expect("TOML");
-        let gone = leave_out(&mut scenario, &laws, false);
-        let wanted = [
+        let removed = leave_out(&mut scenario, &laws, false);
+        let expected = [
             "controller.pid.older",
             "controller.pid.own.older",
             "controller.lqr",
             "controller.model.rod.length_m",
         ];
-        assert_eq!(gone, wanted);
-        let kept = format!(
+        assert_eq!(removed, expected);
+        let remaining = format!(
             "[run]\nduration_s = 1.0\n[controller]\nlaw = \"pid\"\nprogram = \"/a\"\nrate_hz = 10.0\n\
-             [controller.pid]\n{known} = 1.0\n[controller.model]\nrod.mass_kg = 1.0\n"
+             [controller.pid]\n{parameter} = 1.0\n[controller.model]\nrod.mass_kg = 1.0\n"
         );
-        assert_eq!(scenario.to_string(), kept);
+        assert_eq!(scenario.to_string(), remaining);
         assert_eq!(leave_out(&mut scenario, &laws, false), [""; 0]);
     }
 }

@@ -1,5 +1,5 @@
-//! Termination of a run in two processes: its outcome and its cause, from what the plant saw and what became
-//! of the processes.
+//! Termination of a run in two processes: outcome and cause, derived from the plant's report and the fates of the
+//! processes.
 
 use hil_facts::results::ended::EndedRun;
 use hil_facts::results::recorded::Recorded;
@@ -9,7 +9,7 @@ use super::controllers::Controllers;
 use super::prepare::PreparedRun;
 use super::side::SideProcess;
 
-/// Returns the end of the run, from what the plant saw and what became of the processes.
+/// Returns the end of the run, from the plant's report and the fates of the processes.
 pub(super) fn termination(
     prepared: &PreparedRun,
     recorded: Recorded,
@@ -18,11 +18,11 @@ pub(super) fn termination(
 ) -> EndedRun {
     let controller = controllers.latest();
     let interrupted = prepared.interruption.came();
-    let seen = recorded.end.as_ref();
-    let outcome = seen.map_or(Outcome::Failed, |end| end.outcome);
+    let reported = recorded.end.as_ref();
+    let outcome = reported.map_or(Outcome::Failed, |end| end.outcome);
     let unknown = controllers.unknown();
     if outcome == Outcome::Completed && recorded.error.is_none() && unknown.is_none() {
-        // Both confirmed the last step; an end in disorder after it is still worth a word.
+        // Both confirmed the last step; an abnormal end after it is still reported.
         let disorder = plant.fate().or_else(|| controllers.in_office()?.fate());
         let outcome = if disorder.is_some() {
             Outcome::Failed
@@ -37,16 +37,16 @@ pub(super) fn termination(
     if interrupted {
         parts.push("interrupted".into());
     }
-    parts.extend(seen.and_then(|end| end.reason.clone()));
+    parts.extend(reported.and_then(|end| end.reason.clone()));
     parts.extend(controllers.exhausted());
-    if seen.is_none() && recorded.error.is_some() {
-        // Nobody listened: that neither side's end was heard is no fault of theirs.
+    if reported.is_none() && recorded.error.is_some() {
+        // hil had stopped listening, so an unheard end is neither side's fault.
         parts.extend([plant.fate(), controller.fate()].into_iter().flatten());
         parts.push(format!("{} steps were recorded", recorded.records));
-    } else if seen.is_none() {
+    } else if reported.is_none() {
         parts.extend(unseen_end(plant, controller, first, recorded.records));
     } else {
-        // Its exit code adds nothing to what the plant said; a signal or a killing does.
+        // Its exit code adds nothing to the plant's report; a signal or a kill does.
         let told_why = |fate: &String| !fate.contains("exit code");
         parts.extend(
             [plant.fate(), controller.fate()]
@@ -63,7 +63,7 @@ pub(super) fn termination(
     EndedRun::new(recorded, outcome, Some(parts.join("; ")))
 }
 
-/// Explains the end of a run whose plant could not report it: the cause first.
+/// Explains the end of a run that its plant could not report, beginning with the cause.
 fn unseen_end(
     plant: &SideProcess,
     controller: &SideProcess,
@@ -77,11 +77,11 @@ fn unseen_end(
     };
     let early = || format!("{} ended before the run was over", cause.name);
     let mut parts = vec![cause.fate().unwrap_or_else(early)];
-    // A process that was stopped or stuck has said nothing; what the other saw of it tells more.
+    // A stopped or stuck process has reported nothing; the other side's observation is more informative.
     let words = [cause.last_word(), other.last_word()].into_iter().flatten();
     parts.extend(words.take(1));
     parts.extend(other.fate());
-    parts.dedup(); // the last word of a bridge is its fate
+    parts.dedup(); // the last message of a bridge is its fate
     parts.push(format!("{records} steps were recorded"));
     parts
 }

@@ -1,8 +1,8 @@
 //! `hil export`: signals of a recorded run as a table for other programs.
 //!
-//! Goes through the recording once and holds no more than a block of rows, so the length of a run
-//! does not matter. A file appears whole or not at all. Values are the recorded ones, bit for bit;
-//! derived signals are computed anew by the code that computed them in the run.
+//! Reads the recording once and holds no more than a block of rows, so memory does not grow with the length of the
+//! run. The output file appears complete or not at all. Values are the recorded ones, bit for bit; derived signals
+//! are recomputed by the code that computed them during the run.
 
 mod csv;
 mod origin;
@@ -29,13 +29,13 @@ use crate::arguments::export::{ExportArguments, ExportFormat};
 use selection::{Offer, Selection};
 use table::{Column, Table};
 
-/// After how many records it is looked for Ctrl-C, and progress is told.
+/// Number of records between two checks for Ctrl-C, at which progress is also updated.
 const LOOK_RECORDS: u64 = 1024;
 
 /// Runs the command.
 ///
 /// # Errors
-/// If the run cannot be read, has not what is asked for, or the file cannot be written.
+/// If the run cannot be read or lacks a requested signal or time, or if the file cannot be written.
 pub fn export(arguments: &ExportArguments) -> Result<Exit, Failure> {
     let exported = table(arguments, Interruption::listen()?)?;
     if let Some(told) = exported {
@@ -44,7 +44,7 @@ pub fn export(arguments: &ExportArguments) -> Result<Exit, Failure> {
     Ok(Exit::Pass)
 }
 
-/// Writes what is asked for, unless an interruption comes, and returns what is to be told of it.
+/// Writes the requested table or list and returns the message for the user; `None` if interrupted.
 ///
 /// # Errors
 /// As [`export`].
@@ -66,7 +66,7 @@ pub fn table(
     let mut reader = interruption.at_once(open)?.map_err(Failure::usage)?;
     let offer = Offer::of(&reader);
     if arguments.list {
-        // What vouches for the names stands before the first record.
+        // Provenance is read before the first record.
         reader.advance().map_err(Failure::usage)?;
         let listed = offer.listed(&reader, &arguments.signal)?;
         return listing(&listed, arguments.json).map(Some);
@@ -115,7 +115,7 @@ pub fn table(
     Ok(path.is_some().then(|| exported.describe()))
 }
 
-/// The form of the table: what was asked for, else what the file's name ends with.
+/// Returns the format of the table: the requested one, else the one that the file's extension implies.
 fn format(asked: Option<ExportFormat>, path: Option<&Path>) -> Result<ExportFormat, Failure> {
     let (None, Some(path)) = (asked, path) else {
         return Ok(asked.unwrap_or(ExportFormat::Csv));
@@ -128,12 +128,12 @@ fn format(asked: Option<ExportFormat>, path: Option<&Path>) -> Result<ExportForm
     named.ok_or_else(|| {
         let path = path.display();
         Failure::usage(format!(
-            "{path} ends neither with .csv nor with .parquet; say which with --format"
+            "{path} ends neither with .csv nor with .parquet; choose a format with --format"
         ))
     })
 }
 
-/// Writes the list of signals for a person or a machine.
+/// Renders the list of signals as a table or as JSON.
 fn listing(signals: &[Column], as_json: bool) -> Result<String, Failure> {
     if as_json {
         #[derive(Serialize)]
@@ -162,30 +162,30 @@ fn cannot_write(path: Option<&Path>, error: &std::io::Error) -> Failure {
     Failure::infrastructure(format!("cannot write {what}: {error}{hint}"))
 }
 
-/// Choice of the exported steps.
+/// Selection of the exported steps.
 struct Picking {
     rate: Rate,
     from_s: f64,
     until_s: f64,
     every: u64,
-    /// The first one.
+    /// First exported step.
     first: Option<u64>,
 }
 
 impl Picking {
-    /// The time of a step, if it is exported.
+    /// Returns the time of a step if it is exported.
     fn time_s(&mut self, step: u64) -> Option<f64> {
         let time_s = self.rate.seconds(Step(step));
         if time_s < self.from_s || time_s > self.until_s {
             return None;
         }
         let first = *self.first.get_or_insert(step);
-        // By steps, not rows: where records were lost, the others keep their distance.
+        // Counts steps, not rows, so that the spacing is kept across lost records.
         (step - first).is_multiple_of(self.every).then_some(time_s)
     }
 }
 
-/// Counts of an export.
+/// Result of an export.
 #[derive(Debug, Default, Serialize)]
 struct Exported {
     file: Option<String>,
@@ -197,13 +197,13 @@ struct Exported {
     from_s: f64,
     until_s: f64,
     every: u64,
-    /// The name of the scenario.
+    /// Name of the scenario.
     scenario: Option<String>,
-    /// Of the whole recording as far as it goes, whatever was chosen of it.
+    /// Digest of all readable records, whatever was selected from them.
     digest: String,
-    /// The recording was finished.
+    /// `true` if the recording was finished.
     whole: bool,
-    /// Notes of those who watched.
+    /// Marks set by observers.
     marks: Vec<MarkAt>,
 }
 
@@ -220,7 +220,7 @@ impl Exported {
     }
 }
 
-/// An export going on.
+/// Export in progress.
 struct ExportPass {
     reader: RunReader,
     selection: Selection,
@@ -230,7 +230,7 @@ struct ExportPass {
 }
 
 impl ExportPass {
-    /// Writes the table; `None` if its reader went away, which wanted no more.
+    /// Writes the table; `None` if the reader of standard output closed the pipe.
     fn run(mut self, path: Option<&Path>) -> Result<Option<Exported>, Failure> {
         let mut exported = Exported {
             file: path.map(|path| path.display().to_string()),
@@ -279,7 +279,7 @@ impl ExportPass {
     /// Writes the rows.
     fn rows(&mut self, exported: &mut Exported) -> Result<std::io::Result<()>, Failure> {
         let steps = self.reader.fact("steps").and_then(|n| n.parse().ok());
-        // A bar among the lines of a table would be no help.
+        // A progress bar would garble a table on the same terminal.
         let is_in_the_way = exported.file.is_none() && std::io::stdout().is_terminal();
         let mut progress =
             (!is_in_the_way).then(|| Progress::new(steps.unwrap_or(0), self.picking.rate, true));
@@ -308,14 +308,14 @@ impl ExportPass {
             (exported.last_step, exported.until_s) = (step, time_s);
             exported.rows += 1;
         }
-        // What came after the last record stands behind it.
+        // Marks set after the last record follow it in the file.
         marks.extend(self.reader.events().iter().filter_map(Event::mark).cloned());
         exported.marks = summary::marks(&marks, self.picking.rate);
         Ok(Ok(()))
     }
 }
 
-/// Tells a reader that went away, which is no failure, from any other write error.
+/// Maps a closed pipe, which is not a failure, to `None`, and any other write error to a failure.
 fn unless_gone(path: Option<&Path>, error: &std::io::Error) -> Result<Option<Exported>, Failure> {
     match error.kind() {
         ErrorKind::BrokenPipe => Ok(None),
@@ -323,7 +323,7 @@ fn unless_gone(path: Option<&Path>, error: &std::io::Error) -> Result<Option<Exp
     }
 }
 
-/// Writes a page; a reader of standard output that went away wanted no more.
+/// Writes a page; a closed pipe on standard output counts as success.
 ///
 /// # Errors
 /// If it cannot be written.
@@ -339,7 +339,7 @@ pub fn deliver(
     })
 }
 
-/// Returns the failure of a file that was not completed.
+/// Returns the failure for a file that could not be completed.
 fn not_written(path: Option<&Path>, error: &std::io::Error) -> Failure {
     match error.kind() {
         ErrorKind::AlreadyExists => Failure::usage(error),

@@ -1,7 +1,7 @@
-//! `hil layout`: what Foxglove or PlotJuggler is to plot of a run.
+//! `hil layout`: generates a Foxglove or PlotJuggler layout for a run.
 //!
-//! [`pages`] are made of the plots that every view of the run has; one module for each program writes
-//! them in its form. Records are read for their ranges only, by who needs them.
+//! [`pages`] groups the plots that every view of the run shares; one module per program writes them in its format.
+//! Records are read only where value ranges are needed.
 
 mod foxglove;
 pub(crate) mod pages;
@@ -20,13 +20,13 @@ use crate::arguments::layout::{LayoutArguments, Viewer};
 use crate::export::deliver;
 use hil_recording::reader::{ReadError, RunReader};
 
-/// The least and the greatest value of signals, by name.
+/// Minimum and maximum of signals, by name.
 type Ranges = BTreeMap<String, [f64; 2]>;
 
 /// Runs the command.
 ///
 /// # Errors
-/// If the run cannot be read, has no signal, or the file cannot be written.
+/// If the run cannot be read or has no signals, or if the file cannot be written.
 pub fn layout(arguments: &LayoutArguments) -> Result<Exit, Failure> {
     let mut reader = RunReader::open(&arguments.run)
         .map_err(Failure::usage)?
@@ -47,7 +47,7 @@ pub fn layout(arguments: &LayoutArguments) -> Result<Exit, Failure> {
             foxglove::text(&pages, &ranges)?
         }
         Viewer::PlotJuggler => {
-            // What vouches for the names stands before the first record.
+            // Provenance is read before the first record.
             reader.advance().map_err(Failure::usage)?;
             let beside = path.and_then(|path| name_of_neighbour(path, reader.path()));
             plotjuggler::text(&pages, beside.as_deref()).map_err(Failure::infrastructure)?
@@ -60,17 +60,17 @@ pub fn layout(arguments: &LayoutArguments) -> Result<Exit, Failure> {
     let destination = Destination::open(Some(path), arguments.force)?;
     deliver(&text, destination, Some(path))?;
     let plots: usize = pages.iter().map(|page| page.plots.len()).sum();
-    let (shown, pages) = (path.display(), pages.len());
-    output::write(&format!("{shown}: {plots} plots on {pages} pages\n"))?;
+    let (file, pages) = (path.display(), pages.len());
+    output::write(&format!("{file}: {plots} plots on {pages} pages\n"))?;
     Ok(Exit::Pass)
 }
 
-/// The scenario of a run; without it names and units still give a layout.
+/// Returns the checked scenario of a run, if it is valid; names and units alone still give a layout.
 fn plan(reader: &RunReader, run: &Path) -> Option<Plan> {
     RecordedRun::of(reader, run).ok().map(|run| run.plan)
 }
 
-/// The least and the greatest value of each signal that has one, up to where a recording breaks off.
+/// Returns the minimum and maximum of each signal that has a value, up to the point where a recording is damaged.
 fn ranges(reader: &mut RunReader) -> Result<Ranges, ReadError> {
     let signals = reader.columns().iter().enumerate();
     let signals = signals.filter(|(_, column)| column.is_signal());
@@ -87,12 +87,12 @@ fn ranges(reader: &mut RunReader) -> Result<Ranges, ReadError> {
             }
         }
     }
-    let known = ranges.into_iter();
-    let known = known.filter_map(|(_, name, range)| Some((name, range?)));
-    Ok(known.collect())
+    let bounded = ranges.into_iter();
+    let bounded = bounded.filter_map(|(_, name, range)| Some((name, range?)));
+    Ok(bounded.collect())
 }
 
-/// The name of a recording, if it lies in the folder that a file is written into.
+/// Returns the name of a recording if it lies in the folder of the output file.
 fn name_of_neighbour(file: &Path, recording: &Path) -> Option<String> {
     let folder = |path: &Path| match path.parent()? {
         here if here.as_os_str().is_empty() => Path::new(".").canonicalize().ok(),

@@ -1,6 +1,6 @@
-//! Runs to look at, live or recorded: monitor, panel, `hil get` and `hil watch` ([`values`]), report, export, layout;
-//! [`plots`] chooses what report, monitor and layout draw. Judges no run and changes no recording; requests to a
-//! running session go through [`session`](hil_facts::session).
+//! Views of live and recorded runs: monitor, panel, `hil get` and `hil watch` ([`values`]), report, export and
+//! layout. [`plots`] selects what report, monitor and layout draw. Never judges a run or changes a recording;
+//! requests to a running session go through [`session`](hil_facts::session).
 
 #![expect(
     rustdoc::private_intra_doc_links,

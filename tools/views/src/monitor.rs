@@ -1,16 +1,16 @@
-//! `hil monitor`: a running session, watched from another terminal.
+//! `hil monitor`: a live view of a running session, in another terminal.
 //!
 //! 1. [`watch`] attaches an [`observer`](hil_facts::session::observer) to the session's record stream, on a thread;
-//!    [`asking`] asks its plant and its `hil`, on another.
-//! 2. Both feed the [`model`]: the [`pace`] of the run, the [`history`] of the signals that the
-//!    [`plots`] show, the [`log`] of events, faults, requirements.
-//! 3. The [`screen`] draws a [`view`] of it on the [`terminal`] and reads keys into the [`display`];
-//!    [`prepared`] faults are among what keys can ask for. Without a terminal one
-//!    [line](mod@line) tells it.
+//!    [`asking`] queries its plant and its `hil`, on another.
+//! 2. Both feed the [`model`]: the [`pace`] of the run, the [`history`] of the signals in the [`plots`], and the
+//!    [`log`] of events, faults and requirements.
+//! 3. The [`screen`] draws a [`view`] of the model on the [`terminal`] and turns keys into changes of the
+//!    [`display`] or requests, among them [`prepared`] faults. Without a terminal, one [line](mod@line) summarises
+//!    the model.
 //!
-//! Serves what it sees to Foxglove too, if it is asked to.
+//! Optionally serves the observed signals to Foxglove as well.
 //!
-//! Passive: the run has the same digest with and without it, unless a key changes the run.
+//! Passive: the digest of the run is the same with and without a monitor, unless a key changes the run.
 
 pub(crate) mod asking;
 pub(crate) mod display;
@@ -49,19 +49,19 @@ use display::{Abilities, Display};
 use model::Model;
 use watch::{Audience, Watch};
 
-/// Interval between two looks for a session.
+/// Polling interval while waiting for a session.
 pub(super) const LOOK: Duration = Duration::from_millis(20);
-/// Limit for a session to publish its scenario.
+/// Time limit for a session to publish its scenario.
 const START_LIMIT: Duration = Duration::from_secs(20);
-/// Time over which the figures of one line are gathered.
+/// Time over which the one-line summary measures speed.
 const GATHER: Duration = Duration::from_millis(600);
 
-/// The model, of which one thread at a time has a hold.
+/// Model shared between threads behind a lock.
 #[derive(Clone)]
 pub struct SharedModel(pub(super) Arc<Mutex<Model>>);
 
 impl SharedModel {
-    /// The model, held still.
+    /// Locks the model.
     pub fn lock(&self) -> MutexGuard<'_, Model> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -70,7 +70,7 @@ impl SharedModel {
 /// Runs the command.
 ///
 /// # Errors
-/// If there is no session to watch, it cannot be watched, or a prepared fault is none.
+/// If there is no session to watch, it cannot be watched, or a prepared fault is invalid.
 pub fn monitor(arguments: &MonitorArguments) -> Result<Exit, Failure> {
     let interruption = Interruption::listen()?;
     let session = find(&arguments.choice, arguments.wait, &interruption);
@@ -90,7 +90,7 @@ pub fn monitor(arguments: &MonitorArguments) -> Result<Exit, Failure> {
     let is_dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
     let is_shown = std::io::stdout().is_terminal() && std::io::stdin().is_terminal() && !is_dumb;
     if let (Some(served), false) = (&served, is_shown) {
-        tell!("{}", served.told);
+        tell!("{}", served.description);
         wait_for_end(&watch, &interruption)?;
         return tell(&model.lock(), false);
     }
@@ -100,7 +100,7 @@ pub fn monitor(arguments: &MonitorArguments) -> Result<Exit, Failure> {
         return tell(&model.lock(), arguments.choice.json);
     }
     let mut display = Display::new(Abilities::of_environment(), arguments.window, prepared);
-    display.answer = served.as_ref().map(|served| served.told.clone());
+    display.answer = served.as_ref().map(|served| served.description.clone());
     screen::show(&model, &watch, &asking, display, &interruption)?;
     drop(watch);
     drop(served);
@@ -111,16 +111,16 @@ pub fn monitor(arguments: &MonitorArguments) -> Result<Exit, Failure> {
     Ok(Exit::Pass)
 }
 
-/// Server of the session to others; dropping it ends the service.
+/// Server of the session's signals to other programs; dropping it ends the service.
 struct Served {
-    /// Address, as a person reads it.
-    told: String,
-    /// Consumer of the observed records, until the watch takes it.
+    /// Address, formatted for the user.
+    description: String,
+    /// Consumer of the observed records, until the watch takes it over.
     audience: Option<Box<dyn Audience>>,
     _server: Box<dyn Any>,
 }
 
-/// Serves the session if that is asked for.
+/// Starts the server if the command line requests it.
 fn serve(
     arguments: &MonitorArguments,
     session: &SessionInfo,
@@ -131,19 +131,19 @@ fn serve(
     };
     let serving = foxglove::Serving::start(address, session, plan)?;
     let outlet = serving.outlet(plan, arguments.rate);
-    let told = format!(
+    let description = format!(
         "serving ws://{} for Foxglove, at most {} records a second",
         serving.address(),
         arguments.rate
     );
     Ok(Some(Served {
-        told,
+        description,
         audience: Some(Box::new(outlet)),
         _server: Box::new(serving),
     }))
 }
 
-/// Waits until there is nothing more to be seen.
+/// Waits for the end of the session.
 fn wait_for_end(watch: &Watch, interruption: &Interruption) -> Result<(), Failure> {
     while !watch.has_ended() {
         interruption.check()?;
@@ -152,7 +152,7 @@ fn wait_for_end(watch: &Watch, interruption: &Interruption) -> Result<(), Failur
     watch.check()
 }
 
-/// The session that is meant, which may be awaited for N seconds.
+/// Finds the selected session, waiting up to `wait_s` for it to start.
 pub(super) fn find(
     choice: &SessionChoice,
     wait_s: Option<f64>,
@@ -161,15 +161,15 @@ pub(super) fn find(
     let since = Instant::now();
     let mut has_told = false;
     loop {
-        let found = live::find(choice);
-        let left = wait_s.filter(|wait_s| since.elapsed().as_secs_f64() < *wait_s);
+        let result = live::find(choice);
+        let remaining_s = wait_s.filter(|wait_s| since.elapsed().as_secs_f64() < *wait_s);
         let is_several =
             choice.session.is_none() && session::list().is_ok_and(|running| running.len() > 1);
-        if found.is_ok() || left.is_none() || is_several {
-            return found;
+        if result.is_ok() || remaining_s.is_none() || is_several {
+            return result;
         }
         interruption.check()?;
-        if let (false, Some(wait_s)) = (has_told, left) {
+        if let (false, Some(wait_s)) = (has_told, remaining_s) {
             tell!("waiting up to {wait_s} s for a session");
             has_told = true;
         }
@@ -177,7 +177,7 @@ pub(super) fn find(
     }
 }
 
-/// Waits for the notice of a session.
+/// Waits until a session publishes its notice.
 pub(super) fn notice(
     session: &SessionInfo,
     interruption: &Interruption,
@@ -188,7 +188,7 @@ pub(super) fn notice(
         if let Some(notice) = Notice::read(session) {
             if notice.is_in_process {
                 return Err(Failure::usage(format!(
-                    "session `{name}` runs in one process (--link in-process), where nobody else can watch"
+                    "session `{name}` runs in one process (--link in-process) and cannot be watched"
                 )));
             }
             return Ok(notice);
@@ -199,14 +199,14 @@ pub(super) fn notice(
         }
         if since.elapsed() > START_LIMIT {
             return Err(Failure::usage(format!(
-                "session `{name}` is no run that can be watched: a replay or a measurement"
+                "session `{name}` cannot be watched: it is a replay or a measurement"
             )));
         }
         std::thread::sleep(LOOK);
     }
 }
 
-/// Watches long enough to tell how fast it goes.
+/// Watches long enough to measure the speed of the run.
 fn gather(model: &SharedModel, watch: &Watch, interruption: &Interruption) -> Result<(), Failure> {
     let since = Instant::now();
     while since.elapsed() < GATHER && !watch.has_ended() {

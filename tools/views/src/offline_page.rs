@@ -1,24 +1,24 @@
-//! A page that shows results without a server or a network: the frame of every report.
+//! HTML page that shows results without a server or a network: the frame of every report.
 //!
-//! Texts, scripts and data stand in the one file. Filled by reports; knows nothing of runs or campaigns.
+//! Text, scripts and data are embedded in one file. Used by reports; knows nothing of runs or campaigns.
 
 use hil_console::terminal::exit::Failure;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use serde::Serialize;
 
-/// Nothing is loaded, nothing is sent.
+/// Content security policy: loads nothing and sends nothing.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'";
 /// Style of every report.
 const STYLE: &str = include_str!("report/assets/report.css");
 
-/// Page of results that read without a script.
+/// Page of results that is readable without scripts.
 pub struct OfflinePage<'a, D> {
     pub title: &'a str,
-    /// Styles besides those of every report: earlier and later ones.
+    /// Style sheets before and after the common one.
     pub styles: [&'a str; 2],
-    /// Everything between the link to the plots and the footer.
+    /// Content between the skip link and the footer.
     pub body: Markup,
-    /// Other people's work on the page.
+    /// Credit for third-party work on the page.
     pub credit: Option<&'a str>,
     /// Data for the scripts.
     pub data: &'a D,

@@ -1,14 +1,14 @@
-//! `hil panel`: a running session in a browser of this machine.
+//! `hil panel`: a running session in a web browser on this machine.
 //!
-//! 1. The [watch](super::monitor::watch) and the [asking](super::monitor::asking) of the monitor feed its
-//!    [model](super::monitor::model); both are the monitor's.
-//! 2. The [`server`] judges [`request`]s, and gives the [`page`] to whoever asks for it.
-//! 3. A page that shows the secret is a [`client`]: it is sent [`message`]s made of the model and asks for what the
-//!    [`board`] can do.
+//! 1. The [watch](super::monitor::watch) and the [queries](super::monitor::asking) of the monitor feed the
+//!    monitor's [model](super::monitor::model).
+//! 2. The [`server`] checks [`request`]s and serves the [`page`].
+//! 3. A page that presents the secret becomes a [`client`]: it receives [`message`]s made from the model and sends
+//!    requests to the [`board`].
 //! 4. The [`opener`] opens the page, if this machine has a screen.
 //!
-//! With `hil run --panel` it is a process beside the run, so that nothing of it can hold up or end the run. Passive
-//! as the monitor: the run has the same digest with it and without it, unless a page changes the run.
+//! With `hil run --panel` it is a process beside the run, so it can neither delay nor end the run. Passive like the
+//! monitor: the digest of the run is the same with and without a panel, unless a page changes the run.
 
 pub(crate) mod board;
 pub(crate) mod client;
@@ -43,11 +43,11 @@ use crate::arguments::panel::PanelArguments;
 use board::{Board, Button};
 use server::Server;
 
-/// Interval between two looks at what goes on.
+/// Polling interval for the session and the clients.
 const LOOK: Duration = Duration::from_millis(20);
-/// Time for which a session that has ended is shown to nobody: a page may come back.
+/// Time for which a session that has ended stays available without clients: a page may reconnect.
 const LINGER: Duration = Duration::from_secs(10);
-/// Limit for the panel of a run to end after it.
+/// Time limit for the panel of a run to end after the run.
 const END_LIMIT: Duration = Duration::from_secs(8);
 /// Time for which the panel of a run shows its end to a page.
 const LAST_LOOK: Duration = Duration::from_millis(600);
@@ -55,23 +55,23 @@ const LAST_LOOK: Duration = Duration::from_millis(600);
 /// Runs the command.
 ///
 /// # Errors
-/// If there is no session to show, it cannot be watched, or a prepared fault is none.
+/// If there is no session to show, it cannot be watched, or a prepared fault is invalid.
 pub fn panel(arguments: &PanelArguments) -> Result<Exit, Failure> {
     let interruption = Interruption::listen()?;
     let json = arguments.choice.json;
-    let found = match arguments.run_of {
+    let target = match arguments.run_of {
         Some(owner) => owned_by(owner, &interruption)?,
         None => Some(
             monitor::find(&arguments.choice, arguments.wait, &interruption)
                 .map_err(|error| error.tell(json))?,
         ),
     };
-    let Some(session) = found else {
-        return Ok(Exit::Pass); // the run ended before it began
+    let Some(session) = target else {
+        return Ok(Exit::Pass); // the run ended before it started a session
     };
     let notice = monitor::notice(&session, &interruption);
     if notice.is_err() && arguments.run_of.is_some() && !session.is_there() {
-        return Ok(Exit::Pass); // as above, and the run tells why
+        return Ok(Exit::Pass); // as above; the run reports the reason
     }
     let plan = notice?.plan()?;
     let faults = [&arguments.inject[..], &plan.panel.inject].concat();
@@ -114,7 +114,7 @@ pub fn panel(arguments: &PanelArguments) -> Result<Exit, Failure> {
     Ok(exit)
 }
 
-/// Gives the model the newest record of a run that is held: no other comes until it goes on.
+/// Gives the model the newest record of a paused run: the stream delivers none until it resumes.
 fn show_newest(session: &SessionInfo, model: &SharedModel) {
     let asked = hil_session::live::ask(session, &Request::Record, LOOK * 50);
     if let Ok(Response::Record { layout, words }) = asked {
@@ -126,7 +126,7 @@ fn show_newest(session: &SessionInfo, model: &SharedModel) {
     }
 }
 
-/// Stays as long as there is something to be shown to somebody.
+/// Waits until the session has ended and no client remains.
 fn stay(
     arguments: &PanelArguments,
     model: &SharedModel,
@@ -151,7 +151,7 @@ fn stay(
                 return Ok(Exit::Pass);
             }
         }
-        // That of a run gets the signals of its terminal too, and shows how the run ends.
+        // The panel of a run receives the signals of its terminal too, and shows how the run ends.
         if interruption.came() && !is_of_run {
             return match model.lock().ending() {
                 Some(_) => Ok(Exit::Pass),
@@ -162,7 +162,7 @@ fn stay(
     }
 }
 
-/// The session that a process will own; `None` if the process ends, or lets go of the panel, without one.
+/// Waits for the session that a process will own; `None` if the process ends, or releases the panel, without one.
 fn owned_by(owner: u32, interruption: &Interruption) -> Result<Option<SessionInfo>, Failure> {
     let Some(owner) = ProcessId::of(owner) else {
         return Ok(None);
@@ -180,13 +180,13 @@ fn owned_by(owner: u32, interruption: &Interruption) -> Result<Option<SessionInf
     Ok(None)
 }
 
-/// A panel beside a run, until it is dropped.
+/// Panel process beside a run; dropping it ends the panel.
 struct Beside(Child);
 
 impl Drop for Beside {
-    /// Waits for the panel, which ends by itself with the session, and kills it otherwise.
+    /// Waits for the panel, which ends by itself with the session, and kills it after a time limit.
     fn drop(&mut self) {
-        drop(self.0.stdin.take()); // tells it that no session comes any more
+        drop(self.0.stdin.take()); // signals that no session will follow
         let since = Instant::now();
         while since.elapsed() < END_LIMIT {
             if !matches!(self.0.try_wait(), Ok(None)) {
@@ -199,10 +199,10 @@ impl Drop for Beside {
     }
 }
 
-/// Does a run with its panel beside it.
+/// Executes a run with its panel beside it.
 ///
 /// # Errors
-/// If there can be no panel, or as the run.
+/// If the panel cannot be started, and those of the run.
 pub fn with_run(
     arguments: &RunArguments,
     run: impl FnOnce(&RunArguments) -> Result<Exit, Failure>,

@@ -1,8 +1,8 @@
-//! Chooser of plots: signals of a run that are worth a look, and those that share a plot.
+//! Selection of plots: which signals of a run are drawn, and which of them share a plot.
 //!
-//! Report, monitor and layout draw what is chosen here, so that a run looks alike in each; a view with
-//! less room takes the first plots. Scenario, names and units decide, and no plant is known. Records are
-//! never read: a view that has read them says through [`Values`] which plots have nothing to show.
+//! Report, monitor and layout draw the plots selected here, so that a run looks alike in each; a view with less
+//! room takes the first plots. The selection depends on scenario, names and units, not on any particular plant.
+//! Records are never read: a view that has read them reports through [`Values`] which plots would be uninformative.
 
 pub mod bounds;
 pub mod signal;
@@ -17,13 +17,13 @@ use bounds::{Bound, Other};
 use hil_recording::reader::Column;
 use signal::{Signal, recorded_name, title};
 
-/// Most signals of a plot that nobody asked for, of one run and of several.
+/// Maximum number of signals in an automatic plot, for one run and for several.
 const MOST: [usize; 2] = [4, 2];
 
 /// Title, unit, logarithmic axis and signals of measured times and ages.
 const LOOP: [(&str, &str, bool, &[&str]); 3] = [
     (
-        "Round trip of each step, the controller's part of it, and integration of the plant: spikes are the highest of their time",
+        "Round trip of each step, the controller's part of it, and integration of the plant: the highest value of each interval",
         "ns",
         true,
         &["round_trip_ns", "controller_ns", "plant_ns"],
@@ -45,27 +45,27 @@ const LOOP: [(&str, &str, bool, &[&str]); 3] = [
 /// Signals over one time axis.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Plot {
-    /// Heading of this plot and of those beside it.
+    /// Heading of the section that contains this plot.
     pub section: &'static str,
-    /// Heading of its own.
+    /// Title.
     pub title: String,
     /// Unit of its first signal.
     pub unit: String,
-    /// Logarithmic vertical axis, for magnitudes.
+    /// `true` for a logarithmic vertical axis, used for magnitudes.
     pub log: bool,
     /// Recorded or derived signals, by name.
     pub signals: Vec<String>,
-    /// Signals of the scenario's plot that do not exist.
+    /// Signals named by the scenario's plot that do not exist.
     pub missing: Vec<String>,
-    /// Runs that the scenario means the plot for; `None`: all.
+    /// Runs whose scenario requests the plot; `None` for all.
     pub runs: Option<Vec<usize>>,
     /// Level lines.
     pub lines: Vec<f64>,
-    /// Levels of requirements.
+    /// Limits set by requirements.
     pub limits: Vec<Limit>,
 }
 
-/// A level that a requirement compares with.
+/// Level that a requirement compares with.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Limit {
     level: f64,
@@ -74,19 +74,19 @@ pub struct Limit {
     requirement: String,
 }
 
-/// A run that the plots are for.
+/// Run for which plots are selected.
 #[derive(Default)]
 pub struct Subject<'a> {
-    /// Scenario, if it is understood.
+    /// Scenario, if it is valid.
     pub plan: Option<&'a Plan>,
-    /// Laws that the run had.
+    /// Control laws of the run.
     pub laws: Vec<&'a str>,
-    /// Comparisons of its requirements.
+    /// Comparisons in its requirements.
     pub bounds: Vec<Bound>,
 }
 
 impl<'a> Subject<'a> {
-    /// A run with the law of its scenario, without requirements.
+    /// Creates a run with the law of its scenario, without requirements.
     #[must_use]
     pub fn of(plan: &'a Plan) -> Self {
         Self {
@@ -97,27 +97,27 @@ impl<'a> Subject<'a> {
     }
 }
 
-/// Answers about values, of a view that has read them.
+/// Facts about recorded values, from a view that has read them.
 pub trait Values {
-    /// Reports signals that differ in any run.
+    /// Returns `true` if two signals differ in any run.
     fn differ(&self, a: &str, b: &str) -> bool;
-    /// Reports a signal that changes in any run.
+    /// Returns `true` if a signal changes in any run.
     fn changes(&self, name: &str) -> bool;
 }
 
-/// Everything that a choice of plots depends on.
+/// Inputs of the selection.
 pub struct Choice<'a> {
     /// Signals by their recorded names, and derived ones.
     pub columns: &'a [Column],
     /// Runs, at least one.
     pub subjects: &'a [Subject<'a>],
-    /// Signals that the command line names besides.
+    /// Additional signals requested on the command line.
     pub asked: &'a [Pattern],
-    /// Values, if they are known.
+    /// Values, if they were read.
     pub values: Option<&'a dyn Values>,
 }
 
-/// Lists the signals of a record, as scenarios name them, and derived ones after them.
+/// Lists the signals of a record by their scenario names, followed by derived ones.
 #[must_use]
 pub fn columns_of(layout: &RecordLayout, derived: &[Derived]) -> Vec<Column> {
     let groups = Group::ALL.into_iter().zip(layout.groups());
@@ -134,7 +134,7 @@ pub fn columns_of(layout: &RecordLayout, derived: &[Derived]) -> Vec<Column> {
     columns.chain(derived).collect()
 }
 
-/// Chooses the plots, those of the scenario first, then what decides its verdict.
+/// Selects the plots: first those of the scenario, then those that decide its verdict, then the rest.
 #[must_use]
 pub fn choose(choice: &Choice<'_>) -> Vec<Plot> {
     let mut chooser = Chooser {
@@ -159,14 +159,14 @@ pub fn choose(choice: &Choice<'_>) -> Vec<Plot> {
     chooser.plots
 }
 
-/// Plots of signals that share a unit, as many to each as can be told apart.
+/// Groups signals by unit into plots, with a limited number of signals in each.
 #[must_use]
 pub(crate) fn by_unit(columns: &[Column]) -> Vec<Plot> {
     let signals = columns.iter().map(Signal::of).collect();
     chunks("", signals, |one| one.unit, MOST[0])
 }
 
-/// Plots of signals with equal keys, in the order of the first of each, no more than `most` to one.
+/// Groups signals with equal keys into plots, in the order of the first of each, at most `most` per plot.
 fn chunks<'a, K: PartialEq>(
     section: &'static str,
     signals: Vec<Signal<'a>>,
@@ -195,7 +195,7 @@ fn plot(section: &'static str, signals: &[Signal<'_>]) -> Plot {
     }
 }
 
-/// Adds the levels of requirements on a plot's signals.
+/// Adds the limits of requirements on a plot's signals.
 fn limit(plot: &mut Plot, subjects: &[Subject<'_>]) {
     let bounds = subjects.iter().flat_map(|subject| &subject.bounds);
     for bound in bounds.filter(|bound| plot.signals.contains(&bound.side.signal)) {
@@ -208,7 +208,7 @@ fn limit(plot: &mut Plot, subjects: &[Subject<'_>]) {
                     until_s: bound.window_s[1],
                     requirement: bound.requirement.clone(),
                 };
-                // Runs of one scenario have the same ones.
+                // Runs of one scenario share their limits.
                 if !plot.limits.contains(&limit) {
                     plot.limits.push(limit);
                 }
@@ -224,17 +224,17 @@ struct Chooser<'a> {
 }
 
 impl<'a> Chooser<'a> {
-    /// Plots that scenarios name.
+    /// Adds the plots that scenarios define.
     fn figures(&mut self) {
         let subjects = self.choice.subjects;
         for plot in self.plans().flat_map(|plan| &plan.plots) {
-            // Runs of other scenarios may well show it too.
+            // Runs of other scenarios may have the signals too.
             let shows = |run: &usize| subjects[*run].laws.iter().any(|law| plot.is_for(law));
-            let shown: Vec<usize> = (0..subjects.len()).filter(shows).collect();
+            let indices: Vec<usize> = (0..subjects.len()).filter(shows).collect();
             let is_known = self.plots.iter().any(|one| one.title == plot.title);
             let names = plot.signals.iter().map(|name| recorded_name(name));
             let (there, missing): (Vec<_>, _) = names.partition(|name| self.find(name).is_some());
-            if let (false, false, Some(first)) = (is_known, shown.is_empty(), there.first()) {
+            if let (false, false, Some(first)) = (is_known, indices.is_empty(), there.first()) {
                 self.plots.push(Plot {
                     section: "Figures",
                     title: plot.title.clone(),
@@ -242,7 +242,7 @@ impl<'a> Chooser<'a> {
                     log: plot.scale == Scale::Log,
                     signals: there,
                     missing,
-                    runs: (shown.len() < subjects.len()).then_some(shown),
+                    runs: (indices.len() < subjects.len()).then_some(indices),
                     lines: plot.lines.clone(),
                     limits: Vec::new(),
                 });
@@ -258,7 +258,7 @@ impl<'a> Chooser<'a> {
         }
     }
 
-    /// Comparisons of requirements: a signal, beside another if it is compared with one.
+    /// Adds the comparisons of requirements: a signal, with the one it is compared with if there is one.
     fn requirements(&mut self) {
         let subjects = self.choice.subjects.iter();
         for bound in subjects.flat_map(|subject| &subject.bounds) {
@@ -272,13 +272,13 @@ impl<'a> Chooser<'a> {
         }
     }
 
-    /// References beside the true or at least measured signal of their name.
+    /// Adds references with the true, or else the measured, signal of their name.
     fn tracking(&mut self) {
         for reference in self.group("reference") {
             let mut groups = ["truth", "measured"].into_iter();
-            let found = groups.find_map(|group| self.twin(group, &reference));
-            if let Some(found) = found {
-                self.push_new("Tracking", vec![reference, found]);
+            let twin = groups.find_map(|group| self.twin(group, &reference));
+            if let Some(twin) = twin {
+                self.push_new("Tracking", vec![reference, twin]);
             }
         }
     }
@@ -294,25 +294,24 @@ impl<'a> Chooser<'a> {
         self.together("Derived", derived, |one| one.unit);
     }
 
-    /// Internals by unit and first word, beside truths that are akin: an estimate beside what it
-    /// estimates.
+    /// Adds internal signals by unit and first word, with related truths: an estimate beside the estimated signal.
     fn controller(&mut self) {
         let key = |one: &Signal<'a>| (one.unit, one.words().next());
         let most = self.most();
         for mut plot in chunks("Controller", self.fresh("internal"), key, most) {
-            let shown: Vec<_> = (plot.signals.iter())
+            let names: Vec<_> = (plot.signals.iter())
                 .filter_map(|name| self.find(name))
                 .collect();
             let truths = self.group("truth").into_iter();
-            let akin = truths.filter(|truth| shown.iter().any(|one| one.is_akin(truth)));
+            let akin = truths.filter(|truth| names.iter().any(|one| one.is_akin(truth)));
             let akin: Vec<String> = akin.take(most).map(|one| one.column.to_owned()).collect();
             plot.signals.extend(akin);
             self.plots.push(plot);
         }
     }
 
-    /// Sensors beside the truth, commands beside what the plant applied; where values are known, only
-    /// those that differ.
+    /// Adds sensors beside the truth and commands beside the applied ones; where values are known, only those that
+    /// differ.
     fn interface(&mut self) {
         for [before, after] in [["truth", "measured"], ["command", "applied"]] {
             let mut signals = Vec::new();
@@ -331,7 +330,7 @@ impl<'a> Chooser<'a> {
         }
     }
 
-    /// Parameters that faults move: those of the scenario or, where values are known, any.
+    /// Adds parameters changed by faults: those in the scenario or, where values are known, any that change.
     fn parameters(&mut self) {
         let effects = self
             .plans()
@@ -403,14 +402,14 @@ impl<'a> Chooser<'a> {
             .collect()
     }
 
-    /// The signal of a group with the same name and unit.
+    /// Returns the signal of a group with the same name and unit.
     fn twin(&self, group: &str, of: &Signal<'_>) -> Option<Signal<'a>> {
         let is_twin =
             |one: &&Signal<'_>| one.group == group && one.name == of.name && one.unit == of.unit;
         self.signals.iter().find(is_twin).copied()
     }
 
-    /// Signals of a group that no plot shows yet.
+    /// Returns the signals of a group that no plot shows yet.
     fn fresh(&self, group: &str) -> Vec<Signal<'a>> {
         self.unseen(self.group(group).into_iter())
     }
@@ -419,7 +418,7 @@ impl<'a> Chooser<'a> {
         signals.filter(|one| !self.shows_all(&[*one])).collect()
     }
 
-    /// Reports a plot that shows all these signals.
+    /// Returns `true` if a plot shows all these signals.
     fn shows_all(&self, signals: &[Signal<'_>]) -> bool {
         let has = |plot: &Plot, name: &str| plot.signals.iter().any(|one| one == name);
         let has_all = |plot: &Plot| signals.iter().all(|one| has(plot, one.column));
@@ -436,7 +435,7 @@ impl<'a> Chooser<'a> {
         self.plots.extend(plots);
     }
 
-    /// Adds a plot of signals, unless one shows them all.
+    /// Adds a plot of signals, unless an existing plot shows them all.
     fn push_new(&mut self, section: &'static str, signals: Vec<Signal<'a>>) {
         if !signals.is_empty() && !self.shows_all(&signals) {
             self.plots.push(plot(section, &signals));

@@ -1,13 +1,12 @@
-//! `hil report`: one HTML file that shows recorded runs, for eyes and for the file of evidence.
+//! `hil report`: one HTML file that shows recorded runs, for reading and as evidence.
 //!
-//! 1. Each `Run` is read for what came of it: verdict, requirements, faults, latency.
-//! 2. A `Grid` of simulated time follows from that, fine where something happened.
-//! 3. Each run is read once more, its signals as envelopes over that grid.
-//! 4. `plots` chooses what to show, `page` writes it.
+//! 1. Each `Run` is read for its results: verdict, requirements, faults, latency.
+//! 2. A `Grid` of simulated time is derived from them, finer around events.
+//! 3. Each run is read again, its signals as envelopes over that grid.
+//! 4. `plots` selects what to show, `page` writes it.
 //!
-//! The page asks for nothing from anywhere: its script is vendored, its policy forbids connections, and
-//! whatever a recording says is escaped. Nothing here judges: requirements come from the same code as in
-//! the run.
+//! The page loads nothing: its script is vendored, its policy forbids connections, and all text from a recording is
+//! escaped. Nothing here judges: requirements are evaluated by the same code as in the run.
 
 mod data;
 mod envelope;
@@ -38,9 +37,9 @@ use grid::Grid;
 use plots::plots;
 use run::{Run, Signals};
 
-/// Interval between two looks for a signal.
+/// Polling interval for a signal.
 const LOOK: Duration = Duration::from_millis(5);
-/// Most runs of one report: more colours are not told apart.
+/// Maximum number of runs in a report: more colours cannot be told apart.
 const MOST_RUNS: usize = 8;
 
 /// Summary of the written page.
@@ -56,8 +55,8 @@ struct Written {
 /// Runs the command.
 ///
 /// # Errors
-/// If a run cannot be read, has no signal that is asked for, or the file cannot be written; with a page
-/// of what there is, if a run is damaged.
+/// If a run cannot be read or lacks a requested signal, or the file cannot be written; if a run is damaged, after
+/// the page has been written with all readable data.
 pub fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
     let path = Some(arguments.output.as_path()).filter(|path| *path != Path::new("-"));
     if arguments.json && path.is_none() {
@@ -66,7 +65,7 @@ pub fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
         ));
     }
     let interruption = Interruption::listen()?;
-    // A file that cannot be written is told before the work.
+    // Checked early: an unwritable file should fail before the work.
     let destination = Destination::open(path, arguments.force)?;
     let (text, mut written, damage) = made_unless(&interruption, arguments)?;
     deliver(&text, destination, path)?;
@@ -86,12 +85,12 @@ pub fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
             "{file}: {plots} plots, {signals} signals to choose from, {size:.1} MB\n"
         ))?;
     }
-    // The page is there: it shows what can be had of the run.
+    // The page exists and shows everything that could be read of the run.
     damage.map_or(Ok(Exit::Pass), Err)
 }
 
-/// The page and what is in it, unless a signal comes: then what was begun for it is taken back here, and
-/// the work goes on until the process has ended.
+/// Returns the page and its summary, unless a signal arrives: then temporary files are removed at once, while the
+/// work continues until the process ends.
 fn made_unless(
     interruption: &Interruption,
     arguments: &ReportArguments,
@@ -108,7 +107,7 @@ fn made_unless(
     }
 }
 
-/// The page, what is in it, and what is damaged of its runs.
+/// Returns the page, its summary, and the damage of its runs.
 fn made(arguments: &ReportArguments) -> Result<(String, Written, Option<Failure>), Failure> {
     let number = arguments.runs.len();
     if number > MOST_RUNS {
@@ -116,7 +115,7 @@ fn made(arguments: &ReportArguments) -> Result<(String, Written, Option<Failure>
             "{number} runs are too many to tell apart in one plot; a report shows at most {MOST_RUNS}"
         )));
     }
-    // Refused before anything is read.
+    // Checked before anything is read.
     patterns(&arguments.signal)?;
     let by = arguments.scenario.as_deref();
     let mut runs = side_by_side(&arguments.runs, |path| Run::of(path, by))?;
@@ -138,13 +137,13 @@ fn made(arguments: &ReportArguments) -> Result<(String, Written, Option<Failure>
     let names = signals.iter().flat_map(Signals::iter);
     let names: Vec<&str> = names.map(|(name, ..)| name).collect();
     let aliases: Vec<_> = runs.iter().flat_map(Run::aliases).collect();
-    let asked = patterns(&own_names(
+    let patterns = patterns(&own_names(
         &arguments.signal,
         names.iter().copied(),
         &aliases,
     ))?;
-    refuse_unknown(&asked, &signals)?;
-    let plots = plots(&runs, &signals, all_bounds, &grid, &asked);
+    refuse_unknown(&patterns, &signals)?;
+    let plots = plots(&runs, &signals, all_bounds, &grid, &patterns);
     let data = data::Data::new(&runs, &signals, &grid, &plots);
     let written = Written {
         file: String::new(),
@@ -174,13 +173,13 @@ fn patterns(texts: &[String]) -> Result<Vec<Pattern>, Failure> {
     texts.iter().map(pattern).collect()
 }
 
-/// The grid that suits all runs: of the longest at the highest rate, fine where any has something.
+/// Returns the grid that suits all runs: as long as the longest, at the highest rate, fine near the events of any.
 fn grid(runs: &[Run]) -> Grid {
     let by_rate = |a: &&Run, b: &&Run| a.rate.hz().total_cmp(&b.rate.hz());
     let by_end = |a: &&Run, b: &&Run| a.end_s().total_cmp(&b.end_s());
     let fastest = runs.iter().max_by(by_rate).expect("at least one run");
     let longest = runs.iter().max_by(by_end).expect("at least one run");
-    // The most interesting of each run before the next of any.
+    // Takes the most interesting time of each run before the second of any.
     let mut lists: Vec<_> = runs.iter().map(|run| run.times_ns().into_iter()).collect();
     let mut times_ns = Vec::new();
     loop {
@@ -194,7 +193,7 @@ fn grid(runs: &[Run]) -> Grid {
     Grid::new(fastest.rate, last, &times_ns)
 }
 
-/// Refuses patterns that no signal of any run has.
+/// Refuses patterns that match no signal of any run.
 fn refuse_unknown(asked: &[Pattern], signals: &[Signals]) -> Result<(), Failure> {
     let names = || {
         signals
@@ -213,7 +212,7 @@ fn refuse_unknown(asked: &[Pattern], signals: &[Signals]) -> Result<(), Failure>
     Ok(())
 }
 
-/// Does something with each, all at once; the first failure counts.
+/// Applies a function to all elements in parallel; returns the first failure.
 fn side_by_side<T: Sync, U: Send>(
     items: &[T],
     work: impl Fn(&T) -> Result<U, Failure> + Sync,

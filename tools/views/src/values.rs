@@ -1,7 +1,7 @@
 //! `hil get` and `hil watch`: values of a running session's signals, as text or JSON.
 //!
-//! `get` asks the plant for its newest record, so it also answers while the run is held. `watch` then
-//! goes on as an [`observer`](hil_facts::session::observer), which the loop does not notice.
+//! `get` queries the plant for its newest record, so it also works while the run is paused. `watch` continues as an
+//! [`observer`](hil_facts::session::observer), which does not affect the loop.
 
 use std::time::{Duration, Instant};
 
@@ -30,10 +30,10 @@ use super::plots::columns_of;
 use super::plots::signal::{own_names, recorded_name};
 use crate::arguments::values::{GetArguments, WatchArguments};
 
-/// Tells the newest values of signals.
+/// Prints the newest values of signals.
 ///
 /// # Errors
-/// If there is no session to ask, no such signal, or no step was executed yet.
+/// If there is no session or signal of that name, or no step has been executed yet.
 pub fn get(arguments: &GetArguments) -> Result<Exit, Failure> {
     if arguments.tunable {
         return tunable(arguments);
@@ -49,27 +49,27 @@ pub fn get(arguments: &GetArguments) -> Result<Exit, Failure> {
     Ok(Exit::Pass)
 }
 
-/// Lists what can be changed while the session runs.
+/// Lists the values that can be changed while the session runs.
 fn tunable(arguments: &GetArguments) -> Result<Exit, Failure> {
     let json = arguments.session.json;
     let answer =
         live::find(&arguments.session).and_then(|session| live::ask(&session, &Request::Tunable));
     let mut answer = answer.map_err(|error| error.tell(json))?;
-    let Response::Tunable(shown) = &mut answer else {
+    let Response::Tunable(tunable) = &mut answer else {
         return Err(RequestError::tell(live::unexpected(&answer), json));
     };
-    let columns: Vec<Column> = (shown.values.iter())
+    let columns: Vec<Column> = (tunable.values.iter())
         .map(|one| Column {
             name: one.key.clone(),
             unit: one.unit.clone(),
         })
         .collect();
-    let chosen = chosen(&columns, &shown.aliases(), &arguments.signals)?;
-    shown.values = chosen
+    let indices = select(&columns, &tunable.aliases(), &arguments.signals)?;
+    tunable.values = indices
         .into_iter()
         .map(|place| Tunable {
             aliases: Vec::new(),
-            ..shown.values[place].clone()
+            ..tunable.values[place].clone()
         })
         .collect();
     if json {
@@ -77,7 +77,7 @@ fn tunable(arguments: &GetArguments) -> Result<Exit, Failure> {
         return Ok(Exit::Pass);
     }
     let mut table = Table::new(0, [left(0), right(0), left(0), left(0)]);
-    for one in &shown.values {
+    for one in &tunable.values {
         let note = match (one.is_changed, one.until_step) {
             (false, _) => String::new(),
             (true, None) => "changed".into(),
@@ -89,7 +89,7 @@ fn tunable(arguments: &GetArguments) -> Result<Exit, Failure> {
     Ok(Exit::Pass)
 }
 
-/// Tells the values of signals again and again, until the session ends.
+/// Prints the values of signals repeatedly until the session ends.
 ///
 /// # Errors
 /// If there is no session to watch or no such signal, or if it is interrupted.
@@ -115,13 +115,13 @@ pub fn watch(arguments: &WatchArguments) -> Result<Exit, Failure> {
             break observer;
         }
         if !session.is_there() {
-            return Ok(Exit::Pass); // it ended meanwhile
+            return Ok(Exit::Pass); // the session ended meanwhile
         }
         interruption.check()?;
-        std::thread::sleep(LOOK); // it has begun, and admits nobody yet
+        std::thread::sleep(LOOK); // the session has begun, but admits no observer yet
     };
     let every = Duration::from_secs_f64(arguments.every);
-    let (mut told, mut told_at) = (values.step, Instant::now());
+    let (mut printed, mut printed_at) = (values.step, Instant::now());
     loop {
         let is_there = session.is_there();
         observer.look(|seen| {
@@ -129,9 +129,9 @@ pub fn watch(arguments: &WatchArguments) -> Result<Exit, Failure> {
                 values.take(&record);
             }
         })?;
-        // The last values of a run are told without a wait.
-        if values.step != told && (told_at.elapsed() >= every || !is_there) {
-            (told, told_at) = (values.step, Instant::now());
+        // The last values of a run are printed without delay.
+        if values.step != printed && (printed_at.elapsed() >= every || !is_there) {
+            (printed, printed_at) = (values.step, Instant::now());
             if tell(&values)? {
                 return Ok(Exit::Pass);
             }
@@ -144,7 +144,7 @@ pub fn watch(arguments: &WatchArguments) -> Result<Exit, Failure> {
     }
 }
 
-/// The session that is meant, and the values of its newest record.
+/// Returns the selected session, and the values of its newest record.
 fn asked(
     choice: &SessionChoice,
     patterns: &[String],
@@ -163,14 +163,14 @@ fn asked(
     }
 }
 
-/// Values of the chosen signals at a step.
+/// Values of the selected signals at a step.
 struct Values {
     step: Step,
     time_s: f64,
     columns: Vec<Column>,
-    /// Places of the chosen ones.
+    /// Indices of the selected signals.
     chosen: Vec<usize>,
-    /// The values of all.
+    /// Values of all signals.
     row: Vec<f64>,
     validity: Validity,
     evaluation: Evaluation,
@@ -186,7 +186,7 @@ impl Values {
         Ok(Self {
             step: Step(0),
             time_s: 0.0,
-            chosen: chosen(&columns, &named.aliases(), patterns)?,
+            chosen: select(&columns, &named.aliases(), patterns)?,
             row: vec![f64::NAN; columns.len()],
             columns,
             validity: layout.validity(),
@@ -214,7 +214,7 @@ impl Values {
             .map(|&at| (&self.columns[at], self.row[at]))
     }
 
-    /// For a machine; what is no number is null.
+    /// Formats the values as JSON; NaN and infinity become null.
     fn json(&self) -> Value {
         let signals = self.chosen().map(
             |(column, value)| json!({ "name": column.name, "value": value, "unit": column.unit }),
@@ -226,7 +226,7 @@ impl Values {
         })
     }
 
-    /// A row for each signal.
+    /// Formats a row for each signal.
     fn table(&self) -> String {
         let mut table = Table::new(0, [left(0), right(0), left(0)]);
         table.line(format!("step {} ({} s)", self.step, self.time_s));
@@ -236,7 +236,7 @@ impl Values {
         table.to_string()
     }
 
-    /// All signals in one line.
+    /// Formats all signals in one line.
     fn line(&self) -> String {
         let signals = self
             .chosen()
@@ -246,8 +246,8 @@ impl Values {
     }
 }
 
-/// Places of the signals that fit a pattern, in the order of the patterns; all without any.
-fn chosen(
+/// Returns the indices of the signals that match a pattern, in the order of the patterns; of all without patterns.
+fn select(
     columns: &[Column],
     aliases: &[(String, String)],
     patterns: &[String],
@@ -255,28 +255,28 @@ fn chosen(
     if patterns.is_empty() {
         return Ok((0..columns.len()).collect());
     }
-    let mut chosen = Vec::new();
+    let mut indices = Vec::new();
     let names = columns.iter().map(|one| one.name.as_str());
     for text in &own_names(patterns, names, aliases) {
         let pattern = Pattern::new(text)
             .map_err(|error| Failure::usage(format!("signal `{text}`: {error}")))?;
         let fits = |name: &str| pattern.matches(name) || pattern.matches(&recorded_name(name));
-        let before = chosen.len();
+        let before = indices.len();
         let fitting = columns
             .iter()
             .enumerate()
             .filter(|(_, one)| fits(&one.name));
         for (place, _) in fitting {
-            if !chosen.contains(&place) {
-                chosen.push(place);
+            if !indices.contains(&place) {
+                indices.push(place);
             }
         }
-        if chosen.len() == before && !columns.iter().any(|one| fits(&one.name)) {
+        if indices.len() == before && !columns.iter().any(|one| fits(&one.name)) {
             let near = near(text, columns.iter().map(|one| one.name.as_str()));
             return Err(Failure::usage(format!(
                 "the session has no signal `{text}`{near}"
             )));
         }
     }
-    Ok(chosen)
+    Ok(indices)
 }

@@ -1,11 +1,11 @@
-//! Text of browsers for the panel: the head of a request, and messages of a page.
+//! Input of the panel from browsers: heads of requests, and messages of a page.
 //!
-//! Bytes that begin with `{` are a message, all else is a request. A request that is taken names a host of this
-//! machine, and to the WebSocket an origin that is the page's own; whatever way it comes in pieces, it is judged the
-//! same. What a taken message asks for is on a short list, and its numbers are bounded.
+//! Bytes that begin with `{` are a message, all others a request. An accepted request names a loopback host and, for
+//! the WebSocket, the origin of the page; the verdict does not depend on how the bytes are split. An accepted message
+//! requests one of the listed actions, with bounded numbers.
 
-use hil_views::panel::message::{Deed, Wish, wish};
-use hil_views::panel::request::{Asked, Judged, LONGEST, judge};
+use hil_views::panel::message::{Action, ClientMessage, parse};
+use hil_views::panel::request::{HttpRequest, LONGEST, Verdict, judge};
 
 /// Runs the target.
 pub fn run(bytes: &[u8]) {
@@ -16,15 +16,15 @@ pub fn run(bytes: &[u8]) {
 }
 
 fn request(bytes: &[u8]) {
-    let judged = judge(bytes);
-    match &judged {
-        Judged::Incomplete => assert!(bytes.len() < LONGEST, "it may not grow for ever"),
-        Judged::Refused(refused) => {
+    let verdict = judge(bytes);
+    match &verdict {
+        Verdict::Incomplete => assert!(bytes.len() < LONGEST, "it may not grow for ever"),
+        Verdict::Refused(refused) => {
             let code: u32 = refused.status[..3].parse().expect("a status");
             assert!((400..=505).contains(&code));
             super::assert_told(refused.reason);
         }
-        Judged::Asked(asked, length) => {
+        Verdict::Accepted(request, length) => {
             assert!(*length <= bytes.len() && *length <= LONGEST);
             let head = String::from_utf8_lossy(&bytes[..*length]).to_lowercase();
             let value = |name: &str| {
@@ -45,28 +45,28 @@ fn request(bytes: &[u8]) {
                 "{host:?} becomes part of a header"
             );
             let origin = value("origin");
-            match asked {
-                Asked::Page { host: named, .. } => {
+            match request {
+                HttpRequest::Page { host: named, .. } => {
                     assert_eq!(*named, host);
                     assert!(origin.is_none_or(|origin| origin == format!("http://{host}")));
                 }
-                Asked::Live { key } => {
+                HttpRequest::Live { key } => {
                     assert_eq!(origin, Some(format!("http://{host}")));
                     assert_eq!(key.len(), 24);
                 }
             }
         }
     }
-    // In pieces it is the same request, and never another one before it is complete.
+    // Split into pieces it is the same request, and never another one before it is complete.
     for end in [
         bytes.len() / 3,
         bytes.len() / 2,
         bytes.len().saturating_sub(1),
     ] {
         match judge(&bytes[..end]) {
-            Judged::Asked(..) => assert_eq!(judge(&bytes[..end]), judged),
-            Judged::Refused(_) => assert!(matches!(judged, Judged::Refused(_))),
-            Judged::Incomplete => {}
+            Verdict::Accepted(..) => assert_eq!(judge(&bytes[..end]), verdict),
+            Verdict::Refused(_) => assert!(matches!(verdict, Verdict::Refused(_))),
+            Verdict::Incomplete => {}
         }
     }
 }
@@ -75,15 +75,15 @@ fn message(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else {
         return;
     };
-    match wish(text) {
+    match parse(text) {
         Err(reason) => assert!(!reason.is_empty()),
-        Ok(Wish::View { window_s, .. }) => assert!(window_s.is_finite() && window_s > 0.0),
-        Ok(Wish::Seen { .. }) => {}
-        // Of a fault it takes words, which are those of another target.
-        Ok(Wish::Do { deed, .. }) => {
+        Ok(ClientMessage::View { window_s, .. }) => assert!(window_s.is_finite() && window_s > 0.0),
+        Ok(ClientMessage::Seen { .. }) => {}
+        // The words of a fault are the subject of another target.
+        Ok(ClientMessage::Do { action, .. }) => {
             assert_eq!(
-                deed.request().is_none(),
-                matches!(deed, Deed::Inject { .. })
+                action.request().is_none(),
+                matches!(action, Action::Inject { .. })
             );
         }
     }

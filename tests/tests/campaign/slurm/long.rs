@@ -1,4 +1,4 @@
-//! Accidents for minutes. `.ci/run long`.
+//! Failures injected for minutes. `.ci/run long`.
 
 use std::time::{Duration, Instant};
 
@@ -8,13 +8,14 @@ use super::{Campaign, assert_same, nothing_left, on_one_core, study};
 use crate::support::harness::{Rig, until};
 use crate::support::slurm::Cluster;
 
-/// Draws; each is a case of two variants.
+/// Number of draws; each is a case of two variants.
 const DRAWS: u64 = 2000;
-/// Accidents, after which nothing more is done to it.
+/// Number of failures injected.
 const ACCIDENTS: usize = 12;
-/// Time without a worker after which a user submits again: Slurm takes minutes to miss some tasks, and others it holds.
+/// Time without a worker after which a user resubmits: Slurm takes minutes to notice some lost tasks, and holds
+/// others.
 const PATIENCE: Duration = Duration::from_secs(15);
-/// Time that all of it may take.
+/// Time limit of the whole test.
 const LIMIT: Duration = Duration::from_secs(1200);
 
 #[test]
@@ -42,7 +43,8 @@ fn killed_workers_nodes_and_controllers_change_no_digest() {
         if status["missing"] == 0 && status["shards_published"] == status["shards"] {
             break;
         }
-        // A killed controller may give a number twice, and drains the nodes that saw it: an administrator's task.
+        // A killed controller may assign a number twice, and drains the affected nodes: an administrator must
+        // resume them.
         if status["tasks"]["reasons"].to_string().contains("DRAINED") {
             for node in ["n1", "n2"] {
                 let node = format!("nodename={node}");
@@ -62,7 +64,7 @@ fn killed_workers_nodes_and_controllers_change_no_digest() {
             worked = Instant::now();
         }
         std::thread::sleep(Duration::from_secs_f64(0.5 + 1.5 * random.uniform()));
-        // While nobody works, an accident hits nothing.
+        // While no worker runs, a failure has no effect.
         if accidents == ACCIDENTS || !works {
             continue;
         }

@@ -1,4 +1,4 @@
-//! The flags of `hil run` that make checkpoints and go on from one.
+//! Flags of `hil run` that make checkpoints and continue from one.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use clap::Args;
 use hil_console::files::runs::run_path;
 use hil_console::terminal::duration::seconds;
 
-/// Choice of the checkpoints that a run makes.
+/// Selection of the checkpoints that a run makes.
 #[derive(Clone, Debug, Default, Args)]
 pub struct CheckpointArguments {
     /// Save the state of plant and controller before the first step at or after this simulated time, to
@@ -15,7 +15,7 @@ pub struct CheckpointArguments {
     pub checkpoint_at: Vec<f64>,
 }
 
-/// Choice of the checkpoint that a run goes on from.
+/// Selection of the checkpoint from which a run continues.
 #[derive(Clone, Debug, Default, Args)]
 pub struct FromArguments {
     /// Continue from a checkpoint with its scenario; --set changes values from there on

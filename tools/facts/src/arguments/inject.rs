@@ -1,8 +1,7 @@
 //! The command line of `hil inject`.
 //!
-//! Each kind of fault has keys of its own, and kinds come from the plant that runs. So what looks
-//! like a flag and is none of `hil`'s is a key of the kind: [`arrange`] puts the words in an order
-//! in which they can be read without knowing the kinds.
+//! Each kind of fault has keys of its own, and the kinds depend on the running plant. Therefore an unknown flag is
+//! taken as a key of the kind: [`arrange`] reorders the words so that they can be parsed without knowing the kinds.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -41,7 +40,7 @@ Examples:
   hil inject --active
   hil inject --clear 3";
 
-/// The command line of `hil inject` alone.
+/// Command line of `hil inject` alone.
 #[derive(Debug, Parser)]
 #[command(name = "hil")]
 pub struct InjectLine {
@@ -50,7 +49,7 @@ pub struct InjectLine {
     pub command: InjectCommand,
 }
 
-/// The one command of it.
+/// Its only command.
 #[derive(Debug, Subcommand)]
 pub enum InjectCommand {
     /// Inject a fault into a running session, or list and clear faults
@@ -215,19 +214,20 @@ pub struct InjectArguments {
     pub clear: Option<Clear>,
 }
 
-/// Choice of the faults that end.
+/// Selection of the faults to end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clear {
-    /// Every one.
+    /// All faults.
     All,
-    /// Fault of a number.
+    /// Fault with this number.
     One(u32),
 }
 
 fn clear(text: &str) -> Result<Clear, String> {
     match text {
         "all" => Ok(Clear::All),
-        _ => (text.parse().map(Clear::One)).map_err(|_| "the number of a fault, or `all`".into()),
+        _ => (text.parse().map(Clear::One))
+            .map_err(|_| "expected the number of a fault, or `all`".into()),
     }
 }
 
@@ -245,11 +245,11 @@ fn key_value(text: &str) -> Result<(String, String), String> {
     }
 }
 
-/// The options of `hil inject` that are closest to a name.
+/// Returns the options of `hil inject` closest to a name.
 pub(crate) fn nearest_options(name: &str) -> Vec<String> {
-    let mut known = InjectArguments::augment_args(clap::Command::new("inject"));
-    known.build();
-    let names = known.get_arguments().filter_map(clap::Arg::get_long);
+    let mut command = InjectArguments::augment_args(clap::Command::new("inject"));
+    command.build();
+    let names = command.get_arguments().filter_map(clap::Arg::get_long);
     let near = nearest(&name.replace('_', "-"), names);
     near.into_iter().map(|name| format!("--{name}")).collect()
 }
@@ -272,9 +272,9 @@ fn sine(text: &str) -> Result<(f64, f64), String> {
     ))
 }
 
-/// Puts what was typed after `hil inject` into an order that needs no knowledge of the kinds: first
-/// the options of `hil`, each in one piece with its value, and the kind's own `--KEY VALUE` as
-/// `--parameter=KEY=VALUE`; then the words, among which negative numbers are no options.
+/// Reorders the words after `hil inject` so that they can be parsed without knowing the kinds: first the options of
+/// `hil`, each in one piece with its value, and the kind's own `--KEY VALUE` as `--parameter=KEY=VALUE`; then the
+/// words, among which negative numbers are not options.
 #[must_use]
 pub fn arrange(typed: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
     let mut typed = typed.into_iter().peekable();
@@ -286,7 +286,7 @@ pub fn arrange(typed: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
     options.extend(typed.next());
     let mut known = InjectArguments::augment_args(clap::Command::new("inject"));
     known.build();
-    // Of an option of hil: whether it takes a value.
+    // For an option of hil: `true` if it takes a value.
     let takes_value = |name: &str| {
         let known = known
             .get_arguments()
@@ -314,12 +314,12 @@ pub fn arrange(typed: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
             None => (flag, None),
         };
         let is_own = takes_value(name);
-        let mut whole = OsString::from(match is_own {
+        let mut option = OsString::from(match is_own {
             Some(_) => format!("--{name}"),
             None => format!("--parameter={name}"),
         });
         let next_is_value = |next: &OsString| {
-            // An option of hil takes what follows; after a key, something else may have begun.
+            // An option of hil takes the next word as its value; after a key, another option may follow.
             is_own.is_some() || !next.to_str().is_some_and(|next| next.starts_with("--"))
         };
         let value = match value {
@@ -328,10 +328,10 @@ pub fn arrange(typed: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
             None => typed.next_if(next_is_value),
         };
         if let Some(value) = value {
-            whole.push("=");
-            whole.push(value);
+            option.push("=");
+            option.push(value);
         }
-        options.push(whole);
+        options.push(option);
     }
     options.push("--".into());
     options.extend(words);
@@ -351,7 +351,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_of_kinds_and_negative_numbers_are_told_from_options() {
+    fn keys_of_kinds_and_negative_numbers_are_distinguished_from_options() {
         for (typed, expected) in [
             ("hil run a.toml --json", "hil run a.toml --json"),
             ("hil inject --list --json", "hil inject --list --json --"),

@@ -1,5 +1,5 @@
-//! Arguments that verbs of several packages share: the options of a run, the choice of a session and of programs, the
-//! words of `hil inject`. Carries nothing out.
+//! Arguments shared by verbs of several packages: options of a run, selection of a session and of programs, words
+//! of `hil inject`. Contains no logic.
 
 pub mod checkpoint;
 pub mod clock;
@@ -15,7 +15,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-/// The binaries of a run.
+/// Binaries of a run.
 #[derive(Clone, Debug, Default, Args)]
 pub struct BinaryArguments {
     /// The plant program [default: HIL_PLANT_BIN, else that of the scenario or the recording, else
@@ -28,7 +28,7 @@ pub struct BinaryArguments {
     pub controller_bin: Option<PathBuf>,
 }
 
-/// Choice of a running session, and the form of the answer.
+/// Selection of a running session, and the format of the answer.
 #[derive(Debug, Default, Args)]
 pub struct SessionChoice {
     /// The session, if several are running

@@ -1,9 +1,9 @@
-//! The flags for `[realtime]`.
+//! Flags for `[realtime]`.
 
 use clap::{Args, ValueEnum};
 use shared_types::wait::WaitStrategy;
 
-/// Settings of the system; each is a key of `[realtime]`.
+/// Real-time settings; each is a key of `[realtime]`.
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Real time")]
 pub struct RealtimeArguments {
@@ -33,7 +33,7 @@ pub struct RealtimeArguments {
     pub wait: Option<WaitKind>,
 }
 
-/// Strategy of waiting.
+/// Waiting strategy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum WaitKind {
     /// Poll, then yield the core or sleep, depending on earlier waits.
@@ -58,7 +58,7 @@ impl From<WaitKind> for WaitStrategy {
 }
 
 impl RealtimeArguments {
-    /// All that were given as `KEY=VALUE`.
+    /// Returns the given settings as `KEY=VALUE`.
     pub fn as_set(&self) -> impl Iterator<Item = String> {
         let number = |value: Option<u32>| value.map(|value| value.to_string());
         let flag = |given: bool| given.then(|| "true".to_owned());

@@ -1,4 +1,4 @@
-//! The flags of `hil run` that say what of a run is recorded.
+//! Flags of `hil run` that select what is recorded.
 
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -10,9 +10,9 @@ use shared_types::number::exact_in;
 
 use crate::arguments::run::RunOptions;
 
-/// Reads the compression of a recording.
+/// Returns the parser of a recording's compression.
 pub(super) fn compression() -> impl TypedValueParser<Value = Compression> {
-    let value = |name, told| PossibleValue::new(name).help(told);
+    let value = |name, help| PossibleValue::new(name).help(help);
     let values = [
         value("none", "None"),
         value("lz4", "Fast"),
@@ -25,7 +25,7 @@ pub(super) fn compression() -> impl TypedValueParser<Value = Compression> {
     })
 }
 
-/// Choice of the recorded part of a run. Digest, metrics and requirements always come from all of it.
+/// Selection of the recorded part of a run. Digest, metrics and requirements always cover the whole run.
 #[derive(Clone, Debug, Default, Args)]
 pub struct ChoiceArguments {
     /// Record only matching signals, for example 'truth.*'; may be given several times
@@ -40,14 +40,14 @@ pub struct ChoiceArguments {
     pub record_around_faults: Option<Vec<f64>>,
 }
 
-/// Longest time that rows are kept back for a fault that may come.
+/// Maximum time for which rows are buffered for a possible fault.
 const LONGEST_BEFORE_S: f64 = 60.0;
 
 impl ChoiceArguments {
-    /// Reads the choice of what is kept.
+    /// Returns the selection of records and signals.
     ///
     /// # Errors
-    /// If it cannot go with the other options.
+    /// If it contradicts the other options.
     pub fn choice(&self, options: &RunOptions) -> Result<Choice, Failure> {
         let around_s = match self.record_around_faults.as_deref() {
             Some([before_s, _]) if *before_s > LONGEST_BEFORE_S => {
@@ -69,12 +69,12 @@ impl ChoiceArguments {
         }
         if options.no_record {
             return Err(Failure::usage(
-                "--no-record records nothing; leave it out, or what chooses what is recorded",
+                "--no-record records nothing; omit it, or the flags that select what is recorded",
             ));
         }
         if !options.checkpoints.checkpoint_at.is_empty() {
             return Err(Failure::usage(
-                "a checkpoint needs a whole recording to go on from; leave out --record, --record-every and --record-around-faults",
+                "a checkpoint needs a complete recording; omit --record, --record-every and --record-around-faults",
             ));
         }
         Ok(choice)

@@ -1,4 +1,4 @@
-//! The options of a run.
+//! Options of a run.
 
 use std::path::PathBuf;
 
@@ -87,10 +87,10 @@ pub struct Changes {
 }
 
 impl Changes {
-    /// Refuses what cannot be meant together.
+    /// Refuses contradictory options.
     ///
     /// # Errors
-    /// If a pace is asked for with the lockstep clock.
+    /// If a pace is given with the lockstep clock.
     pub fn check(&self) -> Result<(), Failure> {
         match (self.clock, self.pace) {
             (Some(ClockKind::Lockstep), Some(_)) => Err(Failure::usage(
@@ -100,13 +100,13 @@ impl Changes {
                 "--pace is for --clock paced; realtime has the pace of the clock",
             )),
             (_, Some(factor)) if !(factor.is_finite() && factor > 0.0) => Err(Failure::usage(
-                format!("--pace takes a number above 0, not {}", exact(factor)),
+                format!("--pace must be above 0, not {}", exact(factor)),
             )),
             _ => Ok(()),
         }
     }
 
-    /// All of them as `KEY=VALUE`.
+    /// Returns all changes as `KEY=VALUE`.
     #[must_use]
     pub fn as_set(&self) -> Vec<String> {
         let mut set = self.set.clone();

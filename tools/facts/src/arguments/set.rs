@@ -43,8 +43,8 @@ pub struct SetArguments {
 fn pair(text: &str) -> Result<(String, f64), String> {
     let (key, value) = text
         .split_once('=')
-        .ok_or("it takes KEY=VALUE, as plant.parameters.mass_kg=1.2")?;
+        .ok_or("expected KEY=VALUE, such as plant.parameters.mass_kg=1.2")?;
     let number = value.trim().parse();
-    let number = number.map_err(|_| format!("`{value}` is no number"))?;
+    let number = number.map_err(|_| format!("`{value}` is not a number"))?;
     Ok((key.trim().to_owned(), number))
 }

@@ -1,4 +1,4 @@
-//! The flags that put the controller on another machine.
+//! Flags that run the controller on another machine.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use hil_console::terminal::exit::Failure;
 use hil_target::name::Target;
 use hil_target::way::Way;
 
-/// The machine that the controller runs on.
+/// Machine that runs the controller.
 #[derive(Clone, Debug, Default, Args)]
 pub struct TargetArguments {
     /// Machine that runs the controller: [user@]host or a name of your ssh configuration, or
@@ -28,22 +28,22 @@ pub struct TargetArguments {
 }
 
 impl TargetArguments {
-    /// Returns true if the target serves one session at a time.
+    /// Returns `true` if the target serves one session at a time.
     pub const fn serves_one(&self) -> bool {
         matches!(self.target, Some(Target::Serve(_)))
     }
 
-    /// Makes the way to the target that was typed, if one was.
+    /// Returns the route to the given target, if there is one.
     ///
     /// # Errors
-    /// If the flags do not go together.
+    /// If the flags contradict each other.
     pub(crate) fn way(&self) -> Result<Option<Way>, Failure> {
         let Some(target) = self.target.clone() else {
             return Ok(None);
         };
         if matches!(target, Target::Ssh(_)) && self.key_file.is_some() {
             return Err(Failure::usage(
-                "--key-file is for an agent that listens, --target serve://HOST:PORT; ssh has keys of its own",
+                "--key-file is for a listening agent, --target serve://HOST:PORT; ssh has keys of its own",
             ));
         }
         Ok(Some(Way {

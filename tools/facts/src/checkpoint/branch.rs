@@ -1,9 +1,9 @@
-//! Differences that a run from a checkpoint may have: nothing that contradicts the steps before it.
+//! Allowed differences of a run from a checkpoint: none that contradict the steps before it.
 //!
-//! The records before the checkpoint stay as they are. So the plant, its controller, the rate and the
-//! seed stay; reference signals have the same values up to there; a fault that has begun keeps its
-//! target, its times and its course, and only its sizes may be others from there on; one that has not
-//! begun may not begin before. How long the run is, its clock, its metrics are free.
+//! The records before the checkpoint are fixed. So the plant, its controller, the rate and the seed must be the
+//! same; reference signals must have the same values up to there; a fault that has begun keeps its target, its
+//! times and its profile, and only its sizes may change from there on; a fault that has not begun may not begin
+//! earlier. Duration, clock and metrics are free.
 
 use hil_config::plan::{Change, Clock, FaultAction, FaultEvent, Plan, Stimulus, Trigger};
 use plant_process::stimulus;
@@ -13,18 +13,18 @@ use shared_types::time::{Rate, Step};
 
 use crate::results::faults::FaultLog;
 
-/// Differences between a run that goes on from a checkpoint and the run that made the checkpoint.
+/// Differences between a run that continues from a checkpoint and the run that made it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Branch {
-    /// Numbers of the faults that had begun and go on with other sizes: no scenario repeats such a
-    /// run from its begin.
+    /// Numbers of the faults that had begun and continue with other sizes: no scenario reproduces such a run from
+    /// its beginning.
     pub changed_faults: Vec<u32>,
 }
 
-/// Compares the plan of a checkpoint before `step` with the one that is to go on.
+/// Compares the plan of the run that made a checkpoint before `step` with that of the run to continue.
 ///
 /// # Errors
-/// Everything that contradicts the past.
+/// All contradictions with the past.
 pub(crate) fn check(
     then: &Plan,
     now: &Plan,
@@ -47,7 +47,9 @@ pub(crate) fn check(
         matches!(event.trigger, Trigger::Condition(_)) || event.end.condition.is_some()
     };
     if then.derived != now.derived && now.faults.iter().any(conditions) {
-        check.refuse("the derived signals stay: conditions of faults have been asked of them");
+        check.refuse(
+            "the derived signals must stay the same: conditions of faults were evaluated with them",
+        );
     }
     if check.reasons.is_empty() {
         Ok(check.branch)
@@ -69,7 +71,7 @@ impl Check<'_> {
         self.reasons.push(reason.into());
     }
 
-    /// The time of a step, as a message tells it.
+    /// Formats the time of a step for a message.
     fn at(&self, step: Step) -> String {
         format!("step {step} ({} s)", self.rate.seconds(step))
     }
@@ -79,23 +81,23 @@ impl Check<'_> {
         if then.rate != now.rate {
             let (then, now) = (then.rate.hz(), now.rate.hz());
             self.refuse(format!(
-                "run.rate_hz was {} and stays, {} is another",
+                "run.rate_hz was {} and must stay, but is {}",
                 exact(then),
                 exact(now)
             ));
         } else if now.steps <= self.step.0 {
             let (end, begin) = (self.at(Step(now.steps)), self.at(self.step));
             self.refuse(format!(
-                "run.duration_s ends it at {end}, and it begins at {begin}"
+                "run.duration_s ends the run at {end}, but it begins at {begin}"
             ));
         }
         if then.seed != now.seed {
             let (then, now) = (then.seed, now.seed);
-            self.refuse(format!("run.seed was {then} and stays, {now} is another"));
+            self.refuse(format!("run.seed was {then} and must stay, but is {now}"));
         }
         if now.clock == Clock::Realtime {
             self.refuse(
-                "run.clock: in real time nothing repeats what was before; use lockstep or paced",
+                "run.clock: a run in real time does not reproduce its past; use lockstep or paced",
             );
         }
     }
@@ -119,7 +121,7 @@ impl Check<'_> {
         ];
         let others = same.into_iter().filter(|(_, is_same)| !is_same);
         let mut keys: Vec<String> = others
-            .map(|(key, _)| format!("{key} stays as it was"))
+            .map(|(key, _)| format!("{key} must stay the same"))
             .collect();
         let of_law = format!("controller.{}", law.law);
         let tables = [
@@ -127,11 +129,11 @@ impl Check<'_> {
             (&*of_law, &law.parameters, &law_now.parameters),
             ("controller.model", &law.model, &law_now.model),
         ];
-        // Of another model or law every parameter would be another.
+        // Another model or law has other parameters altogether.
         if keys.is_empty() {
             for (table, then, now) in tables {
                 keys.extend(changed(then, now).map(|(name, then, now)| {
-                    format!("{table}.{name} was {then} and stays, {now} is another")
+                    format!("{table}.{name} was {then} and must stay, but is {now}")
                 }));
             }
         }
@@ -146,7 +148,7 @@ impl Check<'_> {
                 .collect::<Vec<_>>()
         };
         if fields(then) != fields(now) {
-            self.refuse("the reference signals and their derivatives stay the same ones");
+            self.refuse("the reference signals and their derivatives must stay the same");
             return;
         }
         for (then, now) in then.iter().zip(now) {
@@ -155,13 +157,13 @@ impl Check<'_> {
             {
                 let (target, at, begin) = (&then.target, self.at(step), self.at(self.step));
                 self.refuse(format!(
-                    "reference signal {target} would have been another already at {at}; it may differ from {begin} on"
+                    "reference signal {target} would already differ at {at}; it may differ from {begin} on"
                 ));
             }
         }
     }
 
-    /// The first step before the checkpoint at which two reference signals differ.
+    /// Returns the first step before the checkpoint at which two reference signals differ.
     fn first_difference(&self, then: &Stimulus, now: &Stimulus) -> Option<Step> {
         let count = 1 + then.waveform.derivatives();
         let mut rows = [vec![0.0; count], vec![0.0; count]];
@@ -181,7 +183,7 @@ impl Check<'_> {
         if then.len() != now.len() {
             let (then, now) = (then.len(), now.len());
             self.refuse(format!(
-                "there were {then} faults and there are {now}; `hil inject` puts one into a run that goes on"
+                "there were {then} faults and now there are {now}; use `hil inject` to add one to the running session"
             ));
             return;
         }
@@ -192,7 +194,7 @@ impl Check<'_> {
         }
     }
 
-    /// Changes before the checkpoint stay; later ones are free.
+    /// Checks that changes before the checkpoint are the same; later ones are free.
     fn changes(&mut self, then: &[Change], now: &[Change]) {
         let before = |changes: &[Change]| {
             let past = changes
@@ -206,7 +208,7 @@ impl Check<'_> {
         };
         if before(then) != before(now) {
             let at = self.at(self.step);
-            self.refuse(format!("changes of values before {at} stay as they were"));
+            self.refuse(format!("changes of values before {at} must stay the same"));
         }
     }
 
@@ -215,12 +217,12 @@ impl Check<'_> {
         let same_targets = (then.effects.iter().map(|effect| &effect.target))
             .eq(now.effects.iter().map(|effect| &effect.target));
         if then.kind != now.kind || !same_targets {
-            self.refuse(format!("{name} keeps its kind and its targets"));
+            self.refuse(format!("{name} must keep its kind and its targets"));
             return;
         }
         if let Some(ended) = self.log.ended.iter().find(|ended| ended.id == then.id) {
             let at = self.at(Step(ended.step));
-            self.refuse(format!("{name} ended at {at} and stays as it was"));
+            self.refuse(format!("{name} ended at {at} and must stay the same"));
             return;
         }
         match self.log.taken.iter().find(|taken| taken.id == then.id) {
@@ -230,7 +232,7 @@ impl Check<'_> {
                 } else {
                     let at = self.at(Step(taken.step));
                     self.refuse(format!(
-                        "{name} has acted since {at}: it keeps its times and its course, only its sizes may be others"
+                        "{name} has been active since {at}: it must keep its times and its profile, only its sizes may change"
                     ));
                 }
             }
@@ -238,7 +240,7 @@ impl Check<'_> {
         }
     }
 
-    /// A fault that has not begun.
+    /// Checks a fault that has not begun.
     fn waiting(&mut self, name: &str, then: &FaultEvent, now: &FaultEvent) {
         let begin = match &now.trigger {
             Trigger::Step { step, .. } => Some(*step),
@@ -249,7 +251,7 @@ impl Check<'_> {
             }
             Trigger::Condition(_) if then.trigger != now.trigger => {
                 self.refuse(format!(
-                    "{name} keeps its condition: another might have held before {}",
+                    "{name} must keep its condition: another might have held before {}",
                     self.at(self.step)
                 ));
                 return;
@@ -259,13 +261,13 @@ impl Check<'_> {
         if let Some(begin) = begin.filter(|begin| *begin < self.step) {
             let (begin, first) = (self.at(begin), self.at(self.step));
             self.refuse(format!(
-                "{name} would have begun at {begin}; it may from {first} on"
+                "{name} would have begun at {begin}; it may begin from {first} on"
             ));
         }
     }
 }
 
-/// Settings that differ, by name.
+/// Returns the settings that differ, by name.
 fn changed<'a>(then: &'a Settings, now: &'a Settings) -> impl Iterator<Item = (&'a str, f64, f64)> {
     then.0.iter().filter_map(|(name, then)| {
         let (then, now) = (then.0, now.get(name)?);
@@ -273,7 +275,7 @@ fn changed<'a>(then: &'a Settings, now: &'a Settings) -> impl Iterator<Item = (&
     })
 }
 
-/// Checks that two events on the same targets differ in nothing but sizes.
+/// Returns `true` if two events on the same targets differ in nothing but sizes.
 fn same_but_for_sizes(then: &FaultEvent, now: &FaultEvent) -> bool {
     let mut sized = now.clone();
     for (sized, then) in sized.effects.iter_mut().zip(&then.effects) {

@@ -1,17 +1,17 @@
-//! Checkpoints: the state of both sides before a step, kept in the folder of a run so that another run
-//! goes on from there. Nothing is run or recorded here.
+//! Checkpoints: the state of both sides before a step, stored in the folder of a run, from which another run can
+//! continue. Nothing is run or recorded here.
 //!
-//! A checkpoint is a folder `checkpoint-<step>` beside the `run.mcap` that it belongs to:
-//! `plant.state` and `controller.state`, which only the binaries that wrote them can read, and
-//! `checkpoint.json`, which says what they are. `hil run --checkpoint-at` makes it:
+//! A checkpoint is a folder `checkpoint-<step>` beside its `run.mcap`: `plant.state` and `controller.state`, which
+//! only the binaries that wrote them can read, and `checkpoint.json`, which describes them. `hil run
+//! --checkpoint-at` makes it:
 //!
-//! 1. `steps` finds where, `refuse_unsaveable` looks whether everything can be saved.
+//! 1. `steps` determines the steps, and `refuse_unsaveable` checks that everything can be saved.
 //! 2. Both sides write their state into the session's folder when they reach the step.
-//! 3. `collect` puts both beside the recording, with the digest of the records before the step.
-//! 4. `note` adds the check that the state restores exactly, which the run made of it.
+//! 3. `collect` stores both beside the recording, with the digest of the records before the step.
+//! 4. `note` adds the result of the check that the state restores exactly.
 //!
-//! `hil run --from` reads it with [`Past`](past::Past), which believes nothing that it has not
-//! checked; [`branch`] says what of the scenario may differ from there on.
+//! `hil run --from` reads it with [`Past`](past::Past), which verifies everything; [`branch`] defines which parts
+//! of the scenario may differ from there on.
 
 pub mod branch;
 pub mod past;
@@ -35,7 +35,7 @@ use crate::programs::binaries::Binaries;
 use crate::results::restoration::Check;
 use crate::results::resumed::MadeCheckpoint;
 
-/// Version of the folder.
+/// Version of the folder's format.
 const SCHEMA: u32 = 1;
 /// Name of the file that describes a checkpoint.
 const FILE: &str = "checkpoint.json";
@@ -44,13 +44,13 @@ const FILE: &str = "checkpoint.json";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
     schema: u32,
-    /// The step before which the state was saved: the first of a run that goes on.
+    /// Step before which the state was saved: the first step of a run that continues from it.
     pub step: u64,
-    /// The same in s.
+    /// Time of the step in s.
     pub time_s: f64,
-    /// The run's scenario and session.
+    /// Name of the run's scenario.
     pub scenario: String,
-    /// The session.
+    /// Name of the run's session.
     pub session: String,
     protocol: u32,
     hil_version: String,
@@ -58,19 +58,19 @@ pub struct Checkpoint {
     plant: SavedSide,
     controller: SavedSide,
     recording: SavedPast,
-    /// Check that the state restores exactly; not there before it was checked.
+    /// Check that the state restores exactly; absent until it was made.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     check: Option<Check>,
 }
 
-/// The state of a side.
+/// State of a side.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct SavedSide {
-    /// The plant or law.
+    /// Name of the plant or law.
     of: String,
-    /// Hash of the binary that wrote it.
+    /// Hash of the binary that wrote the state.
     binary_blake3: String,
-    /// File.
+    /// Name of the file.
     file: String,
     /// Hash of the file.
     blake3: String,
@@ -79,20 +79,20 @@ struct SavedSide {
 /// Recorded past of a checkpoint: the records before its step.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct SavedPast {
-    /// The recording, from the checkpoint's folder.
+    /// Path of the recording, relative to the checkpoint's folder.
     file: String,
-    /// Hash of the scenario in it.
+    /// Hash of the scenario in the recording.
     scenario_blake3: String,
-    /// Records before the step.
+    /// Number of records before the step.
     records: u64,
     /// Their digest.
     digest: String,
 }
 
-/// The steps before which the state is to be saved, rising; the run begins at `first`.
+/// Returns the steps before which the state is saved, in increasing order; the run begins at `first`.
 ///
 /// # Errors
-/// If there is nothing to save there, or it could not be gone on from.
+/// If there is nothing to save at a time, or no run could continue from it.
 pub fn steps(at_s: &[f64], plan: &Plan, first: Step) -> Result<Vec<Step>, Failure> {
     let rate = plan.run.rate;
     let mut steps = Vec::new();
@@ -119,13 +119,13 @@ pub fn steps(at_s: &[f64], plan: &Plan, first: Step) -> Result<Vec<Step>, Failur
     steps.dedup();
     if !steps.is_empty() && plan.run.clock == Clock::Realtime {
         return Err(Failure::usage(
-            "--checkpoint-at: in real time the state depends on what came too late; use --clock lockstep or paced",
+            "--checkpoint-at: in real time the state depends on late commands; use --clock lockstep or paced",
         ));
     }
     Ok(steps)
 }
 
-/// Refuses a run whose state cannot be saved, or put back, by name.
+/// Refuses a run whose state cannot be saved or restored, naming the cause.
 ///
 /// # Errors
 /// If the plant, the law or a fault cannot save its state; the error names it and the function it needs.
@@ -154,8 +154,8 @@ pub fn refuse_unsaveable(plan: &Plan, binaries: &Binaries) -> Result<(), Failure
     Ok(())
 }
 
-/// Puts the states that both sides left in the session's folder beside the recording. `digests` are
-/// those of the first records, by how many they are.
+/// Moves the states that both sides wrote to the session's folder beside the recording. `digests` are those of the
+/// first records, by their number.
 ///
 /// # Errors
 /// If a file cannot be read or written.
@@ -166,25 +166,23 @@ pub fn collect(
     (run_dir, scenario): (&Path, &str),
     digests: &BTreeMap<u64, String>,
 ) -> Result<Vec<MadeCheckpoint>, Failure> {
-    let mut made = Vec::new();
+    let mut checkpoints = Vec::new();
     for &step in steps {
         let states = Side::ALL.map(|side| session.folder.join(side.file(step)));
         let (true, Some(digest)) = (
             states.iter().all(|state| state.exists()),
             digests.get(&step.0),
         ) else {
-            tell!(
-                "note: there is no checkpoint before step {step}: the run ended before, or lost records"
-            );
+            tell!("note: no checkpoint before step {step}: the run ended earlier, or lost records");
             continue;
         };
         let folder = format!("checkpoint-{step}");
-        let whole = run_dir.join(&folder);
+        let target = run_dir.join(&folder);
         let cannot = |error: std::io::Error| {
-            let shown = whole.display();
-            Failure::infrastructure(format!("cannot write {shown}: {error}"))
+            let target_text = target.display();
+            Failure::infrastructure(format!("cannot write {target_text}: {error}"))
         };
-        let part = PartFolder::beside(&whole).map_err(cannot)?;
+        let part = PartFolder::beside(&target).map_err(cannot)?;
         let saved = |side: Side, of: &str, binary: &str, state: &Path| {
             let content = fs::read(state)?;
             let file = state_file(side);
@@ -225,23 +223,23 @@ pub fn collect(
         };
         let json = serde_json::to_string_pretty(&checkpoint).map_err(Failure::infrastructure)?;
         fs::write(part.path().join(FILE), json + "\n").map_err(cannot)?;
-        part.complete(&whole).map_err(cannot)?;
-        made.push(MadeCheckpoint {
+        part.complete(&target).map_err(cannot)?;
+        checkpoints.push(MadeCheckpoint {
             step: step.0,
             time_s: checkpoint.time_s,
             folder,
             check: None,
         });
     }
-    Ok(made)
+    Ok(checkpoints)
 }
 
-/// Names the file with the state of a side in the folder of a checkpoint.
+/// Returns the name of the file with the state of a side in the folder of a checkpoint.
 pub fn state_file(side: Side) -> String {
     format!("{}.state", side.name())
 }
 
-/// Notes in the folder of a checkpoint how its check came out.
+/// Stores the result of a check in the folder of a checkpoint.
 ///
 /// # Errors
 /// If the description of the checkpoint cannot be read or written.

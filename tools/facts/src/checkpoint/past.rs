@@ -1,8 +1,8 @@
-//! A checkpoint that a run is to go on from, read and checked before anything is started.
+//! Checkpoint to continue from, read and verified before anything is started.
 //!
-//! Nothing of it is believed: the states have the hashes that were written down, the records before
-//! the step the digest, and plant and controller are the binaries that saved them. What went on
-//! while the run was live, its faults from command lines, stands in its recording.
+//! Nothing in it is trusted: the states must have the recorded hashes, the records before the step the recorded
+//! digest, and plant and controller must be the binaries that saved them. Faults injected during the run are read
+//! from its recording.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -28,23 +28,23 @@ use crate::results::faults::FaultLog;
 use crate::results::restoration::Check;
 use crate::results::resumed::Resumed;
 
-/// Past that a run goes on from.
+/// Past that a run continues.
 #[derive(Clone, Debug)]
 pub struct Past {
-    /// The checkpoint's folder.
+    /// Folder of the checkpoint.
     folder: PathBuf,
     checkpoint: Checkpoint,
     recording: PathBuf,
-    /// The scenario as it was in effect.
+    /// Effective scenario.
     scenario: String,
-    /// Events of faults before the step.
+    /// Fault events before the step.
     log: FaultLog,
 }
 
-/// The records before a checkpoint, for the recorder.
+/// Records before a checkpoint, for the recorder.
 #[derive(Clone, Debug)]
 pub struct PastRecords {
-    /// Their recording.
+    /// Path of their recording.
     pub recording: PathBuf,
     /// Number of the records.
     pub count: u64,
@@ -58,7 +58,7 @@ impl Past {
     /// Reads a checkpoint for these binaries.
     ///
     /// # Errors
-    /// If it is none, is damaged, or was made by others.
+    /// If it is not a checkpoint, is damaged, or was made by other binaries.
     pub fn open(folder: &Path, binaries: &Binaries) -> Result<Self, Failure> {
         let folder = std::path::absolute(folder).map_err(Failure::usage)?;
         refuse_odd(&folder)?;
@@ -72,11 +72,11 @@ impl Past {
             whole(&folder, saved)?;
         }
         let recording = folder.join(&checkpoint.recording.file);
-        // Without the detour through the checkpoint's folder, if there is a recording.
+        // Avoids the path through the checkpoint's folder, if there is a recording.
         let recording = fs::canonicalize(&recording).unwrap_or(recording);
         let (scenario, log) = past(&recording, &checkpoint).map_err(|error| {
             let shown = folder.display();
-            Failure::usage(format!("{shown} cannot be gone on from: {error}"))
+            Failure::usage(format!("cannot continue from {shown}: {error}"))
         })?;
         Ok(Self {
             folder,
@@ -87,10 +87,10 @@ impl Past {
         })
     }
 
-    /// The plan from here on: the scenario with changes, as far as the past allows them.
+    /// Returns the plan from here on: the scenario with changes, as far as the past allows them.
     ///
     /// # Errors
-    /// Everything that is wrong with it, or contradicts the past.
+    /// All problems of the scenario, and all contradictions with the past.
     pub fn plan(
         &self,
         changes: &Changes,
@@ -104,26 +104,26 @@ impl Past {
         let then = scenario().and_then(|scenario| scenario.check(plants, laws, kinds))?;
         let now = scenario::check(scenario(), changes, binaries, json)?;
         for set in &changes.set {
-            // Every key is written out, so that one for several of them at once is overruled.
+            // Every key is written out, so a key for several of them at once would be overridden.
             let alone =
                 scenario().and_then(|scenario| scenario.set(&[set]).check(plants, laws, kinds));
             if alone.is_ok_and(|alone| alone == then) {
                 tell!(
-                    "note: --set {set} changes nothing in {origin}, where it is so or a longer key says otherwise"
+                    "note: --set {set} changes nothing in {origin}, which has this value or a more specific key"
                 );
             }
         }
         match branch::check(&then, &now, self.first(), &self.log) {
             Ok(branch) => Ok((now, branch)),
             Err(reasons) => Err(Failure::usage(format!(
-                "{} cannot go on like this:\n  {}",
+                "{} cannot continue with these changes:\n  {}",
                 self.folder.display(),
                 reasons.join("\n  ")
             ))),
         }
     }
 
-    /// The first step that is exchanged.
+    /// Returns the first step to exchange.
     #[must_use]
     pub const fn first(&self) -> Step {
         Step(self.checkpoint.step)
@@ -137,7 +137,7 @@ impl Past {
         }
     }
 
-    /// The summary's word on a run that goes on from here.
+    /// Returns the summary's entry for a run that continues from here.
     pub fn resumed(&self, branch: Branch) -> Resumed {
         let checkpoint = &self.checkpoint;
         Resumed {
@@ -151,12 +151,12 @@ impl Past {
         }
     }
 
-    /// Faults from command lines that were accepted before the step, in that order.
+    /// Returns the faults injected and accepted before the step, in order.
     pub fn live_faults(&self) -> impl Iterator<Item = FaultEvent> {
         self.log.accepted.iter().map(|live| live.event.clone())
     }
 
-    /// Returns the checkpoint settings for a side's job: `others`, and the saved state to go on from.
+    /// Returns the checkpoint settings for a side's job: `others`, and the saved state to restore.
     #[must_use]
     pub fn resume(&self, side: Side, others: &Checkpoints) -> Checkpoints {
         let saved = match side {
@@ -172,7 +172,7 @@ impl Past {
         }
     }
 
-    /// The records before it, which have this layout.
+    /// Returns the records before the checkpoint, which have this layout.
     #[must_use]
     pub fn records(&self, layout: RecordLayout) -> PastRecords {
         PastRecords {
@@ -184,7 +184,7 @@ impl Past {
     }
 }
 
-/// The programs of the run that made a checkpoint.
+/// Returns the programs of the run that made a checkpoint.
 ///
 /// # Errors
 /// If there is no such checkpoint or recording.
@@ -193,12 +193,12 @@ pub fn recorded(folder: &Path) -> Result<Recorded, Failure> {
     let recording = folder.join(&checkpoint.recording.file);
     let reader = RunReader::open(&recording).map_err(|error| {
         let shown = folder.display();
-        Failure::usage(format!("{shown} cannot be gone on from: {error}"))
+        Failure::usage(format!("cannot continue from {shown}: {error}"))
     })?;
     Ok(Recorded::of(&reader, folder))
 }
 
-/// Reads what a checkpoint says of itself.
+/// Reads the description of a checkpoint.
 pub(super) fn read(folder: &Path) -> Result<Checkpoint, Failure> {
     let shown = folder.display();
     let path = folder.join(FILE);
@@ -209,7 +209,9 @@ pub(super) fn read(folder: &Path) -> Result<Checkpoint, Failure> {
         } else {
             format!("those of this run: {}", near.join(", "))
         };
-        Failure::usage(format!("{shown} is no checkpoint: {FILE}: {error}; {hint}"))
+        Failure::usage(format!(
+            "{shown} is not a checkpoint: {FILE}: {error}; {hint}"
+        ))
     })?;
     let damaged =
         |what: &dyn std::fmt::Display| Failure::usage(format!("{}: {what}", path.display()));
@@ -219,22 +221,22 @@ pub(super) fn read(folder: &Path) -> Result<Checkpoint, Failure> {
     } = checkpoint;
     if (schema, protocol) != (SCHEMA, PROTOCOL) {
         return Err(damaged(&format!(
-            "it has form {schema} and protocol {protocol}, this hil makes form {SCHEMA} and protocol {PROTOCOL}"
+            "it has schema {schema} and protocol {protocol}, this hil writes schema {SCHEMA} and protocol {PROTOCOL}"
         )));
     }
     Ok(checkpoint)
 }
 
-/// The checkpoints in the folder of a run.
+/// Lists the checkpoints in the folder of a run.
 fn checkpoints_in(run: &Path) -> Vec<String> {
     let entries = fs::read_dir(run).into_iter().flatten().flatten();
-    let mut found: Vec<String> = entries
+    let mut names: Vec<String> = entries
         .map(|entry| entry.path())
         .filter(|path| path.join(FILE).exists())
         .map(|path| path.display().to_string())
         .collect();
-    found.sort();
-    found
+    names.sort();
+    names
 }
 
 fn same_binary(saved: &SavedSide, binary: &Binary) -> Result<(), Failure> {
@@ -244,7 +246,7 @@ fn same_binary(saved: &SavedSide, binary: &Binary) -> Result<(), Failure> {
     let (path, of) = (binary.path.display(), &saved.of);
     let (theirs, ours) = (&saved.binary_blake3, &binary.blake3);
     Err(Failure::usage(format!(
-        "{path} is not the binary that saved the state of `{of}` and may read it wrongly: it has hash {ours}, that one had {theirs}"
+        "{path} is not the binary that saved the state of `{of}` and may misread it: its hash is {ours}, that of the other {theirs}"
     )))
 }
 
@@ -253,22 +255,25 @@ fn whole(folder: &Path, saved: &SavedSide) -> Result<(), Failure> {
     let shown = path.display();
     let content =
         fs::read(&path).map_err(|error| Failure::usage(format!("cannot read {shown}: {error}")))?;
-    let found = blake3::hash(&content).to_hex().to_string();
-    if found == saved.blake3 {
+    let actual = blake3::hash(&content).to_hex().to_string();
+    if actual == saved.blake3 {
         return Ok(());
     }
-    let wanted = &saved.blake3;
+    let expected = &saved.blake3;
     Err(Failure::usage(format!(
-        "{shown} is damaged: it has hash {found}, {wanted} was saved"
+        "{shown} is damaged: its hash is {actual}, that of the saved state {expected}"
     )))
 }
 
-/// Reads what was before a checkpoint: the scenario and what happened to faults.
+/// Reads the past of a checkpoint: the scenario and the fault events.
 fn past(recording: &Path, checkpoint: &Checkpoint) -> Result<(String, FaultLog), String> {
-    let told = |error: ReadError| error.to_string();
-    let mut reader = RunReader::open(recording).map_err(told)?;
-    reader.refuse_excerpt().map_err(told)?;
-    let scenario = reader.attachment("scenario.toml").map_err(told)?.to_owned();
+    let in_words = |error: ReadError| error.to_string();
+    let mut reader = RunReader::open(recording).map_err(in_words)?;
+    reader.refuse_excerpt().map_err(in_words)?;
+    let scenario = reader
+        .attachment("scenario.toml")
+        .map_err(in_words)?
+        .to_owned();
     let shown = recording.display();
     if hash(&scenario) != checkpoint.recording.scenario_blake3 {
         return Err(format!(
@@ -276,13 +281,13 @@ fn past(recording: &Path, checkpoint: &Checkpoint) -> Result<(String, FaultLog),
         ));
     }
     let mut log = FaultLog::default();
-    let (wanted, digest) = (checkpoint.recording.records, &checkpoint.recording.digest);
-    while reader.records() < wanted {
-        if !reader.advance().map_err(told)? {
-            let found = reader.records();
+    let (expected, digest) = (checkpoint.recording.records, &checkpoint.recording.digest);
+    while reader.records() < expected {
+        if !reader.advance().map_err(in_words)? {
+            let actual = reader.records();
             let torn = (reader.caveat()).map_or_else(String::new, |torn| format!("; {torn}"));
             return Err(format!(
-                "{shown} has {found} records, {wanted} were before it{torn}"
+                "{shown} has {actual} records, but {expected} precede the checkpoint{torn}"
             ));
         }
         for event in reader.events() {
@@ -290,12 +295,12 @@ fn past(recording: &Path, checkpoint: &Checkpoint) -> Result<(String, FaultLog),
                 .map_err(|error| format!("{shown}: {error}"))?;
         }
     }
-    let found = reader.digest();
-    if found == *digest {
+    let actual = reader.digest();
+    if actual == *digest {
         Ok((scenario, log))
     } else {
         Err(format!(
-            "{shown} was changed: the first {wanted} records have digest {found}, {digest} was recorded"
+            "{shown} was changed: the digest of the first {expected} records is {actual}, but {digest} was recorded"
         ))
     }
 }

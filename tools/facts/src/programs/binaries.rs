@@ -1,7 +1,7 @@
-//! Plant and controller binaries: where they are, what they say of themselves, what they are.
+//! Plant and controller binaries: their paths, descriptions and hashes.
 //!
-//! 1. `named` chooses which program a side has; `trusted` and `seal` say what a file may name.
-//! 2. It is asked for its description after its hash was taken: here, or where it runs ([`reached`]).
+//! 1. `named` selects the program of a side; `trusted` and `seal` decide which programs a file may name.
+//! 2. A program is hashed and then asked for its description: here, or on the machine that runs it ([`reached`]).
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -37,24 +37,24 @@ pub mod reached;
 pub mod seal;
 pub mod trusted;
 
-/// A binary and its answer to `--describe`.
+/// Binary with its answer to `--describe`.
 #[derive(Clone, Debug)]
 pub struct Binary {
     /// Path of the binary.
     pub path: PathBuf,
-    /// Description that the binary gives of itself.
+    /// Description from the binary itself.
     pub description: Description,
     /// Hash of the file.
     pub blake3: String,
     /// Source that named the binary.
     pub by: NamedBy,
-    /// Machine that it runs on, if that is another.
+    /// Machine that runs it, if that is another.
     pub at: Option<Reached>,
-    /// Program that runs it, if it is a model and no program.
+    /// Program that runs it, if it is a model.
     pub host: Option<Host>,
-    /// Comparison with the desk's build of it, where another build runs elsewhere.
+    /// Comparison with the desk's build, if another build runs on a target.
     pub beside_desk: Option<BesideDesk>,
-    /// The file that was hashed.
+    /// Identity of the hashed file.
     file: FileIdentity,
 }
 
@@ -67,21 +67,21 @@ pub struct Binaries {
     pub controller: Binary,
 }
 
-/// Binaries of a run, before they are asked anything.
+/// Binaries of a run, before they are asked for their descriptions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Choices {
     plant: Choice,
     controller: Choice,
     at: Option<Reached>,
-    /// The controller that would run at this desk, where another place was asked for.
+    /// Controller that would run at this desk, if it runs on a target.
     at_desk: Option<Choice>,
 }
 
 impl Choices {
-    /// Chooses the binaries that the arguments or a file name.
+    /// Selects the binaries named by the arguments or a file.
     ///
     /// # Errors
-    /// If what a file names must not be run.
+    /// If a program named by a file must not be run.
     pub fn of(
         arguments: &BinaryArguments,
         named: &Named<'_>,
@@ -91,12 +91,12 @@ impl Choices {
             plant: named.choice(&PLANT, arguments.plant_bin.as_deref(), None)?,
             controller: named.choice(&CONTROLLER, arguments.controller_bin.as_deref(), at)?,
             at: at.cloned(),
-            // One that must not be run here is compared with nothing.
+            // A desk program that must not be run is not compared.
             at_desk: at.and_then(|_| named.choice(&CONTROLLER, None, None).ok()),
         })
     }
 
-    /// Takes copies of both programs in place of those beside `hil`.
+    /// Uses copies of both programs instead of those beside `hil`.
     pub fn copies([plant, controller]: [PathBuf; 2]) -> Self {
         let copy = |path| Choice::new(path, NamedBy::Nobody);
         Self {
@@ -107,14 +107,14 @@ impl Choices {
         }
     }
 
-    /// Tells whether one of them was named, by whatever means.
+    /// Returns `true` if one of them was named in any way.
     pub fn names_one(&self) -> bool {
         [&self.plant, &self.controller]
             .iter()
             .any(|choice| choice.by != NamedBy::Nobody)
     }
 
-    /// Asks both what they are.
+    /// Asks both for their descriptions.
     ///
     /// # Errors
     /// If one is missing, cannot be executed or does not speak the protocol.
@@ -133,7 +133,7 @@ impl Choices {
 }
 
 impl Binaries {
-    /// The program of a side.
+    /// Returns the program of a side.
     pub const fn of_side(&self, side: Side) -> &Binary {
         match side {
             Side::Plant => &self.plant,
@@ -141,7 +141,7 @@ impl Binaries {
         }
     }
 
-    /// Tells which ones run, where that does not follow from the command line.
+    /// Reports which programs run, where that does not follow from the command line.
     pub fn tell(&self) {
         let all = [(&PLANT, &self.plant), (&CONTROLLER, &self.controller)];
         for (role, Binary { path, by, at, .. }) in all {
@@ -155,7 +155,7 @@ impl Binaries {
         }
     }
 
-    /// The programs that were named, for the scenario of the run.
+    /// Returns the named programs, for the scenario of the run.
     #[must_use]
     pub fn programs(&self) -> Programs {
         let settings = |binary: &Binary| {
@@ -177,7 +177,7 @@ impl Binaries {
         }
     }
 
-    /// Returns advice for whoever names a plant or law that the binaries do not have.
+    /// Returns advice about unknown plants and laws.
     #[must_use]
     pub fn advice(&self) -> Advice {
         let name = |role: &Role| format!("`{}` in the scenario or {} PATH", role.key, role.flag);
@@ -187,7 +187,7 @@ impl Binaries {
         }
     }
 
-    /// Returns the descriptions that scenarios are checked against: plants, laws and kinds of faults.
+    /// Returns the descriptions against which scenarios are checked: plants, laws and fault kinds.
     #[must_use]
     pub fn described(
         &self,
@@ -204,7 +204,7 @@ impl Binaries {
         )
     }
 
-    /// Describes the records of a run of a plan that was checked against these.
+    /// Returns the layout of the records of a plan that was checked against these binaries.
     ///
     /// # Errors
     /// If there is no such plant or law.
@@ -212,12 +212,14 @@ impl Binaries {
         let (plants, laws, _) = self.described();
         let both = plan.plant_among(plants).zip(plan.law_among(laws));
         both.map(|(plant, law)| plan.record_layout(plant, &law))
-            .ok_or_else(|| Failure::infrastructure("a binary lost its plant or law"))
+            .ok_or_else(|| {
+                Failure::infrastructure("the plan's plant or law is missing in its binary")
+            })
     }
 }
 
 impl Binary {
-    /// Finds the plant that is named and asks what it is.
+    /// Finds the named plant and asks for its description.
     ///
     /// # Errors
     /// If it is missing, cannot be executed or does not speak the protocol.
@@ -229,7 +231,7 @@ impl Binary {
         Self::of_plant(&named.choice(&PLANT, given, None)?, interruption)
     }
 
-    /// Finds the controller that is named and asks what it is.
+    /// Finds the named controller and asks for its description.
     ///
     /// # Errors
     /// If it is missing, cannot be executed or does not speak the protocol.
@@ -242,7 +244,7 @@ impl Binary {
         Self::of_controller(&named.choice(&CONTROLLER, given, at)?, at, interruption)
     }
 
-    /// Asks a controller what it is that was named with this flag; an FMU has these permissions and settings.
+    /// Describes a controller that was named with this flag; an FMU has these permissions and settings.
     ///
     /// # Errors
     /// If it is missing, cannot be executed, does not speak the protocol or refuses the settings.
@@ -266,7 +268,7 @@ impl Binary {
         Self::of_controller(&choice, at, interruption)
     }
 
-    /// Asks a program or a model what it is, as this side if it can be both.
+    /// Describes a program or a model, as this side if it can be both.
     ///
     /// # Errors
     /// If it is missing, cannot be executed or does not speak the protocol.
@@ -313,31 +315,30 @@ impl Binary {
         })
     }
 
-    /// Returns advice for whoever names a plant or law, which `what` is, that the binary does not have; `name` says
-    /// how to name another program.
+    /// Returns advice about an unknown plant or law, given as `what`; `name` states how to name another program.
     pub fn advice(&self, what: &str, name: &str) -> String {
         let (path, by) = (self.path.display(), &self.by);
         match by {
             NamedBy::Nobody => {
-                format!("a {what} of your own is in a program of its own: {name} names it")
+                format!("a {what} of your own is a program of its own; name it with {name}")
             }
             by => format!("these are the {what}s of {path} ({by})"),
         }
     }
 
-    /// Returns the permissions that it has as an FMU.
+    /// Returns its permissions, if it is an FMU.
     pub fn permissions(&self) -> Permissions {
         let host = self.host.as_ref();
         host.map_or_else(Permissions::default, |host| host.permissions)
     }
 
-    /// Returns the path, if somebody named it.
+    /// Returns the path, if it was named.
     pub fn named(&self) -> Option<&Path> {
         (self.by != NamedBy::Nobody).then_some(&self.path)
     }
 
-    /// Returns true if what was started of it as the controller of this epoch may be expected to say hello: on a
-    /// target it must run there first, which takes as long as `ssh` does.
+    /// Returns `true` if the controller of this epoch can be expected to say hello: on a target it must first be
+    /// running there, which takes as long as `ssh` does.
     pub fn is_ready(&self, session: &SessionInfo, epoch: u32) -> bool {
         self.at.is_none() || session.folder.join(ready_file(epoch)).exists()
     }
@@ -347,10 +348,10 @@ impl Binary {
         file::is_script(&self.path)
     }
 
-    /// Refuses a file that is not the one that was hashed any more.
+    /// Refuses a file that has changed since it was hashed.
     ///
     /// # Errors
-    /// If the file was changed; the error says what to do.
+    /// If the file was changed; the error includes advice.
     pub fn refuse_changed(&self) -> Result<(), Failure> {
         let changed = match &self.host {
             _ if self.file.is_changed(&self.path) => &self.path,
@@ -358,7 +359,7 @@ impl Binary {
             _ => return Ok(()),
         };
         Err(Failure::infrastructure(format!(
-            "{} was replaced or changed after it was checked, so it is not run; start again with the file as it is now",
+            "{} was replaced or changed after it was checked, so it is not run; start again to use the file as it is now",
             changed.display()
         )))
     }
@@ -372,7 +373,7 @@ impl Binary {
         let Choice {
             path, by, blake3, ..
         } = choice;
-        let shown = path.display();
+        let path_text = path.display();
         let cannot = |error: &dyn std::fmt::Display| choice.cannot_run(role, error);
         let host = Host::of(choice, role.side).map_err(|error| cannot(&error))?;
         if let (Some(_), Some(at)) = (&host, at) {
@@ -382,21 +383,23 @@ impl Binary {
             )));
         }
         if let (None, Some(reason)) = (&host, choice.only_for_an_fmu(role)) {
-            return Err(Failure::usage(format!("{shown} is no FMU, so {reason}")));
+            return Err(Failure::usage(format!(
+                "{path_text} is not an FMU, so {reason}"
+            )));
         }
         let hashed = match &host {
             Some(_) => hashed_model(path),
             None => hashed(path),
         };
-        let (file, found) = hashed.map_err(|error| cannot(&error))?;
-        if let Some(wanted) = blake3.as_ref().filter(|wanted| **wanted != found) {
+        let (file, actual) = hashed.map_err(|error| cannot(&error))?;
+        if let Some(expected) = blake3.as_ref().filter(|expected| **expected != actual) {
             let (side, flag) = (role.side, role.flag);
             return Err(Failure::usage(format!(
-                "{shown} is not the {side} program that was {by} any more: it has hash {found}, that one had {wanted}; {flag} {shown} runs it as it is"
+                "{path_text} is no longer the {side} program that was {by}: its hash is {actual}, that of the other {expected}; {flag} {path_text} runs it as it is"
             )));
         }
         let answer = match at {
-            Some(at) => at.describe(path, &found, interruption)?,
+            Some(at) => at.describe(path, &actual, interruption)?,
             None => {
                 let asked = match &host {
                     Some(host) => host.ask(path, &["--describe".as_ref()], interruption)?,
@@ -414,28 +417,28 @@ impl Binary {
             let said = &answer.stderr;
             let said = said.lines().next().map_or(String::new(), |said| format!(" ({})", text::line(said)));
             Failure::usage(format!(
-                "{shown} does not speak the protocol: its answer to --describe is not a description: {error}{said}"
+                "{path_text} does not speak the protocol: its answer to --describe is not a description: {error}{said}"
             ))
         })?;
         let described = serde_json::to_value(&description).map_err(Failure::infrastructure)?;
         if let Some(text) = unprintable(&described) {
             return Err(Failure::usage(format!(
-                "{shown}: its answer to --describe has control characters in {text:?}"
+                "{path_text}: its answer to --describe has control characters in {text:?}"
             )));
         }
         if description.protocol != PROTOCOL {
             let theirs = description.protocol;
             return Err(Failure::usage(format!(
-                "{shown} speaks protocol {theirs}, this hil {PROTOCOL}; rebuild it"
+                "{path_text} speaks protocol {theirs}, this hil {PROTOCOL}; rebuild it"
             )));
         }
         description.check().map_err(|wrong| {
-            Failure::usage(format!("{shown}: its answer to --describe: {wrong}"))
+            Failure::usage(format!("{path_text}: its answer to --describe: {wrong}"))
         })?;
         let binary = Self {
             path: path.clone(),
             description,
-            blake3: found,
+            blake3: actual,
             by: by.clone(),
             at: at.cloned(),
             host,
@@ -446,7 +449,7 @@ impl Binary {
         Ok(binary)
     }
 
-    /// Asks whether the parameters of a job go together.
+    /// Checks that the parameters of a job are consistent.
     ///
     /// # Errors
     /// If the binary refuses the parameters; the error gives its reason.
@@ -469,14 +472,14 @@ impl Binary {
             return Ok(());
         }
         let reason = answer.stderr.trim().trim_start_matches("error: ");
-        // A library of somebody else may give its reason on either.
+        // A user's library may print its reason to either stream.
         Err(self.refused_job(format!("{reason}\n{}", answer.stdout).trim()))
     }
 
-    /// The command that starts it in a session, here or where it runs.
+    /// Returns the command that starts it in a session, here or on its target.
     ///
     /// # Errors
-    /// If the program that stands here for one elsewhere cannot be found.
+    /// If the program that represents a remote one here cannot be found.
     pub fn command(&self, session: &Path) -> Result<Command, Failure> {
         if let Some(at) = &self.at {
             return at.bridge(&self.path, &self.blake3, session);
@@ -489,7 +492,7 @@ impl Binary {
         Ok(command)
     }
 
-    /// Makes the failure of a job that it refuses, with its reason.
+    /// Returns the failure of a job that the binary refuses, with the reason.
     pub fn refused_job(&self, why: &str) -> Failure {
         let (program, why) = (&self.description.program, text::printable(why));
         Failure::usage(format!("{program}: {why}"))

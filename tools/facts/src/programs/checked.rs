@@ -1,5 +1,4 @@
-//! A scenario checked against what the programs of a run said of themselves, as a session or a recording
-//! keeps it.
+//! Scenario checked against the descriptions of a run's programs, as stored by a session or a recording.
 
 use std::path::Path;
 
@@ -8,10 +7,10 @@ use hil_config::scenario::{Advice, Scenario};
 use hil_console::terminal::exit::Failure;
 use shared_types::describe::Description;
 
-/// A scenario's plan, by what plant and controller said of themselves.
+/// Returns the plan of a scenario, checked against the descriptions of plant and controller.
 ///
 /// # Errors
-/// Everything that is wrong with it.
+/// All problems of the scenario.
 pub fn checked(
     text: &str,
     origin: &Path,
@@ -25,10 +24,10 @@ pub fn checked(
     checked_with(advice, text, origin, plant, controller)
 }
 
-/// The same with other advice on unknown plants and laws.
+/// Like [`checked`], with other advice on unknown plants and laws.
 ///
 /// # Errors
-/// Everything that is wrong with it.
+/// All problems of the scenario.
 pub fn checked_with(
     advice: Advice,
     text: &str,

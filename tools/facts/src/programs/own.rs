@@ -1,15 +1,15 @@
-//! The program that this is: the source that it is built from.
+//! Source revision of this program.
 
 use std::sync::OnceLock;
 
 static COMMIT: OnceLock<&str> = OnceLock::new();
 
-/// Notes the commit that this program is built from; only the first note counts.
+/// Sets the commit from which this program is built; only the first call counts.
 pub fn note_commit(commit: &'static str) {
     let _ = COMMIT.set(commit);
 }
 
-/// Returns the commit that this program is built from: `unknown` if its `main` noted none.
+/// Returns the commit from which this program is built; `unknown` if its `main` has not set one.
 #[must_use]
 pub fn commit() -> &'static str {
     COMMIT.get().copied().unwrap_or("unknown")

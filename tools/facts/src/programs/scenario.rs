@@ -1,4 +1,4 @@
-//! A scenario read, checked against its programs and shown complete.
+//! Scenario read, checked against its programs and shown complete.
 
 use std::sync::Arc;
 
@@ -17,8 +17,8 @@ use crate::arguments::run::Changes;
 use crate::programs::binaries::named::Named;
 use crate::programs::binaries::reached::Reached;
 
-/// The parts of a scenario that say what runs. The others disturb it, which is in the samples already,
-/// or judge it, in terms that another controller may not know.
+/// Parts of a scenario that determine what runs. The others disturb the run, which the samples already contain, or
+/// judge it in terms that another controller may not know.
 const KEPT: [&str; 7] = [
     "schema",
     "name",
@@ -29,7 +29,7 @@ const KEPT: [&str; 7] = [
     "stimuli",
 ];
 
-/// A plan as complete, runnable TOML.
+/// Returns a plan as complete, runnable TOML.
 ///
 /// # Errors
 /// If the plan does not belong to the binaries.
@@ -38,12 +38,12 @@ pub fn show(plan: &Plan, binaries: &Binaries) -> Result<String, Failure> {
     hil_config::show::show(plan, plants, laws, kinds).map_err(Failure::usage)
 }
 
-/// Reads scenarios and finds the programs that each is for.
+/// Reader of scenarios that also finds the programs of each.
 pub struct Finder<'a> {
     arguments: &'a BinaryArguments,
     at: Option<&'a Reached>,
     interruption: &'a Interruption,
-    /// Binaries of the scenarios before: each is asked once.
+    /// Binaries of earlier scenarios: each is asked for its description once.
     found: Vec<(Choices, Arc<Binaries>)>,
 }
 
@@ -61,11 +61,11 @@ impl<'a> Finder<'a> {
         }
     }
 
-    /// Reads a scenario, applies the changes and checks it against its programs. With `json` the
-    /// problems go to standard output too, for machines.
+    /// Reads a scenario, applies the changes and checks it against its programs. With `json` the problems are also
+    /// written to standard output as JSON.
     ///
     /// # Errors
-    /// Everything that is wrong with it, or with its programs.
+    /// All problems of the scenario or its programs.
     pub fn read(
         &mut self,
         path: &std::path::Path,
@@ -90,11 +90,11 @@ impl<'a> Finder<'a> {
     }
 }
 
-/// Applies the changes to a scenario and checks it; with `json` the problems go to standard output
-/// too, for machines.
+/// Applies the changes to a scenario and checks it; with `json` the problems are also written to standard output as
+/// JSON.
 ///
 /// # Errors
-/// Everything that is wrong with it.
+/// All problems of the scenario.
 pub fn check(
     scenario: Result<Scenario, Problems>,
     changes: &Changes,
@@ -106,7 +106,7 @@ pub fn check(
     finish(scenario.set(&changes.as_set()), binaries, json)
 }
 
-/// The plan of a scenario, with the programs that were found for it.
+/// Returns the plan of a scenario with its programs.
 fn finish(scenario: Scenario, binaries: &Binaries, json: bool) -> Result<Plan, Failure> {
     let (plants, laws, kinds) = binaries.described();
     let scenario = scenario.advise(binaries.advice());
@@ -128,10 +128,10 @@ fn refused<T>(problems: &Problems, json: bool) -> Result<T, Failure> {
     Err(Failure::Usage(problems.to_string()))
 }
 
-/// The parts of a scenario that say what runs.
+/// Returns the parts of a scenario that determine what runs.
 ///
 /// # Errors
-/// If it is no TOML.
+/// If it is not valid TOML.
 pub fn kept(text: &str) -> Result<DocumentMut, toml_edit::TomlError> {
     let mut document: DocumentMut = text.parse()?;
     document.retain(|key, _| KEPT.contains(&key));

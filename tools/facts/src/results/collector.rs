@@ -1,6 +1,6 @@
-//! The one pass over the records and events of a run: fed by the recorder while the run goes on and by
-//! [`RecordedOutcome`](super::outcome::RecordedOutcome) from a recording, so that both come to the same
-//! facts. Believes what it is given: the recorder checks items before, and digests are made elsewhere.
+//! Single pass over the records and events of a run: fed by the recorder during the run and by
+//! [`RecordedOutcome`](super::outcome::RecordedOutcome) from a recording, so that both arrive at the same facts.
+//! Trusts its input: the recorder validates items first, and digests are computed elsewhere.
 
 use shared_types::record::{Event, Timing};
 
@@ -9,24 +9,24 @@ use crate::results::evaluation::RecordEvaluation;
 use crate::results::latency::legs::Latency;
 use crate::results::recorded::Recorded;
 
-/// The facts of a run in the making.
+/// Facts of a run being collected.
 pub struct Collector {
-    /// Steps of the run; none if its scenario cannot be understood.
+    /// Steps of the run; 0 if its scenario is invalid.
     steps: u64,
     pub evaluation: Option<RecordEvaluation>,
-    /// None unless the run is a case whose campaign keeps curves.
+    /// Curve of a case; `None` unless its campaign records curves.
     pub curve: Option<CurveTaker>,
-    /// None where nobody asks for it: its histograms cost more than a short run.
+    /// Latency figures; `None` where they are not needed, because histograms cost more than a short run.
     pub latency: Option<Latency>,
     /// Times at which the first and the last record were published.
     published_ns: Option<(u64, u64)>,
-    /// Records that come are those that the run goes on from: they took no time of this run.
+    /// `true` while records belong to the run being continued: they took no time of this run.
     pub is_past: bool,
     pub recorded: Recorded,
 }
 
 impl Collector {
-    /// Begins with a run of N steps; without latency nobody asks for it.
+    /// Starts the collection for a run of `steps` steps, optionally with latency.
     pub fn new(steps: u64, evaluation: Option<RecordEvaluation>, latency: Option<Latency>) -> Self {
         Self {
             steps,
@@ -39,7 +39,7 @@ impl Collector {
         }
     }
 
-    /// Takes a record.
+    /// Adds a record.
     pub fn record(&mut self, words: &[u64], timing: &Timing) {
         let step = words[0];
         let recorded = &mut self.recorded;
@@ -65,10 +65,10 @@ impl Collector {
         self.published_ns = Some((first_ns, timing.published_ns));
     }
 
-    /// Takes an event.
+    /// Adds an event.
     ///
     /// # Errors
-    /// If the event of a live fault cannot be understood, which is then left out.
+    /// If the event of a live fault is malformed; it is left out.
     pub fn event(&mut self, event: &Event) -> Result<(), String> {
         if let Some(evaluation) = &mut self.evaluation {
             evaluation.event(event);
@@ -83,7 +83,7 @@ impl Collector {
         self.recorded.faults.take(event)
     }
 
-    /// Fills in the figures of all that was taken.
+    /// Computes the figures of everything collected.
     pub fn conclude(&mut self) {
         let recorded = &mut self.recorded;
         recorded.curve = self.curve.take().map(CurveTaker::finish);

@@ -1,19 +1,19 @@
-//! Company of a run: the processor time that other programs took meanwhile.
+//! Contention in a run: the processor time used by other programs meanwhile.
 
 use std::fmt;
 
 use rustix::thread::{CpuSet, sched_getaffinity};
 use serde::Serialize;
 
-/// Share of the cores from which on others are worth a line.
+/// Share of the cores used by others above which they are reported.
 const WORTH_TELLING: f64 = 0.1;
 
-/// Other programs beside a run, on the cores that it could use.
+/// CPU load by other programs during a run, on the cores available to it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Company {
-    /// Cores that they kept busy, on average.
+    /// Number of cores that they kept busy, on average.
     others_cores: f64,
-    /// Cores that the run could use.
+    /// Number of cores available to the run.
     cores: usize,
 }
 
@@ -21,21 +21,21 @@ pub struct Company {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ProcessorTime {
     cores: usize,
-    /// All time of the allowed cores.
+    /// Total time of the allowed cores.
     all: u64,
-    /// The part that somebody used.
+    /// Time used by any program.
     busy: u64,
-    /// The part that this process used, and its children that it waited for: runs at the same time count as
-    /// others until they end.
+    /// Time used by this process and its children that have been waited for: concurrent runs count as others until
+    /// they end.
     own: u64,
 }
 
-/// Reads each core of `/proc/stat`, with the ticks that programs used and all its ticks.
+/// Parses `/proc/stat`: for each core, its used ticks and all its ticks.
 pub fn core_times(stat: &str) -> impl Iterator<Item = (u32, u64, u64)> {
     stat.lines().filter_map(|line| {
         let mut words = line.split_ascii_whitespace();
         let core = words.next()?.strip_prefix("cpu")?.parse().ok()?;
-        // user nice system idle iowait irq softirq; what a host takes, behind them, is no program here
+        // user nice system idle iowait irq softirq; the steal time after them is not used by programs of this machine
         let ticks: Vec<u64> = words.take(7).filter_map(|word| word.parse().ok()).collect();
         let all: u64 = ticks.iter().sum();
         let idle: u64 = ticks.iter().skip(3).take(2).sum();
@@ -44,7 +44,7 @@ pub fn core_times(stat: &str) -> impl Iterator<Item = (u32, u64, u64)> {
 }
 
 impl ProcessorTime {
-    /// Reads it now; nothing where the system does not tell it.
+    /// Reads the current values; empty where the system does not provide them.
     #[must_use]
     pub fn now() -> Self {
         let read = |path| std::fs::read_to_string(path).unwrap_or_default();
@@ -61,7 +61,7 @@ impl ProcessorTime {
             time.all += all;
             time.busy += busy;
         }
-        // Behind the name, which may hold anything: user and system time, then those of children.
+        // The name may contain anything; after it follow user and system time, then those of children.
         let (_, rest) = own.rsplit_once(')').unwrap_or_default();
         time.own = (rest.split_ascii_whitespace().skip(11).take(4))
             .map(number)
@@ -69,7 +69,7 @@ impl ProcessorTime {
         time
     }
 
-    /// Returns the share of the allowed cores that other programs took since then, 0 to 1.
+    /// Returns the share of the allowed cores used by other programs since then, 0 to 1.
     #[must_use]
     pub fn others_share(&self, since: &Self) -> f64 {
         let of = |part: fn(&Self) -> u64| part(self).saturating_sub(part(since)) as f64;
@@ -84,7 +84,7 @@ impl ProcessorTime {
         }
     }
 
-    /// Returns the company since then.
+    /// Returns the contention since then.
     pub fn company(&self, since: &Self) -> Company {
         Company {
             others_cores: self.cores as f64 * self.others_share(since),
@@ -94,7 +94,7 @@ impl ProcessorTime {
 }
 
 impl Company {
-    /// Reports others that took so much that it shows in the times of the run.
+    /// Returns `true` if other programs used so much that the times of the run show it.
     pub(crate) fn is_worth_telling(&self) -> bool {
         self.others_cores > WORTH_TELLING * self.cores as f64
     }
@@ -115,7 +115,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_others_took_is_what_is_left_of_the_allowed_cores() {
+    fn contention_is_the_used_time_of_the_allowed_cores_minus_the_own_time() {
         let machine = |second: u64| {
             format!(
                 "cpu 9 9 9 9 9 9 9 9 9 9\ncpu0 100 0 0 900 0 0 0 0 0 0\ncpu1 {second} 0 100 500 100 0 0 0 7 0\ncpu2 5000 0 0 0 0 0 0 0 0 0\nintr 1 2\n"
@@ -130,7 +130,7 @@ mod tests {
             own: 100,
         };
         assert_eq!(before, expected);
-        // 400 ticks of core 1, 100 of them by this process; core 0 stood still.
+        // Core 1 used 400 ticks, 100 of them by this process; core 0 was idle.
         let after = ProcessorTime::of(&machine(700), &own(110), |core| core < 2);
         let others_cores = 2.0 * (400.0 - 100.0) / 400.0;
         assert_eq!(

@@ -1,14 +1,14 @@
-//! The curve of a case: the least and the greatest value of each signal in each bin of time.
+//! Curve of a case: minimum and maximum of each signal in each time bin.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// Bytes of a bin.
+/// Size of a bin in bytes.
 const BIN: usize = 2 * size_of::<f32>();
 
-/// Signals and bins of the curves of a campaign.
+/// Signals and bins of a campaign's curves.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Grid {
     /// Names and units of the signals.
@@ -17,29 +17,29 @@ pub struct Grid {
     pub bins: usize,
     /// Length of a bin in s.
     pub bin_s: f64,
-    /// Number of draws of which one keeps its curves.
+    /// Number of draws of which one records its curves.
     pub every: u64,
 }
 
-/// Least and greatest value of each signal in each bin; NaN where it has none.
+/// Minimum and maximum of each signal in each bin; NaN for missing values.
 #[derive(Clone, Debug)]
 pub struct Curve(Vec<[f32; 2]>);
 
 impl Curve {
-    /// Makes the curve of a case without records.
+    /// Creates the curve of a case without records.
     #[must_use]
     pub fn new(grid: &Grid) -> Self {
         Self(vec![[f32::NAN; 2]; grid.signals.len() * grid.bins])
     }
 
-    /// Takes the value of a signal in a bin; one that does not exist changes nothing.
+    /// Adds the value of a signal to a bin; NaN changes nothing.
     #[inline]
     pub fn take(&mut self, grid: &Grid, signal: usize, bin: usize, value: f64) {
         let value = value as f32;
         widen(&mut self.0[signal * grid.bins + bin], [value; 2]);
     }
 
-    /// Takes another curve in; tells whether that changed anything.
+    /// Merges another curve; returns `true` if that changed anything.
     pub fn widen(&mut self, other: &Self) -> bool {
         let mut is_wider = false;
         for (bin, other) in self.0.iter_mut().zip(&other.0) {
@@ -48,7 +48,7 @@ impl Curve {
         is_wider
     }
 
-    /// Returns the least and the greatest value of a signal in each bin.
+    /// Returns the minimum and maximum of a signal in each bin.
     #[must_use]
     pub fn signal(&self, grid: &Grid, signal: usize) -> &[[f32; 2]] {
         &self.0[signal * grid.bins..(signal + 1) * grid.bins]
@@ -59,10 +59,10 @@ impl Curve {
     }
 }
 
-/// Widens a bin; tells whether that changed it.
+/// Widens a bin; returns `true` if that changed it.
 #[inline]
 fn widen([least, greatest]: &mut [f32; 2], [low, high]: [f32; 2]) -> bool {
-    // A comparison with what is not there is false.
+    // Comparisons with NaN are false.
     let (is_lower, is_higher) = (
         low < *least || (least.is_nan() && !low.is_nan()),
         high > *greatest || (greatest.is_nan() && !high.is_nan()),

@@ -1,4 +1,4 @@
-//! The curve of a run for the envelopes of its campaign, taken from its records as they come.
+//! Curve of a run for the envelopes of its campaign, computed from its records as they arrive.
 
 use std::sync::Arc;
 
@@ -8,11 +8,12 @@ use hil_config::plan::Plan;
 use shared_types::record::RecordLayout;
 use shared_types::time::{Rate, Step};
 
-/// Taker of a curve.
+/// Recorder of a curve.
 pub struct CurveTaker {
     grid: Arc<Grid>,
     rate: Rate,
-    /// Place of each signal: among the words of a record, or among the derived signals; none of what the run lacks.
+    /// Source of each signal: an index among the words of a record or among the derived signals; `None` if the run
+    /// lacks it.
     places: Vec<Option<Place>>,
     curve: Curve,
 }
@@ -24,7 +25,7 @@ enum Place {
 }
 
 impl CurveTaker {
-    /// Begins the curve of a plan's run, whose records have this layout.
+    /// Starts the curve of a plan's run, whose records have this layout.
     pub fn new(grid: Arc<Grid>, plan: &Plan, layout: &RecordLayout) -> Self {
         let columns = Columns::from(layout);
         let first = layout.values_start();
@@ -42,7 +43,7 @@ impl CurveTaker {
         }
     }
 
-    /// Takes a record and what is derived from it.
+    /// Adds a record and its derived values.
     pub fn record(&mut self, words: &[u64], derived: &[f64]) {
         let grid = &*self.grid;
         let time_s = self.rate.seconds(Step(words[0]));
@@ -57,7 +58,7 @@ impl CurveTaker {
         }
     }
 
-    /// Returns what was taken.
+    /// Returns the curve.
     pub fn finish(self) -> Curve {
         self.curve
     }

@@ -1,4 +1,4 @@
-//! The end of a run and the controllers that it had, as the summary tells of them.
+//! End of a run and its controllers, as reported in the summary.
 
 use shared_types::record::Outcome;
 
@@ -8,16 +8,16 @@ use crate::results::recorded::Recorded;
 /// End of a run.
 pub struct EndedRun {
     pub recorded: Recorded,
-    /// Outcome of the run, with what the supervisor knows besides what the plant saw.
+    /// Outcome of the run, combining the plant's report and the supervisor's observations.
     pub outcome: Outcome,
     /// Reason, if the run was not completed.
     pub reason: Option<String>,
-    /// The controller processes, in order.
+    /// Controller processes in order.
     pub controllers: Vec<Started>,
 }
 
 impl EndedRun {
-    /// The end of a run that told of no controller process.
+    /// Creates the end of a run without information about controller processes.
     pub const fn new(recorded: Recorded, outcome: Outcome, reason: Option<String>) -> Self {
         Self {
             recorded,
@@ -28,21 +28,21 @@ impl EndedRun {
     }
 }
 
-/// A controller as the summary and the recording tell of it.
+/// Controller as reported in the summary and the recording.
 #[derive(Clone, Debug)]
 pub struct Started {
     /// Number of the controller in the session, from 1.
     pub epoch: u32,
     pub binary: Binary,
     pub law: String,
-    /// Values of the scenario that were changed for it.
+    /// Values of the scenario changed for it.
     pub set: Vec<String>,
-    /// End of the controller's process, if there is something to say about it.
+    /// End of the controller's process, if it is notable.
     pub fate: Option<String>,
 }
 
 impl Started {
-    /// Returns the facts that a recording holds of the controller.
+    /// Returns the facts about the controller for a recording.
     pub fn facts(&self) -> Vec<(String, String)> {
         let name = |what: &str| format!("controller_{}_{what}", self.epoch);
         let mut facts = vec![

@@ -1,7 +1,7 @@
-//! The end of a run as its plant told it, held against the plan and the records.
+//! End of a run as reported by its plant, checked against the plan and the records.
 //!
-//! Used by the recorder when a run is over, and by all that reads what came of a recorded one. A plant
-//! is another process: what it says is believed as far as it fits what was asked for and what came.
+//! Used by the recorder at the end of a run, and by all readers of recorded outcomes. A plant is another process:
+//! its report is trusted only as far as it is consistent with the plan and the records.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,24 +11,24 @@ use shared_types::record::{ControllerChange, ControllerFate, Outcome, RunEnd, Ti
 
 use crate::results::recorded::Recorded;
 
-/// Counts of the controller's commands in the records of a run.
+/// Counts of controller commands in the records of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Answers {
-    /// Records with a command of a controller.
+    /// Number of records with a controller's command.
     pub given: u64,
-    /// Records with an older command than that of their step.
+    /// Number of records with an older command than that of their step.
     pub held: u64,
 }
 
 impl Answers {
-    /// Takes in the record of a step that had a command.
+    /// Counts the record of a step with a command.
     pub const fn take(&mut self, timing: &Timing) {
         self.given += (timing.epoch > 0) as u64;
         self.held += (timing.held_steps > 0) as u64;
     }
 }
 
-/// The first thing in the plant's account of its end that cannot be so.
+/// Returns the first contradiction in the plant's report of its end.
 #[must_use]
 pub fn contradiction(plan: &Plan, recorded: &Recorded) -> Option<String> {
     let end = recorded.end.as_ref()?;
@@ -40,20 +40,20 @@ pub fn contradiction(plan: &Plan, recorded: &Recorded) -> Option<String> {
 }
 
 fn steps(plan: &Plan, end: &RunEnd) -> Option<String> {
-    let (said, planned) = (end.steps, plan.run.steps);
+    let (actual, planned) = (end.steps, plan.run.steps);
     match end.outcome {
-        _ if said > planned => Some(format!(
-            "the plant says that it executed {said} steps, and the run has {planned}"
+        _ if actual > planned => Some(format!(
+            "the plant reports {actual} executed steps, but the run has {planned}"
         )),
-        Outcome::Completed if said < planned => Some(format!(
-            "the plant says that it completed the run after {said} steps, and the run has {planned}"
+        Outcome::Completed if actual < planned => Some(format!(
+            "the plant reports a completed run after {actual} steps, but the run has {planned}"
         )),
         _ => None,
     }
 }
 
-/// A record for each step, and one more of the state after the last; a run that broke off may lack
-/// that. In real time some may be lost, and are counted.
+/// Checks the number of records: one for each step, and one of the state after the last, which an aborted run may
+/// lack. In real time some may be lost, and are counted.
 fn records(plan: &Plan, end: &RunEnd, recorded: &Recorded) -> Option<String> {
     let (steps, came, lost) = (end.steps, recorded.records, recorded.lost);
     let missing = match plan.run.clock {
@@ -70,12 +70,12 @@ fn records(plan: &Plan, end: &RunEnd, recorded: &Recorded) -> Option<String> {
             0 => String::new(),
             lost => format!(" and {lost} were lost"),
         };
-        format!("the plant says that it executed {steps} steps, which are {due}; {came} came{lost}")
+        format!("the plant reports {steps} executed steps, which are {due}; {came} arrived{lost}")
     })
 }
 
-/// A controller that is lost before it answers once, at the first step of the run, leaves one without
-/// answers.
+/// Checks that there are answers: only a controller lost at the first step of the run, before it answered, leaves
+/// none.
 fn answers(end: &RunEnd, recorded: &Recorded) -> Option<String> {
     let is_alone = recorded.answers.is_some_and(|answers| answers.given == 0);
     let is_lost = |change: &ControllerChange| {
@@ -85,8 +85,7 @@ fn answers(end: &RunEnd, recorded: &Recorded) -> Option<String> {
     // The last record has no command.
     let is_due = end.outcome == Outcome::Completed && recorded.records > 1;
     (is_due && is_alone && !is_known).then(|| {
-        "the plant says that it completed the run, and no record has the answer of a controller"
-            .into()
+        "the plant reports a completed run, but no record has a controller's answer".into()
     })
 }
 
@@ -109,61 +108,63 @@ fn counts(plan: &Plan, end: &RunEnd, recorded: &Recorded) -> Option<String> {
             let first = first_step.map_or_else(|| "none".into(), |step| step.to_string());
             let steps = end.steps;
             return Some(format!(
-                "the plant says that {count} {what}, {longest} in a row at most, the first at step {first}, of {steps} steps"
+                "the plant reports that {count} {what}, at most {longest} in a row, the first at step {first}, of {steps} steps"
             ));
         }
     }
     if plan.run.clock == Clock::Lockstep && end.overruns.count > 0 {
         let count = end.overruns.count;
         return Some(format!(
-            "the plant says that {count} {overran}, and in lockstep none is due at any time"
+            "the plant reports that {count} {overran}, but in lockstep steps are never due"
         ));
     }
-    let (said, held) = (end.missed_commands.count, recorded.answers?.held);
+    let (actual, held) = (end.missed_commands.count, recorded.answers?.held);
     let is_exact = end.outcome == Outcome::Completed && recorded.changes.is_empty();
     let is_sound = match recorded.lost {
-        0 if is_exact => said == held,
-        // The step that a run ends at may have no record.
-        lost => said <= held.saturating_add(lost).saturating_add(1),
+        0 if is_exact => actual == held,
+        // The step at which a run ends may have no record.
+        lost => actual <= held.saturating_add(lost).saturating_add(1),
     };
     (!is_sound).then(|| {
-        format!("the plant says that {said} {missed}, and {held} records have an older command")
+        format!(
+            "the plant reports that {actual} {missed}, but {held} records have an older command"
+        )
     })
 }
 
-/// Every effect that is told of belongs to a fault of the run, and is told of once.
+/// Checks that every reported effect belongs to a fault of the run, and is reported once.
 fn effects(plan: &Plan, end: &RunEnd, recorded: &Recorded) -> Option<String> {
     let log = &recorded.faults;
     let live = log.accepted.iter().map(|live| &live.event);
-    let known: BTreeMap<u32, usize> = (plan.faults.iter().chain(live))
+    let counts: BTreeMap<u32, usize> = (plan.faults.iter().chain(live))
         .map(|event| (event.id, event.effects.len()))
         .collect();
-    let mut told = BTreeSet::new();
+    let mut reported = BTreeSet::new();
     for effect in &end.effects {
         let (id, number) = (effect.id, effect.effect);
         let mut steps = [effect.step, effect.ended_step].into_iter().flatten();
         if steps.any(|step| step > plan.run.steps) || effect.acted_steps > end.steps + 1 {
             let steps = end.steps;
             return Some(format!(
-                "the plant tells of effect {number} of fault {id} beyond the end of a run of {steps} steps"
+                "the plant reports effect {number} of fault {id} after the end of a run of {steps} steps"
             ));
         }
-        if !told.insert((id, number)) {
+        if !reported.insert((id, number)) {
             return Some(format!(
-                "the plant tells twice of effect {number} of fault {id}"
+                "the plant reports effect {number} of fault {id} twice"
             ));
         }
     }
     let taken = log.taken.iter().map(|taken| (taken.id, taken.effect));
     let ended = log.ended.iter().map(|ended| (ended.id, ended.effect));
     let is_made_up = |(id, number): &(u32, u32)| {
-        let effects = known.get(id).copied().unwrap_or(0);
+        let effects = counts.get(id).copied().unwrap_or(0);
         usize::try_from(*number).is_ok_and(|number| number >= effects)
     };
-    // In real time it may be lost that a live fault was accepted.
-    let made_up = (told.into_iter().chain(taken).chain(ended)).find(is_made_up);
+    // In real time the event of an accepted live fault may be lost.
+    let made_up = (reported.into_iter().chain(taken).chain(ended)).find(is_made_up);
     made_up.filter(|_| recorded.lost == 0).map(|(id, number)| {
-        format!("the plant tells of effect {number} of fault {id}, and there is no such fault")
+        format!("the plant reports effect {number} of fault {id}, but there is no such fault")
     })
 }
 

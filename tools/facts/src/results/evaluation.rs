@@ -1,5 +1,5 @@
-//! The evaluation of whole records: the same for those that the recorder hears and those that a reader
-//! finds in a recording, so that metrics and requirements come out alike to the last bit.
+//! Evaluation of whole records: the same code for the recorder and for readers of recordings, so that metrics and
+//! requirements agree to the last bit.
 
 use std::ops::Range;
 
@@ -10,16 +10,16 @@ use shared_types::record::{Event, RecordLayout, Validity};
 use shared_types::time::Step;
 use shared_types::zerocopy::{FromBytes, IntoBytes};
 
-/// An evaluation that is fed with records.
+/// Evaluation fed with records.
 pub struct RecordEvaluation {
     evaluation: Evaluation,
-    /// Places of the signals in a record.
+    /// Range of the signals in a record.
     values: Range<usize>,
     validity: Validity,
 }
 
 impl RecordEvaluation {
-    /// Begins to evaluate a plan over records with these columns in these places.
+    /// Starts the evaluation of a plan over records with these columns at these positions.
     ///
     /// # Errors
     /// If the plan does not fit the columns.
@@ -36,7 +36,7 @@ impl RecordEvaluation {
         })
     }
 
-    /// Begins to evaluate a plan over records of this layout.
+    /// Starts the evaluation of a plan over records of this layout.
     ///
     /// # Errors
     /// If the plan does not fit the layout.
@@ -46,14 +46,14 @@ impl RecordEvaluation {
         Self::new(plan, &Columns::from(layout), values, layout.validity())
     }
 
-    /// Takes what happened before the next record.
+    /// Adds an event before the next record.
     pub fn event(&mut self, event: &Event) {
-        if let Event::Fault(taken) = event {
-            self.evaluation.fault(taken.id, Step(taken.step));
+        if let Event::Fault(fault) = event {
+            self.evaluation.fault(fault.id, Step(fault.step));
         }
     }
 
-    /// Takes a record; gives the derived signals at its step.
+    /// Adds a record; returns the derived signals at its step.
     pub fn record(&mut self, words: &[u64]) -> &[f64] {
         let values = words[self.values.clone()].as_bytes();
         let values = <[f64]>::ref_from_bytes(values).expect("same size and alignment");
@@ -62,7 +62,7 @@ impl RecordEvaluation {
         self.evaluation.derived()
     }
 
-    /// Results so far.
+    /// Returns the results so far.
     pub const fn so_far(&self) -> &Evaluation {
         &self.evaluation
     }

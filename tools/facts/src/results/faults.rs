@@ -1,8 +1,7 @@
-//! Fates of the faults of a run, for its summary.
+//! Fates of a run's faults, for its summary.
 //!
-//! Made from the plan and from the events that the plant published: what was asked for, the step at
-//! which it took hold, how large its effect was. A fault that did nothing is told as loudly as one
-//! that did.
+//! Derived from the plan and from the plant's events: the requested fault, the step at which it became active, the
+//! size of its effect. A fault without effect is reported as prominently as one with an effect.
 
 use std::fmt::Write as _;
 
@@ -12,25 +11,25 @@ use shared_types::number::short_in;
 use shared_types::record::{Event, FaultAccepted, FaultBegun, FaultEffectSize, FaultEnded};
 use shared_types::time::{Rate, Step};
 
-/// The events of a run that are about faults.
+/// Fault events of a run.
 #[derive(Clone, Debug, Default)]
 pub struct FaultLog {
-    /// Live faults that were accepted.
+    /// Accepted live faults.
     pub accepted: Vec<LiveFault>,
-    /// Effects that took hold.
+    /// Effects that began.
     pub taken: Vec<FaultBegun>,
     /// Effects that ended.
     pub ended: Vec<FaultEnded>,
-    /// Sizes of the effects, by the plant's last word; `None` if the plant died before.
+    /// Sizes of the effects from the plant's final report; `None` if the plant died before it.
     pub sizes: Option<Vec<FaultEffectSize>>,
 }
 
-/// A live fault that was accepted.
+/// Accepted live fault.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LiveFault {
-    /// The next step when it was accepted.
+    /// Next step at the time of acceptance.
     pub step: u64,
-    /// Event that was accepted.
+    /// Accepted event.
     pub event: FaultEvent,
 }
 
@@ -45,7 +44,7 @@ impl TryFrom<&FaultAccepted> for LiveFault {
     }
 }
 
-/// A fault and what became of it.
+/// Fault and its fate.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Fault {
     event: u32,
@@ -53,14 +52,14 @@ pub struct Fault {
     #[serde(skip_serializing_if = "Option::is_none")]
     name: Option<String>,
     source: FaultSource,
-    /// Null if no time was asked for: a condition, or after another fault.
+    /// Requested time; null for a condition, or a fault that follows another.
     requested_at_s: Option<f64>,
-    /// The next step when a live fault was accepted.
+    /// Next step when a live fault was accepted.
     #[serde(skip_serializing_if = "Option::is_none")]
     accepted_step: Option<u64>,
-    /// Null if it never took hold.
+    /// Step at which it became active; null if it never did.
     effective_step: Option<u64>,
-    /// Reason for which the fault never took hold.
+    /// Reason that the fault never became active.
     #[serde(skip_serializing_if = "Option::is_none")]
     reason: Option<String>,
     effects: Vec<Effect>,
@@ -69,26 +68,26 @@ pub struct Fault {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 struct Effect {
     target: String,
-    /// Parameters or signal; null if it never took hold.
+    /// Parameters or signal; null if it never became active.
     parameter: Option<String>,
     effective_step: Option<u64>,
     ended_step: Option<u64>,
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     cleared: bool,
-    /// Null if the plant died before it could tell, as are the next two.
+    /// Largest effect; null, as are the next two, if the plant died before it could report it.
     max_effect: Option<f64>,
     unit: Option<String>,
     acted_steps: Option<u64>,
-    /// The effect took hold and changed nothing.
+    /// `true` if the effect became active and changed nothing.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     no_effect: bool,
 }
 
 impl FaultLog {
-    /// Takes an event, if it is about faults.
+    /// Adds an event, if it concerns faults.
     ///
     /// # Errors
-    /// If the event of a live fault cannot be understood, which is then left out.
+    /// If the event of a live fault is malformed; it is left out.
     pub fn take(&mut self, event: &Event) -> Result<(), String> {
         match event {
             Event::Accepted(accepted) => {
@@ -104,7 +103,7 @@ impl FaultLog {
         Ok(())
     }
 
-    /// Every fault of the run: those of the scenario, then the live ones.
+    /// Returns every fault of the run: those of the scenario, then the live ones.
     #[must_use]
     pub fn faults(&self, scenario: &[FaultEvent], rate: Rate) -> Vec<Fault> {
         let planned = scenario.iter().map(|event| self.fault(event, None, rate));
@@ -141,19 +140,19 @@ impl FaultLog {
     }
 
     fn effect(&self, id: u32, number: u32, target: &str) -> Effect {
-        let taken = (self.taken.iter()).find(|taken| (taken.id, taken.effect) == (id, number));
+        let begun = (self.taken.iter()).find(|begun| (begun.id, begun.effect) == (id, number));
         let ended = (self.ended.iter()).find(|ended| (ended.id, ended.effect) == (id, number));
         let sizes = self.sizes.as_deref().unwrap_or_default();
         let size = sizes
             .iter()
             .find(|size| (size.id, size.effect) == (id, number));
-        let held = size.filter(|size| taken.is_some() || size.step.is_some());
+        let reported = size.filter(|size| begun.is_some() || size.step.is_some());
         Effect {
             target: target.into(),
-            parameter: (taken.map(|taken| taken.parameter.clone()))
-                .or_else(|| held.map(|size| size.parameter.clone())),
-            // In real time the event itself may be lost; the plant's last word has it too.
-            effective_step: (taken.map(|taken| taken.step))
+            parameter: (begun.map(|begun| begun.parameter.clone()))
+                .or_else(|| reported.map(|size| size.parameter.clone())),
+            // In real time the event itself may be lost; the plant's final report contains it too.
+            effective_step: (begun.map(|begun| begun.step))
                 .or_else(|| size.and_then(|size| size.step)),
             ended_step: ended
                 .map(|ended| ended.step)
@@ -162,11 +161,11 @@ impl FaultLog {
             max_effect: size.map(|size| size.max_effect),
             unit: size.map(|size| size.unit.clone()),
             acted_steps: size.map(|size| size.acted_steps),
-            no_effect: held.is_some_and(|size| size.acted_steps == 0),
+            no_effect: reported.is_some_and(|size| size.acted_steps == 0),
         }
     }
 
-    /// Returns the reason for which an event never took hold.
+    /// Returns the reason that an event never became active.
     fn never(&self, event: &FaultEvent) -> String {
         let is_cleared = |ended: &FaultEnded| ended.id == event.id && ended.cleared;
         if self.ended.iter().any(is_cleared) {
@@ -183,7 +182,7 @@ impl FaultLog {
                 }
             }
             Trigger::After { event, delay_steps } => {
-                match self.taken.iter().find(|taken| taken.id == *event) {
+                match self.taken.iter().find(|begun| begun.id == *event) {
                     Some(_) => {
                         format!("the run ended within {delay_steps} steps after fault {event}")
                     }
@@ -195,7 +194,7 @@ impl FaultLog {
 }
 
 impl Fault {
-    /// The fault as a person reads it, in a line or more.
+    /// Describes the fault in one or more lines.
     #[must_use]
     pub fn describe(&self) -> String {
         let live = match self.source {

@@ -1,4 +1,4 @@
-//! Fates of the controllers of a run, for the summary and for those who watch.
+//! Fates of a run's controllers, for the summary and for observers.
 
 use std::fmt::{self, Write as _};
 use std::path::Path;
@@ -9,42 +9,42 @@ use shared_types::time::{Rate, Step};
 
 use crate::results::ended::Started;
 
-/// A controller of a run that had several, or lost its only one.
+/// Controller of a run that had several, or lost its only one.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct ActiveController {
     epoch: u32,
-    /// Null where only a recording tells of it, as is the hash.
+    /// Path of the binary; null, as is the hash, where only a recording reports it.
     binary: Option<String>,
     blake3: Option<String>,
     law: Option<String>,
-    /// Values that were changed for it.
+    /// Values changed for it.
     set: Vec<String>,
-    /// The first step that it answered; null if it never came into office.
+    /// First step that it answered; null if it never became active.
     from_step: Option<u64>,
-    /// The first step without it; null if it was there to the end.
+    /// First step without it; null if it was active to the end.
     until_step: Option<u64>,
     until_s: Option<f64>,
     /// `lost`, `replaced` or `refused`.
     end: Option<&'static str>,
     reason: Option<String>,
-    /// Way in which the run went on without the controller.
+    /// Continuation of the run without the controller.
     then: Option<&'static str>,
 }
 
-/// The laws of a run, each with the first step that it answers; `None` is no controller.
+/// Laws of a run, each with the first step that it answers; `None` stands for no controller.
 #[derive(Clone, Debug, Default)]
 pub struct Laws(Vec<(u64, Option<Law>)>);
 
-/// A law, as one controller of a run had it.
+/// Law of one of a run's controllers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Law {
     name: String,
-    /// Differences from the run's first controller: values, and another program.
+    /// Differences from the run's first controller: values, and the program.
     other: Vec<String>,
 }
 
 impl Law {
-    /// Returns the law of a later controller, of which a recording has these facts.
+    /// Returns the law of a later controller, from these facts of a recording.
     fn of(name: &str, epoch: u32, fact: &dyn Fn(&str) -> Option<String>) -> Self {
         let its = |what| fact(&format!("controller_{epoch}_{what}"));
         let set: Vec<String> = its("set")
@@ -77,7 +77,7 @@ impl fmt::Display for Law {
 }
 
 impl Laws {
-    /// Returns the laws of a run that began with this law and that has these facts of its controllers.
+    /// Returns the laws of a run that began with this law, from these facts about its controllers.
     pub fn of(
         first: &str,
         changes: &[ControllerChange],
@@ -107,14 +107,14 @@ impl Laws {
         Self(laws)
     }
 
-    /// All of them.
+    /// Returns the names of all laws.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         let laws = self.0.iter().filter_map(|(_, law)| law.as_ref());
         laws.map(|law| law.name.as_str())
     }
 
-    /// The law that answered every step of a window in s, both ends included, with the values of the
-    /// scenario and by the program that the run began with.
+    /// Returns the law that answered every step of a window in s, both ends included, if it had the values of the
+    /// scenario and the program of the run's start.
     pub(crate) fn during(&self, [from_s, until_s]: [f64; 2], rate: Rate) -> Option<&str> {
         let [from, until] = [from_s, until_s].map(|time_s| rate.step_at_or_after(time_s).0);
         let place = self.0.iter().rposition(|(step, _)| *step <= from)?;
@@ -124,20 +124,20 @@ impl Laws {
         (is_whole && law.other.is_empty()).then_some(&law.name)
     }
 
-    /// Describes the controllers for a person: the first, and each other one with its begin.
+    /// Describes the controllers: the first, and each other one with its start time.
     pub fn describe(&self, rate: Rate) -> String {
-        let told = self.0.iter().map(|(step, law)| {
+        let parts = self.0.iter().map(|(step, law)| {
             let law = (law.as_ref()).map_or_else(|| "no controller".into(), Law::to_string);
             match step {
                 0 => law,
                 step => format!("{law} from {} s", rate.seconds(Step(*step))),
             }
         });
-        told.collect::<Vec<_>>().join(", ")
+        parts.collect::<Vec<_>>().join(", ")
     }
 }
 
-/// The controllers of a run; empty if it kept the one it began with.
+/// Returns the controllers of a run; empty if it kept its first one.
 pub(crate) fn active_controllers(
     started: &[Started],
     changes: &[ControllerChange],
@@ -184,7 +184,7 @@ pub(crate) fn active_controllers(
                     ("replaced", None, None)
                 }
                 ControllerFate::Lost { reason, policy } if is_meant => {
-                    // What the plant saw, and what became of the process.
+                    // The plant's observation, and the fate of the process.
                     let started = started.iter().find(|one| one.epoch == *epoch);
                     let fate = started.and_then(|one| one.fate.as_deref());
                     let fate = fate.map_or_else(String::new, |fate| format!("; {fate}"));
@@ -206,7 +206,7 @@ pub(crate) fn active_controllers(
 }
 
 impl ActiveController {
-    /// Describes the controller for a person.
+    /// Describes the controller.
     pub(crate) fn describe(&self) -> String {
         let Self { epoch, law, .. } = self;
         let mut text = format!("controller {epoch}");
@@ -237,7 +237,7 @@ impl ActiveController {
     }
 }
 
-/// A change as it is told while the run goes on.
+/// Describes a change as reported during the run.
 pub fn describe(change: &ControllerChange) -> String {
     let ControllerChange {
         epoch,
@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn the_law_of_a_window_is_the_one_that_answered_all_of_it() {
+    fn the_law_of_a_window_is_the_one_active_throughout() {
         let rate = Rate::new(1000.0).expect("a rate");
         let laws = [joined(2, 2500, "hold"), lost(2, 4000)];
         let laws = Laws::of("pid", &laws, |_| None);
@@ -307,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn a_law_that_takes_over_from_itself_is_one() {
+    fn a_law_that_takes_over_from_itself_is_listed_once() {
         let rate = Rate::new(1000.0).expect("a rate");
         let refused = change(
             3,
@@ -327,8 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn values_and_programs_that_came_with_a_controller_are_told_and_are_nobodys_published_figures()
-    {
+    fn a_controller_with_other_values_or_program_is_described_and_has_no_published_figures() {
         let rate = Rate::new(1000.0).expect("a rate");
         let facts = |name: &str| {
             let fact = match name {

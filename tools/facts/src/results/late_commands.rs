@@ -1,7 +1,7 @@
 //! Late commands of a recorded run, which `hil rerun` repeats in lockstep.
 //!
-//! Every record says which command its step met, and that command which samples were answered
-//! before it. A sample that no command tells of was never seen by the controller.
+//! Every record states which command its step received, and that command states which samples were answered before
+//! it. A sample that no command reports was never seen by the controller.
 
 use std::collections::BTreeMap;
 
@@ -11,19 +11,19 @@ use shared_types::time::Step;
 
 use hil_recording::reader::RunReader;
 
-/// Steps of a run that missed their command, collected from one record after another.
+/// Steps of a run that missed their command, collected record by record.
 #[derive(Debug)]
 pub struct LateCommands {
-    /// Places of the words in a record.
+    /// Indices of the words in a record.
     held_steps: usize,
     answered: usize,
-    /// The step of the last command met.
+    /// Step of the last received command.
     last: Option<u64>,
     missed: BTreeMap<u64, Missed>,
 }
 
 impl LateCommands {
-    /// Begins with the records of a run; `None` if they do not tell, as those of older versions.
+    /// Starts with the records of a run; `None` if they lack the necessary words, as in older versions.
     pub fn of(reader: &RunReader) -> Option<Self> {
         let places = (reader.place("held_steps")?, reader.place("answered")?);
         Some(Self::new(places.0, places.1))
@@ -38,7 +38,7 @@ impl LateCommands {
         }
     }
 
-    /// Takes in a record that a command answered.
+    /// Adds a record whose step received a command.
     pub fn take(&mut self, step: u64, words: &[u64]) {
         let held_steps = words[self.held_steps];
         let command = step.saturating_sub(held_steps);
@@ -48,7 +48,7 @@ impl LateCommands {
                 Missed {
                     step,
                     held_steps: held_steps as u32,
-                    answered: false, // until a command tells
+                    answered: false, // until a command reports it
                 },
             );
         }
@@ -69,7 +69,7 @@ impl LateCommands {
         self.last = Some(command);
     }
 
-    /// All of them, in the order of steps.
+    /// Returns all missed steps in order.
     pub fn missed(self) -> Vec<Missed> {
         self.missed.into_values().collect()
     }
@@ -79,7 +79,7 @@ impl LateCommands {
 mod tests {
     use super::*;
 
-    /// Steps as they were met: the step of the command, and the answers before it.
+    /// Collects steps given by the step of their command, and the answers before it.
     fn collected(steps: &[(u64, Answered)]) -> Vec<(u64, u32, bool)> {
         let mut collector = LateCommands::new(0, 1);
         for (step, (command, answered)) in (0..).zip(steps) {
@@ -91,35 +91,35 @@ mod tests {
     }
 
     #[test]
-    fn a_run_in_time_missed_nothing() {
+    fn a_punctual_run_missed_nothing() {
         let first = Answered::default();
         let second = first.then(1);
         assert!(collected(&[(0, first), (1, second), (2, second.then(1))]).is_empty());
     }
 
     #[test]
-    fn a_sample_that_no_command_tells_of_was_not_seen() {
+    fn a_sample_reported_by_no_command_was_not_seen() {
         // 1 was answered late, after 3; 2 and 3 were never seen; then 4 in time.
         let (at_0, at_1) = (Answered::default(), Answered::default().then(1));
         let at_4 = at_1.then(3);
-        let met = [(0, at_0), (0, at_0), (0, at_0), (1, at_1), (4, at_4)];
+        let steps = [(0, at_0), (0, at_0), (0, at_0), (1, at_1), (4, at_4)];
         assert_eq!(
-            collected(&met),
+            collected(&steps),
             [(1, 1, true), (2, 2, false), (3, 2, false)]
         );
     }
 
     #[test]
-    fn an_answer_that_was_overtaken_was_seen() {
-        // 1 and 2 were answered before the plant looked at 3, which was there too.
+    fn a_sample_with_an_overtaken_answer_was_seen() {
+        // 1 and 2 were answered before the plant looked at 3, which had arrived too.
         let at_0 = Answered::default();
         let at_3 = at_0.then(1).then(1).then(1);
-        let met = [(0, at_0), (0, at_0), (0, at_0), (3, at_3)];
-        assert_eq!(collected(&met), [(1, 1, true), (2, 2, true)]);
+        let steps = [(0, at_0), (0, at_0), (0, at_0), (3, at_3)];
+        assert_eq!(collected(&steps), [(1, 1, true), (2, 2, true)]);
     }
 
     #[test]
-    fn at_the_end_what_nobody_met_was_not_seen() {
+    fn samples_without_a_command_at_the_end_were_not_seen() {
         let at_0 = Answered::default();
         assert_eq!(collected(&[(0, at_0), (0, at_0)]), [(1, 1, false)]);
     }

@@ -1,6 +1,7 @@
-//! The summary of a run whose `hil` was killed: what was known when it began, and why it ended.
+//! Summary of a run whose `hil` was killed: the facts known at its start, and the reason of its end.
 //!
-//! Written by the guard, which has neither plan nor records. `hil recover` replaces it by what the recording says.
+//! Written by the guard, which has neither plan nor records. `hil recover` replaces it by the contents of the
+//! recording.
 
 use std::fs::read_dir;
 use std::path::Path;
@@ -16,16 +17,16 @@ use hil_recording::reader::RECORDING;
 /// Key of a summary that the guard wrote.
 const LOST: &str = "lost";
 
-/// End of the `hil` that began a run.
+/// End of the `hil` process of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
-    /// By itself: it removed the folders of runs that came to nothing.
+    /// Exit: it removed the folders of runs that had not started.
     Exit,
-    /// By a signal, between any two steps.
+    /// Signal, between any two instructions.
     Signal,
 }
 
-/// Gives the summary of a run that was begun; writes it first if the run ended with `hil`. `None` of a run that
+/// Returns the summary of a run that was begun; writes it first if the run ended with `hil`. `None` for a run that
 /// left no folder of its own.
 ///
 /// # Errors
@@ -40,7 +41,7 @@ pub fn summarise(run: &BegunRun, reason: &str, end: End) -> Result<Option<Value>
     }
     let is_recorded = run.folder.join(RECORDING).exists();
     let hint = format!(
-        "; hil recover {} tells how far it came",
+        "; hil recover {} determines how far it got",
         run.folder.display()
     );
     let hint = if is_recorded { hint } else { String::new() };
@@ -76,21 +77,21 @@ fn is_left(run: &BegunRun, end: End) -> bool {
     match (run.has_folder, end) {
         (true, End::Exit) => run.folder.join(SCENARIO).exists(),
         (true, End::Signal) => run.folder.is_dir(),
-        // It was refused, and is another's.
+        // The folder was refused and belongs to another run.
         (false, End::Exit) => false,
-        // Killed before it could note that it made the folder, it had put nothing into it.
+        // Killed before it could note the creation of the folder, which is empty.
         (false, End::Signal) => {
             read_dir(&run.folder).is_ok_and(|mut inside| inside.next().is_none())
         }
     }
 }
 
-/// Returns the reason in a summary that the guard wrote: that of a run whose recording says more.
+/// Returns the reason in a summary file that the guard wrote; the recording of such a run contains more.
 pub fn reason_in(path: &Path) -> Option<String> {
     reason_of(&summary(path)?).map(str::to_owned)
 }
 
-/// Returns the reason of a summary that the guard wrote.
+/// Returns the reason in a summary that the guard wrote.
 pub fn reason_of(summary: &Value) -> Option<&str> {
     summary.get(LOST)?.as_str()
 }
@@ -126,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_that_is_killed_at_any_moment_leaves_no_folder_without_a_summary() {
+    fn a_run_killed_at_any_moment_leaves_no_folder_without_a_summary() {
         let place = TempDir::new().expect("a folder");
         let folder = |name: &str| {
             let folder = place.path().join(name);
@@ -143,7 +144,7 @@ mod tests {
         let begun = folder("begun");
         fs::write(begun.join(SCENARIO), "").expect("written");
         assert!(is_summarised(&begun, true, End::Exit));
-        // Of a run that was not begun `hil` itself removes the folder, unless it was there before.
+        // `hil` itself removes the folder of a run that was not begun, unless it existed before.
         assert!(!is_summarised(&folder("kept"), true, End::Exit));
     }
 

@@ -1,9 +1,9 @@
-//! Facts of a run and what they mean. `collector` takes records in, from the recorder or a recording; `ending` doubts
-//! the plant's account of the end; `requirements` makes verdict and exit code; `faults`, `handover`, `late_commands`
-//! and [`latency`] say what became of each; `outcome` reads a recording as far as it goes; `summary` tells all,
-//! and `lost` what is left to tell where `hil` was killed. `restoration` compares second sides from a checkpoint
-//! with the run.
-//! Starts no process. Of the machine it reads processor times alone (`company`).
+//! Facts of a run and their meaning. `collector` collects records from the recorder or a recording; `ending` checks
+//! the plant's report of the end; `requirements` determines verdict and exit code; `faults`, `handover`,
+//! `late_commands` and [`latency`] report on their subjects; `outcome` reads a recording as far as possible;
+//! `summary` reports everything, and `lost` what remains known after `hil` was killed. `restoration` compares
+//! second sides from a checkpoint with the run. Starts no process. Reads nothing of the machine but processor times
+//! (`company`).
 
 pub mod collector;
 pub mod company;

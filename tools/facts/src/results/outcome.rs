@@ -1,8 +1,8 @@
-//! The outcome of a recorded run, whatever state its recording is in: its records as far as they go, and
-//! the facts of the run up to there.
+//! Outcome of a recorded run, whatever the state of its recording: its readable records, and the facts of the run
+//! up to there.
 //!
-//! Used by `hil recover`, `hil report` and `hil judge`. Reads the file once and says what the recorder
-//! would have said had the run ended there.
+//! Used by `hil recover`, `hil report` and `hil judge`. Reads the file once and returns what the recorder would
+//! have returned had the run ended there.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -23,21 +23,21 @@ use crate::results::recorded_run::RecordedRun;
 use crate::results::resumed::first_step;
 use crate::results::summary::Summary;
 
-/// A recording, read as far as it goes.
+/// Recording, read as far as possible.
 pub struct RecordedOutcome {
     pub reader: RunReader,
-    /// Records and events.
+    /// Number of records and events.
     pub messages: u64,
-    /// Error that keeps the recording from being read to its end, other than a missing end.
+    /// Error that prevents reading the recording to its end, other than a missing end.
     pub damage: Option<ReadError>,
     pub recorded: Recorded,
     /// Latency of the steps.
     pub latency: Latency,
-    /// The run with the plan that judges it; why not, if its scenario cannot be understood.
+    /// Run with the plan that judges it; the error if its scenario is invalid.
     pub run: Result<RecordedRun, Failure>,
 }
 
-/// Takes the run from its recording, and begins to judge its records; an excerpt has too few of them.
+/// Returns the run of a recording, and starts the evaluation of its records; an excerpt has too few of them.
 fn judge(
     reader: &RunReader,
     run: &Path,
@@ -59,10 +59,10 @@ fn judge(
 }
 
 impl RecordedOutcome {
-    /// Reads a recording; it is judged by its own scenario or by another.
+    /// Reads a recording and judges it by its own scenario or by another.
     ///
     /// # Errors
-    /// If it is none.
+    /// If the file is not a recording.
     pub fn of(run: &Path, by: Option<&Path>) -> Result<Self, ReadError> {
         let mut reader = RunReader::open(run)?.patient();
         let (run, evaluation) = match judge(&reader, run, by) {
@@ -80,7 +80,7 @@ impl RecordedOutcome {
             let advanced = reader.advance();
             for event in reader.events() {
                 messages += 1;
-                // A fault that cannot be understood is left out.
+                // A malformed fault event is left out.
                 let _ = collector.event(event);
             }
             match advanced {
@@ -89,7 +89,7 @@ impl RecordedOutcome {
                 Err(error) => break Some(error),
             }
             messages += 1;
-            // Records that were copied from the run before took no time of this one.
+            // Records copied from the continued run took no time of this one.
             collector.is_past = reader.step() < first;
             collector.record(reader.words(), &places.timing(reader.words()));
         };
@@ -110,7 +110,7 @@ impl RecordedOutcome {
             }),
             written,
             lost,
-            // Older recordings do not say whose commands they have.
+            // Older recordings do not state whose commands they have.
             answers: (collector.recorded.answers).filter(|_| places.tell_answers() && !is_excerpt),
             digest: digest.filter(|digest| lost == 0 && written > 0 && !digest.is_empty()),
             ..collector.recorded
@@ -125,12 +125,12 @@ impl RecordedOutcome {
         })
     }
 
-    /// Checks that the recorder told how the run ended.
+    /// Returns `true` if the recorder stored the end of the run.
     pub fn has_result(&self) -> bool {
         self.damage.is_none() && self.reader.result("outcome").is_some()
     }
 
-    /// The result of a run whose recording ends here, for this reason.
+    /// Returns the result of a run whose recording ends here, for this reason.
     pub fn result(&self, reason: &str) -> BTreeMap<String, String> {
         let recorded = &self.recorded;
         let facts = [
@@ -144,9 +144,9 @@ impl RecordedOutcome {
         owned.into_iter().collect()
     }
 
-    /// Returns the outcome of the run, and the reason if it did not end by itself; `broke_off` is the reason
-    /// where the recording does not tell. The plant's account of its end counts as far as the recorder found
-    /// nothing wrong with the account, and nothing else is wrong with it.
+    /// Returns the outcome of the run, and the reason if it did not end by itself; `broke_off` is the reason if the
+    /// recording contains none. The plant's report of its end counts if neither the recorder nor the reader found a
+    /// contradiction in it.
     pub fn outcome(&self, broke_off: Option<&str>) -> (Outcome, Option<String>) {
         let result = |name| self.reader.result(name).map(str::to_owned);
         let is_failed = result("outcome").is_some_and(|outcome| outcome == "failed");
@@ -166,10 +166,10 @@ impl RecordedOutcome {
         }
     }
 
-    /// The summary of the run; `broke_off` is why it ended where the recording does not tell.
+    /// Returns the summary of the run; `broke_off` is the reason of its end if the recording contains none.
     ///
     /// # Errors
-    /// If its scenario cannot be understood.
+    /// If its scenario is invalid.
     pub fn summary(self, broke_off: Option<&str>) -> Result<Summary, Failure> {
         let (outcome, reason) = self.outcome(broke_off);
         let run = self.run?;

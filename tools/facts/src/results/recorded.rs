@@ -1,4 +1,4 @@
-//! The facts that a recorder has of a run at its end, and a reader of its recording likewise.
+//! Facts that a recorder, or a reader of its recording, has about a run at its end.
 
 use std::collections::BTreeMap;
 
@@ -12,35 +12,34 @@ use crate::results::faults::FaultLog;
 use crate::results::latency::legs::LatencySummary;
 use crate::results::restoration::Stretch;
 
-/// Facts that the recorder has at the end.
+/// Facts of the recorder at the end.
 #[derive(Clone, Debug, Default)]
 pub struct Recorded {
-    /// End of the run as the plant saw it; `None` if the plant did not live to tell.
+    /// End of the run as reported by the plant; `None` if the plant died before it.
     pub end: Option<RunEnd>,
-    /// Events of faults.
+    /// Fault events.
     pub faults: FaultLog,
     /// Changes of controllers.
     pub changes: Vec<ControllerChange>,
     /// Changes of values.
     pub values: Vec<ValueChange>,
-    /// Notes of those who watched.
+    /// Marks of observers.
     pub marks: Vec<Mark>,
-    /// Records taken, those of the past included.
+    /// Number of processed records, including those of the past.
     pub records: u64,
-    /// Number of records that are in the recording.
+    /// Number of records in the recording.
     pub written: u64,
-    /// Reason for which the recording lacks the rest, if the rest could not be written.
+    /// Reason that the recording lacks the rest, if it could not be written.
     pub cut_short: Option<String>,
-    /// Number of records that the run went on from.
+    /// Number of records that the run continued.
     pub past_records: u64,
-    /// Items lost on the way.
+    /// Number of items lost in the stream.
     pub lost: u64,
-    /// Counts of the controller's commands in the records; `None` of an excerpt, which lacks some records.
+    /// Counts of controller commands in the records; `None` for an excerpt, which lacks some records.
     pub answers: Option<Answers>,
-    /// The digest of all records taken; `None` if something was lost.
+    /// Digest of all processed records; `None` if something was lost.
     pub digest: Option<String>,
-    /// The digests after the first records, by how many, as far as they were asked for and
-    /// exist.
+    /// Digests after certain numbers of records, as far as they were requested and exist.
     pub partial_digests: BTreeMap<u64, String>,
     /// Records after each checkpoint, in the order of the steps.
     pub stretches: Vec<Stretch>,
@@ -50,16 +49,16 @@ pub struct Recorded {
     pub requirements: Vec<RequirementValue>,
     /// Latency of the steps.
     pub latency: LatencySummary,
-    /// Curve of a case whose campaign keeps curves.
+    /// Curve of a case whose campaign records curves.
     pub curve: Option<Curve>,
-    /// From the first to the last record, in s.
+    /// Time from the first to the last record in s.
     pub wall_time_s: f64,
-    /// Error that kept the recorder from recording, or the statement of the plant that cannot be so.
+    /// Error that prevented the recording, or the contradiction in the plant's report.
     pub error: Option<String>,
 }
 
 impl Recorded {
-    /// The facts of a run before its first record.
+    /// Creates the facts of a run before its first record.
     pub fn begun() -> Self {
         Self {
             answers: Some(Answers::default()),

@@ -1,8 +1,8 @@
-//! A recorded run by what travels in its recording: both programs, the scenario, its plan and the places of
-//! its signals.
+//! Recorded run reconstructed from its recording: both programs, the scenario, its plan and the indices of its
+//! signals.
 //!
-//! Made by everyone who reads a recording for more than its columns. Needs none of the programs on this
-//! machine, and reads no record.
+//! Created by all readers that need more of a recording than its columns. Needs none of the programs on this
+//! machine, and reads no records.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -29,13 +29,13 @@ pub struct RecordedRun {
     /// Answer of its controller program.
     pub controller_program: Description,
     pub plant: PlantDescription,
-    /// The law as it is on the wire.
+    /// Law with the signal names used on the link.
     pub law: LawDescription,
     pub plan: Plan,
 }
 
 impl RecordedRun {
-    /// Returns the further names of its signals, each with the name that the recording has.
+    /// Returns the aliases of its signals, each with the recorded name.
     pub fn aliases(&self) -> Vec<(String, String)> {
         let layout = self.plan.record_layout(&self.plant, &self.law);
         let aliases = Columns::from(&layout).aliases().into_iter();
@@ -48,20 +48,20 @@ impl RecordedRun {
             .collect()
     }
 
-    /// Takes a run from its recording; problems of its scenario name `origin`.
+    /// Reads a run from its recording; problems of its scenario name `origin`.
     ///
     /// # Errors
-    /// If something does not travel in it or cannot be understood.
+    /// If the recording lacks a part of it or the part is invalid.
     pub fn of(reader: &RunReader, origin: &Path) -> Result<Self, Failure> {
         Self::planned(reader, |text, plant, controller| {
             checked(text, origin, plant, controller)
         })
     }
 
-    /// Takes a run from its recording, with a plan that is made of its scenario and both descriptions.
+    /// Reads a run from its recording, with a plan made from its scenario and both descriptions.
     ///
     /// # Errors
-    /// If something does not travel in it, or those of the plan.
+    /// If the recording lacks a part of it, and the errors of the plan.
     pub fn planned(
         reader: &RunReader,
         plan: impl FnOnce(&str, &Description, &Description) -> Result<Plan, Failure>,
@@ -73,7 +73,7 @@ impl RecordedRun {
         let plan = plan(text, &plant_program, &controller_program)?;
         let plant = plan.plant_among(&plant_program.plants).cloned();
         let law = plan.law_among(&controller_program.laws);
-        // A scenario is checked only if both are there.
+        // A scenario can be checked only with both descriptions.
         let (Some(plant), Some(law)) = (plant, law) else {
             let path = reader.path().display();
             return Err(Failure::usage(format!(
@@ -89,10 +89,10 @@ impl RecordedRun {
         })
     }
 
-    /// Takes signals to compute and everything that judges from another scenario.
+    /// Replaces computed signals and everything that judges by those of another scenario.
     ///
     /// # Errors
-    /// If that cannot be read, or does not fit the run.
+    /// If the scenario cannot be read, or does not fit the run.
     pub(crate) fn judged_by(mut self, other: &Path) -> Result<Self, Failure> {
         let shown = other.display();
         let text = read_regular(other)
@@ -101,7 +101,7 @@ impl RecordedRun {
         let (rate, others) = (self.plan.run.rate, other.run.rate);
         if rate != others {
             return Err(Failure::usage(format!(
-                "{shown} is at {} and the run at {}: their steps are not the same times",
+                "{shown} is at {} and the run at {}: their steps differ in time",
                 exact_in(others.hz(), "Hz"),
                 exact_in(rate.hz(), "Hz")
             )));
@@ -118,10 +118,10 @@ impl RecordedRun {
         Ok(self)
     }
 
-    /// Names the signals of its records and gives their places among the words.
+    /// Returns the names of its records' signals and their range among the words.
     ///
     /// # Errors
-    /// If they are of no known group.
+    /// If a signal belongs to an unknown group.
     pub fn columns(&self, reader: &RunReader) -> Result<(Columns, Range<usize>), String> {
         let layout = self.plan.record_layout(&self.plant, &self.law);
         let groups = Group::ALL.iter().zip(layout.groups());
@@ -135,7 +135,8 @@ impl RecordedRun {
         for word in words[first..].iter().take_while(|word| word.is_signal()) {
             let (prefix, name) = word.name.split_once('.').unwrap_or_default();
             let group = (Group::ALL.into_iter()).find(|group| group.prefix() == prefix);
-            let group = group.ok_or_else(|| format!("the recording has a group `{prefix}`"))?;
+            let group =
+                group.ok_or_else(|| format!("the recording has an unknown group `{prefix}`"))?;
             let field = names.get(word.name.as_str());
             columns.push(group, field.map_or(name, |field| &field.name));
         }
@@ -143,14 +144,14 @@ impl RecordedRun {
         Ok((columns, places))
     }
 
-    /// Lists the commands of its command frames, in order, as a recording names them.
+    /// Lists the commands of its command frames in order, by their recorded names.
     pub fn sent_commands(&self) -> Vec<String> {
         let name = |field: &Field| column_name("command", &field.name);
         let sent = self.law.sent_commands(&self.plant).iter();
         sent.map(name).collect()
     }
 
-    /// Begins to evaluate a plan over its records.
+    /// Starts the evaluation of a plan over its records.
     ///
     /// # Errors
     /// If the plan does not fit its signals.
@@ -160,7 +161,7 @@ impl RecordedRun {
         evaluation.map_err(|error| error.to_string())
     }
 
-    /// Finds the bits of validity of its signals, counted from the first signal.
+    /// Finds the validity bits of its signals, counted from the first signal.
     fn validity(&self, reader: &RunReader) -> Validity {
         let sent = self.sent_commands();
         let signals = reader.columns().iter().filter(|column| column.is_signal());

@@ -1,7 +1,7 @@
-//! Meaning of requirements for a run, and their table.
+//! Requirements of a run: their verdicts and their table.
 //!
-//! Used by the summary of a run and by `hil judge`, so that both say the same. Evaluates no formula:
-//! that is done while records are read, by [`Evaluation`](hil_config::evaluation::Evaluation).
+//! Used by the summary of a run and by `hil judge`, so that both agree. Evaluates no formula:
+//! [`Evaluation`](hil_config::evaluation::Evaluation) does that while records are read.
 
 use std::fmt::Write as _;
 
@@ -19,12 +19,12 @@ pub struct Requirement {
     pub formula: String,
     /// `pass`, `fail` or `undecided`.
     pub verdict: &'static str,
-    /// The margin in the unit, negative where it fails; null if there is none.
+    /// Margin in the unit, negative where it fails; null if there is none.
     pub robustness: Option<f64>,
     pub unit: String,
-    /// The time that the margin comes from.
+    /// Time of the step that determines the margin.
     pub at_s: Option<f64>,
-    /// Time at which the verdict was certain.
+    /// Time at which the verdict became certain.
     pub decided_at_s: Option<f64>,
 }
 
@@ -46,17 +46,17 @@ impl From<&RequirementValue> for Requirement {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RunVerdict {
-    /// All requirements hold.
+    /// All requirements passed.
     Pass,
-    /// A requirement does not hold, or is undecided.
+    /// A requirement failed, or is undecided.
     Fail,
     /// The run was not completed.
     Aborted,
 }
 
 impl RunVerdict {
-    /// Gives the verdict of a run: `Aborted` unless it was completed, else one requirement that does not
-    /// hold is enough for `Fail`.
+    /// Returns the verdict of a run: `Aborted` unless it was completed, else `Fail` if any requirement did not
+    /// pass.
     pub fn of(outcome: Outcome, requirements: &[Requirement]) -> Self {
         if outcome != Outcome::Completed {
             Self::Aborted
@@ -67,7 +67,7 @@ impl RunVerdict {
         }
     }
 
-    /// Returns the name, as files and tables have it.
+    /// Returns the name as used in files and tables.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Pass => "pass",
@@ -76,7 +76,7 @@ impl RunVerdict {
         }
     }
 
-    /// Gives the exit code of a run that ended by itself.
+    /// Returns the exit code of a run that ended by itself.
     pub const fn exit(self) -> Exit {
         match self {
             Self::Pass => Exit::Pass,
@@ -85,10 +85,10 @@ impl RunVerdict {
     }
 }
 
-/// Words for a run that was completed and had no requirement to meet.
+/// Description of a completed run without requirements.
 pub const WITHOUT_REQUIREMENTS: &str = "completed, no requirements";
 
-/// The verdict of a run in words for a person: a `pass` that no requirement stands behind is not called one.
+/// Returns the verdict of a run in words: a `pass` without any requirement is not called a pass.
 pub fn in_words(verdict: &str, requirements: usize) -> &str {
     match (verdict, requirements) {
         ("pass", 0) => WITHOUT_REQUIREMENTS,
@@ -96,7 +96,7 @@ pub fn in_words(verdict: &str, requirements: usize) -> &str {
     }
 }
 
-/// Writes the table of requirements, and the formulas of those that do not hold.
+/// Writes the table of requirements, and the formulas of those that did not pass.
 pub fn write(text: &mut String, requirements: &[Requirement]) -> std::fmt::Result {
     if requirements.is_empty() {
         return Ok(());

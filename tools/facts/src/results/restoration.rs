@@ -1,5 +1,5 @@
-//! Result of the check of a checkpoint: sides that started from the saved state did the steps of the run after it
-//! again, with every bit or not. Compares records and starts nothing.
+//! Result of a checkpoint's check: sides started from the saved state repeated the following steps of the run, bit
+//! for bit or not. Compares records and starts nothing.
 
 use hil_recording::schema::column_name;
 use serde::{Deserialize, Serialize};
@@ -11,9 +11,9 @@ use shared_types::text;
 
 use crate::results::recorded::Recorded;
 
-/// Most steps that are compared.
+/// Maximum number of compared steps.
 const STEPS: usize = 100;
-/// Groups of a record in the order in which a step computes them: what differs first is the cause.
+/// Groups of a record in the order of computation: the first difference is the cause.
 const ORDER: [(&str, Side); HASHED_GROUPS] = [
     ("measured", Side::Plant),
     ("reference", Side::Plant),
@@ -27,13 +27,13 @@ const ORDER: [(&str, Side); HASHED_GROUPS] = [
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Verdict {
-    /// Every bit came again.
+    /// All bits were reproduced.
     Exact,
-    /// A signal had another value.
+    /// A signal differed.
     Differs,
     /// A side died by a signal or a panic.
     Crashed,
-    /// A side did not go on within the wait limit.
+    /// A side made no progress within the wait limit.
     Stuck,
     /// A side refused its state or ended with an error.
     Failed,
@@ -41,19 +41,19 @@ pub enum Verdict {
     Unchecked,
 }
 
-/// Check of a checkpoint, as its description and summaries have it.
+/// Check of a checkpoint, as stored in its description and in summaries.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Check {
     pub verdict: Verdict,
-    /// Steps that came again with every bit.
+    /// Number of steps reproduced bit for bit.
     pub steps: u64,
-    /// The result in words.
+    /// Result in words.
     #[serde(deserialize_with = "text::line_of")]
     pub text: String,
 }
 
 impl Check {
-    /// Makes the check of a checkpoint of which nothing was compared.
+    /// Creates the check of a checkpoint for which nothing was compared.
     pub fn missing(reason: &str) -> Self {
         Self {
             verdict: Verdict::Unchecked,
@@ -67,7 +67,7 @@ impl Check {
         self.verdict != Verdict::Unchecked
     }
 
-    /// Returns the warning that a run from this checkpoint deserves, if the state did not restore exactly.
+    /// Returns a warning for runs from this checkpoint, if the state did not restore exactly.
     pub fn warning(&self) -> Option<String> {
         let is_known = self.is_made() && self.verdict != Verdict::Exact;
         is_known.then(|| {
@@ -76,7 +76,7 @@ impl Check {
         })
     }
 
-    /// Describes a check, or that there was none.
+    /// Describes a check, or its absence.
     pub fn words(check: Option<&Self>) -> &str {
         check.map_or("not checked", |check| &check.text)
     }
@@ -87,14 +87,14 @@ impl Check {
 pub struct Stretch {
     /// Step of the checkpoint.
     pub first: u64,
-    /// Number of live faults that were accepted before it.
+    /// Number of live faults accepted before it.
     pub accepted: usize,
-    /// Repeatable words of the records from that step on.
+    /// Reproducible words of the records from that step on.
     records: Vec<Vec<u64>>,
 }
 
 impl Stretch {
-    /// Begins the stretch of a checkpoint.
+    /// Starts the records of a checkpoint.
     pub const fn new(first: u64, accepted: usize) -> Self {
         Self {
             first,
@@ -103,9 +103,9 @@ impl Stretch {
         }
     }
 
-    /// Takes the next record; returns `false` if the stretch is complete.
+    /// Adds the next record; returns `false` if enough are stored.
     pub fn take(&mut self, hashed: &[u64]) -> bool {
-        // The state after the last step is in the record after it.
+        // The state after the last step is in the next record.
         let is_open = self.records.len() <= STEPS;
         if is_open {
             self.records.push(hashed.to_vec());
@@ -113,7 +113,7 @@ impl Stretch {
         is_open
     }
 
-    /// Returns the records until somebody changed the live run, which nobody does to the sides of a check.
+    /// Returns the records up to the first live change, because the sides of a check receive none.
     fn untouched(&self, recorded: &Recorded) -> &[Vec<u64>] {
         let faults = &recorded.faults;
         let later = faults.accepted.get(self.accepted..).unwrap_or_default();
@@ -132,25 +132,25 @@ impl Stretch {
     }
 }
 
-/// Comparison of the records of a check with those of the run.
+/// Comparison of a check's records with those of the run.
 pub struct Comparison<'a> {
     layout: &'a RecordLayout,
     expected: &'a [Vec<u64>],
-    /// True if the live run was changed after these records.
+    /// `true` if the live run was changed after these records.
     is_cut: bool,
-    /// The plant has restored its state.
+    /// `true` once the plant has restored its state.
     pub has_begun: bool,
-    /// Records that are the same.
+    /// Number of equal records.
     same: usize,
     difference: Option<String>,
-    /// End of the check's run, as its plant saw it.
+    /// End of the check's run as reported by its plant.
     pub end: Option<RunEnd>,
     /// Defect of the stream.
     pub broken: Option<String>,
 }
 
 impl<'a> Comparison<'a> {
-    /// Begins the comparison with a stretch of a run.
+    /// Starts the comparison with the records of a run.
     pub fn new(layout: &'a RecordLayout, stretch: &'a Stretch, recorded: &Recorded) -> Self {
         let expected = stretch.untouched(recorded);
         Self {
@@ -165,17 +165,17 @@ impl<'a> Comparison<'a> {
         }
     }
 
-    /// Returns `true` if there is a whole step to compare.
+    /// Returns `true` if there is at least one complete step to compare.
     pub const fn has_steps(&self) -> bool {
         self.expected.len() > 1
     }
 
-    /// Returns `true` if nothing that may come changes the result.
+    /// Returns `true` if further items cannot change the result.
     pub const fn is_over(&self) -> bool {
         self.difference.is_some() || self.broken.is_some() || self.same == self.expected.len()
     }
 
-    /// Takes an item of the check's stream.
+    /// Processes an item of the check's stream.
     pub fn take(&mut self, item: Item<'_>) {
         match item {
             Item::Event(Event::End(end)) => self.end = Some(end),
@@ -224,7 +224,7 @@ impl<'a> Comparison<'a> {
             };
             ("the validity of its signals".into(), side)
         });
-        // The record of a step shows the plant before the step, and the controller's answer to that.
+        // The record of a step contains the plant's state before it, and the controller's answer to that.
         let step = match side {
             Side::Plant => self.same,
             Side::Controller => self.same + 1,
@@ -236,7 +236,7 @@ impl<'a> Comparison<'a> {
         format!("{at}: {text} ({})", side.name())
     }
 
-    /// Makes the result; `fate` is that of the sides, if they came to no end of the comparison.
+    /// Returns the result; `fate` is that of the sides, if they ended before the comparison was complete.
     pub fn check(&self, fate: Option<(Verdict, String)>) -> Check {
         let steps = self.same.saturating_sub(1) as u64;
         let plural = if steps == 1 { "" } else { "s" };
@@ -260,7 +260,7 @@ impl<'a> Comparison<'a> {
             let (verdict, cause) = match (&self.broken, fate) {
                 (Some(broken), _) => (Verdict::Failed, broken.clone()),
                 (None, Some(fate)) => fate,
-                (None, None) => (Verdict::Failed, "too few records came".into()),
+                (None, None) => (Verdict::Failed, "too few records arrived".into()),
             };
             let text = match verdict {
                 Verdict::Crashed => format!("crashed {at}: {cause}"),
@@ -297,7 +297,7 @@ mod tests {
         }
     }
 
-    /// A record of a step with these values of truth, measured, command and applied.
+    /// Returns a record of a step with these values of truth, measured, command and applied.
     fn record(step: u64, values: [f64; 4]) -> Vec<u64> {
         let layout = layout();
         let mut words = vec![0; layout.words()];
@@ -317,7 +317,7 @@ mod tests {
         stretch
     }
 
-    /// The check of records that are the same until the last, which has these values.
+    /// Returns the check of records that are equal except the last, which has these values.
     fn text_of(count: u64, last: [f64; 4]) -> String {
         let (layout, recorded) = (layout(), Recorded::default());
         let stretch = stretch(&layout, count);
@@ -331,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn a_difference_is_named_by_the_side_that_computes_first_and_its_step() {
+    fn a_difference_names_its_step_and_the_side_that_computes_it_first() {
         assert_eq!(text_of(101, [1.0; 4]), "exact for 100 steps");
         assert_eq!(text_of(2, [1.0; 4]), "exact for 1 step");
         let plant = text_of(2, [2.0, 2.0, 3.0, 3.0]);
@@ -349,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stretch_ends_after_100_steps_and_where_somebody_changed_the_run() {
+    fn compared_records_end_after_100_steps_or_at_a_live_change() {
         let layout = layout();
         let long = stretch(&layout, 300);
         assert_eq!(long.records.len(), 101);
@@ -358,7 +358,7 @@ mod tests {
             values: vec![serde_json::from_value(change).expect("a change")],
             ..Recorded::default()
         };
-        // The record of step 57 shows the change already.
+        // The record of step 57 already shows the change.
         assert_eq!(long.untouched(&recorded).len(), 7);
         let mut comparison = Comparison::new(&layout, &long, &recorded);
         for step in 50..57 {

@@ -1,4 +1,4 @@
-//! The checkpoint that a run went on from and those that it made, as its summary tells of them.
+//! Checkpoint that a run continued from and those that it made, as reported in its summary.
 
 use std::path::Path;
 
@@ -7,13 +7,13 @@ use serde::Serialize;
 
 use crate::results::restoration::Check;
 
-/// The fact that names faults which had begun before a checkpoint and went on with other sizes.
+/// Fact that lists faults which had begun before a checkpoint and continued with other sizes.
 pub const CHANGED_FAULTS: &str = "changed_faults";
 
-/// The fact that tells if the state of the checkpoint restores exactly.
+/// Fact that states whether the state of the checkpoint restores exactly.
 pub const CHECK: &str = "resumed_check";
 
-/// The fact that names the first step of a run that went on from a checkpoint.
+/// Fact with the first step of a run that continued from a checkpoint.
 const STEP: &str = "resumed_step";
 
 /// Returns the first step of a recorded run; the records before it are copies of another run's.
@@ -22,19 +22,19 @@ pub fn first_step(reader: &RunReader) -> u64 {
     step.unwrap_or(0)
 }
 
-/// A checkpoint as the summary of its run tells it.
+/// Checkpoint as reported in the summary of its run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MadeCheckpoint {
     pub step: u64,
     pub(crate) time_s: f64,
-    /// Folder, from that of the run.
+    /// Path of its folder, relative to that of the run.
     pub folder: String,
-    /// Check that its state restores exactly; null if there was none.
+    /// Check that its state restores exactly; null if none was made.
     pub check: Option<Check>,
 }
 
 impl MadeCheckpoint {
-    /// Describes the checkpoint for a person.
+    /// Describes the checkpoint.
     #[must_use]
     pub fn describe(&self, run_dir: &Path) -> String {
         let (step, time_s) = (self.step, self.time_s);
@@ -47,26 +47,26 @@ impl MadeCheckpoint {
     }
 }
 
-/// The checkpoint that a run went on from.
+/// Checkpoint that a run continued from.
 #[derive(Clone, Debug, Serialize)]
 pub struct Resumed {
-    /// Folder of the run.
+    /// Path of its folder.
     pub checkpoint: String,
-    /// The session that made it.
+    /// Session that made it.
     pub session: String,
-    /// The first step of this run; the records before it are those of the other.
+    /// First step of this run; earlier records belong to the other run.
     pub step: u64,
     pub time_s: f64,
     /// Digest of the records before it.
     pub digest: String,
-    /// Check that its state restores exactly; null if the checkpoint has none.
+    /// Check that its state restores exactly; null if none was made.
     pub check: Option<Check>,
-    /// Faults that had begun and went on with other sizes.
+    /// Faults that had begun and continued with other sizes.
     pub changed_faults: Vec<u32>,
 }
 
 impl Resumed {
-    /// Returns the facts that the recording holds of the checkpoint.
+    /// Returns the facts about the checkpoint for the recording.
     pub fn facts(&self) -> impl Iterator<Item = (String, String)> {
         let changed: Vec<String> = self.changed_faults.iter().map(u32::to_string).collect();
         let facts = [
@@ -77,11 +77,11 @@ impl Resumed {
             (CHECK, Check::words(self.check.as_ref()).to_owned()),
             (CHANGED_FAULTS, changed.join(", ")),
         ];
-        let told = facts.into_iter().filter(|(_, value)| !value.is_empty());
-        told.map(|(name, value)| (name.to_owned(), value))
+        let present = facts.into_iter().filter(|(_, value)| !value.is_empty());
+        present.map(|(name, value)| (name.to_owned(), value))
     }
 
-    /// Describes the origin for a person.
+    /// Describes the origin.
     pub fn describe(&self) -> String {
         let Self {
             checkpoint,
@@ -91,6 +91,6 @@ impl Resumed {
             ..
         } = self;
         let check = Check::words(check.as_ref());
-        format!("went on from step {step} ({time_s} s), {checkpoint}: {check}")
+        format!("continued from step {step} ({time_s} s), {checkpoint}: {check}")
     }
 }

@@ -1,33 +1,33 @@
-//! The real-time settings that a run asked for and those that it got, as its summary has them.
+//! Real-time settings of a run, as requested and as granted, for its summary.
 
 use serde::Serialize;
 use shared_types::realtime::{Granted, Report};
 use shared_types::wait::WaitStrategy;
 
-/// Settings that a run asked of the system and those that it got, as `summary.json` has them.
+/// Real-time settings requested and granted, as stored in `summary.json`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Realtime {
     /// Strategy with which the sides waited for each other.
     pub wait: WaitStrategy,
-    /// The plant's loop; of a run in one process that of both sides. Null if it never began.
+    /// The plant's loop; in a run in one process, that of both sides. Null if it never began.
     pub plant: Option<Report>,
     /// The controller's loop; null if it never began or has none of its own.
     pub controller: Option<Report>,
     /// The recorder.
     pub recorder: Recorder,
-    /// Longest time that a core may need to wake up, in us; null for no limit of ours.
+    /// Limit of the wake-up time of a core in us; null for no limit set by hil.
     pub dma_latency_us: Granted<Option<u32>>,
 }
 
-/// Settings that the recorder runs with.
+/// Settings of the recorder's thread.
 #[derive(Clone, Debug, Serialize)]
 pub struct Recorder {
-    /// The only core that it may run on; null for several.
+    /// The only core that it may use; null for several.
     pub core: Granted<Option<u32>>,
 }
 
 impl Realtime {
-    /// Describes the settings for a person.
+    /// Describes the settings.
     #[must_use]
     pub fn describe(&self) -> String {
         let mut text = format!("{} waits", self.wait.name());

@@ -1,4 +1,4 @@
-//! The summary of a run: `summary.json` for machines and a table for people.
+//! Summary of a run: `summary.json` for programs and a table for the user.
 
 mod recorded;
 mod table;
@@ -33,7 +33,7 @@ pub use table::{of_law, write_metrics};
 /// Version of the summary.
 const SCHEMA: u32 = 1;
 
-/// Fact of a recording that names the sides which somebody started by hand.
+/// Fact of a recording that lists the sides started by hand.
 pub const BY_HAND: &str = "started_by_hand";
 
 /// Summary of a run.
@@ -41,20 +41,20 @@ pub const BY_HAND: &str = "started_by_hand";
 pub struct Summary {
     schema: u32,
     pub scenario: String,
-    /// Values of the scenario that were changed by the command line, as `KEY=VALUE`.
+    /// Values of the scenario changed on the command line, as `KEY=VALUE`.
     pub set: Vec<String>,
-    /// Null if nobody knows.
+    /// Start time; null if unknown.
     pub started_utc: Option<String>,
     pub session: String,
     evidence: &'static str,
-    /// Null if the controller was on this machine.
+    /// Target; null if the controller was on this machine.
     pub target: Option<Target>,
     pub verdict: RunVerdict,
     pub reason: Option<String>,
     clock: &'static str,
-    /// Null in lockstep.
+    /// Overruns; null in lockstep.
     overruns: Option<Overruns>,
-    /// Null unless the run was in real time or repeats one that was.
+    /// Missed commands; null unless the run was in real time or repeats one that was.
     missed_commands: Option<Missed>,
     rate_hz: f64,
     pub steps: u64,
@@ -66,28 +66,28 @@ pub struct Summary {
     pub requirements: Vec<Requirement>,
     faults: Vec<Fault>,
     latency_ns: Legs,
-    /// The worst round trips, the longest first.
+    /// Worst round trips, longest first.
     spikes: Vec<Spike>,
-    /// The latest releases, the latest first; empty in lockstep.
+    /// Latest releases, latest first; empty in lockstep.
     late_releases: Vec<Spike>,
     /// Grade of the loop; null if nothing was exchanged.
     grade: Option<Graded>,
     realtime: Realtime,
-    /// Other programs meanwhile; null if nothing was run here, or a side was started by hand.
+    /// Contention; null if nothing was run here, or a side was started by hand.
     pub company: Option<Company>,
     recording: Recording,
     rejected_frames: u64,
-    /// Messages and frames of controllers that were passed over, by reason.
+    /// Ignored messages and frames of controllers, by reason.
     ignored: Ignored,
     controller: Program,
-    /// Sides that somebody started by hand.
+    /// Sides started by hand.
     pub started_by_hand: Vec<String>,
-    /// Signals of the law that were bound under other names and units; not there if none was.
+    /// Signals of the law connected under other names and units; absent if there are none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     connections: Vec<Connection>,
-    /// Values that were changed while the run went on.
+    /// Values changed during the run.
     changes: Vec<ChangeAt>,
-    /// Notes of those who watched the run.
+    /// Marks set by observers.
     marks: Vec<MarkAt>,
     /// All controllers, if the first was lost or replaced.
     controllers: Vec<ActiveController>,
@@ -95,13 +95,13 @@ pub struct Summary {
     seed: u64,
     #[serde(skip)]
     laws: Laws,
-    /// Checkpoint that the run went on from; null if the run began at step 0.
+    /// Checkpoint that the run continued from; null if the run began at step 0.
     pub resumed: Option<Resumed>,
-    /// Checkpoints of the run, to go on from.
+    /// Checkpoints made by the run.
     pub checkpoints: Vec<MadeCheckpoint>,
 }
 
-/// Steps that were due before the step before them was done.
+/// Steps that were due before the preceding step was done.
 #[derive(Clone, Debug, Serialize)]
 struct Overruns {
     policy: &'static str,
@@ -109,7 +109,7 @@ struct Overruns {
     steps: Missed,
 }
 
-/// Steps that something happened to.
+/// Affected steps.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Missed {
     count: u64,
@@ -127,15 +127,15 @@ impl From<Streaks> for Missed {
     }
 }
 
-/// A metric over a window.
+/// Metric over a window.
 #[derive(Clone, Debug, Serialize)]
 pub struct Metric {
     pub name: String,
     pub window_s: [f64; 2],
-    /// Null if no record of the window had the value.
+    /// Value; null if no record of the window had one.
     pub value: Option<f64>,
     pub unit: String,
-    /// Records of the window that were skipped because the value did not exist.
+    /// Number of records in the window that were skipped because they lacked the value.
     #[serde(skip_serializing_if = "is_zero")]
     pub skipped: u64,
 }
@@ -161,14 +161,14 @@ impl From<&MetricValue> for Metric {
 struct Recording {
     file: Option<&'static str>,
     records: u64,
-    /// Records that the digest covers; 0 without one.
+    /// Number of records covered by the digest; 0 without one.
     digested: u64,
-    /// Records in the file: fewer if not all was to be kept, or could be.
+    /// Number of records in the file: fewer if only a selection was recorded, or writing failed.
     kept: u64,
-    /// Reason for which the file lacks the rest, if the rest could not be written.
+    /// Reason that the file lacks the rest, if it could not be written.
     cut_short: Option<String>,
     lost: u64,
-    /// Description of what no check sum vouched for when the file was recovered; null if that is nothing.
+    /// Data not covered by checksums when the file was recovered; null if there is none.
     unvouched: Option<String>,
 }
 
@@ -179,7 +179,7 @@ struct Program {
     /// Hash of the program that runs it, if it is an FMU.
     #[serde(skip_serializing_if = "Option::is_none")]
     host_blake3: Option<String>,
-    /// Source that it was built from; null if its build noted none.
+    /// Source that it was built from; null if its build recorded none.
     build: Option<Build>,
 }
 
@@ -191,7 +191,7 @@ pub(crate) struct ChangeAt {
     at_s: f64,
 }
 
-/// Note at a step and its time.
+/// Mark with its step and time.
 #[derive(Clone, Debug, Serialize)]
 pub struct MarkAt {
     #[serde(flatten)]
@@ -199,7 +199,7 @@ pub struct MarkAt {
     at_s: f64,
 }
 
-/// Adds their times to notes.
+/// Adds times to marks.
 pub fn marks(marks: &[Mark], rate: Rate) -> Vec<MarkAt> {
     let at = |mark: &Mark| MarkAt {
         mark: mark.clone(),
@@ -229,7 +229,7 @@ impl Program {
 }
 
 impl Summary {
-    /// The summary of an ended run.
+    /// Creates the summary of an ended run.
     #[must_use]
     pub fn new(
         plan: &Plan,
@@ -259,7 +259,7 @@ impl Summary {
     ) -> Self {
         let recorded = &ended.recorded;
         let end = recorded.end.as_ref();
-        // A plant may say that there were more than a run can have.
+        // A plant may report more than a run can have.
         let steps = (end
             .map(|end| end.steps)
             .filter(|steps| *steps <= plan.run.steps))

@@ -1,4 +1,4 @@
-//! The machine that a run's controller was on, where that was another.
+//! Machine that ran a run's controller, if that was another.
 
 use std::fmt;
 
@@ -8,34 +8,34 @@ use shared_types::text;
 use crate::programs::binaries::Binary;
 use crate::programs::binaries::reached::BesideDesk;
 
-/// A target, by what its agent found.
+/// Target, from the findings of its agent.
 #[derive(Clone, Debug, Serialize)]
 pub struct Target {
-    /// Target as it was named.
+    /// Name of the target as typed.
     name: String,
-    /// Name of the host, as it calls itself.
+    /// Host name of the machine.
     host: String,
-    /// Type of the machine, as `uname -m` has it.
+    /// Machine type as reported by `uname -m`.
     machine: String,
     kernel: String,
     boot_id: String,
     cores: u32,
     /// Hash of the agent's file.
     agent_blake3: String,
-    /// Highest real-time priority that the agent may ask for.
+    /// Highest real-time priority available to the agent.
     most_priority: u32,
-    /// Bytes that were free in the target's `/dev/shm` before the run; null if nobody looked.
+    /// Free bytes in the target's `/dev/shm` before the run; null if unknown.
     free_bytes: Option<u64>,
-    /// True if another build of the controller ran there, and commit and lock file of both are known to be the same;
-    /// null if it was the same file or if that cannot be told.
+    /// `true` if another build of the controller ran there, and commit and lock file of both are known to be equal;
+    /// null if it was the same file or if that cannot be determined.
     same_source: Option<bool>,
-    /// Times that the target's output was switched to the safe command because samples were missing, as far as the desk
-    /// heard of it; null if only the recording is there, which has each as a mark.
+    /// Number of times that the target's output was switched to the safe command because samples were missing, as
+    /// far as the desk received reports; null if only the recording is available, which has each as a mark.
     pub safe_switches: Option<u32>,
 }
 
 impl Target {
-    /// The target of a controller, if it has one.
+    /// Returns the target of a controller, if it has one.
     pub fn of(controller: &Binary) -> Option<Self> {
         let at = controller.at.as_ref()?;
         let findings = at.findings().clone();
@@ -57,25 +57,25 @@ impl Target {
         })
     }
 
-    /// The target of a recorded run, if it had one.
+    /// Returns the target of a recorded run, if it had one.
     pub fn recorded<'a>(fact: impl Fn(&str) -> Option<&'a str>) -> Option<Self> {
-        let known = |name: &str| text::line(fact(name).unwrap_or_default());
+        let text_of = |name: &str| text::line(fact(name).unwrap_or_default());
         Some(Self {
             name: text::line(fact("target")?),
-            host: known("target_host"),
-            machine: known("target_machine"),
-            kernel: known("target_kernel"),
-            boot_id: known("target_boot_id"),
-            cores: known("target_cores").parse().unwrap_or(0),
-            agent_blake3: known("target_agent_blake3"),
-            most_priority: known("target_most_priority").parse().unwrap_or(0),
-            free_bytes: known("target_free_bytes").parse().ok(),
-            same_source: known("target_same_source").parse().ok(),
+            host: text_of("target_host"),
+            machine: text_of("target_machine"),
+            kernel: text_of("target_kernel"),
+            boot_id: text_of("target_boot_id"),
+            cores: text_of("target_cores").parse().unwrap_or(0),
+            agent_blake3: text_of("target_agent_blake3"),
+            most_priority: text_of("target_most_priority").parse().unwrap_or(0),
+            free_bytes: text_of("target_free_bytes").parse().ok(),
+            same_source: text_of("target_same_source").parse().ok(),
             safe_switches: None,
         })
     }
 
-    /// Facts for the recording, by their names.
+    /// Returns facts for the recording, by name.
     pub fn facts(&self) -> Vec<(&'static str, String)> {
         let mut facts = vec![
             ("target", self.name.clone()),

@@ -6,7 +6,7 @@ use shared_types::live::{Request, Response, Status};
 use crate::arguments::SessionChoice;
 use crate::session::live;
 
-/// Sends a request that is answered with where the run is, and tells that.
+/// Sends a request that is answered with the run's status, and prints the answer.
 ///
 /// # Errors
 /// If there is no session to ask, or it does not answer.
@@ -17,7 +17,7 @@ pub fn clock(choice: &SessionChoice, request: &Request) -> Result<Exit, Failure>
     })
 }
 
-/// Describes the position of a run for a person.
+/// Describes the position of a run.
 #[must_use]
 pub fn describe(status: &Status) -> String {
     let Status {
@@ -39,7 +39,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_status_says_whether_the_run_is_held() {
+    fn a_status_states_whether_the_run_is_paused() {
         let status = |paused| Status {
             step: 70_000,
             time_s: 7.0,

@@ -1,29 +1,29 @@
-//! Account of a session: every event of its run that a person is told of, once and in its order.
+//! Account of a session: every reported event of its run, once and in order.
 //!
-//! The recorder, which loses no event, notes each one, and the `hil` that runs the session tells the account to
-//! whoever [asks](super::standing): an observer sees events only from the one on with which it joined.
+//! The recorder, which loses no event, records each one, and the `hil` that runs the session sends the account to
+//! clients that [ask](super::standing): an observer receives only the events after it joined.
 
 use serde::{Deserialize, Serialize};
 use shared_types::record::{ControllerFate, Event};
 use shared_types::time::{Rate, Step};
 
-/// Event of a run, as a person is told of it.
+/// Event of a run as reported to the user.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Happening {
     /// Step of the event.
     pub step: u64,
     /// The event in one line, with its step.
     pub text: String,
-    /// Label in a plot; `None` of faults, which are shaded there, and of what changes no value.
+    /// Label in a plot; `None` for faults, which are shaded there, and for changes without effect on values.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub label: Option<String>,
-    /// Key of a change of one value.
+    /// Key of a change of a single value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub key: Option<String>,
 }
 
 impl Happening {
-    /// Describes an event; `None` of a fault that does not act yet, and of the end of the run.
+    /// Describes an event; `None` for a fault that is not active yet, and for the end of the run.
     #[must_use]
     pub fn of(event: &Event, rate: Rate) -> Option<Self> {
         let at = |step: u64| format!("step {step} ({} s)", rate.seconds(Step(step)));

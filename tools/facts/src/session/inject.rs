@@ -1,7 +1,7 @@
 //! `hil inject`: faults in a running session.
 //!
-//! What was typed becomes the text of a request; the plant checks it as it would a scenario's
-//! and answers with the step at which it takes hold. A listing shows what is possible.
+//! The words become the text of a request; the plant checks it like a fault of a scenario and answers with the step
+//! at which it takes hold. A listing shows the possible faults.
 
 mod listing;
 mod request;
@@ -22,13 +22,13 @@ use crate::arguments::inject::{Clear, InjectArguments};
 use crate::session::clock;
 use crate::session::live::{self, RequestError};
 
-/// The state of a fault that acts no more.
+/// State of a fault that has ended.
 const ENDED: &str = "ended";
 
 /// Runs the command.
 ///
 /// # Errors
-/// If the request is refused, or there is no session that could take it.
+/// If the request is refused, or there is no session to accept it.
 pub fn inject(arguments: &InjectArguments) -> Result<Exit, Failure> {
     let json = arguments.session.json;
     let answer = if arguments.list {
@@ -67,7 +67,7 @@ fn answer(arguments: &InjectArguments, session: &SessionInfo) -> Result<Response
     let response =
         live::ask(session, &request).map_err(|error| typed::as_typed(error, arguments))?;
     Ok(match response {
-        // The plant tells all faults of the run.
+        // The plant reports all faults of the run.
         Response::Active { status, mut faults } => {
             faults.retain(|fault| fault.state != ENDED);
             Response::Active { status, faults }
@@ -76,7 +76,7 @@ fn answer(arguments: &InjectArguments, session: &SessionInfo) -> Result<Response
     })
 }
 
-/// Asks a session for the faults that it can take.
+/// Queries the faults that a session supports.
 pub fn possible(session: &SessionInfo) -> Result<Possible, RequestError> {
     match live::ask(session, &Request::Possible)? {
         Response::Possible(possible) => Ok(*possible),
@@ -84,17 +84,17 @@ pub fn possible(session: &SessionInfo) -> Result<Possible, RequestError> {
     }
 }
 
-/// Lists every kind of fault that a session can take, with targets and values, for a machine.
+/// Lists every kind of fault that a session supports, with targets and values, as JSON.
 pub fn listed(possible: &Possible) -> serde_json::Value {
     listing::of(possible)
 }
 
-/// An answer as a person reads it.
+/// Formats an answer for the user.
 pub fn describe(response: &Response) -> Result<String, RequestError> {
     let mut text = String::new();
     match response {
         Response::Injected { faults } => faults.iter().for_each(|fault| text += &injected(fault)),
-        Response::Cleared { ids, .. } if ids.is_empty() => text += "there was no fault to end\n",
+        Response::Cleared { ids, .. } if ids.is_empty() => text += "no fault to end\n",
         Response::Cleared { ids, step } => {
             for id in ids {
                 // Writing to a string cannot fail.
@@ -130,7 +130,7 @@ fn injected(fault: &Injected) -> String {
 fn active(status: &Status, faults: &[FaultState]) -> String {
     let mut text = format!("{}\n", clock::describe(status));
     if faults.is_empty() {
-        text += "no fault acts or waits\n";
+        text += "no active or waiting faults\n";
     }
     for fault in faults {
         let FaultState {
@@ -195,7 +195,7 @@ fault 4 bias waits for `truth.x_m > 1`
 ";
         assert_eq!(describe(&answer).expect("an answer"), expected);
         let cleared = |ids| describe(&Response::Cleared { ids, step: 7 }).expect("an answer");
-        assert_eq!(cleared(vec![]), "there was no fault to end\n");
+        assert_eq!(cleared(vec![]), "no fault to end\n");
         assert_eq!(
             cleared(vec![2]),
             "fault 2 ends: step 7 is the first without it\n"
@@ -242,6 +242,6 @@ fault 2 bias (cli): waiting for step 50
   measured.x_m
 ";
         assert_eq!(active(&status, &faults), expected);
-        assert!(active(&status, &[]).ends_with("no fault acts or waits\n"));
+        assert!(active(&status, &[]).ends_with("no active or waiting faults\n"));
     }
 }

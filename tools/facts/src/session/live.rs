@@ -1,7 +1,7 @@
-//! A running session as another terminal sees it: which one is meant, asking it, and its refusals.
+//! A running session as seen from another terminal: selection, requests and refusals.
 //!
-//! Used by every command and view that asks a running session. Talks to the plant's socket only; the loop
-//! does not notice.
+//! Used by every command and view that queries a running session. Talks to the plant's socket only; the loop is not
+//! affected.
 
 use std::fmt::Write as _;
 use std::time::{Duration, Instant};
@@ -16,19 +16,19 @@ use shared_types::table::{listed, nearest};
 use crate::arguments::SessionChoice;
 use crate::session::observer::Notice;
 
-/// Limit for the plant's answer: longer than it waits for its own loop.
+/// Time limit for the plant's answer: longer than the plant waits for its own loop.
 const ANSWER_LIMIT: Duration = Duration::from_secs(20);
-/// Limit for a live session to start listening.
+/// Time limit for a live session to start listening.
 const START_LIMIT: Duration = Duration::from_secs(2);
-/// Interval between two looks for its socket.
+/// Polling interval for its socket.
 const LOOK: Duration = Duration::from_millis(10);
 
-/// Reason for which a request could not be made or was not met.
+/// Error of a request.
 #[derive(Debug)]
 pub enum RequestError {
-    /// The request was wrong, by a check here or by the plant's word. Nothing was changed.
+    /// The request was refused, by a check here or by the plant. Nothing was changed.
     Refused(Vec<Refusal>),
-    /// The machine or a process is in the way.
+    /// The machine or a process failed.
     Failed(Failure),
 }
 
@@ -45,7 +45,7 @@ impl From<Refusal> for RequestError {
 }
 
 impl RequestError {
-    /// Tells it; with `json`, refusals go to standard output too, for machines.
+    /// Reports the error; with `json`, refusals are also written to standard output as JSON.
     #[must_use]
     pub fn tell(self, json: bool) -> Failure {
         let problems = match self {
@@ -64,11 +64,11 @@ impl RequestError {
     }
 }
 
-/// Sends a request to a session and tells the answer, in the words of `describe`, which has none for an answer to
-/// something else.
+/// Sends a request to a session and prints the answer as formatted by `describe`, which returns `None` for an
+/// unexpected answer.
 ///
 /// # Errors
-/// If there is no session to ask, or it refuses the request or does not answer.
+/// If there is no session, or it refuses the request or does not answer.
 pub(crate) fn tell_answer(
     choice: &SessionChoice,
     request: &Request,
@@ -76,15 +76,15 @@ pub(crate) fn tell_answer(
 ) -> Result<Exit, Failure> {
     let answer = find(choice).and_then(|session| ask(&session, request));
     let answer = answer.and_then(|answer| match describe(&answer) {
-        Some(told) => Ok((answer, told)),
+        Some(text) => Ok((answer, text)),
         None => Err(unexpected(&answer)),
     });
-    let (answer, told) = answer.map_err(|error| error.tell(choice.json))?;
-    output::write(&if choice.json { to_json(&answer)? } else { told })?;
+    let (answer, text) = answer.map_err(|error| error.tell(choice.json))?;
+    output::write(&if choice.json { to_json(&answer)? } else { text })?;
     Ok(Exit::Pass)
 }
 
-/// Refuses what was given for a key, and says what is expected.
+/// Creates the refusal of a key's value, with the expected values.
 pub(crate) fn refusal(key: &str, message: String, expected: String) -> Refusal {
     Refusal {
         key: key.into(),
@@ -93,12 +93,12 @@ pub(crate) fn refusal(key: &str, message: String, expected: String) -> Refusal {
     }
 }
 
-/// Lists the names that are closest to an unknown one.
+/// Lists the names closest to an unknown one.
 pub(crate) fn closest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<String> {
     nearest(name, known).into_iter().map(Into::into).collect()
 }
 
-/// Refusals as a person reads them.
+/// Formats refusals for the user.
 pub fn refused_text(problems: &[Refusal]) -> String {
     let mut text = String::new();
     for problem in problems {
@@ -117,19 +117,19 @@ pub fn refused_text(problems: &[Refusal]) -> String {
     text
 }
 
-/// An answer as a line of JSON.
+/// Formats an answer as a line of JSON.
 ///
 /// # Errors
-/// If it cannot be written as JSON.
+/// If it cannot be serialised.
 pub fn to_json(answer: &impl serde::Serialize) -> Result<String, Failure> {
     let json = serde_json::to_string(answer).map_err(Failure::infrastructure)?;
     Ok(json + "\n")
 }
 
-/// The session that is meant.
+/// Finds the selected session.
 ///
 /// # Errors
-/// If there is none, or if it is not clear which.
+/// If there is none, or the selection is ambiguous.
 pub fn find(choice: &SessionChoice) -> Result<SessionInfo, RequestError> {
     choose(
         session::list().map_err(Failure::infrastructure)?,
@@ -138,61 +138,65 @@ pub fn find(choice: &SessionChoice) -> Result<SessionInfo, RequestError> {
     .map_err(RequestError::from)
 }
 
-/// Chooses among the running sessions.
-fn choose(mut running: Vec<SessionInfo>, wanted: Option<&str>) -> Result<SessionInfo, Refusal> {
+/// Selects one of the running sessions.
+fn choose(mut running: Vec<SessionInfo>, requested: Option<&str>) -> Result<SessionInfo, Refusal> {
     let names: Vec<String> = running.iter().map(|session| session.name.clone()).collect();
     let expected = if names.is_empty() {
-        "a running session; start one with `hil run SCENARIO.toml`, held with --pause-at TIME"
+        "a running session; start one with `hil run SCENARIO.toml`, paused with --pause-at TIME"
             .into()
     } else {
         format!("--session with one of {}", listed(&names))
     };
-    let place = match wanted {
-        Some(wanted) => names.iter().position(|name| name == wanted),
+    let place = match requested {
+        Some(requested) => names.iter().position(|name| name == requested),
         None => (names.len() == 1).then_some(0),
     };
     if let Some(place) = place {
         return Ok(running.swap_remove(place));
     }
-    let message = match wanted {
-        Some(wanted) => format!("no session `{wanted}` is running"),
+    let message = match requested {
+        Some(requested) => format!("no session `{requested}` is running"),
         None if names.is_empty() => "no session is running".into(),
         None => {
-            let told: Vec<String> = running.iter().map(describe).collect();
-            format!("{} sessions are running: {}", names.len(), told.join("; "))
+            let descriptions: Vec<String> = running.iter().map(describe).collect();
+            format!(
+                "{} sessions are running: {}",
+                names.len(),
+                descriptions.join("; ")
+            )
         }
     };
-    let near = wanted.map(|wanted| closest(wanted, names.iter().map(String::as_str)));
+    let near = requested.map(|requested| closest(requested, names.iter().map(String::as_str)));
     Err(Refusal {
         nearest: near.unwrap_or_default(),
         ..refusal("session", message, expected)
     })
 }
 
-/// A session among others: its name, its scenario, for how long it has run, and where to.
+/// Describes a session in a list: its name, its scenario, its age, and its folder.
 fn describe(session: &SessionInfo) -> String {
     let name = &session.name;
     let Some(notice) = Notice::read(session) else {
         return format!("`{name}`, which is starting");
     };
-    let mut told = format!("`{name}`");
+    let mut text = format!("`{name}`");
     if let Some(scenario) = notice.scenario_name() {
-        told += &format!(" with {scenario}");
+        text += &format!(" with {scenario}");
     }
     if let Some(age) = Notice::age(session) {
         let age = humantime::format_duration(Duration::from_secs(age.as_secs()));
-        told += &format!(" for {age}");
+        text += &format!(" for {age}");
     }
     if let Some(folder) = &session.run_dir {
-        told += &format!(" in {}", folder.display());
+        text += &format!(" in {}", folder.display());
     }
-    told
+    text
 }
 
-/// Asks a session. One that is starting is given a moment.
+/// Sends a request to a session. A session that is starting is given a moment.
 ///
 /// # Errors
-/// If it refused, has ended or does not answer.
+/// If it refuses, has ended or does not answer.
 pub fn ask(session: &SessionInfo, request: &Request) -> Result<Response, RequestError> {
     let since = Instant::now();
     loop {
@@ -228,14 +232,11 @@ fn ended(session: &SessionInfo, error: &LiveError) -> Refusal {
     refusal("session", message, expected.into())
 }
 
-/// An answer that does not belong to what was asked.
+/// Returns the error for an answer that does not belong to the request.
 #[must_use]
 pub fn unexpected(response: &Response) -> RequestError {
-    let told = serde_json::to_string(response).unwrap_or_default();
-    Failure::infrastructure(format!(
-        "the plant gave an answer to something else: {told}"
-    ))
-    .into()
+    let text = serde_json::to_string(response).unwrap_or_default();
+    Failure::infrastructure(format!("unexpected answer from the plant: {text}")).into()
 }
 
 #[cfg(test)]
@@ -260,9 +261,9 @@ mod tests {
     }
 
     #[test]
-    fn a_session_is_chosen_by_name_or_by_being_the_only_one() {
+    fn a_session_is_selected_by_name_or_because_it_is_the_only_one() {
         let running = |names: &[&str]| names.iter().map(|name| session(name)).collect::<Vec<_>>();
-        for (names, wanted, chosen) in [
+        for (names, requested, expected_choice) in [
             (&["a"][..], None, Ok("a")),
             (&["a", "b"], Some("b"), Ok("b")),
             (
@@ -281,11 +282,11 @@ mod tests {
                 &[],
                 None,
                 Err(
-                    "no session is running; a running session; start one with `hil run SCENARIO.toml`, held with --pause-at TIME; ",
+                    "no session is running; a running session; start one with `hil run SCENARIO.toml`, paused with --pause-at TIME; ",
                 ),
             ),
         ] {
-            let found = choose(running(names), wanted)
+            let result = choose(running(names), requested)
                 .map(|session| session.name)
                 .map_err(|refusal| {
                     let expected = refusal.expected.unwrap_or_default();
@@ -296,15 +297,15 @@ mod tests {
                     )
                 });
             assert_eq!(
-                found.as_deref().map_err(String::as_str),
-                chosen,
+                result.as_deref().map_err(String::as_str),
+                expected_choice,
                 "{names:?}"
             );
         }
     }
 
     #[test]
-    fn a_refusal_says_what_is_wrong_and_what_is_possible() {
+    fn a_refusal_states_the_problem_and_the_alternatives() {
         let problems = [
             Refusal {
                 key: "faults[0].kind".into(),

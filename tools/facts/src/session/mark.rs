@@ -6,10 +6,10 @@ use shared_types::live::{Request, Response};
 use crate::arguments::mark::MarkArguments;
 use crate::session::live;
 
-/// Puts a note before the session's next step, and tells which that was.
+/// Sets a mark before the session's next step, and prints the step.
 ///
 /// # Errors
-/// If there is no session to ask, or it refuses the note.
+/// If there is no session, or it refuses the mark.
 pub fn mark(arguments: &MarkArguments) -> Result<Exit, Failure> {
     let request = Request::Mark {
         text: arguments.text.clone(),

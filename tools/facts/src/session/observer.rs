@@ -1,8 +1,8 @@
-//! Watching a session from outside: its records and events as they come.
+//! Observation of a session from outside: its records and events as they arrive.
 //!
-//! Used by `hil monitor`, `panel` and `watch`. Passive: it gives no credit, so the loop never waits for
-//! it; what it is too slow for it loses, and it counts that. It attaches beside the recorder, never in
-//! its place, and leaves nothing in shared memory. Asks nobody anything.
+//! Used by `hil monitor`, `panel` and `watch`. Passive: it gives no credit, so the loop never waits for it; records
+//! that it is too slow for are lost and counted. It attaches beside the recorder, never in its place, and leaves
+//! nothing in shared memory. Sends no requests.
 
 use std::time::Duration;
 
@@ -20,32 +20,32 @@ use shared_types::stream::{Item, RecordSource};
 use crate::programs::binaries::{Binaries, Binary};
 use crate::programs::checked::checked;
 
-/// File of the session's folder that tells what is run.
+/// File in the session's folder that describes the run.
 const FILE: &str = "run.json";
-/// File of the session's folder that lets others watch, with what records hold.
+/// File in the session's folder that admits observers, with the layout of the records.
 const ADMITTED: &str = "admitted.json";
-/// Shortest and longest sleep between two looks at the stream. The shortest empties it often enough
-/// for the fastest loop; one that is longer is not seen on a screen.
+/// Minimum and maximum sleep between two reads of the stream. The minimum empties it often enough for the fastest
+/// loop; the maximum is still imperceptible on a screen.
 const NAPS: [Duration; 2] = [Duration::from_millis(4), Duration::from_millis(32)];
-/// With N items at one look, which takes no more, it looks again at once and then more often;
-/// with fewer than an eighth less often.
+/// Maximum number of items per read, after which the next read follows at once and reads become more frequent; with
+/// fewer than an eighth of it, reads become less frequent.
 const MANY: usize = BUFFER / 8;
 
 /// Notice of a session for its observers.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Notice {
-    /// Both sides run in one process, whose records nobody else can see.
+    /// `true` if both sides run in one process, whose records no other process can read.
     pub is_in_process: bool,
-    /// The complete scenario.
+    /// Complete scenario.
     pub scenario: String,
-    /// Description of the plant; of one process only its name.
+    /// Description of the plant; for a run in one process only its name.
     pub plant: Description,
-    /// Description of the controller; of one process only its name.
+    /// Description of the controller; for a run in one process only its name.
     pub controller: Description,
 }
 
 impl Notice {
-    /// Tells it, before the processes are started.
+    /// Writes the notice, before the processes are started.
     ///
     /// # Errors
     /// If the session's folder cannot be written.
@@ -55,7 +55,7 @@ impl Notice {
         binaries: &Binaries,
         is_in_process: bool,
     ) -> Result<(), Failure> {
-        // They are for those who watch records.
+        // Descriptions serve only observers of records.
         let description = |binary: &Binary| match &binary.description {
             all if is_in_process => Description::new(&all.program, &all.version),
             all => all.clone(),
@@ -69,13 +69,13 @@ impl Notice {
         (session.write_file(FILE, &notice)).map_err(Failure::infrastructure)
     }
 
-    /// Reads it; `None` as long as it is not there.
+    /// Reads the notice; `None` until it exists.
     #[must_use]
     pub fn read(session: &SessionInfo) -> Option<Self> {
         session.read_file(FILE).ok()
     }
 
-    /// The name of the scenario.
+    /// Returns the name of the scenario.
     pub fn scenario_name(&self) -> Option<String> {
         let scenario: toml_edit::DocumentMut = self.scenario.parse().ok()?;
         Some(scenario.get("name")?.as_str()?.to_owned())
@@ -89,18 +89,18 @@ impl Notice {
         written.ok()?.elapsed().ok()
     }
 
-    /// The scenario, checked.
+    /// Returns the checked scenario.
     ///
     /// # Errors
-    /// If it does not suit what plant and controller say of themselves.
+    /// If it does not fit the descriptions of plant and controller.
     pub fn plan(&self) -> Result<Plan, Failure> {
         let origin = "the running scenario".as_ref();
         checked(&self.scenario, origin, &self.plant, &self.controller)
     }
 }
 
-/// Lets others watch a session: the recorder is there, and what it looked at was closed to other users.
-/// Not before, because what iceoryx2 makes for one who attaches is open for a moment.
+/// Admits observers to a session: the recorder is attached, and the stream was closed to other users. Not earlier,
+/// because iceoryx2 creates files for an attaching process that are briefly open.
 ///
 /// # Errors
 /// If the session's folder cannot be written.
@@ -111,32 +111,32 @@ pub fn admit(session: &SessionInfo, layout: &RecordLayout) -> Result<(), Session
 /// Observation of a run.
 #[derive(Debug)]
 pub enum Seen<'a> {
-    /// A record, and its words.
+    /// Record, with its words.
     Record(RecordView<'a>, &'a [u64]),
-    /// Something happened.
+    /// Event.
     Event(Event),
-    /// Number of records and events that were lost before the next one.
+    /// Number of records and events lost before the next one.
     Lost(u64),
-    /// Something could not be read, and why.
+    /// Unreadable item, with the reason.
     Broken(String),
 }
 
-/// Watcher of a session, until it is dropped.
+/// Observer of a session; detaches when dropped.
 pub struct Observer {
     session: SessionInfo,
     source: Option<IceoryxSource>,
     layout: RecordLayout,
     has_joined: bool,
-    /// There may be more than was taken at the last look.
+    /// `true` if the last read may have left items.
     has_more: bool,
     nap: Duration,
 }
 
 impl Observer {
-    /// Attaches to a session; `None` as long as it exchanges no samples yet.
+    /// Attaches to a session; `None` until it exchanges samples.
     ///
     /// # Errors
-    /// If enough others watch it, or shared memory cannot be used.
+    /// If the session has the maximum number of observers, or shared memory cannot be used.
     pub fn attach(session: &SessionInfo) -> Result<Option<Self>, Failure> {
         let Ok(layout) = session.read_file(ADMITTED) else {
             return Ok(None);
@@ -153,12 +153,12 @@ impl Observer {
             Ok(source) => observer.source = Some(source),
             Err(LinkError::Taken { .. }) => {
                 return Err(Failure::usage(format!(
-                    "session `{}` is watched by {WATCHERS} others, which is as many as it takes",
+                    "session `{}` already has {WATCHERS} observers, the maximum",
                     session.name
                 )));
             }
             Err(LinkError::Absent { .. }) => return Ok(None),
-            // What ends while one attaches to it fails in many ways.
+            // Attaching to a session that ends meanwhile fails in many ways.
             Err(_) if !session.is_there() => return Ok(None),
             Err(error) => return Err(Failure::infrastructure(error)),
         }
@@ -172,7 +172,7 @@ impl Observer {
         &self.layout
     }
 
-    /// Takes what is there, and returns how many items that were.
+    /// Reads available items and returns their number.
     ///
     /// # Errors
     /// If the stream failed.
@@ -187,19 +187,19 @@ impl Observer {
                 take(Seen::Record(layout.view(words), words));
             }
             Item::Record(words) => {
-                let (got, wanted) = (words.len(), layout.words());
+                let (got, expected) = (words.len(), layout.words());
                 take(Seen::Broken(format!(
-                    "a record of {got} words, not {wanted}"
+                    "a record of {got} words, not {expected}"
                 )));
             }
             Item::Event(event) => {
                 *has_joined = true;
                 take(Seen::Event(clean(event)));
             }
-            // What was before it came is not lost to it.
+            // Items from before it attached are not lost.
             Item::Lost(_) if !*has_joined => {}
             Item::Lost(count) => take(Seen::Lost(count)),
-            // The rest of an event whose begin was before that.
+            // The rest of an event that began before it attached.
             Item::Broken(_) if !*has_joined => {}
             Item::Broken(what) => take(Seen::Broken(what)),
         });
@@ -214,7 +214,7 @@ impl Observer {
         Ok(taken)
     }
 
-    /// Computes the sleep until the next look from the yield of the last ones.
+    /// Returns the sleep until the next read, adapted to the yield of the last ones.
     #[must_use]
     pub const fn nap(&self) -> Duration {
         if self.has_more {

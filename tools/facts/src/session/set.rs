@@ -1,4 +1,4 @@
-//! `hil set`: values of a running session changed, all at one step.
+//! `hil set`: changes values of a running session, all at one step.
 
 use std::fmt::Write as _;
 
@@ -9,10 +9,10 @@ use shared_types::number::exact_in;
 use crate::arguments::set::SetArguments;
 use crate::session::live;
 
-/// Changes values, and tells at which step.
+/// Changes values, and prints the step of the change.
 ///
 /// # Errors
-/// If there is no session to ask, or it refuses the change.
+/// If there is no session, or it refuses the change.
 pub fn set(arguments: &SetArguments) -> Result<Exit, Failure> {
     let new = |(key, value): &(String, f64)| NewValue {
         key: key.clone(),
@@ -30,7 +30,7 @@ pub fn set(arguments: &SetArguments) -> Result<Exit, Failure> {
     })
 }
 
-/// Describes a change that was taken, with a line for each value.
+/// Describes an accepted change, with a line for each value.
 #[must_use]
 pub fn describe(changed: &Changed) -> String {
     let Changed {

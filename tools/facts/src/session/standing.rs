@@ -1,9 +1,9 @@
-//! State of the requirements of a running session, and the account of it, for observers.
+//! State of a running session's requirements, and its account of events, for observers.
 //!
-//! The `hil` that runs a session listens on a socket of its own. Asked, it has the recorder, which
-//! judges every record from step 0 on, say what came of each requirement so far, and tells what
-//! [happened](super::happening): one who joined late could not know. The loop is not asked; the recorder
-//! looks at one atomic at each waking.
+//! The `hil` that runs a session listens on a socket of its own. On request, the recorder, which judges every
+//! record from step 0 on, reports the state of each requirement, and the [account](super::happening) of events is
+//! sent: an observer that joined late could not know either. The loop is not involved; the recorder checks one
+//! atomic at each wake-up.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Sender, channel};
@@ -21,11 +21,11 @@ use super::happening::Happening;
 
 /// Name of the socket in the session's folder.
 const SOCKET: &str = "standing";
-/// Limit for the recorder's answer.
+/// Time limit for the recorder's answer.
 const ANSWER_LIMIT: Duration = Duration::from_secs(1);
-/// Limit of the asking side's wait.
+/// Time limit of a client's wait.
 const ASK_LIMIT: Duration = Duration::from_secs(2);
-/// Most events in an answer.
+/// Maximum number of events in an answer.
 const MOST_EVENTS: usize = 2000;
 
 /// State of a requirement.
@@ -35,19 +35,19 @@ pub struct Standing {
     pub name: String,
     /// `pass`, `fail` or `undecided`.
     pub verdict: String,
-    /// The margin in `unit`, once everything that the formula looks at has come.
+    /// Margin in `unit`, once all inputs of the formula are known.
     pub robustness: Option<f64>,
     /// Lower bound of the margin.
     pub at_least: Option<f64>,
-    /// Upper bound of the margin: of an `always`, the least margin so far.
+    /// Upper bound of the margin; for an `always`, the smallest margin so far.
     pub at_most: Option<f64>,
     /// Unit of the margin.
     pub unit: String,
-    /// The simulated time in s that made the verdict certain.
+    /// Simulated time in s at which the verdict became certain.
     pub decided_at_s: Option<f64>,
 }
 
-/// Every requirement of a run, in the scenario's order.
+/// Returns the state of every requirement of a run, in the scenario's order.
 #[must_use]
 pub fn of(evaluation: &Evaluation) -> Vec<Standing> {
     let finite = |size: f64| size.is_finite().then_some(size);
@@ -65,7 +65,7 @@ pub fn of(evaluation: &Evaluation) -> Vec<Standing> {
         .collect()
 }
 
-/// Queue of questions to the recorder, and its account.
+/// Queue of queries to the recorder, and its account.
 #[derive(Debug, Default)]
 pub struct Board {
     is_asked: AtomicBool,
@@ -74,7 +74,7 @@ pub struct Board {
 }
 
 impl Board {
-    /// Answers whoever asked; called by the recorder between records.
+    /// Answers pending queries; called by the recorder between records.
     pub fn answer(&self, standings: impl FnOnce() -> Vec<Standing>) {
         if !self.is_asked.swap(false, Ordering::AcqRel) {
             return;
@@ -82,17 +82,17 @@ impl Board {
         let standings = standings();
         let mut askers = self.askers.lock().unwrap_or_else(PoisonError::into_inner);
         for asker in askers.drain(..) {
-            let _ = asker.send(standings.clone()); // it may have given up
+            let _ = asker.send(standings.clone()); // the client may have given up
         }
     }
 
-    /// Notes an event; called by the recorder, in the order of the events.
+    /// Records an event; called by the recorder, in the order of the events.
     pub fn note(&self, happening: Happening) {
         let account = self.account.lock();
         (account.unwrap_or_else(PoisonError::into_inner)).push(happening);
     }
 
-    /// The account behind its first `after` events, or the next part of it.
+    /// Returns the account after its first `after` events, or its next part.
     fn account(&self, after: usize) -> Vec<Happening> {
         let account = self.account.lock().unwrap_or_else(PoisonError::into_inner);
         let rest = account.get(after..).unwrap_or_default();
@@ -109,31 +109,31 @@ impl Board {
     }
 }
 
-/// Question.
+/// Query.
 #[derive(Debug, Serialize, Deserialize)]
 struct Request {
-    /// Number of events of the account that are known.
+    /// Number of events of the account that the client has.
     #[serde(default)]
     after: usize,
 }
 
-/// Answer.
+/// Answer to a query.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub struct Answer {
     /// State of each requirement; `None` if the recorder is busy or has ended.
     pub standings: Option<Vec<Standing>>,
-    /// The account after the events that are known.
+    /// Account after the events that the client has.
     #[serde(default)]
     pub account: Vec<Happening>,
 }
 
-/// Answers whoever asks, as long as what it returns is kept.
+/// Answers queries until the returned value is dropped.
 ///
 /// # Errors
-/// If the socket cannot be made.
+/// If the socket cannot be created.
 pub fn listen(session: &SessionInfo, board: Arc<Board>) -> Result<Listening, Failure> {
     let listening = live::listen(session, SOCKET, move |client| {
-        // A client that went away needs no answer.
+        // A client that disconnected needs no answer.
         let _ = live::answer(client, |request: Result<Request, Refusal>| match request {
             Ok(Request { after }) => Answer {
                 standings: board.ask(),
@@ -145,10 +145,10 @@ pub fn listen(session: &SessionInfo, board: Arc<Board>) -> Result<Listening, Fai
     listening.map_err(Failure::infrastructure)
 }
 
-/// Asks a session for its standing, with the account behind the first `after` events.
+/// Queries the state of a session's requirements, with the account after the first `after` events.
 ///
 /// # Errors
-/// If nobody listens, as in a session that is starting, or `hil` is stopped.
+/// If nobody listens, for example in a session that is starting, or `hil` is stopped.
 pub fn ask(session: &SessionInfo, after: usize) -> Result<Answer, LiveError> {
     live::ask_at(session, SOCKET, &Request { after }, ASK_LIMIT)
 }
@@ -158,7 +158,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_account_is_told_in_parts_from_what_is_known() {
+    fn the_account_is_sent_in_parts_after_the_known_events() {
         let board = Board::default();
         let event = |step| Happening {
             step,
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn everybody_who_asked_is_answered_and_nobody_else_costs_anything() {
+    fn every_client_is_answered_and_idle_wakeups_cost_nothing() {
         let board = Arc::new(Board::default());
         board.answer(|| panic!("nobody asked"));
         let askers: Vec<_> = (0..3)
@@ -198,8 +198,8 @@ mod tests {
             std::thread::sleep(Duration::from_millis(1));
         }
         for asker in askers {
-            let heard = asker.join().expect("no panic");
-            assert_eq!(heard, Some(vec![standing.clone()]));
+            let answer = asker.join().expect("no panic");
+            assert_eq!(answer, Some(vec![standing.clone()]));
         }
     }
 }

@@ -1,4 +1,5 @@
-//! The plant and the law of the tests of several packages: a rig with one fault kind of each sort, and a law that does nothing.
+//! Plant and law for tests of several packages: a rig with one fault kind of each sort, and a law that does
+//! nothing.
 
 use std::path::Path;
 
@@ -32,7 +33,7 @@ at_s = 0.0
 after = 1.0
 "#;
 
-/// Returns the descriptions that plant and controller of the scenario give of themselves.
+/// Returns the descriptions of plant and controller of the scenario.
 pub(crate) fn described() -> [Description; 2] {
     let mut plant = Description::new("some-plant", "1");
     (plant.plants, plant.faults) = (vec![self::plant()], kinds());
@@ -53,7 +54,7 @@ pub(crate) fn described() -> [Description; 2] {
     [plant, controller]
 }
 
-/// Returns what travels in the recording of a run of the rig.
+/// Returns the attachments in the recording of a run of the rig.
 pub(crate) fn attachments(scenario: String) -> Vec<Attachment> {
     let [plant, controller] = described();
     let json = |description| serde_json::to_string(description).expect("JSON");
@@ -76,7 +77,7 @@ pub(crate) fn plan() -> Plan {
     checked.expect("a right scenario")
 }
 
-/// A rig with one kind of each sort of its own.
+/// Returns a rig with a plant-specific fault kind of each sort.
 pub(crate) fn plant() -> PlantDescription {
     let angle = Field::signal("surface_angle_rad", "rad", "The angle.");
     let size = |name: &str, unit: &str, text: &str, max: f64| Field {
@@ -139,7 +140,7 @@ pub(crate) fn plant() -> PlantDescription {
     }
 }
 
-/// Lists kinds of faults that any plant has, one of each sort.
+/// Returns fault kinds common to all plants, one of each sort.
 pub(crate) fn kinds() -> Vec<FaultKindDescription> {
     let kind = |kind: &str, acts_on, keys: &[(&str, &str)], list: Option<(&str, usize)>| {
         FaultKindDescription {

@@ -14,7 +14,7 @@ pub struct ConfigArguments {
     pub action: ConfigAction,
 }
 
-/// The parts of `hil config`.
+/// Actions of `hil config`.
 #[derive(Debug, Subcommand)]
 pub enum ConfigAction {
     /// Check a scenario and list all its errors
@@ -39,7 +39,7 @@ pub enum ConfigAction {
     },
 }
 
-/// A scenario to look at.
+/// Scenario to check or show.
 #[derive(Debug, Args)]
 pub struct ScenarioArguments {
     /// The scenario file

@@ -39,7 +39,7 @@ pub struct DescribeArguments {
     pub json: bool,
 }
 
-/// A side of a run.
+/// Side of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum DescribedSide {
     /// Inputs are commands, outputs are measured.

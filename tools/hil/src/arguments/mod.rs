@@ -1,7 +1,7 @@
-//! The command line as it is typed: clap's types, their values, help and errors. Carries out no command and completes
-//! none (`commands::completion` does).
+//! Command line: clap's types, their values, help and errors. Neither executes commands nor completes them
+//! (`commands::completion` does).
 //!
-//! A file for each group of commands; the parts that several packages share are in `hil_facts::arguments`.
+//! One file per group of commands; parts shared by several packages are in `hil_facts::arguments`.
 
 pub(crate) mod config;
 pub(crate) mod describe;
@@ -177,7 +177,7 @@ The line for the startup file of a shell:
   ~/.zshrc, after compinit    source <(hil completions zsh)
   ~/.config/fish/config.fish  hil completions fish | source";
 
-/// Subcommands as `hil --help` groups them; clap has one heading for all.
+/// Subcommands as grouped by `hil --help`; clap supports a single heading only.
 const GROUPS: [(&str, &[&str]); 4] = [
     (
         "Run",
@@ -220,7 +220,7 @@ const GROUPS: [(&str, &[&str]); 4] = [
 ];
 
 impl CommandLine {
-    /// Reads the command line of this process; ends it with a message if it is wrong.
+    /// Parses the command line of this process; exits with a message if it is invalid.
     #[must_use]
     pub fn of_process() -> Self {
         let typed = inject::arrange(std::env::args_os());
@@ -231,7 +231,7 @@ impl CommandLine {
     }
 }
 
-/// The command line, with its subcommands in groups.
+/// Returns the clap command with its subcommands in groups.
 #[must_use]
 pub(crate) fn command() -> clap::Command {
     let mut command = CommandLine::command();
@@ -257,7 +257,7 @@ pub(crate) fn command() -> clap::Command {
     CommandLine::command().help_template(template)
 }
 
-/// The command that was typed, with its own usage.
+/// Returns the subcommand that was typed, so that errors show its usage.
 fn meant(typed: &[OsString]) -> clap::Command {
     let mut command = command();
     command.build();
@@ -270,12 +270,12 @@ fn meant(typed: &[OsString]) -> clap::Command {
     command
 }
 
-/// The error in words for what Rust says of numbers that are none, and with the commands closest to an unknown one.
+/// Rewrites the error: states the expected number in words, and adds the commands closest to an unknown one.
 fn in_words(mut error: clap::Error, typed: &[OsString]) -> clap::Error {
     if let Some(ContextValue::String(unknown)) = error.get(ContextKind::InvalidSubcommand) {
         let command = meant(typed);
-        let known = command.get_subcommands().filter(|one| !one.is_hide_set());
-        let near = nearest(unknown, known.map(clap::Command::get_name));
+        let names = command.get_subcommands().filter(|one| !one.is_hide_set());
+        let near = nearest(unknown, names.map(clap::Command::get_name));
         let near: Vec<String> = near.into_iter().map(Into::into).collect();
         if !near.is_empty() {
             error.insert(
@@ -285,19 +285,19 @@ fn in_words(mut error: clap::Error, typed: &[OsString]) -> clap::Error {
         }
         return error;
     }
-    let said = std::error::Error::source(&error).map(ToString::to_string);
+    let cause = std::error::Error::source(&error).map(ToString::to_string);
     let (value, argument) = (
         error.get(ContextKind::InvalidValue),
         error.get(ContextKind::InvalidArg),
     );
-    let (Some(said), Some(value), Some(argument)) = (said, value, argument) else {
+    let (Some(cause), Some(value), Some(argument)) = (cause, value, argument) else {
         return error;
     };
-    let from_one = said.split_once(" is not in 1..");
-    let expected = match &*said {
-        "invalid float literal" | "cannot parse float from empty string" => "a number, as 0.5",
+    let from_one = cause.split_once(" is not in 1..");
+    let expected = match &*cause {
+        "invalid float literal" | "cannot parse float from empty string" => "a number such as 0.5",
         "invalid digit found in string" | "cannot parse integer from empty string" => {
-            "a whole number, as 3"
+            "a whole number such as 3"
         }
         "number too large to fit in target type" => "a smaller number",
         _ => match from_one {
@@ -308,8 +308,8 @@ fn in_words(mut error: clap::Error, typed: &[OsString]) -> clap::Error {
             None => return error,
         },
     };
-    let told = format!("invalid value '{value}' for '{argument}': it takes {expected}");
-    meant(typed).error(ErrorKind::ValueValidation, told)
+    let message = format!("invalid value '{value}' for '{argument}': expected {expected}");
+    meant(typed).error(ErrorKind::ValueValidation, message)
 }
 
 #[cfg(test)]
@@ -317,37 +317,37 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_number_that_is_none_is_told_in_words() {
-        for (typed, told) in [
+    fn an_invalid_number_is_explained_in_words() {
+        for (typed, expected) in [
             (
                 "hil run a.toml --pace x",
-                "'--pace <FACTOR>': it takes a number, as 0.5",
+                "'--pace <FACTOR>': expected a number such as 0.5",
             ),
-            ("hil step x", "'[N]': it takes a whole number, as 3"),
+            ("hil step x", "'[N]': expected a whole number such as 3"),
             (
                 "hil run a.toml --record-every 0",
-                "it takes a whole number from 1\n",
+                "expected a whole number from 1\n",
             ),
             (
                 "hil run a.toml --repeat 0",
-                "it takes a whole number from 1 to 10000",
+                "expected a whole number from 1 to 10000",
             ),
         ] {
             let words: Vec<OsString> = typed.split(' ').map(Into::into).collect();
             let error = CommandLine::try_parse_from(&words).expect_err("refused");
-            let said = in_words(error, &words).to_string();
-            assert!(said.contains(told), "{typed}: {said}");
+            let message = in_words(error, &words).to_string();
+            assert!(message.contains(expected), "{typed}: {message}");
             let usage = format!("Usage: {} ", words[..2].join(" ".as_ref()).display());
-            assert!(said.contains(&usage), "{typed}: {said}");
+            assert!(message.contains(&usage), "{typed}: {message}");
         }
         let words = ["hil", "run"].map(OsString::from);
         let other = CommandLine::try_parse_from(&words).expect_err("refused");
-        let said = other.to_string();
-        assert_eq!(in_words(other, &words).to_string(), said);
+        let message = other.to_string();
+        assert_eq!(in_words(other, &words).to_string(), message);
     }
 
     #[test]
-    fn an_unknown_command_is_answered_with_the_nearest_ones() {
+    fn an_unknown_command_suggests_the_nearest_ones() {
         for (typed, near) in [
             ("hil rnu a.toml", "'run'"),
             ("hil campain", "'campaign'"),
@@ -370,20 +370,20 @@ mod tests {
 
     #[test]
     fn help_lists_every_command_once_with_one_line() {
-        let mut known = CommandLine::command();
-        known.build();
-        let known = known.get_subcommands().filter(|one| !one.is_hide_set());
-        let mut known: Vec<&str> = known.map(clap::Command::get_name).collect();
+        let mut commands = CommandLine::command();
+        commands.build();
+        let commands = commands.get_subcommands().filter(|one| !one.is_hide_set());
+        let mut commands: Vec<&str> = commands.map(clap::Command::get_name).collect();
         let mut listed: Vec<&str> = GROUPS
             .iter()
             .flat_map(|(_, names)| *names)
             .copied()
             .collect();
-        known.sort_unstable();
+        commands.sort_unstable();
         listed.sort_unstable();
-        assert_eq!(listed, known);
+        assert_eq!(listed, commands);
         let help = command().render_long_help().to_string();
-        for name in known {
+        for name in commands {
             let line = help
                 .lines()
                 .filter(|line| line.starts_with(&format!("  {name} ")));

@@ -37,28 +37,28 @@ pub struct NewArguments {
     pub json: bool,
 }
 
-/// Language of a program.
+/// Programming language of a project.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Language {
-    /// A crate.
+    /// Cargo package.
     Rust,
     /// C11 with a Makefile.
     C,
 }
 
-/// Sorts of projects that can be begun.
+/// Kinds of projects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum What {
-    /// A model as a program of its own.
+    /// Model in a program of its own.
     Plant,
-    /// A law as a program of its own.
+    /// Control law in a program of its own.
     Controller,
-    /// A scenario for existing programs.
+    /// Scenario for existing programs.
     Scenario,
 }
 
 impl What {
-    /// Returns the name as it is typed.
+    /// Returns the name as typed.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

@@ -56,7 +56,7 @@ pub struct RunsArguments {
     pub json: bool,
 }
 
-/// The parts of `hil runs`.
+/// Actions of `hil runs`.
 #[derive(Debug, Subcommand)]
 pub enum RunsAction {
     /// Remove runs by a rule
@@ -106,13 +106,13 @@ pub struct RunChoice {
 }
 
 impl RunChoice {
-    /// Checks that the choice leaves anything out.
+    /// Returns `true` if the choice excludes any runs.
     pub fn is_a_rule(&self) -> bool {
         self.scenario.is_some() || !self.verdict.is_empty() || self.since.is_some()
     }
 }
 
-/// End of a run.
+/// Outcome of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Ending {
@@ -120,16 +120,16 @@ pub enum Ending {
     Fail,
     /// Aborted before its last step.
     Aborted,
-    /// Broken: hil died before it could give a verdict.
+    /// Ended without a verdict because hil died.
     Broken,
     /// Still running.
     Running,
-    /// Every requirement holds.
+    /// All requirements passed.
     Pass,
 }
 
 impl Ending {
-    /// Name in tables and in JSON.
+    /// Returns the name in tables and in JSON.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -142,12 +142,12 @@ impl Ending {
     }
 }
 
-/// Order of runs.
+/// Sort order of runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Order {
     /// Start time.
     Time,
-    /// The name of the scenario.
+    /// Scenario name.
     Scenario,
     /// Failed runs come first.
     Verdict,
@@ -161,13 +161,13 @@ fn since(text: &str) -> Result<SystemTime, String> {
     if let Ok(age) = humantime::parse_duration(text) {
         return SystemTime::now()
             .checked_sub(age)
-            .ok_or_else(|| format!("`{text}` is longer ago than any clock tells"));
+            .ok_or_else(|| format!("`{text}` is too long ago"));
     }
-    let whole = match text.len() {
+    let timestamp = match text.len() {
         10 => format!("{text}T00:00:00Z"),
         _ => text.to_owned(),
     };
-    humantime::parse_rfc3339_weak(&whole).map_err(|_| {
-        format!("`{text}` is no age as 2d or 3h, and no time in UTC as 2026-11-20 or 2026-11-20T14:00:00Z")
+    humantime::parse_rfc3339_weak(&timestamp).map_err(|_| {
+        format!("`{text}` is neither an age such as 2d or 3h nor a UTC time such as 2026-11-20 or 2026-11-20T14:00:00Z")
     })
 }

@@ -12,7 +12,7 @@ Examples:
   hil controller swap --set controller.law=pid
   hil controller swap --bin ./my-controller --session demo --json";
 
-/// Actions on the controller of a running session.
+/// Arguments of `hil controller`.
 #[derive(Debug, Args)]
 pub struct ControllerArguments {
     /// Action

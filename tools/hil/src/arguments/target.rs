@@ -23,7 +23,7 @@ pub struct TargetCommand {
     pub action: TargetAction,
 }
 
-/// The actions on targets.
+/// Actions of `hil target`.
 #[derive(Debug, Subcommand)]
 pub enum TargetAction {
     /// Check whether a target can be reached and what it is fit for
@@ -51,7 +51,7 @@ Example:
     Serve(ServeArguments),
 }
 
-/// A target to be contacted.
+/// Target to contact.
 #[derive(Debug, Args)]
 pub struct TargetContact {
     /// [user@]host or a name of your ssh configuration, or serve://HOST:PORT
@@ -70,7 +70,7 @@ pub struct TargetContact {
 }
 
 impl TargetContact {
-    /// Makes the flags of it that a run takes.
+    /// Returns the equivalent arguments of `hil run`.
     pub(crate) fn arguments(&self) -> TargetArguments {
         TargetArguments {
             target: Some(self.target.clone()),

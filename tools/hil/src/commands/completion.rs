@@ -1,9 +1,8 @@
-//! Completion of a command line in a shell: what each argument can be, from what lies here, what runs and what
-//! the programs say of themselves.
+//! Shell completion of command lines: candidates for each argument from files, running sessions and the
+//! descriptions of programs.
 //!
-//! The script of a shell asks `hil` anew at each request ([`answered`]). Only looks: it starts no run, leaves
-//! nothing and never writes a message. A program of one's own is asked for its description; the built-in
-//! ones are known.
+//! The shell's script calls `hil` for each completion ([`answered`]). Read-only: starts no run, leaves no files and
+//! never prints a message. A user's program is started to describe itself; the built-in ones are known.
 
 mod candidates;
 mod line;
@@ -23,21 +22,21 @@ use candidates::Source;
 use line::Line;
 use shells::{BASH, ZSH};
 
-/// Variable of the environment by which the script of a shell, which it names, asks.
+/// Environment variable that marks a completion request and names the shell.
 const VARIABLE: &str = "HIL_COMPLETE";
-/// Shells that can ask.
+/// Supported shells.
 const SHELLS: Shells<'static> = Shells(&[&BASH, &Elvish, &Fish, &Powershell, &ZSH]);
 
-/// Answers the request of a shell's script, if this process was started for one.
+/// Answers a completion request; returns `true` if this process was started for one.
 pub(crate) fn answered() -> bool {
     let Some(shell) = std::env::var_os(VARIABLE) else {
         return false;
     };
-    // Nothing may come into the line that is being typed.
+    // Output would end up in the command line being typed.
     panic::set_hook(Box::new(|_| {}));
     let words = Line::words_of(std::env::args_os(), shell == "bash");
     if words.is_empty() {
-        return true; // a line that cannot be parted into words is completed by nothing
+        return true; // an unparsable line has no completions
     }
     let answer = || {
         let line = Line::new(words.clone());
@@ -48,11 +47,11 @@ pub(crate) fn answered() -> bool {
             .try_complete(Line::asked(words.clone()), here.as_deref())
     };
     let answered = panic::catch_unwind(panic::AssertUnwindSafe(answer));
-    // A line that is no command is completed by nothing; a variable without a shell asks nothing.
+    // Neither an invalid line nor an unknown shell has completions.
     !matches!(answered, Ok(Ok(false)))
 }
 
-/// Returns the script that makes a shell ask this program, by its name if that is how it was called.
+/// Returns the shell's completion script, which calls this program by name if it was started by name.
 pub(crate) fn script(shell: Shell) -> String {
     let called = std::env::args().next().unwrap_or_default();
     let path = std::env::current_exe()
@@ -67,7 +66,7 @@ pub(crate) fn script(shell: Shell) -> String {
     String::from_utf8_lossy(&text).into_owned()
 }
 
-/// The command line, each argument with what it can be.
+/// Returns the clap command with the candidates of each argument.
 fn command(line: &Line) -> Command {
     let command = arguments::command();
     let command = candidates::with_keys_of_the_kind(command, line);
@@ -76,7 +75,7 @@ fn command(line: &Line) -> Command {
 
 fn with_values(command: Command, line: &Line) -> Command {
     let name = command.get_name().to_owned();
-    // Options are many: before their dash is typed they are offered only where nothing else is.
+    // There are many options: they are offered only after a dash, or where nothing else fits.
     let is_option = line.typed().starts_with('-');
     command
         .disable_help_flag(!is_option)

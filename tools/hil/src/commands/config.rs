@@ -1,4 +1,4 @@
-//! `hil config`: check a scenario, show it complete, print its schema.
+//! `hil config`: checks a scenario, shows it complete, prints its schema.
 
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ use crate::arguments::config::{ConfigAction, ConfigArguments, ScenarioArguments}
 /// Runs the command.
 ///
 /// # Errors
-/// If anything is wrong with the scenario or the binaries.
+/// If the scenario or a binary is invalid.
 pub(crate) fn config(arguments: &ConfigArguments) -> Result<Exit, Failure> {
     match &arguments.action {
         ConfigAction::Check(scenario) => {

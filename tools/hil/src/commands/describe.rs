@@ -1,4 +1,4 @@
-//! `hil describe FILE`: the tables of a program or an FMU, as scenarios are checked against them.
+//! `hil describe FILE`: prints the description of a program or an FMU against which scenarios are checked.
 
 use std::fmt::Write;
 
@@ -21,7 +21,7 @@ use crate::arguments::describe::{DescribeArguments, DescribedSide};
 /// Runs the command.
 ///
 /// # Errors
-/// If the file is neither a program nor an FMU that can be run here.
+/// If the file is neither a program nor an FMU that can run on this machine.
 pub(crate) fn describe(arguments: &DescribeArguments) -> Result<Exit, Failure> {
     let interruption = Interruption::listen()?;
     let role = match arguments.side {
@@ -155,7 +155,7 @@ fn write_fields(text: &mut String, title: &str, fields: &[Field]) -> Written {
     write!(text, "{table}")
 }
 
-/// Default and range, as far as there are any, and whether `hil set` or a fault can move it.
+/// Formats default and range, if any, and whether `hil set` or a fault can change the value.
 fn values(field: &Field) -> String {
     let mut parts = Vec::new();
     parts.extend(field.default.map(exact));
@@ -186,13 +186,13 @@ fn write_format(text: &mut String, imported: &Imported) -> Written {
 
 fn write_imported(text: &mut String, imported: &Imported, is_law: bool) -> Written {
     let direct = match is_law {
-        true => "the sample of the same step, and the inner states lead by a period",
-        false => "the command of the step before",
+        true => "the sample of the same step, and the internal states lead by one period",
+        false => "the command of the previous step",
     };
     if !imported.direct.is_empty() {
         writeln!(
             text,
-            "\noutputs that depend directly on inputs; they show {direct}:"
+            "\noutputs with direct feedthrough; they reflect {direct}:"
         )?;
     }
     for direct in &imported.direct {
@@ -202,7 +202,7 @@ fn write_imported(text: &mut String, imported: &Imported, is_law: bool) -> Writt
         let names = imported.locals.join(", ");
         writeln!(
             text,
-            "\ninner signals, part of the truth on request (`plant.locals`):\n  {names}"
+            "\nlocal signals, part of the truth on request (`plant.locals`):\n  {names}"
         )?;
     }
     if !imported.initial.is_empty() {
@@ -226,7 +226,7 @@ fn write_imported(text: &mut String, imported: &Imported, is_law: bool) -> Writt
         writeln!(text, "  {}: {}", left_out.name, left_out.reason)?;
     }
     if !imported.notes.is_empty() {
-        writeln!(text, "\nslips in the model description:")?;
+        writeln!(text, "\nerrors in the model description:")?;
     }
     for note in &imported.notes {
         writeln!(text, "  {note}")?;
@@ -241,12 +241,12 @@ fn write_library(text: &mut String, library: &LibraryNeeds) -> Written {
     writeln!(text, "\nits library needs: {}", listed(&library.needs))?;
     writeln!(
         text,
-        "libraries that are not there: {}",
+        "missing libraries: {}",
         listed(&library.lacks_libraries)
     )?;
     writeln!(
         text,
-        "symbols that nothing defines: {}",
+        "undefined symbols: {}",
         listed(&library.lacks_symbols)
     )
 }
@@ -263,8 +263,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_can_be_changed_while_a_run_goes_on_is_told() {
-        for (tunable, faultable, told) in [
+    fn a_field_shows_whether_it_can_change_during_a_run() {
+        for (tunable, faultable, expected) in [
             (false, false, "in 0 to 2"),
             (true, false, "in 0 to 2 tunable"),
             (false, true, "in 0 to 2 tunable"),
@@ -276,7 +276,7 @@ mod tests {
                 faultable,
                 ..Field::signal("gain", "1", "A gain.")
             };
-            assert_eq!(values(&field), told);
+            assert_eq!(values(&field), expected);
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Refusal of a file that is of another kind than a command takes, with the commands that take it.
+//! Detection of files of the wrong kind, with the commands that accept them.
 
 use std::path::{Path, PathBuf};
 
@@ -12,13 +12,13 @@ use hil_console::terminal::exit::Failure;
 use crate::arguments::Command;
 use crate::arguments::config::ConfigAction;
 
-/// Kinds of files that a command takes.
+/// Kinds of files that a command accepts.
 type Kinds = &'static [FileKind];
 
-/// Refuses a file of a command line that is surely of a kind that its command does not take.
+/// Refuses a file on the command line that is certainly of a kind that the command does not accept.
 ///
 /// # Errors
-/// If there is one.
+/// If there is such a file.
 pub(super) fn refuse_other_kinds(command: &Command) -> Result<(), Failure> {
     let (paths, kinds): (Vec<&Path>, Kinds) = match command {
         Command::Run(arguments) if arguments.from.from.is_some() => {

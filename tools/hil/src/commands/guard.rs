@@ -1,15 +1,15 @@
-//! Guard of a run: a small process that opens no shared memory, starts `hil` once more as its child, and says what
-//! became of the run if the child is killed.
+//! Guard of a run: a small process that maps no shared memory, starts `hil` again as its child, and reports the
+//! outcome of the run if the child is killed.
 //!
-//! A plant or controller can write over the memory that it shares with `hil`, whose libraries then end the process by
-//! a signal that nothing inside it survives; the kernel ends it where memory runs out. The guard outlives both:
+//! A plant or controller can corrupt the memory that it shares with `hil`, so that a library ends the process by a
+//! signal that it cannot survive; the kernel kills it when memory runs out. The guard outlives both:
 //!
-//! 1. It passes on the signals that it gets and stops with its child, so that terminals, shells and scripts see one
+//! 1. It forwards the signals it receives and stops with its child, so that terminals, shells and scripts see one
 //!    process. Descriptors, process group and arguments are the same; the exit code is the child's.
-//! 2. The child notes each run that it begins in a [list](begun) that both hold.
-//! 3. If a signal ends the child, the guard ends both sides, removes the session and writes the summaries that are
-//!    missing; the summaries too if the child gave up, as after a panic of its recorder.
-//! 4. If a signal ends the guard, the kernel kills the child, whose sides end with their input.
+//! 2. The child notes each run that it begins in a [list](begun) shared with the guard.
+//! 3. If a signal ends the child, the guard ends both sides, removes the session and writes the missing summaries;
+//!    it also writes summaries if the child gave up, for example after a panic of its recorder.
+//! 4. If a signal ends the guard, the kernel kills the child, whose sides end when their input closes.
 
 use std::ffi::c_int;
 use std::fs::File;
@@ -43,14 +43,15 @@ use signals::Signals;
 mod handover;
 mod signals;
 
-/// Environment variable of a guarded process: the number of its guard.
+/// Environment variable of a guarded process: the process ID of its guard.
 const GUARD: &str = "HIL_GUARD";
-/// Signals that end a run in order.
+/// Signals that end a run in an orderly way.
 const INTERRUPTIONS: [Signal; 3] = [Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP];
 
-/// Returns `true` if a command opens shared memory that a program of somebody else can write to.
+/// Returns `true` if a command maps shared memory that a user's program can write to.
 ///
-/// Workers of a campaign are children already, and what watches a session owns nothing that it could leave.
+/// Workers of a campaign are children already, and commands that only watch a session own nothing they could leave
+/// behind.
 pub(super) fn is_needed(command: &Command) -> bool {
     let link = match command {
         Command::Run(arguments) => arguments.options.link,
@@ -65,22 +66,22 @@ pub(super) fn is_needed(command: &Command) -> bool {
     link == LinkKind::Iceoryx2
 }
 
-/// Returns `true` if this process has a guard, and ties its life to the guard's.
+/// Returns `true` if this process has a guard, and makes the kernel kill it when the guard dies.
 pub(super) fn is_there() -> bool {
     let Ok(guard) = std::env::var(GUARD) else {
         return false;
     };
-    // Programs that a run starts inherit the variable, and may start another `hil`; the message is for one alone.
+    // Programs of a run inherit the variable and may start another `hil`; the message reaches one process alone.
     let Some(list) = handover::receive(&guard) else {
         return false;
     };
     begun::write_to(list);
     signals::release();
-    let _ = set_name(c"hil"); // started as `/proc/self/exe`, it would be `exe` to `ps` and to the kernel's log
-    let _ = set_parent_process_death_signal(Some(rustix::process::Signal::KILL)); // every kernel knows it
+    let _ = set_name(c"hil"); // started as `/proc/self/exe`, it would show as `exe` in `ps` and the kernel's log
+    let _ = set_parent_process_death_signal(Some(rustix::process::Signal::KILL)); // supported by every kernel
     let parent = parent_id();
     if guard != parent.to_string() {
-        std::process::exit(Exit::Infrastructure as i32); // it died before
+        std::process::exit(Exit::Infrastructure as i32); // the guard died before
     }
     if let Some(guard) = ProcessId::of(parent) {
         session::guard::is(guard);
@@ -88,12 +89,12 @@ pub(super) fn is_there() -> bool {
     true
 }
 
-/// Does a command in a child of this process.
+/// Executes a command in a child of this process.
 pub(super) fn run(command: &Command) -> ExitCode {
     match Guard::start() {
         Ok(guard) => guard.guard(command),
         Err(error) => {
-            let failure = Failure::infrastructure(format!("cannot start hil once more: {error}"));
+            let failure = Failure::infrastructure(format!("cannot start hil again: {error}"));
             output::tell(&failure.to_string());
             failure.exit().into()
         }
@@ -104,18 +105,18 @@ struct Guard {
     signals: Signals,
     list: File,
     child: Child,
-    /// Signals that were passed on.
+    /// Signals forwarded to the child.
     passed_on: Vec<Signal>,
 }
 
 impl Guard {
     fn start() -> io::Result<Self> {
-        // Before the start, so that none is lost.
+        // Registered before the start, so that none is lost.
         let signals = Signals::hold()?;
         let list = File::from(memfd_create("hil-begun", MemfdFlags::CLOEXEC)?);
         fcntl_setfl(&list, OFlags::APPEND)?;
         let mut words = std::env::args_os();
-        // Not by its path, where another file may be by now.
+        // Not by its path, which may name another file by now.
         let mut hil = std::process::Command::new("/proc/self/exe");
         hil.arg0(words.next().unwrap_or_else(|| "hil".into()));
         hil.args(words);
@@ -139,7 +140,7 @@ impl Guard {
             }
         };
         let Some(signal) = status.signal() else {
-            // It has one: there is no third way to end.
+            // A child that did not exit was ended by a signal.
             let code = status.code().and_then(|code| u8::try_from(code).ok());
             let code = code.unwrap_or(Exit::Infrastructure as u8);
             if code != Exit::Pass as u8 {
@@ -156,9 +157,9 @@ impl Guard {
         let cause = Signal::try_from(signal).ok();
         let interruption = INTERRUPTIONS.into_iter().find(|one| Some(*one) == cause);
         if let Some(interruption) = interruption.filter(|one| self.passed_on.contains(one)) {
-            // It came before the child listened: nothing was begun.
+            // The signal arrived before the child listened: no run was begun.
             if interruption != Signal::SIGINT {
-                self.signals.end_by(interruption); // the next line is as good
+                self.signals.end_by(interruption); // if it fails, the next line reports the same
             }
             return Exit::Interrupted.into();
         }
@@ -168,7 +169,7 @@ impl Guard {
         Exit::Infrastructure.into()
     }
 
-    /// Waits for the end of the child, and is to it what the terminal is to this process.
+    /// Waits for the end of the child, forwarding signals and job control.
     fn wait(&mut self) -> io::Result<ExitStatus> {
         let child = Pid::from_child(&self.child);
         loop {
@@ -176,11 +177,11 @@ impl Guard {
             if signal == Signal::SIGCHLD {
                 match self.child.try_wait()? {
                     Some(status) => return Ok(status),
-                    None => continue, // it was stopped or goes on
+                    None => continue, // stopped or continued
                 }
             }
             if let Some(signal) = rustix::process::Signal::from_named_raw(signal as c_int) {
-                let _ = kill_process(child, signal); // it may have ended
+                let _ = kill_process(child, signal); // the child may have ended
             }
             match signal {
                 Signal::SIGTSTP => self.signals.stop()?,
@@ -189,7 +190,7 @@ impl Guard {
         }
     }
 
-    /// Gives the runs that were begun with their summaries, and writes those that are missing.
+    /// Returns the runs that were begun with their summaries, and writes the missing ones.
     fn summarise(&self, reason: &str, end: End) -> Vec<suite::lost::LostRun> {
         let mut all = Vec::new();
         for run in begun::read(&self.list) {
@@ -211,12 +212,12 @@ impl Guard {
         all
     }
 
-    /// Says how the child ended, and writes what it could not.
+    /// Reports how the child ended, and writes what it could not write itself.
     fn report(&self, command: &Command, signal: c_int) -> Result<(), Failure> {
         let name = signal_name(signal).unwrap_or("a signal");
         let reason = format!("hil was killed by {name} ({signal})");
         if output::person_watches() {
-            output::tell("\r"); // behind what was drawn
+            output::tell("\r"); // after the progress bar
         }
         tell!("error: {reason}: {}", cause(signal));
         let lost = self.summarise(&reason, End::Signal);
@@ -229,25 +230,23 @@ impl Guard {
     }
 }
 
-/// Writes the result of a command that goes over a recorded run.
+/// Writes the result of a command that processes a recorded run.
 fn aborted(reason: &str, run: &Path) -> Result<(), Failure> {
     let run = run.display().to_string();
     let aborted = json!({"verdict": "aborted", "reason": reason, "run": run});
     output::write(&format!("{aborted:#}\n"))
 }
 
-/// Names the usual cause of a death by a signal.
+/// Returns the usual cause of a death by a signal.
 const fn cause(signal: c_int) -> &'static str {
     match signal {
         SIGBUS => {
-            "memory that hil shares was taken away under it: a file of the session in /dev/shm was cut short, or /dev/shm is full"
+            "shared memory became inaccessible: a file of the session in /dev/shm was truncated, or /dev/shm is full"
         }
         SIGSEGV | SIGABRT => {
             "a plant or controller that writes over the memory that it shares with hil does this; look for a wild pointer in one that is not of safe Rust"
         }
-        SIGKILL => {
-            "by somebody, or by the kernel because no memory was left; `sudo dmesg` tells which"
-        }
-        _ => "by somebody, or by a limit of the system",
+        SIGKILL => "by a user, or by the kernel because memory ran out; see `sudo dmesg`",
+        _ => "by a user, or by a limit of the system",
     }
 }

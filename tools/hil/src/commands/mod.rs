@@ -1,7 +1,6 @@
-//! The one place that sends each verb to its room, and the verbs that belong to no other: config, controller swap,
-//! describe, new, recover, runs, sessions, target, completions; and the
-//! [guard] of verbs that share memory with programs of others. No work of a verb that has a room of its own is done
-//! here.
+//! Dispatch of each verb to its package, and the verbs without one: config, controller swap, describe, new,
+//! recover, runs, sessions, target and completions; also the [guard] of verbs that share memory with programs of
+//! others.
 
 pub(crate) mod completion;
 pub(crate) mod config;
@@ -30,7 +29,7 @@ use shared_types::live::Request;
 use crate::arguments::swap::ControllerAction;
 use crate::arguments::{Command, CommandLine};
 
-/// Does what the command line of this process says, and tells why if that cannot be done.
+/// Executes the command line of this process and reports failures.
 #[must_use]
 pub fn main() -> ExitCode {
     hil_facts::programs::own::note_commit(env!("HIL_COMMIT"));
@@ -54,18 +53,18 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// Does what a command line says.
+/// Executes a command line.
 ///
 /// # Errors
-/// Everything that keeps it from that, with its exit code.
+/// The failure of the command, with its exit code.
 fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
-    // What a dead one left, every command removes; `sessions` tells of it. The peer of a measurement
-    // is part of a live one.
+    // Every command removes the remains of dead sessions; `sessions` also reports them. The peer of a measurement
+    // is part of a live session.
     if !matches!(
         command_line.command,
         Command::Sessions(_) | Command::LatencyPeer(_)
     ) {
-        let _ = session::sweep(); // who creates a session hears of what is wrong
+        let _ = session::sweep(); // creating a session reports the error
     }
     fitting::refuse_other_kinds(&command_line.command)?;
     match &command_line.command {

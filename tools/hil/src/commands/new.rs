@@ -1,6 +1,6 @@
-//! `hil new`: a folder to begin from, which builds, runs and has a test.
+//! `hil new`: creates a project folder that builds, runs and has a test.
 //!
-//! The folder appears whole or not at all, and names the framework by a relative path.
+//! The folder appears complete or not at all, and refers to the framework by a relative path.
 
 use std::fs;
 use std::io;
@@ -14,13 +14,13 @@ use serde::Serialize;
 
 use crate::arguments::new::{Language, NewArguments, What};
 
-/// Packages that the folder of the framework has.
+/// Packages by which the framework's folder is recognised.
 const PACKAGES: [&str; 3] = ["plant-process", "controller-process", "shared-types"];
 /// Folder of the package for C.
 const FOREIGN: &str = "tools/foreign";
-/// Names of plants and laws that are there already.
+/// Names of built-in plants and laws.
 const TAKEN: [&str; 6] = ["drhas", "spring-mass", "pid", "nrsc", "ftsc", "hold"];
-/// Names that Cargo gives to no package, or that would be those of its folders.
+/// Names that Cargo reserves for packages, or that clash with the project's folders.
 const RESERVED: [&str; 44] = [
     "abstract",
     "alloc",
@@ -67,28 +67,28 @@ const RESERVED: [&str; 44] = [
     "type",
     "use",
 ];
-/// Most bytes of a name.
+/// Maximum length of a name in bytes.
 const LONGEST: usize = 40;
 
-/// Files that were made.
+/// Created project.
 #[derive(Serialize)]
 struct NewFiles {
     folder: PathBuf,
     files: Vec<String>,
 }
 
-/// Makes the folder.
+/// Creates the folder.
 ///
 /// # Errors
-/// If the name is none, the folder is there already, the framework is not found, or it cannot be written.
+/// If the name is invalid, the folder exists, the framework is not found, or the folder cannot be written.
 pub(crate) fn new(arguments: &NewArguments) -> Result<Exit, Failure> {
     let path = &arguments.path;
     let name = name(path)?;
-    let shown = path.display();
+    let path_text = path.display();
     if fs::symlink_metadata(path).is_ok() {
-        return Err(Failure::usage(format!("{shown} is there already")));
+        return Err(Failure::usage(format!("{path_text} already exists")));
     }
-    let cannot = |error: io::Error| Failure::usage(format!("cannot make {shown}: {error}"));
+    let cannot = |error: io::Error| Failure::usage(format!("cannot create {path_text}: {error}"));
     let parent = match path.parent() {
         Some(parent) if parent != Path::new("") => parent,
         _ => Path::new("."),
@@ -97,7 +97,7 @@ pub(crate) fn new(arguments: &NewArguments) -> Result<Exit, Failure> {
     refuse_odd(&place)?;
     let is_in_c = arguments.lang == Language::C;
     if is_in_c && arguments.what == What::Scenario {
-        let wrong = "a scenario is in no language: --lang is for a plant or a controller";
+        let wrong = "--lang applies to a plant or a controller, not to a scenario";
         return Err(Failure::usage(wrong));
     }
     let framework = match arguments.what {
@@ -107,17 +107,17 @@ pub(crate) fn new(arguments: &NewArguments) -> Result<Exit, Failure> {
     if let Some(folder) = framework.as_ref().filter(|_| is_in_c)
         && !folder.join(FOREIGN).is_dir()
     {
-        let shown = folder.display();
-        return Err(Failure::usage(format!("{shown} lacks {FOREIGN}")));
+        let path_text = folder.display();
+        return Err(Failure::usage(format!("{path_text} lacks {FOREIGN}")));
     }
     let files = match arguments.lang {
         Language::Rust => files(arguments.what),
         Language::C => files_in_c(arguments.what),
     };
-    let relative = framework.as_ref().map(|found| relative(found, &place));
+    let relative = framework.as_ref().map(|root| relative(root, &place));
     let relative = relative.map_or_else(String::new, |path| path.display().to_string());
     let part = PartFolder::beside(path).map_err(cannot)?;
-    let mut made = NewFiles {
+    let mut project = NewFiles {
         folder: path.clone(),
         files: Vec::new(),
     };
@@ -133,13 +133,13 @@ pub(crate) fn new(arguments: &NewArguments) -> Result<Exit, Failure> {
             .replace("@KIND@", arguments.what.name())
             .replace("@FRAMEWORK@", &relative);
         write(&part.path().join(&file), &text).map_err(cannot)?;
-        made.files.push(file);
+        project.files.push(file);
     }
     if let Some(framework) = framework.as_ref().filter(|_| !is_in_c) {
-        // The versions that the framework was tested with.
+        // Versions with which the framework was tested.
         let (from, to) = (framework.join("Cargo.lock"), part.path().join("Cargo.lock"));
         fs::copy(&from, to).map_err(cannot)?;
-        made.files.push("Cargo.lock".into());
+        project.files.push("Cargo.lock".into());
     }
     part.complete(path).map_err(cannot)?;
     let next = match arguments.what {
@@ -147,18 +147,20 @@ pub(crate) fn new(arguments: &NewArguments) -> Result<Exit, Failure> {
         What::Plant | What::Controller if is_in_c => "  make test\n  make\n",
         What::Plant | What::Controller => "  cargo test --release\n  cargo build --release\n",
     };
-    output::result(arguments.json, &made, || {
-        format!("made {shown}; go on with\n  cd {shown}\n{next}  hil run {name}.toml\n")
+    output::result(arguments.json, &project, || {
+        format!(
+            "created {path_text}; continue with\n  cd {path_text}\n{next}  hil run {name}.toml\n"
+        )
     })?;
     Ok(Exit::Pass)
 }
 
-/// The name in a path, if it can be that of a package, a plant, a law and a scenario.
+/// Returns the last part of a path, if it is a valid name for a package, a plant, a law and a scenario.
 fn name(path: &Path) -> Result<&str, Failure> {
     let name = path.file_name().and_then(|name| name.to_str());
     let name = name.ok_or_else(|| {
         Failure::usage(format!(
-            "{}: a folder to make ends with its name",
+            "{}: the path must end with the name of the new folder",
             path.display()
         ))
     })?;
@@ -166,23 +168,21 @@ fn name(path: &Path) -> Result<&str, Failure> {
     let begins = name.starts_with(|c: char| c.is_ascii_lowercase());
     if !begins || name.ends_with('-') || name.len() > LONGEST || !name.chars().all(is_legal) {
         return Err(Failure::usage(format!(
-            "`{name}` is no name for it: a-z, 0-9 and -, a letter first, at most {LONGEST} characters"
+            "`{name}` is not a valid name: use a-z, 0-9 and -, starting with a letter, at most {LONGEST} characters"
         )));
     }
     if TAKEN.contains(&name) || PACKAGES.contains(&name) {
         return Err(Failure::usage(format!(
-            "`{name}` is a plant, a law or a package that is there already; take another name"
+            "`{name}` is the name of an existing plant, law or package; choose another name"
         )));
     }
     if RESERVED.contains(&name) {
-        return Err(Failure::usage(format!(
-            "`{name}` is a word that Cargo keeps for itself"
-        )));
+        return Err(Failure::usage(format!("`{name}` is reserved by Cargo")));
     }
     Ok(name)
 }
 
-/// Files of a folder with their templates.
+/// Returns the files of a project with their templates.
 fn files(what: What) -> Vec<(&'static str, &'static str)> {
     let (code, scenario) = match what {
         What::Scenario => {
@@ -211,7 +211,7 @@ fn files(what: What) -> Vec<(&'static str, &'static str)> {
     ]
 }
 
-/// Files of a folder in C with their templates.
+/// Returns the files of a project in C with their templates.
 fn files_in_c(what: What) -> Vec<(&'static str, &'static str)> {
     let (code, test, scenario) = match what {
         What::Controller => (
@@ -242,7 +242,7 @@ fn write(path: &Path, text: &str) -> io::Result<()> {
     fs::write(path, text)
 }
 
-/// Folder of the framework: the one that is named, or one above this program.
+/// Returns the folder of the framework: the one named, or an ancestor of this program.
 fn framework(named: Option<&Path>) -> Result<PathBuf, Failure> {
     let is_it = |folder: &Path| {
         let mut packages = PACKAGES.iter();
@@ -250,29 +250,29 @@ fn framework(named: Option<&Path>) -> Result<PathBuf, Failure> {
             && folder.join("Cargo.lock").is_file()
     };
     if let Some(named) = named {
-        let shown = named.display();
+        let path_text = named.display();
         let folder = (named.canonicalize())
-            .map_err(|error| Failure::usage(format!("cannot read {shown}: {error}")))?;
+            .map_err(|error| Failure::usage(format!("cannot read {path_text}: {error}")))?;
         return match is_it(&folder) {
             true => Ok(folder),
             false => Err(Failure::usage(format!(
-                "{shown} is no clone of the framework: it lacks Cargo.lock or one of {}",
+                "{path_text} is not a clone of the framework: it lacks Cargo.lock or one of {}",
                 PACKAGES.join(", ")
             ))),
         };
     }
     let program = std::env::current_exe().and_then(|path| path.canonicalize());
     let program = program.map_err(Failure::infrastructure)?;
-    let found = program.ancestors().find(|folder| is_it(folder));
-    found.map(Into::into).ok_or_else(|| {
+    let root = program.ancestors().find(|folder| is_it(folder));
+    root.map(Into::into).ok_or_else(|| {
         Failure::usage(format!(
-            "{} lies in no clone of the framework; name one by --framework",
+            "{} is not inside a clone of the framework; pass one with --framework",
             program.display()
         ))
     })
 }
 
-/// The way from a folder to another; both are absolute and without links.
+/// Returns the relative path from a folder to another; both are absolute and free of links.
 fn relative(to: &Path, from: &Path) -> PathBuf {
     let common = (to.components().zip(from.components()))
         .take_while(|(a, b)| a == b)
@@ -286,7 +286,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_way_to_a_folder_goes_up_only_as_far_as_it_must() {
+    fn the_relative_path_goes_up_only_as_far_as_necessary() {
         for (to, from, way) in [
             ("/a/hil", "/a/cart", "../hil"),
             ("/a/hil", "/a/hil/x/cart", "../.."),

@@ -1,14 +1,13 @@
-//! `hil recover`: a whole recording of one that broke off.
+//! `hil recover`: makes a complete recording from a truncated one.
 //!
-//! 1. [`RecordedOutcome`] reads it as far as it goes.
-//! 2. What is whole is left alone. Of anything else every record up to the tear is copied to a new file,
-//!    with indexes, sums and the result of a run that ended there. New sums make nothing true: the new
-//!    file says what no sum of the old one vouched for.
-//! 3. That takes the place of the old one when it is whole on the disk, not before.
-//! 4. A folder without `summary.json` gets one, as does one whose summary the guard of a killed `hil` wrote.
+//! 1. [`RecordedOutcome`] reads the recording as far as possible.
+//! 2. A complete recording is left alone. Otherwise every record up to the truncation is copied to a new file, with
+//!    indexes, checksums and the result of a run that ended there. New checksums prove nothing about old content:
+//!    the new file marks all data that no checksum of the old one covered.
+//! 3. The new file replaces the old one only once it is complete on disk.
+//! 4. A folder without `summary.json` gets one; a summary written by the guard of a killed `hil` is replaced.
 //!
-//! A file that is damaged before its end is never replaced: what comes after the damage is not in the
-//! new one.
+//! A file damaged before its end is never replaced, because the new file lacks everything after the damage.
 
 use std::fs::File;
 use std::io;
@@ -30,27 +29,27 @@ use serde::Serialize;
 
 use crate::arguments::recover::RecoverArguments;
 
-/// Result of looking at a recording and recovering it.
+/// Result of examining a recording and recovering it.
 #[derive(Debug, Serialize)]
 struct Recovered {
-    /// The recording that was looked at.
+    /// Examined recording.
     run: String,
     state: State,
-    /// The file that was written; null if none was.
+    /// Written file; null if none was written.
     file: Option<String>,
     records: u64,
-    /// Bytes of the recording.
+    /// Size of the recording in bytes.
     bytes: u64,
-    /// Offset of the break or the damage: of the first byte that is not part of a whole record of the file.
+    /// Offset of the truncation or the damage: of the first byte outside a complete record of the file.
     whole_bytes: u64,
     digest: Option<String>,
-    /// Records that check sums vouch for.
+    /// Number of records covered by checksums.
     vouched_records: u64,
-    /// Description of what check sums do not vouch for; null if they vouch for all.
+    /// Description of the data not covered by checksums; null if everything is covered.
     unvouched: Option<String>,
-    /// Reason for which the run counts as ended; null if the recording tells that itself.
+    /// Reason of the run's end; null if the recording contains it.
     reason: Option<String>,
-    /// The summary that was written; null if none was.
+    /// Written summary; null if none was written.
     summary: Option<String>,
 }
 
@@ -66,7 +65,7 @@ enum State {
 /// Runs the command.
 ///
 /// # Errors
-/// If nothing can be had of the recording, it is being written, or the new one cannot be written.
+/// If the recording has no recoverable data or is still being written, or if the new file cannot be written.
 pub(crate) fn recover(arguments: &RecoverArguments) -> Result<Exit, Failure> {
     let recovered = recovered(&arguments.run, arguments.output.as_deref())?;
     output::result(arguments.json, &recovered, || recovered.describe())?;
@@ -76,7 +75,7 @@ pub(crate) fn recover(arguments: &RecoverArguments) -> Result<Exit, Failure> {
 fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
     let outcome = RecordedOutcome::of(run, None).map_err(Failure::usage)?;
     let path = outcome.reader.path().to_owned();
-    let shown = path.display();
+    let path_text = path.display();
     let (end, bytes) = outcome.reader.end();
     let (state, whole_bytes) = match (&outcome.damage, end) {
         (Some(_), _) => (State::Damaged, outcome.reader.position()),
@@ -91,19 +90,19 @@ fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
     if state != State::Whole {
         if outcome.messages == 0 {
             return Err(Failure::usage(format!(
-                "nothing can be had of {shown}: it {}",
+                "nothing can be recovered from {path_text}: it {}",
                 match &outcome.damage {
-                    Some(damage) => format!("has no record before its damage: {damage}"),
-                    None => "broke off before its first record".to_owned(),
+                    Some(damage) => format!("has no record before the damage: {damage}"),
+                    None => "breaks off before its first record".to_owned(),
                 }
             )));
         }
         if let (Some(damage), None) = (&outcome.damage, output) {
             return Err(Failure::usage(format!(
-                "{damage}; what comes after that would be lost, so {shown} is not replaced"
+                "{damage}; data after the damage would be lost, so {path_text} is not replaced"
             )));
         }
-        // What a check sum says is wrong anywhere: a value may be.
+        // A checksum error could be anywhere, for example in a value.
         if !outcome.has_result() || state == State::Damaged {
             let doubt = unvouched.as_ref();
             let doubt = doubt.map_or_else(String::new, |doubt| format!("; {}", doubt.told));
@@ -116,7 +115,7 @@ fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
         }
         let to = match output {
             Some(output) => output.to_owned(),
-            // What a link leads to, not the link.
+            // Replaces the target of a link, not the link.
             None => path.canonicalize().unwrap_or_else(|_| path.clone()),
         };
         let interruption = Interruption::listen()?;
@@ -133,10 +132,10 @@ fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
             match error.kind() {
                 io::ErrorKind::Interrupted => Failure::Interrupted,
                 io::ErrorKind::AlreadyExists => {
-                    Failure::usage(format!("{to} is there already; name another file"))
+                    Failure::usage(format!("{to} already exists; name another file"))
                 }
                 _ => Failure::infrastructure(format!(
-                    "cannot write {to}: {error}; {shown} is as it was"
+                    "cannot write {to}: {error}; {path_text} is unchanged"
                 )),
             }
         })?;
@@ -148,7 +147,7 @@ fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
         _ => None,
     };
     Ok(Recovered {
-        run: shown.to_string(),
+        run: path_text.to_string(),
         state,
         file,
         records,
@@ -162,34 +161,36 @@ fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
     })
 }
 
-/// Refuses a recording that somebody still writes: its writer holds a lock on it.
+/// Refuses a recording that is still being written: its writer holds a lock on it.
 fn refuse_live(path: &Path) -> Result<(), Failure> {
     let folder = path.canonicalize();
     let folder = folder.as_deref().ok().and_then(Path::parent);
-    // Where sessions cannot be listed there is none: a recording may be mended anywhere.
+    // If sessions cannot be listed, none is live: recordings may be recovered on any machine.
     let live = session::list().unwrap_or_default();
     let is_its = |info: &&session::SessionInfo| {
         let run_dir = info.run_dir.as_ref();
         let run_dir = run_dir.and_then(|folder| folder.canonicalize().ok());
         folder.is_some() && run_dir.as_deref() == folder
     };
-    let shown = path.display();
+    let path_text = path.display();
     if let Some(info) = live.iter().find(is_its) {
         let name = &info.name;
         return Err(Failure::usage(format!(
-            "session `{name}` is still writing {shown}"
+            "session `{name}` is still writing {path_text}"
         )));
     }
-    // It may be another user's, or have been moved.
+    // The writer may belong to another user, or the file may have been moved.
     let file = File::open(path).map_err(Failure::usage)?;
     match flock(&file, FlockOperation::NonBlockingLockShared) {
-        Err(Errno::WOULDBLOCK) => Err(Failure::usage(format!("{shown} is still being written"))),
-        // Where files have no locks nobody can be warned.
+        Err(Errno::WOULDBLOCK) => Err(Failure::usage(format!(
+            "{path_text} is still being written"
+        ))),
+        // Without file locks a live writer cannot be detected.
         _ => Ok(()),
     }
 }
 
-/// Writes the messages of a recording, as many as could be read, to a new file.
+/// Copies the readable messages of a recording to a new file.
 fn copy(
     outcome: &RecordedOutcome,
     to: &Path,
@@ -212,7 +213,7 @@ fn copy(
     part.complete(to, may_replace)
 }
 
-/// Writes the summary of a run that has none, or one that knows nothing of its recording.
+/// Writes the summary of a run that has none, or one without data of its recording.
 fn summarise(
     outcome: RecordedOutcome,
     folder: &Path,
@@ -234,14 +235,14 @@ fn summarise(
             Ok(Some(path))
         }
         Err(failure) => {
-            tell!("note: no summary.json could be made: {failure}");
+            tell!("note: no summary.json could be written: {failure}");
             Ok(None)
         }
     }
 }
 
 impl Recovered {
-    /// Describes the result for a person.
+    /// Formats the result for the user.
     fn describe(&self) -> String {
         let Self {
             run,
@@ -251,7 +252,7 @@ impl Recovered {
             ..
         } = self;
         let mut text = match &self.file {
-            None => format!("{run} is whole: {records} records, nothing to recover\n"),
+            None => format!("{run} is complete: {records} records, nothing to recover\n"),
             Some(file) => {
                 let state = match self.state {
                     State::Damaged => "is damaged",

@@ -1,4 +1,4 @@
-//! `hil runs`: what was run here, by what each run's folder says of it.
+//! `hil runs`: lists recorded runs from the contents of their folders.
 
 mod removal;
 
@@ -26,7 +26,7 @@ use hil_recording::size;
 /// Runs the command.
 ///
 /// # Errors
-/// If the folder cannot be read, or what was asked for cannot be removed.
+/// If the folder cannot be read, or a run cannot be removed.
 pub(crate) fn runs(arguments: &RunsArguments) -> Result<Exit, Failure> {
     if let Some(RunsAction::Rm(arguments)) = &arguments.action {
         return removal::remove(arguments);
@@ -67,7 +67,7 @@ pub(crate) fn runs(arguments: &RunsArguments) -> Result<Exit, Failure> {
     Ok(Exit::Pass)
 }
 
-/// Run as it is listed.
+/// Listed run.
 #[derive(Debug, Serialize)]
 struct Run {
     #[serde(rename = "run")]
@@ -80,17 +80,17 @@ struct Run {
     reason: Option<String>,
     #[serde(skip)]
     requirements: usize,
-    /// Requirement with the least robustness.
+    /// Requirement with the smallest robustness.
     margin: Option<Margin>,
     steps: Option<u64>,
     digest: Option<String>,
-    /// Bytes of the folder.
+    /// Size of the folder in bytes.
     bytes: u64,
 }
 
-/// Facts read of a summary; where it says something else, nothing.
+/// Facts from a summary; missing or malformed ones are empty.
 #[derive(Default, Deserialize)]
-struct Told {
+struct SummaryFacts {
     scenario: String,
     #[serde(default)]
     set: Vec<String>,
@@ -108,7 +108,7 @@ struct Requirement {
     unit: String,
 }
 
-/// Margin by which a requirement holds.
+/// Margin of a requirement.
 #[derive(Debug, Serialize)]
 struct Margin {
     requirement: String,
@@ -116,23 +116,23 @@ struct Margin {
     unit: String,
 }
 
-/// The runs that are meant, the newest first.
+/// Returns the selected runs, newest first.
 fn chosen(choice: &RunChoice) -> Result<Vec<Run>, Failure> {
-    // Before and after, so that one that ends or begins meanwhile goes on.
+    // Checked before and after, so that a run that ends or begins meanwhile counts as running.
     let mut live = going_on()?;
-    let found = match runs::below(&choice.folder) {
+    let folders = match runs::below(&choice.folder) {
         Err(error) if error.kind() == ErrorKind::NotFound && choice.folder == Path::new(RUNS) => {
             Vec::new()
         }
-        found => found.map_err(|error| {
+        result => result.map_err(|error| {
             let folder = choice.folder.display();
-            Failure::usage(format!("cannot look for runs in {folder}: {error}"))
+            Failure::usage(format!("cannot list runs in {folder}: {error}"))
         })?,
     };
     live.extend(going_on()?);
-    let mut runs: Vec<Run> = found
+    let mut runs: Vec<Run> = folders
         .into_iter()
-        .map(|found| Run::of(found, &live))
+        .map(|folder| Run::of(folder, &live))
         .collect();
     let is_meant = |pattern: &Pattern, run: &Run| pattern.matches(&run.scenario);
     runs.retain(|run| {
@@ -146,7 +146,7 @@ fn chosen(choice: &RunChoice) -> Result<Vec<Run>, Failure> {
     Ok(runs)
 }
 
-/// Folders of the runs that go on.
+/// Returns the folders of the runs in progress.
 fn going_on() -> Result<Vec<PathBuf>, Failure> {
     let live = session::list().map_err(Failure::infrastructure)?;
     let folders = live
@@ -156,23 +156,23 @@ fn going_on() -> Result<Vec<PathBuf>, Failure> {
 }
 
 impl Run {
-    fn of(found: RunFolder, live: &[PathBuf]) -> Self {
-        let is_live = (found.path.canonicalize()).is_ok_and(|path| live.contains(&path));
-        let summary = found.summary.map(serde_json::from_value::<Told>);
-        let told = summary.and_then(Result::ok);
-        let verdict = match told.as_ref().map(|told| told.verdict.as_str()) {
+    fn of(folder: RunFolder, live: &[PathBuf]) -> Self {
+        let is_live = (folder.path.canonicalize()).is_ok_and(|path| live.contains(&path));
+        let summary = folder.summary.map(serde_json::from_value::<SummaryFacts>);
+        let facts = summary.and_then(Result::ok);
+        let verdict = match facts.as_ref().map(|facts| facts.verdict.as_str()) {
             _ if is_live => Ending::Running,
             Some("pass") => Ending::Pass,
             Some("fail") => Ending::Fail,
             Some("aborted") => Ending::Aborted,
             _ => Ending::Broken,
         };
-        let told = told.unwrap_or_else(|| Told {
-            scenario: written_name(&found.path).unwrap_or_default(),
-            ..Told::default()
+        let facts = facts.unwrap_or_else(|| SummaryFacts {
+            scenario: written_name(&folder.path).unwrap_or_default(),
+            ..SummaryFacts::default()
         });
-        let requirements = told.requirements.len();
-        let margins = told.requirements.into_iter().filter_map(|one| {
+        let requirements = facts.requirements.len();
+        let margins = facts.requirements.into_iter().filter_map(|one| {
             Some(Margin {
                 requirement: one.name,
                 robustness: one.robustness?,
@@ -180,35 +180,35 @@ impl Run {
             })
         });
         Self {
-            started_utc: found.started,
-            scenario: told.scenario,
-            set: told.set,
+            started_utc: folder.started,
+            scenario: facts.scenario,
+            set: facts.set,
             verdict,
             requirements,
-            reason: told.reason,
+            reason: facts.reason,
             margin: margins.min_by(|a, b| a.robustness.total_cmp(&b.robustness)),
-            steps: told.steps,
-            digest: told.digest,
-            bytes: bytes(&found.path),
-            path: found.path,
+            steps: facts.steps,
+            digest: facts.digest,
+            bytes: bytes(&folder.path),
+            path: folder.path,
         }
     }
 }
 
-/// Name of the scenario in a folder that has no summary.
+/// Returns the name of the scenario in a folder without a summary.
 fn written_name(folder: &Path) -> Option<String> {
     let text = fs::read_to_string(folder.join(SCENARIO)).ok()?;
     let scenario: DocumentMut = text.parse().ok()?;
     scenario.get("name")?.as_str().map(Into::into)
 }
 
-/// Bytes of all files of a folder; links are not followed.
+/// Returns the size of all files in a folder in bytes; links are not followed.
 fn bytes(path: &Path) -> u64 {
-    let Ok(found) = fs::symlink_metadata(path) else {
+    let Ok(metadata) = fs::symlink_metadata(path) else {
         return 0;
     };
-    if !found.is_dir() {
-        return found.len();
+    if !metadata.is_dir() {
+        return metadata.len();
     }
     let entries = fs::read_dir(path).into_iter().flatten().flatten();
     entries.map(|entry| bytes(&entry.path())).sum()
@@ -261,7 +261,7 @@ fn table(runs: &[Run]) -> Table {
     table
 }
 
-/// A time as a person reads it.
+/// Formats a time for the user.
 fn begun(time: SystemTime) -> String {
     let text = humantime::format_rfc3339_seconds(time).to_string();
     text.replace('T', " ").replace('Z', "")
@@ -271,7 +271,7 @@ fn rfc3339<S: serde::Serializer>(time: &SystemTime, serializer: S) -> Result<S::
     serializer.collect_str(&humantime::format_rfc3339_millis(*time))
 }
 
-/// Checks that a run put something into its folder.
+/// Returns `true` if a run created a file of this name in its folder.
 fn is_of_a_run(name: &OsStr) -> bool {
     let name = name.to_string_lossy();
     let is_numbered = |before: &str, after: &str| {
@@ -291,7 +291,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_only_named_as_if_a_run_had_written_it_is_not_of_a_run() {
+    fn similarly_named_files_do_not_count_as_files_of_a_run() {
         for name in [
             "scenario.toml",
             "plant.log",

@@ -1,5 +1,5 @@
-//! `hil sessions`: what runs, and what was left by what does not any more. Every command removes that;
-//! this one tells of it.
+//! `hil sessions`: lists running sessions, and reports the remains of dead ones that were removed. Every command
+//! removes those.
 
 use std::time::Duration;
 
@@ -14,7 +14,7 @@ use crate::arguments::config::SessionsArguments;
 /// Runs the command.
 ///
 /// # Errors
-/// If shared memory cannot be looked at or cleaned.
+/// If shared memory cannot be read or cleaned.
 pub(crate) fn sessions(arguments: &SessionsArguments) -> Result<Exit, Failure> {
     let removed = session::sweep().map_err(Failure::infrastructure)?;
     let live = session::list().map_err(Failure::infrastructure)?;
@@ -25,7 +25,7 @@ pub(crate) fn sessions(arguments: &SessionsArguments) -> Result<Exit, Failure> {
     }
     let mut text = String::new();
     for name in &removed {
-        text += &format!("removed what session `{name}` left\n");
+        text += &format!("removed the remains of session `{name}`\n");
     }
     if live.is_empty() {
         text += "no session is running\n";

@@ -1,4 +1,4 @@
-//! `hil controller swap`: asks the `hil` that runs a session for another controller.
+//! `hil controller swap`: requests another controller from the `hil` that runs a session.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -14,13 +14,13 @@ use shared_types::live::Refusal;
 
 use crate::arguments::swap::SwapArguments;
 
-/// Longest time that `hil` may take to answer: a stopped process never does.
+/// Time limit for `hil` to answer: a stopped process never does.
 const ANSWER_LIMIT: Duration = Duration::from_secs(120);
 
 /// Runs the command.
 ///
 /// # Errors
-/// If there is no session to ask, or it refuses.
+/// If there is no session, or it refuses.
 pub(crate) fn swap(arguments: &SwapArguments) -> Result<Exit, Failure> {
     let json = arguments.session.json;
     let swapped = ask(arguments).map_err(|error| error.tell(json))?;
@@ -38,7 +38,7 @@ pub(crate) fn swap(arguments: &SwapArguments) -> Result<Exit, Failure> {
         let mut text = format!("controller {epoch} ({law}, {binary}) took over at step {step}\n");
         if !left_out.is_empty() {
             let keys = left_out.join(", ");
-            text += &format!("  left out, as none of its laws has them: {keys}\n");
+            text += &format!("  left out, because none of its laws has them: {keys}\n");
         }
         text
     })?;

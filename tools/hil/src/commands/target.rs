@@ -1,4 +1,4 @@
-//! `hil target`: look at the machines that controllers run on, clean them, and listen on one.
+//! `hil target`: checks and cleans the machines that controllers run on, and listens on one.
 
 use hil_console::terminal::duration::shown_ns;
 use hil_console::terminal::exit::{Exit, Failure};
@@ -14,12 +14,12 @@ use serde::Serialize;
 
 use crate::arguments::target::{ServeArguments, TargetAction, TargetContact};
 
-/// Round trips that a check measures.
+/// Number of round trips measured by a check.
 const TRIPS: u32 = 200;
-/// Share of a step that a round trip may take at the rate that a target is called fit for.
+/// Maximum share of a step that a round trip may take at the highest suitable rate.
 const SHARE: f64 = 0.5;
 
-/// Findings of a check.
+/// Result of a check.
 #[derive(Serialize)]
 struct Checked<'a> {
     schema: u32,
@@ -38,10 +38,10 @@ struct Trips {
     p99: u64,
 }
 
-/// Does one of them.
+/// Executes an action on a target.
 ///
 /// # Errors
-/// If the target cannot be used, or a file cannot be.
+/// If the target or a file cannot be used.
 pub(super) fn target(action: &TargetAction) -> Result<Exit, Failure> {
     match action {
         TargetAction::Check(contact) => check(contact),
@@ -49,7 +49,7 @@ pub(super) fn target(action: &TargetAction) -> Result<Exit, Failure> {
         TargetAction::Key { file } => {
             key::make_key(file).map_err(Failure::usage)?;
             tell!(
-                "{}: a key that nobody else can read; copy it to the target",
+                "{}: a key that only you can read; copy it to the target",
                 file.display()
             );
             Ok(Exit::Pass)
@@ -102,7 +102,7 @@ fn check(arguments: &TargetContact) -> Result<Exit, Failure> {
         most => format!("real-time priorities up to {most}"),
     };
     let trip = &checked.round_trip_ns;
-    for (name, found) in [
+    for (name, value) in [
         ("target", checked.target.clone()),
         ("host", findings.host.clone()),
         (
@@ -115,7 +115,7 @@ fn check(arguments: &TargetContact) -> Result<Exit, Failure> {
             "programs",
             match findings.cache_free_bytes {
                 Some(free) => format!("room for {} MiB in the cache folder", free >> 20),
-                None => "those that were listed when the agent was started".into(),
+                None => "those listed when the agent was started".into(),
             },
         ),
         ("scheduling", priority),
@@ -130,12 +130,12 @@ fn check(arguments: &TargetContact) -> Result<Exit, Failure> {
         (
             "fit for",
             format!(
-                "real time up to {} Hz: there half a step is left at p99",
+                "real time up to {} Hz, where half a step remains at p99",
                 checked.fit_for_hz
             ),
         ),
     ] {
-        table.row(&[&name, &found]);
+        table.row(&[&name, &value]);
     }
     output::write(&table.to_string())?;
     Ok(Exit::Pass)

@@ -1,5 +1,5 @@
-//! The exchange over a wire that a seeded random number spoils: what each end gives its peer is what it would have been
-//! over shared memory.
+//! The exchange over a wire disturbed by seeded random numbers: each end passes its peer the same frames as shared
+//! memory would.
 
 use std::collections::{BTreeSet, VecDeque};
 
@@ -7,10 +7,10 @@ use shared_types::time::Step;
 
 use super::*;
 
-/// A step of the world.
+/// Time step of the simulation in ns.
 const TICK_NS: u64 = 100_000;
 
-/// Random numbers (splitmix64).
+/// Pseudo-random numbers (splitmix64).
 struct Random(u64);
 
 impl Random {
@@ -27,10 +27,10 @@ impl Random {
     }
 }
 
-/// Direction of a wire.
+/// One direction of a wire.
 struct Line {
     percent: u64,
-    /// Ticks left, and the packet.
+    /// Remaining ticks and the packet.
     under_way: VecDeque<(u64, Vec<u8>)>,
 }
 
@@ -42,7 +42,8 @@ impl Line {
         }
     }
 
-    /// Loses, repeats, delays and reorders. What is corrupted is lost: its seal is broken.
+    /// Sends a packet with loss, repetition, delay and reordering. Corruption counts as loss, because
+    /// authentication fails.
     fn send(&mut self, packet: &[u8], random: &mut Random) {
         if random.hits(2 * self.percent) {
             return;
@@ -87,7 +88,7 @@ fn command(step: u64) -> Header {
     }
 }
 
-/// A command that names these steps as answered before it, the latest first.
+/// Returns a command that names these steps as answered before it, the latest first.
 fn command_after(step: u64, before: &[u64]) -> Header {
     let steps = |place: usize, from: u64| before.get(place).map_or(0, |step| (from - step) as u32);
     let last_steps = steps(0, step);
@@ -101,13 +102,13 @@ fn command_after(step: u64, before: &[u64]) -> Header {
     }
 }
 
-/// A law whose state shows every sample that it stepped at, in order.
+/// Returns the state of a law that depends on every sample it stepped with, in order.
 fn law(state: u64, step: u64) -> u64 {
     (state ^ step).wrapping_mul(0x0000_0100_0000_01b3)
 }
 
 #[test]
-fn in_lockstep_each_sample_is_answered_once_whatever_the_wire_does() {
+fn in_lockstep_each_sample_is_answered_once_over_any_wire() {
     const STEPS: u64 = 400;
     let expected: Vec<u64> = (0..STEPS)
         .scan(7, |state, step| {
@@ -159,13 +160,13 @@ fn in_lockstep_each_sample_is_answered_once_whatever_the_wire_does() {
     }
 }
 
-/// A plant that waits for nobody, a bridge and an agent that are not always scheduled, and a law that takes its time and
-/// goes on whatever they do. Each side has a cell with the latest frame for the next, as shared memory has.
+/// Plant that never waits, a bridge and an agent that are not always scheduled, and a law with a variable
+/// computation time. Neighbours share a cell with the latest frame, as in shared memory.
 struct Realtime {
     random: Random,
-    /// Share of the ticks in which bridge and agent do not run, in percent.
+    /// Share of ticks in which bridge and agent do not run, in percent.
     idle: u64,
-    /// Longest work of the law, in ticks.
+    /// Longest computation of the law in ticks.
     longest: u64,
     lines: [Line; 2],
     desk: DeskEnd,
@@ -173,15 +174,15 @@ struct Realtime {
     is_burst: bool,
     bytes: Vec<u8>,
     step: u64,
-    /// Step of the newest command that the plant met.
+    /// Step of the newest command received by the plant.
     newest: u64,
-    /// The plant's cell for the bridge, and the other way.
+    /// Cell from the plant to the bridge; the reverse one follows.
     sample: Option<Header>,
     command: Option<u64>,
-    /// The agent's cell for the law, and the other way.
+    /// Cell from the agent to the law; the reverse one follows.
     pending: Option<u64>,
     answer: Option<Header>,
-    /// Step that the law works on, and the ticks that it still takes.
+    /// Step in progress at the law, with its remaining ticks.
     work: Option<(u64, u64)>,
     answered: Vec<u64>,
     seen: BTreeSet<u64>,
@@ -189,7 +190,7 @@ struct Realtime {
 }
 
 impl Realtime {
-    /// A run whose first step is over: the plant waits for its command.
+    /// Creates a run whose first step is over: the plant waits for its command.
     fn new(random: Random, percent: u64, idle: u64, longest: u64) -> Self {
         let mut target = TargetEnd::new(true);
         target.given[0] = Some(0);
@@ -216,7 +217,7 @@ impl Realtime {
         }
     }
 
-    /// The plant meets the newest command and sends the next sample.
+    /// Lets the plant receive the newest command and send the next sample.
     fn release(&mut self) {
         if let Some(step) = self.command.take() {
             self.newest = step;
@@ -229,7 +230,7 @@ impl Realtime {
         self.step += 1;
     }
 
-    /// The law works for a tick, at least.
+    /// Lets the law work for at least one tick.
     fn law(&mut self) {
         loop {
             if self.work.is_none() {
@@ -269,7 +270,7 @@ impl Realtime {
         }
     }
 
-    /// The law may work on at any point of this.
+    /// The law may proceed at any point of this.
     fn agent(&mut self) {
         for packet in self.lines[0].arrived() {
             self.look();
@@ -307,7 +308,7 @@ impl Realtime {
 }
 
 #[test]
-fn against_the_clock_what_a_command_names_completes_the_list_of_all_answers() {
+fn in_real_time_the_answers_named_by_commands_complete_the_list() {
     const STEPS: u64 = 2_000;
     let loads = [(0, 7), (30, 2), (30, 7), (70, 7), (70, 30), (95, 2)];
     for ((percent, seed), (idle, longest)) in [0, 5, 20]
@@ -319,7 +320,7 @@ fn against_the_clock_what_a_command_names_completes_the_list_of_all_answers() {
         let mut world = Realtime::new(Random(seed), percent, idle, longest);
         for tick in 0..5 * STEPS {
             let now_ns = (tick + 1) * TICK_NS;
-            // A burst now and then, in which nothing gets through.
+            // Occasional bursts in which nothing gets through.
             world.is_burst = tick / 100 % 5 == 4;
             if tick % 5 == 0 {
                 world.release();
@@ -336,17 +337,17 @@ fn against_the_clock_what_a_command_names_completes_the_list_of_all_answers() {
         let least = if idle <= 30 { STEPS / 8 } else { STEPS / 80 };
         assert!(world.seen.len() as u64 > least, "{what}");
         let named = (world.pairs.iter()).filter(|(step, _)| world.seen.contains(step));
-        let known: BTreeSet<u64> = named
+        let listed: BTreeSet<u64> = named
             .flat_map(|(step, named)| named.iter().chain([step]))
             .copied()
             .collect();
         let answered = world.answered.iter().copied();
         let all: BTreeSet<u64> = answered.filter(|step| *step <= last).collect();
-        assert_eq!(known, all, "{what}");
+        assert_eq!(listed, all, "{what}");
     }
 }
 
-/// Takes a sample of a step that was made when the plant held the command of another one.
+/// Returns `true` if a sample made while the plant held another step's command is passed on.
 fn is_given(target: &mut TargetEnd, number: u64, met: u64) -> bool {
     let frame = Numbered {
         number: number + 1,
@@ -360,7 +361,7 @@ fn is_given(target: &mut TargetEnd, number: u64, met: u64) -> bool {
     target.take(Packet { heard: 0, frame }).is_some()
 }
 
-/// A target whose controller answered the samples of steps 0 and 1, of which the plant saw the first.
+/// Creates a target whose controller answered the samples of steps 0 and 1, of which the plant saw the first.
 fn at_step_1() -> TargetEnd {
     let mut target = TargetEnd::new(true);
     let first = Numbered {
@@ -377,29 +378,29 @@ fn at_step_1() -> TargetEnd {
 }
 
 #[test]
-fn a_sample_waits_while_three_unseen_answers_may_come_before_its_own() {
+fn a_sample_is_withheld_while_its_answer_could_be_the_third_unseen_one() {
     let mut target = at_step_1();
     assert!(is_given(&mut target, 2, 0), "in work");
     assert!(is_given(&mut target, 3, 0), "may be taken at any time");
-    // 2, 3 and 4 would be answered, and 4 names 3 and 2: 1 would be named by none.
+    // 2, 3 and 4 would be answered, and 4 names 3 and 2: nothing would name 1.
     assert!(!is_given(&mut target, 4, 0));
     assert!(is_given(&mut target, 5, 1));
     assert!(is_given(&mut target, 6, 1), "replaces one");
 }
 
 #[test]
-fn an_answer_that_was_replaced_before_anybody_looked_counts() {
+fn an_answer_replaced_before_it_was_read_counts() {
     let mut target = at_step_1();
     assert!(is_given(&mut target, 2, 1));
     assert!(is_given(&mut target, 3, 1));
     target.say(&command_after(3, &[2, 1]), &[0.0]);
-    // Of 1, which was seen, it is not known whether that of 2 was.
+    // Step 1 was seen, but for step 2 that is unknown.
     assert!(!is_given(&mut target, 4, 1));
     assert!(is_given(&mut target, 5, 2));
 }
 
 #[test]
-fn a_sample_is_never_repeated_against_the_clock() {
+fn a_sample_is_never_repeated_in_real_time() {
     let (mut desk, mut bytes) = (DeskEnd::new(true, BEAT_NS), Vec::new());
     desk.say(&sample(3), &[0.0]);
     desk.packet(1, &mut bytes);
@@ -409,15 +410,15 @@ fn a_sample_is_never_repeated_against_the_clock() {
 }
 
 #[test]
-fn a_repeated_frame_gets_the_stored_answer_and_the_law_no_step() {
+fn a_repeated_frame_gets_the_stored_answer_without_a_step_of_the_law() {
     let (mut desk, mut target) = (DeskEnd::new(false, BEAT_NS), TargetEnd::new(false));
     let mut bytes = Vec::new();
     let read = |bytes: &[u8]| Packet::read(bytes).expect("a packet");
     desk.say(&sample(0), &[1.0]);
     desk.packet(1, &mut bytes);
     let first = bytes.clone();
-    let given = target.take(read(&first)).expect("given to the controller");
-    assert_eq!(given.values, [1.0]);
+    let frame = target.take(read(&first)).expect("given to the controller");
+    assert_eq!(frame.values, [1.0]);
     assert!(target.take(read(&first)).is_none(), "again");
     target.say(&command(0), &[2.0]);
     for _ in 0..3 {
@@ -431,7 +432,7 @@ fn a_repeated_frame_gets_the_stored_answer_and_the_law_no_step() {
 }
 
 #[test]
-fn a_sample_is_repeated_in_lockstep_alone_and_an_end_always() {
+fn a_sample_is_repeated_only_in_lockstep_and_an_end_always() {
     let mut bytes = Vec::new();
     for against_clock in [false, true] {
         for (header, wants) in [
@@ -448,7 +449,7 @@ fn a_sample_is_repeated_in_lockstep_alone_and_an_end_always() {
 }
 
 #[test]
-fn the_other_end_cannot_have_heard_what_was_never_said() {
+fn confirmations_of_unsent_frames_are_ignored() {
     let (mut desk, mut bytes) = (DeskEnd::new(false, BEAT_NS), Vec::new());
     desk.say(&sample(0), &[0.0]);
     desk.packet(1, &mut bytes);

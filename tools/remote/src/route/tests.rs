@@ -1,5 +1,5 @@
-//! Both routes and both ends of the exchange over simulated wires: datagrams that are cut in one direction, in both or by
-//! size, and a channel that always works, faster or slower than they are. Time is a counter.
+//! Both routes and both ends of the exchange over simulated wires: datagrams that are cut in one direction, in both
+//! or by size, and a channel that always works, faster or slower than the datagrams. Time is a counter.
 
 use std::collections::VecDeque;
 
@@ -10,13 +10,13 @@ use super::*;
 use crate::exchange::{BEAT_NS, DeskEnd, TargetEnd};
 use crate::packet::Packet;
 
-/// Step of the simulated time.
+/// Time step of the simulation in ns.
 const TICK_NS: u64 = 100_000;
 const SECOND_NS: u64 = 1_000_000_000;
-/// Time between two looks at the route, as in the bridge.
+/// Interval between checks of the route, as in the bridge.
 const LOOK_NS: u64 = 250_000_000;
 
-/// Direction of one carrier: packets with the times at which they arrive.
+/// One direction of a carrier: packets with their arrival times.
 struct Line {
     delay_ns: u64,
     under_way: VecDeque<(u64, Vec<u8>)>,
@@ -42,12 +42,12 @@ impl Line {
     }
 }
 
-/// Datagrams that a wire drops.
+/// Selection of datagrams that a wire drops.
 #[derive(Clone, Copy, Debug, Default)]
 struct Cut {
     to_target: bool,
     to_desk: bool,
-    /// Only those that have a frame, as where fragments are dropped.
+    /// `true` to drop only datagrams with a frame, as where fragments are dropped.
     frames_only: bool,
 }
 
@@ -67,7 +67,7 @@ impl Cut {
 struct World {
     now_ns: u64,
     cut: Cut,
-    /// To the target and to the desk.
+    /// Datagram wires to the target and to the desk.
     datagrams: [Line; 2],
     channel: [Line; 2],
     desk: DeskEnd,
@@ -75,14 +75,14 @@ struct World {
     desk_route: DeskRoute,
     target_route: TargetRoute,
     look_ns: u64,
-    /// Time that the controller takes, and when its answer to a step is ready.
+    /// Computation time of the controller, and the time at which its answer to a step is ready.
     work_ns: u64,
     at_work: Option<(u64, u64)>,
-    /// Time between an answer and the next sample, and when that is due.
+    /// Pause between an answer and the next sample, and the time of the latter.
     pause_ns: u64,
     next_ns: Option<u64>,
     step: u64,
-    /// Answers that came by each carrier.
+    /// Number of answers by datagram; those through the channel follow.
     by_datagram: u64,
     by_channel: u64,
     notices: Vec<Notice>,
@@ -111,7 +111,7 @@ impl World {
         }
     }
 
-    /// Lets time pass; returns the answers that came by a datagram and through the channel meanwhile.
+    /// Simulates a time; returns the numbers of answers by datagram and through the channel.
     fn run(&mut self, seconds: u64) -> (u64, u64) {
         let before = (self.by_datagram, self.by_channel);
         let end_ns = self.now_ns + seconds * SECOND_NS;
@@ -227,7 +227,7 @@ impl World {
     }
 }
 
-/// Delays of a datagram and of the channel in ticks, each with the other slower or as fast.
+/// Delays of a datagram and of the channel in ticks, with either one slower, and equal ones.
 const DELAYS: [(u64, u64); 5] = [(1, 1), (1, 5), (5, 1), (3, 40), (40, 3)];
 
 fn worlds() -> impl Iterator<Item = World> {
@@ -237,7 +237,7 @@ fn worlds() -> impl Iterator<Item = World> {
 }
 
 #[test]
-fn on_a_clean_wire_all_answers_but_the_first_are_datagrams() {
+fn on_a_clean_wire_all_answers_but_the_first_arrive_as_datagrams() {
     for (mut world, delays) in worlds().zip(DELAYS) {
         let (_, first) = world.run(1);
         assert!(first <= 20, "{delays:?}: {first}");
@@ -249,11 +249,11 @@ fn on_a_clean_wire_all_answers_but_the_first_are_datagrams() {
 }
 
 #[test]
-fn copies_that_overtake_each_other_do_not_move_answers_into_the_channel() {
+fn overtaking_copies_do_not_move_answers_to_the_channel() {
     for (ahead, behind) in [(0, 3), (3, 0), (0, 50), (50, 0)] {
         let mut world = World::new(2 * TICK_NS, 2 * TICK_NS);
         world.run(1);
-        // Each second, a few packets of one carrier or the other are late.
+        // Every second, a few packets of one carrier or the other are late.
         for round in 0..10 {
             let late = |line: &mut Line, ticks: u64| line.delay_ns = (2 + ticks) * TICK_NS;
             for line in &mut world.datagrams {
@@ -298,7 +298,7 @@ fn a_cut_costs_a_second_and_ends_with_the_cut() {
 }
 
 #[test]
-fn a_wire_that_never_carries_a_datagram_costs_no_answer() {
+fn a_wire_without_datagrams_loses_no_answer() {
     for (mut world, delays) in worlds().zip(DELAYS) {
         world.cut = Cut::BOTH;
         let (by_datagram, by_channel) = world.run(10);
@@ -324,7 +324,7 @@ fn datagrams_that_arrive_in_one_direction_only_do_not_stall_the_run() {
         for frames_only in [false, true] {
             for (mut world, delays) in worlds().zip(DELAYS) {
                 let cut = Cut { frames_only, ..cut };
-                // From the start, and after all was well.
+                // From the start, and after a time without a cut.
                 for before_s in [0, 2] {
                     world.run(before_s);
                     world.cut = cut;
@@ -344,7 +344,7 @@ fn datagrams_that_arrive_in_one_direction_only_do_not_stall_the_run() {
 }
 
 #[test]
-fn a_slow_controller_and_a_pause_between_steps_are_no_doubt() {
+fn a_slow_controller_or_a_pause_between_steps_raises_no_doubt() {
     for (work_ns, pause_ns) in [(3 * SECOND_NS, 0), (0, 3 * SECOND_NS)] {
         for (mut world, delays) in worlds().zip(DELAYS) {
             world.run(1);
@@ -359,7 +359,7 @@ fn a_slow_controller_and_a_pause_between_steps_are_no_doubt() {
 }
 
 #[test]
-fn notices_of_a_wire_that_comes_and_goes_are_rare() {
+fn notices_of_an_intermittent_wire_are_rare() {
     let mut world = World::new(TICK_NS, 2 * TICK_NS);
     for _ in 0..30 {
         world.cut = Cut::BOTH;
@@ -367,7 +367,7 @@ fn notices_of_a_wire_that_comes_and_goes_are_rare() {
         world.cut = Cut::default();
         world.run(1);
     }
-    // 90 s: two are lost, each is restored.
+    // 90 s: two losses, each restored.
     let pair = [Notice::Lost, Notice::Restored];
     assert_eq!(world.notices, [pair, pair].concat());
 }

@@ -1,8 +1,8 @@
-//! Greetings under way: contacts whose handshake has not come to its end, side by side and bounded.
+//! Greetings in progress: contacts with incomplete handshakes, concurrent and bounded.
 //!
-//! A contact that finds no place takes that of another one: of its own source, or of the source that has most if there is no
-//! place at all. The one that goes is the oldest of those that have said nothing valid; so an honest contact, whose first
-//! message follows at once, gets through beside any number of silent ones of its host.
+//! A contact that finds no slot takes that of another one: of its own source, or of the source with the most slots
+//! if all are taken. The oldest contact that has sent nothing valid is dropped; so an honest contact, whose first
+//! message follows at once, gets through beside any number of silent ones from its host.
 
 use std::io;
 use std::net::TcpStream;
@@ -12,11 +12,11 @@ use super::refusals::Source;
 use crate::key::{PartialMessage, check_proof, prologue, put};
 use crate::seal::{Key, Seal, answer};
 
-/// Longest time that a greeting may take.
+/// Time limit for a greeting.
 pub(super) const LIMIT: Duration = Duration::from_secs(2);
-/// Greetings at a time.
+/// Maximum number of greetings at a time.
 const MOST: usize = 256;
-/// Greetings at a time of one source.
+/// Maximum number of greetings at a time from one source.
 const MOST_OF_SOURCE: usize = 64;
 
 /// Greeting of one contact.
@@ -28,14 +28,14 @@ pub(super) struct Greeting {
 
 /// Progress of a handshake.
 enum Stage {
-    /// The first message, which only a key holder can make and anybody can repeat, has not come.
+    /// Waiting for the first message, which requires the key but can be replayed.
     AwaitsFirst,
-    /// First message answered; the proof that it was no repetition has not come.
+    /// First message answered; waiting for the proof that it was not a replay.
     AwaitsProof(Seal),
 }
 
 impl Greeting {
-    /// Begins to greet.
+    /// Starts a greeting.
     ///
     /// # Errors
     /// If the connection has failed.
@@ -49,10 +49,10 @@ impl Greeting {
         })
     }
 
-    /// Reads what has come; returns `true` once the contact has proved that it has the key.
+    /// Reads available data; returns `true` once the contact has proved that it has the key.
     ///
     /// # Errors
-    /// If it has not, or the connection has failed.
+    /// If the proof fails, or the connection has failed.
     fn advance(&mut self, key: &Key) -> io::Result<bool> {
         while let Some(message) = self.message.read(&mut &self.connection)? {
             match &self.stage {
@@ -73,7 +73,7 @@ impl Greeting {
     }
 }
 
-/// Contact in its place.
+/// Contact in a slot.
 #[derive(Debug)]
 struct Place<C> {
     source: Source,
@@ -81,7 +81,7 @@ struct Place<C> {
     contact: C,
 }
 
-/// The greetings under way, oldest first.
+/// Greetings in progress, oldest first.
 #[derive(Debug)]
 pub(super) struct Places<C>(Vec<Place<C>>);
 
@@ -92,7 +92,7 @@ impl<C> Default for Places<C> {
 }
 
 impl<C> Places<C> {
-    /// Gives a contact a place; returns the one that had to go for it. `is_known` says whether a contact has said something
+    /// Adds a contact; returns the one dropped for it. `is_known` returns `true` if a contact has sent something
     /// valid.
     fn add(
         &mut self,
@@ -123,7 +123,7 @@ impl<C> Places<C> {
         left.map(|place| (place.source, place.contact))
     }
 
-    /// Takes out those that are late.
+    /// Removes expired greetings.
     fn late(&mut self, now: Instant) -> impl Iterator<Item = (Source, C)> {
         let is_late = |place: &Place<C>| now.duration_since(place.since) >= LIMIT;
         let count = self.0.iter().take_while(|place| is_late(place)).count();
@@ -131,31 +131,31 @@ impl<C> Places<C> {
         late.map(|place| (place.source, place.contact))
     }
 
-    /// Returns the time at which the oldest is late.
+    /// Returns the time at which the oldest greeting expires.
     pub(super) fn next(&self) -> Option<Instant> {
         self.0.first().map(|place| place.since + LIMIT)
     }
 }
 
-/// A contact that was not greeted to the end, and the reason.
+/// Refused contact, with the reason.
 pub(super) type Refused = (Source, io::Error);
 
 impl Places<Greeting> {
-    /// The connections, in order.
+    /// Returns the connections in order.
     pub(super) fn connections(&self) -> impl Iterator<Item = &TcpStream> {
         self.0.iter().map(|place| &place.contact.connection)
     }
 
-    /// Adds a contact; returns the one that had to go for it.
+    /// Adds a contact; returns the one dropped for it.
     pub(super) fn greet(&mut self, of: (Source, Greeting), now: Instant) -> Option<Refused> {
         let is_known = |one: &Greeting| matches!(one.stage, Stage::AwaitsProof(_));
         let (source, _) = self.add(of, now, is_known)?;
-        let reason = "it said nothing, and others took its place";
+        let reason = "it sent nothing, and others took its slot";
         Some((source, io::Error::new(io::ErrorKind::ResourceBusy, reason)))
     }
 
-    /// Hears those that have news, by their numbers in [order](Self::connections); returns those that have the key, and
-    /// those that are refused.
+    /// Reads the contacts with new data, given by their index in [order](Self::connections); returns those that
+    /// have the key, and those that are refused.
     pub(super) fn hear(
         &mut self,
         has_news: impl Fn(usize) -> bool,
@@ -193,7 +193,7 @@ mod tests {
 
     use super::*;
 
-    /// A contact of a source, and whether it has said something valid.
+    /// Contact of a source, with `true` if it has sent something valid.
     type Contact = (u8, bool);
 
     fn source(number: u8) -> Source {
@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn a_new_contact_replaces_the_oldest_silent_one_of_its_source_and_no_other() {
+    fn a_new_contact_replaces_only_the_oldest_silent_one_of_its_source() {
         let mut places = Places::default();
         assert_eq!(add(&mut places, 1, (200, false)), None);
         for number in 0..MOST_OF_SOURCE as u8 {
@@ -221,14 +221,14 @@ mod tests {
     }
 
     #[test]
-    fn one_that_has_said_something_valid_stays_while_a_silent_one_is_there() {
+    fn a_contact_that_sent_a_valid_message_outlasts_silent_ones() {
         let mut places = Places::default();
         add(&mut places, 1, (0, true));
         for number in 1..200 {
             add(&mut places, 1, (number, false));
         }
         assert!(places.0.iter().any(|place| place.contact == (0, true)));
-        // Messages that are repeated by a stranger hold no place either.
+        // Messages replayed by a stranger hold no slot either.
         for number in 1..200 {
             add(&mut places, 1, (number, true));
         }
@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn many_sources_together_are_bounded_and_the_one_with_most_gives_way() {
+    fn the_total_is_bounded_and_the_source_with_most_slots_gives_way() {
         let mut places = Places::default();
         for number in 0..MOST_OF_SOURCE as u8 {
             add(&mut places, 1, (number, false));
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn a_contact_that_is_not_done_in_time_is_late() {
+    fn an_unfinished_greeting_expires() {
         let mut places = Places::default();
         let start = Instant::now();
         for number in 0..3 {

@@ -1,24 +1,24 @@
-//! Contacts that came to nothing, counted: a stranger who comes again and again must not fill the log.
+//! Counts of failed contacts: a persistent stranger must not fill the log.
 //!
-//! The first refusal of a source is a line at once. Then a source has one line a minute, with the count. The number of
-//! sources that are remembered is bounded; the others share one count.
+//! The first refusal of a source is logged at once. After that a source has one line a minute, with the count. The
+//! number of remembered sources is bounded; the others share one count.
 
 use std::collections::BTreeMap;
 use std::fmt;
 use std::net::{IpAddr, Ipv6Addr};
 use std::time::{Duration, Instant};
 
-/// Time between two lines about a source.
+/// Interval between two lines about a source.
 const INTERVAL: Duration = Duration::from_secs(60);
-/// Sources that are remembered.
+/// Maximum number of remembered sources.
 const MOST_SOURCES: usize = 64;
 
-/// Source of contacts: an IPv4 address, or the network of an IPv6 address, all of which one host may have.
+/// Source of contacts: an IPv4 address, or the network of an IPv6 address, which may belong to a single host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Source(IpAddr);
 
 impl Source {
-    /// Bits of an IPv6 address that name a host.
+    /// Number of bits of an IPv6 address that identify a host.
     const HOST_BITS: u32 = 64;
 
     pub(super) fn of(address: IpAddr) -> Self {
@@ -45,16 +45,16 @@ impl fmt::Display for Source {
 #[derive(Debug, Default)]
 pub(super) struct Refusals {
     sources: BTreeMap<Source, Count>,
-    /// Those of all other sources.
+    /// Count of all other sources.
     others: Option<Count>,
 }
 
-/// Contacts since the last line about their source.
+/// Number of contacts since the last line about their source.
 #[derive(Debug)]
 struct Count {
     since: Instant,
     contacts: u64,
-    /// Reason of the last one.
+    /// Reason of the last refusal.
     reason: String,
 }
 
@@ -72,7 +72,7 @@ impl Count {
         reason.clone_into(&mut self.reason);
     }
 
-    /// Returns the line that is due, if any, and begins again.
+    /// Returns the line that is due, if any, and resets the count.
     fn line(&mut self, of: &dyn fmt::Display) -> String {
         let Self {
             contacts, reason, ..
@@ -83,7 +83,7 @@ impl Count {
 }
 
 impl Refusals {
-    /// Counts a contact that was refused; returns the line that is to be written at once, if any.
+    /// Counts a refused contact; returns the line to log at once, if any.
     pub(super) fn add(&mut self, source: Source, reason: &str, now: Instant) -> Option<String> {
         if let Some(count) = self.sources.get_mut(&source) {
             count.add(reason);
@@ -98,7 +98,7 @@ impl Refusals {
         None
     }
 
-    /// Returns the lines that are due now. A source without a refusal for as long is forgotten.
+    /// Returns the lines that are due. A source without refusals for that long is forgotten.
     pub(super) fn due(&mut self, now: Instant) -> Vec<String> {
         let is_due = |count: &Count| now.duration_since(count.since) >= INTERVAL;
         let mut lines = Vec::new();
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn a_source_has_a_line_at_once_and_then_one_a_minute_with_the_count() {
+    fn a_source_is_logged_at_once_and_then_once_a_minute_with_the_count() {
         let start = Instant::now();
         let mut refusals = Refusals::default();
         let first = refusals.add(source(1), "no handshake", start);
@@ -153,7 +153,7 @@ mod tests {
             };
             assert_eq!(lines, expected, "{second}");
         }
-        // The rest, and then it is forgotten: its next refusal is a line at once.
+        // The rest, and then it is forgotten: its next refusal is logged at once.
         let later = start + Duration::from_secs(180);
         assert_eq!(refusals.due(later).len(), 1);
         assert_eq!(refusals.next(), Some(later + INTERVAL));
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn many_sources_share_one_line() {
+    fn sources_beyond_the_limit_share_one_line() {
         let start = Instant::now();
         let mut refusals = Refusals::default();
         let at_once = (0..100_000).filter_map(|one| refusals.add(source(one), "silence", start));

@@ -1,17 +1,17 @@
-//! The turn to have a session: one desk at a time, and a few that wait for it.
+//! Turns: one desk at a time has a session, and a few wait for it.
 
 use std::net::SocketAddr;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Desks that may wait.
+/// Maximum number of waiting desks.
 const MOST_WAITING: usize = 4;
-/// Longest wait of a desk.
+/// Time limit of a desk's wait.
 const LIMIT: Duration = Duration::from_secs(10);
-/// Longest wait during a run, which may take hours: enough for the end of one that is ending.
+/// Time limit of the wait during a run, which may take hours: enough for a run that is ending.
 const LIMIT_IN_RUN: Duration = Duration::from_millis(500);
 
-/// The turn of one agent.
+/// Turns of one agent.
 #[derive(Debug, Default)]
 pub(super) struct Turn {
     state: Mutex<State>,
@@ -20,14 +20,14 @@ pub(super) struct Turn {
 
 #[derive(Debug, Default)]
 struct State {
-    /// The desk that has its session.
+    /// Desk whose session is active.
     served: Option<SocketAddr>,
-    /// A run of that desk goes on.
+    /// `true` during a run of that desk.
     is_run: bool,
     waiting: usize,
 }
 
-/// The turn that one desk has, until it is dropped.
+/// Turn of one desk, until it is dropped.
 #[derive(Debug)]
 pub(super) struct Taken<'a>(&'a Turn);
 
@@ -44,7 +44,7 @@ impl Turn {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Notes that a run of the desk that has its turn begins or has ended.
+    /// Marks the beginning or the end of a run of the desk whose turn it is.
     pub(super) fn runs(&self, is_run: bool) {
         self.lock().is_run = is_run;
         self.changes.notify_all();
@@ -53,7 +53,7 @@ impl Turn {
     /// Waits for the turn.
     ///
     /// # Errors
-    /// If another desk has it for too long or for a run, or many wait already.
+    /// If another desk has it for too long or for a run, or too many wait already.
     pub(super) fn take(&self, by: SocketAddr) -> Result<Taken<'_>, String> {
         self.take_within(by, LIMIT)
     }
@@ -62,7 +62,7 @@ impl Turn {
         let since = Instant::now();
         let mut state = self.lock();
         if state.served.is_some() && state.waiting >= MOST_WAITING {
-            return Err(busy(state.served, "and others wait for its end"));
+            return Err(busy(state.served, "and others are already waiting"));
         }
         state.waiting += 1;
         while state.served.is_some() {
@@ -76,8 +76,8 @@ impl Turn {
                 state.waiting -= 1;
                 return Err(busy(state.served, "wait for its end"));
             }
-            let waited = self.changes.wait_timeout(state, left);
-            (state, _) = waited.unwrap_or_else(PoisonError::into_inner);
+            let result = self.changes.wait_timeout(state, left);
+            (state, _) = result.unwrap_or_else(PoisonError::into_inner);
         }
         state.waiting -= 1;
         state.served = Some(by);
@@ -95,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_has_its_turn_few_wait_and_the_others_hear_whose_session_it_is() {
+    fn one_desk_has_its_turn_few_wait_and_others_learn_whose_session_it_is() {
         let address = |port| SocketAddr::from(([192, 0, 2, 7], port));
         let turn = Turn::default();
         let first = turn.take(address(1)).expect("free");
@@ -121,13 +121,13 @@ mod tests {
         });
     }
     #[test]
-    fn during_a_run_nobody_waits_for_its_end() {
+    fn during_a_run_no_desk_waits_for_its_end() {
         let address = |port| SocketAddr::from(([192, 0, 2, 7], port));
         let hour = Duration::from_secs(3600);
         let turn = Turn::default();
         let first = turn.take(address(1)).expect("free");
         std::thread::scope(|scope| {
-            // One that waits already hears of it too.
+            // A desk that is already waiting is notified too.
             let waits = scope.spawn(|| turn.take_within(address(2), hour).map(drop));
             while turn.lock().waiting < 1 {
                 std::thread::yield_now();
@@ -140,7 +140,7 @@ mod tests {
                 let reason = refused.expect_err("busy");
                 assert!(reason.contains("of 192.0.2.7:1"), "{reason}");
             }
-            // A run that is ending is waited for.
+            // The end of a run that is ending is awaited.
             turn.runs(false);
             let next = scope.spawn(|| turn.take_within(address(4), hour).map(drop));
             while turn.lock().waiting < 1 {

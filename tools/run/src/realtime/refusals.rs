@@ -1,17 +1,17 @@
-//! Refusals of the system, told once, with the command that mends each.
+//! Settings refused by the operating system, each reported once, with the command that fixes it.
 
 use std::fmt::{self, Display};
 
 use hil_doctor::rights::LIMITS;
 use shared_types::realtime::Report;
 
-/// Refusals, one after another.
+/// List of refusals.
 #[derive(Debug, Default)]
 pub(super) struct Refusals(Vec<Refusal>);
 
 #[derive(Debug)]
 struct Refusal {
-    /// Names of the sides that asked; all got the same answer.
+    /// Sides that were refused, all for the same reason.
     who: Vec<&'static str>,
     setting: &'static str,
     reason: String,
@@ -19,12 +19,12 @@ struct Refusal {
 }
 
 impl Refusals {
-    /// Returns true if there are no refusals.
+    /// Returns `true` if there are no refusals.
     pub(super) const fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// Notes that somebody was refused a setting.
+    /// Adds a refused setting of a side.
     pub(super) fn add(
         &mut self,
         who: &'static str,
@@ -44,7 +44,7 @@ impl Refusals {
         }
     }
 
-    /// Notes what a side was refused.
+    /// Adds the refusals in a side's report.
     pub(super) fn add_side(&mut self, side: &'static str, report: &Report) {
         let wait = report.wait.reason.as_deref();
         let locked = report.lock_memory.refusal(&false);
@@ -63,7 +63,7 @@ impl Refusals {
     }
 }
 
-/// A line for each, then each command that mends some of them.
+/// Formats a line for each refusal, then each command that fixes some of them.
 impl Display for Refusals {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let mut mends: Vec<&str> = Vec::new();
@@ -79,7 +79,7 @@ impl Display for Refusals {
             mends.extend(refusal.mend.as_deref().filter(|mend| !mends.contains(mend)));
         }
         for mend in mends {
-            write!(f, "\n  mend: {mend}")?;
+            write!(f, "\n  fix: {mend}")?;
         }
         Ok(())
     }
@@ -90,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_same_refusal_and_the_same_mend_are_told_once() {
+    fn equal_refusals_and_equal_fixes_are_reported_once() {
         let mut refusals = Refusals::default();
         assert!(refusals.is_empty());
         refusals.add("plant", "priority", "no", Some("ask"));
@@ -103,7 +103,7 @@ mod tests {
             "warning: plant and controller: priority was not granted: no\n\
              warning: plant: lock_memory was not granted: too much\n\
              warning: controller: lock_memory was not granted: nothing at all\n\
-             warning: recorder: core was not granted: gone\n  mend: ask"
+             warning: recorder: core was not granted: gone\n  fix: ask"
         );
     }
 }

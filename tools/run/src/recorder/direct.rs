@@ -1,4 +1,4 @@
-//! Recorders in the thread that runs very many cases: the same digest, metrics and requirements, with neither a
+//! Recorders in the thread that executes very many cases: the same digest, metrics and requirements, with neither a
 //! recording nor latency.
 
 use std::sync::Arc;
@@ -16,11 +16,11 @@ use super::work::RecorderWork;
 use super::{NAP, Shared};
 use crate::attach::refuse_other_layout;
 
-/// First sleep of one who waits for records; each further one is twice as long.
+/// First sleep while waiting for records; each further one is twice as long.
 const FIRST_NAP: Duration = Duration::from_micros(50);
 
-/// Takes the records of one run from a stream that other runs use after it: to the end of the run, or until there
-/// is nothing to take and `is_over`.
+/// Drains the records of one run from a stream shared by several runs: until the end of the run, or until the
+/// stream is empty and `is_over` returns `true`.
 pub(crate) fn take_run(
     plan: Plan,
     layout: &RecordLayout,
@@ -34,7 +34,7 @@ pub(crate) fn take_run(
     work.attach(layout.clone());
     let mut nap = FIRST_NAP;
     while !work.has_ended() {
-        // Asked before the last look: what was published until then must be in it.
+        // Checked before the last look, which must include everything published until then.
         let is_last = is_over();
         match source.drain(&mut |item| work.take(item)) {
             Ok(0) if is_last => break,
@@ -49,7 +49,7 @@ pub(crate) fn take_run(
     work.finish()
 }
 
-/// A sink whose items are taken at once.
+/// Sink that processes items at once.
 pub(crate) struct DirectRecorder {
     work: RecorderWork,
     shared: Arc<Shared>,
@@ -57,7 +57,7 @@ pub(crate) struct DirectRecorder {
 }
 
 impl DirectRecorder {
-    /// Makes a recorder of records of this layout, which takes a curve if there is a grid for it.
+    /// Creates a recorder for records of this layout, which records a curve if there is a grid for it.
     pub(crate) fn new(plan: Plan, layout: RecordLayout, grid: Option<Arc<Grid>>) -> Self {
         let shared = Arc::new(Shared::default());
         let work = RecorderWork::new(plan, None, Vec::new(), Arc::clone(&shared)).without_latency();
@@ -68,14 +68,13 @@ impl DirectRecorder {
         }
     }
 
-    /// Returns a check of whether something went wrong, so that the run should stop; usable while the recorder is
-    /// lent.
+    /// Returns a check for failures, after which the run should stop; usable while the recorder is borrowed.
     pub(crate) fn failure(&self) -> impl Fn() -> bool + use<> {
         let shared = Arc::clone(&self.shared);
         move || shared.failed.load(Ordering::Relaxed)
     }
 
-    /// Ends with all that was taken.
+    /// Returns the results.
     pub(crate) fn finish(self) -> Recorded {
         self.work.finish()
     }

@@ -1,4 +1,4 @@
-//! Words of a plant in the record stream, checked before anything is made of them.
+//! Validation of a plant's records and events before they are used.
 
 use hil_config::plan::{Clock, Plan};
 use hil_facts::results::recorded::Recorded;
@@ -9,41 +9,41 @@ use shared_types::record::{
 };
 use shared_types::time::Step;
 
-/// Most events of a run. A live fault brings three for each effect, and costs the plant memory for ever.
+/// Maximum number of events in a run. A live fault causes three per effect, and permanently costs the plant memory.
 const MOST_EVENTS: u64 = 1 << 20;
 
-/// State of a stream as far as it was heard.
+/// State of the validation of a stream.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Heard {
-    /// The step after that of the last record.
+pub(super) struct Validator {
+    /// Step after that of the last record.
     next_step: u64,
-    /// Steps before it that have no record.
+    /// Number of steps before it without a record.
     missing: u64,
     events: u64,
-    /// Something was wrong: no record after it counts.
+    /// `true` after an invalid item: no later record counts.
     is_broken: bool,
 }
 
-impl Heard {
+impl Validator {
     pub(super) const fn next_step(&self) -> u64 {
         self.next_step
     }
 
-    /// Returns true if something was wrong before.
+    /// Returns `true` if an item was invalid.
     pub(super) const fn is_broken(&self) -> bool {
         self.is_broken
     }
 
-    /// Something is wrong with the stream.
+    /// Marks the stream as invalid.
     pub(super) const fn broke(&mut self) {
         self.is_broken = true;
     }
 
-    /// Takes a record, which must be the one after the one before; in real time as many may be
-    /// missing as are known to be lost.
+    /// Validates a record, which must be of the next step; in real time as many may be missing as are known to be
+    /// lost.
     ///
     /// # Errors
-    /// If something is wrong with the record; the error says what.
+    /// If the record is invalid, with the reason.
     pub(super) fn record(
         &mut self,
         plan: &Plan,
@@ -57,15 +57,15 @@ impl Heard {
         };
         if step < next || step > next.saturating_add(missing) || step > last {
             return Err(if next > last {
-                format!("a record of step {step} came after the last one, that of step {last}")
+                format!("received a record of step {step} after the last one, that of step {last}")
             } else {
-                format!("a record of step {step} came where that of step {next} was due")
+                format!("received a record of step {step} instead of step {next}")
             });
         }
-        let (said, due) = (view.timing.time_ns, plan.run.rate.nanoseconds(Step(step)));
-        if said != due {
+        let (actual, due) = (view.timing.time_ns, plan.run.rate.nanoseconds(Step(step)));
+        if actual != due {
             return Err(format!(
-                "the record of step {step} says that it is of {said} ns, and its time is {due} ns"
+                "the record of step {step} has the time {actual} ns instead of {due} ns"
             ));
         }
         self.missing += step - next;
@@ -73,10 +73,10 @@ impl Heard {
         Ok(())
     }
 
-    /// Takes an event, cleaned.
+    /// Validates and sanitises an event.
     ///
     /// # Errors
-    /// If something is wrong with the event; the error says what.
+    /// If the event is invalid, with the reason.
     pub(super) fn event(
         &mut self,
         plan: &Plan,
@@ -85,7 +85,7 @@ impl Heard {
     ) -> Result<(), String> {
         self.events += 1;
         if self.events > MOST_EVENTS {
-            return Err(format!("more than {MOST_EVENTS} events came"));
+            return Err(format!("received more than {MOST_EVENTS} events"));
         }
         let Some(step) = event.step() else {
             return Ok(());
@@ -93,21 +93,21 @@ impl Heard {
         let steps = plan.run.steps;
         if step > steps {
             return Err(format!(
-                "an event of step {step} came in a run of {steps} steps"
+                "received an event of step {step} in a run of {steps} steps"
             ));
         }
         match event {
             Event::Controller(change) => controller(plan, change, recorded.changes.len()),
-            Event::Change(_) if recorded.values.len() >= MOST_CHANGES => {
-                Err(format!("more than {MOST_CHANGES} changes of values came"))
-            }
+            Event::Change(_) if recorded.values.len() >= MOST_CHANGES => Err(format!(
+                "received more than {MOST_CHANGES} changes of values"
+            )),
             Event::Mark(_) if recorded.marks.len() >= MOST_MARKS => {
-                Err(format!("more than {MOST_MARKS} marks came"))
+                Err(format!("received more than {MOST_MARKS} marks"))
             }
             Event::Mark(mark) if mark.text.chars().count() > LONGEST_MARK => {
                 let count = mark.text.chars().count();
                 Err(format!(
-                    "a mark of {count} characters came, and {LONGEST_MARK} are allowed"
+                    "received a mark of {count} characters; at most {LONGEST_MARK} are allowed"
                 ))
             }
             _ => Ok(()),
@@ -117,14 +117,16 @@ impl Heard {
 
 fn controller(plan: &Plan, change: &ControllerChange, before: usize) -> Result<(), String> {
     let (epoch, planned) = (change.epoch, plan.run.on_controller_loss);
-    // Each comes, goes and may be refused.
+    // Each joins, ends and may be refused.
     if before >= 3 * MOST_EPOCHS as usize {
-        return Err(format!("more than {before} changes of controllers came"));
+        return Err(format!(
+            "received more than {before} changes of controllers"
+        ));
     }
     match &change.change {
         ControllerFate::Lost { policy, .. } if *policy != planned || planned == OnLoss::Abort => {
             Err(format!(
-                "the plant says that it lost controller {epoch} and goes on with `{}`, and the run has `{}`",
+                "the plant reports the loss of controller {epoch} with the policy `{}`, but that of the run is `{}`",
                 policy.name(),
                 planned.name()
             ))

@@ -1,4 +1,4 @@
-//! Items that the recorder takes of a stream, whatever became of the publisher.
+//! Handling of stream items, independent of the publisher's fate.
 
 use hil_config::plan::Clock;
 use hil_facts::results::recorded::Recorded;
@@ -14,13 +14,13 @@ use super::*;
 use crate::fixture::{layout, record};
 use crate::rig::plan;
 
-/// A stream of N records whose plant is dead: a few come with each look.
-struct Left {
+/// Stream of some records whose plant is dead; each poll delivers a few.
+struct Remainder {
     records: u64,
     taken: u64,
 }
 
-/// The record of a step of the plan, answered by a controller.
+/// Returns the expected record of a step of the plan, answered by a controller.
 fn due(step: u64) -> Vec<u64> {
     let mut words = record(step, 0.0, 0.0);
     let time = layout().values_start() + layout().values();
@@ -28,7 +28,7 @@ fn due(step: u64) -> Vec<u64> {
     words
 }
 
-/// Returns the facts that a recorder has after these items, against this clock.
+/// Returns the recorder's results after these items, with this clock.
 fn taken(clock: Clock, items: Vec<Item<'_>>) -> Recorded {
     struct Once<'a>(Vec<Item<'a>>);
     impl RecordSource for Once<'_> {
@@ -50,15 +50,15 @@ fn taken(clock: Clock, items: Vec<Item<'_>>) -> Recorded {
 }
 
 #[track_caller]
-fn refused(clock: Clock, items: Vec<Item<'_>>, records: u64, wanted: &str) {
+fn refused(clock: Clock, items: Vec<Item<'_>>, records: u64, expected: &str) {
     let recorded = taken(clock, items);
     let error = recorded.error.expect("it is refused");
-    assert!(error.contains(wanted), "{error}");
+    assert!(error.contains(expected), "{error}");
     assert_eq!(recorded.records, records);
 }
 
 #[test]
-fn each_record_is_the_step_after_the_one_before() {
+fn each_record_must_be_of_the_next_step() {
     let records: Vec<_> = (0..=1000).map(due).collect();
     let some = |steps: &[usize]| {
         steps
@@ -67,56 +67,47 @@ fn each_record_is_the_step_after_the_one_before() {
             .collect()
     };
     assert_eq!(taken(Clock::Lockstep, some(&[0, 1, 2])).error, None);
-    for (steps, came, wanted) in [
+    for (steps, came, expected) in [
         (
             &[0, 1, 3, 4][..],
             2,
-            "a record of step 3 came where that of step 2 was due",
+            "received a record of step 3 instead of step 2",
         ),
         (
             &[0, 1, 1],
             2,
-            "a record of step 1 came where that of step 2 was due",
+            "received a record of step 1 instead of step 2",
         ),
         (
             &[0, 2, 1],
             1,
-            "a record of step 2 came where that of step 1 was due",
+            "received a record of step 2 instead of step 1",
         ),
-        (
-            &[1],
-            0,
-            "a record of step 1 came where that of step 0 was due",
-        ),
+        (&[1], 0, "received a record of step 1 instead of step 0"),
     ] {
         for clock in [
             Clock::Lockstep,
             Clock::Paced { factor: 1.0 },
             Clock::Realtime,
         ] {
-            refused(clock, some(steps), came, wanted);
+            refused(clock, some(steps), came, expected);
         }
     }
     let mut all: Vec<_> = records.iter().map(|words| Item::Record(words)).collect();
     all.push(Item::Record(&records[1000]));
-    refused(
-        Clock::Lockstep,
-        all,
-        1001,
-        "step 1000 came after the last one",
-    );
+    refused(Clock::Lockstep, all, 1001, "step 1000 after the last one");
     let mut late = due(0);
     late[layout().values_start() + layout().values()] = 1;
     refused(
         Clock::Lockstep,
         vec![Item::Record(&late)],
         0,
-        "its time is 0 ns",
+        "instead of 0 ns",
     );
 }
 
 #[test]
-fn what_is_lost_is_counted_against_the_clock_and_refused_in_lockstep() {
+fn lost_items_are_counted_in_real_time_and_refused_in_lockstep() {
     let [zero, three, five] = [due(0), due(3), due(5)];
     let lossy = || vec![Item::Record(&zero), Item::Lost(2), Item::Record(&three)];
     let recorded = taken(Clock::Realtime, lossy());
@@ -132,13 +123,13 @@ fn what_is_lost_is_counted_against_the_clock_and_refused_in_lockstep() {
             "2 items of the record stream were lost before step 1",
         );
     }
-    // Nobody said that step 4 was lost too.
+    // Step 4 was lost without notice.
     let more = [lossy(), vec![Item::Record(&five)]].into_iter().flatten();
     refused(
         Clock::Realtime,
         more.collect(),
         2,
-        "step 5 came where that of step 4 was due",
+        "step 5 instead of step 4",
     );
     refused(
         Clock::Lockstep,
@@ -149,7 +140,7 @@ fn what_is_lost_is_counted_against_the_clock_and_refused_in_lockstep() {
 }
 
 #[test]
-fn events_that_cannot_be_are_refused() {
+fn impossible_events_are_refused() {
     let change = |step: u64, change: ControllerFate| {
         let epoch = 1;
         Item::Event(Event::Controller(ControllerChange {
@@ -165,8 +156,8 @@ fn events_that_cannot_be_are_refused() {
         reason: "gone".into(),
         policy: OnLoss::Hold,
     };
-    let (clock, wanted) = (Clock::Lockstep, "the run has `abort`");
-    refused(clock, vec![change(0, lost)], 0, wanted);
+    let (clock, expected) = (Clock::Lockstep, "that of the run is `abort`");
+    refused(clock, vec![change(0, lost)], 0, expected);
     refused(
         clock,
         vec![change(1001, refusal())],
@@ -187,13 +178,13 @@ fn events_that_cannot_be_are_refused() {
         0,
         "went on after the end",
     );
-    let heard = taken(clock, vec![end()]);
-    assert_eq!(heard.error, None);
-    let reason = heard.end.and_then(|end| end.reason);
+    let recorded = taken(clock, vec![end()]);
+    assert_eq!(recorded.error, None);
+    let reason = recorded.end.and_then(|end| end.reason);
     assert_eq!(reason.as_deref(), Some("well \u{fffd}[2J"));
 }
 
-impl RecordSource for Left {
+impl RecordSource for Remainder {
     fn drain(&mut self, take: &mut dyn FnMut(Item<'_>)) -> Result<usize, LinkError> {
         let until = (self.taken + 7).min(self.records);
         let count = until - self.taken;
@@ -206,13 +197,13 @@ impl RecordSource for Left {
 }
 
 #[test]
-fn the_stream_of_a_dead_plant_is_taken_to_its_end() {
+fn the_stream_of_a_dead_plant_is_drained() {
     let shared = Arc::new(Shared::default());
-    // All that is known of the run: it is over.
+    // All that is known of the run is that it is over.
     shared.finish.store(true, Ordering::Release);
     let mut work = RecorderWork::new(plan(), None, vec![], Arc::clone(&shared));
     work.layout = layout();
-    work.drain(&mut Left {
+    work.drain(&mut Remainder {
         records: 500,
         taken: 0,
     });
@@ -223,29 +214,29 @@ fn the_stream_of_a_dead_plant_is_taken_to_its_end() {
 }
 
 #[test]
-fn a_recorder_that_is_stuck_in_what_the_dead_left_is_freed() {
+fn a_recorder_stuck_in_an_incomplete_stream_is_freed() {
     let (free, freed) = std::sync::mpsc::channel();
     let attach = move || {
-        // As iceoryx2 waits for a service whose maker died: here until it is freed, or given up.
+        // iceoryx2 waits like this for a service whose creator died: here until it is freed, or given up.
         let freed = freed.recv_timeout(Duration::from_secs(60));
         freed
-            .map(|()| None::<(Left, RecordLayout)>)
+            .map(|()| None::<(Remainder, RecordLayout)>)
             .map_err(|_| "never freed".to_owned())
     };
     let recorder = Recorder::start(plan(), None, vec![], None, None, || attach);
-    // Nobody may be there any more to be freed.
+    // There may be no thread left to free.
     let unblock = move || free.send(()).unwrap_or_default();
     let recorded = recorder.unblocked_by(None, unblock).finish();
     assert_eq!(recorded.expect("no panic").error, None);
 }
 
 #[test]
-fn a_recorder_that_never_comes_back_from_the_stream_is_given_up() {
+fn a_recorder_that_never_returns_from_the_stream_is_given_up() {
     let (free, freed) = std::sync::mpsc::channel::<()>();
-    // As iceoryx2 goes round for ever in memory that was written over.
+    // iceoryx2 loops like this for ever in corrupted memory.
     let attach = move || {
         let _ = freed.recv(); // until the test drops the other end
-        Ok(None::<(Left, RecordLayout)>)
+        Ok(None::<(Remainder, RecordLayout)>)
     };
     let recorder = Recorder::start(plan(), None, vec![], None, None, || attach);
     let mut recorder = recorder.unblocked_by(Some(STUCK), || ());
@@ -257,7 +248,7 @@ fn a_recorder_that_never_comes_back_from_the_stream_is_given_up() {
 }
 
 #[test]
-fn more_or_longer_marks_than_a_plant_takes_are_refused() {
+fn more_or_longer_marks_than_a_plant_accepts_are_refused() {
     let mark = |text: &str| {
         Item::Event(Event::Mark(Mark {
             step: 1,

@@ -1,4 +1,4 @@
-//! Work of the recorder's thread on each item of the stream, until the recording is complete.
+//! Processing of stream items by the recorder's thread, until the recording is complete.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::Ordering;
@@ -25,21 +25,21 @@ use shared_types::record::{Event, Outcome, RecordLayout};
 use shared_types::stream::{Item, RecordSource};
 use shared_types::time::Step;
 
-use super::heard::Heard;
+use super::heard::Validator;
 use crate::realtime;
 use crate::recorder::{NAP, RecordingPlan, Shared};
 
-/// The thread's own state.
+/// State of the recorder's thread.
 pub(super) struct RecorderWork {
     plan: Plan,
     recording_plan: Option<RecordingPlan>,
-    /// After how many records the digest is wanted besides.
+    /// Numbers of records after which an additional digest is taken.
     marks: Vec<u64>,
     shared: Arc<Shared>,
-    /// Grid of the curve, if one is to be taken.
+    /// Grid of the curve, if one is recorded.
     grid: Option<Arc<Grid>>,
     pub(super) layout: RecordLayout,
-    heard: Heard,
+    heard: Validator,
     recording: Option<Recording>,
     digest: Digest,
     collector: Collector,
@@ -64,36 +64,36 @@ impl RecorderWork {
             shared,
             grid: None,
             layout: RecordLayout::default(),
-            heard: Heard::default(),
+            heard: Validator::default(),
             recording: None,
             digest: Digest::default(),
         }
     }
 
-    /// The same without figures of latency, which take longer than a short run.
+    /// Disables latency figures, whose computation takes longer than a short run.
     pub(super) fn without_latency(mut self) -> Self {
         self.collector.latency = None;
         self
     }
 
-    /// The same with the curve of a case.
+    /// Enables the curve of a case.
     pub(super) fn with_curve(mut self, grid: Option<Arc<Grid>>) -> Self {
         self.grid = grid;
         self
     }
 
-    /// Takes the records that the run goes on from, with what happened between them.
+    /// Processes the records and events that the run continues.
     pub(super) fn recall(&mut self, past: &PastRecords) {
         self.open(past.layout.clone());
         self.collector.is_past = true;
         let from = past.recording.display();
         if let Err(error) = self.recall_records(past) {
-            self.fail(format!("cannot go on from {from}: {error}"));
+            self.fail(format!("cannot continue from {from}: {error}"));
         } else if self.collector.recorded.records != past.count
             || self.digest.clone().finish() != past.digest
         {
             self.fail(format!(
-                "cannot go on from {from}: it changed since it was looked at"
+                "cannot continue from {from}: it has changed since it was checked"
             ));
         }
         self.collector.is_past = false;
@@ -113,7 +113,7 @@ impl RecorderWork {
         Ok(())
     }
 
-    /// Takes in what is known now: the layout of the run's records, and the settings of both sides.
+    /// Stores the layout of the run's records and the settings of both sides.
     pub(super) fn attach(&mut self, layout: RecordLayout) {
         let facts: BTreeMap<String, String> = match &self.recording_plan {
             Some(plan) => realtime::facts(&plan.session).collect(),
@@ -127,7 +127,7 @@ impl RecorderWork {
             return;
         }
         if layout != self.layout {
-            self.fail("the records have other signals than those that the run goes on from".into());
+            self.fail("the signals differ from those of the run to continue".into());
         }
         self.write(|recording| recording.facts(facts));
     }
@@ -160,11 +160,11 @@ impl RecorderWork {
         self.layout = layout;
     }
 
-    /// Takes items until the plant said how the run ended, or its stream is dry after its death.
+    /// Processes items until the plant has reported the end of the run, or its stream is empty after its death.
     pub(super) fn drain(&mut self, source: &mut impl RecordSource) {
         let mut error = None;
         while self.collector.recorded.end.is_none() {
-            // Asked before the last look: what was published until then must be in it.
+            // Checked before the last look, which must include everything published until then.
             let finishing = self.shared.finish.load(Ordering::Acquire);
             let shared = Arc::clone(&self.shared);
             let mut take = |item: Item<'_>| {
@@ -188,7 +188,7 @@ impl RecorderWork {
         }
     }
 
-    /// Tells whether the plant said how the run ended, or its records are worth nothing any more.
+    /// Returns `true` if the plant has reported the end of the run, or its records are invalid.
     pub(super) const fn has_ended(&self) -> bool {
         let recorded = &self.collector.recorded;
         recorded.end.is_some() || recorded.error.is_some()
@@ -211,7 +211,7 @@ impl RecorderWork {
                 self.digest.record(view.hashed);
                 self.collector.record(words, &view.timing);
                 let recorded = &mut self.collector.recorded;
-                // Each stretch is as long as the others: those that are complete come first.
+                // Complete intervals are evaluated first, so that all have the same length.
                 let mut stretches = recorded.stretches.iter_mut().rev();
                 while stretches.next().is_some_and(|open| open.take(view.hashed)) {}
                 if self.marks.contains(&recorded.records) && recorded.lost == 0 {
@@ -224,9 +224,9 @@ impl RecorderWork {
                 self.write(|recording| recording.record(words, &view));
             }
             Item::Record(words) => {
-                let (got, wanted) = (words.len(), self.layout.words());
+                let (got, expected) = (words.len(), self.layout.words());
                 self.refuse(format!(
-                    "a record of {got} words came where {wanted} were agreed"
+                    "received a record of {got} words instead of the agreed {expected}"
                 ));
             }
             Item::Event(event) => {
@@ -246,15 +246,15 @@ impl RecorderWork {
                 if self.plan.run.clock != Clock::Realtime {
                     let next = self.heard.next_step();
                     self.refuse(format!(
-                        "{count} items of the record stream were lost before step {next}, and all are due"
+                        "{count} items of the record stream were lost before step {next}, but none may be lost"
                     ));
                 }
             }
-            Item::Broken(what) => self.refuse(format!("the record stream is broken: {what}")),
+            Item::Broken(reason) => self.refuse(format!("the record stream is broken: {reason}")),
         }
     }
 
-    /// Keeps what the summary needs of an event; the step that it is about, if it is about one.
+    /// Stores the parts of an event for the summary; returns its step, if it has one.
     fn note_event(&mut self, event: &Event) -> Option<u64> {
         if let Err(error) = self.collector.event(event) {
             self.fail(format!("the record stream is broken: {error}"));
@@ -301,7 +301,7 @@ impl RecorderWork {
         self.fail(format!("{reason}; {left}"));
     }
 
-    /// Ends a recording: whether all that it took is in it, and what it is now.
+    /// Ends a recording; returns whether it is complete, and a description of its content.
     fn end(
         &mut self,
         mut recording: Recording,
@@ -312,7 +312,7 @@ impl RecorderWork {
         self.collector.recorded.written = recording.safe();
         let mut result = self.result(outcome, reason);
         if closed.is_err() {
-            // The records that it has are fewer than those that the digest covers.
+            // It has fewer records than the digest covers.
             result.insert("records".into(), recording.safe().to_string());
             result.insert("digest".into(), String::new());
         }
@@ -322,7 +322,7 @@ impl RecorderWork {
             Err(error) => {
                 closed = closed.and(Err(error));
                 format!(
-                    "it has {kept} records and no end: `hil recover {path}` makes a whole file of it where there is room"
+                    "it has {kept} records and no end: `hil recover {path}` completes it where there is disk space"
                 )
             }
         };
@@ -334,13 +334,13 @@ impl RecorderWork {
         plan.map_or_else(String::new, |plan| plan.path.display().to_string())
     }
 
-    /// The digest of the records so far; `None` if one was lost.
+    /// Returns the digest of the records so far; `None` if one was lost.
     fn digest(&self) -> Option<String> {
         let is_there = self.collector.recorded.lost == 0 && self.collector.recorded.records > 0;
         is_there.then(|| self.digest.clone().finish())
     }
 
-    /// Returns the facts that a recording is given after the run.
+    /// Returns the facts written to a recording after the run.
     fn result(&self, outcome: Outcome, reason: Option<&str>) -> BTreeMap<String, String> {
         let facts = [
             ("records", self.collector.recorded.records.to_string()),
@@ -353,7 +353,7 @@ impl RecorderWork {
         owned.into_iter().collect()
     }
 
-    /// Refuses what came, with this error; no record after it is to be believed either.
+    /// Fails with this error; no later record is trusted either.
     fn refuse(&mut self, error: String) {
         self.heard.broke();
         self.fail(error);
@@ -378,7 +378,7 @@ impl RecorderWork {
             &self.collector.recorded.end,
         ) && end.outcome == Outcome::Completed
         {
-            // Items were counted, of which some were events; and there is a record after the last step.
+            // Lost items are counted, some of which were events; and there is a record after the last step.
             self.collector.recorded.lost = end.steps + 1 - self.collector.recorded.records;
         }
         self.collector.recorded.digest = self.digest();
@@ -387,7 +387,10 @@ impl RecorderWork {
             let (outcome, reason) = match (error.clone(), end.clone()) {
                 (Some(error), _) => (Outcome::Failed, Some(error)),
                 (None, Some(end)) => (end.outcome, end.reason),
-                (None, None) => (Outcome::Failed, Some("the plant told no end".to_owned())),
+                (None, None) => (
+                    Outcome::Failed,
+                    Some("the plant reported no end".to_owned()),
+                ),
             };
             if let (Err(error), left) = self.end(recording, outcome, reason.as_deref()) {
                 let (path, causes) = (self.path(), causes(&error));
@@ -401,7 +404,7 @@ impl RecorderWork {
     }
 }
 
-/// An error with what is behind it: the last cause is what a person can act on.
+/// Formats an error with its causes: the last one is what a user can act on.
 fn causes(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();

@@ -57,17 +57,17 @@ pub struct ExportArguments {
     pub json: bool,
 }
 
-/// Forms of a table.
+/// Formats of an exported table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum ExportFormat {
-    /// Text with a line for each step.
+    /// Comma-separated values, a line per step.
     Csv,
-    /// Apache Parquet, with units and origin in its metadata.
+    /// Apache Parquet, with units and provenance in its metadata.
     Parquet,
 }
 
 impl ExportFormat {
-    /// Returns the name, which is also the ending of files.
+    /// Returns the name, which is also the file extension.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

@@ -33,7 +33,7 @@ pub struct LayoutArguments {
     pub force: bool,
 }
 
-/// Programs that show recordings.
+/// Programs that display recordings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Viewer {
     /// Foxglove, and Lichtblick, which reads the same layouts.

@@ -1,4 +1,4 @@
-//! The command lines of the verbs of this package. Carries nothing out.
+//! Command lines of this package's verbs. Contains no logic.
 
 pub mod export;
 pub mod layout;

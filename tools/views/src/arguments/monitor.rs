@@ -62,28 +62,30 @@ pub struct MonitorArguments {
     pub rate: f64,
 }
 
-/// An address, or a port of this machine that only this machine reaches.
+/// Parses a socket address, or a port, which is opened on the loopback interface only.
 fn address(text: &str) -> Result<SocketAddr, String> {
     if let Ok(port) = text.parse() {
         return Ok(SocketAddr::from((Ipv4Addr::LOCALHOST, port)));
     }
     text.parse()
-        .map_err(|_| "a port, or an address as 127.0.0.1:8765".into())
+        .map_err(|_| "expected a port or an address such as 127.0.0.1:8765".into())
 }
 
 fn rate(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(rate) if rate > 0.0 => Ok(rate),
-        _ => Err("records a second, above 0".into()),
+        _ => Err("expected a number of records per second above 0".into()),
     }
 }
 
-/// Reads the width of a time axis.
+/// Parses the width of a time axis.
 pub fn window(text: &str) -> Result<f64, String> {
     let window_s = seconds(text)?;
     if (1e-6..=86_400.0).contains(&window_s) {
         Ok(window_s)
     } else {
-        Err(format!("`{text}` is no width of a time axis: 1us to a day"))
+        Err(format!(
+            "`{text}` is not a valid time-axis width; use 1us to 24h"
+        ))
     }
 }

@@ -1,14 +1,14 @@
 //! A table as comma-separated values.
 //!
-//! A header with the names, then a line for each row. Numbers are written in the shortest form that
-//! reads back as the same bits; one that does not exist is `NaN`, flags are `true` and `false`. Of a
-//! time or count that does not exist the cell is empty.
+//! A header with the names, then a line for each row. Numbers are written in the shortest form that reads back as
+//! the same bits, undefined ones as `NaN`, flags as `true` and `false`. The cell of a missing time or count is
+//! empty.
 
 use std::io::{self, Write};
 
 use super::table::{Cell, Column};
 
-/// Bytes that are written at once.
+/// Size of a write in bytes.
 const BLOCK_BYTES: usize = 1 << 16;
 
 /// A table being written.
@@ -19,7 +19,7 @@ pub(super) struct Csv<W> {
 }
 
 impl<W: Write> Csv<W> {
-    /// Names are of letters, digits, `_` and `.`, so nothing ever needs quotes.
+    /// Starts a table with its header. Names consist of letters, digits, `_` and `.`, so nothing needs quotes.
     pub(super) fn new(to: W, columns: &[Column]) -> Self {
         let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
         Self {

@@ -1,5 +1,5 @@
-//! Facts of a recording that tell more of its signals than their names: what its scenario derives of them,
-//! and where the table comes from.
+//! Facts about a recording beyond its signals' names: derived signals of its scenario, and the provenance of the
+//! exported table.
 
 use std::collections::BTreeMap;
 
@@ -11,12 +11,12 @@ use hil_recording::reader::RunReader;
 
 use super::table::Column;
 
-/// The run of a recording; the error says why it is not known.
+/// Reconstructs the run of a recording; the error is the reason if that is impossible.
 pub(super) fn recorded_run(reader: &RunReader) -> Result<RecordedRun, String> {
     RecordedRun::of(reader, reader.path()).map_err(|failure| failure.reason())
 }
 
-/// The derived signals of a run's scenario, in its order.
+/// Returns the derived signals of a run's scenario, in its order.
 pub(super) fn derived(run: RecordedRun, reader: &RunReader) -> Result<Derived, String> {
     let recorded = reader.columns().iter().filter(|column| column.is_signal());
     if recorded.count() != run.plan.record_layout(&run.plant, &run.law).values() {
@@ -29,20 +29,20 @@ pub(super) fn derived(run: RecordedRun, reader: &RunReader) -> Result<Derived, S
     })
 }
 
-/// The derived signals of a run, computed again from its records.
+/// Derived signals of a run, recomputed from its records.
 pub(super) struct Derived {
     pub signals: Vec<plan::Derived>,
     evaluation: RecordEvaluation,
 }
 
 impl Derived {
-    /// Their values at the step of a record.
+    /// Returns their values at the step of a record.
     pub(super) fn of(&mut self, record: &[u64]) -> &[f64] {
         self.evaluation.record(record)
     }
 }
 
-/// Returns the origin of a table and the units of its columns, for the metadata of a file.
+/// Returns the provenance of a table and the units of its columns as file metadata.
 pub(super) fn metadata(
     reader: &RunReader,
     columns: &[Column],

@@ -1,7 +1,7 @@
 //! A table as Apache Parquet, for pandas, Polars, DuckDB and MATLAB.
 //!
-//! A column for each column. A number that does not exist is NaN, a time or count that does not is null. Rows are held back until there are enough of them for a group, the only thing that takes
-//! memory. Units and origin are key-value metadata of the file.
+//! Undefined numbers are NaN, missing times and counts are null. Rows are buffered until a row group is complete,
+//! the only memory that grows with the table. Units and provenance are key-value metadata of the file.
 
 use std::io::{self, Write};
 use std::sync::Arc;
@@ -16,19 +16,19 @@ use parquet::schema::types::Type;
 
 use super::table::{Cell, CellKind, Column};
 
-/// Cells of a group of rows: 32 MiB of numbers.
+/// Cells in a row group: 32 MiB of numbers.
 const GROUP_CELLS: usize = 1 << 22;
 
 /// A table being written.
 pub(super) struct Parquet<W: Write + Send> {
     file: SerializedFileWriter<W>,
-    /// Columns that are not written yet.
+    /// Columns of the row group being filled.
     columns: Vec<Cells>,
     rows: usize,
     group_rows: usize,
 }
 
-/// The cells of a column in the type they are written with.
+/// Cells of a column in the type in which they are written.
 enum Cells {
     Numbers(Vec<f64>),
     Counts(Vec<i64>),
@@ -60,7 +60,7 @@ impl<W: Write + Send> Parquet<W> {
         let properties = WriterProperties::builder()
             .set_created_by(concat!("hil ", env!("CARGO_PKG_VERSION")).into())
             .set_compression(Compression::SNAPPY)
-            // Numbers hardly ever repeat: with a dictionary files are larger and take longer.
+            // Numbers hardly ever repeat: dictionaries make files larger and slower to write.
             .set_dictionary_enabled(false)
             // `BYTE_STREAM_SPLIT` would save a fifth, but not every reader knows it.
             .set_encoding(Encoding::PLAIN)
@@ -86,7 +86,7 @@ impl<W: Write + Send> Parquet<W> {
         for (column, cell) in self.columns.iter_mut().zip(cells) {
             match (column, *cell) {
                 (Cells::Numbers(numbers), Cell::Number(value)) => numbers.push(value),
-                // The bits of an unsigned number, as the logical type says.
+                // The column's logical type marks these bits as unsigned.
                 (Cells::Counts(counts), Cell::Count(count)) => counts.push(count.cast_signed()),
                 (Cells::OptionalCounts(counts, levels), Cell::Count(count)) => {
                     counts.push(count.cast_signed());
@@ -104,7 +104,7 @@ impl<W: Write + Send> Parquet<W> {
         Ok(())
     }
 
-    /// Writes what is left, and the metadata.
+    /// Writes the remaining rows and the metadata.
     pub(super) fn finish(mut self, metadata: &[(String, String)]) -> io::Result<W> {
         self.write_group().map_err(io_error)?;
         for (key, value) in metadata {
@@ -156,7 +156,7 @@ impl<W: Write + Send> Parquet<W> {
     }
 }
 
-/// The error of the file, if that is what is behind it.
+/// Returns the I/O error behind a Parquet error, if there is one.
 fn io_error(error: ParquetError) -> io::Error {
     match error {
         ParquetError::External(cause) => match cause.downcast::<io::Error>() {

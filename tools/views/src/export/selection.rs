@@ -1,4 +1,4 @@
-//! Columns of a table, and the place of each in a record.
+//! Columns of a table, and the source of each in a record.
 
 use std::collections::BTreeSet;
 
@@ -12,14 +12,14 @@ use super::origin::{self, Derived};
 use super::table::{Cell, CellKind, Column};
 use crate::plots::signal::own_names;
 
-/// The columns of a table.
+/// Columns selected for a table.
 pub(super) struct Selection {
-    /// In order; `step` and `time_s` come first.
+    /// Columns in order, beginning with `step` and `time_s`.
     pub(super) columns: Vec<Column>,
     sources: Vec<Source>,
-    /// Derived signals, if one of them is wanted.
+    /// Derived signals, if at least one is selected.
     derived: Option<Derived>,
-    /// The last step of the run, which no command answers.
+    /// Last step of the run, which has no command.
     last: Option<u64>,
 }
 
@@ -28,17 +28,17 @@ pub(super) struct Selection {
 enum Source {
     Step,
     Time,
-    /// A word that is a number.
+    /// Word that holds a number.
     Number(usize),
-    /// A word that is none.
+    /// Word that holds a count.
     Count(usize),
-    /// A measured time, 0 where there was nothing to be measured.
+    /// Measured time, 0 where nothing was measured.
     Measured(usize),
-    /// Word of an exchange of sample and command, which the last record of a run lacks.
+    /// Word of a sample-command exchange, which the last record of a run lacks.
     Exchanged(usize),
-    /// A derived signal, by its number.
+    /// Derived signal, by its index.
     Derived(usize),
-    /// A bit that is set where a signal is not valid.
+    /// Bit that is set while a signal is invalid.
     Invalid {
         word: usize,
         bit: usize,
@@ -53,9 +53,9 @@ pub(super) struct Offer {
     derived: Option<Derived>,
     /// Commands of a frame, in order.
     sent_commands: Option<Vec<String>>,
-    /// Further names of signals, each with the recorded name.
+    /// Aliases of signals, each with the recorded name.
     aliases: Vec<(String, String)>,
-    /// Reason for which there are no derived signals.
+    /// Reason for the absence of derived signals.
     why_not: Option<String>,
 }
 
@@ -93,7 +93,7 @@ impl Offer {
             }
             Err(why) => offer.why_not = Some(why),
         }
-        // `step` is there anyway, and bits of validity are told with their signals.
+        // `step` is always present, and validity bits belong to their signals.
         let counts = recorded().filter(|(_, column)| {
             !column.is_signal() && column.name != "step" && !column.name.contains('[')
         });
@@ -118,10 +118,10 @@ impl Offer {
         self.sources.push(source);
     }
 
-    /// All columns, or those that are asked for.
+    /// Returns all columns, or the selected ones.
     ///
     /// # Errors
-    /// If a pattern is none, or nothing fits it.
+    /// If a pattern is invalid or matches nothing.
     pub(super) fn listed(
         &self,
         reader: &RunReader,
@@ -130,14 +130,14 @@ impl Offer {
         if patterns.is_empty() {
             return Ok(self.columns.clone());
         }
-        let chosen = self.chosen(reader, patterns)?;
-        Ok(chosen
+        let indices = self.chosen(reader, patterns)?;
+        Ok(indices
             .into_iter()
             .map(|index| self.columns[index].clone())
             .collect())
     }
 
-    /// The columns that are asked for, in the order of the patterns; all signals without any.
+    /// Returns the indices of the selected columns in the order of the patterns; of all signals without patterns.
     fn chosen(&self, reader: &RunReader, patterns: &[String]) -> Result<Vec<usize>, Failure> {
         let all = 0..self.columns.len();
         if patterns.is_empty() {
@@ -148,7 +148,7 @@ impl Offer {
                 .filter(|&index| self.columns[index].kind == CellKind::Number)
                 .collect());
         }
-        let (mut chosen, mut seen) = (Vec::new(), BTreeSet::new());
+        let (mut indices, mut listed) = (Vec::new(), BTreeSet::new());
         let names = self.columns.iter().map(|column| column.name.as_str());
         for text in &own_names(patterns, names, &self.aliases) {
             let pattern = Pattern::new(text)
@@ -159,28 +159,28 @@ impl Offer {
             if matching.peek().is_none() {
                 return Err(self.unknown(reader, text));
             }
-            chosen.extend(matching.filter(|index| seen.insert(*index)));
+            indices.extend(matching.filter(|index| listed.insert(*index)));
         }
-        Ok(chosen)
+        Ok(indices)
     }
 
     fn unknown(&self, reader: &RunReader, text: &str) -> Failure {
         let near = near(text, self.columns.iter().map(|column| column.name.as_str()));
         let mut message = format!("{} has no signal `{text}`{near}", reader.path().display());
         if let Some(why) = &self.why_not {
-            message += &format!("\n  its derived signals are not known: {why}");
+            message += &format!("\n  its derived signals are unknown: {why}");
         }
         Failure::usage(message + "\n  `hil export RUN --list` shows all")
     }
 
-    /// Finds the bit that marks a signal as invalid; `None` if there is none.
+    /// Finds the bit that marks a signal as invalid; `None` if the signal has no such bit.
     fn invalid(&self, reader: &RunReader, name: &str) -> Result<Option<Source>, Failure> {
         let is_answer = name.starts_with("command.") || name.starts_with("internal.");
         let sent = match &self.sent_commands {
             None if is_answer => {
                 let why = self.why_not.as_deref().unwrap_or_default();
                 return Err(Failure::usage(format!(
-                    "which bit tells the validity of `{name}` is not known: {why}"
+                    "the validity bit of `{name}` is unknown: {why}"
                 )));
             }
             sent => sent.as_deref().unwrap_or_default(),
@@ -194,7 +194,7 @@ impl Offer {
 }
 
 impl Selection {
-    /// Chooses from what a recording has.
+    /// Selects columns from those that a recording offers.
     pub(super) fn new(
         reader: &RunReader,
         offer: Offer,
@@ -213,12 +213,12 @@ impl Selection {
         ];
         let mut sources = vec![Source::Step, Source::Time];
         for index in offer.chosen(reader, patterns)? {
-            let chosen = &offer.columns[index];
-            columns.push(chosen.clone());
+            let offered = &offer.columns[index];
+            columns.push(offered.clone());
             sources.push(offer.sources[index]);
-            if validity && let Some(invalid) = offer.invalid(reader, &chosen.name)? {
+            if validity && let Some(invalid) = offer.invalid(reader, &offered.name)? {
                 columns.push(column(
-                    &format!("{}.valid", chosen.name),
+                    &format!("{}.valid", offered.name),
                     "",
                     CellKind::Flag,
                 ));
@@ -236,7 +236,7 @@ impl Selection {
         })
     }
 
-    /// The row of a record.
+    /// Fills the row of a record.
     pub(super) fn row(&mut self, step: Step, time_s: f64, words: &[u64], cells: &mut Vec<Cell>) {
         let derived = match &mut self.derived {
             Some(derived) => derived.of(words),

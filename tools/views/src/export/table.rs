@@ -1,4 +1,4 @@
-//! A table being written: what a column holds, and which form the rows take.
+//! Table writer: column types, cells and output format.
 
 use std::io;
 
@@ -8,14 +8,14 @@ use serde::Serialize;
 use super::csv::Csv;
 use super::parquet::Parquet;
 
-/// A column.
+/// Column of a table.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub(super) struct Column {
     pub name: String,
-    /// Empty for counts and flags.
+    /// Unit; empty for counts and flags.
     pub unit: String,
     pub kind: CellKind,
-    /// A cell may be missing.
+    /// `true` if cells may be missing.
     #[serde(skip)]
     pub is_optional: bool,
 }
@@ -26,9 +26,9 @@ pub(super) struct Column {
 pub(super) enum CellKind {
     /// A physical number.
     Number,
-    /// Steps, nanoseconds, bits.
+    /// Integer: steps, nanoseconds or bits.
     Count,
-    /// True or false.
+    /// Boolean.
     Flag,
 }
 
@@ -38,11 +38,11 @@ pub(super) enum Cell {
     Number(f64),
     Count(u64),
     Flag(bool),
-    /// There is no such thing at that step.
+    /// No value at that step.
     Missing,
 }
 
-/// The table in the form that was chosen.
+/// Table in the selected format.
 pub(super) enum Table {
     Csv(Csv<Destination>),
     Parquet(Parquet<Destination>),
@@ -57,7 +57,7 @@ impl Table {
         }
     }
 
-    /// Writes what is left; `metadata` only where the form has a place for it.
+    /// Writes the remaining rows; `metadata` is written if the format supports it.
     pub(super) fn finish(self, metadata: &[(String, String)]) -> io::Result<Destination> {
         match self {
             Self::Csv(table) => table.finish(),

@@ -9,24 +9,24 @@ use crate::fixture::{Content, Folder, layout, record, recorded};
 
 const STEPS: u64 = 50;
 
-/// The command line of `hil export` alone.
+/// Command line of `hil export` alone.
 #[derive(Parser)]
 struct Line {
     #[command(flatten)]
     arguments: ExportArguments,
 }
 
-/// The truth at a step: no two are alike, and they need all their digits.
+/// Returns the truth at a step: all values differ and need all their digits.
 fn truth(step: u64) -> f64 {
     1.0 / (step as f64 - 7.3)
 }
 
-/// A run at 1 kHz without a scenario, and a folder to write to.
+/// Records a run at 1 kHz without a scenario, and creates a folder to write to.
 fn a_run() -> (Folder, TempDir) {
     let mut contents: Vec<Content> = (0..=STEPS)
         .map(|step| Content::Record(record(step, truth(step), f64::NAN)))
         .collect();
-    // Its measured signal was not valid.
+    // Its measured signal is invalid.
     let mut invalid = record(STEPS + 1, truth(STEPS + 1), f64::INFINITY);
     invalid[1] = 1;
     contents.push(Content::Record(invalid));
@@ -34,14 +34,14 @@ fn a_run() -> (Folder, TempDir) {
     (run, tempfile::tempdir().expect("a folder"))
 }
 
-/// `hil export RUN` with arguments separated by spaces.
+/// Runs `hil export RUN` with arguments separated by spaces.
 fn exported(run: &Path, arguments: &str) -> Result<Exit, Failure> {
     let words = ["hil export", run.to_str().expect("plain text")];
     let words = words.into_iter().chain(arguments.split_ascii_whitespace());
     export(&Line::parse_from(words).arguments)
 }
 
-/// The table that comes of it: header and rows.
+/// Returns header and rows of the exported table.
 fn csv(run: &Path, folder: &TempDir, arguments: &str) -> (String, Vec<Vec<String>>) {
     let path = folder.path().join("table.csv");
     let arguments = format!("{arguments} --force -o {}", path.display());
@@ -74,7 +74,7 @@ fn a_table_has_every_step_and_the_bits_of_every_number() {
 }
 
 #[test]
-fn a_window_has_both_its_ends_and_picking_begins_at_the_first() {
+fn a_time_window_includes_both_ends_and_decimation_starts_at_its_first_step() {
     let (run, folder) = a_run();
     let steps = |arguments: &str| -> Vec<u64> {
         let (_, rows) = csv(&run, &folder, arguments);
@@ -93,7 +93,7 @@ fn a_window_has_both_its_ends_and_picking_begins_at_the_first() {
     ] {
         assert_eq!(steps(arguments), expected, "{arguments}");
     }
-    for (arguments, said) in [
+    for (arguments, message) in [
         ("--from 1s", "ends at 0.051 s"),
         ("--from 0.0101 --until 0.0102", "no step"),
         ("--from 2s --until 1s", "--from 2 is after --until 1"),
@@ -102,7 +102,7 @@ fn a_window_has_both_its_ends_and_picking_begins_at_the_first() {
         let arguments = format!("{arguments} -o {}", path.display());
         let failure = exported(&run, &arguments).expect_err("refused");
         assert_eq!(failure.exit(), Exit::Usage);
-        assert!(failure.to_string().contains(said), "{failure}");
+        assert!(failure.to_string().contains(message), "{failure}");
         assert!(!path.exists());
     }
 }
@@ -134,27 +134,27 @@ fn signals_are_chosen_by_name_and_by_pattern_in_the_order_asked_for() {
     let valid: Vec<&str> = rows.iter().map(|row| row[3].as_str()).collect();
     assert_eq!(valid[..=50], ["true"; 51]);
     assert_eq!(valid[51..], ["false"]);
-    for (arguments, said) in [
+    for (arguments, message) in [
         (
             "--signal truth.y_m",
             "has no signal `truth.y_m`; nearest: `truth.x_m`",
         ),
         ("--signal truht.*", "nearest"),
         ("--signal [", "--signal `[`"),
-        // Which needs the descriptions of plant and law, and this run carries none.
+        // Needs the descriptions of plant and law, which this run lacks.
         (
             "--signal command.u_n --validity",
-            "which bit tells the validity of `command.u_n`",
+            "the validity bit of `command.u_n` is unknown",
         ),
     ] {
         let failure = exported(&run, arguments).expect_err("refused");
         assert_eq!(failure.exit(), Exit::Usage);
-        assert!(failure.to_string().contains(said), "{failure}");
+        assert!(failure.to_string().contains(message), "{failure}");
     }
 }
 
 #[test]
-fn parquet_holds_the_same_bits_and_says_where_they_come_from() {
+fn parquet_holds_the_same_bits_and_their_provenance() {
     let (run, folder) = a_run();
     let path = folder.path().join("table.parquet");
     let chosen = "--signal truth.x_m --signal measured.x_m --signal controller_ns --signal published_ns --validity";
@@ -197,24 +197,24 @@ fn parquet_holds_the_same_bits_and_says_where_they_come_from() {
     assert_eq!(steps, STEPS + 2);
     let pairs = file.metadata().file_metadata().key_value_metadata();
     let pairs = pairs.expect("metadata");
-    let told = |key: &str| {
+    let value_of = |key: &str| {
         let pair = pairs.iter().find(|pair| pair.key == key);
         pair.and_then(|pair| pair.value.clone()).unwrap_or_default()
     };
     assert_eq!(
-        told("units"),
+        value_of("units"),
         r#"{"measured.x_m":"m","time_s":"s","truth.x_m":"m"}"#
     );
     let digest = hil_recording::reader::digest_of_first(&run, u64::MAX).expect("read");
-    assert_eq!(told("hil.digest"), digest);
+    assert_eq!(value_of("hil.digest"), digest);
     assert_eq!(
-        (told("hil.rate_hz"), told("hil.whole")),
+        (value_of("hil.rate_hz"), value_of("hil.whole")),
         ("1000".into(), "true".into())
     );
 }
 
 #[test]
-fn a_recording_that_was_cut_off_is_exported_as_far_as_it_goes() {
+fn a_truncated_recording_is_exported_up_to_its_last_complete_record() {
     let contents: Vec<Content> = (0..20_000)
         .map(|step| Content::Record(record(step, truth(step), 0.0)))
         .collect();
@@ -235,12 +235,12 @@ fn a_recording_that_was_cut_off_is_exported_as_far_as_it_goes() {
 }
 
 #[test]
-fn what_cannot_be_written_is_refused_and_leaves_nothing() {
+fn a_table_that_cannot_be_written_is_refused_and_leaves_no_file() {
     let (run, folder) = a_run();
     let there = folder.path().join("there.csv");
     std::fs::write(&there, "mine").expect("written");
     let odd = folder.path().join("table.xlsx");
-    for (arguments, code, said) in [
+    for (arguments, code, message) in [
         (format!("-o {}", there.display()), Exit::Usage, "--force"),
         (format!("-o {}", odd.display()), Exit::Usage, "--format"),
         ("--json".into(), Exit::Usage, "name a file"),
@@ -257,7 +257,7 @@ fn what_cannot_be_written_is_refused_and_leaves_nothing() {
     ] {
         let failure = exported(&run, &arguments).expect_err("refused");
         assert_eq!(failure.exit(), code, "{failure}");
-        assert!(failure.to_string().contains(said), "{failure}");
+        assert!(failure.to_string().contains(message), "{failure}");
     }
     assert_eq!(std::fs::read_to_string(&there).expect("there"), "mine");
     assert_eq!(

@@ -1,5 +1,4 @@
-//! Pages as a layout of Foxglove, which Lichtblick takes as well: a tab for each page, and above them
-//! what happened last, as a band of states.
+//! Foxglove layout, which Lichtblick reads as well: a tab per page below a band that shows the latest event.
 
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::output;
@@ -15,7 +14,7 @@ const TABS: &str = "Tab!hil";
 const EVENTS: &str = "StateTransitions!events";
 /// Height of the band, in per cent.
 const BAND: u32 = 16;
-/// Axes have three digits behind the point: values below this would be a flat line.
+/// Threshold for an explicit axis range: axes show three decimals, so smaller values would draw a flat line.
 const SMALL: f64 = 1e-3;
 
 pub(super) fn text(pages: &[Page], ranges: &Ranges) -> Result<String, Failure> {
@@ -58,7 +57,7 @@ pub(super) fn text(pages: &[Page], ranges: &Ranges) -> Result<String, Failure> {
     output::pretty(&layout)
 }
 
-/// Panels of about the same size: halves, in turns one above and one beside the other.
+/// Arranges panels of about equal size by halving, alternating rows and columns.
 fn tree(ids: &[String], direction: &str) -> Value {
     if let [id] = ids {
         return json!(id);
@@ -79,7 +78,7 @@ fn tree(ids: &[String], direction: &str) -> Value {
 
 fn config(plot: &Plot, ranges: &Ranges) -> Value {
     let labels = labels(plot);
-    // Columns are named as the fields of the messages are reached.
+    // Columns are addressed like the fields of the messages.
     let path = |(curve, label): (&String, &String)| {
         json!({
             "value": format!("/record.{curve}"),
@@ -97,7 +96,7 @@ fn config(plot: &Plot, ranges: &Ranges) -> Value {
         "xAxisLabel": "s",
         "yAxisLabel": unit_shown(&plot.unit),
         "isSynced": true,
-        // Beside the curves, which it would cover; a single one has its name above.
+        // Beside the curves, which it would cover; a single curve is named in the title.
         "showLegend": labels.len() > 1,
         "legendDisplay": if labels.len() > 1 { "left" } else { "none" },
         "showPlotValuesInLegend": false,
@@ -112,7 +111,7 @@ fn config(plot: &Plot, ranges: &Ranges) -> Value {
     config
 }
 
-/// Ends of a vertical axis that must be told: those of small values. Round, so that a similar run fits.
+/// Returns explicit ends of a vertical axis for small values, rounded so that similar runs fit; else `None`.
 fn bounds(plot: &Plot, ranges: &Ranges) -> Option<[f64; 2]> {
     let (mut least, mut greatest) = (0.0, 0.0);
     for [low, high] in plot.signals.iter().filter_map(|curve| ranges.get(curve)) {
@@ -123,18 +122,18 @@ fn bounds(plot: &Plot, ranges: &Ranges) -> Option<[f64; 2]> {
     (is_small && least < greatest).then(|| [0.0 - above(-least), above(greatest)])
 }
 
-/// The next of 1, 2 and 5 times a power of ten that is a tenth above a value; 0 for 0.
+/// Rounds a value up to the next 1, 2 or 5 times a power of ten, with a margin of a tenth; 0 for 0.
 fn above(value: f64) -> f64 {
     if value == 0.0 {
         return 0.0;
     }
-    let wanted = 1.1 * value;
-    let decade = libm::floor(libm::log10(wanted)) as i32;
+    let limit = 1.1 * value;
+    let decade = libm::floor(libm::log10(limit)) as i32;
     let round = [1, 2, 5, 10]
-        .map(|digit| format!("{digit}e{decade}").parse().unwrap_or(wanted))
+        .map(|digit| format!("{digit}e{decade}").parse().unwrap_or(limit))
         .into_iter()
-        .find(|round| *round >= wanted);
-    round.unwrap_or(wanted)
+        .find(|round| *round >= limit);
+    round.unwrap_or(limit)
 }
 
 #[cfg(test)]
@@ -142,7 +141,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn small_values_get_round_ends_of_their_axis_and_others_none() {
+    fn only_small_values_get_explicit_rounded_axis_limits() {
         let plot = Plot {
             signals: vec!["truth.a".into(), "truth.b".into()],
             ..Plot::default()

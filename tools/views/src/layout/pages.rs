@@ -1,7 +1,6 @@
-//! Pages of a layout: the plots of a run, those of one section together.
+//! Pages of a layout: the plots of a run, grouped by section.
 //!
-//! [`plots`](crate::plots) chooses them, from the recorded columns and the scenario. Records are
-//! never read.
+//! [`plots`](crate::plots) selects them from the recorded columns and the scenario. Records are never read.
 
 use hil_config::plan::Plan;
 use shared_types::time::Step;
@@ -10,19 +9,19 @@ use crate::plots::bounds::bounds;
 use crate::plots::{Choice, Plot, Subject, choose};
 use hil_recording::reader::Column;
 
-/// Most plots on a page; further ones go to the next.
+/// Maximum number of plots on a page; further ones go to the next.
 const PLOTS: usize = 8;
 
-/// Plots that are seen together.
+/// Plots shown together.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Page {
-    /// Section of the plots, with a number from the second page on.
+    /// Section of the plots, numbered from its second page on.
     pub title: String,
     /// Plots in order.
     pub plots: Vec<Plot>,
 }
 
-/// The pages of a recording with these columns, of a run of this scenario if it is understood.
+/// Groups the plots of these columns into pages, with the plots of the scenario if it is valid.
 #[must_use]
 pub(crate) fn of(columns: &[Column], plan: Option<&Plan>) -> Vec<Page> {
     let subject = plan.map_or_else(Subject::default, |plan| Subject {

@@ -1,5 +1,4 @@
-//! Pages as a layout of PlotJuggler 3: a tab for each page, two plots in a row. A tracking error is
-//! computed by PlotJuggler itself.
+//! PlotJuggler 3 layout: a tab per page, two plots in a row. PlotJuggler computes tracking errors itself.
 
 use std::collections::BTreeSet;
 use std::io;
@@ -13,14 +12,14 @@ use crate::plots::Plot;
 
 type Xml = Writer<Vec<u8>>;
 
-/// Curves get these in turns; without a colour they would all be black.
+/// Curve colours, used in rotation; without one PlotJuggler draws black.
 const COLOURS: [&str; 8] = [
     "#1f77b4", "#d62728", "#1ac938", "#ff7f0e", "#9467bd", "#17becf", "#bcbd22", "#f14cc1",
 ];
-/// Two plots stand beside each other.
+/// Number of plots in a row.
 const IN_ROW: usize = 2;
 
-/// The text; with the name of the recording, if it lies beside the layout, it is opened, too.
+/// Renders the layout. A recording name, given if it lies beside the layout, makes PlotJuggler load it too.
 pub(super) fn text(pages: &[Page], recording: Option<&str>) -> io::Result<String> {
     let mut xml = Writer::new_with_indent(Vec::new(), b' ', 1);
     xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
@@ -40,7 +39,7 @@ pub(super) fn text(pages: &[Page], recording: Option<&str>) -> io::Result<String
     Ok(text + "\n")
 }
 
-/// An element with others in it.
+/// Writes an element with child elements.
 fn element(
     xml: &mut Xml,
     name: &str,
@@ -74,7 +73,7 @@ fn tab(xml: &mut Xml, page: &Page) -> io::Result<()> {
     })
 }
 
-/// Parts of the same size, below (`-`) or beside (`|`) each other.
+/// Writes parts of equal size, stacked (`-`) or side by side (`|`).
 fn splitter<T>(
     xml: &mut Xml,
     orientation: &str,
@@ -115,8 +114,8 @@ fn area(xml: &mut Xml, plot: &Plot) -> io::Result<()> {
     })
 }
 
-/// A plot and, if it is of a reference and the signal that follows, that of their difference, which it
-/// would be too large to show.
+/// Returns a plot and, for a reference with its tracking signal, a second plot of their difference, which is too
+/// small to see in the first.
 fn with_error(plot: &Plot) -> Vec<Plot> {
     let error = tracked(plot).map(|name| Plot {
         title: format!("error of {name}"),
@@ -127,7 +126,7 @@ fn with_error(plot: &Plot) -> Vec<Plot> {
     [Some(plot.clone()), error].into_iter().flatten().collect()
 }
 
-/// The name that the two signals of a plot share, a reference and the one that follows it.
+/// Returns the name shared by the two signals of a plot, a reference and its tracking signal.
 fn tracked(plot: &Plot) -> Option<&str> {
     let [reference, follower] = &plot.signals[..] else {
         return None;
@@ -136,7 +135,7 @@ fn tracked(plot: &Plot) -> Option<&str> {
     (follower.split_once('.')?.1 == name).then_some(name)
 }
 
-/// The name of a column, or of an error, in PlotJuggler.
+/// Returns the PlotJuggler name of a column or a tracking error.
 fn series(curve: &str) -> String {
     let root = if curve.starts_with("error.") {
         ""
@@ -148,9 +147,9 @@ fn series(curve: &str) -> String {
 
 fn errors(xml: &mut Xml, pages: &[Page]) -> io::Result<()> {
     let plots = pages.iter().flat_map(|page| &page.plots);
-    let mut seen = BTreeSet::new();
+    let mut names = BTreeSet::new();
     let tracking = plots.filter_map(|plot| Some((plot, tracked(plot)?)));
-    let tracking = tracking.filter(|(_, name)| seen.insert(*name));
+    let tracking = tracking.filter(|(_, name)| names.insert(*name));
     element(xml, "customMathEquations", &[], |xml| {
         for (plot, name) in tracking {
             let name = series(&format!("error.{name}"));
@@ -174,21 +173,21 @@ fn text_of(xml: &mut Xml, name: &str, text: &str) -> io::Result<()> {
     element.write_text_content(BytesText::new(text)).map(drop)
 }
 
-/// The recording, over simulated time and without a question. Its events are left out: when PlotJuggler
-/// loads what its command line names, it has no parser for JSON yet.
+/// Writes the data source: the recording over simulated time, loaded without a dialog. Events are left out, because
+/// PlotJuggler has no JSON parser yet when it loads files from its command line.
 fn data_file(xml: &mut Xml, name: &str) -> io::Result<()> {
     element(xml, "previouslyLoaded_Datafiles", &[], |xml| {
         let file = [("filename", name), ("prefix", "")];
         element(xml, "fileInfo", &file, |xml| {
             element(xml, "plugin", &[("ID", "DataLoad MCAP")], |xml| {
-                let asked = [
+                let options = [
                     ("selected_topics", "/record"),
                     ("use_mcap_log_time", "1"),
                     ("use_timestamp", "0"),
                     ("clamp_large_arrays", "1"),
                     ("max_array_size", "500"),
                 ];
-                empty(xml, "parameters", &asked)
+                empty(xml, "parameters", &options)
             })
         })
     })

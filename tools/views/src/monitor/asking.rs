@@ -1,8 +1,8 @@
-//! Asking the session, on a thread of its own: where the run is, its faults, how its requirements
-//! stand, what happened, and what keys ask for.
+//! Background thread that queries the session: status, faults, requirements and events, and that sends the requests
+//! of keys.
 //!
-//! An answer may take as long as the plant's own wait limit, and a drawing must not wait for it. The
-//! loop sees of this what it sees of `hil inject --active`, once a second.
+//! Answers may take as long as the plant's wait limit, and drawing must not wait for them. For the loop, these
+//! queries cost the same as `hil inject --active` once a second.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
@@ -15,38 +15,38 @@ use shared_types::live::{Request, Response};
 
 use super::SharedModel;
 
-/// Interval between two requests for the run's status, which cost the loop nothing.
+/// Interval between status requests, which cost the loop nothing.
 const STATUS: Duration = Duration::from_millis(250);
-/// Interval between two requests for the faults.
+/// Interval between requests for the faults.
 const FAULTS: Duration = Duration::from_secs(1);
-/// Limit for the answer to a regular request.
+/// Time limit for the answer to a periodic request.
 const SHORT_LIMIT: Duration = Duration::from_secs(2);
-/// Limit for the answer to a person: longer than the plant waits for its own loop.
+/// Time limit for the answer to a user's request: longer than the plant waits for its own loop.
 pub(crate) const LIMIT: Duration = Duration::from_secs(20);
 
-/// The thread as its owner sees it.
+/// Handle of the thread.
 pub(crate) struct Asking {
     requests: Sender<Request>,
     answers: Receiver<String>,
 }
 
 impl Asking {
-    /// Asks a session from now on, until it ends or this is dropped.
+    /// Starts querying a session, until it ends or this handle is dropped.
     #[must_use]
     pub(crate) fn start(session: SessionInfo, model: SharedModel) -> Self {
-        let (requests, asked) = channel();
+        let (requests, receiver) = channel();
         let (answer, answers) = channel();
-        // Not joined: it may be in the middle of a long question when nobody wants the answer any more.
-        std::thread::spawn(move || Thread { session, model }.work(&asked, &answer));
+        // Not joined: it may still wait for an answer that is no longer needed.
+        std::thread::spawn(move || Thread { session, model }.work(&receiver, &answer));
         Self { requests, answers }
     }
 
-    /// Asks for something.
+    /// Queues a request.
     pub(crate) fn ask(&self, request: Request) {
-        let _ = self.requests.send(request); // a session that ended is told of elsewhere
+        let _ = self.requests.send(request); // the end of the session is reported elsewhere
     }
 
-    /// The newest answer to what was asked for, as a person reads it.
+    /// Returns the newest answer to a queued request, formatted for the user.
     #[must_use]
     pub(crate) fn answer(&self) -> Option<String> {
         self.answers.try_iter().last()
@@ -59,7 +59,7 @@ struct Thread {
 }
 
 impl Thread {
-    fn work(&self, asked: &Receiver<Request>, answer: &Sender<String>) {
+    fn work(&self, requests: &Receiver<Request>, answer: &Sender<String>) {
         let mut faults_at = Instant::now();
         loop {
             if Instant::now() >= faults_at {
@@ -69,10 +69,10 @@ impl Thread {
             } else {
                 self.ask_status();
             }
-            match asked.recv_timeout(STATUS) {
+            match requests.recv_timeout(STATUS) {
                 Ok(request) => {
-                    let told = met(&self.session, &self.model, &request);
-                    if answer.send(told.unwrap_or_else(|told| told)).is_err() {
+                    let text = met(&self.session, &self.model, &request);
+                    if answer.send(text.unwrap_or_else(|text| text)).is_err() {
                         return;
                     }
                     faults_at = Instant::now();
@@ -99,7 +99,7 @@ impl Thread {
     }
 }
 
-/// Asks for the faults of a session and lets its model hear them; without an answer nothing changes.
+/// Requests the faults of a session and passes them to its model; without an answer nothing changes.
 pub(crate) fn ask_faults(session: &SessionInfo, model: &SharedModel, limit: Duration) {
     let answer = live::ask(session, &Request::Active, limit);
     if let Ok(Response::Active { status, faults }) = answer {
@@ -109,21 +109,21 @@ pub(crate) fn ask_faults(session: &SessionInfo, model: &SharedModel, limit: Dura
     }
 }
 
-/// Asks what a person asks for, and tells the answer in one line.
+/// Sends a user's request and formats the answer in one line.
 ///
 /// # Errors
-/// Reason for which it was not done.
+/// If the request was not carried out, with the reason.
 pub(crate) fn met(
     session: &SessionInfo,
     model: &SharedModel,
     request: &Request,
 ) -> Result<String, String> {
-    let told = match live::ask(session, request, LIMIT) {
+    let text = match live::ask(session, request, LIMIT) {
         Ok(Response::Refused { problems }) => Err(refused_text(&problems)),
         Ok(Response::Status(status)) => {
-            let told = clock::describe(&status);
+            let text = clock::describe(&status);
             model.lock().hear_status(status);
-            Ok(told)
+            Ok(text)
         }
         Ok(Response::Changed(changed)) => Ok(set::describe(&changed)),
         Ok(Response::Marked { step, at_s }) => Ok(format!("marked step {step} ({at_s} s)")),
@@ -133,12 +133,12 @@ pub(crate) fn met(
         }),
         Err(error) => Err(format!("error: {error}")),
     };
-    told.map(|told| in_one_line(&told))
-        .map_err(|told| in_one_line(&told))
+    text.map(|text| in_one_line(&text))
+        .map_err(|text| in_one_line(&text))
 }
 
-/// Puts lines behind each other.
-pub(crate) fn in_one_line(told: &str) -> String {
-    let lines: Vec<&str> = told.lines().map(str::trim).collect();
+/// Joins lines into one.
+pub(crate) fn in_one_line(text: &str) -> String {
+    let lines: Vec<&str> = text.lines().map(str::trim).collect();
     lines.join("; ")
 }

@@ -1,7 +1,7 @@
-//! Choices of the person at the monitor, and the effects of keys.
+//! Display state of the monitor, and the effects of keys on it.
 //!
-//! Fed with keys by the [screen](super::screen), read by the [view](super::view). Asks nobody: a key
-//! that asks something of the session is returned as an [`Action`].
+//! Fed with keys by the [screen](super::screen), read by the [view](super::view). Sends no requests: a key that
+//! concerns the session is returned as an [`Action`].
 
 use std::env;
 
@@ -10,25 +10,25 @@ use shared_types::live::Request;
 
 use super::prepared::PreparedFault;
 
-/// Widths of the time axis, in s.
+/// Selectable widths of the time axis in s.
 const WINDOWS_S: [f64; 17] = [
     0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0, 300.0, 600.0, 1800.0,
     3600.0,
 ];
-/// Number of steps that `S` executes.
+/// Number of steps executed by `S`.
 const MANY_STEPS: u64 = 100;
 
-/// Abilities of a terminal.
+/// Capabilities of a terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Abilities {
-    /// Characters beyond ASCII.
+    /// `true` if it shows characters beyond ASCII.
     pub unicode: bool,
-    /// Colours are wanted.
+    /// `true` if colours are enabled.
     pub colour: bool,
 }
 
 impl Abilities {
-    /// By the environment: the locale's character set, and `NO_COLOR`.
+    /// Reads the capabilities from the environment: the locale's character set, and `NO_COLOR`.
     #[must_use]
     pub(crate) fn of_environment() -> Self {
         Self::by(|name| env::var(name).ok())
@@ -47,48 +47,48 @@ impl Abilities {
     }
 }
 
-/// Action to be confirmed.
+/// Request that awaits confirmation.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Question {
-    /// Text for the person.
+    /// Text for the user.
     pub text: String,
     request: Request,
 }
 
-/// Request of a key.
+/// Effect of a key beyond the display.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Action {
-    /// Nothing of the session.
+    /// None.
     Nothing,
-    /// To leave.
+    /// Leave the monitor.
     Quit,
-    /// To leave as if interrupted.
+    /// Leave the monitor as if interrupted.
     Interrupt,
-    /// Something of the plant.
+    /// Send a request to the session.
     Ask(Request),
 }
 
-/// Choices of the person.
+/// Display state.
 #[derive(Clone, Debug)]
 pub(crate) struct Display {
-    /// Abilities of the terminal.
+    /// Capabilities of the terminal.
     pub abilities: Abilities,
     /// Width of the time axis in s.
     pub window_s: f64,
-    /// The plot that is drawn first.
+    /// Index of the first plot drawn.
     pub first_plot: usize,
-    /// The help is shown.
+    /// `true` while the help is open.
     pub helps: bool,
-    /// Action to be confirmed.
+    /// Request that awaits confirmation.
     pub question: Option<Question>,
     /// Last answer of the session.
     pub answer: Option<String>,
-    /// Faults that keys put in.
+    /// Faults that can be injected with a key.
     pub prepared: Vec<PreparedFault>,
 }
 
 impl Display {
-    /// Before any key.
+    /// Creates the initial state.
     #[must_use]
     pub(crate) fn new(abilities: Abilities, window_s: f64, prepared: Vec<PreparedFault>) -> Self {
         Self {
@@ -102,7 +102,7 @@ impl Display {
         }
     }
 
-    /// Acts on a key. `plots` is the number of plots; `ended` is whether the session has ended.
+    /// Handles a key. `plots` is the number of plots; `ended` is `true` once the session has ended.
     pub(crate) fn press(&mut self, key: KeyEvent, plots: usize, ended: bool) -> Action {
         let is_control = key.modifiers.contains(KeyModifiers::CONTROL);
         if is_control && key.code == KeyCode::Char('c') {
@@ -112,7 +112,7 @@ impl Display {
             return match key.code {
                 KeyCode::Char('y' | 'Y') | KeyCode::Enter => self.ask(question.request),
                 _ => {
-                    self.answer = Some("left as it is".into());
+                    self.answer = Some("cancelled".into());
                     Action::Nothing
                 }
             };
@@ -173,7 +173,7 @@ impl Display {
         }
     }
 
-    /// The next width in a direction, if there is one.
+    /// Selects the next width in a direction, if there is one.
     fn zoom(&mut self, is_next: impl Fn(f64, f64) -> bool) {
         let now = self.window_s;
         let next = WINDOWS_S.into_iter().filter(|next| is_next(*next, now));
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_prepared_fault_goes_in_after_one_confirmation_and_not_without() {
+    fn a_prepared_fault_is_injected_only_after_confirmation() {
         let mut display = display();
         assert_eq!(press(&mut display, KeyCode::Char('1')), Action::Nothing);
         assert_eq!(
@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_of_the_clock_ask_the_session_at_once() {
+    fn clock_keys_send_their_request_without_confirmation() {
         let mut display = display();
         for (key, request) in [
             ('p', Request::Pause),
@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn plots_go_round_and_the_window_stays_within_its_sizes() {
+    fn plot_selection_wraps_around_and_the_window_stays_within_its_sizes() {
         let mut display = display();
         for expected in [1, 2, 0] {
             press(&mut display, KeyCode::Tab);
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn after_the_end_any_key_leaves_but_those_that_look() {
+    fn after_the_end_any_key_but_those_for_viewing_quits() {
         let mut display = display();
         let mut after = |code: KeyCode| display.press(code.into(), 3, true);
         assert_eq!(after(KeyCode::Tab), Action::Nothing);
@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn ctrl_c_interrupts_whatever_is_asked() {
+    fn ctrl_c_interrupts_even_during_a_confirmation() {
         let mut display = display();
         press(&mut display, KeyCode::Char('c'));
         let control_c = KeyEvent::new(KeyCode::Char('c'), KeyModifiers::CONTROL);
@@ -284,8 +284,8 @@ mod tests {
                 .map(|(name, value)| ((*name).into(), (*value).into()))
                 .collect();
             let abilities = Abilities::by(|name| {
-                let mut found = variables.iter().filter(|(known, _)| known == name);
-                found.next().map(|(_, value)| value.clone())
+                let mut matching = variables.iter().filter(|(candidate, _)| candidate == name);
+                matching.next().map(|(_, value)| value.clone())
             });
             (abilities.unicode, abilities.colour)
         };

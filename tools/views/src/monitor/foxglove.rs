@@ -1,11 +1,10 @@
-//! `hil monitor --foxglove`: the session's signals by name, live, for Foxglove and what speaks its
-//! protocol.
+//! `hil monitor --foxglove`: streams the session's signals to Foxglove and other clients of its protocol.
 //!
-//! What the monitor sees goes through an [`outlet`] to every client, each on a thread of its own; the
-//! [`message`]s are those of the protocol. Channels and schemas are those of `run.mcap`, so that a
-//! layout made for the file works live. A client can only look: nothing that it says reaches the run.
+//! Observed records and events go through an [`outlet`] to every client, each on a thread of its own; [`message`]
+//! encodes the protocol. Channels and schemas equal those of `run.mcap`, so a layout made for the file works live.
+//! Clients are read-only: nothing they send reaches the run.
 //!
-//! Nobody waits for a client. One that is too slow gets fewer records and is told how many it missed.
+//! Never waits for a client. A slow client gets fewer records and is told how many it missed.
 
 pub(crate) mod message;
 pub(crate) mod outlet;
@@ -25,39 +24,39 @@ use tungstenite::http::{HeaderValue, StatusCode, header};
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Error, HandshakeError, Message, WebSocket, accept_hdr_with_config};
 
-use message::{Asked, asked};
+use message::{ClientMessage, asked};
 use outlet::{Data, Hub, Outlet};
 
-/// Names of the protocol.
+/// Accepted WebSocket subprotocols.
 const SUBPROTOCOLS: [&str; 2] = ["foxglove.websocket.v1", "foxglove.sdk.v1"];
-/// Most clients at a time.
+/// Maximum number of clients.
 const CLIENTS: usize = 8;
-/// Records that wait for a client.
+/// Capacity of a client's queue in messages.
 const WAITING: usize = 512;
-/// Limit for the handshake of a client.
+/// Time limit for a client's handshake.
 const HANDSHAKE_LIMIT: Duration = Duration::from_secs(5);
-/// Limit for a client to take the rest at the end.
+/// Time limit for a client to receive the remaining messages at the end.
 const END_LIMIT: Duration = Duration::from_secs(2);
-/// Interval between two looks for messages of a client.
+/// Polling interval for messages of a client.
 const LISTEN: Duration = Duration::from_millis(20);
 /// Interval between two warnings to a slow client.
 const TELL: Duration = Duration::from_secs(1);
-/// Longest that a client may say.
+/// Maximum size of a client's message in bytes.
 const LONGEST: usize = 64 << 10;
-/// Most bytes that wait in the socket of a client.
+/// Maximum number of bytes buffered in a client's socket.
 const BUFFERED: usize = 4 << 20;
 
-/// The server, as long as it is kept.
+/// Running server; dropping it ends the service.
 pub(crate) struct Serving {
     hub: Arc<Hub>,
     address: SocketAddr,
 }
 
 impl Serving {
-    /// Serves at an address from now on.
+    /// Starts a server at an address.
     ///
     /// # Errors
-    /// If the address cannot be listened on.
+    /// If it cannot listen at the address.
     pub(crate) fn start(
         address: SocketAddr,
         session: &SessionInfo,
@@ -70,13 +69,13 @@ impl Serving {
         let address = listener.local_addr().map_err(cannot)?;
         let hub = Arc::new(Hub::new(message::server_info(session, &plan.name)));
         let theirs = Arc::clone(&hub);
-        // Ends with the process; what it holds is a port.
+        // Ends with the process and holds nothing but a port.
         std::thread::spawn(move || {
             for stream in listener.incoming().flatten() {
                 if !theirs.is_over() && theirs.clients() < CLIENTS {
                     let hub = Arc::clone(&theirs);
                     let client = std::thread::spawn(move || {
-                        let _ = serve(stream, &hub); // a client that went away needs no word
+                        let _ = serve(stream, &hub); // a disconnected client is not an error
                     });
                     theirs.keep(client);
                 }
@@ -91,7 +90,7 @@ impl Serving {
         self.address
     }
 
-    /// Returns the consumer of the monitor's records, limited to `rate` records a second.
+    /// Creates the consumer of the monitor's records, limited to `rate` records per second.
     #[must_use]
     pub(crate) fn outlet(&self, plan: &Plan, records_per_s: f64) -> Outlet {
         Outlet::new(Arc::clone(&self.hub), plan.run.rate, records_per_s)
@@ -99,13 +98,13 @@ impl Serving {
 }
 
 impl Drop for Serving {
-    /// Every client gets what is left for it, for a while.
+    /// Gives clients a limited time to receive the remaining messages.
     fn drop(&mut self) {
         self.hub.end(2 * END_LIMIT);
     }
 }
 
-/// Serves one client until it goes or the session ends.
+/// Serves one client until it disconnects or the session ends.
 fn serve(stream: TcpStream, hub: &Hub) -> Result<(), Error> {
     stream.set_read_timeout(Some(HANDSHAKE_LIMIT))?;
     stream.set_write_timeout(Some(HANDSHAKE_LIMIT))?;
@@ -139,8 +138,8 @@ fn serve(stream: TcpStream, hub: &Hub) -> Result<(), Error> {
         let is_over = client.pass_on(&queue)?;
         client.left_out += missed.swap(0, Ordering::Relaxed);
         if client.left_out > 0 && told_at.elapsed() > TELL {
-            let told = message::left_out(std::mem::take(&mut client.left_out));
-            client.say(told.into())?;
+            let warning = message::left_out(std::mem::take(&mut client.left_out));
+            client.say(warning.into())?;
             told_at = Instant::now();
         }
         client.flush()?;
@@ -150,15 +149,15 @@ fn serve(stream: TcpStream, hub: &Hub) -> Result<(), Error> {
     }
 }
 
-/// Agrees on a subprotocol: the first that the client wants of those that are spoken.
+/// Selects the first subprotocol of the client's list that the server supports.
 #[expect(
     clippy::result_large_err,
     reason = "the form that the library asks for"
 )]
 fn agree(request: &Request, mut response: Response) -> Result<Response, ErrorResponse> {
-    let wanted = request.headers().get_all(header::SEC_WEBSOCKET_PROTOCOL);
-    let mut wanted = wanted.iter().filter_map(|value| value.to_str().ok());
-    let spoken = wanted.find_map(|list| {
+    let offers = request.headers().get_all(header::SEC_WEBSOCKET_PROTOCOL);
+    let mut offers = offers.iter().filter_map(|value| value.to_str().ok());
+    let spoken = offers.find_map(|list| {
         let mut names = list.split(',').map(str::trim);
         names.find_map(|name| SUBPROTOCOLS.into_iter().find(|spoken| *spoken == name))
     });
@@ -170,25 +169,25 @@ fn agree(request: &Request, mut response: Response) -> Result<Response, ErrorRes
             Ok(response)
         }
         None => {
-            let told = format!("the subprotocols are {}\n", SUBPROTOCOLS.join(", "));
-            let mut refused = ErrorResponse::new(Some(told));
-            *refused.status_mut() = StatusCode::BAD_REQUEST;
-            Err(refused)
+            let reason = format!("the subprotocols are {}\n", SUBPROTOCOLS.join(", "));
+            let mut error = ErrorResponse::new(Some(reason));
+            *error.status_mut() = StatusCode::BAD_REQUEST;
+            Err(error)
         }
     }
 }
 
-/// Viewer of a session.
+/// Connected client.
 struct Client {
     socket: WebSocket<TcpStream>,
-    /// Subscription and channel.
+    /// Subscription and channel numbers.
     subscriptions: Vec<(u32, u64)>,
-    /// Messages that it was too slow for.
+    /// Messages dropped because the client was too slow.
     left_out: u64,
 }
 
 impl Client {
-    /// Says something, now or as soon as the socket takes it; left out if too much waits already.
+    /// Sends a message now or as soon as the socket accepts it; drops it if too much is buffered.
     fn say(&mut self, message: Message) -> Result<(), Error> {
         match self.socket.write(message) {
             Err(Error::Io(error)) if error.kind() == ErrorKind::WouldBlock => Ok(()),
@@ -207,7 +206,7 @@ impl Client {
         }
     }
 
-    /// Hears what the client wants.
+    /// Handles the client's messages.
     fn listen(&mut self, hub: &Hub) -> Result<(), Error> {
         loop {
             let text = match self.socket.read() {
@@ -217,37 +216,40 @@ impl Client {
                 Err(error) => return Err(error),
             };
             match asked(&text) {
-                Asked::Subscribe(wanted) => self.subscribe(wanted, hub)?,
-                Asked::Unsubscribe(ids) => {
+                ClientMessage::Subscribe(subscriptions) => self.subscribe(subscriptions, hub)?,
+                ClientMessage::Unsubscribe(ids) => {
                     self.subscriptions.retain(|(id, _)| !ids.contains(id));
                 }
-                Asked::Other(what) => self.say(message::refused(&what).into())?,
+                ClientMessage::Other(what) => self.say(message::refused(&what).into())?,
             }
         }
     }
 
-    fn subscribe(&mut self, wanted: Vec<(u32, u64)>, hub: &Hub) -> Result<(), Error> {
-        for (id, channel) in wanted {
-            let is_new = self.subscriptions.iter().all(|(known, _)| *known != id);
+    fn subscribe(&mut self, subscriptions: Vec<(u32, u64)>, hub: &Hub) -> Result<(), Error> {
+        for (id, channel) in subscriptions {
+            let is_new = self
+                .subscriptions
+                .iter()
+                .all(|(existing, _)| *existing != id);
             if is_new && hub.channels().is_some() && message::is_channel(channel) {
                 self.subscriptions.push((id, channel));
             } else {
-                let what = format!("subscription {id} of channel {channel}");
-                self.say(message::refused(&what).into())?;
+                let request = format!("subscription {id} of channel {channel}");
+                self.say(message::refused(&request).into())?;
             }
         }
         Ok(())
     }
 
-    /// Passes on what comes, until there is nothing for a moment. Whether nothing will come any more.
+    /// Forwards queued messages until the queue is empty. Returns `true` at the end of the stream.
     fn pass_on(&mut self, queue: &Receiver<Arc<Data>>) -> Result<bool, Error> {
         let mut next = match queue.recv_timeout(LISTEN) {
             Ok(data) => Some(data),
             Err(RecvTimeoutError::Timeout) => None,
             Err(RecvTimeoutError::Disconnected) => return Ok(true),
         };
-        // Not for ever: a client must be heard too.
-        let mut left = WAITING;
+        // Bounded, so that the client's messages are read too.
+        let mut budget = WAITING;
         while let Some(data) = next {
             for at in 0..self.subscriptions.len() {
                 let (id, channel) = self.subscriptions[at];
@@ -255,8 +257,8 @@ impl Client {
                     self.say(message::data(id, &data).into())?;
                 }
             }
-            left -= 1;
-            next = if left > 0 {
+            budget -= 1;
+            next = if budget > 0 {
                 queue.try_recv().ok()
             } else {
                 None
@@ -265,10 +267,10 @@ impl Client {
         Ok(false)
     }
 
-    /// Tells the end, and waits for a while until it is heard.
+    /// Announces the end and waits a limited time for the client to receive it.
     fn part(&mut self, hub: &Hub) -> Result<(), Error> {
         self.say(message::ended(&hub.last_word()).into())?;
-        let _ = self.socket.close(None); // what cannot be said now is flushed below
+        let _ = self.socket.close(None); // the rest is flushed below
         let since = Instant::now();
         while since.elapsed() < END_LIMIT {
             self.flush()?;

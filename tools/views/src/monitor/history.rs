@@ -1,27 +1,26 @@
-//! History of a signal: the least and the greatest value in every stretch of time, near and far.
+//! Signal history: minimum and maximum per time interval, at several resolutions.
 //!
-//! Fed with every value by the [model](super::model), read column by column by the
-//! [view](super::view). However many values a column stands for, their extremes are in it: no spike is
-//! hidden. Memory is fixed; old values go.
+//! Fed with every value by the [model](super::model), read column by column by the [view](super::view). A column
+//! contains the extremes of all its values, so no spike is hidden. Memory is fixed; old values are overwritten.
 
-/// Bins of each level.
+/// Number of bins per level.
 const BINS: u64 = 4096;
-/// Each bin of a level is as long as N of the level below, as a power of two.
+/// Ratio of bin lengths of adjacent levels, as a power of two.
 const SHIFT: u32 = 3;
-/// Levels: the coarsest reaches `BINS` times 8^6 steps back, a day at 10 kHz.
+/// Number of levels: the coarsest reaches `BINS` times 8^6 steps back, a day at 10 kHz.
 const LEVELS: usize = 7;
 
-/// The least and the greatest of some values.
+/// Minimum and maximum of some values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Range {
-    /// The least.
+    /// Minimum.
     pub min: f64,
-    /// The greatest.
+    /// Maximum.
     pub max: f64,
 }
 
 impl Range {
-    /// Of one value.
+    /// Creates the range of one value.
     #[must_use]
     pub(crate) const fn of(value: f64) -> Self {
         Self {
@@ -30,7 +29,7 @@ impl Range {
         }
     }
 
-    /// Of all that two stand for.
+    /// Returns the union of two ranges.
     #[must_use]
     pub(crate) const fn and(self, other: Self) -> Self {
         Self {
@@ -48,22 +47,22 @@ impl Range {
     }
 }
 
-/// A stretch of a level.
+/// Time interval of a level.
 #[derive(Clone, Copy)]
 struct Bin {
-    /// Number in its level, from step 0.
+    /// Index in its level, counted from step 0.
     number: u64,
     range: Range,
 }
 
-/// No bin has this number.
+/// Index that no bin has.
 const NONE: u64 = u64::MAX;
 
-/// The history of a signal.
+/// History of a signal.
 pub(crate) struct History {
-    /// The finest first; in each the bins at their numbers modulo [`BINS`].
+    /// Bins per level, finest first, stored at their index modulo [`BINS`].
     levels: [Vec<Bin>; LEVELS],
-    /// The newest bin of each level, which may still grow.
+    /// Newest bin of each level, still being filled.
     open: [Option<Bin>; LEVELS],
 }
 
@@ -81,7 +80,7 @@ impl Default for History {
 }
 
 impl History {
-    /// Takes the value of a step. Steps must rise; what is no number leaves a gap.
+    /// Adds the value of a step. Steps must increase; NaN leaves a gap.
     pub(crate) fn take(&mut self, step: u64, value: f64) {
         if !value.is_finite() {
             return;
@@ -107,35 +106,35 @@ impl History {
         }
     }
 
-    /// The extremes in each of some columns of equal width, the last of which ends with step `last`;
-    /// `None` where there was no value. `steps` is the width of all columns together.
+    /// Returns the extremes in each of `columns` columns of equal width, the last of which ends with step `last`;
+    /// `None` for columns without a value. `steps` is the total width.
     #[must_use]
     pub(crate) fn columns(&self, last: u64, steps: u64, columns: usize) -> Vec<Option<Range>> {
-        let mut found = vec![None; columns];
+        let mut ranges = vec![None; columns];
         let count = columns as u64;
         if count == 0 || steps == 0 {
-            return found;
+            return ranges;
         }
-        // A margin of one bin, as a bin may begin before the first column.
+        // Keeps a margin of one bin, as a bin may begin before the first column.
         let level = (0..LEVELS)
             .find(|level| (steps >> (SHIFT * *level as u32)) + 2 < BINS)
             .unwrap_or(LEVELS - 1);
         let mut put = |bin: &Bin, level: usize| {
             let shift = SHIFT * level as u32;
             let (begin, end) = (bin.number << shift, (bin.number + 1) << shift);
-            // Steps before the window count down from its first column.
+            // Steps before the window have negative offsets from its first column.
             let first = (last + 1).saturating_sub(steps);
             if end <= first || begin > last {
                 return;
             }
-            // In the window of `steps` that ends with `last`, which may begin before step 0.
+            // Covers the `steps` steps up to `last`, possibly beginning before step 0.
             let place = |step: u64| {
                 let from_end = last - step;
                 let place = steps.saturating_sub(1).saturating_sub(from_end);
                 (u128::from(place) * u128::from(count) / u128::from(steps)) as usize
             };
             let (begin, end) = (begin.max(first), (end - 1).min(last));
-            for column in &mut found[place(begin)..=place(end)] {
+            for column in &mut ranges[place(begin)..=place(end)] {
                 *column = Some(match *column {
                     Some(range) => bin.range.and(range),
                     None => bin.range,
@@ -147,17 +146,17 @@ impl History {
                 put(bin, level);
             }
         }
-        // What is not closed yet is in no coarser level.
+        // Open bins are in no coarser level yet.
         for (level, open) in self.open.iter().enumerate().take(level + 1) {
             if let Some(open) = open {
                 put(open, level);
             }
         }
-        found
+        ranges
     }
 
-    /// The extremes in `count` stretches of `2^shift` steps each, from the one with number `first` on; `None` where
-    /// there was no value or it is too old. Exact: stretches begin where bins do.
+    /// Returns the extremes of `count` intervals of `2^shift` steps each, beginning with index `first`; `None`
+    /// where no value was recorded or it was overwritten. Exact, because intervals are aligned to bins.
     pub(crate) fn stretches(
         &self,
         first: u64,
@@ -173,7 +172,7 @@ impl History {
                 .zip(stretch << rest..)
                 .filter(|(bin, number)| bin.number == *number)
                 .map(|(bin, _)| bin.range);
-            // What is not closed yet is in no coarser level.
+            // Open bins are in no coarser level yet.
             let open = (0..=level).zip(&self.open).filter_map(|(level, open)| {
                 let open = open.as_ref()?;
                 ((open.number << (SHIFT * level)) >> shift == stretch).then_some(open.range)
@@ -188,22 +187,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_step_s_spike_is_in_its_column_at_every_zoom() {
+    fn a_one_step_spike_appears_in_its_column_at_every_zoom_level() {
         for (steps, columns) in [(100, 10), (4000, 160), (40_000, 158), (1_000_000, 40)] {
             let mut history = History::default();
             let spike = 1_000_000 - steps / 3;
             for step in 0..=1_000_000 {
                 history.take(step, if step == spike { 9.0 } else { -1.0 });
             }
-            let found = history.columns(1_000_000, steps, columns);
+            let ranges = history.columns(1_000_000, steps, columns);
             let peaks: Vec<usize> = (0..columns)
-                .filter(|&column| found[column].is_some_and(|range| range.max == 9.0))
+                .filter(|&column| ranges[column].is_some_and(|range| range.max == 9.0))
                 .collect();
-            // From the end of the window a third of it back.
+            // A third of the window before its end.
             let expected = (steps - 1 - steps / 3) as usize * columns / steps as usize;
             assert!(peaks.contains(&expected), "{steps} {peaks:?} {expected}");
             assert!(peaks.len() <= 2, "{steps}: {peaks:?}");
-            let lowest = found.iter().map(|range| range.expect("values").min);
+            let lowest = ranges.iter().map(|range| range.expect("values").min);
             assert!(lowest.into_iter().all(|min| min == -1.0));
         }
     }
@@ -215,8 +214,8 @@ mod tests {
         for step in 0..3000 {
             history.take(step, value(step));
         }
-        let found = history.columns(2999, 1000, 50);
-        for (column, range) in found.iter().enumerate() {
+        let ranges = history.columns(2999, 1000, 50);
+        for (column, range) in ranges.iter().enumerate() {
             let steps = 2000 + 20 * column as u64..2020 + 20 * column as u64;
             let expected = steps.map(|step| Range::of(value(step)));
             assert_eq!(*range, expected.reduce(Range::and), "column {column}");
@@ -224,22 +223,22 @@ mod tests {
     }
 
     #[test]
-    fn a_stretch_has_exactly_the_extremes_of_its_steps() {
+    fn an_interval_has_exactly_the_extremes_of_its_steps() {
         let value = |step: u64| ((step * 7919) % 1009) as f64;
         let mut history = History::default();
         for last in 0..40_000 {
             history.take(last, value(last));
-            // At ends of every kind.
+            // All kinds of alignment at the end.
             if last % 997 != 0 && last != 39_999 {
                 continue;
             }
             for shift in [0, 1, 3, 4, 6, 8] {
                 let newest = last >> shift;
                 let first = newest.saturating_sub(700);
-                let found: Vec<_> = history
+                let ranges: Vec<_> = history
                     .stretches(first, newest - first + 2, shift)
                     .collect();
-                for (stretch, range) in (first..).zip(&found) {
+                for (stretch, range) in (first..).zip(&ranges) {
                     let steps = stretch << shift..(stretch + 1) << shift;
                     let there = steps.filter(|step| *step <= last);
                     let expected = there.map(|step| Range::of(value(step)));
@@ -254,28 +253,28 @@ mod tests {
     }
 
     #[test]
-    fn what_was_lost_or_is_no_number_is_a_gap() {
+    fn lost_steps_and_nan_values_leave_a_gap() {
         let mut history = History::default();
         for step in (0..50).chain(150..200) {
             history.take(step, 1.0);
         }
         history.take(200, f64::NAN);
-        let found = history.columns(199, 200, 4);
+        let ranges = history.columns(199, 200, 4);
         assert_eq!(
-            found.iter().map(Option::is_some).collect::<Vec<_>>(),
+            ranges.iter().map(Option::is_some).collect::<Vec<_>>(),
             [true, false, false, true]
         );
         assert_eq!(history.columns(200, 1, 1), [None]);
     }
 
     #[test]
-    fn a_window_longer_than_the_run_is_empty_at_its_begin() {
+    fn a_window_longer_than_the_run_begins_with_empty_columns() {
         let mut history = History::default();
         for step in 0..10 {
             history.take(step, step as f64);
         }
-        let found = history.columns(9, 40, 4);
-        assert_eq!(found[..3], [None; 3]);
-        assert_eq!(found[3], Some(Range { min: 0.0, max: 9.0 }));
+        let ranges = history.columns(9, 40, 4);
+        assert_eq!(ranges[..3], [None; 3]);
+        assert_eq!(ranges[3], Some(Range { min: 0.0, max: 9.0 }));
     }
 }

@@ -1,7 +1,7 @@
-//! Input of the view: keys, and the new size of the terminal.
+//! Terminal input of the view: keys and size changes.
 //!
-//! It is read on a thread of its own, because crossterm never stops looking for keys in a terminal that
-//! is gone. Whether it is gone, the loop of the view looks itself.
+//! Input is read on its own thread, because crossterm polls forever on a terminal that has been closed. The view's
+//! loop checks for that itself.
 
 use std::io;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
@@ -11,17 +11,17 @@ use ratatui::crossterm::event::{self, Event};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 
-/// The thread as its owner sees it.
+/// Handle of the thread.
 pub(crate) struct Keys {
     events: Receiver<io::Result<Event>>,
 }
 
 impl Keys {
-    /// Reads the terminal from now on. It must be in raw mode.
+    /// Starts reading the terminal, which must be in raw mode.
     #[must_use]
     pub(crate) fn start() -> Self {
         let (sender, events) = channel();
-        // Not joined: nothing wakes it but a key.
+        // Not joined: only a key wakes it.
         std::thread::spawn(move || {
             loop {
                 let event = event::read();
@@ -34,24 +34,24 @@ impl Keys {
         Self { events }
     }
 
-    /// The next event, if one comes in time.
+    /// Returns the next event if one arrives within the timeout.
     ///
     /// # Errors
-    /// If the terminal cannot be read, or is gone.
+    /// If the terminal cannot be read or has been closed.
     pub(crate) fn next(&self, timeout: Duration) -> io::Result<Option<Event>> {
         match self.events.recv_timeout(timeout) {
             Ok(event) => event.map(Some),
             Err(RecvTimeoutError::Timeout) if !input_is_gone() => Ok(None),
-            Err(_) => Err(Errno::IO.into()), // as when it is written to
+            Err(_) => Err(Errno::IO.into()), // the same error as writing gives
         }
     }
 }
 
-/// Reports a standard input, a terminal or a pipe, whose other end is closed.
+/// Returns `true` if standard input is a terminal or pipe whose other end is closed.
 #[must_use]
 pub(crate) fn input_is_gone() -> bool {
     let input = io::stdin();
-    let mut looked = [PollFd::new(&input, PollFlags::empty())];
-    let found = poll(&mut looked, Some(&Timespec::default()));
-    found.is_ok_and(|with_something_to_tell| with_something_to_tell > 0)
+    let mut polled = [PollFd::new(&input, PollFlags::empty())];
+    let ready = poll(&mut polled, Some(&Timespec::default()));
+    ready.is_ok_and(|number| number > 0)
 }

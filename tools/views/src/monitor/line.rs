@@ -1,4 +1,4 @@
-//! The session in one line, or as JSON: for scripts, and for the terminal after the view is gone.
+//! One-line or JSON summary of the session: for scripts, and for the terminal after the view has closed.
 
 use hil_console::terminal::duration::shown_ns;
 use hil_facts::results::requirements;
@@ -14,8 +14,8 @@ pub(crate) fn ended(model: &Model, ending: &Ending) -> String {
         (Some(_), _) => in_words(model, ending).unwrap_or_default().to_owned(),
         (None, _) if ending.is_abandoned => "hil is gone without a summary".into(),
         (None, Some(outcome)) => outcome.name().into(),
-        (None, None) if ending.is_gone => "without a word".into(),
-        (None, None) => "no record comes any more".into(),
+        (None, None) if ending.is_gone => "without an outcome".into(),
+        (None, None) => "the record stream ended".into(),
     };
     if let Some(steps) = ending.steps {
         text += &format!(", {steps} steps");
@@ -33,7 +33,7 @@ pub(crate) fn ended(model: &Model, ending: &Ending) -> String {
     text
 }
 
-/// The verdict in words for a person, if there is one.
+/// Returns the verdict in words for the user, if there is one.
 fn in_words<'a>(model: &Model, ending: &'a Ending) -> Option<&'a str> {
     let verdict = ending.verdict.as_deref()?;
     Some(requirements::in_words(
@@ -87,7 +87,7 @@ pub(crate) fn text(model: &Model, now_ns: u64) -> String {
     parts.join(", ")
 }
 
-/// All that is known, for a machine. What is no number is null.
+/// Returns the complete state as JSON. NaN and infinity become null.
 #[must_use]
 pub(crate) fn json(model: &Model, now_ns: u64) -> Value {
     let signals: Map<String, Value> = (model.values())

@@ -1,57 +1,57 @@
-//! Log of the watched session: every event of its run, once and in its order.
+//! Event log of the watched session: every event of the run, once and in order.
 //!
-//! The stream tells an event at once, but only from when the observer joined on, and loses some to an observer
-//! that is too slow. The [account](hil_facts::session::happening) of the recorder has all of them, some time later or
-//! sooner than the stream. Where the two differ the account is right.
+//! The stream delivers events at once, but only from when the observer joined, and a slow observer loses some. The
+//! recorder's [account](hil_facts::session::happening) is complete, but may arrive before or after the stream.
+//! Where the two differ, the account is authoritative.
 
 use hil_facts::session::happening::Happening;
 
-/// Events of a run, from the stream and from the account.
+/// Events of a run, merged from the stream and the recorder's account.
 #[derive(Debug, Default)]
 pub struct Log {
-    /// The account as far as it was told, then what only the stream has told.
+    /// Events of the account received so far, then those only the stream has delivered.
     list: Vec<Happening>,
     known: usize,
-    /// Place in the account behind the last event that the stream has told too.
+    /// Index in the account behind the last event that the stream has delivered too.
     seen: usize,
     edition: u32,
 }
 
 impl Log {
-    /// All events, in their order.
+    /// Returns all events in order.
     #[must_use]
     pub fn list(&self) -> &[Happening] {
         &self.list
     }
 
-    /// Number of events that the account has told.
+    /// Returns the number of events received from the account.
     #[must_use]
     pub(crate) const fn known(&self) -> usize {
         self.known
     }
 
-    /// Number of times that an event came before one that was there: who knows the list knows another one.
+    /// Returns a counter that changes when an event is inserted before existing ones, so that readers start over.
     #[must_use]
     pub(crate) const fn edition(&self) -> u32 {
         self.edition
     }
 
-    /// Takes an event of the stream.
+    /// Adds an event of the stream.
     pub(crate) fn see(&mut self, happening: Happening) {
         let ahead = &self.list[self.seen..self.known];
-        match ahead.iter().position(|told| *told == happening) {
+        match ahead.iter().position(|event| *event == happening) {
             Some(place) => self.seen += place + 1,
             None => self.list.push(happening),
         }
     }
 
-    /// Takes what the account tells after the events that it has told.
+    /// Adds events of the account that follow those already received.
     pub(crate) fn hear(&mut self, account: Vec<Happening>) {
         let begin = self.known;
         let seen = self.list.split_off(begin);
         let (mut place, mut covered) = (0, 0);
         for (number, one) in seen.iter().enumerate() {
-            if let Some(skipped) = account[place..].iter().position(|told| told == one) {
+            if let Some(skipped) = account[place..].iter().position(|event| event == one) {
                 place += skipped + 1;
                 covered = number + 1;
             }
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn an_event_that_stream_and_account_tell_is_there_once() {
+    fn an_event_in_both_stream_and_account_is_listed_once() {
         for stream_is_first in [true, false] {
             let mut log = Log::default();
             for step in [3, 3, 5] {
@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn the_account_tells_what_was_before_the_observer_joined() {
+    fn the_account_supplies_events_from_before_the_observer_joined() {
         let mut log = Log::default();
         log.see(event(40));
         log.see(event(50));
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_stream_lost_comes_to_its_place() {
+    fn an_event_lost_by_the_stream_is_inserted_at_its_place() {
         let mut log = Log::default();
         log.see(event(1));
         log.see(event(4));
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn an_account_in_parts_is_the_same_as_a_whole_one() {
+    fn an_account_received_in_parts_equals_a_complete_one() {
         let mut log = Log::default();
         (0..10).for_each(|step| log.see(event(step)));
         for part in [0..3, 3..4, 4..10] {

@@ -1,7 +1,6 @@
-//! State of the watched session, fed by its records, its events and the answers of its plant.
+//! State of the watched session, built from its records, its events and the plant's answers.
 //!
-//! Drawn by the [view](super::view), told in one line by the [line](super::line). Knows no terminal and
-//! asks nobody.
+//! Drawn by the [view](super::view), summarised by the [line](super::line). Does no input or output.
 
 use std::path::PathBuf;
 
@@ -28,74 +27,74 @@ use hil_recording::reader::Column;
 /// End of the watched run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ending {
-    /// Last word in the record stream.
+    /// Outcome in the record stream, if it was received.
     pub outcome: Option<Outcome>,
-    /// Reason, if the run did not come to its end.
+    /// Reason, if the run stopped early.
     pub reason: Option<String>,
-    /// Steps that were executed, if that is known.
+    /// Number of executed steps, if known.
     pub steps: Option<u64>,
-    /// The verdict of its summary.
+    /// Verdict in its summary.
     pub verdict: Option<String>,
-    /// `hil` has removed the session.
+    /// `true` once `hil` has removed the session.
     pub is_gone: bool,
-    /// `hil` is gone and wrote no summary, as when it was killed.
+    /// `true` if `hil` ended without writing a summary, for example because it was killed.
     pub is_abandoned: bool,
-    /// A recording is left that can be recovered.
+    /// `true` if a recording is left that can be recovered.
     pub is_recoverable: bool,
 }
 
 /// State of the requirements.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Judged {
-    /// Nobody was asked yet.
+    /// No answer requested yet.
     #[default]
     Unknown,
-    /// `hil` gave no answer.
+    /// No answer from `hil`.
     Silent,
     /// Answer of `hil`.
     Known(Vec<Standing>),
 }
 
-/// A signal that is kept.
+/// Retained signal.
 struct Trace {
-    /// Place among the columns.
+    /// Index among the columns.
     column: usize,
     value: f64,
-    /// Value of the record before.
+    /// Value in the previous record.
     before: f64,
     history: History,
 }
 
-/// The watched session.
+/// Watched session.
 pub struct Model {
     /// Name of the session.
     pub session: String,
     /// Folder of the run, if it is recorded.
     pub run_dir: Option<PathBuf>,
     plan: Plan,
-    /// The law that answers now.
+    /// Active control law.
     law: String,
     patterns: Vec<String>,
     columns: Vec<Column>,
     plots: Vec<Plot>,
-    /// Columns whose values the panel's table asks for.
+    /// Columns shown in the panel's table of readings.
     readings: Vec<usize>,
     traces: Vec<Trace>,
-    /// For derived signals that are drawn.
+    /// Evaluation of derived signals that are drawn.
     derived: Option<Evaluation>,
     validity: Validity,
     pace: Pace,
-    /// The newest record, if there was one.
+    /// Step of the newest record, if there is one.
     step: Option<u64>,
     joined: Option<u64>,
-    /// Records and events that were lost since it joined.
+    /// Records and events lost since the observer joined.
     pub lost: u64,
-    /// `hil` is stopped, by a signal or a debugger, and the run with it.
+    /// `true` while `hil`, and with it the run, is stopped by a signal or a debugger.
     pub is_owner_stopped: bool,
     status: Option<Status>,
     faults: Vec<FaultState>,
     judged: Judged,
-    /// Number of times that what can be tuned may have become another.
+    /// Number of changes that may have altered the tunable values.
     retunings: u64,
     note: Option<String>,
     log: Log,
@@ -103,7 +102,7 @@ pub struct Model {
 }
 
 impl Model {
-    /// Of a session before anything was seen of it.
+    /// Creates the model of a session of which nothing has been observed yet.
     #[must_use]
     pub fn new(session: &str, run_dir: Option<PathBuf>, plan: Plan, patterns: &[String]) -> Self {
         Self {
@@ -133,13 +132,13 @@ impl Model {
         }
     }
 
-    /// Takes the signals, which are known from now on.
+    /// Sets the signals once the layout is known.
     ///
     /// # Errors
-    /// If those that are to be drawn are not among them.
+    /// If a signal to be drawn is not among them.
     pub(crate) fn attach(&mut self, layout: &RecordLayout) -> Result<(), Failure> {
         self.validity = layout.validity();
-        // Patterns know nothing of what requirements compute.
+        // Patterns cannot select the signals computed for requirements.
         let mut plan = self.plan.clone();
         let (bounds, computed) = bounds(&plan, self.seconds(plan.run.steps));
         if self.patterns.is_empty() {
@@ -176,10 +175,10 @@ impl Model {
         Ok(())
     }
 
-    /// Takes what was seen.
+    /// Updates the model from an observation.
     pub fn take(&mut self, seen: Seen<'_>) {
         match seen {
-            // The newest one may have been asked for before the stream brings it and those before it.
+            // The status may report the newest step before the stream delivers its record.
             Seen::Record(record, _) if self.step.is_some_and(|step| record.step <= step) => {}
             Seen::Record(record, _) => {
                 self.joined.get_or_insert(record.step);
@@ -202,7 +201,7 @@ impl Model {
             }
             Seen::Event(event) => self.take_event(event),
             Seen::Lost(count) => self.lost += count,
-            Seen::Broken(what) => self.note = Some(format!("unreadable: {what}")),
+            Seen::Broken(reason) => self.note = Some(format!("unreadable: {reason}")),
         }
     }
 
@@ -230,25 +229,25 @@ impl Model {
         }
     }
 
-    /// Keeps the last values of signals that the record after the last step lacks: no command answers it.
+    /// Retains the last values of signals that the final record lacks, because no command answers it.
     fn keep_last_values(&mut self) {
         for trace in self.traces.iter_mut().filter(|trace| trace.value.is_nan()) {
             trace.value = trace.before;
         }
     }
 
-    /// Takes the status that the plant reports.
+    /// Updates the plant's status.
     pub(crate) fn hear_status(&mut self, status: Status) {
         self.status = Some(status);
     }
 
-    /// Takes the faults that the plant reports.
+    /// Updates the plant's faults.
     pub(crate) fn hear_faults(&mut self, faults: Vec<FaultState>) {
         self.faults = faults;
     }
 
-    /// Takes in what is said of the requirements. A silence does not unsay what was known, and an answer that
-    /// comes after the end is older than the summary.
+    /// Updates the requirements. No answer leaves a known state unchanged, and an answer after the end is ignored
+    /// as older than the summary.
     pub(crate) fn hear_standings(&mut self, standings: Option<Vec<Standing>>) {
         if self.ending.as_ref().is_some_and(|ending| ending.is_gone) {
             return;
@@ -260,7 +259,7 @@ impl Model {
         }
     }
 
-    /// The session is no more. `verdict` is that of its summary, if there is one.
+    /// Marks the session as ended. `verdict` is that of its summary, if there is one.
     pub fn end(&mut self, verdict: Option<String>) {
         let ending = self.ending.get_or_insert_default();
         ending.is_gone = true;
@@ -269,7 +268,7 @@ impl Model {
         self.is_owner_stopped = false;
     }
 
-    /// The session is no more, and `hil` is gone without a summary; perhaps it has left a recording.
+    /// Marks the session as ended without a summary; a recoverable recording may be left.
     pub fn abandon(&mut self, is_recoverable: bool) {
         self.end(None);
         let ending = self.ending.get_or_insert_default();
@@ -277,35 +276,35 @@ impl Model {
         ending.is_recoverable = is_recoverable;
     }
 
-    /// The law that answers now.
+    /// Returns the active control law.
     #[must_use]
     pub fn law(&self) -> &str {
         &self.law
     }
 
-    /// The scenario.
+    /// Returns the checked scenario.
     #[must_use]
     pub const fn plan(&self) -> &Plan {
         &self.plan
     }
 
-    /// Steps per second.
+    /// Returns the step rate.
     #[must_use]
     pub const fn rate(&self) -> Rate {
         self.plan.run.rate
     }
 
-    /// A step's simulated time in s.
+    /// Returns a step's simulated time in s.
     #[must_use]
     pub fn seconds(&self, step: u64) -> f64 {
         self.rate().seconds(Step(step))
     }
 
-    /// The newest step that is known of.
+    /// Returns the newest known step.
     #[must_use]
     pub fn step(&self) -> Option<u64> {
         let asked = self.status.as_ref().map(|status| status.step);
-        // The last record of a held run is some steps older.
+        // The last record of a paused run is some steps older.
         if self.is_paused() {
             asked
         } else {
@@ -313,19 +312,19 @@ impl Model {
         }
     }
 
-    /// The step of the newest record.
+    /// Returns the step of the newest record.
     #[must_use]
     pub(crate) const fn seen(&self) -> Option<u64> {
         self.step
     }
 
-    /// The first step that was seen, unless it was the run's first.
+    /// Returns the first observed step, unless it was the first of the run.
     #[must_use]
     pub(crate) fn joined_late(&self) -> Option<u64> {
         self.joined.filter(|step| *step > 0)
     }
 
-    /// Reports a run that the plant holds.
+    /// Returns `true` while the plant holds the run.
     #[must_use]
     pub(crate) fn is_paused(&self) -> bool {
         self.status.as_ref().is_some_and(|status| status.paused)
@@ -337,7 +336,7 @@ impl Model {
         self.ending.as_ref()
     }
 
-    /// `starting`, `running`, `paused` or `ended`.
+    /// Returns `starting`, `running`, `paused` or `ended`.
     #[must_use]
     pub fn state(&self) -> &'static str {
         if self.ending.is_some() {
@@ -351,14 +350,14 @@ impl Model {
         }
     }
 
-    /// Simulated seconds per second.
+    /// Returns the simulated seconds per wall-clock second.
     #[must_use]
     pub(crate) fn speed(&self, now_ns: u64) -> Option<f64> {
         let steps_per_s = self.pace.steps_per_s(now_ns)?;
         Some(steps_per_s / self.rate().hz())
     }
 
-    /// Speed and round trips.
+    /// Returns the speed and the round trips.
     #[must_use]
     pub(crate) const fn pace(&self) -> &Pace {
         &self.pace
@@ -370,37 +369,37 @@ impl Model {
         &self.plots
     }
 
-    /// The newest value of a signal that is drawn; NaN if there is none.
+    /// Returns the newest value of a drawn signal; NaN if there is none.
     #[must_use]
     pub fn value(&self, signal: usize) -> f64 {
         self.trace(signal).map_or(f64::NAN, |trace| trace.value)
     }
 
-    /// Returns the history of a signal that is drawn.
+    /// Returns the history of a drawn signal.
     #[must_use]
     pub(crate) fn history(&self, signal: usize) -> Option<&History> {
         self.trace(signal).map(|trace| &trace.history)
     }
 
-    /// Number of changes of values and of controllers that were seen.
+    /// Returns the number of observed changes of values and of controllers.
     #[must_use]
     pub(crate) const fn retunings(&self) -> u64 {
         self.retunings
     }
 
-    /// Lists the columns that the panel's readings show; empty: those of the plots.
+    /// Returns the columns of the panel's readings; empty for those of the plots.
     #[must_use]
     pub(crate) fn readings(&self) -> &[usize] {
         &self.readings
     }
 
-    /// Every signal that is drawn, with its place among the columns.
+    /// Returns every drawn signal with its column index.
     pub(crate) fn drawn(&self) -> impl Iterator<Item = (usize, &Column)> + '_ {
         let traces = self.traces.iter();
         traces.map(|trace| (trace.column, &self.columns[trace.column]))
     }
 
-    /// Newest value and history of every signal that is drawn, in the order of [`drawn`](Self::drawn).
+    /// Returns newest value and history of every drawn signal, in the order of [`drawn`](Self::drawn).
     pub(crate) fn histories(&self) -> impl Iterator<Item = (f64, &History)> + '_ {
         self.traces
             .iter()
@@ -411,50 +410,50 @@ impl Model {
         self.traces.iter().find(|trace| trace.column == signal)
     }
 
-    /// Every signal that is drawn, by name, with its newest value.
+    /// Returns the name and newest value of every drawn signal.
     pub fn values(&self) -> impl Iterator<Item = (String, f64)> + '_ {
         let named = |trace: &Trace| (self.columns[trace.column].name.clone(), trace.value);
         self.traces.iter().map(named)
     }
 
-    /// The faults of the run.
+    /// Returns the faults of the run.
     #[must_use]
     pub fn faults(&self) -> &[FaultState] {
         &self.faults
     }
 
-    /// The requirements.
+    /// Returns the state of the requirements.
     #[must_use]
     pub const fn judged(&self) -> &Judged {
         &self.judged
     }
 
-    /// Takes the recorder's account after its first `known` events; passes it over if others came meanwhile.
+    /// Appends the recorder's account after its first `known` events; ignores it if others were received meanwhile.
     pub(crate) fn hear_account(&mut self, known: usize, account: Vec<Happening>) {
         if known == self.log.known() {
             self.log.hear(account);
         }
     }
 
-    /// Takes the account of the whole run.
+    /// Replaces the log by the account of the whole run.
     pub(crate) fn hear_whole_account(&mut self, mut account: Vec<Happening>) {
         let known = self.log.known().min(account.len());
         self.log.hear(account.split_off(known));
     }
 
-    /// Reports a run whose stream was seen from its begin on without a loss.
+    /// Returns `true` if the stream was observed from the beginning of the run without a loss.
     #[must_use]
     pub(crate) const fn has_seen_all(&self) -> bool {
         self.lost == 0 && matches!(self.joined, Some(0))
     }
 
-    /// Everything that happened.
+    /// Returns the event log.
     #[must_use]
     pub const fn log(&self) -> &Log {
         &self.log
     }
 
-    /// The last thing that happened.
+    /// Returns the latest event.
     #[must_use]
     pub fn note(&self) -> Option<&str> {
         self.note.as_deref()

@@ -1,7 +1,7 @@
-//! Speed of a run and times of its exchanges, over the last seconds.
+//! Speed of a run and round-trip times over the last seconds.
 //!
-//! Fed with the timing of every record by the [model](super::model). Uses the clock of the records
-//! alone, so that a burst that arrives late is not taken for speed.
+//! Fed with the timing of every record by the [model](super::model). Uses the clock of the records alone, so that a
+//! burst that arrives late does not count as speed.
 
 use std::collections::VecDeque;
 
@@ -9,23 +9,23 @@ use hil_facts::results::latency::percentiles::Percentiles;
 use hil_facts::results::latency::times::Times;
 use shared_types::record::Timing;
 
-/// Time over which the speed is computed, in ns.
+/// Time window of the speed in ns.
 const SPEED_NS: u64 = 2_000_000_000;
-/// Interval between two kept moments.
+/// Interval between two stored samples in ns.
 const KEPT_NS: u64 = 50_000_000;
-/// Time over which the percentiles are computed, in s.
+/// Time window of the percentiles in s.
 pub(crate) const SECONDS: u64 = 5;
-/// Significant digits of the percentiles: they are added up for each picture.
+/// Significant digits of the percentiles; few, because they are summed for each frame.
 const DIGITS: u8 = 2;
 
-/// The newest figures of a run.
+/// Recent timing of a run.
 pub(crate) struct Pace {
-    /// Some moments of the last time: when, and the step.
+    /// Recent samples as pairs of time in ns and step.
     moments: VecDeque<(u64, u64)>,
     newest: Option<(u64, u64)>,
-    /// The round trips of each of the last seconds, at its number modulo their count.
+    /// Round trips of each of the last seconds, stored at the second modulo their count.
     seconds: Vec<(u64, Times)>,
-    /// Steps whose command did not come in time, of those that were seen.
+    /// Number of observed steps whose command did not arrive in time.
     pub held: u64,
 }
 
@@ -43,7 +43,7 @@ impl Default for Pace {
 }
 
 impl Pace {
-    /// Takes the timing of a step.
+    /// Adds the timing of a step.
     pub(crate) fn take(&mut self, step: u64, timing: &Timing) {
         let now_ns = timing.published_ns;
         self.newest = Some((now_ns, step));
@@ -56,7 +56,7 @@ impl Pace {
         }
         self.held += u64::from(timing.held_steps > 0);
         if timing.round_trip_ns == 0 {
-            return; // nothing was exchanged
+            return; // no exchange in this step
         }
         let second = now_ns / 1_000_000_000;
         let (of, times) = &mut self.seconds[(second % SECONDS) as usize];
@@ -67,7 +67,7 @@ impl Pace {
         times.record(timing.round_trip_ns);
     }
 
-    /// Steps per second; 0 if the newest step is a second old, `None` before there are two moments.
+    /// Returns the steps per second; 0 if the newest step is a second old, `None` before there are two samples.
     #[must_use]
     pub(crate) fn steps_per_s(&self, now_ns: u64) -> Option<f64> {
         let (first, newest) = (self.moments.front()?, self.newest?);
@@ -78,7 +78,7 @@ impl Pace {
         Some((newest.1 - first.1) as f64 / spent_s)
     }
 
-    /// Percentiles of the round trips of the last seconds in which there were any; `None` without.
+    /// Returns percentiles of the round trips in the time window; `None` without any.
     #[must_use]
     pub(crate) fn round_trips(&self) -> Option<Percentiles> {
         let newest = self.seconds.iter().map(|(second, _)| *second).max()?;
@@ -105,11 +105,11 @@ mod tests {
     }
 
     #[test]
-    fn speed_is_that_of_the_last_two_seconds_by_the_records_own_clock() {
+    fn speed_covers_the_last_two_seconds_by_the_records_clock() {
         let mut pace = Pace::default();
         assert_eq!(pace.steps_per_s(0), None);
         let begin_ns = 7_000_000_000;
-        // 1 kHz for three seconds, then 10 kHz for three.
+        // 1 kHz for three seconds, then 10 kHz for three seconds.
         let mut now_ns = begin_ns;
         for step in 0..33_000 {
             pace.take(step, &timing(now_ns, 100));
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn percentiles_forget_what_is_more_than_five_seconds_old() {
+    fn percentiles_ignore_round_trips_older_than_five_seconds() {
         let mut pace = Pace::default();
         assert_eq!(pace.round_trips(), None);
         pace.take(0, &timing(1_000_000_000, 900));

@@ -1,5 +1,5 @@
-//! Plots that are drawn live: those that every view of the run has, or those of patterns as `hil export`
-//! takes them, with the places of their signals.
+//! Live plots: those common to every view of the run, or those selected by patterns as in `hil export`, with the
+//! column indices of their signals.
 
 use glob::Pattern;
 use hil_config::plan::Plan;
@@ -12,30 +12,30 @@ use crate::plots::{self, Choice, Limit, Subject, by_unit, choose};
 use hil_recording::reader::Column;
 use shared_types::table::near;
 
-/// Most signals that are kept at all: each costs time at every record.
+/// Maximum number of retained signals: each costs time at every record.
 const MOST: usize = 32;
 
-/// Signals that are drawn over each other.
+/// Signals drawn in one plot.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Plot {
     /// Heading.
     pub title: String,
     /// Unit of the signals.
     pub unit: String,
-    /// Label of each signal; empty if the heading says it.
+    /// Label of each signal; empty if the heading names it.
     pub labels: Vec<String>,
-    /// Places of the signals among the columns.
+    /// Column indices of the signals.
     pub signals: Vec<usize>,
-    /// Logarithmic vertical axis, for magnitudes.
+    /// `true` for a logarithmic vertical axis, used for magnitudes.
     pub log: bool,
     /// Level lines.
     pub lines: Vec<f64>,
-    /// Levels of requirements.
+    /// Limits set by requirements.
     pub limits: Vec<Limit>,
 }
 
 impl Plot {
-    /// A plot of these columns, by their recorded names.
+    /// Creates a plot of these columns, matched by their recorded names.
     fn of(columns: &[Column], plot: &plots::Plot) -> Self {
         let place = |name: &String| columns.iter().position(|one| one.name == *name);
         Self {
@@ -50,11 +50,11 @@ impl Plot {
     }
 }
 
-/// The plots of some patterns, one after the other; without any the first ones of the run, whose
-/// requirements have these bounds.
+/// Returns the plots of some patterns in order; without patterns the first plots of the run, whose requirements
+/// have these bounds.
 ///
 /// # Errors
-/// If a pattern is none, no signal matches it, or too many do.
+/// If a pattern is invalid, no signal matches it, or too many do.
 pub(crate) fn chosen(
     columns: &[Column],
     plan: &Plan,
@@ -96,12 +96,12 @@ pub(crate) fn chosen(
         });
     }
     let mut plots: Vec<Plot> = plots.iter().map(|plot| Plot::of(&recorded, plot)).collect();
-    let mut kept: Vec<usize> = Vec::new();
+    let mut retained: Vec<usize> = Vec::new();
     let mut fits = |plot: &Plot| {
-        kept.extend(&plot.signals);
-        kept.sort_unstable();
-        kept.dedup();
-        kept.len() <= MOST
+        retained.extend(&plot.signals);
+        retained.sort_unstable();
+        retained.dedup();
+        retained.len() <= MOST
     };
     let fitting = plots.iter().take_while(|plot| fits(plot)).count();
     if fitting < plots.len() && !patterns.is_empty() {
@@ -117,26 +117,26 @@ pub(crate) fn chosen(
     Ok(plots)
 }
 
-/// Lists the columns that names and patterns of the panel's readings mean; a pattern may mean none.
+/// Returns the columns that the panel's readings select; a pattern may match none.
 ///
 /// # Errors
-/// If one is no pattern, or they mean too many.
+/// If a pattern is invalid, or they select too many.
 pub(crate) fn readings(columns: &[Column], patterns: &[String]) -> Result<Vec<usize>, Failure> {
-    let mut found = Vec::new();
+    let mut indices = Vec::new();
     for text in patterns {
         let pattern = Pattern::new(text)
             .map_err(|error| Failure::usage(format!("panel.readings `{text}`: {error}")))?;
         let matches = |column: &Column| {
             pattern.matches(&column.name) || pattern.matches(&recorded_name(&column.name))
         };
-        found.extend(
+        indices.extend(
             (0..columns.len())
-                .filter(|place| matches(&columns[*place]) && !found.contains(place))
+                .filter(|place| matches(&columns[*place]) && !indices.contains(place))
                 .collect::<Vec<_>>(),
         );
     }
-    match found.len() {
-        ..=MOST => Ok(found),
+    match indices.len() {
+        ..=MOST => Ok(indices),
         number => Err(Failure::usage(format!(
             "{number} signals match panel.readings; {MOST} can be watched at a time"
         ))),
@@ -170,14 +170,14 @@ mod tests {
     }
 
     #[test]
-    fn a_pattern_chooses_as_for_an_export_and_units_are_not_mixed() {
+    fn patterns_select_as_in_an_export_and_units_are_not_mixed() {
         let plots = of(&columns(), &["*position_m", "truth.*"]).expect("some");
-        let shown = plots
+        let summaries = plots
             .iter()
             .map(|plot| (plot.title.as_str(), plot.labels.join(",")));
-        let shown: Vec<_> = shown.collect();
+        let summaries: Vec<_> = summaries.collect();
         assert_eq!(
-            shown,
+            summaries,
             [
                 ("position_m", "truth,measured,reference".to_owned()),
                 ("truth.position_m", String::new()),
@@ -194,29 +194,32 @@ mod tests {
     }
 
     #[test]
-    fn readings_stand_in_the_order_in_which_they_are_named() {
+    fn readings_keep_the_order_of_their_names() {
         let of = |texts: &[&str]| {
             let texts: Vec<String> = texts.iter().map(|&text| text.into()).collect();
             readings(&columns(), &texts)
         };
-        let found = of(&["error_m", "*.position_m", "internal.*", "error_m"]).expect("right");
-        assert_eq!(found, [5, 0, 2, 3]);
+        let indices = of(&["error_m", "*.position_m", "internal.*", "error_m"]).expect("right");
+        assert_eq!(indices, [5, 0, 2, 3]);
         let wrong = of(&["truth.[x"]).expect_err("no pattern").to_string();
         assert!(wrong.contains("panel.readings `truth.[x`"), "{wrong}");
     }
 
     #[test]
-    fn more_signals_than_can_be_watched_are_refused_or_by_default_left_out() {
+    fn too_many_signals_are_refused_when_selected_and_dropped_by_default() {
         let many = (0..40).map(|number| Column {
             name: format!("truth.x{number}_m"),
             unit: "m".into(),
         });
         let many: Vec<Column> = many.collect();
-        let refused = of(&many, &["*"]).expect_err("too many");
-        assert!(refused.to_string().contains("40 signals"), "{refused}");
-        let kept = of(&many, &[]).expect("the first ones");
+        let error = of(&many, &["*"]).expect_err("too many");
+        assert!(error.to_string().contains("40 signals"), "{error}");
+        let retained = of(&many, &[]).expect("the first ones");
         assert_eq!(
-            kept.iter().map(|plot| plot.signals.len()).sum::<usize>(),
+            retained
+                .iter()
+                .map(|plot| plot.signals.len())
+                .sum::<usize>(),
             32
         );
     }

@@ -1,7 +1,7 @@
-//! Faults that a key puts in: what was typed after `--inject`, checked before anything is shown.
+//! Faults injected with a key: the words after `--inject`, checked before the view opens.
 //!
-//! The words are those of `hil inject` and become the same request. They are checked here as the plant
-//! will check them, so that a wrong one is refused at the start and not in the middle of a run.
+//! They have the syntax of `hil inject` and become the same request. They are checked here as the plant will check
+//! them, so that a mistake is refused at the start and not in the middle of a run.
 
 use std::ffi::OsString;
 use std::time::{Duration, Instant};
@@ -19,26 +19,26 @@ use hil_session::stream::LAYOUT_FILE;
 use shared_types::live::{Possible, Refusal};
 use shared_types::record::RecordLayout;
 
-/// Most that there are keys for.
+/// Maximum number of prepared faults: one per key.
 const MOST: usize = 9;
-/// Limit for a session to say which faults are possible.
+/// Time limit for a session to report which faults it supports.
 const START_LIMIT: Duration = Duration::from_secs(20);
 /// Interval between two attempts.
 const LOOK: Duration = Duration::from_millis(10);
 
-/// A fault that is ready to be put in.
+/// Fault that is ready to be injected.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct PreparedFault {
-    /// Typed words.
+    /// Words as typed.
     pub words: String,
-    /// The request's text.
+    /// Text of the request.
     pub toml: String,
 }
 
-/// Prepares faults for a session; asks it only if there are any.
+/// Prepares faults for a session; queries the session only if there are any.
 ///
 /// # Errors
-/// If one is none that the session would take.
+/// If the session would refuse one of them.
 pub(crate) fn all(
     texts: &[String],
     session: &SessionInfo,
@@ -49,7 +49,7 @@ pub(crate) fn all(
     }
     if texts.len() > MOST {
         let message = format!(
-            "{} faults are prepared; there are keys for {MOST}",
+            "{} faults are prepared, but only {MOST} keys are available",
             texts.len()
         );
         return Err(Refusal::new(message).into());
@@ -72,7 +72,7 @@ pub(crate) fn all(
     prepared.collect()
 }
 
-/// The signals of a session, which it tells when both sides are there.
+/// Returns the signals of a session, which are available once both sides are connected.
 ///
 /// # Errors
 /// If the session ends before that.
@@ -96,7 +96,7 @@ pub(crate) fn layout(session: &SessionInfo) -> Result<RecordLayout, RequestError
 /// Prepares a fault from its words.
 ///
 /// # Errors
-/// Everything that is wrong with them.
+/// All problems of the words.
 pub(crate) fn one(
     text: &str,
     possible: &Possible,
@@ -111,8 +111,8 @@ pub(crate) fn one(
         .chain(words);
     let command_line = InjectLine::try_parse_from(arrange(typed.map(OsString::from)));
     let command_line = command_line.map_err(|error| {
-        let told = error.to_string();
-        let first = told.lines().next().unwrap_or_default();
+        let reason = error.to_string();
+        let first = reason.lines().next().unwrap_or_default();
         refused(first.trim_start_matches("error: ").to_owned())
     })?;
     let InjectCommand::Inject(arguments) = command_line.command;
@@ -124,7 +124,7 @@ pub(crate) fn one(
     }
     let toml = inject::toml(&arguments, possible)?;
     let context = RequestContext {
-        // Faults that others put in before this one have lower numbers.
+        // Faults injected by others before this one have lower numbers.
         first_id: u32::MAX / 2,
         ..RequestContext::of(plan, &possible.plant, &possible.kinds)
     };
@@ -144,13 +144,13 @@ mod tests {
     fn prepared(text: &str) -> Result<PreparedFault, String> {
         let plan = plan();
         one(text, &possible(&plan), &plan, &layout(&plan)).map_err(|problems| {
-            let told: Vec<String> = problems.into_iter().map(|one| one.message).collect();
-            told.join("; ")
+            let messages: Vec<String> = problems.into_iter().map(|one| one.message).collect();
+            messages.join("; ")
         })
     }
 
     #[test]
-    fn words_of_inject_are_prepared_and_wrong_ones_refused_at_once() {
+    fn valid_inject_words_are_prepared_and_invalid_ones_refused_at_once() {
         for text in [
             "bias measured.surface_angle_rad 0.01 --ramp 2s",
             "leakage --actuator 1,2 --coefficient 5e-7,1e-7 --speed 10,0.5",
@@ -180,8 +180,8 @@ mod tests {
                 "--session",
             ),
         ] {
-            let told = prepared(text).expect_err(text);
-            assert!(told.contains(fragment), "{text}: {told}");
+            let message = prepared(text).expect_err(text);
+            assert!(message.contains(fragment), "{text}: {message}");
         }
     }
 }

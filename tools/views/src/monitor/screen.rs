@@ -1,4 +1,4 @@
-//! The loop of the view: keys in, pictures out, some ten times a second.
+//! Main loop of the view: handles keys and redraws about ten times a second.
 
 use std::time::{Duration, Instant};
 
@@ -14,13 +14,13 @@ use super::terminal::Screen;
 use super::watch::Watch;
 use super::{SharedModel, view};
 
-/// Interval between two pictures, if no key asks for one.
+/// Interval between two frames, if no key requires one earlier.
 const PICTURE: Duration = Duration::from_millis(100);
 
-/// Shows the session until somebody leaves.
+/// Shows the session until the user quits.
 ///
 /// # Errors
-/// If the session cannot be watched, the terminal be used, or a signal came.
+/// If the session cannot be watched, the terminal cannot be used, or a signal arrived.
 pub(crate) fn show(
     model: &SharedModel,
     watch: &Watch,
@@ -37,7 +37,7 @@ pub(crate) fn show(
     };
     let mut screen = Screen::take().map_err(no_terminal)?;
     let keys = Keys::start();
-    let mut drawn: Option<Instant> = None;
+    let mut last_frame: Option<Instant> = None;
     loop {
         interruption.check()?;
         watch.check()?;
@@ -46,18 +46,19 @@ pub(crate) fn show(
         }
         if let Some(answer) = asking.answer() {
             display.answer = Some(answer);
-            drawn = None;
+            last_frame = None;
         }
-        if drawn.is_none_or(|drawn| drawn.elapsed() >= PICTURE) {
-            // The picture is made while the model is held still, and goes to the terminal after that.
+        if last_frame.is_none_or(|last_frame| last_frame.elapsed() >= PICTURE) {
+            // The frame is composed while the model is locked, and written to the terminal after that.
             let draw = |frame: &mut ratatui::Frame<'_>| {
                 view::draw(frame, &model.lock(), &display, monotonic_ns());
             };
             screen.terminal().draw(draw).map_err(no_terminal)?;
-            drawn = Some(Instant::now());
+            last_frame = Some(Instant::now());
         }
-        let left = PICTURE.saturating_sub(drawn.map_or(Duration::ZERO, |drawn| drawn.elapsed()));
-        match keys.next(left).map_err(no_terminal)? {
+        let remaining = PICTURE
+            .saturating_sub(last_frame.map_or(Duration::ZERO, |last_frame| last_frame.elapsed()));
+        match keys.next(remaining).map_err(no_terminal)? {
             Some(Event::Key(key)) if key.kind != KeyEventKind::Release => {
                 let (plots, ended) = {
                     let model = model.lock();
@@ -69,9 +70,9 @@ pub(crate) fn show(
                     Action::Interrupt => return Err(Failure::Interrupted),
                     Action::Ask(request) => asking.ask(request),
                 }
-                drawn = None;
+                last_frame = None;
             }
-            Some(Event::Resize(..)) => drawn = None,
+            Some(Event::Resize(..)) => last_frame = None,
             _ => {}
         }
     }

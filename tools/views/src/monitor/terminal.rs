@@ -1,8 +1,7 @@
-//! The terminal as the view needs it, and back as it was.
+//! Terminal set up for the view and restored afterwards.
 //!
-//! Whatever ends the view, a return, an error, a panic or a signal, gives the terminal back: the
-//! guard is dropped on the way out, and a panic, which may be another thread's, restores before it
-//! speaks.
+//! However the view ends, by a return, an error, a panic or a signal, the terminal is restored: the guard is
+//! dropped on the way out, and the panic hook, which may run on another thread, restores it before printing.
 
 use std::io::{self, Stdout, stdout};
 use std::mem::ManuallyDrop;
@@ -17,20 +16,20 @@ use ratatui::crossterm::terminal::{
     EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode,
 };
 
-/// The view has the terminal.
+/// `true` while the view owns the terminal.
 static TAKEN: AtomicBool = AtomicBool::new(false);
 
-/// The terminal in the view's hands. Dropping it gives it back.
+/// Terminal owned by the view. Dropping it restores the terminal.
 pub struct Screen {
-    /// Never dropped: it would complain of a terminal that is gone, to that terminal.
+    /// Never dropped: on a closed terminal, its destructor would print an error to it.
     terminal: ManuallyDrop<Terminal<CrosstermBackend<Stdout>>>,
 }
 
 impl Screen {
-    /// Takes the terminal.
+    /// Takes over the terminal.
     ///
     /// # Errors
-    /// If it is none, or does not answer.
+    /// If standard output is not a terminal, or the terminal does not answer.
     pub fn take() -> io::Result<Self> {
         let before = panic::take_hook();
         panic::set_hook(Box::new(move |panic| {
@@ -39,9 +38,9 @@ impl Screen {
         }));
         enable_raw_mode()?;
         TAKEN.store(true, Ordering::Release);
-        let taken = execute!(stdout(), EnterAlternateScreen, Hide)
+        let result = execute!(stdout(), EnterAlternateScreen, Hide)
             .and_then(|()| Terminal::new(CrosstermBackend::new(stdout())));
-        match taken {
+        match result {
             Ok(terminal) => Ok(Self {
                 terminal: ManuallyDrop::new(terminal),
             }),
@@ -64,7 +63,7 @@ impl Drop for Screen {
     }
 }
 
-/// Gives the terminal back, once. One that is gone cannot be, and nobody sees it.
+/// Restores the terminal once. Errors are ignored: a closed terminal cannot be restored, and nobody sees it.
 fn restore() {
     if TAKEN.swap(false, Ordering::AcqRel) {
         let _ = execute!(stdout(), Show, LeaveAlternateScreen);

@@ -1,8 +1,7 @@
-//! Draws the [model](super::model) as a person chose to see it, on any terminal.
+//! Draws the [model](super::model) with the user's display settings, on any terminal.
 //!
-//! Called for each picture by the [screen](super::screen). Where there is little room, the clock, the
-//! verdicts and the keys stay, and plots and lists get shorter; nothing is cut in the middle of a
-//! number.
+//! Called for each frame by the [screen](super::screen). In a small terminal the clock, the verdicts and the keys
+//! stay, while plots and lists shrink; no number is truncated.
 
 mod lists;
 mod plot;
@@ -17,14 +16,14 @@ use ratatui::widgets::{Clear, Paragraph};
 use super::display::{Abilities, Display};
 use super::model::Model;
 
-/// From this width on, lists stand beside the plots.
+/// Minimum terminal width to place the lists beside the plots.
 const WIDE: u16 = 110;
-/// Width of the lists then.
+/// Width of the lists in that case.
 const LISTS: u16 = 52;
-/// Rows that a plot needs with its title.
+/// Rows of a plot including its title.
 const PLOT_ROWS: u16 = 5;
 
-/// Draws everything. `now_ns` is the monotonic clock.
+/// Draws the whole frame. `now_ns` is a time of the monotonic clock.
 pub(crate) fn draw(frame: &mut Frame<'_>, model: &Model, display: &Display, now_ns: u64) {
     let area = frame.area();
     let head_rows = if area.height >= 9 { 3 } else { 1 };
@@ -76,11 +75,11 @@ fn draw_plots(frame: &mut Frame<'_>, area: Rect, model: &Model, display: &Displa
         return;
     }
     if plots.is_empty() {
-        let told = match model.state() {
+        let hint = match model.state() {
             "starting" => "waiting for the first step",
             _ => "no signal to draw",
         };
-        frame.render_widget(Paragraph::new(told), area);
+        frame.render_widget(Paragraph::new(hint), area);
         return;
     }
     let [area, axis] = Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(area);
@@ -93,7 +92,7 @@ fn draw_plots(frame: &mut Frame<'_>, area: Rect, model: &Model, display: &Displa
     plot::draw_axis(frame, axis, model, display, usize::from(places));
 }
 
-/// Parts that fit into a width, each whole, two blanks between.
+/// Returns as many leading parts as fit into a width, separated by two spaces.
 fn fitting<'a>(width: u16, parts: Vec<Span<'a>>) -> Line<'a> {
     let mut line = Line::default();
     for part in parts.into_iter().filter(|part| !part.content.is_empty()) {
@@ -180,7 +179,7 @@ fn head_lines<'a>(
     vec![title, clock, fitting(width, figures)]
 }
 
-/// A time with as many digits as a step of the run is long.
+/// Formats a time with the digits that a step of the run needs.
 fn time(time_s: f64, model: &Model) -> String {
     let digits = match model.rate().hz() {
         hz if hz > 1000.0 => 4,
@@ -199,7 +198,7 @@ fn bold<'a>(text: impl Into<std::borrow::Cow<'a, str>>) -> Span<'a> {
     Span::styled(text, Modifier::BOLD)
 }
 
-/// Returns the style of a word that decides something.
+/// Returns the style of a word that states a verdict or a state.
 fn emphasis(abilities: Abilities, word: &str) -> Style {
     let style = Style::new().add_modifier(Modifier::BOLD);
     let colour = match word {
@@ -215,7 +214,7 @@ fn emphasis(abilities: Abilities, word: &str) -> Style {
     }
 }
 
-/// A message, of as many lines as the height allows, and the keys if there is room for both.
+/// Returns a message of as many lines as the height allows, and the keys if there is room for both.
 fn foot_lines(model: &Model, display: &Display, width: u16, height: u16) -> Vec<Line<'static>> {
     let (text, style) = if let Some(question) = &display.question {
         let text = format!("{} y: yes, any other key: no", question.text);
@@ -245,7 +244,7 @@ fn foot_lines(model: &Model, display: &Display, width: u16, height: u16) -> Vec<
         fitting(
             width,
             vec![
-                "any key leaves".into(),
+                "any key quits".into(),
                 "tab plots".into(),
                 "+- window".into(),
             ],
@@ -283,7 +282,7 @@ fn foot_lines(model: &Model, display: &Display, width: u16, height: u16) -> Vec<
     lines
 }
 
-/// A text in lines that are no longer than `width`, unless a word is.
+/// Wraps a text to lines of at most `width` characters, except for longer words.
 fn wrapped(text: &str, width: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split(' ') {
@@ -301,9 +300,9 @@ fn wrapped(text: &str, width: usize) -> Vec<String> {
 fn help(frame: &mut Frame<'_>, area: Rect, display: &Display) {
     let mut lines = vec![
         Line::from("q     quit; the run goes on"),
-        Line::from("p  r  pause the run, let it go on"),
+        Line::from("p  r  pause the run, resume it"),
         Line::from("s  S  one step, 100 steps, of a paused run"),
-        Line::from("tab   next plots; shift-tab the ones before"),
+        Line::from("tab   next plots; shift-tab previous plots"),
         Line::from("+  -  shorter, longer window"),
         Line::from("c     end all faults, after y"),
     ];

@@ -1,7 +1,7 @@
-//! Watching the session, on a thread of its own: from before its first step to its summary.
+//! Background thread that watches the session from before its first step until its summary.
 //!
-//! The thread sleeps between looks at the stream. It must not wait for a terminal: what it does not
-//! take in time is lost to it. Events that were lost are in the recording, once the run has ended.
+//! The thread sleeps between polls of the stream. It never waits for a terminal, because records it does not read
+//! in time are lost. Lost events are read from the recording once the run has ended.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -22,28 +22,28 @@ use shared_types::time::Rate;
 
 use super::{SharedModel, line};
 
-/// Interval between two looks for the beginning of the session.
+/// Polling interval until the session begins.
 const BEGIN: Duration = Duration::from_millis(20);
-/// Interval between two looks for the session while nothing comes.
+/// Polling interval while no records arrive.
 const LOOK: Duration = Duration::from_millis(200);
-/// Limit for the end of a session after its last record, and for its summary after that.
+/// Time limit for the end of a session after its last record, and for its summary after that.
 const END_LIMIT: Duration = Duration::from_secs(20);
-/// Limit for reading the events of a recording.
+/// Time limit for reading the events of a recording.
 const READ_LIMIT: Duration = Duration::from_secs(4);
 
-/// A second consumer of the observed records; called on the observer thread, must not block.
+/// Second consumer of the observed records; called on the observer thread, must not block.
 pub(crate) trait Audience: Send {
-    /// The signals are known.
+    /// Receives the layout once it is known.
     fn attach(&mut self, layout: &RecordLayout);
 
-    /// Something was seen.
+    /// Receives an observation.
     fn take(&mut self, seen: &Seen<'_>);
 
-    /// Nothing will be seen any more; why, as a person reads it.
+    /// Ends the stream; `last_word` is the reason, formatted for the user.
     fn end(&mut self, last_word: &str);
 }
 
-/// The thread as its owner sees it.
+/// Handle of the thread.
 pub(crate) struct Watch {
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -52,7 +52,7 @@ pub(crate) struct Watch {
 }
 
 impl Watch {
-    /// Watches a session from now on, until this is dropped; with a whole log in the end if that is shown.
+    /// Starts watching a session, until the handle is dropped; `shows_log` requests the complete log at the end.
     #[must_use]
     pub(crate) fn start(
         session: SessionInfo,
@@ -72,7 +72,7 @@ impl Watch {
         };
         let thread = std::thread::spawn(move || {
             if let Err(failure) = work.watch(&tried) {
-                let _ = failed.send(failure); // nobody is left to tell
+                let _ = failed.send(failure); // the handle may be gone
             }
         });
         Self {
@@ -83,20 +83,20 @@ impl Watch {
         }
     }
 
-    /// Waits until it was tried for the first time to attach.
+    /// Waits for the first attempt to attach.
     pub(crate) fn wait_for_first(&self) {
-        let _ = self.first.recv(); // an error is told by `check`
+        let _ = self.first.recv(); // `check` reports errors
     }
 
-    /// Tells what keeps it from watching.
+    /// Reports the failure of the thread.
     ///
     /// # Errors
-    /// If something does.
+    /// If the session cannot be watched.
     pub(crate) fn check(&self) -> Result<(), Failure> {
         self.failures.try_recv().map_or(Ok(()), Err)
     }
 
-    /// Reports the end of the records.
+    /// Returns `true` at the end of the records.
     #[must_use]
     pub(crate) fn has_ended(&self) -> bool {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
@@ -107,7 +107,7 @@ impl Drop for Watch {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Release);
         if let Some(thread) = self.thread.take() {
-            let _ = thread.join(); // a panic has told itself
+            let _ = thread.join(); // the panic hook has reported a panic
         }
     }
 }
@@ -138,7 +138,7 @@ impl WatchThread {
         self.stop.load(Ordering::Acquire)
     }
 
-    /// Attaches as soon as there is something to attach to; `None` if there will not be.
+    /// Attaches as soon as the session allows it; `None` if it ends before.
     fn attach(&mut self, tried: &Sender<()>) -> Result<Option<Observer>, Failure> {
         while !self.is_over() && self.session.is_there() {
             self.find_run_dir();
@@ -147,7 +147,7 @@ impl WatchThread {
                 if let Some(audience) = &mut self.audience {
                     audience.attach(observer.layout());
                 }
-                let _ = tried.send(()); // whoever waited may not any more
+                let _ = tried.send(()); // the waiting thread may have given up
                 return Ok(Some(observer));
             }
             let _ = tried.send(());
@@ -156,15 +156,15 @@ impl WatchThread {
         Ok(None)
     }
 
-    /// Looks until the run ends.
+    /// Polls the stream until the run ends.
     fn look(&mut self, observer: &mut Observer) -> Result<(), Failure> {
         let mut looked = Instant::now();
         while !self.is_over() {
-            // Asked before the look: what came until then must be in it.
+            // Checked before the poll, so that the poll covers everything up to then.
             let is_last = looked.elapsed() > LOOK && !self.session.is_there();
-            let taken = {
+            let count = {
                 let mut model = self.model.lock();
-                let taken = observer.look(|seen| {
+                let count = observer.look(|seen| {
                     if let Some(audience) = &mut self.audience {
                         audience.take(&seen);
                     }
@@ -173,9 +173,9 @@ impl WatchThread {
                 if model.ending().is_some() {
                     return Ok(());
                 }
-                taken
+                count
             };
-            if taken == 0 && is_last {
+            if count == 0 && is_last {
                 return Ok(());
             }
             if looked.elapsed() > LOOK {
@@ -187,13 +187,14 @@ impl WatchThread {
         Ok(())
     }
 
-    /// Waits until `hil` has removed the session and written the summary, and takes the verdict.
+    /// Waits until `hil` has removed the session and written the summary, and stores the verdict.
     fn wait_for_summary(&self) {
         let since = Instant::now();
         let run_dir = self.find_run_dir();
         let (mut verdict, mut standings) = (None, None);
         while !self.is_over() && verdict.is_none() && since.elapsed() < END_LIMIT {
-            // Asked before the look. Killed, it writes none, and it removes the folder of a run that did not begin.
+            // Checked before reading the summary. A killed `hil` writes none, and it removes the folder of a run
+            // that did not begin.
             let has_folder = run_dir.as_ref().is_some_and(|folder| folder.exists());
             let is_last =
                 !(self.session.owner.is_alive() && (has_folder || self.session.is_there()));
@@ -211,13 +212,13 @@ impl WatchThread {
             std::thread::sleep(BEGIN);
         }
         if self.is_over() {
-            return; // it is not watched any more, which is no end
+            return; // the handle was dropped, which does not end the session
         }
         if self.shows_log {
             self.complete_log(run_dir.as_deref());
         }
         let mut model = self.model.lock();
-        // What was asked last is older than the end.
+        // The last answer predates the end.
         model.hear_standings(standings);
         if verdict.is_none() && !self.session.owner.is_alive() {
             let recording = model.run_dir.as_ref().map(|folder| folder.join(RECORDING));
@@ -227,19 +228,19 @@ impl WatchThread {
         }
     }
 
-    /// Finds the folder of the run as long as the session is there: one that was just made does not tell it yet.
+    /// Finds the folder of the run while the session exists: a session just created does not name it yet.
     fn find_run_dir(&self) -> Option<PathBuf> {
-        let known = self.model.lock().run_dir.clone();
-        known.or_else(|| {
+        let run_dir = self.model.lock().run_dir.clone();
+        run_dir.or_else(|| {
             let info = SessionInfo::read(&self.session.folder).ok();
-            // Another session may have the name by now.
+            // The name may belong to another session by now.
             let info = info.filter(|info| info.id == self.session.id)?;
             self.model.lock().run_dir.clone_from(&info.run_dir);
             info.run_dir
         })
     }
 
-    /// Takes from the recording what happened, of a run of which the stream has not told all.
+    /// Completes the log from the recording if the stream has not delivered all events.
     fn complete_log(&self, run_dir: Option<&Path>) {
         let model = self.model.lock();
         let (is_whole, rate) = (model.has_seen_all(), model.rate());
@@ -252,7 +253,7 @@ impl WatchThread {
     }
 }
 
-/// The account of a recorded run, or as much of it as is read in time.
+/// Reads the account of a recorded run, or as much of it as the time limit allows.
 fn recorded(run: &Path, rate: Rate) -> Result<Vec<Happening>, ReadError> {
     let since = Instant::now();
     let mut reader = RunReader::open(run)?.without_digest();

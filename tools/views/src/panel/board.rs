@@ -1,4 +1,4 @@
-//! State that the pages of a session share: its model, what can be done to it, and its end.
+//! State shared by the pages of a session: its model, its actions and its end.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, OnceLock, PoisonError};
@@ -13,30 +13,30 @@ use serde_json::{Value, json};
 use shared_types::live::{Possible, Request, Response};
 use shared_types::record::RecordLayout;
 
-use super::message::Deed;
+use super::message::Action;
 use crate::monitor::SharedModel;
 use crate::monitor::asking::{LIMIT, ask_faults, in_one_line, met};
 use crate::monitor::prepared::{self, PreparedFault};
 use crate::plots::signal::own_names;
 
-/// A button for a fault.
+/// Button that injects a fault.
 pub(crate) struct Button {
-    /// Text on it.
+    /// Label.
     pub label: String,
     /// Fault.
     pub fault: PreparedFault,
 }
 
-/// Board that the pages of a session share.
+/// State shared by the pages of a session.
 pub(crate) struct Board {
     pub(super) session: SessionInfo,
     pub(super) model: SharedModel,
     pub(super) buttons: Vec<Button>,
-    /// Width of the time axis that a page begins with, in s.
+    /// Initial width of the time axis in s.
     pub(super) window_s: f64,
-    /// Faults that the session can take, and its signals, once it was asked.
+    /// Faults and signals of the session, once it has answered.
     possible: OnceLock<(Possible, RecordLayout)>,
-    /// Deeds go one after the other.
+    /// Serialises actions.
     doing: Mutex<()>,
     is_over: AtomicBool,
 }
@@ -59,7 +59,7 @@ impl Board {
         }
     }
 
-    /// Nothing will come any more.
+    /// Marks the end of the service.
     pub(crate) fn end(&self) {
         self.is_over.store(true, Ordering::Release);
     }
@@ -68,20 +68,20 @@ impl Board {
         self.is_over.load(Ordering::Acquire)
     }
 
-    /// Asks the session which faults it can take, unless that is known.
+    /// Returns the faults that the session supports, asking it on the first call.
     ///
     /// # Errors
     /// If it does not answer.
     pub(super) fn ask_possible(&self) -> Result<&(Possible, RecordLayout), RequestError> {
-        if let Some(known) = self.possible.get() {
-            return Ok(known);
+        if let Some(cached) = self.possible.get() {
+            return Ok(cached);
         }
         let layout = prepared::layout(&self.session)?;
         let possible = inject::possible(&self.session)?;
         Ok(self.possible.get_or_init(|| (possible, layout)))
     }
 
-    /// Describes the session; `None` as long as its signals are not known.
+    /// Describes the session; `None` until its signals are known.
     pub(super) fn about(&self) -> Option<Value> {
         let model = self.model.lock();
         model.drawn().next()?;
@@ -89,11 +89,11 @@ impl Board {
         let places: Vec<usize> = model.drawn().map(|(place, _)| place).collect();
         let signals = model.drawn().map(|(_, column)| column);
         let plots = model.plots().iter().map(|plot| {
-            let mut told = json!(plot);
-            // Places among those that are drawn.
+            let mut object = json!(plot);
+            // Indices among the drawn signals.
             let of = |signal: &usize| places.iter().position(|place| place == signal);
-            told["signals"] = plot.signals.iter().filter_map(of).collect();
-            told
+            object["signals"] = plot.signals.iter().filter_map(of).collect();
+            object
         });
         let readings: Vec<usize> = model
             .readings()
@@ -123,25 +123,25 @@ impl Board {
         }))
     }
 
-    /// Describes the faults that the session can take.
+    /// Describes the faults that the session supports.
     pub(crate) fn faults(&self) -> Option<Value> {
         let (possible, _) = self.ask_possible().ok()?;
         let listed = inject::listed(possible);
         Some(json!({ "tell": "faults", "faults": listed }))
     }
 
-    /// Describes the values that can be changed, of those that the panel is to show.
+    /// Describes the tunable values that the panel shows.
     pub(crate) fn tunable(&self) -> Option<Value> {
-        let asked = live::ask(&self.session, &Request::Tunable, LIMIT);
-        let Ok(Response::Tunable(tunable)) = asked else {
+        let answer = live::ask(&self.session, &Request::Tunable, LIMIT);
+        let Ok(Response::Tunable(tunable)) = answer else {
             return None;
         };
         let aliases = tunable.aliases();
         let mut values = tunable.values;
-        let wanted = self.model.lock().plan().panel.tune.clone();
-        if !wanted.is_empty() {
+        let names = self.model.lock().plan().panel.tune.clone();
+        if !names.is_empty() {
             let keys = values.iter().map(|one| one.key.as_str());
-            let patterns: Vec<Pattern> = own_names(&wanted, keys, &aliases)
+            let patterns: Vec<Pattern> = own_names(&names, keys, &aliases)
                 .iter()
                 .filter_map(|text| Pattern::new(text).ok())
                 .collect();
@@ -155,38 +155,38 @@ impl Board {
         )
     }
 
-    /// Does something to the session, and tells what came of it.
+    /// Carries out an action on the session and returns the result as text.
     ///
     /// # Errors
-    /// Reason for which it was not done.
-    pub(super) fn act(&self, deed: &Deed) -> Result<String, String> {
+    /// If the action was not carried out, with the reason.
+    pub(super) fn act(&self, action: &Action) -> Result<String, String> {
         let _alone = self.doing.lock().unwrap_or_else(PoisonError::into_inner);
-        let request = match (deed.request(), deed) {
+        let request = match (action.request(), action) {
             (Some(request), _) => request,
-            (None, Deed::Inject { words }) => self.fault(words)?,
+            (None, Action::Inject { words }) => self.fault(words)?,
             (None, _) => return Err("nothing to do".into()),
         };
-        let told = met(&self.session, &self.model, &request);
-        // Seen at once, not at the next look.
+        let result = met(&self.session, &self.model, &request);
+        // Updates the faults at once, without waiting for the next poll.
         ask_faults(&self.session, &self.model, LIMIT);
-        told
+        result
     }
 
-    /// The request for a fault, from its words.
+    /// Builds the request for a fault from its words.
     fn fault(&self, words: &str) -> Result<Request, String> {
-        let told = |error: RequestError| match error {
+        let in_words = |error: RequestError| match error {
             RequestError::Failed(failure) => failure.to_string(),
             RequestError::Refused(problems) => in_one_line(&refused_text(&problems)),
         };
-        // No page reads files of this machine.
+        // Pages must not read files of this machine.
         let mut split = shlex::split(words).unwrap_or_default().into_iter();
         if split.any(|word| word.starts_with("--tab")) {
-            return Err("--table reads a file, which `hil inject` does and no page".into());
+            return Err("--table reads a file; use `hil inject` for it".into());
         }
-        let (possible, layout) = self.ask_possible().map_err(told)?;
+        let (possible, layout) = self.ask_possible().map_err(in_words)?;
         let plan = self.model.lock().plan().clone();
         let prepared = prepared::one(words, possible, &plan, layout);
-        let prepared = prepared.map_err(|problems| told(RequestError::Refused(problems)))?;
+        let prepared = prepared.map_err(|problems| in_words(RequestError::Refused(problems)))?;
         Ok(Request::Inject {
             toml: prepared.toml,
         })

@@ -1,7 +1,7 @@
-//! A page that showed the secret: what it is sent, how often, and what it asks for.
+//! Authenticated page: sends it updates and handles its requests.
 //!
-//! It has no queue. When it has taken the last points, and not before, the next ones are made of what the model
-//! holds by then: a slow page gets fewer points, never older ones, and one that reads nothing costs nothing.
+//! There is no queue of points. Once the page has taken the last points, the next ones are made from the current
+//! model: a slow page gets fewer points, never older ones, and a page that reads nothing costs nothing.
 
 use std::io::ErrorKind;
 use std::net::TcpStream;
@@ -16,37 +16,37 @@ use tungstenite::protocol::frame::coding::CloseCode;
 use tungstenite::{Bytes, Error, Message, WebSocket};
 
 use super::board::Board;
-use super::message::{self, Deed, View, Wish};
+use super::message::{self, Action, ClientMessage, View};
 
-/// Interval between two looks for what the page says.
+/// Polling interval for messages of the page.
 const LISTEN: Duration = Duration::from_millis(8);
-/// Least interval between two messages with points.
+/// Minimum interval between two messages with points.
 const POINTS: Duration = Duration::from_millis(34);
-/// Most bytes of points in a second, beyond which there are fewer messages.
+/// Maximum bytes of points per second; larger messages are sent less often.
 const BYTES_PER_S: f64 = 1e6;
-/// Points that may be under way: sent, and not seen by the page.
+/// Maximum number of messages with points that the page has not acknowledged.
 const UNDER_WAY: u32 = 3;
-/// Interval between two looks at the state of the session.
+/// Interval between updates of the session's state.
 const STATE: Duration = Duration::from_millis(150);
-/// Interval between two looks at whether values were changed.
+/// Interval between checks for changed values.
 const TUNABLE: Duration = Duration::from_millis(500);
-/// Interval after which the state is told although it is the same: the page knows by it that it is connected.
+/// Interval after which an unchanged state is sent again, as a sign of life for the page.
 const ALIVE: Duration = Duration::from_secs(5);
-/// Interval between two questions to the page for a sign of life, and limit for it.
+/// Interval between two pings to the page, and time limit for the reply.
 const PING: Duration = Duration::from_secs(5);
 const SILENT: Duration = Duration::from_secs(30);
-/// Deeds that may wait.
-const DEEDS: usize = 8;
-/// Messages of a page that are read at one look.
+/// Maximum number of queued actions.
+const ACTIONS: usize = 8;
+/// Maximum number of a page's messages handled at a time.
 const AT_ONCE: usize = 32;
-/// Limit for a page to hear the end.
+/// Time limit for a page to receive the end.
 const END_LIMIT: Duration = Duration::from_secs(2);
 
-/// Question or deed that waits for the session's answer.
+/// Query or action that awaits the session's answer.
 enum Errand {
-    /// Something that the session is to do, with its number.
-    Do(u32, Deed),
-    /// The values that can be changed.
+    /// Action with its number.
+    Do(u32, Action),
+    /// Query for the tunable values.
     AskTunable,
 }
 
@@ -54,12 +54,12 @@ pub(crate) struct Client<'a> {
     socket: WebSocket<TcpStream>,
     board: &'a Arc<Board>,
     view: View,
-    /// Points that were sent, and those that were seen.
+    /// Number of the last points sent, and of the last acknowledged.
     sent: u32,
     seen: u32,
-    /// Edition of the log, and how much of it was sent.
+    /// Edition of the log, and the number of events sent.
     logged: (u32, usize),
-    /// The socket has not taken everything.
+    /// `true` while the socket's buffer is full.
     is_full: bool,
     heard_at: Instant,
     work: SyncSender<Errand>,
@@ -68,21 +68,23 @@ pub(crate) struct Client<'a> {
 
 impl<'a> Client<'a> {
     pub(crate) fn new(socket: WebSocket<TcpStream>, board: &'a Arc<Board>) -> Self {
-        let (work, asked) = sync_channel(DEEDS);
+        let (work, errands) = sync_channel(ACTIONS);
         let (answer, answers) = channel();
         let theirs = Arc::clone(board);
-        // Not joined: an answer may take long when nobody wants it any more.
+        // Not joined: it may still wait for an answer that is no longer needed.
         std::thread::spawn(move || {
             if let Some(faults) = theirs.faults() {
-                let _ = answer.send(faults.to_string()); // the page may have gone
+                let _ = answer.send(faults.to_string()); // the page may be closed
             }
-            for work in asked {
-                let told = match work {
-                    Errand::Do(number, deed) => Some(message::answer(number, &theirs.act(&deed))),
-                    Errand::AskTunable => theirs.tunable().map(|told| told.to_string()),
+            for work in errands {
+                let text = match work {
+                    Errand::Do(number, action) => {
+                        Some(message::answer(number, &theirs.act(&action)))
+                    }
+                    Errand::AskTunable => theirs.tunable().map(|text| text.to_string()),
                 };
-                if let Some(told) = told
-                    && answer.send(told).is_err()
+                if let Some(text) = text
+                    && answer.send(text).is_err()
                 {
                     return;
                 }
@@ -103,10 +105,10 @@ impl<'a> Client<'a> {
         }
     }
 
-    /// Serves the page until it goes or nothing will come any more.
+    /// Serves the page until it disconnects or the session ends.
     ///
     /// # Errors
-    /// If the page went away.
+    /// If the page disconnected.
     pub(crate) fn serve(mut self) -> Result<(), Error> {
         let mut state = Value::Null;
         let mut is_described = false;
@@ -137,7 +139,7 @@ impl<'a> Client<'a> {
                 if now >= state_at || self.board.is_over() {
                     state_at = now + STATE;
                     let model = self.board.model.lock();
-                    // The page knows by then how long a step is.
+                    // By now the page knows the length of a step.
                     let log = is_described.then(|| message::log(model.log(), &mut self.logged));
                     let newest = message::state(&model, monotonic_ns());
                     drop(model);
@@ -151,7 +153,7 @@ impl<'a> Client<'a> {
                 }
                 if now >= tunable_at && is_described {
                     let model = self.board.model.lock();
-                    // Of a run that is held a change is seen by nobody until it goes on.
+                    // A change of a paused run takes effect only when it resumes.
                     let seen = (!model.is_paused()).then(|| model.retunings());
                     drop(model);
                     let is_news = seen.is_none() || seen != retunings;
@@ -173,7 +175,7 @@ impl<'a> Client<'a> {
         }
     }
 
-    /// Sends what is new, if the page has seen enough of what it was sent; how many bytes that were.
+    /// Sends new points if the page has acknowledged enough of the previous ones; returns their size in bytes.
     fn points(&mut self) -> Result<usize, Error> {
         if self.sent.wrapping_sub(self.seen) >= UNDER_WAY {
             return Ok(0);
@@ -187,7 +189,7 @@ impl<'a> Client<'a> {
         Ok(size)
     }
 
-    /// Says something, now or as soon as the socket takes it.
+    /// Sends a message now or as soon as the socket accepts it.
     fn say(&mut self, message: Message) -> Result<(), Error> {
         match self.socket.send(message) {
             Err(Error::Io(error)) if error.kind() == ErrorKind::WouldBlock => {
@@ -211,7 +213,7 @@ impl<'a> Client<'a> {
         }
     }
 
-    /// Hears what the page wants.
+    /// Handles the page's messages.
     fn listen(&mut self) -> Result<(), Error> {
         for _ in 0..AT_ONCE {
             let text = match self.socket.read() {
@@ -225,42 +227,43 @@ impl<'a> Client<'a> {
                 Err(error) => return Err(error),
             };
             self.heard_at = Instant::now();
-            match message::wish(&text) {
-                Ok(Wish::View { number, window_s }) => {
+            match message::parse(&text) {
+                Ok(ClientMessage::View { number, window_s }) => {
                     let rate = self.board.model.lock().rate();
                     self.view = View::new(number, window_s, rate);
                 }
-                Ok(Wish::Seen { number }) => {
-                    // Of none that was not sent.
+                Ok(ClientMessage::Seen { number }) => {
+                    // Ignores numbers that were never sent.
                     if self.sent.wrapping_sub(number) <= UNDER_WAY {
                         self.seen = number;
                     }
                 }
-                Ok(Wish::Do { number, deed }) => {
-                    if let Err(TrySendError::Full(_)) = self.work.try_send(Errand::Do(number, deed))
+                Ok(ClientMessage::Do { number, action }) => {
+                    if let Err(TrySendError::Full(_)) =
+                        self.work.try_send(Errand::Do(number, action))
                     {
                         let busy = Err("the session has not answered yet".into());
                         self.say(message::answer(number, &busy).into())?;
                     }
                 }
-                Err(_) => return Err(Error::ConnectionClosed), // no page of ours says that
+                Err(_) => return Err(Error::ConnectionClosed), // the panel's own page never sends that
             }
         }
         Ok(())
     }
 
-    /// Tells the end, and waits for a while until it is heard.
+    /// Announces the end and waits a limited time for the page to receive it.
     fn part(&mut self) -> Result<(), Error> {
         let text = match self.board.model.lock().ending() {
-            Some(_) => "the session has ended, and its panel with it",
-            None => "the panel was ended; the session goes on",
+            Some(_) => "the session has ended",
+            None => "the panel was closed; the session continues",
         };
         self.say(message::over(text).into())?;
         let frame = CloseFrame {
             code: CloseCode::Away,
             reason: "".into(),
         };
-        let _ = self.socket.close(Some(frame)); // what cannot be said now is flushed below
+        let _ = self.socket.close(Some(frame)); // the rest is flushed below
         let since = Instant::now();
         while since.elapsed() < END_LIMIT {
             self.flush()?;

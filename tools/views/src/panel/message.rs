@@ -1,8 +1,7 @@
-//! Messages between a page and its server: JSON one way and the other, and points as bytes.
+//! Messages between a page and its server: JSON in both directions, and points as bytes.
 //!
-//! Nothing of a page is believed: what is no message of this list is refused, and numbers are bounded before they
-//! are used. Points of a signal are the least and the greatest value of equal stretches of time, so that no spike
-//! is lost however few there are.
+//! Nothing from a page is trusted: unknown messages are refused, and numbers are bounded before use. Points of a
+//! signal are minimum and maximum of equal time intervals, so that no spike is lost however few they are.
 
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -14,87 +13,88 @@ use crate::monitor::line;
 use crate::monitor::log::Log;
 use crate::monitor::model::Model;
 
-/// Longest message of a page.
+/// Maximum length of a page's message in bytes.
 pub const LONGEST: usize = 16 << 10;
-/// Most stretches of time that a page is sent at a time; a window has half of them at least.
+/// Maximum number of intervals sent to a page at a time; a window has at least half as many.
 const STRETCHES: u64 = 800;
-/// Most events in a message.
+/// Maximum number of events in a message.
 const EVENTS: usize = 1000;
-/// Shortest and longest window of a page in s.
+/// Minimum and maximum window of a page in s.
 const WINDOWS_S: [f64; 2] = [1e-6, 1e6];
-/// First byte of points.
+/// First byte of a message with points.
 const POINTS: u64 = 1;
 
 /// First message of a page.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Greeting {
-    /// Secret of the address.
+    /// Secret from the address.
     pub secret: String,
 }
 
-/// Wish of a page.
+/// Message of a page.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(tag = "ask", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum Wish {
-    /// Another width of the time axis.
+pub enum ClientMessage {
+    /// Sets the width of the time axis.
     View {
-        /// Number of the view, which its points have.
+        /// Number of the view, repeated in its points.
         number: u32,
         /// Width in simulated time.
         window_s: f64,
     },
-    /// Word that points have come.
+    /// Acknowledges points.
     Seen {
         /// Number of the points.
         number: u32,
     },
-    /// Something that the session is to do.
+    /// Requests an action on the session.
     Do {
-        /// Number, for the answer.
+        /// Number, repeated in the answer.
         number: u32,
-        /// Deed.
-        deed: Deed,
+        /// Action.
+        #[serde(rename = "deed")]
+        action: Action,
     },
 }
 
-/// Something that a session is to do.
+/// Action on a session.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(tag = "deed", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum Deed {
-    /// Hold before the next step.
+pub enum Action {
+    /// Pause before the next step.
     Pause {},
-    /// Go on.
+    /// Resume.
     Resume {},
-    /// Execute some steps, then hold.
+    /// Execute some steps, then pause.
     Step {
         /// Number of steps.
         steps: u64,
     },
-    /// Put a note.
+    /// Set a mark.
     Mark {
-        /// Text of the note.
+        /// Text of the mark.
         text: String,
     },
     /// Change values.
     Set {
-        /// Values, and when they begin.
+        /// Values, and their start time.
         change: ChangeRequest,
     },
-    /// Put in a fault.
+    /// Inject a fault.
     Inject {
-        /// Words as `hil inject` takes them.
+        /// Words in the syntax of `hil inject`.
         words: String,
     },
     /// End faults.
     Clear {
-        /// Number of the fault; all if `None`.
+        /// Number of the fault; `None` for all.
         fault: Option<u32>,
     },
 }
 
-impl Deed {
-    /// The request that it makes of the plant; `None` of a fault, whose words are read first.
+impl Action {
+    /// Returns the request to the plant; `None` for a fault, whose words must be parsed first.
     #[must_use]
     pub fn request(&self) -> Option<Request> {
         Some(match self {
@@ -109,36 +109,39 @@ impl Deed {
     }
 }
 
-/// Reads a message of a page.
+/// Parses a message of a page.
 ///
 /// # Errors
-/// If it is none.
-pub fn wish(text: &str) -> Result<Wish, String> {
-    let wish = serde_json::from_str(text).map_err(|error| format!("no message: {error}"))?;
-    match wish {
-        Wish::View { window_s, .. } if !(WINDOWS_S[0]..=WINDOWS_S[1]).contains(&window_s) => {
-            Err("no window of time".into())
+/// If it is malformed.
+pub fn parse(text: &str) -> Result<ClientMessage, String> {
+    let message =
+        serde_json::from_str(text).map_err(|error| format!("malformed message: {error}"))?;
+    match message {
+        ClientMessage::View { window_s, .. }
+            if !(WINDOWS_S[0]..=WINDOWS_S[1]).contains(&window_s) =>
+        {
+            Err("invalid time window".into())
         }
-        wish => Ok(wish),
+        message => Ok(message),
     }
 }
 
-/// Word on what became of a deed.
-pub(super) fn answer(number: u32, met: &Result<String, String>) -> String {
-    let (is_done, text) = match met {
+/// Encodes the result of an action.
+pub(super) fn answer(number: u32, result: &Result<String, String>) -> String {
+    let (is_done, text) = match result {
         Ok(text) => (true, text),
         Err(text) => (false, text),
     };
     json!({ "tell": "answer", "number": number, "is_done": is_done, "text": text }).to_string()
 }
 
-/// Last word to a page.
+/// Encodes the last message to a page.
 pub(super) fn over(text: &str) -> String {
     json!({ "tell": "over", "text": text }).to_string()
 }
 
-/// Events that a page was not sent; `None` if it has all. `sent` is the edition of the log and how much of it was
-/// sent.
+/// Encodes events not yet sent to a page; `None` if there are none. `sent` is the edition of the log and the number
+/// of events sent.
 pub(super) fn log(log: &Log, sent: &mut (u32, usize)) -> Option<Value> {
     let edition = log.edition();
     let (of, from) = *sent;
@@ -150,28 +153,28 @@ pub(super) fn log(log: &Log, sent: &mut (u32, usize)) -> Option<Value> {
         .then(|| json!({ "tell": "log", "edition": edition, "from": from, "events": events }))
 }
 
-/// State of the session, apart from its signals and its log.
+/// Encodes the state of the session, without its signals and its log.
 pub(super) fn state(model: &Model, now_ns: u64) -> Value {
     let mut state = line::json(model, now_ns);
     state["tell"] = "state".into();
-    state["signals"] = Value::Null; // they come as points
+    state["signals"] = Value::Null; // sent as points
     state["law"] = model.law().into();
     state["told"] = json!(model.ending().map(|ending| line::ended(model, ending)));
     state
 }
 
-/// Stretches of time that a page looks at.
+/// Time intervals shown by a page.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct View {
     number: u32,
-    /// Length of a stretch in steps, as a power of two.
+    /// Length of an interval in steps, as a power of two.
     shift: u32,
-    /// The first stretch that was not sent whole.
+    /// First interval that was not sent completely.
     next: u64,
 }
 
 impl View {
-    /// A window of time of which nothing was sent.
+    /// Creates a view of which nothing was sent.
     pub(super) fn new(number: u32, window_s: f64, rate: Rate) -> Self {
         let steps = rate.step_at_or_after(window_s).0;
         let shift = (0..u64::BITS - 11).find(|shift| steps >> shift < STRETCHES);
@@ -182,7 +185,7 @@ impl View {
         }
     }
 
-    /// Points of a model from the last ones on, or of as much as a page shows; `None` if there are no new ones.
+    /// Encodes points from the last sent ones on, or for a whole window; `None` if there are no new ones.
     pub(super) fn points(&mut self, model: &Model, number: u32) -> Option<Vec<u8>> {
         let newest = model.seen()?;
         let last = newest >> self.shift;
@@ -193,7 +196,7 @@ impl View {
             self.next
         };
         let count = (last + 1).checked_sub(first)?;
-        // The stretch that may still grow is sent again.
+        // The newest interval is incomplete and sent again.
         self.next = last;
         let signals = model.histories().count();
         let words = 7 + signals + signals * count as usize;
@@ -224,7 +227,7 @@ mod tests {
     use hil_facts::session::happening::Happening;
 
     #[test]
-    fn what_a_page_may_say_is_a_short_list() {
+    fn a_page_can_send_only_the_listed_messages() {
         for text in [
             r#"{"ask":"view","number":1,"window_s":5}"#,
             r#"{"ask":"seen","number":7}"#,
@@ -235,7 +238,7 @@ mod tests {
             r#"{"ask":"do","number":2,"deed":{"deed":"set","change":{"clear":["reference.position_m"]}}}"#,
             r#"{"ask":"do","number":3,"deed":{"deed":"inject","words":"bias measured.x_m 1"}}"#,
         ] {
-            wish(text).expect(text);
+            parse(text).expect(text);
         }
         for text in [
             "",
@@ -248,12 +251,12 @@ mod tests {
             r#"{"ask":"do","number":1,"deed":{"deed":"pause","at":3}}"#,
             r#"{"ask":"run","program":"sh"}"#,
         ] {
-            wish(text).expect_err(text);
+            parse(text).expect_err(text);
         }
     }
 
     #[test]
-    fn a_log_is_sent_in_parts_and_anew_when_it_has_another_begin() {
+    fn a_log_is_sent_in_parts_and_again_from_the_start_in_a_new_edition() {
         let mark = |step| Happening {
             step,
             text: format!("mark at step {step}"),
@@ -267,20 +270,20 @@ mod tests {
             .map(mark)
             .for_each(|one| log.see(one));
         for (from, first, count) in [(0, 10, EVENTS), (EVENTS, 10 + EVENTS, 2)] {
-            let told = super::log(&log, &mut sent).expect("a part");
-            assert_eq!(told["from"], from);
-            assert_eq!(told["events"][0]["step"], first);
-            assert_eq!(told["events"].as_array().map(Vec::len), Some(count));
+            let part = super::log(&log, &mut sent).expect("a part");
+            assert_eq!(part["from"], from);
+            assert_eq!(part["events"][0]["step"], first);
+            assert_eq!(part["events"].as_array().map(Vec::len), Some(count));
         }
         assert_eq!(super::log(&log, &mut sent), None);
         log.hear(vec![mark(3)]);
-        let told = super::log(&log, &mut sent).expect("all of it");
-        assert_eq!((&told["edition"], &told["from"]), (&json!(1), &json!(0)));
-        assert_eq!(told["events"][0]["step"], 3);
+        let part = super::log(&log, &mut sent).expect("all of it");
+        assert_eq!((&part["edition"], &part["from"]), (&json!(1), &json!(0)));
+        assert_eq!(part["events"][0]["step"], 3);
     }
 
     #[test]
-    fn a_window_has_between_half_and_all_of_the_stretches() {
+    fn a_window_has_between_half_and_all_of_the_intervals() {
         let rate = Rate::new(10_000.0).expect("a rate");
         for window_s in [0.2, 1.0, 5.0, 30.0, 3600.0, 86_400.0] {
             let view = View::new(0, window_s, rate);

@@ -1,7 +1,7 @@
-//! Opening the page in the user's browser.
+//! Opens the page in the user's browser.
 //!
-//! The address has the secret, and arguments of a process can be read by every user. So the opener is given a file
-//! that only this user can read and that leads on to the address.
+//! The address contains the secret, and every user can read the arguments of a process. Therefore the opener gets a
+//! file that only this user can read and that redirects to the address.
 
 use std::io::Write;
 use std::process::{Command, Stdio};
@@ -9,10 +9,10 @@ use std::process::{Command, Stdio};
 use maud::{DOCTYPE, html};
 use tempfile::NamedTempFile;
 
-/// Program that opens a file in what the user likes for it.
+/// Program that opens a file in the user's preferred application.
 const OPENER: &str = "xdg-open";
 
-/// Opens an address, if this machine has a screen and an opener; the file is there as long as what it returns.
+/// Opens an address, if this machine has a screen and an opener; dropping the returned file removes it.
 pub(super) fn open(url: &str) -> Option<NamedTempFile> {
     let has_screen = ["DISPLAY", "WAYLAND_DISPLAY"]
         .iter()
@@ -31,7 +31,7 @@ pub(super) fn open(url: &str) -> Option<NamedTempFile> {
             }
         }
     };
-    // Such a file is made for its user alone.
+    // Temporary files are readable by their owner only.
     let file = tempfile::Builder::new()
         .prefix("hil-panel-")
         .suffix(".html")

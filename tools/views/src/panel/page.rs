@@ -1,7 +1,7 @@
-//! The page and what goes with it: answers as bytes, with the rules that the browser is to keep.
+//! HTTP responses of the panel's server, with the security headers for the browser.
 //!
-//! The page holds nothing of the run: everything comes through the WebSocket, to whoever knows the secret. All of it
-//! is one document, so that there is nothing else to be asked for.
+//! The page contains no data of the run: all data arrives through the WebSocket, which requires the secret. The
+//! page is a single document, so the browser requests nothing else.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
@@ -10,17 +10,18 @@ use crate::report::page::{AXIS, UPLOT, UPLOT_STYLE};
 
 const SCRIPT: &str = include_str!("assets/panel.js");
 const STYLE: &str = include_str!("assets/panel.css");
-/// Headers of every answer that is no WebSocket.
+/// Headers of every response except the WebSocket upgrade.
 const HEADERS: &str = "Cache-Control: no-store\r\nReferrer-Policy: no-referrer\r\nX-Content-Type-Options: nosniff\r\nCross-Origin-Opener-Policy: same-origin\r\nCross-Origin-Resource-Policy: same-origin\r\nConnection: close\r\n";
 
-/// Rules of the page: its own script and style, by a number that nobody can guess, and its own WebSocket.
+/// Content security policy of the page: its own script and style, identified by an unguessable nonce, and its own
+/// WebSocket.
 fn policy(host: &str, nonce: &str) -> String {
     format!(
         "default-src 'none'; script-src 'nonce-{nonce}'; style-src 'nonce-{nonce}'; connect-src ws://{host}; img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
     )
 }
 
-/// The page as an answer.
+/// Returns the page as a response.
 pub(super) fn response(host: &str, nonce: &str, wants_body: bool) -> Vec<u8> {
     let page = page(nonce);
     let policy = policy(host, nonce);
@@ -32,7 +33,7 @@ pub(super) fn response(host: &str, nonce: &str, wants_body: bool) -> Vec<u8> {
     .into_bytes()
 }
 
-/// A refusal as an answer.
+/// Returns a refusal as a response.
 pub(super) fn refusal(refused: Refused) -> Vec<u8> {
     let Refused { status, reason } = refused;
     let length = reason.len() + 1;
@@ -42,7 +43,7 @@ pub(super) fn refusal(refused: Refused) -> Vec<u8> {
     .into_bytes()
 }
 
-/// The answer after which the connection is a WebSocket.
+/// Returns the response that upgrades the connection to a WebSocket.
 pub(super) fn switched(accept: &str) -> Vec<u8> {
     format!(
         "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Accept: {accept}\r\n\r\n"
@@ -79,7 +80,7 @@ fn page(nonce: &str) -> String {
                 p #status .visually-hidden role="status" aria-live="polite" {}
                 p #armed role="alert" hidden {
                     "Inject " code #armed-words {} "?" br;
-                    kbd { "y" } " injects it, any other key does not."
+                    kbd { "y" } " injects it, any other key cancels."
                 }
                 script nonce=(nonce) { (PreEscaped(UPLOT)) }
                 script nonce=(nonce) { (PreEscaped(AXIS)) }
@@ -165,7 +166,7 @@ fn faults() -> Markup {
         section #faults-box {
             h2 { "Faults" }
             ul #faults {}
-            p #no-faults .hint { "None acts or waits." }
+            p #no-faults .hint { "No active or waiting faults." }
             button #clear-all type="button" hidden { "End all" }
         }
     }
@@ -182,8 +183,8 @@ fn inject() -> Markup {
                 div.field #target-field { label for="target" { "Target" } select #target {} }
                 div #parameters {}
                 details {
-                    summary { "When, and for how long" }
-                    div.field { label for="duration" { "Duration [s]" } input #duration inputmode="decimal" placeholder="until it is ended"; }
+                    summary { "Start and duration" }
+                    div.field { label for="duration" { "Duration [s]" } input #duration inputmode="decimal" placeholder="until cleared"; }
                     div.field { label for="ramp" { "Ramp [s]" } input #ramp inputmode="decimal" placeholder="at once"; }
                     div.field { label for="when" { "When" } input #when placeholder="abs(truth.x) > 0.1"; }
                 }

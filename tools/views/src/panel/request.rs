@@ -1,183 +1,185 @@
-//! Requests of a browser, judged before anything is answered: one page and one WebSocket, for pages of this
-//! machine alone.
+//! Checks of HTTP requests before they are answered: one page and one WebSocket, for pages of this machine alone.
 //!
-//! A pure function of the bytes that came. [`Host`](Asked) must be an address of this machine, which keeps out a
-//! foreign name that was made to lead here; `Origin` must be the page's own, which keeps out foreign pages. No
-//! browser sends `Origin` when it opens a page, so there a missing one passes, and what the browser says of the
-//! request must be that it opens a page. The page holds nothing of the run.
+//! A pure function of the received bytes. [`Host`](HttpRequest) must be a loopback address, which defeats DNS
+//! rebinding; `Origin` must be that of the page, which keeps out foreign pages. Browsers send no `Origin` when they
+//! navigate to a page, so it may be missing there, but then the fetch metadata must describe a navigation. The page
+//! itself contains no data of the run.
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 
-/// Longest head of a request.
+/// Maximum length of a request head in bytes.
 pub const LONGEST: usize = 8 << 10;
-/// Most lines of a head.
+/// Maximum number of header lines.
 const LINES: usize = 64;
-/// Place of the page.
+/// Path of the page.
 const PAGE: &str = "/";
-/// Place of the WebSocket.
+/// Path of the WebSocket.
 const LIVE: &str = "/live";
 
-/// A request that may be answered.
+/// Accepted request.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Asked {
-    /// The page, at a host; without its body for a `HEAD`.
+pub enum HttpRequest {
+    /// Page; without its body for a `HEAD` request.
     Page {
-        /// Host as the browser names it, with its port.
+        /// Host and port as named by the browser.
         host: String,
-        /// The body is wanted.
+        /// `true` if the body is requested.
         wants_body: bool,
     },
-    /// The WebSocket.
+    /// WebSocket upgrade.
     Live {
-        /// Key that the answer is computed from.
+        /// Key from which the accept value is computed.
         key: String,
     },
 }
 
-/// Reason for which a request is refused.
+/// Refusal of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Refused {
-    /// Status and its name.
+    /// Status code and reason phrase.
     pub status: &'static str,
-    /// Reason, for a person.
+    /// Explanation for the user.
     pub reason: &'static str,
 }
 
-/// Judgement of the bytes that came so far.
+/// Verdict on the bytes received so far.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Judged {
-    /// The head is not complete.
+pub enum Verdict {
+    /// Incomplete head.
     Incomplete,
-    /// Request, and the length of its head.
-    Asked(Asked, usize),
-    /// No.
+    /// Accepted request, and the length of its head.
+    Accepted(HttpRequest, usize),
+    /// Refusal.
     Refused(Refused),
 }
 
-const fn refused(status: &'static str, reason: &'static str) -> Judged {
-    Judged::Refused(Refused { status, reason })
+const fn refused(status: &'static str, reason: &'static str) -> Verdict {
+    Verdict::Refused(Refused { status, reason })
 }
 
-/// Judges the beginning of what a client sent.
+/// Checks the beginning of what a client sent.
 #[must_use]
-pub fn judge(bytes: &[u8]) -> Judged {
+pub fn judge(bytes: &[u8]) -> Verdict {
     let mut lines = [httparse::EMPTY_HEADER; LINES];
     let mut head = httparse::Request::new(&mut lines);
-    let seen = &bytes[..bytes.len().min(LONGEST)];
-    let length = match head.parse(seen) {
+    let head_bytes = &bytes[..bytes.len().min(LONGEST)];
+    let length = match head.parse(head_bytes) {
         Ok(httparse::Status::Complete(length)) => length,
-        Ok(httparse::Status::Partial) if seen.len() < LONGEST => return Judged::Incomplete,
+        Ok(httparse::Status::Partial) if head_bytes.len() < LONGEST => return Verdict::Incomplete,
         Ok(httparse::Status::Partial) | Err(httparse::Error::TooManyHeaders) => {
             return refused(
                 "431 Request Header Fields Too Large",
-                "the head is too long",
+                "request head too large",
             );
         }
-        Err(_) => return refused("400 Bad Request", "no request"),
+        Err(_) => return refused("400 Bad Request", "malformed request"),
     };
     match judge_head(&head) {
-        Ok(asked) => Judged::Asked(asked, length),
-        Err(refused) => Judged::Refused(refused),
+        Ok(request) => Verdict::Accepted(request, length),
+        Err(refused) => Verdict::Refused(refused),
     }
 }
 
-fn judge_head(head: &httparse::Request<'_, '_>) -> Result<Asked, Refused> {
+fn judge_head(head: &httparse::Request<'_, '_>) -> Result<HttpRequest, Refused> {
     let no = |status, reason| Err(Refused { status, reason });
     let bad = |reason| Refused {
         status: "400 Bad Request",
         reason,
     };
     if head.version != Some(1) {
-        return no("505 HTTP Version Not Supported", "HTTP/1.1 is spoken here");
+        return no(
+            "505 HTTP Version Not Supported",
+            "only HTTP/1.1 is supported",
+        );
     }
     let one = |name: &'static str| one(head, name);
-    let host = one("host")?.ok_or(bad("no host is named"))?;
+    let host = one("host")?.ok_or(bad("missing Host header"))?;
     if !is_loopback(host) {
-        return no("421 Misdirected Request", "the host is not this machine");
+        return no("421 Misdirected Request", "Host is not a loopback address");
     }
     let origin = one("origin")?;
     if origin.is_some_and(|origin| !is_of(origin, host)) {
-        return no("403 Forbidden", "another page asks");
+        return no("403 Forbidden", "cross-origin request");
     }
     if one("content-length")?.is_some_and(|length| length != "0")
         || one("transfer-encoding")?.is_some()
     {
-        return no("413 Content Too Large", "nothing is taken");
+        return no("413 Content Too Large", "request body not allowed");
     }
     let method = head.method.unwrap_or_default();
     match head.path.unwrap_or_default() {
         PAGE => {
             if !matches!(method, "GET" | "HEAD") {
-                return no("405 Method Not Allowed", "GET is answered");
+                return no("405 Method Not Allowed", "only GET and HEAD are allowed");
             }
-            // A browser that tells at all: a page that is opened, and neither a frame nor a part of another.
-            let opens = one("sec-fetch-dest")?.is_none_or(|what| what == "document")
-                && one("sec-fetch-mode")?.is_none_or(|how| how == "navigate");
+            // For browsers that send fetch metadata: a top-level navigation, neither a frame nor a subresource.
+            let opens = one("sec-fetch-dest")?.is_none_or(|dest| dest == "document")
+                && one("sec-fetch-mode")?.is_none_or(|mode| mode == "navigate");
             if !opens {
-                return no("403 Forbidden", "another page asks");
+                return no("403 Forbidden", "cross-site request");
             }
-            Ok(Asked::Page {
+            Ok(HttpRequest::Page {
                 host: host.to_ascii_lowercase(),
                 wants_body: method == "GET",
             })
         }
         LIVE => {
             if method != "GET" {
-                return no("405 Method Not Allowed", "GET is answered");
+                return no("405 Method Not Allowed", "only GET is allowed");
             }
             if origin.is_none() {
-                return no("403 Forbidden", "no page asks");
+                return no("403 Forbidden", "missing Origin header");
             }
             let says = |name, word: &str| {
-                let said = one(name)?.unwrap_or_default();
-                let mut words = said.split(',').map(str::trim);
+                let value = one(name)?.unwrap_or_default();
+                let mut words = value.split(',').map(str::trim);
                 Ok::<_, Refused>(words.any(|one| one.eq_ignore_ascii_case(word)))
             };
             if !says("upgrade", "websocket")? || !says("connection", "upgrade")? {
-                return no("426 Upgrade Required", "a WebSocket is here");
+                return no("426 Upgrade Required", "WebSocket upgrade required");
             }
             if one("sec-websocket-version")? != Some("13") {
-                return no("426 Upgrade Required", "version 13 is spoken here");
+                return no("426 Upgrade Required", "WebSocket version 13 required");
             }
             let key = one("sec-websocket-key")?.unwrap_or_default();
             if !STANDARD.decode(key).is_ok_and(|key| key.len() == 16) {
-                return Err(bad("no key"));
+                return Err(bad("invalid Sec-WebSocket-Key header"));
             }
-            Ok(Asked::Live {
+            Ok(HttpRequest::Live {
                 key: key.to_owned(),
             })
         }
-        _ => no("404 Not Found", "nothing is here"),
+        _ => no("404 Not Found", "not found"),
     }
 }
 
-/// The value of a line that may stand there once.
+/// Returns the value of a header that may occur once.
 fn one<'a>(head: &httparse::Request<'_, 'a>, name: &str) -> Result<Option<&'a str>, Refused> {
     let bad = |reason| Refused {
         status: "400 Bad Request",
         reason,
     };
     let is_it = |line: &&httparse::Header<'_>| line.name.eq_ignore_ascii_case(name);
-    let mut found = head.headers.iter().filter(is_it);
-    let Some(line) = found.next() else {
+    let mut matching = head.headers.iter().filter(is_it);
+    let Some(line) = matching.next() else {
         return Ok(None);
     };
-    if found.next().is_some() {
-        return Err(bad("a line stands there twice"));
+    if matching.next().is_some() {
+        return Err(bad("duplicate header"));
     }
     match std::str::from_utf8(line.value) {
         Ok(value) if value.is_ascii() => Ok(Some(value.trim())),
-        _ => Err(bad("a line is no text")),
+        _ => Err(bad("header value is not ASCII")),
     }
 }
 
-/// Reports a host of this machine, with any port: `ssh -L` has one of its own.
+/// Returns `true` for a loopback host with any port: `ssh -L` forwards from a port of its own.
 fn is_loopback(host: &str) -> bool {
     let (name, port) = match host.rsplit_once(':') {
-        // Within the brackets of a version 6 address.
+        // Within the brackets of an IPv6 address.
         Some((_, port)) if port.ends_with(']') => (host, None),
         Some((name, port)) => (name, Some(port)),
         None => (host, None),
@@ -201,7 +203,7 @@ fn is_loopback(host: &str) -> bool {
     }
 }
 
-/// Reports an origin that is a page of the host.
+/// Returns `true` if the origin is a page of the host.
 fn is_of(origin: &str, host: &str) -> bool {
     let of = origin.strip_prefix("http://");
     of.is_some_and(|of| of.eq_ignore_ascii_case(host))
@@ -221,11 +223,11 @@ mod tests {
         (text + "\r\n").into_bytes()
     }
 
-    fn page(lines: &[(&str, &str)]) -> Judged {
+    fn page(lines: &[(&str, &str)]) -> Verdict {
         judge(&head("GET /", lines))
     }
 
-    fn live(lines: &[(&str, &str)]) -> Judged {
+    fn live(lines: &[(&str, &str)]) -> Verdict {
         let all = [
             ("Upgrade", "websocket"),
             ("Connection", "keep-alive, Upgrade"),
@@ -235,16 +237,16 @@ mod tests {
         judge(&head("GET /live", &[lines, &all].concat()))
     }
 
-    fn status(judged: &Judged) -> &str {
-        match judged {
-            Judged::Incomplete => "incomplete",
-            Judged::Asked(..) => "200",
-            Judged::Refused(refused) => &refused.status[..3],
+    fn status(verdict: &Verdict) -> &str {
+        match verdict {
+            Verdict::Incomplete => "incomplete",
+            Verdict::Accepted(..) => "200",
+            Verdict::Refused(refused) => &refused.status[..3],
         }
     }
 
     #[test]
-    fn hosts_of_this_machine_pass_with_any_port_and_no_others() {
+    fn only_loopback_hosts_are_accepted_with_any_port() {
         for host in [
             "127.0.0.1:4711",
             "localhost:8080",
@@ -272,9 +274,9 @@ mod tests {
             "127.1:80",
             "",
         ] {
-            let judged = page(&[("Host", host)]);
-            // A port that is empty is no number.
-            assert_eq!(status(&judged), "421", "{host}: {judged:?}");
+            let verdict = page(&[("Host", host)]);
+            // An empty port is not a number.
+            assert_eq!(status(&verdict), "421", "{host}: {verdict:?}");
         }
         assert_eq!(status(&page(&[])), "400");
         let twice = [("Host", "localhost:1"), ("host", "localhost:1")];
@@ -282,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn a_page_of_elsewhere_gets_neither_page_nor_socket() {
+    fn a_foreign_page_gets_neither_page_nor_socket() {
         let host = ("Host", "127.0.0.1:4711");
         let own = ("Origin", "http://127.0.0.1:4711");
         assert_eq!(status(&page(&[host, own])), "200");
@@ -329,8 +331,8 @@ mod tests {
                 "426",
             ),
         ] {
-            let judged = judge(&head(first, &lines));
-            assert_eq!(status(&judged), expected, "{first}: {judged:?}");
+            let verdict = judge(&head(first, &lines));
+            assert_eq!(status(&verdict), expected, "{first}: {verdict:?}");
         }
         assert_eq!(
             status(&judge(b"GET / HTTP/1.0\r\nHost: localhost\r\n\r\n")),
@@ -341,6 +343,6 @@ mod tests {
         assert_eq!(status(&page(&many)), "431");
         let long = "x".repeat(LONGEST);
         assert_eq!(status(&page(&[host, ("X", &long)])), "431");
-        assert_eq!(judge(b"GET / HTTP/1.1\r\nHost: loc"), Judged::Incomplete);
+        assert_eq!(judge(b"GET / HTTP/1.1\r\nHost: loc"), Verdict::Incomplete);
     }
 }

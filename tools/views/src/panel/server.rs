@@ -1,8 +1,8 @@
-//! The server of the page, on this machine alone: who may connect, how many, and for how long.
+//! HTTP server of the page, bound to the loopback interface, with limits on connections and time.
 //!
-//! Each connection has a thread of its own, which never holds up the thread that watches the session: it looks at
-//! the [model](crate::monitor::model) when its page can take something. Strangers have a few seconds and
-//! some bytes; clients, who know the secret, are served by [`client`](super::client).
+//! Each connection has its own thread, which never delays the thread that watches the session: it reads the
+//! [model](crate::monitor::model) only when its page can receive something. Unauthenticated connections are limited
+//! to a few seconds and bytes; clients that know the secret are served by [`client`](super::client).
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
@@ -22,20 +22,20 @@ use super::board::Board;
 use super::client::Client;
 use super::message::{self, Greeting};
 use super::page;
-use super::request::{self, Asked, Judged};
+use super::request::{self, HttpRequest, Verdict};
 
-/// Most clients at a time.
+/// Maximum number of clients.
 pub(super) const CLIENTS: usize = 8;
-/// Most connections at a time of those who have not shown the secret.
+/// Maximum number of unauthenticated connections.
 const STRANGERS: usize = 24;
-/// Limit for a request, for its answer, and for the secret.
+/// Time limit for a request, for its response, and for the secret.
 const LIMIT: Duration = Duration::from_secs(5);
-/// Interval between two looks for something that is awaited.
+/// Polling interval.
 const LOOK: Duration = Duration::from_millis(10);
-/// Most bytes that wait for a client.
+/// Maximum number of bytes buffered for a client.
 const BUFFERED: usize = 4 << 20;
 
-/// Random bytes of the system.
+/// Returns random bytes of the operating system.
 fn random() -> Result<[u8; 16], Failure> {
     let mut bytes = [0; 16];
     let mut filled = 0;
@@ -46,13 +46,13 @@ fn random() -> Result<[u8; 16], Failure> {
     Ok(bytes)
 }
 
-/// The server, as long as it is kept.
+/// Running server; dropping it ends the service.
 pub(crate) struct Server {
     shared: Arc<Shared>,
     address: SocketAddr,
 }
 
-/// State that all connections share.
+/// State shared by all connections.
 struct Shared {
     board: Arc<Board>,
     secret: String,
@@ -61,15 +61,15 @@ struct Shared {
     is_over: AtomicBool,
 }
 
-/// A place among N, until it is dropped.
+/// Slot of a limited resource; dropping it frees the slot.
 struct Place<'a>(&'a AtomicUsize);
 
 impl<'a> Place<'a> {
-    /// Takes a place, if there is one.
+    /// Takes a slot, if one is free.
     fn take(count: &'a AtomicUsize, most: usize) -> Option<Self> {
-        let taken = |count: usize| (count < most).then_some(count + 1);
+        let increment = |count: usize| (count < most).then_some(count + 1);
         let order = Ordering::AcqRel;
-        (count.fetch_update(order, Ordering::Acquire, taken))
+        (count.fetch_update(order, Ordering::Acquire, increment))
             .is_ok()
             .then_some(Self(count))
     }
@@ -82,10 +82,10 @@ impl Drop for Place<'_> {
 }
 
 impl Server {
-    /// Serves from now on, at a port that the system chooses.
+    /// Starts the server, at a port that the system selects.
     ///
     /// # Errors
-    /// If no port can be had.
+    /// If no port is available.
     pub(crate) fn start(board: Arc<Board>) -> Result<Self, Failure> {
         let cannot = |error: std::io::Error| {
             Failure::infrastructure(format!("error: the panel cannot be served: {error}"))
@@ -106,7 +106,7 @@ impl Server {
                 if theirs.is_over.load(Ordering::Acquire) {
                     return;
                 }
-                // Counted here, so that a flood starts no threads.
+                // Counted before a thread is started, so that a flood starts none.
                 if theirs.strangers.load(Ordering::Acquire) < STRANGERS {
                     theirs.strangers.fetch_add(1, Ordering::AcqRel);
                     let shared = Arc::clone(&theirs);
@@ -129,7 +129,7 @@ impl Server {
 }
 
 impl Drop for Server {
-    /// Every client is told, and given a while to hear it.
+    /// Notifies every client and waits a limited time for them.
     fn drop(&mut self) {
         self.shared.is_over.store(true, Ordering::Release);
         self.shared.board.end();
@@ -142,21 +142,21 @@ impl Drop for Server {
 }
 
 impl Shared {
-    /// Serves a connection to its end; one that went away or broke the rules needs no word.
+    /// Serves a connection to its end; a disconnected or misbehaving peer is not an error.
     fn serve(&self, mut stream: TcpStream) {
         let place = Place(&self.strangers);
         let until = Instant::now() + LIMIT;
-        let Some((asked, rest)) = hear(&mut stream, until) else {
+        let Some((request, rest)) = hear(&mut stream, until) else {
             return;
         };
-        match asked {
-            Ok(Asked::Page { host, wants_body }) => {
+        match request {
+            Ok(HttpRequest::Page { host, wants_body }) => {
                 let Ok(nonce) = random() else { return };
                 let page = page::response(&host, &STANDARD.encode(nonce), wants_body);
                 say(&mut stream, &page, until + LIMIT);
                 part(&mut stream, until + LIMIT);
             }
-            Ok(Asked::Live { key }) => {
+            Ok(HttpRequest::Live { key }) => {
                 let accept = derive_accept_key(key.as_bytes());
                 say(&mut stream, &page::switched(&accept), until);
                 self.welcome(stream, rest, until, place);
@@ -168,7 +168,7 @@ impl Shared {
         }
     }
 
-    /// Makes a client of one who knows the secret.
+    /// Authenticates a connection and serves it as a client.
     fn welcome(&self, stream: TcpStream, rest: Vec<u8>, until: Instant, place: Place<'_>) {
         let config = WebSocketConfig::default()
             .max_message_size(Some(message::LONGEST))
@@ -179,7 +179,7 @@ impl Shared {
         }
         let role = Role::Server;
         let mut socket = WebSocket::from_partially_read(stream, rest, role, Some(config));
-        let said = loop {
+        let first_message = loop {
             match socket.read() {
                 Ok(Message::Text(text)) => break text,
                 Ok(_) => return,
@@ -191,58 +191,60 @@ impl Shared {
             }
             std::thread::sleep(LOOK);
         };
-        let greeting: Result<Greeting, _> = serde_json::from_str(&said);
+        let greeting: Result<Greeting, _> = serde_json::from_str(&first_message);
         if !greeting.is_ok_and(|greeting| is_same(&greeting.secret, &self.secret)) {
-            let _ = socket.send(message::over("the secret is wrong").into()); // it may be gone
+            let _ = socket.send(message::over("the secret is wrong").into()); // the peer may be gone
             let _ = socket.close(None);
             return;
         }
         let Some(_client) = Place::take(&self.clients, CLIENTS) else {
-            let told = format!("{CLIENTS} pages are open, which is as many as there may be");
-            let _ = socket.send(message::over(&told).into()); // it may be gone
+            let reason = format!("{CLIENTS} pages are open, the maximum");
+            let _ = socket.send(message::over(&reason).into()); // the peer may be gone
             let _ = socket.close(None);
             return;
         };
         drop(place);
-        let _ = Client::new(socket, &self.board).serve(); // one that went away needs no word
+        let _ = Client::new(socket, &self.board).serve(); // a disconnected page is not an error
     }
 }
 
-/// Compares in a time that says nothing of the place where they differ.
-fn is_same(said: &str, secret: &str) -> bool {
-    let pairs = said.bytes().zip(secret.bytes());
-    said.len() == secret.len() && pairs.fold(0, |sum, (a, b)| sum | (a ^ b)) == 0
+/// Compares in constant time, independent of the first difference.
+fn is_same(text: &str, secret: &str) -> bool {
+    let pairs = text.bytes().zip(secret.bytes());
+    text.len() == secret.len() && pairs.fold(0, |sum, (a, b)| sum | (a ^ b)) == 0
 }
 
-/// Hears a request, and what came behind it; `None` if none came in time.
+/// Reads a request and the bytes after it; `None` if none arrived in time.
 fn hear(
     stream: &mut TcpStream,
     until: Instant,
-) -> Option<(Result<Asked, request::Refused>, Vec<u8>)> {
-    let mut heard = Vec::new();
+) -> Option<(Result<HttpRequest, request::Refused>, Vec<u8>)> {
+    let mut received = Vec::new();
     let mut bytes = [0; 2048];
     loop {
-        stream.set_read_timeout(left(until)).ok()?;
+        stream.set_read_timeout(remaining(until)).ok()?;
         let count = stream.read(&mut bytes).ok().filter(|count| *count > 0)?;
-        heard.extend_from_slice(&bytes[..count]);
-        match request::judge(&heard) {
-            Judged::Incomplete => {}
-            Judged::Refused(refused) => return Some((Err(refused), Vec::new())),
-            Judged::Asked(asked, length) => return Some((Ok(asked), heard.split_off(length))),
+        received.extend_from_slice(&bytes[..count]);
+        match request::judge(&received) {
+            Verdict::Incomplete => {}
+            Verdict::Refused(refused) => return Some((Err(refused), Vec::new())),
+            Verdict::Accepted(request, length) => {
+                return Some((Ok(request), received.split_off(length)));
+            }
         }
     }
 }
 
-/// The time that is left, if any is.
-fn left(until: Instant) -> Option<Duration> {
-    let left = until.saturating_duration_since(Instant::now());
-    Some(left + Duration::from_millis(1)) // none would be no limit
+/// Returns the remaining time, if any.
+fn remaining(until: Instant) -> Option<Duration> {
+    let remaining = until.saturating_duration_since(Instant::now());
+    Some(remaining + Duration::from_millis(1)) // zero would mean no timeout
 }
 
-/// Sends what is short, in a limited time.
+/// Sends a short response within a time limit.
 fn say(stream: &mut TcpStream, mut bytes: &[u8], until: Instant) {
     while !bytes.is_empty() && Instant::now() < until {
-        let _ = stream.set_write_timeout(left(until)); // told by the write
+        let _ = stream.set_write_timeout(remaining(until)); // the write reports errors
         match stream.write(bytes) {
             Ok(count @ 1..) => bytes = &bytes[count..],
             _ => return,
@@ -250,12 +252,12 @@ fn say(stream: &mut TcpStream, mut bytes: &[u8], until: Instant) {
     }
 }
 
-/// Ends a connection; what the client still says is read for a while, or it would lose the answer.
+/// Ends a connection; reads what the client still sends for a while, or the client could lose the response.
 fn part(stream: &mut TcpStream, until: Instant) {
-    let _ = stream.shutdown(std::net::Shutdown::Write); // it may be gone
+    let _ = stream.shutdown(std::net::Shutdown::Write); // the peer may be gone
     let mut bytes = [0; 2048];
     let mut most = 64;
-    while most > 0 && Instant::now() < until && stream.set_read_timeout(left(until)).is_ok() {
+    while most > 0 && Instant::now() < until && stream.set_read_timeout(remaining(until)).is_ok() {
         most -= 1;
         if !matches!(stream.read(&mut bytes), Ok(1..)) {
             return;

@@ -1,47 +1,47 @@
-//! Comparisons of requirements, as far as a plot can show them: a signal against a level or another signal.
+//! Comparisons in requirements that a plot can show: a signal against a level or another signal.
 
 use hil_config::expression::Expression;
 use hil_config::plan::{Derived, Plan};
 
 use super::signal::recorded_name;
 
-/// Comparison of a requirement.
+/// Comparison in a requirement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bound {
     /// Name of the requirement.
     pub requirement: String,
     /// First signal.
     pub side: BoundedSignal,
-    /// `<`, `<=`, `>`, `>=`, `==` or `!=`, as it stands between the side and the other.
+    /// Relation between the two sides: `<`, `<=`, `>`, `>=`, `==` or `!=`.
     relation: &'static str,
     /// Level or second signal.
     pub other: Other,
-    /// Sign of the comparison's margin in that of the requirement, `true` for the opposite one; `None`
-    /// for both.
+    /// Sign of the comparison's margin within that of the requirement, `true` for the opposite sign; `None` if it
+    /// occurs with both.
     is_turned: Option<bool>,
-    /// First and last time in s at which it may count.
+    /// First and last time in s at which the comparison may apply.
     pub window_s: [f64; 2],
 }
 
-/// A signal that is compared.
+/// Compared signal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoundedSignal {
     /// Recorded, derived or computed signal.
     pub signal: String,
-    /// Comparison of its magnitude.
+    /// `true` if the magnitude is compared.
     pub magnitude: bool,
 }
 
 /// Right side of a comparison.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Other {
-    /// A number.
+    /// Number.
     Level(f64),
     /// Another signal.
     Signal(BoundedSignal),
 }
 
-/// The comparisons of a run's requirements, and the signals that must be computed to show them.
+/// Returns the comparisons in a run's requirements, and the signals that must be computed to show them.
 #[must_use]
 pub fn bounds(plan: &Plan, end_s: f64) -> (Vec<Bound>, Vec<Derived>) {
     let (mut bounds, mut extra) = (Vec::new(), Vec::<Derived>::new());
@@ -87,7 +87,7 @@ pub fn bounds(plan: &Plan, end_s: f64) -> (Vec<Bound>, Vec<Derived>) {
     (bounds, extra)
 }
 
-/// A relation as it reads from right to left.
+/// Returns the relation with its sides exchanged.
 fn mirrored(relation: &'static str) -> &'static str {
     match relation {
         "<" => ">",
@@ -99,15 +99,15 @@ fn mirrored(relation: &'static str) -> &'static str {
 }
 
 impl BoundedSignal {
-    /// The compared part of a value.
+    /// Returns the value that is compared: the value itself or its magnitude.
     fn compared(&self, value: f64) -> f64 {
         if self.magnitude { value.abs() } else { value }
     }
 }
 
 impl Bound {
-    /// The value of its signal and of the other side, if their margin is that of the whole requirement:
-    /// this comparison decides. `values` gives those that a signal may have had then.
+    /// Returns the values of both sides if their margin equals that of the whole requirement, which means that this
+    /// comparison decides. `values` returns the values that a signal may have had at that time.
     pub(crate) fn decisive(
         &self,
         margin: f64,
@@ -120,7 +120,7 @@ impl Bound {
         let own = values(&self.side.signal).into_iter();
         let mut pairs = own.flat_map(|value| levels.iter().map(move |level| [value, *level]));
         let [value, level] = pairs.find(|pair| self.decides(*pair, margin))?;
-        // That of a negative value's magnitude stands below zero.
+        // The limit of a negative value's magnitude lies below zero.
         let is_mirrored =
             self.side.magnitude && value < 0.0 && matches!(self.other, Other::Level(_));
         Some([value, if is_mirrored { -level } else { level }])

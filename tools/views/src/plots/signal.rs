@@ -1,4 +1,4 @@
-//! Names of signals, taken apart: group, words, numbers and unit, and the titles and labels made of them.
+//! Names of signals, split into group, words, numbers and unit, and the titles and labels built from them.
 
 use glob::Pattern;
 use hil_config::expression::Group;
@@ -8,15 +8,15 @@ use super::Plot;
 use hil_recording::reader::Column;
 use hil_recording::schema::column_name;
 
-/// Longest list of names that is a title, and longest name beside a curve.
+/// Maximum length of a list of names used as a title, and of a name beside a curve.
 const SHORT: usize = 16;
 
-/// A signal that can be plotted.
+/// Signal that can be plotted.
 #[derive(Clone, Copy)]
 pub(super) struct Signal<'a> {
-    /// Whole name, for example `truth.force_fight_n`.
+    /// Full name, for example `truth.force_fight_n`.
     pub(super) column: &'a str,
-    /// Empty for derived signals, and for times.
+    /// Group; empty for derived signals and for times.
     pub(super) group: &'a str,
     pub(super) name: &'a str,
     pub(super) unit: &'a str,
@@ -46,7 +46,7 @@ impl<'a> Signal<'a> {
         self.name.split_at(unit.unwrap_or(self.name.len()))
     }
 
-    /// The name with `*` for each number that is none of the unit.
+    /// Returns the name with `*` for each number outside the unit.
     pub(super) fn family(&self) -> String {
         let (stem, unit) = self.stem();
         let mut family = String::new();
@@ -60,19 +60,19 @@ impl<'a> Signal<'a> {
         family + unit
     }
 
-    /// Numbers in the name that are none of the unit.
+    /// Returns the numbers in the name outside the unit.
     fn numbers(&self) -> Vec<&'a str> {
         let parts = self.stem().0.split(|c: char| !c.is_ascii_digit());
         parts.filter(|part| !part.is_empty()).collect()
     }
 
-    /// Words of the name without numbers.
+    /// Returns the words of the name without numbers.
     pub(super) fn words(&self) -> impl Iterator<Item = &'a str> {
         let words = self.stem().0.split('_');
         words.map(|word| word.trim_end_matches(|c: char| c.is_ascii_digit()))
     }
 
-    /// Reports a signal of the same unit that has a word in common.
+    /// Returns `true` if the other signal has the same unit and a word in common.
     pub(super) fn is_akin(&self, other: &Self) -> bool {
         let has_unit = !unit_shown(self.unit).is_empty();
         has_unit
@@ -80,7 +80,7 @@ impl<'a> Signal<'a> {
             && self.words().any(|one| other.words().any(|w| w == one))
     }
 
-    /// The whole name, or without its group, without the unit.
+    /// Returns the name without the unit, with or without its group.
     fn label(&self, has_group: bool) -> &'a str {
         let from = match has_group {
             true => self.column,
@@ -90,7 +90,7 @@ impl<'a> Signal<'a> {
     }
 }
 
-/// Group and name of a recorded signal; `None` for derived ones and for expressions.
+/// Splits a recorded signal into group and name; `None` for derived ones and for expressions.
 fn apart(column: &str) -> Option<(&str, &str)> {
     let (group, name) = column.split_once('.')?;
     let is_group = Group::ALL.iter().any(|one| one.prefix() == group);
@@ -98,7 +98,7 @@ fn apart(column: &str) -> Option<(&str, &str)> {
     (is_group && name.chars().all(is_name)).then_some((group, name))
 }
 
-/// The name of a signal in a recording, where only the group ends with a dot.
+/// Returns the name of a signal in a recording, where only the group ends with a dot.
 #[must_use]
 pub fn recorded_name(name: &str) -> String {
     match apart(name) {
@@ -107,10 +107,10 @@ pub fn recorded_name(name: &str) -> String {
     }
 }
 
-/// Replaces further names of variables among patterns by their own names, which are all that a run has.
+/// Replaces aliases of variables in patterns by the names used in a run.
 ///
-/// `names` are the own names and `aliases` pairs of a further and the own name. An exact own name, and a pattern
-/// that only own names fit, stays as it is; so does one that nothing fits.
+/// `names` are the names and `aliases` pairs of alias and name. A pattern stays as it is if it is an exact name, if
+/// it matches only names, or if it matches nothing.
 #[must_use]
 pub(crate) fn own_names<'a>(
     patterns: &[String],
@@ -140,13 +140,13 @@ pub(crate) fn own_names<'a>(
     own
 }
 
-/// A title of signals: the part of their names that they share, `*` for the rest, or their names if
-/// those are short or share nothing.
+/// Returns a title for signals: the common part of their names with `*` for the rest, or the list of names if it is
+/// short or they have nothing in common.
 pub(super) fn title(signals: &[Signal<'_>]) -> String {
     let first = &signals[0];
     let all = |same: &dyn Fn(&Signal<'_>) -> bool| signals.iter().all(same);
     let mut names: Vec<&str> = signals.iter().map(|one| one.name).collect();
-    names.dedup(); // twins of other groups stand beside each other
+    names.dedup(); // equal names of different groups are adjacent
     let names = names.join(", ");
     let word = |one: &Signal<'_>| one.words().next().map(str::to_owned);
     let name = if names == first.name || names.len() <= SHORT {
@@ -165,9 +165,9 @@ pub(super) fn title(signals: &[Signal<'_>]) -> String {
     }
 }
 
-/// Labels that tell the curves of a plot apart beside its title: groups if the names are equal; names
-/// without their unit if they are short; else group and the numbers that the title's `*` stand for, if
-/// that is enough. A single curve that the title names has none.
+/// Returns labels that distinguish the curves of a plot, given its title: groups if the names are equal; names
+/// without their unit if they are short; else group and the numbers behind the title's `*` if that is enough. A
+/// single curve named by the title has none.
 #[must_use]
 pub(crate) fn labels(plot: &Plot) -> Vec<String> {
     let signals: Vec<Signal<'_>> = (plot.signals.iter())
@@ -211,8 +211,8 @@ pub(crate) fn labels(plot: &Plot) -> Vec<String> {
     }
 }
 
-/// Reports the end of a name that says a unit: `m3ps_per_sqrt_pa` says `m3/s/sqrt(Pa)`, `nm` and `n_m`
-/// say `N m`.
+/// Returns `true` if the end of a name spells a unit: `m3ps_per_sqrt_pa` spells `m3/s/sqrt(Pa)`, `nm` and `n_m`
+/// spell `N m`.
 fn spells(end: &str, unit: &str) -> bool {
     let end = end.trim_start_matches('_');
     let Some(character) = unit.chars().next() else {
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn a_further_name_among_patterns_is_replaced_by_the_own_one() {
+    fn an_alias_in_patterns_is_replaced_by_the_name() {
         let names = ["truth.x", "truth.speed", "truth.a_b", "error"];
         let aliases = [
             ("truth.a.b", "truth.speed"),
@@ -273,10 +273,10 @@ mod tests {
             (&["truth.body_x"], &["truth.x"]),
             (&["truth.x", "truth.body.x"], &["truth.x"]),
             (&["truth.body.*"], &["truth.speed", "truth.x"]),
-            // Own names fit as well, and those alone.
+            // A pattern that also matches names matches only those.
             (&["*x", "truth.*"], &["*x", "truth.*"]),
             (&["*b*"], &["*b*", "truth.speed", "truth.x"]),
-            // An exact name counts before another one's alias in the spelling of a recording.
+            // An exact name takes precedence over an alias in its recorded spelling.
             (&["truth.a_b"], &["truth.a_b"]),
             (&["nothing", "[x"], &["nothing", "[x"]),
         ] {
@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn titles_and_labels_tell_curves_apart_and_say_nothing_twice() {
+    fn titles_and_labels_distinguish_curves_without_redundancy() {
         let of = |unit: &str, columns: &[&str]| {
             let signals: Vec<_> = columns.iter().map(|one| Signal::new(one, unit)).collect();
             let title = title(&signals);
@@ -363,7 +363,7 @@ mod tests {
     }
 
     #[test]
-    fn a_title_of_the_scenario_leaves_the_name_to_the_label() {
+    fn with_a_title_from_the_scenario_the_label_names_the_signal() {
         let plot = Plot {
             title: "Force fight".into(),
             unit: "N".into(),

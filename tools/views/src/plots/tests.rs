@@ -10,7 +10,7 @@ fn columns(signals: &[(&str, &str)]) -> Vec<Column> {
     signals.iter().map(column).collect()
 }
 
-/// Section and signals of each plot of some columns.
+/// Returns section and signals of each plot of some columns.
 fn shown(signals: &[(&str, &str)], subject: Subject<'_>) -> Vec<(&'static str, String)> {
     let plots = choose(&Choice {
         columns: &columns(signals),
@@ -63,7 +63,7 @@ fn signals_that_belong_together_share_a_plot_and_nothing_is_shown_twice() {
 }
 
 #[test]
-fn plots_have_few_signals_of_one_unit_and_fewer_where_runs_lie_over_each_other() {
+fn plots_have_few_signals_of_one_unit_and_fewer_where_runs_overlap() {
     let names: Vec<String> = (1..=6).map(|number| format!("truth.x{number}_m")).collect();
     let signals: Vec<(&str, &str)> = names.iter().map(|name| (name.as_str(), "m")).collect();
     for (runs, expected) in [(1, vec![4, 2]), (3, vec![2, 2, 2])] {
@@ -134,7 +134,7 @@ fn the_scenario_comes_first_then_what_its_requirements_compare_with_their_levels
     assert_eq!(levels, [(3.0, 1.0, 2.0), (-3.0, 1.0, 2.0)]);
 }
 
-/// Values of a run in which one sensor lies and one parameter moved.
+/// Values of a run in which one sensor is wrong and one parameter changes.
 struct OneFault;
 
 impl Values for OneFault {
@@ -148,7 +148,7 @@ impl Values for OneFault {
 }
 
 #[test]
-fn known_values_leave_out_sensors_and_parameters_that_no_fault_moved() {
+fn known_values_exclude_sensors_and_parameters_unaffected_by_faults() {
     let columns = columns(&[
         ("truth.a_m", "m"),
         ("truth.b_m", "m"),
@@ -176,7 +176,7 @@ fn known_values_leave_out_sensors_and_parameters_that_no_fault_moved() {
 }
 
 #[test]
-fn without_values_the_parameters_are_those_that_the_scenario_moves() {
+fn without_values_the_parameters_are_those_changed_by_the_scenario() {
     let plan = plan();
     let leakage = "leakage_coefficient_m3ps_per_sqrt_pa";
     let moved = format!("parameter.actuator1_{leakage}");

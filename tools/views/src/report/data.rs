@@ -1,4 +1,4 @@
-//! Data for the script of a report: signals over the grid, plots, faults and histograms, as JSON.
+//! JSON data for the script of a report: signals over the grid, plots, faults and histograms.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,12 +15,12 @@ use super::grid::Grid;
 use super::plots::Plot;
 use super::run::{Run, Signals};
 
-/// All of it.
+/// Complete data of a report.
 #[derive(Debug, Serialize)]
 pub(crate) struct Data {
-    /// Beginnings of the buckets in s, little-endian double precision.
+    /// Starts of the buckets in s, little-endian double precision.
     grid: String,
-    /// End of the longest run, in s.
+    /// End of the longest run in s.
     end_s: f64,
     runs: Vec<RunData>,
     plots: Vec<Plot>,
@@ -33,7 +33,7 @@ struct RunData {
     faults: Vec<SpanData>,
     /// Handovers and losses of controllers.
     changes: Vec<SpanData>,
-    /// Changes of values, and notes of those who watched.
+    /// Changes of values, and marks.
     marks: Vec<SpanData>,
     signals: BTreeMap<String, SignalData>,
     spikes: Vec<SpikeData>,
@@ -63,7 +63,7 @@ struct SpikeData {
 #[derive(Debug, Serialize)]
 struct HistogramData {
     leg: &'static str,
-    /// Lower ends of the classes, and the upper end of the last one.
+    /// Lower bounds of the classes, and the upper bound of the last one.
     from_ns: Vec<u64>,
     count: Vec<u64>,
 }
@@ -88,13 +88,13 @@ impl Data {
         }
     }
 
-    /// Number of signals that there are in any run.
+    /// Returns the number of distinct signals of all runs.
     pub(crate) fn signals(&self) -> usize {
         let names = self.runs.iter().flat_map(|run| run.signals.keys());
         names.collect::<BTreeSet<_>>().len()
     }
 
-    /// Names and units of all signals.
+    /// Returns names and units of all signals.
     pub(super) fn names(&self) -> BTreeMap<&str, &str> {
         let signals = self.runs.iter().flat_map(|run| &run.signals);
         signals
@@ -103,10 +103,10 @@ impl Data {
     }
 }
 
-/// Most changes of values that are drawn.
+/// Maximum number of drawn changes of values.
 const MOST_SHOWN: usize = 100;
 
-/// Begin of a note, short enough to stand in a plot; the whole is in the list of events.
+/// Shortens a mark's text to fit into a plot; the list of events has the full text.
 fn shortened(note: &str) -> String {
     const MOST: usize = 40;
     if note.chars().count() <= MOST {
@@ -173,7 +173,7 @@ impl HistogramData {
         let (mut from_ns, mut count) = (Vec::new(), Vec::new());
         let mut end_ns = None;
         for ((from, to), steps) in classes(times) {
-            // Classes without a step are left out.
+            // Empty classes are left out.
             if let Some(end) = end_ns.filter(|end| *end != from) {
                 from_ns.push(end);
                 count.push(0);
@@ -191,7 +191,7 @@ impl HistogramData {
     }
 }
 
-/// Each signal once: many are the same as another, as a sensor without a fault.
+/// Encodes each signal once: many are equal to another, like a sensor without a fault.
 fn written(signals: &Signals) -> BTreeMap<String, SignalData> {
     let mut written: Vec<(&str, &Envelope)> = Vec::new();
     let mut data = BTreeMap::new();

@@ -1,51 +1,52 @@
-//! The least and the greatest value of a signal in each bucket of a grid.
+//! Minimum and maximum of a signal in each bucket of a grid.
 //!
-//! Both are kept, so a spike of one step is as high in the report as in the record however far away it is
-//! seen from. What a bucket of one step shows is the value itself, in single precision where that is enough.
+//! Both are kept, so a one-step spike has its full height in the report at any zoom level. A bucket of one step
+//! shows the value itself, in single precision where that is enough.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 
-/// Half the range of single precision: beyond it, and below its inverse, values are written in double.
+/// Half the range of single precision: larger magnitudes, and those below its inverse, are written in double
+/// precision.
 const SINGLE: f64 = 1e37;
-/// Values that differ by less than this part of themselves are written in double, too.
+/// Relative difference of values below which they are written in double precision too.
 const FINE: f64 = 1e-4;
 
-/// A signal over a grid.
+/// Envelope of a signal over a grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Envelope {
     least: Vec<f64>,
     greatest: Vec<f64>,
 }
 
-/// An envelope as the page reads it.
+/// Envelope in the encoding of the page.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Written {
-    /// Value that is the same wherever the signal exists.
+    /// One value wherever the signal exists.
     Constant {
-        /// The value.
+        /// Value.
         value: f64,
     },
-    /// Envelope of another signal.
+    /// Envelope equal to that of another signal.
     Same {
         /// Name of the other signal.
         same: String,
     },
     /// Values, little-endian.
     Values {
-        /// Double precision instead of single.
+        /// `true` for double precision, `false` for single.
         is_double: bool,
-        /// The least of each bucket.
+        /// Minimum of each bucket.
         least: String,
-        /// The greatest; empty where there is one step to a bucket and both are the same.
+        /// Maximum; empty if each bucket has one step, so that both are equal.
         greatest: String,
     },
 }
 
 impl Envelope {
-    /// Makes an envelope without any value.
+    /// Creates an envelope without values.
     pub fn new(buckets: usize) -> Self {
         Self {
             least: vec![f64::NAN; buckets],
@@ -53,7 +54,7 @@ impl Envelope {
         }
     }
 
-    /// Takes a value in; one that does not exist changes nothing.
+    /// Adds a value; NaN is ignored.
     #[inline]
     pub fn take(&mut self, bucket: usize, value: f64) {
         if value.is_nan() {
@@ -68,18 +69,18 @@ impl Envelope {
         }
     }
 
-    /// The least and the greatest value in a bucket that has one.
+    /// Returns the minimum and maximum of a bucket, if it has values.
     pub(super) fn ends(&self, bucket: usize) -> impl Iterator<Item = f64> {
         let ends = [self.least[bucket], self.greatest[bucket]];
         ends.into_iter().filter(|value| !value.is_nan())
     }
 
-    /// Reports any value at all.
+    /// Returns `true` if there is any value.
     pub fn exists(&self) -> bool {
         self.least.iter().any(|value| !value.is_nan())
     }
 
-    /// Returns the value, if there is one in every bucket and it never changes.
+    /// Returns the value if every bucket has one and it never changes.
     pub(super) fn constant(&self) -> Option<f64> {
         let first = *self.least.first()?;
         let is_it = |value: &f64| *value == first;
@@ -87,7 +88,7 @@ impl Envelope {
             .then_some(first)
     }
 
-    /// Reports an envelope that looks the same.
+    /// Returns `true` if the other envelope looks the same.
     pub(super) fn is_same(&self, other: &Self) -> bool {
         let are_same = |a: &[f64], b: &[f64]| {
             let bits = a.iter().zip(b).map(|(a, b)| (a.to_bits(), b.to_bits()));
@@ -96,7 +97,7 @@ impl Envelope {
         are_same(&self.least, &other.least) && are_same(&self.greatest, &other.greatest)
     }
 
-    /// Reports values that single precision would show otherwise.
+    /// Returns `true` if single precision would distort the values.
     fn is_double(&self) -> bool {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for value in self
@@ -120,7 +121,7 @@ impl Envelope {
         high - low < FINE * size
     }
 
-    /// Returns the form that the page reads.
+    /// Returns the encoding for the page.
     pub fn written(&self) -> Written {
         if let Some(value) = self.constant() {
             return Written::Constant { value };
@@ -173,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_exist_leaves_a_gap() {
+    fn missing_values_leave_a_gap() {
         let mut envelope = Envelope::new(2);
         envelope.take(1, f64::NAN);
         assert!(!envelope.exists());
@@ -185,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn what_single_precision_cannot_show_is_written_in_double() {
+    fn values_that_need_double_precision_are_written_in_double() {
         for (values, expected) in [
             ([1.0, 2.0], false),
             ([-1.0, 0.0], false),
@@ -215,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn one_value_is_written_once_and_others_as_little_endian_numbers() {
+    fn a_constant_is_written_once_and_other_values_in_little_endian() {
         let mut envelope = Envelope::new(2);
         envelope.take(0, 1.0);
         envelope.take(1, 1.0);

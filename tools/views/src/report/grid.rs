@@ -1,27 +1,27 @@
-//! The grid of simulated time that all envelopes of a report share.
+//! Grid of simulated time shared by all envelopes of a report.
 //!
-//! Buckets are equally long where nothing happens, and the shorter the nearer they are to a time of
-//! interest, down to one step: who zooms in on a fault sees every step of it, and the file stays small.
-//! Times are nanoseconds, so runs of different rates share one grid.
+//! Buckets are equally long where nothing happens and get shorter towards a time of interest, down to one step:
+//! zooming in on a fault shows every step of it, and the file stays small. Times are nanoseconds, so runs of
+//! different rates share one grid.
 
 use shared_types::time::{Rate, Step};
 
-/// Buckets of the whole run where nothing happens.
+/// Number of evenly spaced buckets of a run.
 const EVEN: u64 = 2000;
-/// Buckets besides these for all times of interest.
+/// Additional buckets for all times of interest together.
 const NEAR: u64 = 6000;
-/// Most times of interest that get buckets of their own.
+/// Maximum number of times of interest with additional buckets.
 const MOST_TIMES: usize = 64;
 
 /// Buckets of simulated time; each begins at an edge and ends before the next one.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Grid {
-    /// In ns, rising.
+    /// Edges in ns, increasing.
     edges_ns: Vec<u64>,
 }
 
 impl Grid {
-    /// The grid of runs of which the longest ends at a step, with times of interest, the most
+    /// Creates the grid for runs of which the longest ends at step `last`, with times of interest, the most
     /// interesting first.
     pub(crate) fn new(rate: Rate, last: Step, times_ns: &[u64]) -> Self {
         let steps = last.0 + 1;
@@ -34,7 +34,7 @@ impl Grid {
             }
         }
         near.sort_unstable();
-        // A bucket at distance d has d / fineness steps, so there are fineness (1 + ln longest) to a side.
+        // A bucket at distance d has d / fineness steps, so there are fineness (1 + ln longest) on each side.
         let per_side = 1.0 + libm::log(longest as f64);
         let fineness = NEAR as f64 / (2.0 * near.len().max(1) as f64 * per_side);
         let fineness = (fineness as u64).clamp(4, 400);
@@ -48,21 +48,21 @@ impl Grid {
             let before = next.checked_sub(1).map(|last| step - near[last]);
             let after = near.get(next).map(|time| time - step);
             let distance = before.into_iter().chain(after).min();
-            let wanted =
+            let length =
                 distance.map_or(longest, |distance| (distance / fineness).clamp(1, longest));
-            // What is interesting begins a bucket.
-            let until = after.filter(|after| *after > 0).unwrap_or(wanted);
-            step += until.min(wanted);
+            // Every time of interest starts a bucket.
+            let until = after.filter(|after| *after > 0).unwrap_or(length);
+            step += until.min(length);
         }
         Self { edges_ns }
     }
 
-    /// Number of buckets.
+    /// Returns the number of buckets.
     pub(crate) fn len(&self) -> usize {
         self.edges_ns.len()
     }
 
-    /// The bucket of a time, looked for from an earlier bucket on.
+    /// Returns the bucket of a time, searching from bucket `from` on.
     pub(super) fn bucket(&self, from: usize, time_ns: u64) -> usize {
         let mut bucket = from;
         while (self.edges_ns.get(bucket + 1)).is_some_and(|edge| *edge <= time_ns) {
@@ -71,7 +71,7 @@ impl Grid {
         bucket
     }
 
-    /// Beginnings of the buckets, in s.
+    /// Returns the starts of the buckets in s.
     pub(super) fn starts_s(&self) -> Vec<f64> {
         self.edges_ns.iter().map(|ns| *ns as f64 / 1e9).collect()
     }

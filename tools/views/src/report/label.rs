@@ -1,7 +1,7 @@
-//! Labels of a report's runs: for each the shortest that tells it from the others.
+//! Labels of a report's runs: for each the shortest one that distinguishes it from the others.
 //!
-//! The law, else scenario and law; runs that share these by the settings in which they differ, as
-//! `--set` has them, and then by their programs. Only what nothing tells apart is numbered.
+//! The law, else scenario and law; runs that share these are distinguished by the settings in which they differ, in
+//! the form of `--set`, and then by their programs. Only indistinguishable runs are numbered.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,21 +10,21 @@ use toml_edit::{DocumentMut, Item, TableLike, Value};
 
 use super::run::Run;
 
-/// Most settings in a label.
+/// Maximum number of settings in a label.
 const MOST: usize = 3;
 
-/// Facts that can tell a run from another.
+/// Facts that can distinguish a run from another.
 #[derive(Clone, Debug, Default)]
 struct Facts {
     law: String,
     scenario: String,
-    /// Every setting of the effective scenario, by its key.
+    /// Settings of the effective scenario, by key.
     settings: BTreeMap<String, String>,
     /// Hashes of its programs.
     programs: [String; 2],
 }
 
-/// Gives each run its label.
+/// Sets the label of each run.
 pub(super) fn label(runs: &mut [Run]) {
     let facts: Vec<Facts> = runs.iter().map(facts).collect();
     for (run, label) in runs.iter_mut().zip(labels(&facts)) {
@@ -63,7 +63,7 @@ fn labels(facts: &[Facts]) -> Vec<String> {
     labels
 }
 
-/// Adds to each label that several runs share what tells each of them apart.
+/// Extends each label shared by several runs by what distinguishes them.
 fn add(labels: &mut [String], facts: &[Facts], differing: fn(&[&Facts]) -> Vec<String>) {
     let before = labels.to_vec();
     for label in before.iter().collect::<BTreeSet<_>>() {
@@ -74,14 +74,14 @@ fn add(labels: &mut [String], facts: &[Facts], differing: fn(&[&Facts]) -> Vec<S
             continue;
         }
         let alike: Vec<&Facts> = places.iter().map(|at| &facts[*at]).collect();
-        for (at, told) in places.iter().zip(differing(&alike)) {
-            labels[*at] = format!("{label} {told}").trim().to_owned();
+        for (at, difference) in places.iter().zip(differing(&alike)) {
+            labels[*at] = format!("{label} {difference}").trim().to_owned();
         }
     }
 }
 
-/// Of each run the few settings that tell it from the others, by the last part of their key where that
-/// will do, and how many more differ.
+/// Returns the few settings that distinguish each run from the others, by the last part of their key where that is
+/// unambiguous, and the number of further differences.
 fn differing_settings(runs: &[&Facts]) -> Vec<String> {
     let keys: BTreeSet<&String> = runs.iter().flat_map(|run| run.settings.keys()).collect();
     let is_other = |key: &&&String| {
@@ -115,10 +115,10 @@ fn differing_settings(runs: &[&Facts]) -> Vec<String> {
     runs.iter().map(of_run).collect()
 }
 
-/// Of these keys the few that tell most runs apart: each time the one that makes most of them differ.
+/// Selects the few keys that distinguish most runs: greedily, each time the one that separates most of them.
 fn telling<'a>(runs: &[&Facts], keys: &[&'a String]) -> Vec<&'a String> {
-    let mut chosen: Vec<&String> = Vec::new();
-    while chosen.len() < MOST {
+    let mut selected: Vec<&String> = Vec::new();
+    while selected.len() < MOST {
         let apart = |keys: &[&String]| {
             let values = runs.iter().map(|run| {
                 let values = keys.iter().map(|key| run.settings.get(*key));
@@ -126,22 +126,22 @@ fn telling<'a>(runs: &[&Facts], keys: &[&'a String]) -> Vec<&'a String> {
             });
             values.collect::<BTreeSet<_>>().len()
         };
-        let with = |key| apart(&[&chosen[..], &[key]].concat());
+        let with = |key| apart(&[&selected[..], &[key]].concat());
         let Some((more, key)) = (keys.iter().rev())
             .map(|key| (with(*key), *key))
             .max_by_key(|(more, _)| *more)
         else {
             break;
         };
-        if more <= apart(&chosen) {
+        if more <= apart(&selected) {
             break;
         }
-        chosen.push(key);
+        selected.push(key);
     }
-    chosen
+    selected
 }
 
-/// A value that is not too long for a label.
+/// Truncates a value that is too long for a label.
 fn cut(value: &str) -> String {
     const LONGEST: usize = 24;
     match value.char_indices().nth(LONGEST) {
@@ -150,23 +150,23 @@ fn cut(value: &str) -> String {
     }
 }
 
-/// Of each run the programs in which they differ, by the beginning of their hash.
+/// Returns the programs in which runs differ, by the beginning of their hash.
 fn differing_programs(runs: &[&Facts]) -> Vec<String> {
     let of_run = |run: &&Facts| {
-        let told = ["plant", "controller"].into_iter().enumerate();
-        let told = told.filter(|(side, _)| {
+        let programs = ["plant", "controller"].into_iter().enumerate();
+        let programs = programs.filter(|(side, _)| {
             (runs.iter()).any(|one| one.programs[*side] != run.programs[*side])
         });
-        let told = told.map(|(side, name)| {
+        let programs = programs.map(|(side, name)| {
             let hash = &run.programs[side];
             format!("{name} {}", hash.get(..8).unwrap_or(hash))
         });
-        told.collect::<Vec<_>>().join(" ")
+        programs.collect::<Vec<_>>().join(" ")
     };
     runs.iter().map(of_run).collect()
 }
 
-/// The settings of a scenario; none of one that is no TOML. Its words for people are none.
+/// Returns the settings of a scenario without its texts for readers; none if it is not valid TOML.
 fn settings(text: &str) -> BTreeMap<String, String> {
     let mut settings = BTreeMap::new();
     if let Ok(document) = text.parse::<DocumentMut>() {
@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_of_one_law_are_told_apart_by_what_was_set() {
+    fn runs_of_one_law_are_distinguished_by_their_settings() {
         let text = |gain: &str| {
             format!(
                 "name = \"x\"\n[run]\nseed = 1 # x\n[controller.pid]\ngain_n_per_m = {gain} # N/m\n"
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn a_key_that_is_ambiguous_stands_whole_and_many_are_counted() {
+    fn an_ambiguous_key_is_written_in_full_and_further_keys_are_counted() {
         let text = |force: u32| {
             let effect =
                 format!("[[faults]]\nkind = \"push\"\n[[faults.effects]]\nforce_n = {force}\n");
@@ -259,8 +259,8 @@ mod tests {
     }
 
     #[test]
-    fn of_many_runs_the_settings_that_tell_them_apart_stand_first() {
-        // One of eight has other values of all that comes first by name.
+    fn the_most_distinguishing_settings_come_first() {
+        // One of eight has different values of all keys that come first by name.
         let text = |run: u32| {
             let other = run == 7;
             format!(
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_value_is_cut_and_what_it_no_longer_tells_apart_is_numbered() {
+    fn a_long_value_is_truncated_and_equal_labels_are_numbered() {
         let text = |last: u32| format!("values = [{}{last}]", "1.0, ".repeat(1000));
         let runs = [1, 2].map(|last| run("pid", "x", &text(last), "c"));
         let cut = "pid values=[1.0, 1.0, 1.0, 1.0, 1.0..";
@@ -301,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn what_nothing_tells_apart_is_numbered() {
+    fn indistinguishable_runs_are_numbered() {
         let runs = ["c", "c"].map(|program| run("pid", "x", "a = 1", program));
         assert_eq!(labels(&runs), ["1 pid", "2 pid"]);
         let unknown = ["c", "c"].map(|program| run("", "", "", program));

@@ -1,4 +1,4 @@
-//! The page of a report: everything that reads without a script, and the data for the script that draws.
+//! Page of a report: all parts readable without a script, and the data for the script that draws.
 
 use hil_console::terminal::exit::Failure;
 use maud::{Markup, html};
@@ -12,11 +12,11 @@ use crate::offline_page::OfflinePage;
 
 pub(crate) const UPLOT: &str = include_str!("assets/uplot/uPlot.iife.min.js");
 pub(crate) const UPLOT_STYLE: &str = include_str!("assets/uplot/uPlot.min.css");
-/// Width of the value axes, which pages with uPlot share.
+/// Script for the width of the value axes, shared by pages with uPlot.
 pub(crate) const AXIS: &str = include_str!("assets/axis.js");
 const SCRIPT: &str = include_str!("assets/report.js");
 
-/// The whole page.
+/// Renders the whole page.
 pub(crate) fn page(runs: &[Run], plots: &[Plot], data: &Data) -> Result<String, Failure> {
     let title = title(runs);
     let body = html! {
@@ -94,14 +94,14 @@ fn toolbar(runs: &[Run]) -> Markup {
     }
 }
 
-/// All faults, those that several runs have in common once.
+/// Returns all faults, listing those that runs have in common once.
 fn jumps(runs: &[Run]) -> Vec<&Span> {
     let what = |one: &Span| (one.event, one.kind.clone(), one.from_s.to_bits());
     let spans = runs.iter().flat_map(|run| &run.spans);
     distinct(spans, |a, b| what(a) == what(b))
 }
 
-/// Plots under the headings of their sections; the script draws into them.
+/// Renders figures under the headings of their sections; the script draws into them.
 fn sections(plots: &[Plot]) -> Markup {
     let mut last = "";
     let headed = plots.iter().enumerate().map(|(number, plot)| {
@@ -122,7 +122,7 @@ fn sections(plots: &[Plot]) -> Markup {
     }
 }
 
-/// Every other signal, to be added.
+/// Renders the list of all signals for plots of the user's choice.
 fn picker(data: &Data) -> Markup {
     html! {
         section #signals {

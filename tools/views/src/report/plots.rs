@@ -1,4 +1,4 @@
-//! The plots of a report: those that suit its runs, with the places where margins come from.
+//! Plots of a report: those that suit its runs, with the origins of requirement margins.
 
 use glob::Pattern;
 use serde::Serialize;
@@ -9,7 +9,7 @@ use crate::plots::bounds::Bound;
 use crate::plots::{self, Choice, Subject, Values};
 use hil_recording::reader::Column;
 
-/// A plot of a report.
+/// Plot of a report.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Plot {
     #[serde(flatten)]
@@ -24,12 +24,12 @@ struct Mark {
     requirement: String,
     signal: String,
     at_s: f64,
-    /// Value of the signal and of the other side; null if no comparison alone gives the margin.
+    /// Values of the two sides; `None` if no single comparison decides the margin.
     decisive: Option<[f64; 2]>,
     holds: bool,
 }
 
-/// The plots of some runs, whose requirements compare these, and of signals that were asked for.
+/// Returns the plots of some runs, for the comparisons in their requirements and the signals requested by the user.
 pub(super) fn plots(
     runs: &[Run],
     signals: &[Signals],
@@ -51,7 +51,7 @@ pub(super) fn plots(
             bounds,
         })
         .collect();
-    let chosen = plots::choose(&Choice {
+    let selected = plots::choose(&Choice {
         columns: &columns,
         subjects: &subjects,
         asked,
@@ -63,14 +63,17 @@ pub(super) fn plots(
             marks(number, run, signals, &subject.bounds, grid)
         })
         .collect();
-    let marked = |chosen: plots::Plot| {
-        let shown = marks
+    let marked = |plot: plots::Plot| {
+        let marks_of_plot = marks
             .iter()
-            .filter(|one| chosen.signals.contains(&one.signal));
-        let marks = shown.cloned().collect();
-        Plot { chosen, marks }
+            .filter(|one| plot.signals.contains(&one.signal));
+        let marks = marks_of_plot.cloned().collect();
+        Plot {
+            chosen: plot,
+            marks,
+        }
     };
-    chosen.into_iter().map(marked).collect()
+    selected.into_iter().map(marked).collect()
 }
 
 impl Values for &[Signals] {
@@ -87,8 +90,8 @@ impl Values for &[Signals] {
     }
 }
 
-/// Origins of a run's margins: the comparisons that give them, or all of a requirement of which none
-/// does alone.
+/// Returns the origins of a run's margins: the comparisons that decide them, or all comparisons of a requirement if
+/// none decides alone.
 fn marks(number: usize, run: &Run, signals: &Signals, bounds: &[Bound], grid: &Grid) -> Vec<Mark> {
     let mut marks = Vec::new();
     for judged in &run.requirements {
@@ -101,7 +104,7 @@ fn marks(number: usize, run: &Run, signals: &Signals, bounds: &[Bound], grid: &G
             Some(envelope) => envelope.ends(bucket).collect(),
             None => Vec::new(),
         };
-        // An edge looks at the step before, and times have roundings.
+        // An edge depends on the previous step, and times are rounded.
         let period_s = run.rate.period_s();
         let counts = |bound: &&Bound| {
             let [from_s, until_s] = bound.window_s;

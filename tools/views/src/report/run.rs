@@ -1,8 +1,7 @@
-//! A recorded run as a report shows it.
+//! Recorded run as shown in a report.
 //!
-//! Read twice: first what came of it, from which follows what is worth a close look; then its signals as
-//! envelopes over the grid that follows from that. Neither keeps records, so the length of a run does not
-//! matter.
+//! Read twice: first for its results, which determine the times of interest; then for its signals as envelopes over
+//! the resulting grid. Neither pass stores records, so memory does not grow with the length of a run.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -37,11 +36,11 @@ const TIMES: [&str; 7] = [
 
 /// Result of a run.
 pub(crate) struct Run {
-    /// Text that tells the run from the others of the report.
+    /// Label that distinguishes the run from the others of the report.
     pub(super) label: String,
     pub(super) path: PathBuf,
     pub(super) outcome: RecordedOutcome,
-    /// The run by its scenario; `None` if that cannot be understood.
+    /// Run reconstructed from its scenario; `None` if that is invalid.
     recorded_run: Option<RecordedRun>,
     pub(super) rate: Rate,
     pub(super) last: Step,
@@ -49,140 +48,140 @@ pub(crate) struct Run {
     pub(super) verdict: String,
     pub(super) requirements: Vec<Requirement>,
     pub(super) metrics: Vec<Metric>,
-    /// Effects of faults in the order in which they took hold.
+    /// Effects of faults in the order in which they became active.
     pub(super) spans: Vec<Span>,
-    /// The laws that it ran with.
+    /// Control laws that were active.
     pub(super) laws: Laws,
-    /// The same as a person reads it.
-    told_laws: String,
-    /// Warnings for the reader, before anything else.
+    /// Control laws, formatted for the user.
+    laws_in_words: String,
+    /// Warnings at the top of the page.
     pub(super) notes: Vec<String>,
 }
 
-/// A time in which a fault acts.
+/// Time span in which a fault is active.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Span {
     pub(super) event: u32,
     pub(super) kind: String,
     pub(super) from_s: f64,
-    /// `None`: to the end.
+    /// End in s; `None` if it lasts to the end of the run.
     pub(super) until_s: Option<f64>,
 }
 
 impl Run {
-    /// Reads what came of a run, judged by its own scenario or by another.
+    /// Reads the results of a run, judged by its own scenario or by another.
     ///
     /// # Errors
     /// If it cannot be read.
     pub(crate) fn of(path: &Path, by: Option<&Path>) -> Result<Self, Failure> {
-        let mut found = RecordedOutcome::of(path, by).map_err(Failure::usage)?;
-        if found.recorded.written == 0 {
-            let shown = found.reader.path().display().to_string();
-            return Err(Failure::usage(format!("{shown} has no record to show")));
+        let mut result = RecordedOutcome::of(path, by).map_err(Failure::usage)?;
+        if result.recorded.written == 0 {
+            let file = result.reader.path().display().to_string();
+            return Err(Failure::usage(format!("{file} has no record to show")));
         }
-        let rate = found.reader.rate().map_err(Failure::usage)?;
+        let rate = result.reader.rate().map_err(Failure::usage)?;
         let mut notes = Vec::new();
-        if let Some(damage) = &found.damage {
+        if let Some(damage) = &result.damage {
             notes.push(format!("damaged: {damage}"));
-        } else if let Some(torn) = found.reader.caveat() {
+        } else if let Some(torn) = result.reader.caveat() {
             notes.push(torn);
         }
-        let broke_off = (!found.has_result() && found.recorded.end.is_none())
+        let broke_off = (!result.has_result() && result.recorded.end.is_none())
             .then_some("the recording breaks off");
-        let (outcome, reason) = found.outcome(broke_off);
-        let recorded_run = std::mem::replace(&mut found.run, Err(Failure::usage("taken")));
+        let (outcome, reason) = result.outcome(broke_off);
+        let recorded_run = std::mem::replace(&mut result.run, Err(Failure::usage("taken")));
         let recorded_run = match recorded_run {
             Ok(run) => Some(run),
             Err(failure) if by.is_some() => return Err(failure),
             Err(failure) => {
                 notes.push(format!(
-                    "its scenario cannot be understood, so nothing is judged or derived: {failure}"
+                    "its scenario is invalid, so nothing is judged or derived: {failure}"
                 ));
                 None
             }
         };
-        let recorded = &found.recorded;
+        let recorded = &result.recorded;
         let mut requirements: Vec<Requirement> = (recorded.requirements.iter())
             .map(Requirement::from)
             .collect();
         let mut verdict = RunVerdict::of(outcome, &requirements).name().to_owned();
-        if let Some(kept) = found.reader.fact(hil_recording::reader::EXCERPT) {
-            let told = summary_beside(path);
+        if let Some(content) = result.reader.fact(hil_recording::reader::EXCERPT) {
+            let summary = summary_beside(path);
             notes.push(format!(
-                "an excerpt: {kept}; {}",
-                match &told {
-                    Some(_) => "verdict and requirements are those that the run itself found",
+                "an excerpt: {content}; {}",
+                match &summary {
+                    Some(_) => "verdict and requirements are those of the original run",
                     None => "requirements need the whole run, so it is not judged",
                 }
             ));
-            (verdict, requirements) = told.unwrap_or(("not judged".into(), Vec::new()));
+            (verdict, requirements) = summary.unwrap_or(("not judged".into(), Vec::new()));
         } else if recorded_run.is_none() {
             verdict = "not judged".into();
         }
-        let written = found.reader.result("digest").unwrap_or_default();
+        let written = result.reader.result("digest").unwrap_or_default();
         let is_other = (recorded.digest.as_deref())
-            .is_some_and(|found| !written.is_empty() && found != written);
+            .is_some_and(|digest| !written.is_empty() && digest != written);
         if is_other {
-            notes.push("the digest of its records is not the recorded one: some of what is shown is not what was recorded".into());
+            notes.push("the digest of its records differs from the recorded one: some of the data shown is not what was recorded".into());
         }
-        if (is_other || found.damage.is_some()) && verdict == "pass" {
+        if (is_other || result.damage.is_some()) && verdict == "pass" {
             verdict = "not judged".into();
         }
-        notes.extend(found.recorded.end.iter().flat_map(Missed::of_end));
-        let spans = spans(&found, rate);
+        notes.extend(result.recorded.end.iter().flat_map(Missed::of_end));
+        let spans = spans(&result, rate);
         let laws = (recorded_run.as_ref()).map(|run| run.plan.controller.law.as_str());
-        let fact = |name: &str| found.reader.fact(name).map(Into::into);
+        let fact = |name: &str| result.reader.fact(name).map(Into::into);
         let laws = laws.map_or_else(Laws::default, |law| Laws::of(law, &recorded.changes, fact));
         Ok(Self {
             label: String::new(),
             path: path.to_owned(),
             rate,
-            last: Step(found.reader.step()),
+            last: Step(result.reader.step()),
             reason,
             verdict,
             requirements,
             metrics: recorded.metrics.iter().map(Metric::from).collect(),
             spans,
-            told_laws: laws.describe(rate),
+            laws_in_words: laws.describe(rate),
             laws,
             notes,
             recorded_run,
-            outcome: found,
+            outcome: result,
         })
     }
 
-    /// Returns the scenario; `None` if that cannot be understood.
+    /// Returns the scenario; `None` if it is invalid.
     pub(crate) fn plan(&self) -> Option<&Plan> {
         self.recorded_run.as_ref().map(|run| &run.plan)
     }
 
-    /// Returns the further names of its signals, each with the recorded name.
+    /// Returns the aliases of its signals, each with the recorded name.
     pub(super) fn aliases(&self) -> Vec<(String, String)> {
         let run = self.recorded_run.as_ref();
         run.map(RecordedRun::aliases).unwrap_or_default()
     }
 
-    /// Returns `true` if the run asked for timing, as far as its scenario can be understood.
+    /// Returns `true` if the run requested timing, as far as its scenario is valid.
     pub(super) fn asks_for_timing(&self) -> bool {
         self.plan().is_none_or(Plan::asks_for_timing)
     }
 
-    /// A fact that was written down before the run.
+    /// Returns a fact recorded before the run.
     pub(super) fn fact(&self, name: &str) -> &str {
         self.outcome.reader.fact(name).unwrap_or_default()
     }
 
-    /// Names the law, or all with the time from which each ran; empty if the scenario cannot be understood.
+    /// Names the law, or all laws with their start times; empty if the scenario is invalid.
     pub(crate) fn law(&self) -> &str {
-        &self.told_laws
+        &self.laws_in_words
     }
 
-    /// Returns the end of the run, in s.
+    /// Returns the end of the run in s.
     pub(super) fn end_s(&self) -> f64 {
         self.rate.seconds(self.last)
     }
 
-    /// Times in ns that are worth a close look, the most interesting first.
+    /// Returns the times of interest in ns, the most interesting first.
     pub(super) fn times_ns(&self) -> Vec<u64> {
         let ns = |s: f64| (s * 1e9) as u64;
         let spans = self.spans.iter();
@@ -207,7 +206,7 @@ impl Run {
             .collect()
     }
 
-    /// Returns the reading of the run's signals.
+    /// Prepares the reading of the run's signals.
     pub(super) fn reading<'a>(&'a self, extra: &'a [plan::Derived]) -> Reading<'a> {
         Reading {
             path: &self.path,
@@ -223,15 +222,15 @@ pub(super) struct Reading<'a> {
     path: &'a Path,
     rate: Rate,
     run: Option<&'a RecordedRun>,
-    /// Signals to be computed besides those of the scenario.
+    /// Signals to compute in addition to those of the scenario.
     extra: &'a [plan::Derived],
 }
 
 impl Reading<'_> {
-    /// The signals over a grid, with what is derived from them.
+    /// Reads the signals over a grid, including derived ones.
     ///
     /// # Errors
-    /// If it cannot be read any more.
+    /// If the recording cannot be read any more.
     pub(super) fn signals(&self, grid: &Grid) -> Result<Signals, ReadError> {
         let mut reader = RunReader::open(self.path)?.without_digest().patient();
         let mut signals = Signals::default();
@@ -253,7 +252,7 @@ impl Reading<'_> {
             signals.push(&one.name, &one.unit, grid);
         }
         let mut bucket = 0;
-        // What is damaged after some records shows those.
+        // If later records are damaged, shows those read so far.
         while let Ok(true) = reader.advance() {
             let step = Step(reader.step());
             bucket = grid.bucket(bucket, self.rate.nanoseconds(step));
@@ -263,7 +262,7 @@ impl Reading<'_> {
                 let word = words[*place];
                 match is_time {
                     false => envelope.take(bucket, f64::from_bits(word)),
-                    // 0 is no time and no age: nothing was exchanged or due.
+                    // 0 means no time and no age: nothing was exchanged or due.
                     true if word > 0 => envelope.take(bucket, word as f64),
                     true => {}
                 }
@@ -278,8 +277,8 @@ impl Reading<'_> {
         Ok(signals)
     }
 
-    /// Lists the derived signals and the extra ones, and what computes them; `None` of an excerpt, which lacks
-    /// what they are made of.
+    /// Returns the derived and the extra signals with their evaluation; `None` for an excerpt, which lacks their
+    /// inputs.
     fn derived(&self, reader: &RunReader) -> Option<(Vec<plan::Derived>, RecordEvaluation)> {
         let run = self.run.filter(|_| !reader.is_excerpt())?;
         let (columns, _) = run.columns(reader).ok()?;
@@ -295,7 +294,7 @@ impl Reading<'_> {
     }
 }
 
-/// The signals of a run over a grid.
+/// Signals of a run over a grid.
 #[derive(Default)]
 pub struct Signals {
     names: Vec<(String, String)>,
@@ -308,7 +307,7 @@ impl Signals {
         self.envelopes.push(Envelope::new(grid.len()));
     }
 
-    /// Signals that never had a value are not there.
+    /// Removes signals that never had a value.
     fn forget_missing(&mut self) {
         let names = std::mem::take(&mut self.names);
         let envelopes = std::mem::take(&mut self.envelopes);
@@ -317,14 +316,14 @@ impl Signals {
             .unzip();
     }
 
-    /// Name, unit and envelope of each.
+    /// Returns name, unit and envelope of each signal.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &str, &Envelope)> {
         let names = self.names.iter();
         (names.zip(&self.envelopes))
             .map(|((name, unit), envelope)| (name.as_str(), unit.as_str(), envelope))
     }
 
-    /// The envelope of a signal.
+    /// Returns the envelope of a signal.
     pub fn get(&self, name: &str) -> Option<&Envelope> {
         self.iter()
             .find(|one| one.0 == name)
@@ -332,8 +331,7 @@ impl Signals {
     }
 }
 
-/// Returns the spans in which faults acted: one for each event, from its first effect to the end of its
-/// last.
+/// Returns the spans in which faults were active: one per event, from its first effect to the end of its last.
 fn spans(outcome: &RecordedOutcome, rate: Rate) -> Vec<Span> {
     let faults = &outcome.recorded.faults;
     let mut ends: BTreeMap<(u32, u32), u64> = BTreeMap::new();
@@ -347,7 +345,7 @@ fn spans(outcome: &RecordedOutcome, rate: Rate) -> Vec<Span> {
             .entry(taken.id)
             .and_modify(|(_, from, to)| {
                 *from = taken.step.min(*from);
-                // One effect that goes on is enough.
+                // One effect without an end keeps the span open.
                 *to = to.zip(until).map(|(a, b)| a.max(b));
             })
             .or_insert((taken.kind.clone(), taken.step, until));
@@ -365,21 +363,21 @@ fn spans(outcome: &RecordedOutcome, rate: Rate) -> Vec<Span> {
     spans
 }
 
-/// Lists what runs have, in their order; of those that are the same, the first.
+/// Returns elements in order, keeping the first of equal ones.
 pub(super) fn distinct<T>(
     all: impl Iterator<Item = T>,
     are_same: impl Fn(&T, &T) -> bool,
 ) -> Vec<T> {
-    let mut found: Vec<T> = Vec::new();
+    let mut unique: Vec<T> = Vec::new();
     for one in all {
-        if !found.iter().any(|known| are_same(known, &one)) {
-            found.push(one);
+        if !unique.iter().any(|other| are_same(other, &one)) {
+            unique.push(one);
         }
     }
-    found
+    unique
 }
 
-/// Verdict and requirements of the `summary.json` beside a recording.
+/// Returns verdict and requirements of the `summary.json` beside a recording.
 fn summary_beside(run: &Path) -> Option<(String, Vec<Requirement>)> {
     let folder = if run.is_dir() { run } else { run.parent()? };
     let text = std::fs::read_to_string(folder.join(SUMMARY)).ok()?;

@@ -1,4 +1,4 @@
-//! The tables of a report: verdicts, requirements, metrics, faults, latency, provenance.
+//! Tables of a report: verdicts, requirements, metrics, faults, latency, provenance.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,7 +15,7 @@ use shared_types::time::Step;
 
 use super::run::{Run, distinct};
 
-/// Meanings of the levels of evidence.
+/// Meaning of each level of evidence.
 const EVIDENCE: [(&str, &str); 5] = [
     (
         "in-process",
@@ -39,7 +39,7 @@ const EVIDENCE: [(&str, &str); 5] = [
     ),
 ];
 
-/// Writes the table of runs: programs, end and speed.
+/// Renders the table of runs: programs, end and speed.
 pub(super) fn runs(runs: &[Run]) -> Markup {
     html! {
         div.scroll tabindex="0" { table {
@@ -75,25 +75,25 @@ fn speed(run: &Run) -> String {
     }
 }
 
-/// The digest, recomputed from the records, against the one that the recorder wrote.
+/// Renders the digest recomputed from the records, compared with that of the recorder.
 fn digest(run: &Run) -> Markup {
     let recorded = run.outcome.reader.result("digest").unwrap_or_default();
-    let found = run.outcome.recorded.digest.as_deref();
+    let recomputed = run.outcome.recorded.digest.as_deref();
     html! {
-        @match found {
-            Some(found) => {
-                code title=(found) { (found.get(..12).unwrap_or(found)) }
+        @match recomputed {
+            Some(recomputed) => {
+                code title=(recomputed) { (recomputed.get(..12).unwrap_or(recomputed)) }
                 @if run.outcome.reader.is_excerpt() { " as recorded" }
-                @else if recorded == found { " recomputed: equal" }
+                @else if recorded == recomputed { " recomputed: equal" }
                 @else if recorded.is_empty() { " of what is there" }
-                @else { " " strong { "NOT the recorded one" } }
+                @else { " " strong { "DIFFERS from the recorded one" } }
             }
             None => "none: records were lost",
         }
     }
 }
 
-/// Every requirement with its margin in every run.
+/// Renders every requirement with its margin in every run.
 pub(super) fn requirements(runs: &[Run]) -> Markup {
     let judged = runs.iter().flat_map(|run| &run.requirements);
     let names = distinct(judged, |a, b| a.name == b.name);
@@ -132,7 +132,7 @@ fn margin(run: usize, judged: &Requirement) -> Markup {
     }
 }
 
-/// Every metric over every window in every run, with what others published beside it.
+/// Renders every metric over every window in every run, with published values for comparison.
 pub(super) fn metrics(runs: &[Run]) -> Markup {
     let found = runs.iter().flat_map(|run| &run.metrics);
     let rows = distinct(found, |a, b| is_same(a, b));
@@ -175,13 +175,13 @@ fn is_same(a: &Metric, b: &Metric) -> bool {
     a.name == b.name && a.window_s == b.window_s
 }
 
-/// Returns the published value of a metric's window for the law that answered it.
+/// Returns the published value of a metric's window for the law active in it.
 fn published<'a>(run: &'a Run, metric: &Metric) -> Option<&'a Published> {
     let (published, _) = of_law(run.plan()?, &run.laws, metric)?;
     Some(published)
 }
 
-/// Writes the lists of faults, controllers, changes of values and marks.
+/// Renders the lists of faults, controllers, changes of values and marks.
 pub(super) fn events(runs: &[Run]) -> Markup {
     html! {
         @for (number, run) in runs.iter().enumerate() {
@@ -191,7 +191,7 @@ pub(super) fn events(runs: &[Run]) -> Markup {
             @if faults.is_empty() && changes.is_empty() && run.spans.is_empty() { p { "No fault." } }
             ul {
                 @for fault in &faults { li { (fault.describe()) } }
-                // Of a scenario that cannot be understood.
+                // For runs whose scenario is invalid.
                 @if faults.is_empty() { @for span in &run.spans {
                     li { "fault " (span.event) " " (span.kind) " from " (seconds(span.from_s)) " s" }
                 } }
@@ -220,7 +220,7 @@ fn changed(change: &shared_types::record::ControllerChange) -> String {
     }
 }
 
-/// Percentiles of each leg, with the grade; of a run that asked for no timing those of the round trip alone.
+/// Renders the percentiles of each leg with the grade; without requested timing, those of the round trip alone.
 pub(super) fn latency(runs: &[Run]) -> Markup {
     html! {
         div.scroll tabindex="0" { table {
@@ -258,7 +258,8 @@ fn percentiles(times: &Percentiles) -> Markup {
     }
 }
 
-/// The worst steps of runs that asked for timing, with what surrounded them: by the round trip, and by the release.
+/// Renders the worst steps of runs with requested timing, with their circumstances: by the round trip, and by the
+/// release.
 pub(super) fn spikes(runs: &[Run]) -> Markup {
     type Of = fn(&LatencySummary) -> &[Spike];
     let lists: [(&str, Of); 2] = [
@@ -290,7 +291,7 @@ pub(super) fn spikes(runs: &[Run]) -> Markup {
     }
 }
 
-/// Everything that is written down about a run, by what it is about.
+/// Renders all recorded facts about a run, grouped by subject.
 pub(super) fn provenance(runs: &[Run]) -> Markup {
     const HOST: [&str; 4] = ["host", "kernel", "machine", "cores"];
     html! {
@@ -332,12 +333,12 @@ fn badge(verdict: &str) -> Markup {
     html! { span.badge data-verdict=(verdict) { (verdict) } }
 }
 
-/// The colour of a run.
+/// Renders the colour of a run.
 pub(super) fn swatch(run: usize) -> Markup {
     html! { span.swatch data-run=(run) aria-hidden="true" {} }
 }
 
-/// A time without needless digits.
+/// Formats a time without trailing zeros.
 fn seconds(time_s: f64) -> String {
     let text = format!("{time_s:.6}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()

@@ -1,4 +1,4 @@
-//! Answers of programs on this machine, and what of an answer is passed on.
+//! Answers of programs on this machine, and the parts of an answer that are reported.
 
 use std::ffi::OsStr;
 use std::os::unix::process::ExitStatusExt;
@@ -12,10 +12,10 @@ use serde_json::Value;
 use shared_types::text;
 use signal_hook::low_level::signal_name;
 
-/// Begin of the line by which a program of the framework gives its reason.
+/// Prefix of the line with which a program of the framework reports its reason.
 const REASON: &str = "error: ";
 
-/// The reason for which a program of the framework does not answer; others say nothing of the kind.
+/// Returns the reason for a refusal by a program of the framework; other programs have no such line.
 pub(super) fn refusal(stderr: &str) -> Option<&str> {
     let begins = |line: &str| line.starts_with(REASON);
     let before = stderr
@@ -25,7 +25,7 @@ pub(super) fn refusal(stderr: &str) -> Option<&str> {
     Some(stderr[begin..].strip_prefix(REASON)?.trim())
 }
 
-/// Asks a program on this machine; the inner error is its own.
+/// Runs a program on this machine and returns its answer; the inner error is its own.
 pub(super) fn asked<S: AsRef<OsStr>>(
     path: &Path,
     arguments: &[S],
@@ -48,7 +48,7 @@ pub(super) fn asked<S: AsRef<OsStr>>(
     }
 }
 
-/// Names the signal that a program died by, with its last words.
+/// Describes the signal that killed a program, with its last message.
 fn killed(signal: i32, stderr: &str) -> String {
     let name = signal_name(signal).unwrap_or("a signal");
     let last = stderr.lines().rfind(|line| !line.trim().is_empty());
@@ -59,7 +59,7 @@ fn killed(signal: i32, stderr: &str) -> String {
     format!("it was killed by {name} ({signal}){words}")
 }
 
-/// The first text of a description that a terminal would do something at.
+/// Returns the first text of a description that contains terminal control characters.
 pub(super) fn unprintable(described: &Value) -> Option<&str> {
     match described {
         Value::String(text) => (text::printable(text) != *text).then_some(text),
@@ -79,7 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_reason_of_a_program_is_what_stands_behind_its_mark() {
+    fn the_reason_of_a_program_is_the_text_after_its_prefix() {
         for (stderr, reason) in [
             (
                 "error: `x_m` is defined twice\n",

@@ -1,4 +1,4 @@
-//! The file of a program or a model: whether it can be run, its hash, and its identity while it is used.
+//! File of a program or a model: executability, hash, and identity while it is in use.
 
 use std::fs;
 use std::io::{self, Read};
@@ -12,32 +12,32 @@ use rustix::fs::{Access, access};
 /// Returns the path of a program beside this one.
 ///
 /// # Errors
-/// If the path of this program cannot be found.
+/// If the path of this program cannot be determined.
 pub fn beside(name: &str) -> Result<PathBuf, Failure> {
     let own = std::env::current_exe().map_err(Failure::infrastructure)?;
     Ok(own.with_file_name(name))
 }
 
-/// Values that change with every change of a file and of its place: device, inode, size, and the times at
-/// which its content and its inode were changed, in s and ns.
+/// Values that change with every change of a file or its location: device, inode, size, and the modification times
+/// of content and inode in s and ns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct FileIdentity([i128; 7]);
 
 impl FileIdentity {
     pub(super) fn of(path: &Path) -> io::Result<Self> {
-        let found = fs::metadata(path)?;
+        let metadata = fs::metadata(path)?;
         Ok(Self([
-            found.dev().into(),
-            found.ino().into(),
-            found.size().into(),
-            found.mtime().into(),
-            found.mtime_nsec().into(),
-            found.ctime().into(),
-            found.ctime_nsec().into(),
+            metadata.dev().into(),
+            metadata.ino().into(),
+            metadata.size().into(),
+            metadata.mtime().into(),
+            metadata.mtime_nsec().into(),
+            metadata.ctime().into(),
+            metadata.ctime_nsec().into(),
         ]))
     }
 
-    /// Returns `true` if another file is at the path now, or if there is none.
+    /// Returns `true` if the path has another file now, or none.
     pub(super) fn is_changed(&self, path: &Path) -> bool {
         !Self::of(path).is_ok_and(|now| now == *self)
     }
@@ -50,16 +50,16 @@ pub(super) fn is_script(path: &Path) -> bool {
     read.is_ok() && begins == *b"#!"
 }
 
-/// Returns the reason for which a path can be no program; the system has one word for all such reasons.
+/// Returns the reason that a path cannot be a program, in more detail than the system's error.
 fn unfit(path: &Path) -> Option<String> {
-    let found = fs::metadata(path).ok()?;
-    if found.is_dir() {
+    let metadata = fs::metadata(path).ok()?;
+    if metadata.is_dir() {
         return Some("it is a folder; name the program in it".into());
     }
-    if !found.is_file() {
-        return Some("it is no file that a program could be in".into());
+    if !metadata.is_file() {
+        return Some("it is not a regular file".into());
     }
-    (found.mode() & 0o111 == 0).then(|| {
+    (metadata.mode() & 0o111 == 0).then(|| {
         format!(
             "it is not executable; if it is a program, `chmod +x {}`",
             path.display()
@@ -67,7 +67,7 @@ fn unfit(path: &Path) -> Option<String> {
     })
 }
 
-/// A program's identity and hash. What cannot be executed is not read: it may have no end.
+/// Returns a program's identity and hash. A file that cannot be executed is not read: it may be endless.
 pub(super) fn hashed(path: &Path) -> io::Result<(FileIdentity, String)> {
     if let Some(what) = unfit(path) {
         return Err(io::Error::other(what));
@@ -77,7 +77,7 @@ pub(super) fn hashed(path: &Path) -> io::Result<(FileIdentity, String)> {
     Ok((file, hash(path)?))
 }
 
-/// A model's identity and hash: a file that a program reads.
+/// Returns the identity and hash of a model: a file that a program reads.
 pub(super) fn hashed_model(path: &Path) -> io::Result<(FileIdentity, String)> {
     let file = FileIdentity::of(path)?;
     Ok((file, hash(path)?))
@@ -88,14 +88,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_can_be_no_program_is_told_by_what_it_is() {
+    fn a_path_that_cannot_be_a_program_is_refused_with_the_reason() {
         let folder = tempfile::tempdir().expect("a folder");
         let file = folder.path().join("text");
         std::fs::write(&file, "schema = 1").expect("written");
-        let told = |path: &Path| unfit(path).unwrap_or_default();
-        assert!(told(folder.path()).contains("it is a folder"));
-        assert!(told(&file).contains("not executable"), "{}", told(&file));
-        assert!(told(Path::new("/dev/null")).contains("no file"));
+        let reason = |path: &Path| unfit(path).unwrap_or_default();
+        assert!(reason(folder.path()).contains("it is a folder"));
+        assert!(
+            reason(&file).contains("not executable"),
+            "{}",
+            reason(&file)
+        );
+        assert!(reason(Path::new("/dev/null")).contains("not a regular file"));
         assert_eq!(unfit(Path::new("/nowhere")), None);
         assert_eq!(unfit(&std::env::current_exe().expect("this")), None);
     }

@@ -1,7 +1,7 @@
-//! Models that are no programs: an FMU, and `hil-fmu` beside `hil`, which runs it in a process of its own.
+//! Models that need a host program: FMUs, run by `hil-fmu` beside `hil` in a process of its own.
 //!
-//! The model is what was named, and what must be trusted and stay the same; the host stands with its own hash
-//! beside it. What an FMU is, the host alone knows.
+//! The model is named, must be trusted and must stay unchanged; the host is recorded with its own hash. Only the
+//! host reads FMUs.
 
 use std::ffi::OsStr;
 use std::fs::File;
@@ -20,9 +20,9 @@ use super::{FileIdentity, asked, beside, hashed};
 
 /// Program beside `hil` that runs FMUs.
 pub const HOST: &str = "hil-fmu";
-/// First bytes of an archive.
+/// First bytes of a ZIP archive.
 const ARCHIVE: [u8; 4] = *b"PK\x03\x04";
-/// Ending of the name of an FMU.
+/// File extension of an FMU.
 const ENDING: &str = "fmu";
 
 /// Program that runs a model.
@@ -32,22 +32,22 @@ pub struct Host {
     pub path: PathBuf,
     /// Hash of the program.
     pub blake3: String,
-    /// Patterns of inner signals that are part of the truth.
+    /// Patterns of local signals recorded as truth.
     pub(crate) locals: Vec<String>,
     /// Permissions of the model.
     pub(crate) permissions: Permissions,
     /// Settings of the model.
     pub(crate) settings: ModelSettings,
-    /// The same as an argument.
+    /// Settings of the model as an argument.
     settings_argument: Option<String>,
-    /// True if the model's library is loaded to say what it needs.
+    /// `true` if the model's library is loaded to list its requirements.
     loads: bool,
     pub(super) file: FileIdentity,
     side: &'static str,
 }
 
 impl Host {
-    /// The host of a model as a side; `None` if the file is a program of its own.
+    /// Returns the host of a model as a side; `None` if the file is a program.
     ///
     /// # Errors
     /// If there is no host.
@@ -56,8 +56,9 @@ impl Host {
             return Ok(None);
         }
         let own = beside(HOST).map_err(|error| error.to_string())?;
-        let told = |error| format!("it is an FMU, and {} cannot be run: {error}", own.display());
-        let (file, blake3) = hashed(&own).map_err(told)?;
+        let in_words =
+            |error| format!("it is an FMU, and {} cannot be run: {error}", own.display());
+        let (file, blake3) = hashed(&own).map_err(in_words)?;
         Ok(Some(Self {
             path: own,
             blake3,
@@ -71,14 +72,14 @@ impl Host {
         }))
     }
 
-    /// The command that runs a model, without the arguments that every program takes.
+    /// Returns the command that runs a model, without the common arguments of programs.
     pub fn command(&self, model: &Path) -> Command {
         let mut command = Command::new(&self.path);
         command.args(self.arguments(model));
         command
     }
 
-    /// Asks a model as a program is asked; the inner error is the host's.
+    /// Asks a model like a program; the inner error is the host's.
     pub fn ask(
         &self,
         model: &Path,
@@ -115,7 +116,7 @@ impl Host {
     }
 }
 
-/// Checks for a model by its name, or by its content where the name is another, as that of a copy.
+/// Returns `true` if a file is an FMU by its extension or its ZIP header.
 pub(super) fn is_model(path: &Path) -> bool {
     let is_named = path
         .extension()
@@ -134,7 +135,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_model_is_known_by_its_name_or_its_first_bytes() {
+    fn a_model_is_recognised_by_its_extension_or_its_first_bytes() {
         let folder = tempfile::tempdir().expect("a folder");
         let file = |name: &str, content: &[u8]| {
             let path = folder.path().join(name);

@@ -1,8 +1,8 @@
-//! Program of a side: the one that the command line names, else the environment, else the scenario or the
-//! recording that is run, else the program beside `hil`.
+//! Program of a side: named by the command line, else by the environment, else by the scenario or the recording,
+//! else the one beside `hil`.
 //!
-//! What a file names is run only if nobody but this user and root can have written it, and what a
-//! recording names only if this user made the recording and the program is still the same.
+//! A program named by a file is run only if nobody but this user and root can have written the file, and one named
+//! by a recording only if this user made the recording and the program is unchanged.
 
 use std::ffi::OsStr;
 use std::fmt;
@@ -19,11 +19,11 @@ use shared_types::describe::ModelSettings;
 use super::reached::Reached;
 use super::{beside, seal, trusted};
 
-/// A side, and how its program is named.
+/// Side, and the ways of naming its program.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Role {
     pub side: &'static str,
-    /// The program beside `hil`.
+    /// Program beside `hil`.
     pub beside: &'static str,
     pub flag: &'static str,
     pub variable: &'static str,
@@ -46,25 +46,25 @@ pub const CONTROLLER: Role = Role {
     key: "controller.program",
 };
 
-/// Fact of a recording with the patterns of inner signals.
+/// Fact of a recording with the patterns of local signals.
 pub const LOCALS: &str = "plant_locals";
 
-/// Fact of a recording with the keys of the scenario that give an FMU a permission.
+/// Fact of a recording with the keys of the scenario that give an FMU permissions.
 pub const PERMISSIONS: &str = "fmu_permissions";
 
-/// Fact of a recording with the settings of FMUs, of the plant and the controller.
+/// Fact of a recording with the settings of FMUs, for plant and controller.
 pub const MODEL_SETTINGS: &str = "fmu_settings";
 
 /// Source that named a program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NamedBy {
-    /// Nobody: it is the one beside `hil`.
+    /// No source: the program beside `hil`.
     Nobody,
-    /// A flag or a variable of the environment.
+    /// A flag or an environment variable.
     Person(&'static str),
-    /// A key of this scenario.
+    /// Key of a scenario.
     Scenario(&'static str, PathBuf),
-    /// This run.
+    /// Recorded run.
     Recording(PathBuf),
 }
 
@@ -79,25 +79,25 @@ impl fmt::Display for NamedBy {
     }
 }
 
-/// The program of a side.
+/// Program of a side.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Choice {
     pub path: PathBuf,
     pub by: NamedBy,
-    /// The hash that it must have.
+    /// Required hash.
     pub blake3: Option<String>,
-    /// Patterns of inner signals that are part of the truth, if it is an FMU.
+    /// Patterns of local signals recorded as truth, for an FMU.
     pub locals: Vec<String>,
-    /// Permissions, if it is an FMU.
+    /// Permissions, for an FMU.
     pub permissions: Permissions,
-    /// Settings, if it is an FMU.
+    /// Settings, for an FMU.
     pub settings: ModelSettings,
-    /// True if the library of an FMU is loaded to say what it needs.
+    /// `true` if the library of an FMU is loaded to list its requirements.
     pub loads: bool,
 }
 
 impl Choice {
-    /// Chooses a program of which nothing more is asked.
+    /// Selects a program without further requirements.
     pub fn new(path: PathBuf, by: NamedBy) -> Self {
         Self {
             path,
@@ -110,15 +110,15 @@ impl Choice {
         }
     }
 
-    /// Makes the failure of a program that cannot be run.
+    /// Returns the failure of a program that cannot be run.
     pub(super) fn cannot_run(&self, role: &Role, error: &dyn fmt::Display) -> Failure {
         let (shown, by) = (self.path.display(), &self.by);
         Failure::usage(match by {
             NamedBy::Nobody if !self.path.exists() => format!(
-                "no {} program is named, and none lies beside hil: {shown} is not there; `cargo build --release` in the clone builds all programs beside each other, or name one with {} PATH or {}",
+                "no {} program is named, and there is none beside hil: {shown} does not exist; `cargo build --release` in the clone builds all programs beside each other, or name one with {} PATH or {}",
                 role.side, role.flag, role.variable
             ),
-            // The program is not to blame.
+            // The program is not the cause.
             NamedBy::Nobody if lacks_room(&error.to_string()) => {
                 format!("cannot run {shown}: {error}")
             }
@@ -126,7 +126,7 @@ impl Choice {
                 "cannot run {shown}: {error}; build it with `cargo build --release`, or name one with {}",
                 role.flag
             ),
-            // A flag was just typed; a variable may have been set long ago.
+            // The user has just typed the flag, but may have set a variable long ago.
             NamedBy::Person(flag) if flag.starts_with("--") => {
                 format!("cannot run {shown}: {error}")
             }
@@ -134,10 +134,10 @@ impl Choice {
         })
     }
 
-    /// The first wish that only an FMU can grant, and that it has no effect.
+    /// Returns the first setting that applies only to FMUs, with the statement that it has no effect.
     pub(super) fn only_for_an_fmu(&self, role: &Role) -> Option<String> {
         if !self.locals.is_empty() {
-            return Some("`plant.locals` has no effect; its truth is all that it describes".into());
+            return Some("`plant.locals` has no effect, because the truth contains everything that the plant describes".into());
         }
         let keys = self.permissions.given().chain(self.settings.given());
         let flag = self.loads.then(|| "--load".to_owned());
@@ -160,21 +160,21 @@ pub enum Named<'a> {
     Recorded(&'a Recorded),
 }
 
-/// The programs of a recorded run, as far as they were named: those beside `hil` are not written down.
+/// Programs of a recorded run, as far as they were named: those beside `hil` are not recorded.
 #[derive(Clone, Debug)]
 pub struct Recorded {
     run: PathBuf,
     plant: Option<PathBuf>,
     controller: Option<PathBuf>,
-    /// Patterns of the plant's inner signals that were part of the truth.
+    /// Patterns of the plant's local signals recorded as truth.
     locals: Vec<String>,
-    /// Permissions of the plant and of the controller.
+    /// Permissions of plant and controller.
     permissions: [Permissions; 2],
-    /// Settings of the plant and of the controller.
+    /// Settings of plant and controller.
     settings: [ModelSettings; 2],
     /// Hashes of the plant's and the controller's program.
     pub blake3: [Option<String>; 2],
-    /// True if this user recorded the run; an error gives the reason for which that cannot be told.
+    /// `true` if this user recorded the run; the error is the reason that this cannot be determined.
     is_own: Result<bool, String>,
     host: String,
 }
@@ -204,12 +204,12 @@ impl Recorded {
         }
     }
 
-    /// Checks that this user recorded the run, as far as that can be told.
+    /// Returns `true` if this user recorded the run, as far as that can be determined.
     pub fn is_own(&self) -> bool {
         self.is_own == Ok(true)
     }
 
-    /// The programs that a scenario of this run may name.
+    /// Returns the programs that a scenario of this run may name.
     pub fn programs(&self) -> Programs {
         if !self.is_own() {
             return Programs::default();
@@ -226,7 +226,7 @@ impl Recorded {
         }
     }
 
-    /// The programs that were named.
+    /// Returns the named programs.
     pub fn named(&self) -> impl Iterator<Item = (&'static Role, &Path)> {
         let all = [(&PLANT, &self.plant), (&CONTROLLER, &self.controller)];
         (all.into_iter()).filter_map(|(role, path)| Some((role, path.as_deref()?)))
@@ -239,20 +239,20 @@ impl Recorded {
         };
         let (side, flag, shown) = (role.side, role.flag, path.display());
         if !self.is_own() {
-            let whose = match &self.is_own {
+            let origin = match &self.is_own {
                 Ok(_) => format!(
                     "{run} was not recorded by this user here (host {:?})",
                     self.host
                 ),
-                Err(why) => format!("whether this user recorded {run} cannot be told ({why})"),
+                Err(why) => format!("cannot determine whether this user recorded {run} ({why})"),
             };
             return Err(Failure::usage(format!(
-                "{whose}, so the {side} program that it names, {shown}, is not run; {flag} PATH names one to run"
+                "{origin}, so the {side} program that it names, {shown}, is not run; name a program with {flag} PATH"
             )));
         }
         let path = trusted::program(path).map_err(|why| {
             Failure::usage(format!(
-                "{run} was recorded with the {side} program {shown}, which is not run: {why}; {flag} PATH names one to run"
+                "{run} was recorded with the {side} program {shown}, which is not run: {why}; name a program with {flag} PATH"
             ))
         })?;
         let [plant, controller] = &self.blake3;
@@ -264,10 +264,10 @@ impl Recorded {
     }
 }
 
-/// Refuses flags that set a program where the scenario names none: they would be without effect.
+/// Refuses flags that configure a program where the scenario names none, because they would have no effect.
 ///
 /// # Errors
-/// The first such flag, with the one that names a program; `flag` is that of a side.
+/// The first such flag, with the flag that names a program; `flag` returns that of a side.
 pub fn refuse_set(set: &[String], flag: impl Fn(&Role) -> &str) -> Result<(), Failure> {
     for one in set {
         let key = one.split('=').next().unwrap_or_default().trim();
@@ -277,7 +277,7 @@ pub fn refuse_set(set: &[String], flag: impl Fn(&Role) -> &str) -> Result<(), Fa
         };
         if let Some(role) = [&PLANT, &CONTROLLER].iter().find(sets) {
             return Err(Failure::usage(format!(
-                "--set {key} has no effect here, where the scenario names no program; {} PATH names the {} program",
+                "--set {key} has no effect, because the scenario names no program; {} PATH names the {} program",
                 flag(role),
                 role.side
             )));
@@ -295,7 +295,7 @@ impl<'a> Named<'a> {
         }
     }
 
-    /// The patterns of inner signals that belong to a side.
+    /// Returns the patterns of local signals for a side.
     fn locals(&self, role: &Role) -> Vec<String> {
         match self {
             Self::Scenario { programs, .. } if role == &PLANT => programs.locals.clone(),
@@ -304,7 +304,7 @@ impl<'a> Named<'a> {
         }
     }
 
-    /// The permissions of a side.
+    /// Returns the permissions of a side.
     fn permissions(&self, role: &Role) -> Permissions {
         let [plant, controller] = match self {
             Self::Scenario { programs, .. } => {
@@ -316,7 +316,7 @@ impl<'a> Named<'a> {
         if role == &PLANT { plant } else { controller }
     }
 
-    /// The settings of a side.
+    /// Returns the settings of a side.
     fn settings(&self, role: &Role) -> ModelSettings {
         let [plant, controller] = match self {
             Self::Scenario { programs, .. } => {
@@ -329,24 +329,24 @@ impl<'a> Named<'a> {
         of_side.clone()
     }
 
-    /// The program of a side; `given` is that of the command line, `at` the machine that it runs on.
+    /// Returns the program of a side; `given` is that of the command line, `at` the machine that runs it.
     ///
     /// # Errors
-    /// If what a file names must not be run.
+    /// If a program named by a file must not be run.
     pub fn choice(
         &self,
         role: &'static Role,
-        given: Option<&Path>,
+        argument: Option<&Path>,
         at: Option<&Reached>,
     ) -> Result<Choice, Failure> {
         let variable = std::env::var_os(role.variable).filter(|value| !value.is_empty());
-        let person = match (given, &variable) {
+        let person = match (argument, &variable) {
             (Some(path), _) => Some((path, role.flag)),
             (None, Some(path)) => Some((Path::new(path), role.variable)),
             (None, None) => None,
         };
         let choice = if let Some((path, by)) = person {
-            // Absolute, so that what is run is what is hashed: a bare name is looked for elsewhere.
+            // Absolute, so that the program run is the one hashed: a bare name is searched for elsewhere.
             let path = std::path::absolute(path).map_err(Failure::usage)?;
             Choice::new(path, NamedBy::Person(by))
         } else {
@@ -373,10 +373,11 @@ impl<'a> Named<'a> {
     }
 }
 
-/// Variable that names Cargo's target folder in place of `target`.
+/// Environment variable that names Cargo's target folder instead of `target`.
 const TARGET_DIR: &str = "CARGO_TARGET_DIR";
 
-/// Place of a program in Cargo's target folder, if `path` leads into a folder `target` of a package.
+/// Returns the location of a program in Cargo's target folder, if `path` leads into the folder `target` of a
+/// package.
 fn in_target_folder(path: &Path, folder: &OsStr) -> Option<PathBuf> {
     let mut packages = path.ancestors().skip(1);
     let default = packages.find(|place| {
@@ -406,8 +407,8 @@ fn by_scenario(
                 || "this machine".to_owned(),
                 |at| format!("target {}", at.target()),
             );
-            let found = program.for_machine(machine);
-            Some(found.ok_or_else(|| {
+            let program_path = program.for_machine(machine);
+            Some(program_path.ok_or_else(|| {
                 Failure::usage(format!(
                     "{shown}: `{key}` has no program for {place}, {machine}; add one, or name it with {flag} PATH"
                 ))
@@ -420,7 +421,7 @@ fn by_scenario(
     let refused = |why: String| {
         let path = path.display();
         Failure::usage(format!(
-            "{shown} names the {} program {path}, which is not run: {why}; {flag} PATH names one to run",
+            "{shown} names the {} program {path}, which is not run: {why}; name a program with {flag} PATH",
             role.side
         ))
     };
@@ -432,14 +433,14 @@ fn by_scenario(
         (true, Some(moved)) if !is_missing(moved) => moved.as_path(),
         (true, moved) => {
             let also = moved.as_ref().map_or_else(String::new, |moved| {
-                format!(", nor is {}, where {TARGET_DIR} leads", moved.display())
+                format!(", nor does {}, where {TARGET_DIR} points", moved.display())
             });
             return Err(refused(format!(
-                "it is not there{also}; build it (paths in a scenario begin at its folder)"
+                "it does not exist{also}; build it (paths in a scenario are relative to its folder)"
             )));
         }
     };
-    // What was read is what stands in a file that nobody else can have written.
+    // The content just read is that of the file, because nobody else can have written the file.
     let (own, _) = trusted::file(file).map_err(refused)?;
     if read_regular(&own).ok().as_deref() != Some(text) {
         return Err(refused(format!("{shown} was changed meanwhile")));
@@ -448,7 +449,7 @@ fn by_scenario(
     let by = NamedBy::Scenario(key, file.to_owned());
     Ok(Some(Choice::new(path, by)))
 }
-/// Returns `true` if a text says that the system has no files, processes or memory left to give.
+/// Returns `true` if an error message reports a lack of files, processes or memory.
 fn lacks_room(error: &str) -> bool {
     use rustix::io::Errno;
     let lacking = [Errno::MFILE, Errno::NFILE, Errno::AGAIN, Errno::NOMEM];

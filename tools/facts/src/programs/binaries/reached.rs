@@ -1,4 +1,4 @@
-//! A controller's program on another machine: described, checked and started where it runs.
+//! Controller program on another machine: described, checked and started there.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use super::named::Choice;
 use super::{Binary, beside};
 use crate::arguments::target::TargetArguments;
 
-/// A target that answered, and what its agent found there.
+/// Connected target, with its agent's findings.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reached {
     way: Way,
@@ -24,7 +24,7 @@ pub struct Reached {
 }
 
 impl Reached {
-    /// Reaches the target that was typed, if one was; its agent may be silent for the wait limit.
+    /// Connects to the given target, if there is one; its agent may be silent for the wait limit.
     ///
     /// # Errors
     /// If it cannot be reached or used.
@@ -40,7 +40,7 @@ impl Reached {
         let contact = open(&way, interruption)?;
         let findings = contact.findings().clone();
         let reason = match (findings.free_bytes, &findings.hindrance) {
-            (None, _) => Some("there is no /dev/shm there".into()),
+            (None, _) => Some("it has no /dev/shm".into()),
             (_, hindrance) => hindrance.clone(),
         };
         if let Some(reason) = reason {
@@ -49,40 +49,40 @@ impl Reached {
         }
         if let Some((agent, newer)) = way.stale_agent(&findings.machine) {
             let (agent, newer) = (agent.display(), newer.display());
-            tell!("note: the agent {agent} is older than {newer}; build it anew");
+            tell!("note: the agent {agent} is older than {newer}; rebuild it");
         }
         Ok(Some(Self { way, findings }))
     }
 
-    /// The target, as it was named.
+    /// Returns the target as it was named.
     pub const fn target(&self) -> &Target {
         &self.way.target
     }
 
-    /// Findings of the agent.
+    /// Returns the findings of the agent.
     pub const fn findings(&self) -> &Findings {
         &self.findings
     }
 
-    /// Opens a contact.
+    /// Opens a connection.
     ///
     /// # Errors
-    /// If the target cannot be reached any more.
+    /// If the target is no longer reachable.
     pub fn contact(&self, interruption: &Interruption) -> Result<Contact, Failure> {
         open(&self.way, interruption)
     }
 
-    /// Length of the agent's file, as a measure of a program there.
+    /// Returns the size of the agent's file, as an estimate of the size of a program there.
     ///
     /// # Errors
-    /// If the file cannot be read any more.
+    /// If the file is no longer readable.
     pub fn agent_bytes(&self) -> Result<u64, Failure> {
         let agent = self.way.agent_for(&self.findings.machine).map_err(failed)?;
-        let found = std::fs::metadata(agent).map_err(Failure::infrastructure)?;
-        Ok(found.len())
+        let metadata = std::fs::metadata(agent).map_err(Failure::infrastructure)?;
+        Ok(metadata.len())
     }
 
-    /// Asks a program, there, what it is.
+    /// Asks a program on the target for its description.
     pub fn describe(
         &self,
         program: &Path,
@@ -97,7 +97,7 @@ impl Reached {
             .map_err(failed)
     }
 
-    /// Asks a program, there, to look at its job.
+    /// Asks a program on the target to check its job.
     pub fn check(
         &self,
         program: &Path,
@@ -114,16 +114,16 @@ impl Reached {
             .map_err(failed)
     }
 
-    /// The command that stands here for a program there, with this session.
+    /// Returns the command of the bridge that represents a program on the target in this session.
     ///
     /// # Errors
-    /// If this program's own place cannot be found.
+    /// If the path of this program cannot be determined.
     pub fn bridge(&self, program: &Path, blake3: &str, session: &Path) -> Result<Command, Failure> {
         let Way {
             target,
             agent,
             key_file,
-            silence: _, // the bridge takes the wait limit of its job
+            silence: _, // the bridge uses the wait limit of its job
         } = &self.way;
         let mut command = Command::new(beside("hil-target")?);
         command.args(["bridge", "--target", &target.to_string()]);
@@ -138,15 +138,15 @@ impl Reached {
         Ok(command)
     }
 
-    /// Returns true if the target is this machine, such as a container on it.
+    /// Returns `true` if the target is this machine, for example a container on it.
     pub fn is_here(&self) -> bool {
         self.findings.boot_id == Findings::own().boot_id
     }
 
-    /// Names the evidence that a run with this program there gives.
+    /// Returns the level of evidence that a run with this program on the target provides.
     pub fn evidence(&self, program: &Path, is_against_clock: bool) -> &'static str {
         let (own, is_here) = (Findings::own(), self.is_here());
-        // One that is emulated on this machine takes the emulated one for its own.
+        // An emulated agent on this machine reports the emulated machine type as its own.
         let machine = if is_here {
             &own.machine
         } else {
@@ -163,17 +163,17 @@ impl Reached {
     }
 }
 
-/// A controller that is built for another processor, beside the desk's build of it.
+/// Controller built for another processor, compared with the desk's build.
 #[derive(Clone, Debug)]
 pub struct BesideDesk {
     desk: PathBuf,
-    /// Builds there and at the desk, as far as they noted their sources.
+    /// Source revisions of the builds on the target and at the desk, as far as they are recorded.
     builds: [Option<Build>; 2],
 }
 
 impl BesideDesk {
-    /// Compares a controller that runs elsewhere with what would run at the desk; nothing if that is the same file or
-    /// another program.
+    /// Compares a controller on a target with the one that would run at the desk; `None` if that is the same file
+    /// or another program.
     pub fn of(there: &Binary, desk: &Choice, interruption: &Interruption) -> Option<Self> {
         let machine = |path: &Path| built_for(path).ok().flatten();
         if machine(&there.path)? == machine(&desk.path)? {
@@ -187,11 +187,11 @@ impl BesideDesk {
         })
     }
 
-    /// True if both are known to be built from the same source; nothing if that cannot be told.
+    /// Returns `true` if both are known to be built from the same source; `None` if that cannot be determined.
     pub(crate) fn is_same_source(&self) -> Option<bool> {
         match &self.builds {
             [Some(there), Some(desk)] if there.is_of_source_of(desk) => Some(true),
-            // Each with changes of its own: nobody knows which.
+            // Both have uncommitted changes, which may differ.
             [Some(there), Some(desk)] if there == desk => None,
             [Some(_), Some(_)] => Some(false),
             _ => None,
@@ -201,21 +201,21 @@ impl BesideDesk {
 
 impl fmt::Display for BesideDesk {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let told = |build: &Option<Build>| match build {
+        let describe = |build: &Option<Build>| match build {
             Some(build) => build.to_string(),
-            None => "a build that noted no source".into(),
+            None => "a build without a recorded source".into(),
         };
-        let [there, desk] = self.builds.each_ref().map(told);
+        let [there, desk] = self.builds.each_ref().map(describe);
         let path = self.desk.display();
         match self.is_same_source() {
             Some(true) => write!(f, "built from the source of {path}: {there}"),
             Some(false) => write!(
                 f,
-                "note: built from another source than {path}: {there}; the desk's {desk}"
+                "note: built from another source than {path}: {there}; at the desk {desk}"
             ),
             None => write!(
                 f,
-                "note: nobody can tell that it is built from the source of {path}: {there}; the desk's {desk}"
+                "note: cannot verify that it is built from the source of {path}: {there}; at the desk {desk}"
             ),
         }
     }
@@ -225,7 +225,7 @@ fn open(way: &Way, interruption: &Interruption) -> Result<Contact, Failure> {
     Contact::open(way, || (), &|| interruption.came()).map_err(failed)
 }
 
-/// The failure of a command whose target let it down.
+/// Converts an error of a target into the failure of a command.
 pub fn failed(error: TargetError) -> Failure {
     match error {
         TargetError::Usage { .. } => Failure::usage(error),
@@ -253,8 +253,8 @@ mod tests {
     }
 
     #[test]
-    fn a_build_for_another_processor_is_called_the_same_source_only_where_that_is_known() {
-        for (commits, modified, same, told) in [
+    fn builds_count_as_the_same_source_only_if_that_is_known() {
+        for (commits, modified, same, expected) in [
             (
                 [Some("a"), Some("a")],
                 false,
@@ -273,17 +273,17 @@ mod tests {
                 Some(false),
                 "commit b with changes",
             ),
-            ([Some("a"), Some("a")], true, None, "nobody can tell"),
+            ([Some("a"), Some("a")], true, None, "cannot verify"),
             (
                 [None, Some("a")],
                 false,
                 None,
-                "a build that noted no source",
+                "a build without a recorded source",
             ),
         ] {
             let beside = beside(commits, modified);
             assert_eq!(beside.is_same_source(), same, "{beside}");
-            assert!(beside.to_string().contains(told), "{beside}");
+            assert!(beside.to_string().contains(expected), "{beside}");
         }
     }
 }

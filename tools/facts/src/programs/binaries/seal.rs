@@ -1,8 +1,8 @@
-//! The seal of a recording whose programs were named: the mark that this user made it.
+//! Seal of a recording whose programs were named: proof that this user made it.
 //!
-//! A recording that comes from somebody else may name any path and any hash, so that running what it
-//! names would be running what its author wants. The seal is a keyed hash over these names; the key is a
-//! file of the user that leaves the machine with no recording.
+//! A recording from another user may name any path and any hash, so running the programs it names would run
+//! whatever its author wants. The seal is a keyed hash over these names; the key is a file of the user that is
+//! never part of a recording.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -14,9 +14,9 @@ use blake3::{Hash, Hasher};
 
 use super::trusted;
 
-/// The fact that has the seal.
+/// Fact with the seal.
 pub(crate) const SEAL: &str = "programs_seal";
-/// The facts that it covers.
+/// Facts that it covers.
 const SEALED: [&str; 5] = [
     "session_id",
     "plant_binary",
@@ -29,7 +29,7 @@ const KEY_BYTES: usize = 32;
 /// Seals the facts of a recording.
 ///
 /// # Errors
-/// If there is no key and none can be made.
+/// If there is no key and none can be created.
 pub fn seal(facts: &mut BTreeMap<String, String>) -> Result<(), String> {
     let path = key_file()?;
     let key = match read(&path) {
@@ -41,7 +41,7 @@ pub fn seal(facts: &mut BTreeMap<String, String>) -> Result<(), String> {
     Ok(())
 }
 
-/// Checks that this user sealed these facts; nobody without a key has.
+/// Returns `true` if this user sealed these facts; without a key, nobody did.
 ///
 /// # Errors
 /// If the facts have a seal and the key cannot be used to check it.
@@ -58,11 +58,11 @@ pub(crate) fn is_own<'a>(fact: impl Fn(&str) -> Option<&'a str>) -> Result<bool,
 
 fn is_of<'a>(key: &[u8; KEY_BYTES], fact: impl Fn(&str) -> Option<&'a str>) -> bool {
     let found = fact(SEAL).and_then(|seal| Hash::from_hex(seal).ok());
-    // Hashes are compared in constant time.
+    // Comparison of hashes takes constant time.
     found.is_some_and(|found| found == hash(key, fact))
 }
 
-/// The hash over all facts, each with its length, so that nothing can move from one to the next.
+/// Returns the hash over all facts, each with its length, so that text cannot move from one to the next.
 fn hash<'a>(key: &[u8; KEY_BYTES], fact: impl Fn(&str) -> Option<&'a str>) -> Hash {
     let mut hasher = Hasher::new_keyed(key);
     for name in SEALED {
@@ -73,7 +73,7 @@ fn hash<'a>(key: &[u8; KEY_BYTES], fact: impl Fn(&str) -> Option<&'a str>) -> Ha
     hasher.finalize()
 }
 
-/// Returns the path of the key, in the usual place for what a program keeps.
+/// Returns the path of the key, in the standard location for program state.
 fn key_file() -> Result<PathBuf, String> {
     let folder = |name| {
         let folder = std::env::var_os(name).map(PathBuf::from);
@@ -81,42 +81,42 @@ fn key_file() -> Result<PathBuf, String> {
     };
     let state = folder("XDG_STATE_HOME");
     let state = state.or_else(|| Some(folder("HOME")?.join(".local/state")));
-    let state = state.ok_or("neither XDG_STATE_HOME nor HOME names a folder")?;
+    let state = state.ok_or("neither XDG_STATE_HOME nor HOME is set to a folder")?;
     Ok(state.join("hil/key"))
 }
 
 /// Reads a key that nobody else can have read or written.
 fn read(path: &Path) -> Result<[u8; KEY_BYTES], String> {
-    let (path, found) = trusted::file(path)?;
-    if found.mode() & 0o077 != 0 {
+    let (path, metadata) = trusted::file(path)?;
+    if metadata.mode() & 0o077 != 0 {
         return Err(format!("{} can be read by others", path.display()));
     }
     let mut key = Vec::new();
     (fs::File::open(&path))
         .and_then(|file| file.take(KEY_BYTES as u64 + 1).read_to_end(&mut key))
         .map_err(|error| format!("{}: {error}", path.display()))?;
-    (key.try_into()).map_err(|_| format!("{} is no key; remove it", path.display()))
+    (key.try_into()).map_err(|_| format!("{} is not a valid key; remove it", path.display()))
 }
 
-/// Makes a key if there is none; of two that do so at once one is kept.
+/// Creates a key if there is none; of two created at once, one is kept.
 fn make(path: &Path) -> Result<(), String> {
-    let told = |error: std::io::Error| format!("{}: {error}", path.display());
+    let in_words = |error: std::io::Error| format!("{}: {error}", path.display());
     let folder = path.parent().unwrap_or(Path::new("/"));
     (fs::DirBuilder::new().recursive(true).mode(0o700))
         .create(folder)
-        .map_err(told)?;
+        .map_err(in_words)?;
     let mut key = [0; KEY_BYTES];
     (fs::File::open("/dev/urandom"))
         .and_then(|mut random| random.read_exact(&mut key))
-        .map_err(told)?;
+        .map_err(in_words)?;
     let mut file = tempfile::Builder::new()
         .permissions(fs::Permissions::from_mode(0o600))
         .tempfile_in(folder)
-        .map_err(told)?;
-    file.write_all(&key).map_err(told)?;
+        .map_err(in_words)?;
+    file.write_all(&key).map_err(in_words)?;
     match file.persist_noclobber(path) {
         Err(refused) if refused.error.kind() != ErrorKind::AlreadyExists => {
-            Err(told(refused.error))
+            Err(in_words(refused.error))
         }
         _ => Ok(()),
     }
@@ -171,17 +171,21 @@ mod tests {
     }
 
     #[test]
-    fn a_key_is_made_once_and_read_by_its_owner_alone() {
+    fn a_key_is_created_once_and_readable_only_by_its_owner() {
         let place = tempfile::TempDir::new().expect("a folder");
         let path = place.path().join("state/hil/key");
         make(&path).expect("made");
         let key = read(&path).expect("it is there");
-        make(&path).expect("it is there already");
+        make(&path).expect("it exists");
         assert_eq!(read(&path), Ok(key));
         fs::set_permissions(&path, fs::Permissions::from_mode(0o644)).expect("it is ours");
         assert!(read(&path).expect_err("open").contains("read by others"));
         fs::write(&path, [1; 3]).expect("it is ours");
         fs::set_permissions(&path, fs::Permissions::from_mode(0o600)).expect("it is ours");
-        assert!(read(&path).expect_err("short").contains("is no key"));
+        assert!(
+            read(&path)
+                .expect_err("short")
+                .contains("is not a valid key")
+        );
     }
 }

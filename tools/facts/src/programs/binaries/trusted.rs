@@ -1,8 +1,8 @@
-//! Files that only this user and root can have written: what a file names is run only if it is one.
+//! Files that only this user and root can have written, the only ones whose named programs are run.
 //!
-//! Follows the path part by part, links included, so that nobody else can put another file in its
-//! place before it is run. What a person names on the command line is not looked at, but for the folder of a
-//! campaign, which names programs in turn.
+//! Follows the path component by component, including links, so that nobody else can replace the file before it is
+//! run. Programs named on the command line are not checked, except for the folder of a campaign, which names
+//! programs itself.
 
 use std::ffi::OsString;
 use std::fs::{self, Metadata};
@@ -12,22 +12,22 @@ use std::path::{Component, Path, PathBuf};
 use rustix::fs::lgetxattr;
 use rustix::process::geteuid;
 
-/// Most links on the way, as in the kernel.
+/// Maximum number of links in a path, as in the kernel.
 const MOST_LINKS: u32 = 40;
-/// Group and others may write.
+/// Mode bits: writable by group or others.
 const WRITABLE: u32 = 0o022;
-/// Others may not remove what they do not own.
+/// Mode bit: only owners may remove entries.
 const STICKY: u32 = 0o1000;
-/// Runs as another user or group.
+/// Mode bits: runs as another user or group.
 const SETS_ID: u32 = 0o6000;
 
-/// The path of a program without links, if nobody but this user and root can have made it.
+/// Resolves the path of a program, if nobody but this user and root can have created it.
 ///
 /// # Errors
-/// If anything speaks against the program; the error says what.
+/// If the program is not trusted, with the reason.
 pub fn program(path: &Path) -> Result<PathBuf, String> {
-    let (path, found) = file(path)?;
-    if found.mode() & SETS_ID != 0 {
+    let (path, metadata) = file(path)?;
+    if metadata.mode() & SETS_ID != 0 {
         let shown = path.display();
         return Err(format!(
             "{shown} runs as another user or group (setuid or setgid)"
@@ -36,34 +36,34 @@ pub fn program(path: &Path) -> Result<PathBuf, String> {
     Ok(path)
 }
 
-/// The path of a regular file without links, if nobody but this user and root can have written it.
+/// Resolves the path of a regular file, if nobody but this user and root can have written it.
 ///
 /// # Errors
-/// If anything speaks against the file; the error says what.
+/// If the file is not trusted, with the reason.
 pub fn file(path: &Path) -> Result<(PathBuf, Metadata), String> {
     let path = std::path::absolute(path).map_err(|error| error.to_string())?;
-    let (path, found) = walk(&path)?;
-    match found.is_file() {
-        true => Ok((path, found)),
-        false if found.is_dir() => Err(format!("{} is a folder", path.display())),
-        false => Err(format!("{} is no regular file", path.display())),
+    let (path, metadata) = walk(&path)?;
+    match metadata.is_file() {
+        true => Ok((path, metadata)),
+        false if metadata.is_dir() => Err(format!("{} is a folder", path.display())),
+        false => Err(format!("{} is not a regular file", path.display())),
     }
 }
 
-/// The path of a folder without links, if nobody but this user and root can put anything into it.
+/// Resolves the path of a folder, if nobody but this user and root can add entries.
 ///
 /// # Errors
-/// If anything speaks against the folder; the error says what.
+/// If the folder is not trusted, with the reason.
 pub fn folder(path: &Path) -> Result<PathBuf, String> {
     let path = std::path::absolute(path).map_err(|error| error.to_string())?;
-    let (path, found) = walk(&path)?;
-    match found.is_dir() {
+    let (path, metadata) = walk(&path)?;
+    match metadata.is_dir() {
         true => Ok(path),
-        false => Err(format!("{} is no folder", path.display())),
+        false => Err(format!("{} is not a folder", path.display())),
     }
 }
 
-/// Follows an absolute path.
+/// Resolves an absolute path.
 fn walk(path: &Path) -> Result<(PathBuf, Metadata), String> {
     let mut at = PathBuf::from("/");
     let mut ahead = parts(path);
@@ -81,7 +81,7 @@ fn walk(path: &Path) -> Result<(PathBuf, Metadata), String> {
         }
         links += 1;
         if links > MOST_LINKS {
-            return Err(format!("{} leads through too many links", path.display()));
+            return Err(format!("{} contains too many links", path.display()));
         }
         let target = fs::read_link(&next).map_err(|error| describe(&next, &error))?;
         if target.is_absolute() {
@@ -89,11 +89,11 @@ fn walk(path: &Path) -> Result<(PathBuf, Metadata), String> {
         }
         ahead.extend(parts(&target));
     }
-    let found = looked_at(&at)?;
-    Ok((at, found))
+    let metadata = looked_at(&at)?;
+    Ok((at, metadata))
 }
 
-/// The parts of a path, the last one first.
+/// Returns the components of a path, the last one first.
 fn parts(path: &Path) -> Vec<OsString> {
     let named = path.components().filter_map(|part| match part {
         Component::Normal(_) | Component::ParentDir => Some(part.as_os_str().to_owned()),
@@ -108,22 +108,25 @@ fn describe(path: &Path, error: &std::io::Error) -> String {
     format!("{}: {error}", path.display())
 }
 
-/// Returns the metadata of what is at a path, if only this user and root can have put it there.
+/// Returns the metadata of a path, if only this user and root can have created the entry.
 fn looked_at(path: &Path) -> Result<Metadata, String> {
-    let found = fs::symlink_metadata(path).map_err(|error| describe(path, &error))?;
+    let metadata = fs::symlink_metadata(path).map_err(|error| describe(path, &error))?;
     let (shown, user) = (path.display(), geteuid().as_raw());
-    let owner = found.uid();
+    let owner = metadata.uid();
     if owner != user && owner != 0 {
         return Err(format!("{shown} belongs to another user ({owner})"));
     }
-    // The mode of a link means nothing.
-    let (mode, is_shared) = (found.mode(), found.is_dir() && found.mode() & STICKY != 0);
-    if found.is_symlink() || mode & WRITABLE == 0 || is_shared {
-        return Ok(found);
+    // The mode of a link has no meaning.
+    let (mode, is_shared) = (
+        metadata.mode(),
+        metadata.is_dir() && metadata.mode() & STICKY != 0,
+    );
+    if metadata.is_symlink() || mode & WRITABLE == 0 || is_shared {
+        return Ok(metadata);
     }
     let by_group_alone = mode & 0o002 == 0;
-    if by_group_alone && is_private(found.gid(), user) && !has_list(path) {
-        return Ok(found);
+    if by_group_alone && is_private(metadata.gid(), user) && !has_list(path) {
+        return Ok(metadata);
     }
     let mode = mode & 0o7777;
     Err(format!(
@@ -131,19 +134,19 @@ fn looked_at(path: &Path) -> Result<Metadata, String> {
     ))
 }
 
-/// Checks for an access list that gives rights to further users.
+/// Returns `true` if an access control list grants rights to further users.
 fn has_list(path: &Path) -> bool {
     lgetxattr(path, "system.posix_acl_access", &mut [0_u8; 0]).is_ok()
 }
 
-/// Checks that a group has this user as its only member.
+/// Returns `true` if a group has this user as its only member.
 fn is_private(group: u32, user: u32) -> bool {
     let read = |path| fs::read_to_string(path).unwrap_or_default();
     is_group_of_one(group, user, &read("/etc/passwd"), &read("/etc/group"))
 }
 
-/// The same by the lists of users and of groups: it is the first group of this user and of nobody else,
-/// has the user's name and no further members.
+/// Evaluates the files of users and groups: the group must be the primary group of this user and of nobody else,
+/// have the user's name and no further members.
 fn is_group_of_one(group: u32, user: u32, users: &str, groups: &str) -> bool {
     let (group, user) = (group.to_string(), user.to_string());
     let split = |line: &str| line.split(':').map(str::to_owned).collect::<Vec<_>>();
@@ -173,7 +176,7 @@ mod tests {
 
     use super::*;
 
-    /// A folder with a program in a folder.
+    /// Creates a folder with a program in a subfolder.
     fn place() -> (TempDir, PathBuf) {
         let place = TempDir::new().expect("a folder");
         let bin = place.path().join("bin");
@@ -195,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn an_own_program_is_found_without_the_links_and_detours_on_the_way() {
+    fn the_path_of_an_own_program_is_resolved() {
         let (place, own) = place();
         let own = fs::canonicalize(own).expect("it is there");
         let (link, folder) = (place.path().join("link"), place.path().join("folder"));
@@ -226,7 +229,7 @@ mod tests {
         let bin = place.path().join("bin");
         set(&bin, 0o777);
         refused(&own, "bin can be written by others (mode 0777)");
-        // Nobody else can remove or rename it there, as in /tmp.
+        // As in /tmp, nobody else can remove or rename it there.
         set(&bin, 0o1777);
         program(&own).expect("it cannot be replaced");
         set(&bin, 0o755);
@@ -245,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_program_is_refused() {
+    fn a_path_without_a_program_is_refused() {
         let (place, own) = place();
         refused(place.path(), "is a folder");
         refused(&place.path().join("bin/.."), "is a folder");
@@ -271,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn a_group_is_private_if_it_is_that_of_one_user_alone() {
+    fn a_group_is_private_if_it_has_a_single_user() {
         let users = "root:x:0:0::/root:/bin/sh\nann:x:1000:1000::/home/ann:/bin/sh\nbob:x:1001:100::/home/bob:/bin/sh\n";
         let groups = "root:x:0:\nann:x:1000:\nusers:x:100:\n";
         assert!(is_group_of_one(1000, 1000, users, groups));

@@ -1,4 +1,4 @@
-//! Accounts of a plant about its end, and the part of them that is believed.
+//! Plant reports about the end of a run, and the parts that are accepted.
 
 use shared_types::record::{ControllerChange, ControllerFate, FaultEffectSize, Outcome, RunEnd};
 use shared_types::time::Step;
@@ -8,7 +8,7 @@ use crate::rig::plan;
 
 const STEPS: u64 = 1000;
 
-/// An honest account: all steps, all records, each with its answer.
+/// Returns a consistent report: all steps, all records, each with its answer.
 fn honest() -> Recorded {
     Recorded {
         records: STEPS + 1,
@@ -32,14 +32,14 @@ fn describe(clock: Clock, change: impl FnOnce(&mut Recorded, &mut RunEnd)) -> Op
 }
 
 #[track_caller]
-fn believed(clock: Clock, change: impl FnOnce(&mut Recorded, &mut RunEnd)) {
+fn accepted(clock: Clock, change: impl FnOnce(&mut Recorded, &mut RunEnd)) {
     assert_eq!(describe(clock, change), None);
 }
 
 #[track_caller]
-fn doubted(clock: Clock, wanted: &str, change: impl FnOnce(&mut Recorded, &mut RunEnd)) {
+fn rejected(clock: Clock, expected: &str, change: impl FnOnce(&mut Recorded, &mut RunEnd)) {
     let what = describe(clock, change).expect("a contradiction");
-    assert!(what.contains(wanted), "{what}");
+    assert!(what.contains(expected), "{what}");
 }
 
 const LOCKSTEP: Clock = Clock::Lockstep;
@@ -52,55 +52,55 @@ fn streak(steps: std::ops::Range<u64>) -> Streaks {
 }
 
 #[test]
-fn all_planned_steps_with_all_records_are_believed() {
+fn a_complete_run_with_all_records_is_accepted() {
     for clock in [LOCKSTEP, Clock::Paced { factor: 2.0 }, REALTIME] {
-        believed(clock, |_, _| ());
+        accepted(clock, |_, _| ());
     }
-    // A plant that died told nothing.
+    // A plant that died reported nothing.
     assert_eq!(contradiction(&plan(), &Recorded::begun()), None);
 }
 
 #[test]
-fn a_run_that_broke_off_has_a_record_for_each_step_and_perhaps_one_more() {
+fn an_aborted_run_has_a_record_for_each_step_and_at_most_one_more() {
     for outcome in [Outcome::Diverged, Outcome::Stopped, Outcome::Failed] {
         for records in [400, 401] {
-            believed(LOCKSTEP, |recorded, end| {
+            accepted(LOCKSTEP, |recorded, end| {
                 (recorded.records, end.steps, end.outcome) = (records, 400, outcome);
             });
         }
         for records in [0, 399, 402] {
-            doubted(LOCKSTEP, "executed 400 steps", |recorded, end| {
+            rejected(LOCKSTEP, "400 executed steps", |recorded, end| {
                 (recorded.records, end.steps, end.outcome) = (records, 400, outcome);
             });
         }
-        doubted(LOCKSTEP, "the run has 1000", |_, end| {
+        rejected(LOCKSTEP, "the run has 1000", |_, end| {
             (end.steps, end.outcome) = (1001, outcome);
         });
     }
 }
 
 #[test]
-fn records_may_lack_against_the_clock_alone_and_only_if_they_were_counted() {
+fn records_may_be_missing_only_in_real_time_and_only_if_counted() {
     let lacks = |lost: u64| {
         move |recorded: &mut Recorded, _: &mut RunEnd| {
             (recorded.records, recorded.lost) = (858, lost);
         }
     };
-    believed(REALTIME, lacks(143));
-    believed(REALTIME, lacks(150)); // some of them were events
-    doubted(
+    accepted(REALTIME, lacks(143));
+    accepted(REALTIME, lacks(150)); // some of them were events
+    rejected(
         REALTIME,
-        "1001 records; 858 came and 142 were lost",
+        "1001 records; 858 arrived and 142 were lost",
         lacks(142),
     );
-    doubted(LOCKSTEP, "1001 records; 858 came", lacks(143));
-    doubted(Clock::Paced { factor: 1.0 }, "858 came", lacks(143));
+    rejected(LOCKSTEP, "1001 records; 858 arrived", lacks(143));
+    rejected(Clock::Paced { factor: 1.0 }, "858 arrived", lacks(143));
 }
 
 #[test]
-fn steps_and_answers_of_a_completed_run_are_those_of_the_plan() {
+fn a_completed_run_has_the_steps_and_answers_of_its_plan() {
     for steps in [0, 2, 999] {
-        doubted(
+        rejected(
             LOCKSTEP,
             &format!("after {steps} steps"),
             |recorded, end| {
@@ -108,33 +108,33 @@ fn steps_and_answers_of_a_completed_run_are_those_of_the_plan() {
             },
         );
     }
-    doubted(LOCKSTEP, "18446744073709551615", |_, end| {
+    rejected(LOCKSTEP, "18446744073709551615", |_, end| {
         end.steps = u64::MAX
     });
-    doubted(LOCKSTEP, "answer of a controller", |recorded, _| {
+    rejected(LOCKSTEP, "a controller's answer", |recorded, _| {
         recorded.answers = Some(Answers::default());
     });
-    // An excerpt does not have them.
-    believed(LOCKSTEP, |recorded, _| recorded.answers = None);
+    // An excerpt does not count answers.
+    accepted(LOCKSTEP, |recorded, _| recorded.answers = None);
 }
 
 #[test]
-fn what_came_too_late_is_what_the_records_have() {
+fn reported_late_commands_agree_with_the_records() {
     let held = |recorded: &mut Recorded, held: u64| {
         recorded.answers = Some(Answers { given: STEPS, held });
     };
-    believed(REALTIME, |recorded, end| {
+    accepted(REALTIME, |recorded, end| {
         held(recorded, 3);
         (end.missed_commands, end.overruns) = (streak(5..8), streak(0..1001));
     });
-    doubted(REALTIME, "3 commands missed", |_, end| {
+    rejected(REALTIME, "3 commands missed", |_, end| {
         end.missed_commands = streak(5..8);
     });
-    doubted(REALTIME, "0 commands missed", |recorded, _| {
+    rejected(REALTIME, "0 commands missed", |recorded, _| {
         held(recorded, 3)
     });
     // Steps without a controller miss nothing.
-    believed(REALTIME, |recorded, _| {
+    accepted(REALTIME, |recorded, _| {
         held(recorded, 3);
         recorded.changes.push(ControllerChange {
             epoch: 1,
@@ -145,7 +145,7 @@ fn what_came_too_late_is_what_the_records_have() {
             },
         });
     });
-    doubted(LOCKSTEP, "in lockstep none is due", |_, end| {
+    rejected(LOCKSTEP, "in lockstep steps are never due", |_, end| {
         end.overruns = streak(5..8)
     });
     let impossible: [fn(&mut Streaks); 5] = [
@@ -156,7 +156,7 @@ fn what_came_too_late_is_what_the_records_have() {
         |streaks| streaks.first_step = Some(u64::MAX),
     ];
     for change in impossible {
-        doubted(REALTIME, "steps overran", |_, end| {
+        rejected(REALTIME, "steps overran", |_, end| {
             end.overruns = streak(0..1);
             change(&mut end.overruns);
         });
@@ -164,7 +164,7 @@ fn what_came_too_late_is_what_the_records_have() {
 }
 
 #[test]
-fn effects_are_those_of_faults_that_there_are() {
+fn effects_belong_to_existing_faults() {
     let effect = |id: u32| FaultEffectSize {
         id,
         effect: 0,
@@ -177,26 +177,26 @@ fn effects_are_those_of_faults_that_there_are() {
         max_effect: 1.0,
         unit: "m".into(),
     };
-    doubted(LOCKSTEP, "no such fault", |_, end| {
+    rejected(LOCKSTEP, "no such fault", |_, end| {
         end.effects = vec![effect(7)]
     });
-    doubted(LOCKSTEP, "twice", |_, end| {
+    rejected(LOCKSTEP, "twice", |_, end| {
         end.effects = vec![effect(7), effect(7)];
     });
-    doubted(LOCKSTEP, "beyond the end", |_, end| {
+    rejected(LOCKSTEP, "after the end", |_, end| {
         end.effects = vec![FaultEffectSize {
             acted_steps: 1002,
             ..effect(7)
         }];
     });
-    doubted(LOCKSTEP, "beyond the end", |_, end| {
+    rejected(LOCKSTEP, "after the end", |_, end| {
         end.effects = vec![FaultEffectSize {
             ended_step: Some(1001),
             ..effect(7)
         }];
     });
-    // It may be lost that it was accepted.
-    believed(REALTIME, |recorded, end| {
+    // The event of its acceptance may be lost.
+    accepted(REALTIME, |recorded, end| {
         recorded.lost = 1;
         end.effects = vec![effect(7)];
     });

@@ -65,7 +65,7 @@ fn rate() -> Rate {
 }
 
 #[test]
-fn a_summary_tells_size_end_and_source_of_every_fault() {
+fn a_summary_reports_size_end_and_source_of_every_fault() {
     let live = event(2, FaultSource::Cli, Trigger::Now, &["command.u_n"]);
     let log = FaultLog {
         accepted: vec![LiveFault {

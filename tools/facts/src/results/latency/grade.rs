@@ -1,4 +1,4 @@
-//! Grades of latency, in the words and limits that LinuxCNC's users live by.
+//! Latency grades, in the terms and limits common among LinuxCNC users.
 
 use std::fmt;
 
@@ -7,29 +7,29 @@ use serde::Serialize;
 
 use super::times::Times;
 
-/// Under it, a loop is excellent, and the longest delay of a machine good.
+/// Limit in ns below which a loop is excellent, and a machine's longest delay good.
 pub const EXCELLENT_BELOW_NS: u64 = 20_000;
-/// Under it, a loop is good, and the longest delay of a machine fair.
+/// Limit in ns below which a loop is good, and a machine's longest delay fair.
 pub const GOOD_BELOW_NS: u64 = 50_000;
-/// Over it, nothing of real time can be done on this machine.
+/// Limit in ns above which a machine is unfit for real time.
 pub const UNFIT_NS: u64 = 500_000;
 
-/// Fitness of a loop, by its latency.
+/// Grade of a loop by its latency.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Grade {
-    /// Under 20 us.
+    /// Below 20 us.
     Excellent,
-    /// Under 50 us.
+    /// Below 50 us.
     Good,
     /// Up to 500 us.
     Usable,
-    /// Over 500 us: unfit for servo loops.
+    /// Above 500 us: unfit for servo loops.
     Unfit,
 }
 
 impl Grade {
-    /// The grade of a figure.
+    /// Returns the grade of a latency.
     #[must_use]
     pub const fn of(ns: u64) -> Self {
         match ns {
@@ -40,7 +40,7 @@ impl Grade {
         }
     }
 
-    /// The words for it.
+    /// Returns the grade in words.
     #[must_use]
     pub const fn words(self) -> &'static str {
         match self {
@@ -52,35 +52,36 @@ impl Grade {
     }
 }
 
-/// A grade and the figure that it follows from: the 99.99 % of the round trip or, if that is worse, of
-/// the release. A step without a command ranks behind all round trips: it waited for longer than any command took
+/// Grade with the figure behind it: the 99.99th percentile of the round trip or, if that is worse, of the release.
+/// A step without a command ranks above all round trips: it waited longer than any command took that arrived in
+/// time.
 /// that came in its time.
-///
-/// Not the maximum: that is one step, grows with the length of a run, and on a virtual machine is the
-/// hypervisor's. Not the 99 % either, behind which a hundred steps of a second at 10 kHz can hide.
+/// The maximum is not used: it is a single step, grows with the length of a run, and on a virtual machine is caused
+/// by the hypervisor. The 99th percentile is not used either, because it hides a hundred steps per second at 10
+/// kHz.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Graded {
     /// Grade of the loop.
     pub grade: Grade,
-    /// Leg that decided.
+    /// Leg that determined the grade.
     pub leg: Leg,
-    /// 99.99 %.
+    /// 99.99th percentile in ns.
     pub p9999_ns: u64,
 }
 
-/// A leg that can decide.
+/// Leg that can determine the grade.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Leg {
-    /// From sending a sample to having its command.
+    /// From sending a sample to receiving its command.
     RoundTrip,
-    /// From the time at which a sample was due to its sending.
+    /// From the due time of a sample to its sending.
     Release,
 }
 
 impl Graded {
-    /// Grades some steps by their round trips, the number of those without a command and their releases; `None` if
-    /// no command came.
+    /// Grades steps by their round trips, the number of those without a command, and their releases; `None` if no
+    /// command arrived.
     #[must_use]
     pub fn of(round_trip: &Times, without_command: u64, release: &Times) -> Option<Self> {
         const SHARE: f64 = 0.9999;
@@ -146,18 +147,18 @@ mod tests {
         assert_eq!(of(7_000, None), (Grade::Excellent, Leg::RoundTrip));
         assert_eq!(of(7_000, Some(60_000)), (Grade::Usable, Leg::Release));
         assert_eq!(of(30_000, Some(2_000)), (Grade::Good, Leg::RoundTrip));
-        let shown = Graded::of(&times([600_000]), 0, &times([]))
+        let text = Graded::of(&times([600_000]), 0, &times([]))
             .expect("graded")
             .to_string();
         assert_eq!(
-            shown,
+            text,
             "unfit for servo loops (99.99 % of the round trip: 600 us)"
         );
     }
 
     #[test]
-    fn one_step_in_ten_thousand_decides_nothing_and_two_without_a_command_do() {
-        // One command of 20,000 came 40 ms late, after steps that went on without one.
+    fn one_step_in_ten_thousand_does_not_affect_the_grade_but_two_without_a_command_do() {
+        // One of 20,000 commands arrived 40 ms late, after steps without one.
         let round_trips = times((1..20_000).map(|_| 1_000).chain([40_000_000]));
         let of = |without_command| {
             let graded = Graded::of(&round_trips, without_command, &times([]));

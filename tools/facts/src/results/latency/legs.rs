@@ -1,8 +1,7 @@
-//! The legs of a step, taken in one by one: the recorder's during a run, a measurement's and a
-//! recording's.
+//! Legs of a step, collected one by one: by the recorder during a run, by a measurement, or from a recording.
 //!
-//! A leg is what the clocks of one step honestly tell apart. Plant and controller each measure their
-//! own work; what the round trip took besides is the exchange, both ways and the waiting in one.
+//! A leg is what the clocks of one step can measure separately. Plant and controller each measure their own work;
+//! the rest of the round trip is the exchange, which combines both directions and the waiting.
 
 use serde::Serialize;
 use shared_types::number::counted;
@@ -13,10 +12,10 @@ use super::percentiles::Percentiles;
 use super::spikes::{Order, Spike, Spikes};
 use super::times::Times;
 
-/// The legs of the steps so far and the worst of them.
+/// Legs of the steps so far, and the worst steps.
 #[derive(Clone, Debug)]
 pub struct Latency {
-    /// Samples were due at some time, by the clock of the run.
+    /// `true` if samples were due at certain times, by the clock of the run.
     is_due: bool,
     round_trip: Times,
     plant: Times,
@@ -31,17 +30,17 @@ pub struct Latency {
 /// Percentiles of all legs of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Legs {
-    /// From sending a sample to having its command.
+    /// From sending a sample to receiving its command.
     pub round_trip: Percentiles,
-    /// The plant's integration from one step to the next; not in the round trip.
+    /// The plant's integration from one step to the next; not part of the round trip.
     pub plant: Percentiles,
     /// The controller's work on a sample, by its own clock.
     pub controller: Percentiles,
-    /// The round trip without the controller's work: the link both ways and the waiting.
+    /// Round trip without the controller's work: the link in both directions, and the waiting.
     pub exchange: Percentiles,
-    /// Delay of sent samples after the time at which they were due; `None` in lockstep, where nothing is due.
+    /// Delay of sent samples after their due time; `None` in lockstep, where nothing is due.
     pub release: Option<Percentiles>,
-    /// Number of steps at which no command came, neither theirs nor a late one: they have no round trip.
+    /// Number of steps that received no command, neither theirs nor a late one: they have no round trip.
     pub without_command: u64,
 }
 
@@ -58,7 +57,7 @@ pub struct LatencySummary {
     pub grade: Option<Graded>,
 }
 
-/// Counts the steps without a command in words.
+/// Formats the number of steps without a command.
 pub fn without_command(steps: u64) -> String {
     format!("{} without a command", counted(steps, "step"))
 }
@@ -70,7 +69,7 @@ impl Default for Latency {
 }
 
 impl Latency {
-    /// Begins a run whose samples are due at some time, or not.
+    /// Starts a run whose samples are due at certain times, or not.
     #[must_use]
     pub fn new(is_due: bool) -> Self {
         Self {
@@ -86,9 +85,9 @@ impl Latency {
         }
     }
 
-    /// Takes in the timing of a record. Each leg that the record has counts, whatever it lacks besides.
+    /// Adds the timing of a record. Every leg present in the record counts, even if others are missing.
     pub fn take(&mut self, step: u64, timing: &Timing) {
-        // The first record of a run has no step before it. No integration takes 0 ns.
+        // The first record of a run has no step before it; no integration takes 0 ns.
         if timing.plant_ns > 0 {
             self.plant.record(timing.plant_ns);
         }
@@ -103,7 +102,7 @@ impl Latency {
         } else {
             self.without_command += 1;
         }
-        // Where the clock is not known, a recording of an older format, only a late sample was due for certain.
+        // In recordings of older formats the clock is unknown: only late samples are known to have been due.
         if self.is_due || timing.late_ns > 0 {
             self.release.record(timing.late_ns);
             self.late_releases.take(step, timing);
@@ -111,7 +110,7 @@ impl Latency {
         self.spikes.take(step, timing);
     }
 
-    /// Percentiles, worst steps and grade.
+    /// Returns percentiles, worst steps and grade.
     #[must_use]
     pub fn summary(&self) -> LatencySummary {
         let release = self.is_paced().then(|| Percentiles::of(&self.release));
@@ -137,13 +136,13 @@ impl Latency {
         self.round_trip.len() + self.without_command
     }
 
-    /// Returns `true` if samples were due at some time.
+    /// Returns `true` if samples were due at certain times.
     #[must_use]
     pub fn is_paced(&self) -> bool {
         !self.release.is_empty()
     }
 
-    /// The times of the legs, by name.
+    /// Returns the times of the legs by name.
     #[must_use]
     pub fn times(&self) -> [(&'static str, &Times); 5] {
         [
@@ -192,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn a_release_is_late_only_where_it_was_due() {
+    fn a_release_can_be_late_only_if_it_was_due() {
         let mut lockstep = Latency::new(false);
         let mut paced = Latency::new(true);
         for step in 1..=100 {
@@ -221,7 +220,7 @@ mod tests {
         for step in 0..990 {
             paced.take(step, &timing(1000, 400, 20));
         }
-        // The worst ten: late, after a long integration, and without a command in time.
+        // The ten worst: late, after a long integration, and without a command in time.
         for step in 990..1000 {
             let missed = Timing {
                 held_steps: step - 989,

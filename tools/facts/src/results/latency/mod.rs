@@ -1,5 +1,5 @@
-//! The latency of a loop: the recorder, or a reader of its recording, puts each step into [`Latency`](legs::Latency); its
-//! [`legs`] are [`times`] that become [`percentiles`], the ten worst [`spikes`] and a [`grade`] in the summary.
+//! Latency of a loop: the recorder, or a reader of its recording, adds each step to [`Latency`](legs::Latency); the
+//! [`times`] of its [`legs`] become [`percentiles`], the ten worst [`spikes`] and a [`grade`] in the summary.
 
 pub mod grade;
 pub mod legs;

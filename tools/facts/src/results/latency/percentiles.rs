@@ -5,27 +5,27 @@ use serde::{Deserialize, Serialize};
 
 use super::times::Times;
 
-/// Percentiles of some times, in ns, within the three digits of their histogram; the largest is exact.
+/// Percentiles of times in ns, to the three digits of their histogram; the maximum is exact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Percentiles {
     /// Median.
     pub p50: u64,
-    /// 90 %.
+    /// 90th percentile.
     pub p90: u64,
-    /// 99 %.
+    /// 99th percentile.
     pub p99: u64,
-    /// 99.9 %.
+    /// 99.9th percentile.
     pub p999: u64,
-    /// 99.99 %; of fewer than 10 000 times it is the largest.
+    /// 99.99th percentile; of fewer than 10 000 times it is the maximum.
     pub p9999: u64,
-    /// Largest.
+    /// Maximum.
     pub max: u64,
     /// Number of times.
     pub count: u64,
 }
 
 impl Percentiles {
-    /// Lists all times as a person reads them, from the median to the largest.
+    /// Formats all figures, from the median to the maximum.
     pub fn shown(&self) -> [String; 6] {
         [
             self.p50, self.p90, self.p99, self.p999, self.p9999, self.max,
@@ -33,7 +33,7 @@ impl Percentiles {
         .map(shown_ns)
     }
 
-    /// Returns the percentiles of some times; all 0 if there is none.
+    /// Returns the percentiles of times; all 0 if there are none.
     #[must_use]
     pub fn of(times: &Times) -> Self {
         Self {
@@ -53,7 +53,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_percentile_is_the_least_time_that_so_many_do_not_exceed() {
+    fn a_percentile_is_the_smallest_time_not_exceeded_by_its_share() {
         let mut times = Times::default();
         assert_eq!(Percentiles::of(&times), Percentiles::default());
         for ns in (1..=1000).cycle().take(100_000) {

@@ -1,29 +1,29 @@
-//! The words of a recording's records that tell how long steps took.
+//! Words of a recording's records that contain the timing of steps.
 
 use shared_types::record::Timing;
 use shared_types::zerocopy::{FromBytes, IntoBytes};
 
 use hil_recording::reader::RunReader;
 
-/// Places of the words in a recording's records that say how long steps took.
+/// Indices of the timing words in a recording's records.
 pub struct TimingPlaces([Option<usize>; Timing::WORDS]);
 
 impl TimingPlaces {
-    /// By name: an older recording has fewer words, which are then 0.
+    /// Finds the words by name: an older recording has fewer, the missing ones read as 0.
     pub fn of(reader: &RunReader) -> Self {
         Self(Timing::NAMES.map(|name| reader.place(name)))
     }
 
-    /// Checks that records say whose command they have, and how old the command is.
+    /// Returns `true` if records state which controller's command they have, and its age.
     pub(crate) fn tell_answers(&self) -> bool {
         let is_there = |name| {
-            let place = Timing::NAMES.iter().position(|known| *known == name);
+            let place = Timing::NAMES.iter().position(|word| *word == name);
             place.is_some_and(|place| self.0[place].is_some())
         };
         is_there("epoch") && is_there("held_steps")
     }
 
-    /// Returns the timing that a record holds.
+    /// Returns the timing in a record.
     pub fn timing(&self, record: &[u64]) -> Timing {
         let word = |place: Option<usize>| place.map_or(0, |place| record[place]);
         let words = self.0.map(word);

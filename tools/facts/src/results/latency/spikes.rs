@@ -1,9 +1,9 @@
-//! The ten worst steps, and what happened to both threads around them.
+//! The ten worst steps, with the events in both threads around them.
 //!
-//! Plant and controller look at their own threads after an unusual step and every so often
-//! ([`ThreadStatistics`]); a record carries what each found last. Two looks, before and after a spike,
-//! show what happened in between, which may be more than the spike. A spike that both threads did not
-//! notice had its cause outside of them: an interrupt, firmware, a hypervisor.
+//! Plant and controller sample the statistics of their own threads after an unusual step and periodically
+//! ([`ThreadStatistics`]); a record carries the latest sample of each. Two samples, before and after a spike, show
+//! what happened in between, which may be more than the spike. A spike that neither thread noticed had an external
+//! cause: an interrupt, firmware, a hypervisor.
 
 use hil_console::terminal::duration::shown_ns;
 use serde::Serialize;
@@ -11,34 +11,34 @@ use shared_types::number::counted;
 use shared_types::record::Timing;
 use shared_types::thread::ThreadStatistics;
 
-/// Number of spikes that are kept.
+/// Number of retained spikes.
 pub const KEPT: usize = 10;
 
-/// A step that took long, or whose sample was sent late.
+/// Step that took long, or whose sample was sent late.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Spike {
     /// The step.
     pub step: u64,
-    /// From sending its sample to having its command; 0 where none came.
+    /// From sending its sample to receiving its command; 0 without a command.
     pub round_trip_ns: u64,
-    /// The controller's part of that.
+    /// The controller's share of the round trip.
     pub controller_ns: u64,
-    /// The plant's integration before it, which is not in the round trip.
+    /// The plant's preceding integration, which is not part of the round trip.
     pub plant_ns: u64,
-    /// Delay of the sent sample after the time at which it was due; 0 where nothing is due.
+    /// Delay of the sent sample after its due time; 0 where nothing is due.
     pub late_ns: u64,
-    /// Statistics of the plant's thread since the look before; `None` if there was none.
+    /// Statistics of the plant's thread since the previous sample; `None` if there was none.
     pub plant_thread: Option<Since>,
-    /// Statistics of the controller's thread since the look before; `None` also of a new controller.
+    /// Statistics of the controller's thread since the previous sample; `None` also for a new controller.
     pub controller_thread: Option<Since>,
 }
 
-/// Statistics of a thread between two looks at it.
+/// Statistics of a thread between two samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Since {
-    /// The core that it ran on at the look before.
+    /// Core on which it ran at the previous sample.
     pub from_core: u16,
-    /// The core that it ran on after.
+    /// Core on which it ran at the later sample.
     pub core: u16,
     /// Context switches.
     pub switches: u32,
@@ -47,7 +47,7 @@ pub struct Since {
 }
 
 impl Since {
-    /// Compares two looks, as words.
+    /// Compares two samples, encoded as words.
     fn between(before: u64, after: u64) -> Self {
         let [before, after] = [before, after].map(ThreadStatistics::from_wire);
         let (switches, faults) = after.since(before);
@@ -59,7 +59,7 @@ impl Since {
         }
     }
 
-    /// In words; `None` if nothing happened.
+    /// Describes the events in words; `None` if there were none.
     fn describe(&self) -> Option<String> {
         let mut parts = Vec::new();
         if self.from_core != self.core {
@@ -79,7 +79,7 @@ impl Since {
 }
 
 impl Spike {
-    /// Describes the statistics of both threads around the spike, in words.
+    /// Describes the events in both threads around the spike.
     #[must_use]
     pub fn surroundings(&self) -> String {
         let threads = [
@@ -87,41 +87,41 @@ impl Spike {
             ("controller", self.controller_thread),
         ];
         if threads.iter().all(|(_, since)| since.is_none()) {
-            return "no look before it".into();
+            return "no earlier thread statistics".into();
         }
-        let told: Vec<String> = (threads.into_iter())
+        let events: Vec<String> = (threads.into_iter())
             .filter_map(|(who, since)| Some(format!("{who} {}", since?.describe()?)))
             .collect();
-        if told.is_empty() {
+        if events.is_empty() {
             "neither thread noticed".into()
         } else {
-            told.join("; ")
+            events.join("; ")
         }
     }
 
-    /// Step, delay of its sample and surroundings in words.
+    /// Describes step, delay of its sample, and thread events.
     #[must_use]
     pub fn describe_release(&self) -> String {
         let (step, late) = (self.step, shown_ns(self.late_ns));
         format!("step {step}, {late} late; {}", self.surroundings())
     }
 
-    /// Step, size and surroundings in words.
+    /// Describes step, durations, and thread events.
     #[must_use]
     pub fn describe(&self) -> String {
         let round_trip = shown_ns(self.round_trip_ns);
         let controller = shown_ns(self.controller_ns);
-        let (step, seen) = (self.step, self.surroundings());
-        format!("step {step}, {round_trip}, of which controller {controller}; {seen}")
+        let (step, events) = (self.step, self.surroundings());
+        format!("step {step}, {round_trip}, of which controller {controller}; {events}")
     }
 }
 
-/// Time by which steps are the worst.
+/// Criterion for the worst steps.
 #[derive(Clone, Copy, Debug)]
 pub enum Order {
-    /// The round trip.
+    /// Round trip.
     RoundTrip,
-    /// The delay of the sent sample.
+    /// Delay of the sent sample.
     Release,
 }
 
@@ -141,19 +141,19 @@ impl Order {
     }
 }
 
-/// The worst steps so far. A step that is none of them costs one comparison.
+/// Worst steps so far. Any other step costs one comparison.
 #[derive(Clone, Debug)]
 pub(crate) struct Spikes {
     order: Order,
-    /// Longest first.
+    /// Worst steps, longest first.
     worst: Vec<Spike>,
-    /// Time that a step must exceed to be one of the worst.
+    /// Time in ns that a step must exceed to be one of the worst.
     least_ns: u64,
     before: Option<Looks>,
     open: Option<Open>,
 }
 
-/// Thread statistics that were found last on both sides, as words.
+/// Latest thread statistics of both sides, as words.
 #[derive(Clone, Copy, Debug)]
 struct Looks {
     epoch: u64,
@@ -171,8 +171,8 @@ impl Looks {
     }
 }
 
-/// A spike whose controller may have had no chance to look yet: what held it up after it had made
-/// its command shows only with the next.
+/// Spike whose controller may not have sampled its statistics since: what delayed it after it made its command
+/// shows only in the next record.
 #[derive(Clone, Copy, Debug)]
 struct Open {
     place: usize,
@@ -180,7 +180,7 @@ struct Open {
 }
 
 impl Spikes {
-    /// Begins without a step.
+    /// Creates an empty list.
     pub(crate) const fn new(order: Order) -> Self {
         Self {
             order,
@@ -191,16 +191,16 @@ impl Spikes {
         }
     }
 
-    /// Takes in the timing of a step.
+    /// Adds the timing of a step.
     pub(crate) fn take(&mut self, step: u64, timing: &Timing) {
-        // A step without a command repeats the look that came with the command before it.
+        // A step without a command repeats the sample that arrived with the last command.
         if timing.round_trip_ns > 0
             && let Some(open) = self.open.take()
             && open.before.epoch == timing.epoch
         {
             let spike = &mut self.worst[open.place];
-            let seen = Since::between(open.before.controller, timing.controller_surroundings);
-            spike.controller_thread = Some(seen);
+            let since = Since::between(open.before.controller, timing.controller_surroundings);
+            spike.controller_thread = Some(since);
         }
         if self.order.of(timing) > self.least_ns {
             self.keep(step, timing);
@@ -209,7 +209,7 @@ impl Spikes {
     }
 
     fn keep(&mut self, step: u64, timing: &Timing) {
-        // Another controller is another thread: the two have nothing to compare.
+        // Another controller is another thread, whose statistics cannot be compared.
         let same_controller = self.before.filter(|before| before.epoch == timing.epoch);
         let spike = Spike {
             step,
@@ -222,7 +222,7 @@ impl Spikes {
             controller_thread: same_controller
                 .map(|before| Since::between(before.controller, timing.controller_surroundings)),
         };
-        // Of equals the earlier one comes first.
+        // Among equals the earlier one comes first.
         let order = self.order;
         let is_longer = |kept: &Spike| order.ns(kept) >= order.ns(&spike);
         let place = self.worst.partition_point(is_longer);
@@ -234,7 +234,7 @@ impl Spikes {
         self.open = same_controller.map(|before| Open { place, before });
     }
 
-    /// The worst, the longest first.
+    /// Returns the worst steps, longest first.
     #[must_use]
     pub(crate) fn worst(&self) -> &[Spike] {
         &self.worst
@@ -269,7 +269,7 @@ mod tests {
     #[test]
     fn the_ten_longest_are_kept_and_of_equals_the_first() {
         let mut spikes = Spikes::new(Order::RoundTrip);
-        // Every round trip from 1000 to 1099 ns twice, in an order that is neither rising nor falling.
+        // Every round trip from 1000 to 1099 ns twice, neither increasing nor decreasing.
         for step in 0..200 {
             spikes.take(step, &timing(1000 + step * 37 % 100, 0, 0));
         }
@@ -300,9 +300,9 @@ mod tests {
     }
 
     #[test]
-    fn a_spike_is_told_with_its_step_and_what_happened_to_which_thread() {
+    fn a_spike_is_described_with_its_step_and_the_events_in_each_thread() {
         let calm = (word(0, 5, 70), word(1, 9, 40));
-        for (plant, controller, later, told) in [
+        for (plant, controller, later, expected) in [
             (
                 word(1, 8, 70),
                 calm.1,
@@ -315,7 +315,7 @@ mod tests {
                 word(1, 9, 41),
                 "controller 1 page fault",
             ),
-            // The controller was switched out after it had looked: the next record shows it.
+            // The controller was switched out after its sample: the next record shows it.
             (calm.0, calm.1, word(1, 10, 40), "controller 1 switch"),
             (
                 word(0, 6, 72),
@@ -336,17 +336,20 @@ mod tests {
             let worst = spikes.worst()[0];
             assert_eq!((worst.step, worst.round_trip_ns), (1000, 812_000));
             assert_eq!((worst.controller_ns, worst.plant_ns), (300, 700));
-            assert_eq!(worst.surroundings(), told);
-            let whole = format!("step 1000, 812 us, of which controller 300 ns; {told}");
-            assert_eq!(worst.describe(), whole);
+            assert_eq!(worst.surroundings(), expected);
+            let description = format!("step 1000, 812 us, of which controller 300 ns; {expected}");
+            assert_eq!(worst.describe(), description);
         }
     }
 
     #[test]
-    fn a_spike_without_a_look_before_it_claims_nothing() {
+    fn a_spike_without_earlier_statistics_claims_nothing() {
         let mut spikes = Spikes::new(Order::RoundTrip);
         spikes.take(0, &timing(9000, word(0, 1, 1), word(1, 1, 1)));
-        assert_eq!(spikes.worst()[0].surroundings(), "no look before it");
+        assert_eq!(
+            spikes.worst()[0].surroundings(),
+            "no earlier thread statistics"
+        );
     }
 
     #[test]

@@ -1,20 +1,20 @@
-//! Measured times: their distribution as a histogram, their extremes exactly.
+//! Measured times: their distribution as a histogram, with exact extremes.
 
 use hdrhistogram::Histogram;
 
-/// Longest time whose place in the distribution is told apart: a minute.
+/// Longest time resolved by the histogram: a minute.
 const LONGEST_NS: u64 = 60_000_000_000;
 /// Significant decimal digits of a percentile.
 const DIGITS: u8 = 3;
 
 /// Measured times in ns.
 ///
-/// The histogram rounds each time to its bucket. The smallest and the largest are kept beside it as they were
-/// measured, and no percentile lies beyond them.
+/// The histogram rounds each time to its bucket. The minimum and maximum are stored exactly, and no percentile lies
+/// outside them.
 #[derive(Clone, Debug)]
 pub struct Times {
     histogram: Histogram<u64>,
-    /// Smallest and largest; `None` before the first time.
+    /// Minimum and maximum; `None` before the first time.
     extremes: Option<(u64, u64)>,
 }
 
@@ -25,7 +25,7 @@ impl Default for Times {
 }
 
 impl Times {
-    /// Makes room for times whose percentiles have so many decimal digits.
+    /// Creates an empty distribution whose percentiles have this number of decimal digits.
     pub fn with_digits(digits: u8) -> Self {
         let histogram = Histogram::new_with_bounds(1, LONGEST_NS, digits);
         Self {
@@ -40,7 +40,7 @@ impl Times {
         self.widen(ns, ns);
     }
 
-    /// Adds all times of another.
+    /// Adds all times of another distribution.
     pub fn add(&mut self, other: &Self) {
         let added = self.histogram.add(&other.histogram);
         added.expect("all histograms of times have the same bounds");
@@ -49,7 +49,7 @@ impl Times {
         }
     }
 
-    /// Forgets all times.
+    /// Removes all times.
     pub fn reset(&mut self) {
         self.histogram.reset();
         self.extremes = None;
@@ -66,25 +66,25 @@ impl Times {
         self.histogram.len()
     }
 
-    /// Returns `true` if there is none.
+    /// Returns `true` if there are no times.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.histogram.is_empty()
     }
 
-    /// Returns the smallest; 0 if there is none.
+    /// Returns the minimum; 0 if there are no times.
     #[must_use]
     pub fn min(&self) -> u64 {
         self.extremes.unwrap_or_default().0
     }
 
-    /// Returns the largest; 0 if there is none.
+    /// Returns the maximum; 0 if there are no times.
     #[must_use]
     pub fn max(&self) -> u64 {
         self.extremes.unwrap_or_default().1
     }
 
-    /// Returns the least time that this share of all does not exceed, within the digits of the histogram.
+    /// Returns the smallest time not exceeded by this share of all times, to the digits of the histogram.
     #[must_use]
     pub fn at_quantile(&self, quantile: f64) -> u64 {
         match self.histogram.value_at_quantile(quantile) {
@@ -93,8 +93,8 @@ impl Times {
         }
     }
 
-    /// Returns the same where so many more times exist, all of them longer than any that was measured: the
-    /// largest, if the share reaches into those.
+    /// Returns the same quantile if `longer` more times exist that all exceed the measured ones: the maximum, if
+    /// the quantile falls among them.
     #[must_use]
     pub(crate) fn at_quantile_with_longer(&self, quantile: f64, longer: u64) -> u64 {
         let count = self.len();
@@ -102,11 +102,11 @@ impl Times {
         if rank >= count {
             return self.max();
         }
-        // Half a rank less: the histogram rounds up.
+        // Subtracts half a rank: the histogram rounds up.
         self.at_quantile((rank as f64 - 0.5) / count as f64)
     }
 
-    /// Lists the buckets that are not empty, in order: `from <= t < to` and the number of times.
+    /// Returns the non-empty buckets in order: `from <= t < to` and the number of times.
     pub fn buckets(&self) -> impl Iterator<Item = (u64, u64, u64)> {
         self.histogram.iter_recorded().map(|cell| {
             let from_ns = self.histogram.lowest_equivalent(cell.value_iterated_to());
@@ -129,13 +129,13 @@ mod tests {
     }
 
     #[test]
-    fn the_extremes_are_those_that_were_measured_not_ends_of_buckets() {
+    fn the_extremes_are_exact_and_not_bucket_bounds() {
         // 7,000,001 ns lies in a bucket of 4,096 ns.
         let times = of([3_000_001, 5_000_000, 7_000_001]);
         assert_eq!((times.min(), times.max()), (3_000_001, 7_000_001));
         assert_eq!(times.at_quantile(1.0), 7_000_001);
         assert!(times.at_quantile(0.0) >= 3_000_001);
-        // Beyond what the histogram tells apart, and 0.
+        // Outside the resolution of the histogram, and 0.
         let times = of([0, 90_000_000_001]);
         assert_eq!((times.min(), times.max()), (0, 90_000_000_001));
         assert_eq!(times.at_quantile(1.0), 90_000_000_001);
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn added_times_bring_their_extremes() {
+    fn adding_times_includes_their_extremes() {
         let mut times = of([5_000_001]);
         times.add(&of([1_000_003, 9_000_007]));
         times.add(&Times::default());
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn times_that_never_ended_rank_behind_all_that_did() {
+    fn times_that_never_ended_rank_above_all_others() {
         let times = of(1..=1000);
         assert_eq!(times.at_quantile_with_longer(0.99, 0), 990);
         // Rank 999 of 1009, and of 1010 rank 1000, which is the last that ended.

@@ -1,4 +1,4 @@
-//! Belief in a recording that tells its own end.
+//! Credibility of a recording that states its own end.
 
 use shared_types::record::{Event, RunEnd};
 
@@ -6,7 +6,7 @@ use super::*;
 use crate::fixture::{Content, recorded};
 use crate::rig::{SCENARIO, attachments, described, plan};
 
-/// A recording of N records whose plant says that it completed all 1000 steps.
+/// Returns a recording of some records whose plant reports that it completed all 1000 steps.
 fn of_records(records: u64) -> RecordedOutcome {
     let [plant, controller] = described();
     let plan = plan();
@@ -29,10 +29,10 @@ fn of_records(records: u64) -> RecordedOutcome {
 }
 
 #[test]
-fn an_end_that_its_records_contradict_is_not_believed() {
+fn an_end_contradicted_by_the_records_is_not_accepted() {
     assert_eq!(of_records(1001).outcome(None), (Outcome::Completed, None));
     let (outcome, reason) = of_records(858).outcome(None);
     assert_eq!(outcome, Outcome::Failed);
     let reason = reason.expect("why");
-    assert!(reason.contains("1001 records; 858 came"), "{reason}");
+    assert!(reason.contains("1001 records; 858 arrived"), "{reason}");
 }

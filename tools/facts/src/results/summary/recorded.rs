@@ -1,7 +1,7 @@
-//! The summary of a run of which only the recording is there.
+//! Summary of a run made from its recording alone.
 //!
-//! Used by `hil recover`. Where binaries were and what the recorder ran with is not recorded; programs
-//! have their names then, and what nobody knows is not made up.
+//! Used by `hil recover`. Paths of binaries and settings of the recorder are not recorded; programs are given by
+//! their names, and unknown facts are left out.
 
 use hil_recording::reader::{RECORDING, RunReader};
 use shared_types::describe::Description;
@@ -14,11 +14,11 @@ use crate::results::recorded_run::RecordedRun;
 use crate::results::settings::{Realtime, Recorder};
 use crate::results::target::Target;
 
-/// Levels of evidence, as facts have them.
+/// Levels of evidence as recorded in facts.
 const EVIDENCE: [&str; 5] = ["in-process", "sil", "sil-emulated", "pil", "hil"];
 
 impl Summary {
-    /// The summary of a run by what its recording says.
+    /// Creates the summary of a run from its recording.
     #[must_use]
     pub(crate) fn of_recording(run: &RecordedRun, reader: &RunReader, ended: &EndedRun) -> Self {
         let plan = &run.plan;

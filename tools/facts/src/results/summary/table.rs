@@ -1,4 +1,4 @@
-//! The summary as a person reads it.
+//! Summary as a table for the user.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -17,32 +17,32 @@ use crate::results::latency::legs::without_command;
 use crate::results::latency::percentiles::Percentiles;
 use crate::results::requirements;
 
-/// Most changes that a person is shown.
+/// Maximum number of listed changes.
 const MOST_SHOWN: usize = 20;
 
-/// Texts that follow a count of late steps or of late commands.
+/// Texts after a count of late steps or of late commands.
 const OVERRAN: &str = "steps overran";
 const MISSED: &str = "commands missed their deadline";
 
 impl Missed {
-    /// Describes the steps and commands of a run that came too late, as a person reads it.
+    /// Describes the late steps and commands of a run.
     pub fn of_end(end: &RunEnd) -> impl Iterator<Item = String> {
         let counts = [(end.overruns, OVERRAN), (end.missed_commands, MISSED)];
         (counts.into_iter()).filter_map(|(streaks, what)| Self::from(streaks).describe(what))
     }
 
-    /// Describes the steps for a person, if there is anything to tell.
+    /// Describes the steps, if there are any.
     fn describe(&self, what: &str) -> Option<String> {
         let first_step = self.first_step?;
         let (count, longest) = (self.count, self.longest_streak);
         Some(format!(
-            "{count} {what}, {longest} in a row at most, the first at step {first_step}"
+            "{count} {what}, at most {longest} in a row, the first at step {first_step}"
         ))
     }
 }
 
 impl Summary {
-    /// The summary as a person reads it.
+    /// Returns the summary as a table.
     #[must_use]
     pub fn table(&self, plan: &Plan, run_dir: &Path) -> String {
         output::text(|text| self.write_table(text, plan, run_dir))
@@ -71,8 +71,8 @@ impl Summary {
         let overruns = self.overruns.as_ref();
         let overran = overruns.and_then(|overruns| overruns.steps.describe(OVERRAN));
         let missed = (self.missed_commands.as_ref()).and_then(|missed| missed.describe(MISSED));
-        for told in overran.iter().chain(&missed) {
-            writeln!(text, "  {told}")?;
+        for description in overran.iter().chain(&missed) {
+            writeln!(text, "  {description}")?;
         }
         if let Some(target) = &self.target {
             writeln!(text, "  {target} ({})", self.evidence)?;
@@ -91,11 +91,11 @@ impl Summary {
             writeln!(text, "  {}", fault.describe())?;
         }
         for ChangeAt { change, at_s } in self.changes.iter().take(MOST_SHOWN) {
-            let (id, step, told) = (change.id, change.step, change.described());
+            let (id, step, description) = (change.id, change.step, change.described());
             let live = if change.live { " (live)" } else { "" };
             writeln!(
                 text,
-                "  change {id}{live} at step {step} ({at_s} s): {told}"
+                "  change {id}{live} at step {step} ({at_s} s): {description}"
             )?;
         }
         if self.changes.len() > MOST_SHOWN {
@@ -150,12 +150,12 @@ impl Summary {
             Some(file) => writeln!(text, "  {records} records{lost} in {run_dir}/{file}"),
             None => writeln!(
                 text,
-                "  {records} records{lost}, not kept; summary in {run_dir}"
+                "  {records} records{lost}, not recorded; summary in {run_dir}"
             ),
         }
     }
 
-    /// Writes how long steps took: one line, or if the run asked for timing the grade besides, the releases and the
+    /// Writes the durations of steps: one line, or with requested timing also the grade, the releases, and the
     /// worst of both with their causes.
     fn write_latency(&self, text: &mut String, asks_for_timing: bool) -> std::fmt::Result {
         let (Some(graded), legs) = (&self.grade, &self.latency_ns) else {
@@ -182,13 +182,13 @@ impl Summary {
     }
 }
 
-/// Lists the figures of a leg in one line.
+/// Formats the figures of a leg in one line.
 fn figures(leg: &Percentiles) -> String {
     let [p50, p99, p9999, max] = [leg.p50, leg.p99, leg.p9999, leg.max].map(shown_ns);
     format!("{p50} p50, {p99} p99, {p9999} p99.99, {max} max")
 }
 
-/// The table of metrics after N steps, with what others published beside it.
+/// Writes the table of metrics after some steps, with published values for comparison.
 pub fn write_metrics(
     text: &mut String,
     metrics: &[Metric],
@@ -228,7 +228,7 @@ pub fn write_metrics(
     if steps < plan.run.steps {
         writeln!(
             text,
-            "  the run ended early: windows beyond its end are not complete"
+            "  the run ended early: windows beyond its end are incomplete"
         )?;
     }
     notes.dedup();
@@ -238,7 +238,7 @@ pub fn write_metrics(
     writeln!(text)
 }
 
-/// The published value of a metric's window for the law that answered it, and the note to it.
+/// Returns the published value of a metric's window for the law active in it, and its note.
 pub fn of_law<'a>(
     plan: &'a Plan,
     laws: &Laws,

@@ -1,7 +1,7 @@
-//! `hil inject --list`: what faults are possible, on what, with which values.
+//! `hil inject --list`: the possible faults with their targets and values.
 //!
-//! Asked of a running session, or of a plant's binary if there is none: a plant that nobody here
-//! has seen before is listed as completely as the built-in ones.
+//! Queries a running session, or a plant's binary if there is none: a user's plant is listed as completely as the
+//! built-in ones.
 
 mod text;
 
@@ -22,18 +22,18 @@ use crate::programs::binaries::named::Named;
 use crate::session::live::{self, RequestError, closest, refusal};
 use text::{in_full, in_short};
 
-/// Faults that one plant offers.
+/// Faults offered by one plant.
 #[derive(Debug, Serialize)]
 struct Listing {
-    /// The session that was asked; null: a binary was.
+    /// Name of the queried session; null for a binary.
     session: Option<String>,
     plant: String,
-    /// Null if no session was asked: the scenario decides.
+    /// Step rate; null without a session, because the scenario determines it.
     rate_hz: Option<f64>,
     faults: Vec<Entry>,
 }
 
-/// A kind of fault.
+/// Kind of fault.
 #[derive(Debug, Serialize)]
 struct Entry {
     kind: String,
@@ -41,20 +41,20 @@ struct Entry {
     class: &'static str,
     summary: String,
     equation: String,
-    /// The key that selects the target by number, if one does.
+    /// Key that selects the target by number, if there is one.
     selector: Option<String>,
-    /// Each target by name.
+    /// Name of each target.
     targets: Vec<String>,
     parameters: Vec<Field>,
     list: Option<ListDescription>,
-    /// The course of its size unless another is asked for.
+    /// Default profile of its size.
     profile: &'static str,
 }
 
-/// Lists what is possible.
+/// Lists the possible faults.
 ///
 /// # Errors
-/// If there is nothing that could be asked, or no such kind or target.
+/// If nothing can be queried, or there is no such kind or target.
 pub(super) fn list(arguments: &InjectArguments) -> Result<String, RequestError> {
     let mut listings = listings(arguments)?;
     let names = |pick: fn(&Entry) -> Vec<&String>| {
@@ -64,27 +64,27 @@ pub(super) fn list(arguments: &InjectArguments) -> Result<String, RequestError> 
         names.dedup();
         names
     };
-    let unknown = |what: &str, name: &str, known: &[&str]| {
+    let unknown = |what: &str, name: &str, names_of_kinds: &[&str]| {
         let expected = match what {
-            // There are many; the closest tell more.
+            // There are many targets; the closest names are more helpful.
             "target" => "a target that `hil inject --list --kind KIND` shows".to_owned(),
-            _ => format!("one of {}", listed(known)),
+            _ => format!("one of {}", listed(names_of_kinds)),
         };
         Refusal {
-            nearest: closest(name, known.iter().copied()),
+            nearest: closest(name, names_of_kinds.iter().copied()),
             ..refusal(what, format!("no {what} `{name}`"), expected)
         }
     };
     if let Some(kind) = &arguments.list_kind {
-        let known = names(|entry| vec![&entry.kind]);
-        if !known.contains(&kind.as_str()) {
-            return Err(unknown("kind", kind, &known).into());
+        let names_of_kinds = names(|entry| vec![&entry.kind]);
+        if !names_of_kinds.contains(&kind.as_str()) {
+            return Err(unknown("kind", kind, &names_of_kinds).into());
         }
     }
     if let Some(target) = &arguments.target {
-        let known = names(|entry| entry.targets.iter().collect());
-        if !known.contains(&target.as_str()) {
-            return Err(unknown("target", target, &known).into());
+        let names_of_kinds = names(|entry| entry.targets.iter().collect());
+        if !names_of_kinds.contains(&target.as_str()) {
+            return Err(unknown("target", target, &names_of_kinds).into());
         }
     }
     for listing in &mut listings {
@@ -110,22 +110,22 @@ pub(super) fn list(arguments: &InjectArguments) -> Result<String, RequestError> 
     })
 }
 
-/// Faults of a session, for a machine.
+/// Returns the faults of a session as JSON.
 pub(super) fn of(possible: &Possible) -> serde_json::Value {
     serde_json::json!(Listing::of(possible, None).faults)
 }
 
-/// Kind of fault, with what it acts on and its keys.
+/// Kind of fault, with its targets and keys.
 #[derive(Clone, Debug)]
 pub struct ListedKind {
     pub kind: String,
     pub summary: String,
     pub targets: Vec<String>,
-    /// Keys with what they are.
+    /// Keys with their descriptions.
     pub keys: Vec<(String, String)>,
 }
 
-/// Kinds of faults of a plant, its own and those of any.
+/// Returns the fault kinds of a plant, its own and the common ones.
 pub fn kinds_of(
     plant: &PlantDescription,
     reference: &[Field],
@@ -278,7 +278,7 @@ impl Entry {
     }
 }
 
-/// The numbered groups of parameters in which a fault finds all that it moves.
+/// Returns the numbered groups of parameters that contain every parameter changed by a fault.
 fn groups(plant: &PlantDescription, fault: &FaultDescription, selector: &str) -> Vec<String> {
     let faultable = || plant.parameters.iter().filter(|field| field.faultable);
     let mut groups: Vec<&str> = Vec::new();
@@ -329,7 +329,7 @@ mod tests {
     }
 
     #[test]
-    fn a_kind_in_full_shows_keys_units_and_ranges() {
+    fn the_full_listing_of_a_kind_shows_keys_units_and_ranges() {
         let mut listing = Listing::of(&possible(), None);
         listing.faults.truncate(1);
         let expected = "\
@@ -345,7 +345,7 @@ leakage (plant rig)
     }
 
     #[test]
-    fn an_unknown_plant_of_a_binary_is_refused_with_what_there_is() {
+    fn an_unknown_plant_of_a_binary_is_refused_with_the_known_ones() {
         let mut description = Description::new("some-plant", "1");
         description.plants = vec![possible().plant];
         let refused = of_binary(&description, Some("rug")).expect_err("no such plant");

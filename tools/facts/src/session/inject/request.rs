@@ -1,8 +1,7 @@
-//! A fault from the command line as the `[[faults]]` text that a scenario would have.
+//! Converts a fault on the command line to the `[[faults]]` text of a scenario.
 //!
-//! Made from what was typed and from what is possible, so that keys may be shortened and values be
-//! given in order. Judges names and numbers of values only: whether the fault is right is for the
-//! checks of scenarios, which the plant runs.
+//! Uses the words and the list of possible faults, so that keys may be abbreviated and values be given in order.
+//! Checks only names and numbers of values: the plant checks the fault itself like one of a scenario.
 
 mod text;
 
@@ -17,7 +16,7 @@ use crate::arguments::inject::{InjectArguments, nearest_options};
 use crate::session::live::{closest, refusal};
 use text::{float, head, profile, rows, string, values};
 
-/// A kind of fault as the command line needs it.
+/// Kind of fault, as needed for the command line.
 struct FaultKind<'a> {
     name: &'a str,
     target: TargetKey<'a>,
@@ -25,18 +24,18 @@ struct FaultKind<'a> {
     list: Option<&'a ListDescription>,
 }
 
-/// Form in which an effect of a kind names its target.
+/// Form in which an effect of a kind refers to its target.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum TargetKey<'a> {
-    /// By the number of a part of the plant, `actuator = 1`.
+    /// Number of a part of the plant, `actuator = 1`.
     Selector(&'a str),
-    /// By name, `target = "link.sample"`; with the only target of the kind, if it has but one.
+    /// Name, `target = "link.sample"`; with the only target of the kind, if it has just one.
     Name(Option<&'static str>),
-    /// Not at all: it is the plant.
+    /// None: the target is the plant.
     Plant,
 }
 
-/// Meaning of a key of the command line.
+/// Meaning of a key on the command line.
 #[derive(Clone, Copy)]
 enum Key<'a> {
     Selector,
@@ -44,19 +43,19 @@ enum Key<'a> {
     List(&'a ListDescription),
 }
 
-/// Typed words, sorted by meaning.
+/// Words sorted by meaning.
 #[derive(Default)]
 struct Sorted<'a> {
     targets: Vec<String>,
-    /// Values of each parameter: a common one, or one for each target.
+    /// Values of each parameter: a common one, or one per target.
     values: Vec<(&'a Field, Vec<String>)>,
     list: Option<(&'a ListDescription, String)>,
 }
 
-/// The fault that was asked for, as the text of a scenario.
+/// Returns the requested fault as the text of a scenario.
 ///
 /// # Errors
-/// Everything that is not understood.
+/// All words that cannot be understood.
 pub fn toml(arguments: &InjectArguments, possible: &Possible) -> Result<String, Vec<Refusal>> {
     let kind = FaultKind::find(arguments.kind.as_deref().unwrap_or_default(), possible)?;
     let sorted = kind.sort(arguments)?;
@@ -156,13 +155,13 @@ impl<'a> FaultKind<'a> {
         }
     }
 
-    /// Tells keys, targets and values apart.
+    /// Separates keys, targets and values.
     fn sort(&self, arguments: &InjectArguments) -> Result<Sorted<'a>, Vec<Refusal>> {
         let mut refusals = Vec::new();
         let mut sorted = Sorted::default();
         let mut words = arguments.words.iter().peekable();
-        for (given, value) in &arguments.parameter {
-            let taken = match self.key(given) {
+        for (key, value) in &arguments.parameter {
+            let taken = match self.key(key) {
                 Ok(Key::Selector) if sorted.targets.is_empty() => {
                     self.targets(value).map(|targets| sorted.targets = targets)
                 }
@@ -178,15 +177,15 @@ impl<'a> FaultKind<'a> {
                     rows(list, value).map(|rows| sorted.list = Some((list, rows)))
                 }
                 Ok(_) => Err(Refusal {
-                    key: given.clone(),
-                    ..Refusal::new(format!("`--{given}` is given twice"))
+                    key: key.clone(),
+                    ..Refusal::new(format!("`--{key}` is given twice"))
                 }),
                 Err(refusal) => Err(refusal),
             };
             refusals.extend(taken.err());
         }
         if sorted.targets.is_empty() {
-            // The only target of a kind need not be said.
+            // The only target of a kind may be omitted.
             let only = match self.target {
                 TargetKey::Name(only) => only,
                 TargetKey::Plant => Some("plant"),
@@ -222,14 +221,14 @@ impl<'a> FaultKind<'a> {
             sorted
                 .values
                 .iter()
-                .all(|(given, _)| given.name != field.name)
+                .all(|(other, _)| other.name != field.name)
         };
         let open: Vec<&'a Field> = self.fields.iter().filter(is_open).copied().collect();
         if words.len() > open.len() {
             let names: Vec<&str> = open.iter().map(|field| field.name.as_str()).collect();
-            let (given, name) = (words.len(), self.name);
+            let (count, name) = (words.len(), self.name);
             let message = format!(
-                "`{name}` has {} left to give, not {given}: {}",
+                "`{name}` expects {} more, not {count}: {}",
                 counted(open.len() as u64, "value"),
                 listed(&words)
             );
@@ -246,11 +245,7 @@ impl<'a> FaultKind<'a> {
                 Err(refusal) => refusals.push(refusal),
             }
         }
-        let place = |field: &Field| {
-            self.fields
-                .iter()
-                .position(|known| known.name == field.name)
-        };
+        let place = |field: &Field| self.fields.iter().position(|one| one.name == field.name);
         sorted.values.sort_by_key(|(field, _)| place(field));
         if refusals.is_empty() {
             Ok(sorted)
@@ -259,7 +254,7 @@ impl<'a> FaultKind<'a> {
         }
     }
 
-    /// Reports a word at the beginning of the values that is a target of a kind with only one.
+    /// Returns `true` if a word at the beginning of the values is a target, for a kind with only one target.
     fn is_other_target(&self, word: &str) -> bool {
         let has_one = matches!(self.target, TargetKey::Name(Some(_)) | TargetKey::Plant);
         let names = ["plant", "controller"];
@@ -267,8 +262,8 @@ impl<'a> FaultKind<'a> {
         has_one && (names.contains(&word) || groups.iter().any(|group| word.starts_with(group)))
     }
 
-    /// The key that is meant: its name, or its first words if no other key begins so.
-    fn key(&self, given: &str) -> Result<Key<'a>, Refusal> {
+    /// Finds the key by its name, or by its first words if they are unambiguous.
+    fn key(&self, typed: &str) -> Result<Key<'a>, Refusal> {
         let mut keys: Vec<(&str, Key<'a>)> = Vec::new();
         if let TargetKey::Selector(selector) = self.target {
             keys.push((selector, Key::Selector));
@@ -279,15 +274,15 @@ impl<'a> FaultKind<'a> {
                 .map(|field| (field.name.as_str(), Key::Field(field))),
         );
         keys.extend(self.list.map(|list| (list.key.as_str(), Key::List(list))));
-        if let Some((_, key)) = keys.iter().find(|(name, _)| *name == given) {
+        if let Some((_, key)) = keys.iter().find(|(name, _)| *name == typed) {
             return Ok(*key);
         }
         let begins = |name: &str| {
-            name.strip_prefix(given)
+            name.strip_prefix(typed)
                 .is_some_and(|rest| rest.starts_with('_'))
         };
-        let meant: Vec<_> = keys.iter().filter(|(name, _)| begins(name)).collect();
-        if let [(_, key)] = meant[..] {
+        let candidates: Vec<_> = keys.iter().filter(|(name, _)| begins(name)).collect();
+        if let [(_, key)] = candidates[..] {
             return Ok(*key);
         }
         let names = |keys: &[&(&str, Key<'_>)]| {
@@ -296,17 +291,17 @@ impl<'a> FaultKind<'a> {
                 .collect::<Vec<_>>()
         };
         let kind = self.name;
-        Err(if meant.is_empty() {
+        Err(if candidates.is_empty() {
             let all = names(&keys.iter().collect::<Vec<_>>());
-            let option = nearest_options(given).into_iter().next();
-            // An option is meant if none of the keys is closer.
+            let option = nearest_options(typed).into_iter().next();
+            // Suggests an option if none of the keys is closer.
             let option = option.filter(|option| {
                 let option = option["--".len()..].replace('-', "_");
                 let names = all.iter().map(String::as_str).chain([option.as_str()]);
-                nearest(given, names).first() == Some(&option.as_str())
+                nearest(typed, names).first() == Some(&option.as_str())
             });
-            let near = closest(given, all.iter().map(String::as_str));
-            let message = format!("`{kind}` has no key `{given}`, and hil no option `--{given}`");
+            let near = closest(typed, all.iter().map(String::as_str));
+            let message = format!("`{kind}` has no key `{typed}`, and hil no option `--{typed}`");
             let expected = if all.is_empty() {
                 "no key".to_owned()
             } else {
@@ -314,15 +309,19 @@ impl<'a> FaultKind<'a> {
             };
             Refusal {
                 nearest: option.into_iter().chain(near).collect(),
-                ..refusal(given, message, expected)
+                ..refusal(typed, message, expected)
             }
         } else {
-            let message = format!("`--{given}` may be more than one key of `{kind}`");
-            refusal(given, message, format!("one of {}", listed(&names(&meant))))
+            let message = format!("`--{typed}` matches more than one key of `{kind}`");
+            refusal(
+                typed,
+                message,
+                format!("one of {}", listed(&names(&candidates))),
+            )
         })
     }
 
-    /// The targets in a word; of a kind with a selector, `1` and `actuator1` mean the same.
+    /// Parses the targets in a word; for a kind with a selector, `1` and `actuator1` are equivalent.
     fn targets(&self, word: &str) -> Result<Vec<String>, Refusal> {
         let kind = self.name;
         let targets = word.split(',').map(str::trim);
@@ -344,7 +343,7 @@ impl<'a> FaultKind<'a> {
             let message = if word.is_empty() {
                 format!("`{kind}` needs `--{selector}`")
             } else {
-                format!("`{word}` is no {selector}")
+                format!("`{word}` is not a valid {selector}")
             };
             let expected = format!("numbers, for example `--{selector} 1,2`");
             refusal(selector, message, expected)

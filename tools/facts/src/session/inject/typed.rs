@@ -1,14 +1,14 @@
-//! Refusals of the plant, in the words of the command line.
+//! Refusals of the plant, translated to the options of the command line.
 //!
-//! The plant checks a fault as it would a scenario's and names the keys of its text, such as
-//! `faults[0].effects[0].bias`, which nobody typed.
+//! The plant checks a fault like one of a scenario and names the keys of its text, such as
+//! `faults[0].effects[0].bias`, which the user has not typed.
 
 use shared_types::live::Refusal;
 
 use crate::arguments::inject::InjectArguments;
 use crate::session::live::RequestError;
 
-/// Names options where a refusal names keys of the fault's text.
+/// Replaces keys of the fault's text in a refusal by the options.
 pub(super) fn as_typed(error: RequestError, arguments: &InjectArguments) -> RequestError {
     match error {
         RequestError::Refused(problems) => {
@@ -24,7 +24,7 @@ pub(super) fn as_typed(error: RequestError, arguments: &InjectArguments) -> Requ
 }
 
 fn in_options(text: &str, arguments: &InjectArguments) -> String {
-    // Names stand between two backticks, so every second part is one.
+    // Names are enclosed in backticks, so every second part is one.
     let part = |(place, part): (usize, &str)| match place % 2 {
         1 => option(part, arguments).unwrap_or_else(|| part.to_owned()),
         _ => part.to_owned(),
@@ -33,7 +33,7 @@ fn in_options(text: &str, arguments: &InjectArguments) -> String {
     parts.join("`")
 }
 
-/// The option that a key of the fault's text was given by.
+/// Returns the option for a key of the fault's text.
 fn option(key: &str, arguments: &InjectArguments) -> Option<String> {
     let key = key.strip_prefix("faults[0].")?;
     let Some(effect) = key.strip_prefix("effects[") else {
@@ -47,7 +47,7 @@ fn option(key: &str, arguments: &InjectArguments) -> Option<String> {
         "target" => "TARGET".into(),
         "skew_s" => "--skew".into(),
         _ if key.starts_with("profile") => course(arguments)?.into(),
-        // As `hil inject --list` has it.
+        // In the form of `hil inject --list`.
         _ => format!("--{key}"),
     };
     let number: usize = effect.parse().ok()?;
@@ -57,7 +57,7 @@ fn option(key: &str, arguments: &InjectArguments) -> Option<String> {
     })
 }
 
-/// The option that asked for a course.
+/// Returns the option that selects the profile.
 fn course(arguments: &InjectArguments) -> Option<&'static str> {
     let courses = [
         ("--ramp", arguments.ramp.is_some()),
@@ -67,8 +67,8 @@ fn course(arguments: &InjectArguments) -> Option<&'static str> {
         ("--sine", arguments.sine.is_some()),
         ("--table", arguments.table.is_some()),
     ];
-    let asked = courses.into_iter().find(|(_, is_asked)| *is_asked);
-    asked.map(|(option, _)| option)
+    let selected = courses.into_iter().find(|(_, is_asked)| *is_asked);
+    selected.map(|(option, _)| option)
 }
 
 #[cfg(test)]
@@ -76,12 +76,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_missing_or_wrong_is_named_as_it_is_typed() {
+    fn problems_are_named_by_the_option_as_typed() {
         let arguments = InjectArguments {
             ramp: Some(-1.0),
             ..InjectArguments::default()
         };
-        for (said, told) in [
+        for (refusal, expected) in [
             (
                 "`faults[0].effects[0].steps` is missing",
                 "`--steps` is missing",
@@ -103,7 +103,7 @@ mod tests {
             ),
             ("a single ` stays", "a single ` stays"),
         ] {
-            assert_eq!(in_options(said, &arguments), told);
+            assert_eq!(in_options(refusal, &arguments), expected);
         }
     }
 }

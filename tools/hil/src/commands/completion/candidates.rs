@@ -21,10 +21,10 @@ use toml_edit::{DocumentMut, Item, Value};
 
 use super::line::{Line, Subject};
 
-/// Most runs that are offered, the newest.
+/// Maximum number of offered runs, newest first.
 const MOST_RUNS: usize = 50;
 
-/// Source of what an argument can be.
+/// Source of an argument's candidates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Source {
     Sessions,
@@ -36,21 +36,21 @@ pub(super) enum Source {
     References,
     Signals,
     Kinds,
-    /// Targets of the kind of fault on the line, or of any.
+    /// Targets of the fault kind on the line, or of any.
     Targets,
-    /// Keys of the kind of fault on the line, as `KEY=`.
+    /// Keys of the fault kind on the line, as `KEY=`.
     Sizes,
     Models,
 }
 
 impl Source {
-    /// The source of an argument of a command.
+    /// Returns the source for an argument of a command.
     pub(super) fn of(command: &str, argument: &Arg) -> Option<Self> {
         let id = argument.get_id().as_str();
         let names = argument.get_value_names().unwrap_or_default();
         let name = names.first().map_or("", |name| name.as_str());
         Some(match (command, id, name) {
-            // The name of a new session is anybody's.
+            // A new session can have any name.
             ("run" | "rerun" | "replay", "session", _) => return None,
             (_, "session", _) => Self::Sessions,
             (_, _, "SCENARIO.toml") => Self::Scenarios,
@@ -67,9 +67,9 @@ impl Source {
     }
 }
 
-/// Lists the candidates for an argument that begin as typed.
+/// Lists the candidates for an argument that match the typed prefix.
 pub(super) fn of(source: Source, line: &Line, typed: &OsStr) -> Vec<CompletionCandidate> {
-    let found = match source {
+    let candidates = match source {
         Source::Sessions => sessions(),
         Source::Runs => return runs(typed),
         Source::Scenarios => return scenarios(typed),
@@ -98,9 +98,9 @@ pub(super) fn of(source: Source, line: &Line, typed: &OsStr) -> Vec<CompletionCa
         let (value, typed) = (one.get_value().as_encoded_bytes(), typed.as_encoded_bytes());
         value.starts_with(typed)
     };
-    let mut found: Vec<_> = found.into_iter().filter(fits).collect();
-    found.dedup_by(|a, b| a.get_value() == b.get_value());
-    found
+    let mut candidates: Vec<_> = candidates.into_iter().filter(fits).collect();
+    candidates.dedup_by(|a, b| a.get_value() == b.get_value());
+    candidates
 }
 
 fn candidate(value: &str, about: &str) -> CompletionCandidate {
@@ -120,13 +120,13 @@ fn sessions() -> Vec<CompletionCandidate> {
         .collect()
 }
 
-/// The newest runs by their folders, or any path that is typed.
+/// Lists the newest runs by their folders, or paths that match the typed prefix.
 fn runs(typed: &OsStr) -> Vec<CompletionCandidate> {
     let begin = typed.as_encoded_bytes();
-    let known = runs::newest(Path::new(runs::RUNS), MOST_RUNS);
-    let latest = (!known.is_empty()).then(|| candidate(runs::LATEST, "the newest run"));
-    let known = known.into_iter().map(CompletionCandidate::new);
-    let fitting: Vec<_> = (latest.into_iter().chain(known))
+    let candidates = runs::newest(Path::new(runs::RUNS), MOST_RUNS);
+    let latest = (!candidates.is_empty()).then(|| candidate(runs::LATEST, "the newest run"));
+    let candidates = candidates.into_iter().map(CompletionCandidate::new);
+    let fitting: Vec<_> = (latest.into_iter().chain(candidates))
         .filter(|one| one.get_value().as_encoded_bytes().starts_with(begin))
         .collect();
     if fitting.is_empty() {
@@ -141,7 +141,7 @@ fn scenarios(typed: &OsStr) -> Vec<CompletionCandidate> {
     PathCompleter::file().filter(is_scenario).complete(typed)
 }
 
-/// Keys of the scenario with the values that they have; the names that a value can be, behind its `=`.
+/// Lists keys of the scenario with their values, or the possible values after `=`.
 fn keys(line: &Line, typed: &OsStr) -> Vec<CompletionCandidate> {
     let Some(subject) = line.subject() else {
         return Vec::new();
@@ -173,33 +173,33 @@ fn keys(line: &Line, typed: &OsStr) -> Vec<CompletionCandidate> {
     } = &subject;
     let shown = show(plan, &plant.plants, &controller.laws, &plant.faults);
     let document: Option<DocumentMut> = shown.ok().and_then(|text| text.parse().ok());
-    let mut found = Vec::new();
+    let mut entries = Vec::new();
     if let Some(document) = document {
-        flatten("", document.as_item(), &mut found);
+        flatten("", document.as_item(), &mut entries);
     }
-    // A swap changes the controller alone, and a change of a running session what is offered for it.
+    // A swap changes the controller alone; `hil set` accepts only tunable keys.
     if line.is_of("swap") {
-        found.retain(|(key, _)| key.starts_with("controller."));
+        entries.retain(|(key, _)| key.starts_with("controller."));
     }
     if line.is_of("set") {
         let offered = tunable(&subject);
-        found.retain(|(key, _)| offered.iter().any(|(_, own)| own == key));
-        let value = |own: &String| found.iter().find(|(key, _)| key == own);
+        entries.retain(|(key, _)| offered.iter().any(|(_, own)| own == key));
+        let value = |own: &String| entries.iter().find(|(key, _)| key == own);
         let further = (offered.iter())
             .filter(|(key, own)| key != own)
             .filter_map(|(key, own)| Some((key.clone(), value(own)?.1.clone())));
         let further: Vec<_> = further.collect();
-        found.extend(further);
-        found.extend(references(line));
+        entries.extend(further);
+        entries.extend(references(line));
     }
-    found
+    entries
         .iter()
         .map(|(key, value)| candidate(&format!("{key}="), value))
         .collect()
 }
 
-/// Lists the values of a table by their keys, as `--set` takes them.
-fn flatten(key: &str, item: &Item, found: &mut Vec<(String, String)>) {
+/// Collects the values of a table by their keys, in the form of `--set`.
+fn flatten(key: &str, item: &Item, entries: &mut Vec<(String, String)>) {
     let below = |name: &str| match key {
         "" => name.to_owned(),
         key => format!("{key}.{name}"),
@@ -207,7 +207,7 @@ fn flatten(key: &str, item: &Item, found: &mut Vec<(String, String)>) {
     match item {
         Item::Table(table) => {
             for (name, item) in table {
-                flatten(&below(name), item, found);
+                flatten(&below(name), item, entries);
             }
         }
         Item::ArrayOfTables(tables) => {
@@ -215,25 +215,25 @@ fn flatten(key: &str, item: &Item, found: &mut Vec<(String, String)>) {
                 flatten(
                     &format!("{key}[{number}]"),
                     &Item::Table(table.clone()),
-                    found,
+                    entries,
                 );
             }
         }
         Item::Value(Value::InlineTable(table)) => {
             for (name, value) in table {
-                flatten(&below(name), &Item::Value(value.clone()), found);
+                flatten(&below(name), &Item::Value(value.clone()), entries);
             }
         }
         Item::Value(value) => {
             let value = value.clone().decorated("", "").to_string();
-            found.push((key.to_owned(), value));
+            entries.push((key.to_owned(), value));
         }
         Item::None => {}
     }
 }
 
-/// Parameters that can be changed while a session runs: each key, also under further names of the variable, with
-/// the own key.
+/// Returns the parameters that can be changed while a session runs, under each of their names, with the primary
+/// name.
 fn tunable(subject: &Subject) -> Vec<(String, String)> {
     let Subject {
         plan,
@@ -258,7 +258,7 @@ fn tunable(subject: &Subject) -> Vec<(String, String)> {
     of_plant.chain(of_law).collect()
 }
 
-/// Reference signals of the session as keys of a change, with their units.
+/// Returns the reference signals of the session as keys of `hil set`, with their units.
 fn references(line: &Line) -> impl Iterator<Item = (String, String)> {
     let stimuli = line.subject().map(|subject| subject.plan.stimuli);
     (stimuli.into_iter().flatten()).flat_map(|stimulus| {
@@ -268,7 +268,7 @@ fn references(line: &Line) -> impl Iterator<Item = (String, String)> {
     })
 }
 
-/// Signals of a record and derived ones.
+/// Lists the recorded signals and derived ones.
 fn signals(line: &Line) -> Vec<CompletionCandidate> {
     let Some(Subject {
         plan,
@@ -291,8 +291,8 @@ fn signals(line: &Line) -> Vec<CompletionCandidate> {
         .collect()
 }
 
-/// The plants that the line is about, of the running session or the built-in ones, with the reference signals of
-/// the session, and the kinds of faults that any plant has.
+/// Returns the plants in question, those of the running session or the built-in ones, with the session's reference
+/// signals and the fault kinds common to all plants.
 fn plants(line: &Line) -> (Vec<PlantDescription>, Vec<Field>, Vec<FaultKindDescription>) {
     if let Some(notice) = line.notice()
         && let Ok(plan) = notice.plan()
@@ -306,17 +306,17 @@ fn plants(line: &Line) -> (Vec<PlantDescription>, Vec<Field>, Vec<FaultKindDescr
     (plant.plants, Vec::new(), plant.faults)
 }
 
-/// Kinds of faults, of the running session or of the built-in plants.
+/// Lists fault kinds of the running session or of the built-in plants.
 fn kinds(line: &Line) -> Vec<ListedKind> {
     let (plants, reference, shared) = plants(line);
-    let mut found: Vec<ListedKind> = (plants.iter())
+    let mut kinds: Vec<ListedKind> = (plants.iter())
         .flat_map(|one| kinds_of(one, &reference, &shared))
         .collect();
-    found.sort_by(|a, b| a.kind.cmp(&b.kind));
-    found
+    kinds.sort_by(|a, b| a.kind.cmp(&b.kind));
+    kinds
 }
 
-/// Kinds that the line names, or all.
+/// Lists the fault kinds named on the line, or all.
 fn meant(line: &Line) -> Vec<ListedKind> {
     let kinds = kinds(line);
     let named: Vec<ListedKind> = (kinds.iter())
@@ -336,16 +336,16 @@ fn targets(line: &Line) -> Vec<CompletionCandidate> {
     names.iter().map(|name| candidate(name, "")).collect()
 }
 
-/// Keys of the kinds that the line names, with what they are.
+/// Returns the keys of the fault kinds named on the line, with descriptions.
 fn sizes(line: &Line) -> impl Iterator<Item = (String, String)> {
     let kinds = kinds(line).into_iter().filter(|kind| line.has(&kind.kind));
-    let mut found: Vec<(String, String)> = kinds.flat_map(|kind| kind.keys).collect();
-    found.sort();
-    found.dedup_by(|a, b| a.0 == b.0);
-    found.into_iter()
+    let mut keys: Vec<(String, String)> = kinds.flat_map(|kind| kind.keys).collect();
+    keys.sort();
+    keys.dedup_by(|a, b| a.0 == b.0);
+    keys.into_iter()
 }
 
-/// The command line with the keys of the kind of fault on it, which look like options and are none.
+/// Adds the keys of the fault kind on the line to the command, in the form of options.
 pub(super) fn with_keys_of_the_kind(command: Command, line: &Line) -> Command {
     if !line.is_of("inject") {
         return command;
@@ -353,7 +353,7 @@ pub(super) fn with_keys_of_the_kind(command: Command, line: &Line) -> Command {
     let keys: Vec<(String, String)> = sizes(line).collect();
     command.mut_subcommand("inject", |mut inject| {
         for (key, about) in keys {
-            // The process ends with its answer.
+            // Leaks are irrelevant: the process ends with its answer.
             let key: &'static str = key.leak();
             let is_there = |one: &Arg| one.get_long() == Some(key) || one.get_id() == key;
             if !inject.get_arguments().any(is_there) {
@@ -369,13 +369,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn keys_are_those_that_set_takes() {
+    fn keys_have_the_form_accepted_by_set() {
         let text = "schema = 1\n[run]\nrate_hz = 10.0 # often\n[plant.parameters]\nmass.first_kg = 1\n\
                     [[faults]]\nkind = \"a\"\n[[faults.effects]]\nsize = 1\n[[faults.effects]]\nsize = { x = 2 }\n";
         let document: DocumentMut = text.parse().expect("TOML");
-        let mut found = Vec::new();
-        flatten("", document.as_item(), &mut found);
-        let found: Vec<String> = found
+        let mut entries = Vec::new();
+        flatten("", document.as_item(), &mut entries);
+        let entries: Vec<String> = entries
             .iter()
             .map(|(key, value)| format!("{key}={value}"))
             .collect();
@@ -387,6 +387,6 @@ mod tests {
             "faults[0].effects[0].size=1",
             "faults[0].effects[1].size.x=2",
         ];
-        assert_eq!(found, expected);
+        assert_eq!(entries, expected);
     }
 }

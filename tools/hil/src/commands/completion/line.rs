@@ -1,4 +1,4 @@
-//! The command line that is being completed: its words, and the run or scenario that it is about.
+//! Command line being completed: its words, and the run or scenario it refers to.
 
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
@@ -17,23 +17,22 @@ use shared_types::describe::Description;
 
 use super::shells;
 
-/// Commands that ask or change a running session.
+/// Commands that address a running session.
 const OF_A_SESSION: [&str; 7] = ["inject", "get", "set", "watch", "monitor", "panel", "swap"];
 
-/// Subject of a line.
+/// Run, scenario or session that a line refers to.
 pub(super) struct Subject {
     pub(super) plan: Plan,
     pub(super) plant: Description,
     pub(super) controller: Description,
 }
 
-/// The words of a line, `hil` the first.
+/// Words of a line, beginning with `hil`.
 #[derive(Clone, Debug)]
 pub(super) struct Line(Vec<String>);
 
 impl Line {
-    /// The words of the request that a script made: those behind `--`, and of `bash` those of the line that it
-    /// gives.
+    /// Extracts the words from a script's request: those after `--`, or for `bash` those of the line it passes.
     pub(super) fn words_of(
         arguments: impl Iterator<Item = OsString>,
         is_bash: bool,
@@ -45,7 +44,7 @@ impl Line {
                 let words = shells::words(&name, &line).unwrap_or_default();
                 words.into_iter().map(Into::into).collect()
             }
-            // The word that is being typed is given with the quote that it has not closed yet.
+            // The word being typed includes its opening quote.
             [.., typed] => {
                 if let Some(word) = typed.to_str().and_then(shells::unquoted) {
                     *typed = word.into();
@@ -56,7 +55,7 @@ impl Line {
         }
     }
 
-    /// The request with these words.
+    /// Builds a request with these words.
     pub(super) fn asked(words: Vec<OsString>) -> impl Iterator<Item = OsString> {
         ["hil".into(), "--".into()].into_iter().chain(words)
     }
@@ -70,23 +69,23 @@ impl Line {
         )
     }
 
-    /// The name of the command, and of its part if it has parts.
+    /// Returns `true` if the line runs a command, given with its subcommand if it has any.
     pub(super) fn is_of(&self, command: &str) -> bool {
         self.0.iter().skip(1).take(2).any(|word| word == command)
     }
 
-    /// The word that is being typed.
+    /// Returns the word being typed.
     pub(super) fn typed(&self) -> &str {
         self.0.last().map_or("", String::as_str)
     }
 
-    /// Checks whether a word stands on the line before the one that is typed.
+    /// Returns `true` if a word precedes the one being typed.
     pub(super) fn has(&self, word: &str) -> bool {
         let before = self.0.len().saturating_sub(1);
         self.0.iter().take(before).skip(2).any(|one| one == word)
     }
 
-    /// The word that stands behind another.
+    /// Returns the word after another one.
     pub(super) fn after(&self, word: &str) -> Option<&str> {
         if let Some(value) =
             (self.0.iter()).find_map(|one| one.strip_prefix(word)?.strip_prefix('='))
@@ -97,7 +96,7 @@ impl Line {
         self.0.get(place + 1).map(String::as_str)
     }
 
-    /// The session that is meant: the one that is named, or the only one.
+    /// Returns the addressed session: the named one, or the only one.
     pub(super) fn session(&self) -> Option<SessionInfo> {
         let mut running = session::peek();
         match self.after("--session") {
@@ -106,12 +105,12 @@ impl Line {
         }
     }
 
-    /// The running session that the line is about, if it is about one.
+    /// Returns the notice of the running session that the line addresses, if any.
     pub(super) fn notice(&self) -> Option<Notice> {
         self.session().and_then(|session| Notice::read(&session))
     }
 
-    /// The scenario, the run or the running session that the line is about.
+    /// Returns the scenario, run or running session that the line refers to.
     pub(super) fn subject(&self) -> Option<Subject> {
         match self.scenario() {
             Some(scenario) => self.of_scenario(&scenario),
@@ -128,7 +127,7 @@ impl Line {
         }
     }
 
-    /// The scenario that a word names, or that of the run which one names.
+    /// Returns the path of the named scenario, or that of the named run.
     fn scenario(&self) -> Option<PathBuf> {
         self.0.iter().skip(2).find_map(|word| {
             let path = Path::new(word);
@@ -150,8 +149,8 @@ impl Line {
         };
         let choices = Choices::of(&binaries, &Named::by(&scenario), None).ok()?;
         let [plant, controller] = if choices.names_one() {
-            let found = choices.find(&Interruption::default()).ok()?;
-            [&found.plant, &found.controller].map(|binary| binary.description.clone())
+            let programs = choices.find(&Interruption::default()).ok()?;
+            [&programs.plant, &programs.controller].map(|binary| binary.description.clone())
         } else {
             built_in()
         };
@@ -170,7 +169,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_of_a_line_are_found_by_the_option_before_them() {
+    fn values_are_found_by_the_option_before_them() {
         let request = [
             "hil",
             "--",

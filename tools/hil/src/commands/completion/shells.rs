@@ -1,5 +1,5 @@
-//! Scripts of shells whose words are not those of the line: `bash` parts them at `=` and `:`, and `zsh` gives
-//! them as they were quoted.
+//! Adapters for shells that pass words differently: `bash` splits words at `=` and `:`, and `zsh` passes them with
+//! their quotes.
 
 use std::ffi::OsString;
 use std::io::{Error, Write};
@@ -9,21 +9,22 @@ use clap::Command;
 use clap_complete::engine::complete;
 use clap_complete::env::{self, EnvCompleter};
 
-/// Variable with the characters at which `bash` parts words.
+/// Variable with the characters at which `bash` splits words.
 const BREAKS: &str = "HIL_COMPLETE_BREAKS";
 
-/// Writer of what stands behind the words of a line, in a folder.
+/// Writer of the completions for the words of a line, in a folder.
 type Writer = fn(&mut Command, Vec<OsString>, Option<&Path>, &mut dyn Write) -> Result<(), Error>;
 
 /// Adapter for a shell.
 pub(super) struct Adapter {
     name: &'static str,
-    /// Script, with `VARIABLE`, the command `BIN` that it is for, and the program `COMPLETER` that it calls.
+    /// Script, with the placeholders `VARIABLE`, `BIN` for the command to complete, and `COMPLETER` for the program
+    /// to call.
     script: &'static str,
     write: Writer,
 }
 
-/// Adapter for `bash`: it gives the name of the command and the line up to the cursor.
+/// Adapter for `bash`, which passes the name of the command and the line up to the cursor.
 pub(super) const BASH: Adapter = Adapter {
     name: "bash",
     script: BASH_SCRIPT,
@@ -63,7 +64,7 @@ _hil_complete() {
 }
 compdef _hil_complete BIN"#;
 
-/// The words of a line, of which the last is being typed; from the name of the command on.
+/// Returns the words of a line from the name of the command on; the last one is being typed.
 pub(super) fn words(name: &str, line: &str) -> Option<Vec<String>> {
     let (mut words, quote) = parted(line)?;
     if words.is_empty() || (quote.is_none() && line.ends_with(char::is_whitespace)) {
@@ -73,13 +74,13 @@ pub(super) fn words(name: &str, line: &str) -> Option<Vec<String>> {
     Some(words.split_off(begin))
 }
 
-/// A word that is being typed, without its quotes.
+/// Removes the quotes of the word being typed.
 pub(super) fn unquoted(word: &str) -> Option<String> {
     let (words, _) = parted(word)?;
     <[String; 1]>::try_from(words).ok().map(|[word]| word)
 }
 
-/// The words of a line, and the quote that its last word has not closed yet.
+/// Splits a line into words; also returns the quote that the last word leaves open.
 fn parted(line: &str) -> Option<(Vec<String>, Option<char>)> {
     if let Some(words) = shlex::split(line) {
         return Some((words, None));
@@ -90,7 +91,7 @@ fn parted(line: &str) -> Option<(Vec<String>, Option<char>)> {
     })
 }
 
-/// A word as `bash` has to read it, with a backslash before each character that parts or changes words.
+/// Escapes a word for `bash`, with a backslash before each special character.
 fn escaped(word: &str) -> String {
     let mut text = String::new();
     for letter in word.chars() {
@@ -102,7 +103,7 @@ fn escaped(word: &str) -> String {
     text
 }
 
-/// Writes what stands behind the words of a line, as `bash` is to put it there.
+/// Writes the completions of a line in the form that `bash` inserts.
 fn write_for_bash(
     command: &mut Command,
     words: Vec<OsString>,
@@ -115,15 +116,15 @@ fn write_for_bash(
     let line = std::env::args().next_back().unwrap_or_default();
     let quote = parted(&line).and_then(|(_, quote)| quote);
     let breaks = std::env::var(BREAKS).unwrap_or_default();
-    // Only what stands behind such a character, or behind the quote that is open, is replaced.
+    // `bash` replaces only the text after a break character or the open quote.
     let is_break = |letter: char| matches!(letter, '=' | ':') && breaks.contains(letter);
-    let kept = match quote.and_then(|quote| line.rsplit(quote).next()) {
+    let prefix = match quote.and_then(|quote| line.rsplit(quote).next()) {
         Some(quoted) => typed.len().saturating_sub(quoted.len()),
         None => typed.rfind(is_break).map_or(0, |place| place + 1),
     };
     for candidate in complete(command, words, index, here)? {
         let value = candidate.get_value().to_string_lossy();
-        match (value.get(kept..), quote) {
+        match (value.get(prefix..), quote) {
             (Some(rest), None) => writeln!(text, "{}", escaped(rest))?,
             (Some(rest), Some(_)) => writeln!(text, "{rest}")?,
             (None, _) => {}
@@ -172,7 +173,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_words_of_a_line_begin_with_the_command_and_end_with_what_is_typed() {
+    fn the_words_of_a_line_begin_with_the_command_and_end_with_the_one_being_typed() {
         for (line, expected) in [
             ("hil run", Some(&["hil", "run"][..])),
             ("hil run ", Some(&["hil", "run", ""])),
@@ -182,10 +183,10 @@ mod tests {
             ("hil an\\ open", Some(&["hil", "an open"])),
             ("other", None),
         ] {
-            let found = words("hil", line);
-            let found: Option<Vec<&str>> =
-                (found.as_ref()).map(|words| words.iter().map(String::as_str).collect());
-            assert_eq!(found.as_deref(), expected, "{line}");
+            let parsed = words("hil", line);
+            let parsed: Option<Vec<&str>> =
+                (parsed.as_ref()).map(|words| words.iter().map(String::as_str).collect());
+            assert_eq!(parsed.as_deref(), expected, "{line}");
         }
     }
 

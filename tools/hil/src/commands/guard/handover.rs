@@ -1,8 +1,8 @@
-//! Handover of the list of runs from a guard to its child: a message on a socket that the child has as its standard input
-//! at first, with the list and the input that it is to have.
+//! Transfer of the list of runs from a guard to its child: a message with the list and the real standard input, on
+//! a socket that the child has as its standard input at first.
 //!
-//! Needs no file system: the files of a process in `/proc` are closed even to its child where the program has privileges of
-//! its own.
+//! Needs no file system: the `/proc` entries of a process are closed even to its child if the program is
+//! privileged.
 
 use std::fs::File;
 use std::io::{self, IoSlice, IoSliceMut};
@@ -17,10 +17,11 @@ use rustix::net::{
     SendAncillaryMessage, SendFlags, recvmsg, sendmsg,
 };
 
-/// Sends a list and the own standard input to the child of a guard; returns the socket on which it receives them.
+/// Sends a list and the standard input to the child of a guard; returns the socket on which the child receives
+/// them.
 ///
 /// # Errors
-/// If the system has no room for it.
+/// If the system has no resources for it.
 pub(super) fn send(guard: &str, list: &File) -> io::Result<OwnedFd> {
     let (own, of_child) = UnixStream::pair()?;
     let input = io::stdin();
@@ -33,13 +34,13 @@ pub(super) fn send(guard: &str, list: &File) -> io::Result<OwnedFd> {
     Ok(of_child.into())
 }
 
-/// Receives the list from this guard, and takes the standard input that came with it; `None` if the standard input is no
-/// such socket, of which nothing is taken.
+/// Receives the list from this guard, and restores the standard input that came with it; `None`, with nothing read,
+/// if the standard input is not such a socket.
 pub(super) fn receive(guard: &str) -> Option<File> {
     let mut content = vec![0; guard.len()];
     let mut space = [MaybeUninit::uninit(); cmsg_space!(ScmRights(2))];
     let mut message = RecvAncillaryBuffer::new(&mut space);
-    // Looked at, it stays for its reader. The socket goes with the descriptor.
+    // Peeked only, so a foreign message stays for its reader. The socket is closed with the descriptor.
     let flags = RecvFlags::PEEK | RecvFlags::DONTWAIT | RecvFlags::CMSG_CLOEXEC;
     let mut parts = [IoSliceMut::new(&mut content)];
     recvmsg(io::stdin(), &mut parts, &mut message, flags).ok()?;

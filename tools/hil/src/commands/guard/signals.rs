@@ -1,8 +1,8 @@
-//! Signals to a guard: held back from its start, so that none is lost and none comes at the wrong moment, and read one
-//! after another. Those that it was started to ignore stay ignored, for it and for its child, but for SIGINT and SIGTERM.
+//! Signals of a guard: blocked from its start, so that none is lost or arrives at the wrong moment, and read one at
+//! a time. Signals ignored at the start stay ignored in the guard and its child, except SIGINT and SIGTERM.
 //!
-//! The signal to stop is looked at and left to the kernel, which forgets it as soon as a continuation follows: so a guard
-//! stops exactly if no continuation came since.
+//! A stop signal is peeked and left to the kernel, which discards it as soon as a continuation follows: so a guard
+//! stops exactly if no continuation has arrived since.
 
 use std::io;
 use std::os::fd::AsFd;
@@ -13,9 +13,9 @@ use nix::sys::signal::{SigSet, Signal, raise};
 use nix::sys::signalfd::{SfdFlags, SignalFd};
 use rustix::event::{PollFd, PollFlags, poll};
 
-/// Signals of job control and of the child.
+/// Signals for job control and about the child.
 const OTHERS: [Signal; 2] = [Signal::SIGCHLD, Signal::SIGCONT];
-/// Signals that end a process which does nothing about them. Not those that the process causes itself by a fault.
+/// Signals that terminate a process by default, except those caused by its own faults.
 pub(super) const ENDS: [Signal; 12] = [
     Signal::SIGINT,
     Signal::SIGTERM,
@@ -31,34 +31,34 @@ pub(super) const ENDS: [Signal; 12] = [
     Signal::SIGXCPU,
 ];
 
-/// Ends the holding back in the child, which inherits it; those that came meanwhile come now.
+/// Unblocks the signals in the child, which inherits the mask; pending ones are delivered now.
 pub(super) fn release() {
     let all: SigSet = (ENDS.into_iter().chain(OTHERS))
         .chain([Signal::SIGTSTP])
         .collect();
-    let _ = all.thread_unblock(); // all are signals
+    let _ = all.thread_unblock(); // all are valid signals
 }
 
-/// The signals to this process, of which one thread does the work and any other blocks all signals.
+/// Signals of this process. One thread reads them; all other threads must block all signals.
 pub(super) struct Signals {
-    /// Those that are read.
+    /// Signals that are consumed.
     received: SignalFd,
-    /// Those to stop, which stay where they are.
+    /// Stop signals, which stay pending.
     stop: SignalFd,
-    /// Set of the signals to stop.
+    /// Set of the stop signals.
     stops: SigSet,
 }
 
 impl Signals {
-    /// Holds signals back from now on.
+    /// Blocks the signals from now on.
     ///
     /// # Errors
     /// If the kernel does not allow it.
     pub(super) fn hold() -> io::Result<Self> {
-        // Where it is ignored, nobody can know how a child ended. Held back, it is never handled.
+        // An ignored SIGCHLD would discard the child's exit status. It is blocked and never handled.
         signal_hook::flag::register(Signal::SIGCHLD as i32, Arc::default())?;
         let mut received = SigSet::from_iter(OTHERS);
-        // A shell without job control lets what it starts in the background ignore SIGINT, by which a script ends a run.
+        // A shell without job control starts background processes with SIGINT ignored, but scripts end a run by it.
         let always = [Signal::SIGINT, Signal::SIGTERM];
         let is_wanted = |signal: &Signal| always.contains(signal) || !is_ignored(*signal as i32);
         received.extend(ENDS.into_iter().filter(is_wanted));
@@ -77,7 +77,7 @@ impl Signals {
         })
     }
 
-    /// Waits for the next signal. One to stop comes again and again until it is [obeyed](Self::stop).
+    /// Waits for the next signal. A stop signal is returned again until it is [obeyed](Self::stop).
     ///
     /// # Errors
     /// If signals cannot be read.
@@ -98,7 +98,7 @@ impl Signals {
         }
     }
 
-    /// Stops this process, unless it was continued since it was to stop, and returns once it goes on.
+    /// Stops this process, unless it was continued since the stop signal, and returns when it resumes.
     ///
     /// # Errors
     /// If the kernel does not allow it.
@@ -108,7 +108,7 @@ impl Signals {
         Ok(self.stops.thread_block()?)
     }
 
-    /// Ends this process by a signal that was held back.
+    /// Ends this process by a blocked signal.
     pub(super) fn end_by(&self, signal: Signal) {
         let _ = raise(signal).and_then(|()| SigSet::from(signal).thread_unblock());
     }

@@ -1,6 +1,6 @@
-//! A bit that changed in a recording without an end is found, or what it may have touched is marked.
+//! Bit errors in a recording without an end are detected, or all possibly affected data is marked.
 //!
-//! What is in a file is read by the `mcap` crate, which knows nothing of marks.
+//! File content is read by the `mcap` crate, which knows nothing of marks.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,21 +10,21 @@ use hil_recording::reader::{RECORDING, RunReader};
 use super::tests::{COMPRESSIONS, Original, messages};
 use super::*;
 
-/// Flips of a test in packed bytes, for each compression; as many as asked for of the one that is ignored.
+/// Bit flips in compressed bytes per compression in the regular test; the ignored test has more.
 const FLIPS: usize = 60;
 const ALL_FLIPS: usize = 1000;
 
-/// Facts, signals and messages that a file holds of its run.
+/// Facts, signals and messages in a file.
 #[derive(Debug, PartialEq)]
-struct Said {
+struct Content {
     facts: BTreeMap<String, String>,
     signals: Vec<(String, String)>,
     messages: Vec<(String, u64, Vec<u8>)>,
-    /// Records that are vouched for; `None`: all.
+    /// Number of records covered by checksums; `None` for all.
     vouched: Option<usize>,
 }
 
-impl Said {
+impl Content {
     fn by(path: &Path) -> Self {
         let mut reader = RunReader::open(path).expect("opens");
         while reader.advance().expect("reads") {}
@@ -48,7 +48,7 @@ impl Said {
         (self.messages.iter()).filter(|(topic, ..)| topic == "/record")
     }
 
-    /// Asserts that nothing that it does not mark is other than in the original.
+    /// Asserts that all unmarked content equals the original.
     fn assert_true(&self, original: &Self, about: &str) {
         let Some(vouched) = self.vouched else {
             assert_eq!(self.facts, original.facts, "{about}");
@@ -66,20 +66,20 @@ impl Said {
     }
 }
 
-/// Numbers of files with a wrong bit, by the result of their recovery.
+/// Numbers of recoveries of files with a flipped bit, by result.
 #[derive(Debug, Default, PartialEq)]
-struct Became {
+struct Tally {
     refused: usize,
     marked: usize,
-    /// The same as without the flip.
+    /// Recoveries equal to that without the flip.
     unmarked: usize,
 }
 
-/// Flips a bit in each of these places of a file and recovers that.
-fn flipped(original: &Original, bytes: &[u8], places: &BTreeSet<(usize, u8)>) -> Became {
-    let sound = Said::by(&original.folder.path().join(RECORDING));
+/// Flips each of these bits of a file in turn and recovers the result.
+fn flipped(original: &Original, bytes: &[u8], places: &BTreeSet<(usize, u8)>) -> Tally {
+    let sound = Content::by(&original.folder.path().join(RECORDING));
     let elsewhere = original.folder.path().join("elsewhere.mcap");
-    let mut became = Became::default();
+    let mut became = Tally::default();
     for (place, bit) in places {
         let mut wrong = bytes.to_vec();
         wrong[*place] ^= 1 << bit;
@@ -89,16 +89,16 @@ fn flipped(original: &Original, bytes: &[u8], places: &BTreeSet<(usize, u8)>) ->
             let is_there = std::fs::read(&path).expect("read") == wrong;
             assert!(is_there, "{about}: refused, and changed nevertheless");
             if super::recovered(&path, Some(&elsewhere)).is_ok() {
-                Said::by(&elsewhere).assert_true(&sound, &about);
+                Content::by(&elsewhere).assert_true(&sound, &about);
                 std::fs::remove_file(&elsewhere).expect("removed");
             }
             became.refused += 1;
             continue;
         };
         assert_eq!(recovered.state, State::BrokenOff, "{about}");
-        let said = Said::by(&path);
-        said.assert_true(&sound, &about);
-        match said.vouched {
+        let content = Content::by(&path);
+        content.assert_true(&sound, &about);
+        match content.vouched {
             Some(_) => became.marked += 1,
             None => became.unmarked += 1,
         }
@@ -106,7 +106,7 @@ fn flipped(original: &Original, bytes: &[u8], places: &BTreeSet<(usize, u8)>) ->
     became
 }
 
-/// Chooses places in ranges of bytes, the same for a seed (xorshift).
+/// Selects pseudo-random places in ranges of bytes by a seed (xorshift).
 fn places(ranges: &[(usize, usize)], count: usize, seed: u64) -> BTreeSet<(usize, u8)> {
     let mut state = seed;
     let mut random = |bound: usize| {
@@ -131,7 +131,7 @@ fn places(ranges: &[(usize, usize)], count: usize, seed: u64) -> BTreeSet<(usize
     places
 }
 
-/// Returns the byte ranges of the packed chunks of a file.
+/// Returns the byte ranges of the compressed chunks of a file.
 fn packed(original: &Original) -> Vec<(usize, usize)> {
     let summary = mcap::Summary::read(&original.bytes).expect("whole");
     let chunks = summary.expect("there").chunk_indexes;
@@ -154,22 +154,22 @@ fn in_packed_bytes(count: usize) {
 }
 
 #[test]
-fn no_bit_that_changed_in_a_chunk_passes_unmarked() {
+fn no_flipped_bit_in_a_chunk_goes_unmarked() {
     in_packed_bytes(FLIPS);
 }
 
 #[test]
 #[ignore = "takes minutes; run it after a change of the format or of recovery"]
-fn no_bit_of_a_thousand_that_changed_in_a_chunk_passes_unmarked() {
+fn none_of_a_thousand_flipped_bits_in_a_chunk_goes_unmarked() {
     in_packed_bytes(ALL_FLIPS);
 }
 
 #[test]
-fn no_bit_that_changed_anywhere_makes_a_file_without_end_say_what_the_run_did_not() {
+fn no_flipped_bit_makes_a_recovered_file_claim_false_content() {
     for (seed, compression) in (1..).zip(COMPRESSIONS) {
         let original = Original::new(compression);
         let end = original.end_of_chunks();
-        // Whole, and with a torn chunk at its end.
+        // Complete, and with a truncated chunk at its end.
         for end in [end, packed(&original)[2].1 - 300] {
             let bytes = &original.bytes[..end];
             let became = flipped(&original, bytes, &places(&[(0, end)], 3 * FLIPS, seed));
@@ -178,7 +178,7 @@ fn no_bit_that_changed_anywhere_makes_a_file_without_end_say_what_the_run_did_no
     }
 }
 
-/// The file as versions without marks and sums of chunks wrote it, up to the end of its chunks.
+/// Returns the file as written by versions without marks and chunk checksums, up to the end of its chunks.
 fn older(original: &Original) -> Vec<u8> {
     let mut rest = &original.bytes[mcap::MAGIC.len()..original.end_of_chunks()];
     let mut older = mcap::MAGIC.to_vec();
@@ -186,7 +186,7 @@ fn older(original: &Original) -> Vec<u8> {
         let length = u64::from_le_bytes(head[1..].try_into().expect("8 bytes")) as usize;
         let mut content = behind[..length].to_vec();
         if head[0] == mcap::records::op::CHUNK {
-            // Two times and a size stand before it.
+            // Two times and a size precede it.
             content[24..28].fill(0);
         }
         if head[0] < 0x80 {
@@ -198,22 +198,22 @@ fn older(original: &Original) -> Vec<u8> {
     older
 }
 
-/// Recovers a recording; returns the answer, its text form and the content of the new file.
-fn describe(path: &Path) -> (Recovered, String, Said) {
+/// Recovers a recording; returns the result, its text form and the content of the new file.
+fn describe(path: &Path) -> (Recovered, String, Content) {
     let recovered = recovered(path, None).expect("recovered");
     let text = recovered.describe();
-    let said = Said::by(path);
-    let vouched = said.vouched.map(|vouched| vouched as u64);
+    let content = Content::by(path);
+    let vouched = content.vouched.map(|vouched| vouched as u64);
     assert_eq!(
         vouched.unwrap_or(recovered.records),
         recovered.vouched_records
     );
     assert_eq!(vouched.is_some(), recovered.unvouched.is_some());
-    (recovered, text, said)
+    (recovered, text, content)
 }
 
 #[test]
-fn a_file_of_an_older_version_is_recovered_and_marked_as_a_whole() {
+fn a_file_of_an_older_version_is_recovered_and_entirely_marked() {
     for compression in COMPRESSIONS {
         let original = Original::new(compression);
         let path = original.with(&older(&original));
@@ -222,12 +222,12 @@ fn a_file_of_an_older_version_is_recovered_and_marked_as_a_whole() {
         let caveat = reader.caveat().expect("it broke off");
         let nothing = "no check sum covers its records or its facts about the run";
         assert!(caveat.contains(nothing), "{caveat}");
-        let (recovered, text, said) = describe(&path);
+        let (recovered, text, content) = describe(&path);
         assert_eq!((recovered.records, recovered.vouched_records), (60, 0));
         assert!(text.contains(nothing), "{text}");
         assert!(recovered.reason.expect("a reason").contains(nothing));
-        assert_eq!(said.vouched, Some(0));
-        // Whoever reads the new file hears it too.
+        assert_eq!(content.vouched, Some(0));
+        // Readers of the new file see the note too.
         let mut reader = RunReader::open(&path).expect("opens");
         while reader.advance().expect("reads") {}
         let caveat = reader.caveat().expect("told");
@@ -239,7 +239,7 @@ fn a_file_of_an_older_version_is_recovered_and_marked_as_a_whole() {
 }
 
 #[test]
-fn records_of_a_torn_chunk_are_marked_also_in_a_file_that_breaks_off_again() {
+fn records_of_a_torn_chunk_stay_marked_after_a_second_truncation() {
     for compression in [Compression::None, Compression::Lz4] {
         let original = Original::new(compression);
         let torn = packed(&original)[2];
@@ -253,7 +253,7 @@ fn records_of_a_torn_chunk_are_marked_also_in_a_file_that_breaks_off_again() {
         assert_eq!(recovered.vouched_records, 40, "{compression:?}");
         let first = "check sums cover only its first 40 records";
         assert!(text.contains(first), "{text}");
-        // The new sums cover the same records as the old ones did not.
+        // The new checksums cover the records that the old ones did not.
         let again = std::fs::read(&path).expect("read");
         let path = original.with(&again[..again.len() - 1000]);
         let (recovered, text, _) = describe(&path);
@@ -263,15 +263,15 @@ fn records_of_a_torn_chunk_are_marked_also_in_a_file_that_breaks_off_again() {
 }
 
 #[test]
-fn a_file_that_broke_off_behind_a_sum_is_vouched_for_up_to_there() {
+fn checksums_cover_a_file_up_to_its_truncation_after_one() {
     for compression in COMPRESSIONS {
         let original = Original::new(compression);
         let mark = 21;
         for (cut, vouched) in [(mark, None), (mark - 1, Some(40)), (0, Some(40))] {
             let path = original.with(&original.bytes[..original.end_of_chunks() + cut]);
-            let (recovered, _, said) = describe(&path);
+            let (recovered, _, content) = describe(&path);
             assert_eq!(
-                (recovered.records, said.vouched),
+                (recovered.records, content.vouched),
                 (60, vouched),
                 "{compression:?}"
             );
@@ -280,11 +280,11 @@ fn a_file_that_broke_off_behind_a_sum_is_vouched_for_up_to_there() {
 }
 
 #[test]
-fn a_length_that_leads_behind_the_end_is_no_tear_if_records_follow() {
+fn a_length_beyond_the_end_counts_as_damage_if_records_follow() {
     for compression in COMPRESSIONS {
         let original = Original::new(compression);
         let (first, _) = original.chunks()[0];
-        // The length of the message index behind the first chunk.
+        // The length of the message index after the first chunk.
         let mut bytes = original.bytes[..original.end_of_chunks()].to_vec();
         bytes[first + 3] ^= 1;
         let path = original.with(&bytes);

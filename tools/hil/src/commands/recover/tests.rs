@@ -1,4 +1,4 @@
-//! Recordings that broke off, byte by byte, and what is made of them.
+//! Recordings truncated at every byte, and their recoveries.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -17,7 +17,7 @@ const RECORDS: u64 = 60;
 pub(super) const COMPRESSIONS: [Compression; 3] =
     [Compression::None, Compression::Lz4, Compression::Zstd];
 
-/// A recording of a run with a fault at step 7, in chunks of twenty records.
+/// Recording of a run with a fault at step 7, in chunks of twenty records.
 pub(super) struct Original {
     pub(super) folder: TempDir,
     pub(super) bytes: Vec<u8>,
@@ -51,14 +51,14 @@ impl Original {
         Self { folder, bytes }
     }
 
-    /// The path of a file with these bytes.
+    /// Returns the path of a file with these bytes.
     pub(super) fn with(&self, bytes: &[u8]) -> PathBuf {
         let path = self.folder.path().join("broken.mcap");
         std::fs::write(&path, bytes).expect("written");
         path
     }
 
-    /// Returns the offset at which the last chunk ends, with the indexes of its messages.
+    /// Returns the offset of the end of the last chunk with its message indexes.
     pub(super) fn end_of_chunks(&self) -> usize {
         let summary = mcap::Summary::read(&self.bytes).expect("whole");
         let chunks = summary.expect("there").chunk_indexes;
@@ -66,7 +66,7 @@ impl Original {
         (last.chunk_start_offset + last.chunk_length + last.message_index_length) as usize
     }
 
-    /// Returns the end of each chunk, and the number of records up to there.
+    /// Returns the end of each chunk and the number of records up to it.
     pub(super) fn chunks(&self) -> Vec<(usize, u64)> {
         let summary = mcap::Summary::read(&self.bytes).expect("whole");
         let chunks = summary.expect("there").chunk_indexes;
@@ -81,8 +81,8 @@ fn words(step: u64) -> Vec<u64> {
     record(step, libm::sin(step as f64), 0.5 * step as f64)
 }
 
-/// By the digest's definition: seven words of each record, and the fault in front of that of its step,
-/// or behind the last one.
+/// Computes the digest by its definition: seven words of each record, with the fault before the record of its step,
+/// or after the last one.
 fn digest(records: u64, messages: usize) -> String {
     let mut hasher = blake3::Hasher::new();
     let has_fault = messages as u64 > records;
@@ -102,7 +102,7 @@ fn digest(records: u64, messages: usize) -> String {
     hasher.finalize().to_hex().to_string()
 }
 
-/// Everything in a file, by the library that shares nothing with the code here.
+/// Returns all messages of a file, read by an independent library.
 pub(super) fn messages(path: &Path) -> Vec<(String, u64, Vec<u8>)> {
     let bytes = std::fs::read(path).expect("read");
     let stream = mcap::MessageStream::new(&bytes).expect("a whole file");
@@ -113,7 +113,7 @@ pub(super) fn messages(path: &Path) -> Vec<(String, u64, Vec<u8>)> {
 }
 
 #[test]
-fn every_record_before_the_tear_is_kept_wherever_it_is() {
+fn every_record_before_the_truncation_is_kept() {
     for compression in COMPRESSIONS {
         let original = Original::new(compression);
         let all = messages(&original.folder.path().join(RECORDING));
@@ -130,16 +130,16 @@ fn every_record_before_the_tear_is_kept_wherever_it_is() {
             let about = format!("{compression:?} cut at {cut}");
             let recovered = match recovered(&path, None) {
                 Ok(recovered) => recovered,
-                // Blocks of zstd are whole or nothing.
+                // A zstd block is readable only if it is complete.
                 Err(_) if sure == 0 => continue,
                 Err(error) => panic!("{about}: {error}"),
             };
             assert_eq!(recovered.state, State::BrokenOff, "{about}");
             assert!(recovered.records >= sure, "{about}");
-            let found = messages(&path);
-            assert!(all.starts_with(&found), "{about}");
-            assert!(found.len() as u64 >= recovered.records, "{about}");
-            let digest = digest(recovered.records, found.len());
+            let kept_messages = messages(&path);
+            assert!(all.starts_with(&kept_messages), "{about}");
+            assert!(kept_messages.len() as u64 >= recovered.records, "{about}");
+            let digest = digest(recovered.records, kept_messages.len());
             assert_eq!(recovered.digest.as_ref(), Some(&digest), "{about}");
             let mut reader = RunReader::open(&path).expect("opens");
             while reader.advance().expect("reads") {}
@@ -151,7 +151,7 @@ fn every_record_before_the_tear_is_kept_wherever_it_is() {
                 assert!(reason.starts_with("recovered: "), "{about}: {reason}");
                 assert_eq!(reader.result("digest"), Some(&*digest), "{about}");
             } else {
-                // It broke off behind what the recorder said of the end.
+                // Truncated after the recorder's end message.
                 assert_eq!(outcome, Some("completed"), "{about}");
                 assert_eq!(recovered.records, RECORDS, "{about}");
             }
@@ -162,7 +162,7 @@ fn every_record_before_the_tear_is_kept_wherever_it_is() {
 }
 
 #[test]
-fn records_in_a_torn_chunk_are_had_too() {
+fn records_in_a_torn_chunk_are_recovered_too() {
     for compression in [Compression::None, Compression::Lz4] {
         let original = Original::new(compression);
         let chunks = original.chunks();
@@ -174,7 +174,7 @@ fn records_in_a_torn_chunk_are_had_too() {
 }
 
 #[test]
-fn a_whole_file_is_left_alone() {
+fn a_complete_file_is_left_alone() {
     let original = Original::new(Compression::Lz4);
     let path = original.folder.path().join(RECORDING);
     let elsewhere = original.folder.path().join("elsewhere.mcap");
@@ -187,10 +187,10 @@ fn a_whole_file_is_left_alone() {
 }
 
 #[test]
-fn a_file_that_is_damaged_before_its_end_is_recovered_elsewhere_only() {
+fn a_file_damaged_before_its_end_is_recovered_only_to_another_file() {
     let original = Original::new(Compression::Lz4);
     let mut bytes = original.bytes.clone();
-    // The length of a record in the second chunk, or what it is packed with.
+    // The length of a record in the second chunk, or its compressed data.
     let place = original.chunks()[0].0 + 400;
     bytes[place..place + 200].fill(0xff);
     let path = original.with(&bytes);
@@ -206,11 +206,11 @@ fn a_file_that_is_damaged_before_its_end_is_recovered_elsewhere_only() {
     assert!(std::fs::read(&path).expect("read") == bytes);
     let refused = super::recovered(&path, Some(&elsewhere)).err();
     let refused = refused.expect("refused").to_string();
-    assert!(refused.contains("is there already"), "{refused}");
+    assert!(refused.contains("already exists"), "{refused}");
 }
 
 #[test]
-fn a_file_of_which_nothing_can_be_had_is_left_and_named() {
+fn an_unrecoverable_file_is_left_alone_and_named() {
     let original = Original::new(Compression::Lz4);
     for (bytes, why) in [
         (&original.bytes[..0], "before its first record"),
@@ -230,8 +230,8 @@ fn a_file_of_which_nothing_can_be_had_is_left_and_named() {
 }
 
 #[test]
-fn zeros_behind_the_last_record_are_a_tear() {
-    // A power failure leaves them: the length was on the disk, the content not yet.
+fn zeros_after_the_last_record_count_as_truncation() {
+    // Left by a power failure: the length was on disk, but not yet the content.
     let original = Original::new(Compression::Zstd);
     let (end, records) = original.chunks()[1];
     let mut bytes = original.bytes[..end].to_vec();

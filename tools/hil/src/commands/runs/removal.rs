@@ -1,4 +1,4 @@
-//! `hil runs rm`: removes runs by a rule, or shows what it would remove.
+//! `hil runs rm`: removes runs by a rule, or shows which it would remove.
 
 use std::fs;
 use std::io;
@@ -18,19 +18,19 @@ use shared_types::text::line;
 use super::{Run, chosen, is_of_a_run};
 use crate::arguments::runs::{Ending, RemovalArguments};
 
-/// Decision on a run.
+/// Decision about a run.
 #[derive(Serialize)]
 struct Decision {
     #[serde(flatten)]
     run: Run,
-    /// Reason for which it stays; null if it goes.
+    /// Reason to keep it; null if it is removed.
     stays: Option<String>,
 }
 
-/// Removes runs, or shows what would go.
+/// Removes runs, or lists those that would be removed.
 ///
 /// # Errors
-/// If there is no rule, or one of them cannot be removed.
+/// If there is no rule, or a run cannot be removed.
 pub(super) fn remove(arguments: &RemovalArguments) -> Result<Exit, Failure> {
     let is_ruled = arguments.choice.is_a_rule()
         || arguments.older_than.is_some()
@@ -38,7 +38,7 @@ pub(super) fn remove(arguments: &RemovalArguments) -> Result<Exit, Failure> {
         || arguments.keep_failed;
     if !is_ruled {
         return Err(Failure::usage(
-            "hil runs rm needs a rule, as --keep-last 10, --keep-failed, --older-than 30d or --scenario NAME; --keep-last 0 means all",
+            "hil runs rm needs a rule such as --keep-last 10, --keep-failed, --older-than 30d or --scenario NAME; --keep-last 0 removes all",
         ));
     }
     let decisions = decide(arguments)?;
@@ -46,24 +46,24 @@ pub(super) fn remove(arguments: &RemovalArguments) -> Result<Exit, Failure> {
         (decisions.iter()).partition(|decision| decision.stays.is_none());
     let going: Vec<&Run> = going.into_iter().map(|decision| &decision.run).collect();
     let mut failures = Vec::new();
-    let mut gone = Vec::new();
+    let mut removed = Vec::new();
     for run in going {
         match arguments.yes.then(|| delete(&run.path)) {
-            None | Some(Ok(())) => gone.push(run),
+            None | Some(Ok(())) => removed.push(run),
             Some(Err(error)) => {
                 let run = line(&run.path.to_string_lossy());
                 failures.push(format!("cannot remove {run}: {error}"));
             }
         }
     }
-    let bytes: u64 = gone.iter().map(|run| run.bytes).sum();
+    let bytes: u64 = removed.iter().map(|run| run.bytes).sum();
     if arguments.json {
         let all = serde_json::json!({
-            "is_dry_run": !arguments.yes, "removed": gone, "bytes": bytes, "stays": staying,
+            "is_dry_run": !arguments.yes, "removed": removed, "bytes": bytes, "stays": staying,
         });
         output::write(&format!("{all}\n"))?;
     } else {
-        output::write(&text(arguments, &gone, &staying, bytes))?;
+        output::write(&text(arguments, &removed, &staying, bytes))?;
     }
     match failures.is_empty() {
         true => Ok(Exit::Pass),
@@ -71,7 +71,7 @@ pub(super) fn remove(arguments: &RemovalArguments) -> Result<Exit, Failure> {
     }
 }
 
-/// Applies the rule to the runs that are meant.
+/// Applies the rule to the selected runs.
 fn decide(arguments: &RemovalArguments) -> Result<Vec<Decision>, Failure> {
     let mut runs = chosen(&arguments.choice)?;
     if let Some(age) = arguments.older_than {
@@ -93,7 +93,7 @@ fn decide(arguments: &RemovalArguments) -> Result<Vec<Decision>, Failure> {
     Ok(runs.into_iter().enumerate().map(decide).collect())
 }
 
-/// Finds content of a run's folder that no run put there.
+/// Finds content of a run's folder that was not created by a run.
 fn foreign(folder: &Path) -> Option<String> {
     part_file::sweep(folder);
     let entries = match fs::read_dir(folder) {
@@ -103,12 +103,12 @@ fn foreign(folder: &Path) -> Option<String> {
     let mut names = entries.map(|entry| entry.file_name());
     let name = names.find(|name| !is_of_a_run(name))?;
     Some(format!(
-        "{} in it is not of a run",
+        "it contains {}, which was not created by a run",
         line(&name.to_string_lossy())
     ))
 }
 
-/// Removes the folder of a run; until the end it can be found once more.
+/// Removes the folder of a run; until it is gone, an interrupted removal can be repeated.
 fn delete(folder: &Path) -> io::Result<()> {
     for entry in fs::read_dir(folder)? {
         let entry = entry?;
@@ -131,22 +131,27 @@ fn delete(folder: &Path) -> io::Result<()> {
     fs::remove_dir(folder)
 }
 
-fn text(arguments: &RemovalArguments, gone: &[&Run], staying: &[&Decision], bytes: u64) -> String {
+fn text(
+    arguments: &RemovalArguments,
+    removed: &[&Run],
+    staying: &[&Decision],
+    bytes: u64,
+) -> String {
     let mut table = Table::new(2, [left(0), right(0), left(0)]);
-    for run in gone {
+    for run in removed {
         let path = line(&run.path.to_string_lossy());
         table.cells([run.verdict.name().into(), size::shown(run.bytes), path]);
     }
-    let (runs, bytes) = (counted(gone.len() as u64, "run"), size::shown(bytes));
+    let (runs, bytes) = (counted(removed.len() as u64, "run"), size::shown(bytes));
     let mut text = match arguments.yes {
-        _ if gone.is_empty() => "nothing to remove\n".to_owned(),
+        _ if removed.is_empty() => "nothing to remove\n".to_owned(),
         true => format!("removed {runs}, {bytes}\n"),
-        false => format!("would remove {runs}, {bytes}; --yes does it\n"),
+        false => format!("would remove {runs}, {bytes}; confirm with --yes\n"),
     };
     text += &table.to_string();
     for Decision { run, stays } in staying {
         let (path, stays) = (line(&run.path.to_string_lossy()), stays.as_deref());
-        text += &format!("stays: {path}: {}\n", stays.unwrap_or_default());
+        text += &format!("kept: {path}: {}\n", stays.unwrap_or_default());
     }
     text
 }

@@ -1,7 +1,7 @@
-//! The messages of the Foxglove WebSocket protocol, as far as a server that only shows needs them
+//! Messages of the Foxglove WebSocket protocol, as far as a read-only server needs them
 //! (github.com/foxglove/ws-protocol, docs/spec.md).
 //!
-//! Text messages are JSON with an `op`, binary ones begin with a byte that says what they are.
+//! Text messages are JSON with an `op` field; binary messages begin with a byte that identifies their type.
 
 use hil_recording::schema;
 use hil_session::session::SessionInfo;
@@ -14,47 +14,47 @@ use super::outlet::Data;
 pub(crate) const RECORDS: u64 = 1;
 /// Channel of the events.
 pub(crate) const EVENTS: u64 = 2;
-/// First byte of a message with data.
+/// First byte of a data message.
 const MESSAGE_DATA: u8 = 1;
 
-/// Request of a client.
+/// Client message.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Asked {
-    /// Subscriptions by number, each of a channel.
+pub(crate) enum ClientMessage {
+    /// New subscriptions, as pairs of subscription and channel numbers.
     Subscribe(Vec<(u32, u64)>),
-    /// Subscriptions that it wants no more.
+    /// Subscriptions to cancel.
     Unsubscribe(Vec<u32>),
-    /// Something that is not met, by its name.
+    /// Unsupported operation, by name.
     Other(String),
 }
 
 /// Parses a message of a client.
 #[must_use]
-pub(crate) fn asked(text: &str) -> Asked {
-    let said: Value = serde_json::from_str(text).unwrap_or_default();
-    let list = |key: &str| said[key].as_array().map_or(&[][..], Vec::as_slice);
+pub(crate) fn asked(text: &str) -> ClientMessage {
+    let message: Value = serde_json::from_str(text).unwrap_or_default();
+    let list = |key: &str| message[key].as_array().map_or(&[][..], Vec::as_slice);
     let number = |value: &Value| u32::try_from(value.as_u64()?).ok();
-    match said["op"].as_str() {
-        Some("subscribe") => Asked::Subscribe(
+    match message["op"].as_str() {
+        Some("subscribe") => ClientMessage::Subscribe(
             (list("subscriptions").iter())
                 .filter_map(|one| Some((number(&one["id"])?, one["channelId"].as_u64()?)))
                 .collect(),
         ),
         Some("unsubscribe") => {
-            Asked::Unsubscribe(list("subscriptionIds").iter().filter_map(number).collect())
+            ClientMessage::Unsubscribe(list("subscriptionIds").iter().filter_map(number).collect())
         }
-        Some(other) => Asked::Other(format!("`{other}`")),
-        None => Asked::Other("a message without `op`".into()),
+        Some(other) => ClientMessage::Other(format!("`{other}`")),
+        None => ClientMessage::Other("a message without `op`".into()),
     }
 }
 
-/// Reports a channel that exists.
+/// Returns `true` for an existing channel.
 #[must_use]
 pub(crate) const fn is_channel(channel: u64) -> bool {
     matches!(channel, RECORDS | EVENTS)
 }
 
-/// Names the server: the first message to every client.
+/// Returns the first message to every client, which identifies the server.
 #[must_use]
 pub(crate) fn server_info(session: &SessionInfo, scenario: &str) -> String {
     json!({
@@ -67,7 +67,7 @@ pub(crate) fn server_info(session: &SessionInfo, scenario: &str) -> String {
     .to_string()
 }
 
-/// The channels, with the names, encodings and schemas of a recording.
+/// Returns the announcement of the channels, with the names, encodings and schemas of a recording.
 #[must_use]
 pub(crate) fn advertise(layout: &RecordLayout) -> String {
     json!({
@@ -94,7 +94,7 @@ pub(crate) fn advertise(layout: &RecordLayout) -> String {
     .to_string()
 }
 
-/// A record or an event for a subscription, at its simulated time.
+/// Encodes a record or an event for a subscription, at its simulated time.
 #[must_use]
 pub(crate) fn data(subscription: u32, data: &Data) -> Vec<u8> {
     let mut message = Vec::with_capacity(13 + data.payload.len());
@@ -105,7 +105,7 @@ pub(crate) fn data(subscription: u32, data: &Data) -> Vec<u8> {
     message
 }
 
-/// A level of a status message.
+/// Level of a status message.
 #[derive(Clone, Copy)]
 enum Level {
     Info = 0,
@@ -116,21 +116,21 @@ fn status(level: Level, message: &str, id: &str) -> String {
     json!({"op": "status", "level": level as u8, "message": message, "id": id}).to_string()
 }
 
-/// Something was asked for that is not met.
+/// Returns the status message for an unsupported request.
 #[must_use]
 pub(crate) fn refused(what: &str) -> String {
-    let told = format!("{what} is not met: a run can be watched here and not changed");
-    status(Level::Warning, &told, "refused")
+    let text = format!("{what} is not supported: this server is read-only");
+    status(Level::Warning, &text, "refused")
 }
 
-/// Messages were left out.
+/// Returns the warning about dropped messages.
 #[must_use]
 pub(crate) fn left_out(count: u64) -> String {
-    let told = format!("{count} messages were left out: this connection is too slow for them");
-    status(Level::Warning, &told, "slow")
+    let text = format!("{count} messages were dropped: the connection is too slow");
+    status(Level::Warning, &text, "slow")
 }
 
-/// The session is over.
+/// Returns the status message for the end of the session.
 #[must_use]
 pub(crate) fn ended(last_word: &str) -> String {
     status(Level::Info, last_word, "ended")
@@ -141,26 +141,26 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_clients_say_is_understood_or_named() {
+    fn client_messages_are_parsed_or_reported_by_name() {
         for (text, expected) in [
             (
                 r#"{"op":"subscribe","subscriptions":[{"id":0,"channelId":1},{"id":7,"channelId":2}]}"#,
-                Asked::Subscribe(vec![(0, 1), (7, 2)]),
+                ClientMessage::Subscribe(vec![(0, 1), (7, 2)]),
             ),
             (
                 r#"{"op":"unsubscribe","subscriptionIds":[7,0]}"#,
-                Asked::Unsubscribe(vec![7, 0]),
+                ClientMessage::Unsubscribe(vec![7, 0]),
             ),
             (
                 r#"{"op":"subscribe","subscriptions":[{"id":-1,"channelId":1}, 3]}"#,
-                Asked::Subscribe(vec![]),
+                ClientMessage::Subscribe(vec![]),
             ),
-            (r#"{"op":"subscribe"}"#, Asked::Subscribe(vec![])),
+            (r#"{"op":"subscribe"}"#, ClientMessage::Subscribe(vec![])),
             (
                 r#"{"op":"getParameters"}"#,
-                Asked::Other("`getParameters`".into()),
+                ClientMessage::Other("`getParameters`".into()),
             ),
-            ("[1", Asked::Other("a message without `op`".into())),
+            ("[1", ClientMessage::Other("a message without `op`".into())),
         ] {
             assert_eq!(asked(text), expected, "{text}");
         }

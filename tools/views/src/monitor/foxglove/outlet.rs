@@ -1,7 +1,7 @@
-//! From the watching thread to the clients: which records, and to whom.
+//! Distribution of observed records and events to the subscribed clients.
 //!
-//! Records are picked, not averaged: a bounded number a second, each as it was. Never waits; what a
-//! client's queue has no room for is counted.
+//! Records are decimated to a bounded rate, never averaged. Sending never waits; messages that do not fit into a
+//! client's queue are counted.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{SyncSender, TrySendError};
@@ -19,13 +19,13 @@ use shared_types::zerocopy::IntoBytes;
 use super::message::{self, EVENTS, RECORDS};
 use crate::monitor::watch::Audience;
 
-/// Interval between two looks for clients that have taken everything.
+/// Polling interval while clients receive their remaining messages.
 const LOOK: Duration = Duration::from_millis(10);
 
-/// A message for those who subscribed to its channel.
+/// Message for the subscribers of its channel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Data {
-    /// The channel.
+    /// Channel number.
     pub channel: u64,
     /// Simulated time.
     pub time_ns: u64,
@@ -33,17 +33,17 @@ pub(crate) struct Data {
     pub payload: Vec<u8>,
 }
 
-/// A client's queue, and how many messages it had no room for.
+/// Queue of a client and the number of messages it had no room for.
 struct Queue {
     sender: SyncSender<Arc<Data>>,
     missed: Arc<AtomicU64>,
 }
 
-/// State that all clients share.
+/// State shared by all clients.
 pub(crate) struct Hub {
     server_info: String,
     channels: OnceLock<String>,
-    /// `None` when nothing will come any more.
+    /// Client queues; `None` after the end.
     queues: Mutex<Option<Vec<Queue>>>,
     threads: Mutex<Vec<JoinHandle<()>>>,
     is_over: AtomicBool,
@@ -70,12 +70,12 @@ impl Hub {
         &self.server_info
     }
 
-    /// The channels, once they are known.
+    /// Returns the channel announcement once the layout is known.
     pub(super) fn channels(&self) -> Option<&str> {
         self.channels.get().map(String::as_str)
     }
 
-    /// Adds a client; the number counts what its queue has no room for.
+    /// Adds a client; returns the counter of messages dropped from its queue.
     pub(crate) fn join(&self, sender: SyncSender<Arc<Data>>) -> Arc<AtomicU64> {
         let missed = Arc::new(AtomicU64::new(0));
         if let Some(queues) = locked(&self.queues).as_mut() {
@@ -87,7 +87,7 @@ impl Hub {
         missed
     }
 
-    /// Clients that are served.
+    /// Returns the number of clients being served.
     pub(super) fn clients(&self) -> usize {
         let mut threads = locked(&self.threads);
         threads.retain(|thread| !thread.is_finished());
@@ -106,7 +106,7 @@ impl Hub {
         locked(&self.last_word).clone()
     }
 
-    /// Nothing will come any more; waits until the clients were told, or for so long.
+    /// Ends the service and waits up to `limit` until the clients have received everything.
     pub(crate) fn end(&self, limit: Duration) {
         self.is_over.store(true, Ordering::Release);
         *locked(&self.queues) = None;
@@ -137,13 +137,13 @@ impl Hub {
     }
 }
 
-/// Picks records and gives them, and every event, to the clients.
+/// Decimator that passes records, and every event, to the clients.
 pub(crate) struct Outlet {
     hub: Arc<Hub>,
     rate: Rate,
-    /// Least time between two records, by the clock of the records.
+    /// Minimum time between two records, by the records' clock.
     period_ns: f64,
-    /// From when on the next record is due.
+    /// Time from which the next record is due.
     next_ns: f64,
     /// Simulated time of the newest record.
     time_ns: u64,
@@ -160,13 +160,13 @@ impl Outlet {
         }
     }
 
-    /// Decides by its time whether a record is sent.
+    /// Returns `true` if a record published at this time is sent.
     fn picks(&mut self, published_ns: u64) -> bool {
         let now_ns = published_ns as f64;
         if now_ns < self.next_ns {
             return false;
         }
-        // In step with the rate, but after a pause not more often for that.
+        // Keeps the phase of the rate, but does not catch up after a pause.
         let due_ns = self.next_ns + self.period_ns;
         self.next_ns = if due_ns < now_ns {
             now_ns + self.period_ns
@@ -176,20 +176,20 @@ impl Outlet {
         true
     }
 
-    fn event(&self, taken: &Event) {
-        let step = taken.step().map(Step);
+    fn event(&self, change: &Event) {
+        let step = change.step().map(Step);
         let time_ns = step.map_or(self.time_ns, |step| self.rate.nanoseconds(step));
         self.hub.send(Data {
             channel: EVENTS,
             time_ns,
-            payload: event::message(taken).unwrap_or_default(),
+            payload: event::message(change).unwrap_or_default(),
         });
     }
 }
 
 impl Audience for Outlet {
     fn attach(&mut self, layout: &RecordLayout) {
-        let _ = self.hub.channels.set(message::advertise(layout)); // they do not change
+        let _ = self.hub.channels.set(message::advertise(layout)); // set once: the layout never changes
     }
 
     fn take(&mut self, seen: &Seen<'_>) {
@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn records_are_picked_at_the_rate_that_is_asked_for_and_no_faster_after_a_pause() {
+    fn records_are_decimated_to_the_requested_rate_even_after_a_pause() {
         let mut outlet = outlet(200.0);
         let mut picked = |from_s: u64, steps: u64, step_ns: u64| {
             let times = (0..steps).map(|step| from_s * 1_000_000_000 + step * step_ns);
@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn a_client_that_takes_nothing_holds_nobody_up_and_learns_what_it_missed() {
+    fn a_stalled_client_blocks_nobody_and_learns_how_much_it_missed() {
         let outlet = outlet(1.0);
         let (slow, slow_queue) = sync_channel(2);
         let (quick, quick_queue) = sync_channel(100);

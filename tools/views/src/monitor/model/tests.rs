@@ -5,7 +5,7 @@ use shared_types::record::{FaultBegun, RunEnd, Timing};
 
 use super::*;
 
-/// A scenario of the project, checked against what is built in.
+/// Checks a scenario of the project against the built-in plants and laws.
 pub(crate) fn plan_of(text: &str) -> Plan {
     let plants: Vec<_> = (plant_process::models::all().iter())
         .map(|plant| plant.description.clone())
@@ -24,12 +24,12 @@ fn possible_kinds() -> Vec<shared_types::describe::FaultKindDescription> {
         .collect()
 }
 
-/// The paper's scenario.
+/// Returns the paper's scenario.
 pub(crate) fn plan() -> Plan {
     plan_of(include_str!("../../../../../scenarios/severe-leakage.toml"))
 }
 
-/// The faults that the scenario's plant offers.
+/// Returns the faults that the scenario's plant offers.
 pub(crate) fn possible(plan: &Plan) -> Possible {
     Possible {
         rate: plan.run.rate,
@@ -45,14 +45,14 @@ fn plant(plan: &Plan) -> PlantDescription {
     plan.plant_among(&plants).expect("built in").clone()
 }
 
-/// The layout of its records.
+/// Returns the layout of the scenario's records.
 pub(crate) fn layout(plan: &Plan) -> RecordLayout {
     let laws = controller_process::laws::all().into_iter();
     let laws: Vec<_> = laws.map(|kind| kind.description).collect();
     plan.record_layout(&plant(plan), &plan.law_among(&laws).expect("built in"))
 }
 
-/// A model that is attached to a session of the scenario.
+/// Returns a model attached to a session of the scenario.
 pub(crate) fn attached(plan: Plan, patterns: &[&str]) -> Model {
     let patterns: Vec<String> = patterns.iter().map(|&text| text.into()).collect();
     let layout = layout(&plan);
@@ -81,7 +81,7 @@ fn spring_mass() -> Plan {
 }
 
 #[test]
-fn a_model_says_where_the_run_is_and_how_fast() {
+fn a_model_reports_position_and_speed_of_the_run() {
     let plan = spring_mass();
     let layout = layout(&plan);
     let mut model = attached(plan, &[]);
@@ -91,7 +91,7 @@ fn a_model_says_where_the_run_is_and_how_fast() {
     }
     assert_eq!((model.state(), model.step()), ("running", Some(1999)));
     assert_eq!(model.joined_late(), Some(40));
-    // 3 us a step of 1 ms.
+    // 3 us per step of 1 ms.
     for step in 2000..60_000 {
         feed(&mut model, &layout, step, 0.5);
     }
@@ -111,7 +111,7 @@ fn a_model_says_where_the_run_is_and_how_fast() {
 }
 
 #[test]
-fn the_law_is_the_one_that_answers_now() {
+fn the_law_is_the_active_one() {
     let mut model = attached(spring_mass(), &[]);
     assert_eq!(model.law(), "pid");
     let change = |epoch, change| {
@@ -137,7 +137,7 @@ fn derived_signals_are_computed_from_the_records_that_are_seen() {
     let mut model = attached(plan, &["tracking_error_m", "truth.position_m"]);
     feed(&mut model, &layout, 0, 0.25);
     let values: Vec<(String, f64)> = model.values().collect();
-    // Truth and reference are the same here.
+    // Truth and reference are equal here.
     assert_eq!(
         values,
         [
@@ -163,7 +163,7 @@ fn an_unknown_signal_is_refused_when_the_signals_are_known() {
 }
 
 #[test]
-fn events_are_told_and_the_last_one_ends_the_run() {
+fn events_are_logged_and_the_last_one_ends_the_run() {
     let mut model = attached(spring_mass(), &[]);
     model.take(Seen::Event(Event::Fault(FaultBegun {
         id: 3,
@@ -175,8 +175,8 @@ fn events_are_told_and_the_last_one_ends_the_run() {
         canonical: String::new(),
         wall_only: false,
     })));
-    let told = "fault 3 bias on measured.position_m from step 1500 (1.5 s)";
-    assert_eq!(model.note(), Some(told));
+    let text = "fault 3 bias on measured.position_m from step 1500 (1.5 s)";
+    assert_eq!(model.note(), Some(text));
     model.take(Seen::Lost(7));
     assert_eq!(model.lost, 7);
     model.take(Seen::Event(Event::End(RunEnd::new(
@@ -193,38 +193,38 @@ fn events_are_told_and_the_last_one_ends_the_run() {
 }
 
 #[test]
-fn a_session_that_vanishes_is_told_without_a_verdict() {
+fn a_vanished_session_is_reported_without_a_verdict() {
     let mut model = attached(spring_mass(), &[]);
     model.run_dir = None;
     model.end(None);
-    let told = crate::monitor::line::text(&model, 0);
-    assert_eq!(told, "spring-mass ended: without a word");
+    let text = crate::monitor::line::text(&model, 0);
+    assert_eq!(text, "spring-mass ended: without an outcome");
 }
 
 #[test]
-fn a_killed_and_a_stopped_hil_are_named() {
+fn a_killed_or_stopped_hil_is_reported() {
     let mut model = attached(spring_mass(), &[]);
     model.is_owner_stopped = true;
-    let told = crate::monitor::line::text(&model, 0);
-    assert_eq!(told, "spring-mass: starting, hil is stopped");
+    let text = crate::monitor::line::text(&model, 0);
+    assert_eq!(text, "spring-mass: starting, hil is stopped");
     model.abandon(false);
     assert!(!model.is_owner_stopped, "it is not any more");
-    let told = crate::monitor::line::text(&model, 0);
+    let text = crate::monitor::line::text(&model, 0);
     assert_eq!(
-        told,
+        text,
         "spring-mass ended: hil is gone without a summary, /runs/demo"
     );
     model.abandon(true);
-    let told = crate::monitor::line::text(&model, 0);
+    let text = crate::monitor::line::text(&model, 0);
     let mend = "`hil recover /runs/demo` makes whole what it recorded";
     assert_eq!(
-        told,
+        text,
         format!("spring-mass ended: hil is gone without a summary, {mend}")
     );
 }
 
 #[test]
-fn a_silence_about_requirements_does_not_unsay_what_was_known() {
+fn a_missing_answer_keeps_the_known_requirements() {
     let mut model = attached(spring_mass(), &[]);
     model.hear_standings(None);
     assert_eq!(*model.judged(), Judged::Silent);
@@ -234,7 +234,7 @@ fn a_silence_about_requirements_does_not_unsay_what_was_known() {
 }
 
 #[test]
-fn an_answer_that_comes_after_the_end_does_not_replace_the_summary() {
+fn an_answer_after_the_end_does_not_replace_the_summary() {
     let late = Standing {
         name: "settles".into(),
         verdict: "undecided".into(),
@@ -252,7 +252,7 @@ fn an_answer_that_comes_after_the_end_does_not_replace_the_summary() {
 }
 
 #[test]
-fn a_record_no_newer_than_the_one_that_is_shown_changes_nothing() {
+fn a_record_that_is_not_newer_changes_nothing() {
     let plan = spring_mass();
     let layout = layout(&plan);
     let mut model = attached(plan, &["truth.position_m"]);
@@ -264,18 +264,18 @@ fn a_record_no_newer_than_the_one_that_is_shown_changes_nothing() {
 }
 
 #[test]
-fn values_that_are_no_numbers_stay_visible_as_such() {
+fn nan_values_stay_visible_as_such() {
     let plan = spring_mass();
     let layout = layout(&plan);
     let mut model = attached(plan, &["truth.position_m"]);
     feed(&mut model, &layout, 0, f64::NAN);
     assert!(model.values().next().expect("one").1.is_nan());
-    let told = crate::monitor::line::json(&model, 0);
-    assert_eq!(told["signals"]["truth.position_m"], serde_json::Value::Null);
+    let text = crate::monitor::line::json(&model, 0);
+    assert_eq!(text["signals"]["truth.position_m"], serde_json::Value::Null);
 }
 
 #[test]
-fn the_last_values_stay_when_the_record_after_the_last_step_lacks_them() {
+fn the_last_values_stay_when_the_final_record_lacks_them() {
     let plan = spring_mass();
     let layout = layout(&plan);
     let mut model = attached(plan, &["command.force_n"]);
@@ -287,7 +287,7 @@ fn the_last_values_stay_when_the_record_after_the_last_step_lacks_them() {
         Outcome::Completed,
     ))));
     assert_eq!(model.values().next().expect("one").1, 0.5);
-    // A value that was lacking before is no last value.
+    // A value missing before does not count as a last value.
     let mut model = attached(spring_mass(), &["command.force_n"]);
     for step in 4999..=5000 {
         feed(&mut model, &layout, step, f64::NAN);
@@ -297,7 +297,7 @@ fn the_last_values_stay_when_the_record_after_the_last_step_lacks_them() {
 }
 
 #[test]
-fn an_account_that_was_asked_before_another_came_tells_nothing_twice() {
+fn an_outdated_account_adds_no_event_twice() {
     let mut model = attached(spring_mass(), &[]);
     let mark = |step| {
         Event::Mark(shared_types::record::Mark {
@@ -306,15 +306,15 @@ fn an_account_that_was_asked_before_another_came_tells_nothing_twice() {
         })
     };
     let rate = model.rate();
-    let told = |steps: std::ops::Range<u64>| -> Vec<Happening> {
+    let events = |steps: std::ops::Range<u64>| -> Vec<Happening> {
         steps
             .filter_map(|step| Happening::of(&mark(step), rate))
             .collect()
     };
-    model.hear_account(0, told(0..2));
+    model.hear_account(0, events(0..2));
     model.take(Seen::Event(mark(3)));
-    model.hear_whole_account(told(0..5));
-    model.hear_account(2, told(2..4));
+    model.hear_whole_account(events(0..5));
+    model.hear_account(2, events(2..4));
     let steps: Vec<u64> = model.log().list().iter().map(|one| one.step).collect();
     assert_eq!(steps, [0, 1, 2, 3, 4]);
 }

@@ -1,4 +1,4 @@
-//! Requirements and faults, one in a line, the ones that matter most first where not all fit.
+//! Requirements and faults, one per line; if not all fit, the most important ones come first.
 
 use hil_facts::session::standing::Standing;
 use ratatui::Frame;
@@ -12,7 +12,7 @@ use super::{bold, emphasis, fitting, time};
 use crate::monitor::display::{Abilities, Display};
 use crate::monitor::model::{Judged, Model};
 
-/// Rows that everything would take.
+/// Returns the number of rows that both lists need in full.
 pub(super) fn rows(model: &Model) -> u16 {
     let requirements = match model.judged() {
         Judged::Known(standings) => standings.len(),
@@ -21,12 +21,12 @@ pub(super) fn rows(model: &Model) -> u16 {
     u16::try_from(2 + requirements + model.faults().len()).unwrap_or(u16::MAX)
 }
 
-/// Draws both lists, the titles in any case.
+/// Draws both lists; the titles are always drawn.
 pub(super) fn draw(frame: &mut Frame<'_>, area: Rect, model: &Model, display: &Display) {
     let abilities = display.abilities;
     let requirements = requirement_lines(model, abilities, area.width);
     let faults = fault_lines(model, abilities, area.width);
-    // A few faults come before a long list of requirements, and both titles before all.
+    // A few faults take precedence over a long list of requirements, and both titles over everything.
     let rows = usize::from(area.height);
     let below = faults.len().min(4).min(rows.saturating_sub(1));
     let upper = requirements.len().min(rows - below) as u16;
@@ -36,7 +36,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, area: Rect, model: &Model, display: &D
     frame.render_widget(Paragraph::new(cut(faults, below.height)), below);
 }
 
-/// The title and as many lines as fit; the last one says how many do not.
+/// Returns the title and as many lines as fit; the last one counts the hidden ones.
 fn cut(mut lines: Vec<Line<'static>>, rows: u16) -> Vec<Line<'static>> {
     let rows = usize::from(rows);
     if lines.len() > rows && rows > 2 {
@@ -50,7 +50,7 @@ fn cut(mut lines: Vec<Line<'static>>, rows: u16) -> Vec<Line<'static>> {
 fn requirement_lines(model: &Model, abilities: Abilities, width: u16) -> Vec<Line<'static>> {
     let standings = match model.judged() {
         Judged::Unknown => return vec![Line::from("requirements: not known yet")],
-        Judged::Silent => return vec![Line::from("requirements: hil does not answer")],
+        Judged::Silent => return vec![Line::from("requirements: no answer from hil")],
         Judged::Known(standings) if standings.is_empty() => {
             return vec![Line::from("no requirements")];
         }
@@ -80,7 +80,7 @@ fn requirement_lines(model: &Model, abilities: Abilities, width: u16) -> Vec<Lin
         .map(|one| one.name.len())
         .max()
         .unwrap_or(0);
-    // What failed is never among those that do not fit.
+    // Failed requirements are never hidden.
     let order = |one: &&Standing| match one.verdict.as_str() {
         "fail" => 0,
         "undecided" => 1,
@@ -110,7 +110,7 @@ fn requirement_lines(model: &Model, abilities: Abilities, width: u16) -> Vec<Lin
     lines
 }
 
-/// A margin as far as it is known.
+/// Formats a margin as far as it is known.
 pub(in crate::monitor) fn margin(one: &Standing) -> String {
     let size = |value: f64| short_in(value, &one.unit);
     match (one.robustness, one.at_least, one.at_most) {
@@ -175,7 +175,7 @@ fn fault_lines(model: &Model, abilities: Abilities, width: u16) -> Vec<Line<'sta
             sized.collect::<Vec<_>>().join("  "),
             targets.collect::<Vec<_>>().join(" "),
         );
-        // Rather every target than the sizes of some.
+        // Prefers showing every target over the sizes of some.
         let used: usize = parts.iter().map(|part| part.width() + 2).sum();
         let fits = used + sized.len() <= usize::from(width);
         parts.push(Span::from(if fits { sized } else { targets }));

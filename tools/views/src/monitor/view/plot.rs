@@ -1,6 +1,6 @@
 //! Plot: signals of one unit over simulated time.
 //!
-//! Every column of dots goes from the least to the greatest value of its stretch of time.
+//! Each column of dots spans the minimum to the maximum of its time interval.
 
 use ratatui::Frame;
 use ratatui::layout::{Alignment, Constraint, Layout, Rect};
@@ -19,11 +19,11 @@ use crate::monitor::plots::Plot;
 
 /// Width of the scale beside a plot.
 const SCALE: u16 = 11;
-/// From this width on there is one.
+/// Minimum width at which the scale is drawn.
 const WITH_SCALE: u16 = 50;
-/// Least width of a title that is cut.
+/// Minimum width of a truncated title.
 const LEAST_TITLE: usize = 12;
-/// Colours of a plot's signals, readable on light and on dark.
+/// Colours of a plot's signals, readable on light and dark backgrounds.
 const COLOURS: [Color; 4] = [Color::Reset, Color::Cyan, Color::Magenta, Color::Green];
 
 /// Draws a plot.
@@ -57,11 +57,11 @@ pub(super) fn draw(
     let title_line = title_line(width, model, plot, display, (number, scale == 0), all);
     frame.render_widget(Paragraph::new(title_line), title);
     let Some(all) = all else { return };
-    let shown = Scale::of(all);
+    let axis = Scale::of(all);
     if scale > 0 {
-        let lines = shown.lines(usize::from(beside.height));
-        let told = Paragraph::new(lines).alignment(Alignment::Right);
-        frame.render_widget(told, beside);
+        let lines = axis.lines(usize::from(beside.height));
+        let labels = Paragraph::new(lines).alignment(Alignment::Right);
+        frame.render_widget(labels, beside);
     }
     let marks = fault_marks(model, last, steps, columns);
     let marker = if display.abilities.unicode {
@@ -69,7 +69,7 @@ pub(super) fn draw(
     } else {
         Marker::Custom('*')
     };
-    let y = shown.bounds(all);
+    let y = axis.bounds(all);
     let canvas = Canvas::default()
         .marker(marker)
         .x_bounds([0.0, (columns.saturating_sub(1)) as f64])
@@ -80,12 +80,12 @@ pub(super) fn draw(
                 draw_mark(context, *mark, y, colour);
             }
             context.layer();
-            // The first signal last, so that it is on top.
+            // The first signal is drawn last, so that it is on top.
             for (at, ranges) in signals.iter().enumerate().rev() {
                 let colour = colour(display, COLOURS[at % COLOURS.len()]);
-                // Without colours what tells the others apart are gaps.
+                // Without colours, gaps tell the signals apart.
                 let is_dashed = !display.abilities.colour && at > 0;
-                // Steps that are wider than a column are joined.
+                // Steps wider than a column are connected.
                 let reach = columns.div_ceil(steps as usize);
                 draw_signal(context, ranges, colour, reach, is_dashed);
                 context.layer();
@@ -126,7 +126,7 @@ fn title_line<'a>(
         format!("{}/{}", number + 1, model.plots().len()),
         Modifier::DIM,
     ));
-    // Values are worth more than the end of a long title.
+    // Values take precedence over the end of a long title.
     let values = fitting(width, parts.clone()).width() + 2;
     let room = usize::from(width).saturating_sub(values);
     let title = match plot.title.chars().count() {
@@ -143,20 +143,20 @@ fn title_line<'a>(
     fitting(width, parts)
 }
 
-/// Form in which the scale beside a plot gives its range.
+/// Format of the range in the scale beside a plot.
 #[derive(Clone, Debug, PartialEq)]
 enum Scale {
-    /// Constant; values that differ by the last bits alone are the same.
+    /// Constant; values that differ in the last bits alone count as equal.
     Flat(f64),
-    /// Middle and distance of two ends that agree in five digits.
+    /// Centre and half-width of a range whose ends agree in five digits.
     Around(f64, f64),
-    /// The least and the greatest value.
+    /// Minimum and maximum.
     Ends(f64, f64),
 }
 
 impl Scale {
     fn of(Range { min, max }: Range) -> Self {
-        // The report takes as much for the same.
+        // The report uses the same threshold.
         const SAME: f64 = 1e-9;
         let (middle, half) = (0.5 * min + 0.5 * max, 0.5 * max - 0.5 * min);
         if half <= 0.5 * SAME * middle.abs() {
@@ -168,8 +168,8 @@ impl Scale {
         }
     }
 
-    /// The range that is drawn; a flat line is in the middle of its own, off it by as much as keeps noise
-    /// in one row of dots at any height.
+    /// Returns the drawn range; a flat line is centred in a range wide enough to keep noise in one row of dots at
+    /// any height.
     fn bounds(&self, Range { min, max }: Range) -> [f64; 2] {
         match self {
             Self::Flat(value) => {
@@ -181,7 +181,7 @@ impl Scale {
         }
     }
 
-    /// The lines of the scale, from the top.
+    /// Returns the lines of the scale, from the top.
     fn lines(&self, height: usize) -> Vec<Line<'static>> {
         let line = |text: String| Line::from(format!("{text} "));
         let mut lines = vec![Line::default(); height];
@@ -228,7 +228,7 @@ fn draw_signal(
             if let Some((last, last_range)) = before
                 && column - last <= reach
             {
-                // From the nearer end of the one to that of the other, if they do not overlap.
+                // Connects the nearer ends of two ranges that do not overlap.
                 let ends = if last_range.max < range.min {
                     Some((last_range.max, range.min))
                 } else if last_range.min > range.max {
@@ -247,7 +247,7 @@ fn draw_signal(
     }
 }
 
-/// The columns at which faults took hold.
+/// Returns the columns at which faults became active.
 fn fault_marks(model: &Model, last: u64, steps: u64, columns: usize) -> Vec<usize> {
     let first = (last + 1).saturating_sub(steps);
     let effects = model.faults().iter().flat_map(|fault| &fault.effects);
@@ -264,7 +264,7 @@ fn fault_marks(model: &Model, last: u64, steps: u64, columns: usize) -> Vec<usiz
     marks
 }
 
-/// A dotted line from top to bottom.
+/// Draws a dotted vertical line.
 fn draw_mark(context: &mut canvas::Context<'_>, column: usize, y: [f64; 2], colour: Color) {
     let points: Vec<(f64, f64)> = (0..=12)
         .map(|at| (column as f64, y[0] + (y[1] - y[0]) * f64::from(at) / 12.0))
@@ -275,7 +275,7 @@ fn draw_mark(context: &mut canvas::Context<'_>, column: usize, y: [f64; 2], colo
     });
 }
 
-/// Draws the time axis that the plots above it share, and how many plots there are beside them.
+/// Draws the time axis shared by the plots above it, and the number of hidden plots.
 pub(super) fn draw_axis(
     frame: &mut Frame<'_>,
     area: Rect,
@@ -299,7 +299,7 @@ pub(super) fn draw_axis(
         0 => format!("window {} s", display.window_s),
         hidden => format!("window {} s, {hidden} more plots", display.window_s),
     };
-    // What is in the middle needs as much room on its left as on its right.
+    // Centred text needs as much room on its left as on its right.
     let beside = if begin.len() > end.len() {
         begin.len()
     } else {
@@ -334,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flat_signal_has_one_label_in_the_middle() {
+    fn a_flat_signal_has_one_centred_label() {
         let (lines, bounds) = scale(0.0, 0.0);
         assert_eq!(lines, ["", "", "0 ", "", ""]);
         assert_eq!(bounds, [-1.0, 1.01]);
@@ -355,14 +355,14 @@ mod tests {
     }
 
     #[test]
-    fn labels_that_would_be_equal_tell_the_distance_from_the_middle() {
+    fn nearly_equal_ends_are_labelled_by_their_distance_from_the_centre() {
         let (lines, bounds) = scale(0.171_36, 0.171_360_02);
         assert_eq!(lines, ["+1e-8 ", "", "0.17136 ", "", "-1e-8 "]);
         assert_eq!(bounds, [0.171_36, 0.171_360_02]);
     }
 
     #[test]
-    fn a_range_has_its_ends() {
+    fn a_range_is_labelled_with_its_ends() {
         let (lines, bounds) = scale(-1.0, 2.5);
         assert_eq!(lines, ["2.5 ", "", "", "", "-1 "]);
         assert_eq!(bounds, [-1.0, 2.5]);

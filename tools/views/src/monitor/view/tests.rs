@@ -10,7 +10,7 @@ use super::*;
 use crate::monitor::model::tests::{attached, feed, layout, plan};
 use crate::monitor::prepared::PreparedFault;
 
-/// Seven requirements, one of which failed, and two faults.
+/// Returns a model with seven requirements, one of which failed, and two faults.
 fn busy() -> Model {
     let plan = plan();
     let layout = layout(&plan);
@@ -114,7 +114,7 @@ fn nothing_essential_is_cut_at_any_size() {
 }
 
 #[test]
-fn a_usual_terminal_shows_every_requirement_that_is_not_passed_and_the_active_fault() {
+fn a_usual_terminal_shows_every_unpassed_requirement_and_the_active_fault() {
     let (text, _) = drawn(&busy(), &display(true), 80, 24);
     for essential in [
         "severe-leakage",
@@ -191,7 +191,7 @@ fn without_unicode_and_colours_there_are_none() {
 }
 
 #[test]
-fn a_spike_of_one_step_is_seen_at_full_zoom_out() {
+fn a_one_step_spike_is_visible_when_zoomed_out() {
     let plan = plan();
     let layout = layout(&plan);
     let picture = |spike: f64| {
@@ -214,7 +214,7 @@ fn a_spike_of_one_step_is_seen_at_full_zoom_out() {
 }
 
 #[test]
-fn a_question_a_pause_and_the_end_are_told() {
+fn a_question_a_pause_and_the_end_are_shown() {
     let mut model = busy();
     let mut display = display(true);
     display.press(KeyCode::Char('1').into(), 5, false);
@@ -241,15 +241,15 @@ fn a_question_a_pause_and_the_end_are_told() {
         let (text, _) = drawn(&model, &display, width, height);
         assert!(text.contains("severe-leakage ended: pass"), "{text}");
         assert!(text.contains("20261121T140715Z-demo"), "{text}");
-        assert!(text.contains("any key leaves"), "{text}");
+        assert!(text.contains("any key quits"), "{text}");
     }
     let (text, _) = drawn(&model, &display, 40, 12);
     assert!(text.contains("severe-leakage ended: pass"), "{text}");
-    assert!(text.contains("any key leaves"), "{text}");
+    assert!(text.contains("any key quits"), "{text}");
 }
 
 #[test]
-fn a_signal_that_does_not_move_is_a_line_with_its_value() {
+fn a_constant_signal_is_a_line_with_its_value() {
     let plan = plan();
     let layout = layout(&plan);
     let mut model = attached(plan, &["truth.surface_angle_rad"]);

@@ -1,4 +1,4 @@
-//! The listing as a person reads it.
+//! The listing as text.
 
 use std::fmt::Write as _;
 
@@ -8,11 +8,11 @@ use shared_types::table::Field;
 
 use super::{Entry, Listing};
 
-/// A line for each kind.
+/// Formats a line for each kind.
 pub(super) fn in_short(listings: &[Listing]) -> String {
     let mut table = Table::new(2, [left(0); 2]);
     let line = |table: &mut Table, entry: &Entry| table.row(&[&entry.kind, &entry.summary]);
-    // What several plants share is told once, after all that is their own.
+    // Kinds shared by several plants are listed once, after each plant's own.
     let mut shared: Vec<&Entry> = Vec::new();
     for listing in listings {
         let of_session = listing
@@ -28,7 +28,7 @@ pub(super) fn in_short(listings: &[Listing]) -> String {
         }
         own.into_iter().for_each(|entry| line(&mut table, entry));
         for entry in others {
-            if shared.iter().all(|told| told.kind != entry.kind) {
+            if shared.iter().all(|listed| listed.kind != entry.kind) {
                 shared.push(entry);
             }
         }
@@ -47,7 +47,7 @@ pub(super) fn in_short(listings: &[Listing]) -> String {
     table.to_string()
 }
 
-/// Everything about each kind.
+/// Formats the full description of each kind.
 pub(super) fn in_full(listings: &[Listing]) -> String {
     let mut text = String::new();
     for listing in listings {
@@ -77,8 +77,8 @@ fn write_entry(text: &mut String, entry: &Entry, plant: &str) -> std::fmt::Resul
             format!(", {} if not given", exact(value))
         });
         let (name, range) = (format!("--{}", field.name), range(field));
-        let told = format!("{unit}{range}{default}. {}", field.description);
-        table.row(&[&name, &told]);
+        let description = format!("{unit}{range}{default}. {}", field.description);
+        table.row(&[&name, &description]);
     }
     write!(text, "{table}")?;
     if let Some(list) = &entry.list {
@@ -95,7 +95,7 @@ fn write_entry(text: &mut String, entry: &Entry, plant: &str) -> std::fmt::Resul
     writeln!(text, "  targets: {}", entry.targets.join(", "))
 }
 
-/// The range of a field as text.
+/// Formats the range of a field.
 fn range(field: &Field) -> String {
     match (field.min.is_finite(), field.max.is_finite()) {
         (true, true) => format!("{} to {}", exact(field.min), exact(field.max)),

@@ -6,7 +6,7 @@ use super::*;
 use crate::arguments::inject::{InjectCommand, InjectLine};
 use crate::rig;
 
-/// The faults that the rig offers.
+/// Returns the faults that the rig offers.
 pub(crate) fn possible() -> Possible {
     let plant = rig::plant();
     Possible {
@@ -18,7 +18,7 @@ pub(crate) fn possible() -> Possible {
 }
 
 fn typed(line: &str) -> Result<String, Vec<Refusal>> {
-    // Quotes keep an expression in one piece, as a shell does.
+    // Quotes keep an expression in one piece, as in a shell.
     let words = line.split('\'').enumerate().flat_map(|(index, part)| {
         if index % 2 == 1 {
             vec![part]
@@ -138,7 +138,7 @@ fn a_command_line_becomes_the_text_of_a_scenario() {
 }
 
 #[test]
-fn what_is_not_understood_is_refused_with_what_is_possible() {
+fn words_that_cannot_be_understood_are_refused_with_the_possible_ones() {
     let cases = [
         (
             "leek --actuator 1",
@@ -163,11 +163,11 @@ fn what_is_not_understood_is_refused_with_what_is_possible() {
         ),
         (
             "skip controller x",
-            "`x` is no number for `steps` ; a number in steps ; ",
+            "`x` is not a number for `steps` ; a number in steps ; ",
         ),
         (
             "supply-loss --factor 1",
-            "`--factor` may be more than one key of `supply-loss` ; one of `factor_first`, `factor_second` ; ",
+            "`--factor` matches more than one key of `supply-loss` ; one of `factor_first`, `factor_second` ; ",
         ),
         (
             "leakage --coefficient 1",
@@ -175,7 +175,7 @@ fn what_is_not_understood_is_refused_with_what_is_possible() {
         ),
         (
             "leakage left 1",
-            "`left` is no actuator ; numbers, for example `--actuator 1,2` ; ",
+            "`left` is not a valid actuator ; numbers, for example `--actuator 1,2` ; ",
         ),
         (
             "bias",
@@ -191,16 +191,16 @@ fn what_is_not_understood_is_refused_with_what_is_possible() {
         ),
         (
             "bias x 1 2",
-            "`bias` has 1 value left to give, not 2: `1`, `2` ; values for `bias` ; ",
+            "`bias` expects 1 value more, not 2: `1`, `2` ; values for `bias` ; ",
         ),
         ("bias x --bias 1 --bias 2", "`--bias` is given twice ;  ; "),
         (
             "bias x much",
-            "`much` is no number for `bias` ; a number in the unit of the target ; ",
+            "`much` is not a number for `bias` ; a number in the unit of the target ; ",
         ),
         (
             "late plant --histogram 1,2",
-            "`1` is no row of `histogram` ; NUMBER:NUMBER,NUMBER:NUMBER,..: Rows. ; ",
+            "`1` is not a row of `histogram` ; NUMBER:NUMBER,NUMBER:NUMBER,..: Rows. ; ",
         ),
         (
             "bias x 1 --table /nowhere.csv",
@@ -259,6 +259,6 @@ fn a_file_of_points_is_sent_as_numbers() {
     assert!(
         refused.expect_err("no number")[0]
             .message
-            .ends_with("line 2 is no point: 0,a")
+            .ends_with("line 2 is not a point: 0,a")
     );
 }

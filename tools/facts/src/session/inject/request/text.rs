@@ -1,4 +1,4 @@
-//! The pieces of the text: keys of the event, numbers, lists, courses.
+//! Parts of the request's text: keys of the event, numbers, lists, profiles.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use shared_types::table::Field;
 use crate::arguments::inject::InjectArguments;
 use crate::session::live::refusal;
 
-/// The event's own keys.
+/// Formats the event's own keys.
 pub(super) fn head(kind: &str, arguments: &InjectArguments) -> String {
     let seconds = |key: &str, value: Option<f64>| Some(format!("{key} = {}\n", float(value?)));
     let text = |key: &str, value: Option<&String>| Some(format!("{key} = {}\n", string(value?)));
@@ -42,14 +42,14 @@ pub(super) fn head(kind: &str, arguments: &InjectArguments) -> String {
     "[[faults]]\n".to_owned() + &lines.into_iter().flatten().collect::<String>()
 }
 
-/// Values separated by commas, as TOML.
+/// Parses values separated by commas to TOML.
 pub(super) fn values(field: &Field, text: &str) -> Result<Vec<String>, Refusal> {
     text.split(',')
         .map(|value| number(&field.name, value, &field.unit))
         .collect()
 }
 
-/// Rows separated by commas, numbers of a row by colons, as TOML.
+/// Parses rows separated by commas, with colons between the numbers of a row, to TOML.
 pub(super) fn rows(list: &ListDescription, text: &str) -> Result<String, Refusal> {
     let mut rows = Vec::new();
     for row in text.split(',') {
@@ -57,7 +57,7 @@ pub(super) fn rows(list: &ListDescription, text: &str) -> Result<String, Refusal
         let numbers = numbers.collect::<Result<Vec<_>, _>>()?;
         if numbers.len() != list.columns {
             let row_of = vec!["NUMBER"; list.columns].join(":");
-            let message = format!("`{row}` is no row of `{}`", list.key);
+            let message = format!("`{row}` is not a row of `{}`", list.key);
             let expected = format!("{row_of},{row_of},..: {}", list.description);
             return Err(refusal(&list.key, message, expected));
         }
@@ -70,7 +70,7 @@ pub(super) fn rows(list: &ListDescription, text: &str) -> Result<String, Refusal
     Ok(format!("[{}]", rows.join(", ")))
 }
 
-/// A number as TOML.
+/// Parses a number to TOML.
 fn number(key: &str, text: &str, unit: &str) -> Result<String, Refusal> {
     in_unit(text, unit).map(float).ok_or_else(|| {
         let expected = match unit_shown(unit) {
@@ -78,11 +78,15 @@ fn number(key: &str, text: &str, unit: &str) -> Result<String, Refusal> {
             "target" => "a number in the unit of the target".into(),
             _ => format!("a number in {unit}"),
         };
-        refusal(key, format!("`{text}` is no number for `{key}`"), expected)
+        refusal(
+            key,
+            format!("`{text}` is not a number for `{key}`"),
+            expected,
+        )
     })
 }
 
-/// The course that was asked for, as TOML.
+/// Formats the requested profile as TOML.
 pub(super) fn profile(arguments: &InjectArguments) -> Result<Option<String>, Refusal> {
     let body = if let Some(duration_s) = arguments.ramp {
         format!("kind = \"ramp\", duration_s = {}", float(duration_s))
@@ -109,7 +113,7 @@ pub(super) fn profile(arguments: &InjectArguments) -> Result<Option<String>, Ref
     Ok(Some(format!("{{ {body} }}")))
 }
 
-/// The points of a CSV file, which the plant cannot be sent to read: it may run elsewhere.
+/// Reads the points of a CSV file here, because the plant may run on another machine.
 fn points(file: &Path) -> Result<(Vec<f64>, Vec<f64>), Refusal> {
     const HEADER: &str = "time_s,value";
     let refused = |message: String| {
@@ -131,16 +135,16 @@ fn points(file: &Path) -> Result<(Vec<f64>, Vec<f64>), Refusal> {
             .map(|(time, value)| (time.trim().parse::<f64>(), value.trim().parse::<f64>()));
         match cells {
             Some((Ok(time_s), Ok(value))) => Ok((time_s, value)),
-            _ => Err(refused(format!("line {number} is no point: {line}"))),
+            _ => Err(refused(format!("line {number} is not a point: {line}"))),
         }
     };
     lines.map(point).collect()
 }
 
-/// A number that is one already, as TOML.
+/// Formats a number as TOML.
 pub(super) fn float(value: f64) -> String {
     if value.is_nan() {
-        "nan".into() // Rust writes it otherwise
+        "nan".into() // Rust writes NaN
     } else {
         format!("{value:?}")
     }
@@ -151,7 +155,7 @@ fn floats(values: &[f64]) -> String {
     format!("[{}]", values.join(", "))
 }
 
-/// A TOML string: what JSON writes for one is one, but for the last of the control characters.
+/// Formats a TOML string: JSON's format is valid, except for the last control character.
 pub(super) fn string(text: &str) -> String {
     let json = serde_json::Value::from(text).to_string();
     json.replace('\u{7f}', "\\u007f")
