@@ -12,8 +12,8 @@ use serde_json::Value;
 
 use crate::support::programs::{shipped, workspace};
 
-/// Each package, below all that follow it, with what it may depend on: when it is built, and when it is tested. What
-/// moves to a target, the controller, knows neither simulator nor scenario.
+/// Packages in order, each with its permitted dependencies for builds and for tests. The controller, which runs on
+/// targets, knows neither simulator nor scenario.
 const ARROWS: [(&str, &[&str], &[&str]); 20] = [
     ("hil-origin", &[], &[]),
     ("shared-types", &[], &[]),
@@ -356,7 +356,7 @@ fn every_package_but_one_forbids_unsafe_code() {
 }
 
 #[test]
-fn packages_say_who_calls_them_and_what_they_never_do() {
+fn each_readme_states_callers_and_limits() {
     for package in packages() {
         let manifest = Path::new(text(&package["manifest_path"]));
         let folder = manifest.parent().expect("a folder");

@@ -103,7 +103,7 @@ fn a_run_on_a_target_has_the_digest_of_the_desk_and_records_the_target() {
         assert_eq!(build["lock_blake3"], *blake3::hash(&lock).to_hex());
         let commit = build["commit"].as_str();
         assert_eq!(commit.is_some(), is_clone, "{build}");
-        // The commit has the sources, unless they are told to be others.
+        // The commit contains the sources, unless they are marked as modified.
         let shared = ["shared-types/src", "shared-types/session/src"];
         let same = |commit| {
             let diff = ["diff", "--quiet", commit, "--", package];

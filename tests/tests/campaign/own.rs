@@ -206,7 +206,7 @@ fn a_retried_case_runs_without_the_others_of_its_shard() {
     campaign(&rig, &["run", text(&folder), "--jobs", "1", "--again"])
         .expect(0)
         .says(&["retrying 1 case"]);
-    // A second case would have been run once more in new processes.
+    // A second case would have been repeated in new processes.
     let starts = std::fs::read_to_string(rig.path("starts")).expect("written");
     assert_eq!(starts.lines().count(), 1);
     let whole = with_plant(&rig, "whole", &study, text(&plant));

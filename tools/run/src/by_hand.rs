@@ -141,8 +141,8 @@ fn open(
     let listening = live::listen(session, &door(role), move |client| {
         // A process that disconnected needs no answer.
         let _ = live::answer(client, |entry| {
-            let judged = (entry.map_err(|refusal: Refusal| refusal.message))
-                .and_then(|entry| judge(client, &entry, &own, (role, &binary), taken))
+            let verdict = (entry.map_err(|refusal: Refusal| refusal.message))
+                .and_then(|entry| judge(client, &entry, &own, (role, &binary), occupant))
                 .and_then(|process| {
                     let leash = client.try_clone().map_err(|error| error.to_string())?;
                     let result = admitted.send((role, process, leash));

@@ -153,9 +153,9 @@ fn take_turns(
     let turns = Turns::new(plant, controller, &mut sink)?;
     let (queue, builder) = (turns.queue(), turns.builder());
     let _listening = live::serve(session, context, queue, builder, objections)?;
-    // Both sides run in this thread: the plant's settings are those of both.
+    // Both sides run in this thread, so the plant's settings apply to both.
     let report = apply(&settings);
-    let told = session.write_file(PLANT_FILE, &report);
-    told.map_err(|e| e.to_string())?;
+    let written = session.write_file(PLANT_FILE, &report);
+    written.map_err(|e| e.to_string())?;
     turns.run(waiter(&report, limit), &|| supervision.wants_stop())
 }
