@@ -13,6 +13,7 @@ use crate::document::{Entry, Table, Value};
 use crate::problem::{ProblemKind, listed};
 use crate::quantity::Quantity;
 use crate::reader::{Reader, Section};
+use crate::source::{Place, Sources};
 
 /// More names than this are not listed in a message.
 pub(super) const LISTED: usize = 12;
@@ -45,7 +46,7 @@ pub(super) fn given(
             let Some(value) = reader.quantity(&path, node, &Quantity::from(field)) else {
                 break; // one message for one value
             };
-            let written = Written::new(&key, field.is_called(&key), value);
+            let written = Written::new(&key, field.is_called(&key), value, &node.place);
             match written.beats(earlier) {
                 Ok(true) => {
                     values.insert(field.name.clone(), written);
@@ -70,10 +71,12 @@ pub(super) struct Written {
     /// Number of parts of the key; of a full name more than any.
     parts: usize,
     value: f64,
+    /// True if it was given by a flag, which overrides the file.
+    is_flag: bool,
 }
 
 impl Written {
-    pub(super) fn new(key: &str, is_full: bool, value: f64) -> Self {
+    pub(super) fn new(key: &str, is_full: bool, value: f64, place: &Place) -> Self {
         Self {
             key: key.into(),
             parts: if is_full {
@@ -82,10 +85,12 @@ impl Written {
                 key.split('.').count()
             },
             value,
+            is_flag: place.source != Sources::SCENARIO,
         }
     }
 
-    /// Returns `true` if this counts and not the earlier one: the longer key does.
+    /// Returns `true` if this counts and not the earlier one: the longer key does, and of two names of one variable the
+    /// one of a flag.
     ///
     /// # Errors
     /// If two names of one variable give it two values.
@@ -93,6 +98,9 @@ impl Written {
         let Some(earlier) = earlier else {
             return Ok(true);
         };
+        if earlier.parts == self.parts && earlier.is_flag != self.is_flag {
+            return Ok(self.is_flag);
+        }
         if earlier.parts == self.parts && earlier.value != self.value {
             let (this, other) = (number(self.value), number(earlier.value));
             return Err(format!(
