@@ -30,10 +30,10 @@ const MOST_PAIRS: usize = 16;
 const UNCHECKED: u64 = 251;
 
 /// Kept processes: a pair for each layout of records.
-#[derive(Default)]
 pub struct Kept {
     /// The pair that ran last stands last.
     pairs: Vec<Pair>,
+    settings: Settings,
 }
 
 /// A plant, a controller and their session. Parts are dropped in this order: ends of the stream, processes, session.
@@ -52,6 +52,18 @@ struct Pair {
 }
 
 impl Kept {
+    /// None yet. A side of a run may take so many seconds to answer.
+    #[must_use]
+    pub fn new(wait_limit_s: f64) -> Self {
+        Self {
+            pairs: Vec::new(),
+            settings: Settings {
+                wait_limit_s,
+                ..Settings::without_recording(LinkKind::Iceoryx2, None)
+            },
+        }
+    }
+
     /// Runs a plan in a pair that is there, or in a new one; tells whether the run is to be run once more in new
     /// processes, as few of many are. A pair that is lost before the first record of the run is replaced: its end is
     /// no deed of this run.
@@ -69,14 +81,20 @@ impl Kept {
         let mut pair = match self.take(&layout) {
             Some(mut pair) => {
                 pair.runs += 1;
-                write_jobs(plan, binaries, pair.session.info(), pair.runs)?;
+                write_jobs(
+                    plan,
+                    binaries,
+                    pair.session.info(),
+                    pair.runs,
+                    &self.settings,
+                )?;
                 for side in [&mut pair.plant, &mut pair.controller] {
                     side.forget_output();
                     side.tell(NEXT);
                 }
                 pair
             }
-            None => Pair::start(plan, binaries, layout.clone(), interruption)?,
+            None => Pair::start(plan, binaries, layout.clone(), &self.settings, interruption)?,
         };
         let mut ended = pair.take_run(plan, grid.clone(), interruption);
         if let Err(Failure::Infrastructure(seen)) = &ended
@@ -86,13 +104,13 @@ impl Kept {
             // It may be what the run before left behind; what this one does to its sides, it does in new ones too.
             tell!("between two runs: {seen}; another one is started");
             drop(pair);
-            pair = Pair::start(plan, binaries, layout, interruption)?;
+            pair = Pair::start(plan, binaries, layout, &self.settings, interruption)?;
             ended = pair.take_run(plan, grid, interruption);
         }
         let ended = match ended {
             Err(Failure::Infrastructure(seen)) => {
                 // What a side would have refused before it ran is nothing that another try mends.
-                refuse_jobs(plan, binaries, interruption)?;
+                refuse_jobs(plan, binaries, &self.settings, interruption)?;
                 return Err(Failure::Infrastructure(seen));
             }
             ended => ended?,
@@ -132,13 +150,13 @@ fn write_jobs(
     binaries: &Binaries,
     session: &SessionInfo,
     number: u64,
+    settings: &Settings,
 ) -> Result<(), Failure> {
-    let settings = Settings::without_recording(LinkKind::Iceoryx2, None);
     let of_run = SessionInfo {
         id: session.id.wrapping_add(number),
         ..session.clone()
     };
-    let (mut plant, mut controller) = jobs::of(plan, binaries, &of_run, &settings, &[]);
+    let (mut plant, mut controller) = jobs::of(plan, binaries, &of_run, settings, &[]);
     (plant.is_kept, controller.is_kept) = (true, true);
     (session.write_file(plant_process::job::JOB_FILE, &plant))
         .and_then(|()| session.write_file(controller_process::job::JOB_FILE, &controller))
@@ -151,13 +169,14 @@ impl Pair {
         plan: &Plan,
         binaries: &Binaries,
         layout: RecordLayout,
+        settings: &Settings,
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
         let mut session = Session::create(None).map_err(Failure::infrastructure)?;
         // Gone once both have opened what they write to: no end of hil leaves it.
         let folder = tempfile::tempdir().map_err(Failure::infrastructure)?;
         let info = session.info().clone();
-        write_jobs(plan, binaries, &info, 0)?;
+        write_jobs(plan, binaries, &info, 0, settings)?;
         let start = |name, binary, log| SideProcess::start(name, binary, &info, folder.path(), log);
         let mut plant = start("plant", &binaries.plant, "plant.log")?;
         (session.add_child(plant.process_id())).map_err(Failure::infrastructure)?;
@@ -240,12 +259,12 @@ impl Pair {
 fn refuse_jobs(
     plan: &Plan,
     binaries: &Binaries,
+    settings: &Settings,
     interruption: &Interruption,
 ) -> Result<(), Failure> {
     let session = Session::create(None).map_err(Failure::infrastructure)?;
     let info = session.info();
-    let settings = Settings::without_recording(LinkKind::Iceoryx2, None);
-    let (plant, controller) = jobs::of(plan, binaries, info, &settings, &[]);
+    let (plant, controller) = jobs::of(plan, binaries, info, settings, &[]);
     let file = plant_process::job::JOB_FILE;
     jobs::check(&binaries.plant, info, file, &plant, interruption)?;
     let file = controller_process::job::JOB_FILE;

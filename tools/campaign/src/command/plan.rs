@@ -127,7 +127,7 @@ fn checked(arguments: &CheckArguments, interruption: &Interruption) -> Result<Ch
     alone::refuse_clock(&first)?;
     refuse_ineffective(&cases)?;
     let longest_s = every_plan(&cases, 0, interruption)?;
-    let mut kept = Kept::default();
+    let mut kept = Kept::new(study.wait_limit_s);
     let mut result = cases.run(&first, &mut kept, interruption)?;
     if cases.keeps_processes(&first) {
         // The first one started its processes, the others do not.

@@ -66,8 +66,8 @@ fn worked(arguments: &WorkArguments) -> Result<Exit, Failure> {
     let cases = Cases::of_folder(&folder, &interruption)?;
     let worker = Worker {
         watchdog: Watchdog::begin(cases.study().case_limit_s),
+        kept: RefCell::new(Kept::new(cases.study().wait_limit_s)),
         cases,
-        kept: RefCell::default(),
         folder: &folder,
         interruption,
         tells: arguments.tell,
