@@ -227,11 +227,16 @@ impl Tuning {
 }
 
 /// Lists the parameters of a law that can be changed, each as a job sets it.
-pub(super) fn offered(law: &LawDescription, parameters: &Settings) -> Vec<TunableParameter> {
+pub(super) fn offered(
+    law: &LawDescription,
+    parameters: &Settings,
+    unreadable: &[String],
+) -> Vec<TunableParameter> {
     let offered = law.tunable().filter_map(|field| {
         Some(TunableParameter {
             field: field.clone(),
             value: parameters.get(&field.name)?,
+            is_unreadable: unreadable.contains(&field.name),
         })
     });
     offered.collect()
