@@ -2,7 +2,7 @@
 
 use shared_types::record::{RecordLayout, Timing};
 
-use super::excerpt::{Choice, names};
+use super::excerpt::Choice;
 
 /// Bytes of a message besides its words: its head, its encapsulation and its entry in the index.
 const BESIDES: u64 = 31 + 4 + 16;
@@ -13,7 +13,7 @@ const BESIDES: u64 = 31 + 4 + 16;
 /// # Errors
 /// If the choice names no signal of this run.
 pub fn largest(layout: &RecordLayout, steps: u64, choice: &Choice) -> Result<u64, String> {
-    let kept = choice.kept(&names(layout))?;
+    let kept = choice.kept(layout)?;
     let signals = kept.iter().filter(|kept| **kept).count();
     let words = layout.values_start() + signals + Timing::WORDS;
     let records = match (choice.every, choice.around_s) {
