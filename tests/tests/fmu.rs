@@ -1,10 +1,13 @@
 //! FMUs as plants and controllers: the numbers that FMPy gets, what is told of them, and what misbehaves.
 
 mod aliases;
+mod controllers;
+mod deaths;
 mod ends;
 mod names;
 mod order;
 mod shipped;
+mod slips;
 mod start;
 mod states;
 mod studies;

@@ -2,14 +2,20 @@
 //!
 //! Every call of an FMU or a C callback is marked by [`calling`], two writes to memory. If a signal that ends the
 //! process comes meanwhile, a handler writes its name and that of the call to standard error, the log of the run, and
-//! lets the signal do its work: exit status and core dump are those of the crash. A call that ends the process by `exit`
+//! lets the signal do its work: exit status and core dump are those of the crash. For a signal that no handler gets the
+//! name is kept in a [file](share) too. A call that ends the process by `exit`
 //! is named in the same way, with the exit code.
 
 use std::ffi::{c_int, c_void};
+use std::fs::File;
+use std::io;
 use std::mem::MaybeUninit;
+use std::os::fd::AsRawFd;
 use std::ptr::{null, null_mut};
 use std::sync::Once;
 use std::sync::atomic::{AtomicBool, AtomicPtr, Ordering};
+
+use shared_types::program::{self, CALL_BYTES, CALL_NAME_BYTES};
 
 /// Signals by which a program ends itself.
 const SIGNALS: [(c_int, &str); 6] = [
@@ -27,6 +33,8 @@ const STACK_BYTES: usize = 64 << 10;
 static CALL: AtomicPtr<&'static str> = AtomicPtr::new(null_mut());
 /// Name of the version in front of all names, `fmi2` or `fmi3`; null for none.
 static FAMILY: AtomicPtr<&'static str> = AtomicPtr::new(null_mut());
+/// Memory of a file that outlives this process, with the name of the call; null for none.
+static SHARED: AtomicPtr<u8> = AtomicPtr::new(null_mut());
 static INSTALLED: Once = Once::new();
 /// True while this process only tries a model, without running it.
 static IS_TRIAL: AtomicBool = AtomicBool::new(false);
@@ -44,6 +52,7 @@ pub(crate) fn calling(name: &'static &'static str) -> Calling {
     // Not one exchange, which would be a barrier at each call: one thread alone calls foreign code.
     let before = CALL.load(Ordering::Relaxed);
     CALL.store(name, Ordering::Relaxed);
+    publish(name);
     Calling(before)
 }
 
@@ -51,12 +60,65 @@ impl Drop for Calling {
     #[inline]
     fn drop(&mut self) {
         CALL.store(self.0, Ordering::Relaxed);
+        publish(self.0);
+    }
+}
+
+/// Keeps the name of the call in this file as well, for a signal that no handler gets.
+///
+/// # Errors
+/// If the file cannot be mapped.
+pub(crate) fn share(file: &File) -> io::Result<()> {
+    file.set_len(CALL_BYTES as u64)?;
+    // SAFETY: a new mapping of a file that has so many bytes, which stays as long as the process.
+    let page = unsafe {
+        libc::mmap(
+            null_mut(),
+            CALL_BYTES,
+            libc::PROT_READ | libc::PROT_WRITE,
+            libc::MAP_SHARED,
+            file.as_raw_fd(),
+            0,
+        )
+    };
+    if page == libc::MAP_FAILED {
+        return Err(io::Error::last_os_error());
+    }
+    SHARED.store(page.cast(), Ordering::Relaxed);
+    Ok(())
+}
+
+/// Writes the name of a call, or none, to the shared file, if there is one.
+#[inline]
+fn publish(name: *const &'static str) {
+    let page = SHARED.load(Ordering::Relaxed);
+    if !page.is_null() {
+        // SAFETY: null, or a reference that lives for ever.
+        let name = unsafe { name.as_ref() }.map_or("", |name| name);
+        // SAFETY: the page has room for two names, of which this is the first, and one thread alone calls foreign code.
+        unsafe { write_name(page, name) };
+    }
+}
+
+/// # Safety
+/// `place` has room for a name with its length.
+unsafe fn write_name(place: *mut u8, name: &str) {
+    let length = name.len().min(CALL_NAME_BYTES - 1);
+    // SAFETY: by the caller, for so many bytes.
+    unsafe {
+        place.add(1).copy_from_nonoverlapping(name.as_ptr(), length);
+        place.write_volatile(length as u8);
     }
 }
 
 /// Lets a signal that ends this process be named with the call from now on. All calls have this text in front.
 pub(crate) fn install(family: &'static &'static str) {
     FAMILY.store(std::ptr::from_ref(family).cast_mut(), Ordering::Relaxed);
+    let page = SHARED.load(Ordering::Relaxed);
+    if !page.is_null() {
+        // SAFETY: the page has room for two names, of which this is the second.
+        unsafe { write_name(page.add(CALL_NAME_BYTES), family) };
+    }
     INSTALLED.call_once(|| {
         provide_stack();
         // SAFETY: the handler lives as long as the process and takes no argument.
@@ -113,6 +175,7 @@ extern "C" fn died(signal: c_int) {
     let family = unsafe { FAMILY.load(Ordering::Relaxed).as_ref() };
     if IS_EXCUSED.load(Ordering::Relaxed) {
         write("note: the model crashed when it was taken down after the trial\n");
+        say_checked();
         // SAFETY: `_exit` may be called in a handler.
         unsafe { libc::_exit(0) };
     }
@@ -142,6 +205,7 @@ extern "C" fn exited(code: c_int, _: *mut c_void) {
     unsafe { libc::fflush(null_mut()) };
     if IS_EXCUSED.load(Ordering::Relaxed) {
         write("note: the model ended its process when it was taken down after the trial\n");
+        say_checked();
         // SAFETY: ends the process, whose streams are written out.
         unsafe { libc::_exit(0) };
     }
@@ -155,7 +219,19 @@ unsafe extern "C" {
     fn on_exit(handler: extern "C" fn(c_int, *mut c_void), argument: *mut c_void) -> c_int;
 }
 
+/// Says that a trial was done to its end.
+pub(crate) fn say_checked() {
+    // Behind whatever the library wrote.
+    for part in ["\n", program::CHECKED, "\n"] {
+        write_to(libc::STDOUT_FILENO, part);
+    }
+}
+
 fn write(text: &str) {
+    write_to(libc::STDERR_FILENO, text);
+}
+
+fn write_to(file: c_int, text: &str) {
     // SAFETY: `write` may be called in a handler, and the text has so many bytes.
-    unsafe { libc::write(libc::STDERR_FILENO, text.as_ptr().cast(), text.len()) };
+    unsafe { libc::write(file, text.as_ptr().cast(), text.len()) };
 }

@@ -12,12 +12,14 @@
 //! side with a name; nothing here keeps it from doing what any program of this user can do.
 
 use std::collections::BTreeSet;
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use glob::Pattern;
 use shared_types::describe::{Invalid, LibraryNeeds, ModelSettings};
 use shared_types::private_folder::PrivateFolder;
+use shared_types::program;
 
 use archive::{Archive, ArchiveError, LIMITS, Limits, TRUSTED};
 use description::{DescriptionError, ModelDescription, VariableType};
@@ -299,6 +301,22 @@ impl Fmu {
 /// Marks this process as one that only tries an FMU: a crash in freeing an instance that did no step is then no failure.
 pub fn begin_trial() {
     crate::crash::begin_trial();
+}
+
+/// Keeps the name of the call that is going on in a session's folder, where `hil` finds it if this process is killed.
+///
+/// # Errors
+/// If there is no room for it.
+pub fn share_calls(folder: &Path) -> std::io::Result<()> {
+    let path = program::call_file(folder, std::process::id());
+    let mut options = std::fs::OpenOptions::new();
+    options.read(true).write(true).create_new(true).mode(0o600);
+    crate::crash::share(&options.open(path)?)
+}
+
+/// Says on standard output that a trial was done to its end, which an FMU may keep from coming by ending the process.
+pub fn end_trial() {
+    crate::crash::say_checked();
 }
 
 /// Ends this process without what the libraries in it do at an exit: an interpreter that an FMU brought along takes

@@ -14,6 +14,7 @@ use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
 use hil_target::contact::Answer;
 use shared_types::describe::ModelSettings;
+use shared_types::private_folder;
 
 use super::named::Choice;
 use super::{FileIdentity, asked, beside, hashed};
@@ -89,7 +90,10 @@ impl Host {
         let all: Vec<&OsStr> = { own.iter().copied() }
             .chain(arguments.iter().copied())
             .collect();
-        asked(&self.path, &all, interruption)
+        let answer = asked(&self.path, &all, interruption);
+        // One that was ended by its model leaves what it unpacked.
+        private_folder::sweep();
+        answer
     }
 
     fn arguments<'a>(&'a self, model: &'a Path) -> Vec<&'a OsStr> {

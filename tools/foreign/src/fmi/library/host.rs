@@ -12,6 +12,7 @@ use shared_types::{program, text};
 
 use super::LibraryError;
 use super::elf::Dynamic;
+use crate::crash::{self, calling};
 
 /// Parts of the C library that a program in C has loaded, and on which libraries count without naming them. Where the
 /// C library is in one piece, as musl and new versions of glibc, those that are not there are part of it.
@@ -84,7 +85,10 @@ fn provide_python(path: &Path) {
 
 /// Lists the needs of a library and those that are not met. Loads it and whatever it names.
 pub(in crate::fmi) fn needs(path: &Path, needs_tool: bool) -> LibraryNeeds {
+    crash::install(&"");
+    let call = calling(&"dlopen");
     let refusal = load(path, needs_tool).map(std::mem::forget).err();
+    drop(call);
     let Some(dynamic) = Dynamic::read(path) else {
         return LibraryNeeds {
             refusal: refusal.map(|error| error.to_string()),
