@@ -186,14 +186,20 @@ pub(super) fn tell_damaged_tables(folder: &Folder, study: &Study, collected: &Co
         );
     }
     for path in [RESULTS, CIRCUMSTANCES].map(|name| folder.path().join(name)) {
-        if !path.is_file() {
-            continue; // not collected yet
-        }
         let shown = path.display();
         let mend = format!(
             "hil campaign collect {} writes it anew",
             quoted(folder.path())
         );
+        if !path.is_file() {
+            let what = match path.exists() {
+                true => format!("error: {shown} is no file; take it away, and {mend}"),
+                false => format!("note: there is no {shown}; {mend}"),
+            };
+            are_whole &= !path.exists();
+            tell!("{what}; what is shown here is read from the shards");
+            continue;
+        }
         match sealed::checked_fact(&path, "digest") {
             Ok(digest) if digest == collected.digest => {}
             Ok(None) => tell!(
