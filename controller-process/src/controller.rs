@@ -122,6 +122,20 @@ pub trait Law {
         internals: &mut [f64],
     ) -> Result<(), Failure>;
 
+    /// Checks that the law began with the parameters that it was started with. Called on the law that runs, not on one
+    /// that is started to see whether later values of its parameters go together.
+    ///
+    /// # Errors
+    /// If it began with others.
+    fn check_start(&self) -> Result<(), Invalid> {
+        Ok(())
+    }
+
+    /// Returns the names of parameters that cannot be read back, so that no change of them is confirmed.
+    fn unreadable(&self) -> Vec<String> {
+        Vec::new()
+    }
+
     /// Returns the present state of the law.
     ///
     /// # Errors

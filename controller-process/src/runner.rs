@@ -172,24 +172,23 @@ impl<'a, L: Link> Runner<'a, L> {
     pub fn new(kind: &'a LawKind, job: Job, link: L) -> Result<Self, Invalid> {
         let law = &kind.description;
         let checkpoints = &job.checkpoints;
-        let saved: Option<SavedController> = match &checkpoints.resume {
-            Some(resume) => Some(resume.read(&law.name)?),
-            None => None,
-        };
+        let resume = checkpoints.resume.as_ref();
+        let saved: Option<SavedController> =
+            resume.map(|resume| resume.read(&law.name)).transpose()?;
         let commands = law.commands.as_deref().unwrap_or_default();
         let mut started = start(kind, &job, commands)?;
+        if !job.is_tuned {
+            started.check_start()?;
+        }
         for parameters in &job.changes {
-            let changed = Job {
-                parameters: parameters.clone(),
-                ..job.clone()
-            };
-            start(kind, &changed, commands)?;
+            let (parameters, job) = (parameters.clone(), job.clone());
+            start(kind, &Job { parameters, ..job }, commands)?;
         }
         if let Some(saved) = &saved {
             started.restore(&saved.law)?;
         }
         let hello = Hello {
-            tunable: offered(law, &job.parameters),
+            tunable: offered(law, &job.parameters, &started.unreadable()),
             ..Hello::of(&law.connected(&job.connections)?, job.session)
         };
         Ok(Self {

@@ -250,7 +250,8 @@ fn parts(
         };
         connections = connect::check(reader, &connect, &ends).map(|mut all| {
             let reference = reference.as_deref().unwrap_or_default();
-            all.extend(binding::by_aliases(law, plant, reference, &all));
+            let added = binding::by_aliases(reader, section, law, plant, reference, &all);
+            all.extend(added);
             all
         });
         let connected = (connections.as_ref()).and_then(|all| law.connected(all).ok());

@@ -137,9 +137,8 @@ fn parts(key: &str) -> Result<Vec<Placed>, FlagError> {
 
 /// Sets a value at a path that begins with a key.
 fn put(table: &mut Table, parts: &[Placed], value: Node, source: usize) -> Result<(), FlagError> {
-    let Some(((Part::Key(name), span), rest)) = parts.split_first() else {
-        unreachable!("a path begins with a key, and so does what follows a table")
-    };
+    let (name, span, rest) = first_key(table, parts);
+    let name = &name;
     let key_place = Place {
         source,
         span: span.clone(),
@@ -160,6 +159,24 @@ fn put(table: &mut Table, parts: &[Placed], value: Node, source: usize) -> Resul
         entry.key_place = key_place;
     }
     put_below(&mut entry.node, name, rest, value, source)
+}
+
+/// Splits off the first key of a path: as many parts as a key of the table has, which may be quoted and have dots, else one.
+fn first_key<'a>(table: &Table, parts: &'a [Placed]) -> (String, Range<usize>, &'a [Placed]) {
+    let names: Vec<&str> = (parts.iter())
+        .map_while(|(part, _)| match part {
+            Part::Key(name) => Some(name.as_str()),
+            Part::Index(_) => None,
+        })
+        .collect();
+    let quoted = (2..=names.len()).rev().find_map(|count| {
+        let name = names[..count].join(".");
+        table.get(&name).is_some().then_some((name, count))
+    });
+    // A path begins with a key, and so does what follows a table.
+    let (name, count) = quoted.unwrap_or_else(|| (names[0].into(), 1));
+    let span = parts[0].1.start..parts[count - 1].1.end;
+    (name, span, &parts[count..])
 }
 
 /// Sets a value at the rest of a path, below the value of `name`.

@@ -39,6 +39,8 @@ pub struct Study {
     pub confidence: f64,
     /// Time in s after which a case counts as hung.
     pub case_limit_s: f64,
+    /// Time in s that a side of a case may take to answer.
+    pub wait_limit_s: f64,
     /// `true` to start the campaign's own programs anew for each case.
     pub fresh_processes: bool,
     /// Varied values; each depends only on earlier ones.

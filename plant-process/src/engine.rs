@@ -127,6 +127,9 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
         let mut model = (kind.start)(parameters)?;
         model.check_period(job.run.rate.period_s())?;
+        if !job.is_tuned {
+            model.check_start()?;
+        }
         let checkpoints = &job.checkpoints;
         let (first, name) = (checkpoints.first_step(), description.name.clone());
         if job.run.clock == Clock::Realtime && checkpoints.any() {

@@ -61,6 +61,9 @@ pub struct Job {
     /// may compute for long at its start.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start_limit_s: Option<f64>,
+    /// True if the parameters are those of a change while the run goes on, which nobody starts with.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub is_tuned: bool,
 }
 
 impl Job {
@@ -86,6 +89,7 @@ impl Job {
             realtime: realtime::Settings::default(),
             wait_limit_s,
             start_limit_s: None,
+            is_tuned: false,
         }
     }
 

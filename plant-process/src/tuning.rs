@@ -6,7 +6,7 @@
 
 mod saved;
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use hil_config::plan::{Change, PLANT_KEYS, REFERENCE_KEYS, Stimulus, law_keys};
 use shared_types::describe::Settings;
@@ -46,6 +46,8 @@ pub struct Tuning {
     /// Number of accepted changes, which is also the number of the last one.
     taken: usize,
     last_id: u32,
+    /// Keys of the law's parameters that were changed and cannot be read back.
+    unconfirmed: BTreeSet<String>,
 }
 
 /// Tunable parameters offered by a law.
@@ -123,6 +125,7 @@ impl Tuning {
             told: VecDeque::new(),
             taken: changes.len(),
             last_id: changes.iter().map(|change| change.id).max().unwrap_or(0),
+            unconfirmed: BTreeSet::new(),
         };
         tuning.sort();
         tuning
@@ -236,6 +239,9 @@ impl Tuning {
                 });
                 let before = self.law.get(key).map(|course| course.at(step));
                 let from = before.or(offered.map(|one| one.value)).unwrap_or(to);
+                if offered.is_some_and(|one| one.is_unreadable) {
+                    self.unconfirmed.insert(key.clone());
+                }
                 (self.law).insert(key.clone(), course(from, to, step, steps));
                 moves_law = true;
             }
@@ -264,6 +270,16 @@ impl Tuning {
     /// Lists the changed healthy values of plant parameters, at a step.
     pub fn bases(&self, step: Step) -> impl Iterator<Item = (usize, f64)> {
         (self.plant.iter()).map(move |(place, course)| (*place, course.at(step)))
+    }
+
+    /// Keys of parameters that were changed and cannot be read back; `unreadable` are the plant's.
+    #[must_use]
+    pub fn unconfirmed(&self, unreadable: &[String]) -> BTreeSet<String> {
+        let of_plant = (self.plant.keys())
+            .map(|place| &self.fields[*place].name)
+            .filter(|name| unreadable.contains(name))
+            .map(|name| format!("{PLANT_KEYS}{name}"));
+        self.unconfirmed.iter().cloned().chain(of_plant).collect()
     }
 
     /// Writes reference signals that have left their stimulus into the row of a step.

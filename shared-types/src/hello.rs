@@ -88,6 +88,9 @@ pub struct TunableParameter {
     /// Initial value.
     #[serde(with = "number")]
     pub value: f64,
+    /// True if it cannot be read back from the law, so that no change of it is confirmed.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub is_unreadable: bool,
 }
 
 /// The plant's answer to an accepted hello.
@@ -179,6 +182,7 @@ impl Hello {
                 .map(|field| TunableParameter {
                     field: field.clone(),
                     value: field.default.unwrap_or(field.min),
+                    is_unreadable: false,
                 })
                 .collect(),
         }

@@ -1,10 +1,13 @@
 //! FMUs as plants and controllers: numbers compared with FMPy, descriptions, and misbehaving FMUs.
 
 mod aliases;
+mod controllers;
+mod deaths;
 mod ends;
 mod names;
 mod order;
 mod shipped;
+mod slips;
 mod start;
 mod states;
 mod studies;

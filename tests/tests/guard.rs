@@ -2,13 +2,15 @@
 //! scripts, guard and run are one process.
 
 use std::fs;
+use std::io::{Read, Write, pipe};
 use std::os::unix::fs::{MetadataExt, PermissionsExt, chown};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
+use std::process::Stdio;
 
 use hil_session::process::ProcessId;
 use hil_session::session::SessionInfo;
-use rustix::fs::{XattrFlags, setxattr};
+use rustix::fs::{OFlags, XattrFlags, fcntl_setfl, setxattr};
 use rustix::process::{Pid, Signal, geteuid, kill_process};
 use serde_json::Value;
 
@@ -408,4 +410,44 @@ fn a_paused_run_says_so_on_its_own_terminal() {
         running.signal(Signal::INT);
         running.finish().expect(130);
     }
+}
+
+#[test]
+fn a_signal_at_the_very_end_does_not_change_the_exit_code_beside_a_summary() {
+    let rig = Rig::new();
+    let (mut reader, mut writer) = pipe().expect("a pipe");
+    // Nobody reads, so the process ends only after the signal.
+    fcntl_setfl(&writer, OFlags::NONBLOCK).expect("a flag of the pipe");
+    while writer.write(b"\n").is_ok() {}
+    fcntl_setfl(&writer, OFlags::empty()).expect("a flag of the pipe");
+    let out = rig.path("out");
+    let mut hil = rig.command(program("hil"));
+    hil.args([
+        "run",
+        "scenarios/spring-mass.toml",
+        "--session",
+        rig.session(),
+    ]);
+    hil.arg("--out")
+        .arg(&out)
+        .stdin(Stdio::null())
+        .stdout(writer);
+    let mut guard = hil.spawn().expect("it starts");
+    // It holds the other end of the pipe.
+    drop(hil);
+    until("the summary is there", || out.join("summary.json").exists());
+    send(guard.id(), Signal::ALARM);
+    let status = format!("/proc/{}/status", guard.id());
+    until("the guard has the signal", || {
+        let status = fs::read_to_string(&status).expect("it lives");
+        let pending = status.lines().find_map(|line| line.strip_prefix("ShdPnd:"));
+        let pending = pending.and_then(|bits| u64::from_str_radix(bits.trim(), 16).ok());
+        pending.expect("a mask") & 1 << (Signal::ALARM.as_raw() - 1) == 0
+    });
+    let mut output = String::new();
+    reader.read_to_string(&mut output).expect("text");
+    let code = guard.wait().expect("it ends").code();
+    let summary = summary_in(&out);
+    assert_eq!((code, &summary["verdict"]), (Some(0), &Value::from("pass")));
+    assert!(output.contains("spring-mass: "), "{output}");
 }

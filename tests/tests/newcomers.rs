@@ -79,7 +79,7 @@ fn a_file_of_the_wrong_kind_is_answered_with_the_commands_that_accept_it() {
         .expect(0);
     let campaign = text(&campaign);
     #[rustfmt::skip] // a table
-    let cases: [(&[&str], [&str; 2]); 16] = [
+    let cases: [(&[&str], [&str; 2]); 20] = [
         (&["run", "run.mcap"], ["run.mcap is a recording and not a scenario", "`hil report`"]),
         (&["run", STUDY], ["is a study and not a scenario", "`hil campaign plan`"]),
         (&["config", "check", STUDY], ["is a study and not a scenario", "`hil campaign check`"]),
@@ -95,6 +95,10 @@ fn a_file_of_the_wrong_kind_is_answered_with_the_commands_that_accept_it() {
         (&["recover", campaign], ["is the folder of a campaign and not a recording", "`hil campaign show`"]),
         (&["run", "--from", SCENARIO], ["is a scenario and not a recording", "`hil run`"]),
         (&["run", "--from", STUDY], ["is a study and not a recording", "`hil campaign plan`"]),
+        (&["latency", SCENARIO], ["is a scenario and not a recording", "`hil run`"]),
+        (&["campaign", "status", SCENARIO], ["is a scenario and not the folder of a campaign", "`hil run`"]),
+        (&["campaign", "status", STUDY], ["is a study and not the folder of a campaign", "`hil campaign plan`"]),
+        (&["campaign", "compare", campaign, STUDY], ["is a study and not the folder of a campaign", "`hil campaign plan`"]),
         (&["run", hil], ["is a program and not a scenario", "`hil describe`"]),
     ];
     for (words, parts) in cases {

@@ -146,6 +146,35 @@ fn impossible_suites_are_refused_before_anything_starts() {
     }
 }
 
+#[test]
+fn a_scenario_that_cannot_be_run_is_an_error_in_the_reports() {
+    let rig = Rig::new();
+    let good = rig.write("good.toml", &scenario("good", "pid", 1.0));
+    let wrong = rig.write("wrong.toml", &scenario("wrong", "pdi", 1.0));
+    let none = rig.path("none.toml");
+    let (xml, text) = (rig.path("all.xml"), rig.path("all.md"));
+    let arguments = format!(
+        "{} {} {} --junit {} --markdown {}",
+        good.display(),
+        wrong.display(),
+        none.display(),
+        xml.display(),
+        text.display()
+    );
+    rig.run(&arguments).expect(2).says(&["pdi", "none.toml"]);
+    let xml = fs::read_to_string(xml).expect("JUnit");
+    for part in [
+        "tests=\"2\" failures=\"0\" errors=\"2\"",
+        "classname=\"wrong\"",
+        "classname=\"none\"",
+        "unknown law `pdi`",
+    ] {
+        assert!(xml.contains(part), "{part}: {xml}");
+    }
+    let text = fs::read_to_string(text).expect("Markdown");
+    assert!(text.contains("0 of 2 runs pass"), "{text}");
+}
+
 fn summary_in(folder: &Path) -> Value {
     let text = fs::read(folder.join("summary.json")).expect("it is there");
     serde_json::from_slice(&text).expect("JSON")

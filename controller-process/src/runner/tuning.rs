@@ -227,11 +227,16 @@ impl Tuning {
 }
 
 /// Lists the tunable parameters of a law, with their values in a job.
-pub(super) fn offered(law: &LawDescription, parameters: &Settings) -> Vec<TunableParameter> {
+pub(super) fn offered(
+    law: &LawDescription,
+    parameters: &Settings,
+    unreadable: &[String],
+) -> Vec<TunableParameter> {
     let offered = law.tunable().filter_map(|field| {
         Some(TunableParameter {
             field: field.clone(),
             value: parameters.get(&field.name)?,
+            is_unreadable: unreadable.contains(&field.name),
         })
     });
     offered.collect()

@@ -44,14 +44,17 @@ pub(super) fn check(
 }
 
 /// Connects signals whose name on one side is an alias on the other, so that the processes bind them by column names.
+/// Reports two commands of the law that name the same input of the plant.
 pub(super) fn by_aliases(
+    reader: &mut Reader,
+    section: &Section<'_>,
     law: &LawDescription,
     plant: &PlantDescription,
     reference: &[Field],
     connections: &[Connection],
 ) -> Vec<Connection> {
     let commands = law.commands.as_deref().unwrap_or_default();
-    let mut added = Vec::new();
+    let mut added: Vec<Connection> = Vec::new();
     for (kind, of_law, of_plant) in [
         (SignalKind::Measured, &law.measured[..], &plant.measured[..]),
         (SignalKind::Reference, &law.reference, reference),
@@ -69,21 +72,38 @@ pub(super) fn by_aliases(
             let Some(other) = of_plant.iter().find(is_one) else {
                 continue;
             };
-            // A command has a single sender.
-            let is_given = kind == SignalKind::Command
-                && (all().any(|one| one.plant == other.name)
-                    || commands.iter().any(|one| one.name == other.name));
-            if !is_given {
-                added.push(Connection {
-                    kind,
-                    law: own.name.clone(),
-                    law_unit: own.unit.clone(),
-                    plant: other.name.clone(),
-                    plant_unit: other.unit.clone(),
-                    conversion: Conversion::IDENTITY,
-                    is_given: false,
-                });
+            if kind == SignalKind::Command {
+                // A [[connect]] has chosen the sender of this input.
+                if all().any(|one| one.plant == other.name) {
+                    continue;
+                }
+                let is_input = |one: &&Connection| one.kind == kind && one.plant == other.name;
+                let named = commands.iter().find(|one| one.name == other.name);
+                let sender = (named.map(|one| &one.name))
+                    .or_else(|| added.iter().find(is_input).map(|one| &one.law));
+                if let Some(sender) = sender {
+                    let (input, own) = (&other.name, &own.name);
+                    let message = format!(
+                        "`command.{sender}` and `command.{own}` of law `{}` are both names of the one input `{input}` of plant `{}`",
+                        law.name, plant.name
+                    );
+                    reader
+                        .report_at(section, "law", ProblemKind::Duplicate, message)
+                        .help(format!(
+                            "[[connect]] with plant = \"command.{input}\" chooses one of them"
+                        ));
+                    continue;
+                }
             }
+            added.push(Connection {
+                kind,
+                law: own.name.clone(),
+                law_unit: own.unit.clone(),
+                plant: other.name.clone(),
+                plant_unit: other.unit.clone(),
+                conversion: Conversion::IDENTITY,
+                is_given: false,
+            });
         }
     }
     added

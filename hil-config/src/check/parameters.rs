@@ -13,6 +13,7 @@ use crate::document::{Entry, Table, Value};
 use crate::problem::{ProblemKind, listed};
 use crate::quantity::Quantity;
 use crate::reader::{Reader, Section};
+use crate::source::{Place, Sources};
 
 /// Maximum number of names that a message lists.
 pub(super) const LISTED: usize = 12;
@@ -44,7 +45,7 @@ pub(super) fn given(
             let Some(value) = reader.quantity(&path, node, &Quantity::from(field)) else {
                 break; // one message for one value
             };
-            let written = Written::new(&key, field.is_called(&key), value);
+            let written = Written::new(&key, field.is_called(&key), value, &node.place);
             match written.beats(earlier) {
                 Ok(true) => {
                     values.insert(field.name.clone(), written);
@@ -69,10 +70,12 @@ pub(super) struct Written {
     /// Number of parts of the key; a full name has more than any.
     parts: usize,
     value: f64,
+    /// True if it was given by a flag, which overrides the file.
+    is_flag: bool,
 }
 
 impl Written {
-    pub(super) fn new(key: &str, is_full: bool, value: f64) -> Self {
+    pub(super) fn new(key: &str, is_full: bool, value: f64, place: &Place) -> Self {
         Self {
             key: key.into(),
             parts: if is_full {
@@ -81,10 +84,12 @@ impl Written {
                 key.split('.').count()
             },
             value,
+            is_flag: place.source != Sources::SCENARIO,
         }
     }
 
-    /// Returns `true` if this value overrides the earlier one: the longer key does.
+    /// Returns `true` if this value overrides the earlier one: a longer key overrides a shorter one, and a flag overrides
+    /// the file.
     ///
     /// # Errors
     /// If two names of one variable give it two values.
@@ -92,6 +97,9 @@ impl Written {
         let Some(earlier) = earlier else {
             return Ok(true);
         };
+        if earlier.parts == self.parts && earlier.is_flag != self.is_flag {
+            return Ok(self.is_flag);
+        }
         if earlier.parts == self.parts && earlier.value != self.value {
             let (this, other) = (number(self.value), number(earlier.value));
             return Err(format!(

@@ -97,12 +97,17 @@ fn safe_command(
         };
         let finite = Quantity::finite(&field.unit);
         if let Some(value) = reader.quantity(&path, &entry.node, &finite) {
-            let written = Written::new(&key, true, value);
-            if let Err(message) = written.beats(given.get(field.name.as_str())) {
-                reader.report(ProblemKind::Duplicate, path, &entry.node.place, message);
+            let written = Written::new(&key, true, value, &entry.node.place);
+            match written.beats(given.get(field.name.as_str())) {
+                Ok(true) => {
+                    given.insert(&field.name, written);
+                    commands.set(&field.name, value);
+                }
+                Ok(false) => {}
+                Err(message) => {
+                    reader.report(ProblemKind::Duplicate, path, &entry.node.place, message);
+                }
             }
-            given.insert(&field.name, written);
-            commands.set(&field.name, value);
         }
     }
     commands

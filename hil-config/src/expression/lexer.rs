@@ -109,6 +109,9 @@ fn starts_name(c: char) -> bool {
 /// Reads a number, with its unit if one follows, and its length.
 fn number(text: &str, at: usize) -> Result<(TokenKind, usize), ExpressionError> {
     let rest = &text[at..];
+    if let Some((length, message)) = spellings::of_range(rest) {
+        return Err(ExpressionError::new(text, at..at + length, message));
+    }
     let digits = quantity::number_length(rest);
     let value = rest[..digits]
         .parse::<f64>()
@@ -124,6 +127,13 @@ fn number(text: &str, at: usize) -> Result<(TokenKind, usize), ExpressionError> 
             let message = format!(
                 "`{}` has an offset from absolute zero; write a plain number, in the unit of the signal, or `{kelvin:?} K`",
                 &rest[..end]
+            );
+            return Err(ExpressionError::new(text, span, message));
+        }
+        if let Some(factors) = spellings::of_percentage(&behind[..length]) {
+            let (product, part) = (&rest[..end], written / 100.0);
+            let message = format!(
+                "`{product}` is a percentage times a unit; write `{part:?} {factors}`, and there is no operator `%` for a remainder"
             );
             return Err(ExpressionError::new(text, span, message));
         }
@@ -218,6 +228,29 @@ mod tests {
             ("truth.1x", 0..8),
         ] {
             assert_eq!(tokens(text).expect_err(text).span, span, "{text}");
+        }
+    }
+
+    #[test]
+    fn ranges_and_remainders_of_other_languages_are_answered_with_what_is_written_here() {
+        for (text, span, fragment) in [
+            ("always[0s..5s](x < 1)", 7..13, "write `0s, 5s`"),
+            ("always[0..=5](x < 1)", 7..12, "write `0, 5`"),
+            ("[1.5 s .. 2 s]", 7..9, "write `,`"),
+            ("x < 2 % m", 4..9, "write `0.02 m`"),
+            ("x < 5% mm", 4..9, "write `0.05 mm`"),
+            ("x % 2 < 1", 2..3, "no operator `%` for a remainder"),
+        ] {
+            let error = tokens(text).expect_err(text);
+            assert_eq!(error.span, span, "{text}");
+            assert!(
+                error.message.contains(fragment),
+                "{text}: {}",
+                error.message
+            );
+        }
+        for text in ["2%", "2 %", "5 %/s", "x < 2% and y < 1 m", "2 % * m"] {
+            tokens(text).expect(text);
         }
     }
 }

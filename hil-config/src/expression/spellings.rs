@@ -91,6 +91,8 @@ const FIGURES: [(&str, &str); 16] = [
     ("rms_effect", "detection"),
 ];
 
+const NO_REMAINDER: &str = "there is no operator `%` for a remainder";
+
 /// Returns the message for a leading symbol of another language, and the length of the text concerned. Bars denote a
 /// magnitude where an operand is expected.
 pub(super) fn of_symbol(text: &str, expects_operand: bool) -> Option<(usize, String)> {
@@ -107,6 +109,9 @@ pub(super) fn of_symbol(text: &str, expects_operand: bool) -> Option<(usize, Str
         let message = format!("there is no operator `{symbol}`; multiply, as in `x * x`");
         return Some((length, message));
     }
+    if text.starts_with('%') {
+        return Some((1, NO_REMAINDER.into()));
+    }
     if expects_operand && let Some((length, call)) = magnitude(text) {
         return Some((length, format!("write `{call}` for a magnitude")));
     }
@@ -121,6 +126,33 @@ pub(super) fn of_symbol(text: &str, expects_operand: bool) -> Option<(usize, Str
         symbol.len(),
         format!("unknown operator `{symbol}`; write `{name}`"),
     ))
+}
+
+/// The message for two dots behind a number, or for two alone, and the length that it speaks of.
+pub(super) fn of_range(text: &str) -> Option<(usize, String)> {
+    let belongs = |c: char| c.is_alphanumeric() || matches!(c, '.' | '%');
+    let (from, rest) = text.split_once("..")?;
+    if !from.chars().all(belongs) {
+        return None;
+    }
+    let behind = rest.trim_start_matches(['.', '=']);
+    let to = &behind[..behind.find(|c| !belongs(c)).unwrap_or(behind.len())];
+    if from.is_empty() || to.is_empty() {
+        let message = "unknown `..`; write `,` between the ends of a window";
+        return Some((from.len() + 2, message.into()));
+    }
+    let length = text.len() - behind.len() + to.len();
+    let range = &text[..length];
+    let message = format!("unknown range `{range}`; write `{from}, {to}`");
+    Some((length, message))
+}
+
+/// The other factors of a unit that begins with a percent sign, if it has some: `m` of `% m`.
+pub(super) fn of_percentage(symbol: &str) -> Option<&str> {
+    let factors = symbol.strip_prefix('%')?;
+    let factors = factors.trim_start_matches([' ', '\u{b7}', '\u{22c5}']);
+    let is_quotient = factors.starts_with('/');
+    (!factors.is_empty() && !is_quotient).then_some(factors)
 }
 
 /// Converts a leading magnitude between bars into a call of `abs`, and returns its length. Bars may be nested: after an

@@ -69,6 +69,11 @@ pub(crate) const STUDY: &[Key] = &[
         "Time after which a case counts as hung; its worker ends and another worker retries the case.",
     ),
     Key::new(
+        "wait_limit_s",
+        number_or("s", 0.1, 1e6, 5.0),
+        "Time that a side of a case may take to answer, as --wait-limit of hil run. To describe itself, to check its job and to start, a program may always take 10 s.",
+    ),
+    Key::new(
         "fresh_processes",
         KeyKind::Boolean { default: false },
         "Restart the campaign's own programs for each case. Otherwise a worker keeps the programs from case to case, and some cases are run again in new processes, to check that the programs keep no state.",

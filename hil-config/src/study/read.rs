@@ -82,6 +82,7 @@ fn study(reader: &mut Reader, root: &Section<'_>, written: &Scenario) -> Option<
         .integer(root, "seed")
         .and_then(|seed| u64::try_from(seed).ok());
     let case_limit_s = reader.number(root, "case_limit_s");
+    let wait_limit_s = reader.number(root, "wait_limit_s");
     let fresh_processes = reader.boolean(root, "fresh_processes");
     Some(Study {
         name,
@@ -93,6 +94,7 @@ fn study(reader: &mut Reader, root: &Section<'_>, written: &Scenario) -> Option<
         sampling,
         confidence: confidence?,
         case_limit_s: case_limit_s?,
+        wait_limit_s: wait_limit_s?,
         fresh_processes: fresh_processes?,
         varied,
         variants,

@@ -248,3 +248,47 @@ fn a_command_may_be_sent_only_once() {
         &["`command.F` of the plant is connected twice"],
     );
 }
+
+#[test]
+fn two_commands_that_are_names_of_one_input_are_refused() {
+    let text = TEXT
+        .replace(
+            "law = \"pid\"\nmade_for = \"spring-mass\"",
+            "law = \"both\"",
+        )
+        .replace(
+            "law = \"command.force_n\"\nplant = \"command.F\"",
+            "law = \"measured.velocity_mps\"\nplant = \"measured.der__s\"",
+        );
+    for (input, aliases) in [("F", &["G"][..]), ("push", &["F", "G"])] {
+        let mut plants = plants();
+        let slider = plants.last_mut().expect("the slider");
+        slider.commands = vec![Field {
+            aliases: aliases.iter().map(|&alias| alias.into()).collect(),
+            ..Field::signal(input, "N", "Force.")
+        }];
+        let check = |text: &str| {
+            let scenario = Scenario::parse(text, "slider.toml").expect("TOML");
+            scenario.check(&plants, &laws(), &descriptions::kinds())
+        };
+        let Err(Problems(found)) = check(&text) else {
+            panic!("one of the commands is lost");
+        };
+        let both = format!(
+            "`command.F` and `command.G` of law `both` are both names of the one input `{input}` of plant `slider`"
+        );
+        assert_found(&found[0], Duplicate, &[&both, "[[connect]]"]);
+        // A connection chooses.
+        if input == "push" {
+            let chosen =
+                text.clone() + "[[connect]]\nlaw = \"command.G\"\nplant = \"command.push\"\n";
+            let plan = check(&chosen).unwrap_or_else(|problems| panic!("{problems}"));
+            let commands = plan.controller.connections.iter();
+            let commands: Vec<&str> = commands
+                .filter(|one| one.kind == SignalKind::Command)
+                .map(|one| one.law.as_str())
+                .collect();
+            assert_eq!(commands, ["G"]);
+        }
+    }
+}

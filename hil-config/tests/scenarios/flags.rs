@@ -62,6 +62,25 @@ fn a_flag_creates_missing_tables() {
 }
 
 #[test]
+fn a_flag_overrides_a_value_under_a_quoted_key() {
+    let flag = "plant.parameters.actuator2.piston_mass_kg=70";
+    for quoted in [
+        "\"actuator2.piston_mass_kg\" = 60.0",
+        "\"actuator2.piston_mass_kg\" = 60.0\nactuator1.piston_mass_kg = 61.0",
+    ] {
+        let text = crate::base_with("actuator2.piston_mass_kg = 60.0", quoted);
+        let checked = parse(&text).expect("TOML").set(&[flag]).check(
+            &descriptions::plants(),
+            &descriptions::laws(),
+            &descriptions::kinds(),
+        );
+        let plan = checked.unwrap_or_else(|problems| panic!("{problems}"));
+        let mass_kg = plan.plant.parameters.get("actuator2.piston_mass_kg");
+        assert_eq!(mass_kg, Some(70.0));
+    }
+}
+
+#[test]
 fn one_flag_switches_the_law() {
     let without = ["derived[1].expression=error_rad > 0"];
     let found = set(&["controller.law=pid", without[0]]);

@@ -1,5 +1,6 @@
 //! End of a run: complete, diverged or aborted, and its report.
 
+use hil_config::plan::PLANT_KEYS;
 use shared_types::failure::Failure;
 use shared_types::frame::{FrameKind, Header};
 use shared_types::hello::Control;
@@ -10,7 +11,7 @@ use shared_types::stream::RecordSink;
 use shared_types::text;
 use shared_types::time::Step;
 
-use super::Engine;
+use super::{Engine, Plant};
 
 impl<L: Link, S: RecordSink> Engine<L, S> {
     pub(super) fn diverged(&mut self, step: Step, what: &str) -> Result<(), LinkError> {
@@ -83,6 +84,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 .map(|pacer| pacer.overruns())
                 .unwrap_or_default(),
             missed_commands: self.commands.missed,
+            unconfirmed: self.plant.unconfirmed(),
         };
         self.end = Some(end.clone());
         published?;
@@ -90,5 +92,19 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             Err(LinkError::NotOpen) => Ok(()), // nobody records a run that never began
             other => other,
         }
+    }
+}
+
+impl Plant {
+    /// Keys of parameters that were changed or faulted and cannot be read back.
+    fn unconfirmed(&self) -> Vec<String> {
+        let unreadable = self.model.unreadable();
+        let mut keys = self.tuning.unconfirmed(&unreadable);
+        let effects = self.faults.effects();
+        let faulted = effects.iter().filter(|effect| effect.step.is_some());
+        let names = faulted.filter_map(|effect| effect.target.strip_prefix("parameter."));
+        let names = names.filter(|name| unreadable.iter().any(|one| one == name));
+        keys.extend(names.map(|name| format!("{PLANT_KEYS}{name}")));
+        keys.into_iter().collect()
     }
 }

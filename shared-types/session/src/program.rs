@@ -22,6 +22,7 @@ use crate::waiter::Waiter;
 use shared_types::describe::{Description, PROTOCOL};
 use shared_types::link::LinkError;
 use shared_types::side::Side;
+use shared_types::text;
 use shared_types::wait::WaitLimit;
 
 /// Name of a plant's job in the session's folder.
@@ -171,6 +172,35 @@ fn serve_by_hand(program: &impl Program, folder: &Path) -> Result<u8, String> {
     });
     leash.ends(code);
     Ok(code)
+}
+
+/// Line on standard output by which a host of foreign code says that a check was done to its end: such code may end the
+/// process before, with the exit code of a success.
+pub const CHECKED: &str = "checked";
+
+/// Bytes of the file in which a host of foreign code has the name of the call that is going on: the length of a name and
+/// the name, twice, first the part that changes and then the one that all calls have in front.
+pub const CALL_BYTES: usize = 2 * CALL_NAME_BYTES;
+/// Bytes of one of these names, with its length.
+pub const CALL_NAME_BYTES: usize = 64;
+
+/// Path of that file of a process in a session's folder.
+#[must_use]
+pub fn call_file(folder: &Path, process: u32) -> PathBuf {
+    folder.join(format!("call-{process}"))
+}
+
+/// The call of foreign code in which a process ended, if it was in one.
+#[must_use]
+pub fn last_call(folder: &Path, process: u32) -> Option<String> {
+    let bytes = std::fs::read(call_file(folder, process)).ok()?;
+    let name = |at: usize| {
+        let length = usize::from(*bytes.get(at)?);
+        let name = bytes.get(at + 1..=at + length)?;
+        Some(text::line(std::str::from_utf8(name).ok()?))
+    };
+    let (call, family) = (name(0)?, name(CALL_NAME_BYTES)?);
+    (!call.is_empty()).then(|| format!("{family}{call}"))
 }
 
 /// Writes a line to standard error, which goes to the run's log. A failing log, for example on a full disk, must not

@@ -242,6 +242,10 @@ pub struct RunEnd {
     /// Steps whose command missed its deadline, in this run or in the run being repeated.
     #[serde(default)]
     pub missed_commands: Streaks,
+    /// Keys of parameters that were changed or faulted and that the model does not let be read back.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(deserialize_with = "text::lines_of")]
+    pub unconfirmed: Vec<String>,
 }
 
 fn nothing_was_ignored(ignored: &Ignored) -> bool {
@@ -261,6 +265,7 @@ impl RunEnd {
             effects: Vec::new(),
             overruns: Streaks::default(),
             missed_commands: Streaks::default(),
+            unconfirmed: Vec::new(),
         }
     }
 }

@@ -10,39 +10,39 @@ use crate::support::harness::Run;
 use crate::support::mcap_reader::Recording;
 use crate::support::programs::workspace;
 
-const OUTPUT: &str =
+pub(super) const OUTPUT: &str =
     "<ScalarVariable name=\"y\" valueReference=\"1\" causality=\"output\"><Real/></ScalarVariable>";
 /// Value of the output that needs libm.
 const SINE: &str = "-DVALUE=sin(n * 0.1) + sqrt(2.0 + 0.0 * n)";
-const COUNTED: &str = "-DVALUE=n";
+pub(super) const COUNTED: &str = "-DVALUE=n";
 
 fn source() -> PathBuf {
     workspace().join("tests/fmus/odd.c")
 }
 
 /// Compiles `odd.c` with these options in place of libm.
-fn library(options: &[&str]) -> Vec<u8> {
+pub(super) fn library(options: &[&str]) -> Vec<u8> {
     // Not the compiler's built-in `sin`: the call is what is tested.
     let all = [&["-fno-builtin"], options].concat();
     linked("odd", &[source()], &all, &[])
 }
 
 /// Describes `odd.c` with these variables, in the style of a vendor.
-fn description(token: &str, variables: &str, attributes: &str) -> String {
+pub(super) fn description(token: &str, variables: &str, attributes: &str) -> String {
     let types = "<TypeDefinitions><SimpleType name=\"gear\"><Enumeration><Item name=\"P\" value=\"1\"/><Item name=\"R\" value=\"2\"/><Item name=\"D\" value=\"5\"/></Enumeration></SimpleType></TypeDefinitions>";
     format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?><fmiModelDescription fmiVersion=\"2.0\" modelName=\"odd\" guid=\"{token}\"><CoSimulation modelIdentifier=\"odd\" {attributes}/>{types}<ModelVariables>{variables}</ModelVariables></fmiModelDescription>"
     )
 }
 
-fn fmu(description: impl Into<Vec<u8>>, library: &[u8]) -> Entries {
+pub(super) fn fmu(description: impl Into<Vec<u8>>, library: &[u8]) -> Entries {
     vec![
         ("modelDescription.xml".into(), description.into()),
         (format!("binaries/{}/odd.so", platform(2)), library.to_vec()),
     ]
 }
 
-fn odd() -> String {
+pub(super) fn odd() -> String {
     scenario("odd", "odd.fmu", 100.0, 100.0)
 }
 

@@ -2,14 +2,20 @@
 //!
 //! Every call of an FMU or a C callback is marked by [`calling`], at the cost of two memory writes. If a fatal signal
 //! arrives meanwhile, a handler writes the names of signal and call to standard error, which is the log of the run,
-//! and re-raises the signal: exit status and core dump are those of the crash. A call that ends the process with
-//! `exit` is reported in the same way, with the exit code.
+//! and re-raises the signal: exit status and core dump are those of the crash. For SIGKILL, which no handler receives,
+//! the name of the call is also kept in a [file](share). A call that ends the process with `exit` is reported in the
+//! same way, with the exit code.
 
 use std::ffi::{c_int, c_void};
+use std::fs::File;
+use std::io;
 use std::mem::MaybeUninit;
+use std::os::fd::AsRawFd;
 use std::ptr::{null, null_mut};
 use std::sync::Once;
 use std::sync::atomic::{AtomicBool, AtomicPtr, Ordering};
+
+use hil_session::program::{self, CALL_BYTES, CALL_NAME_BYTES};
 
 /// Signals that are caused by the program itself.
 const SIGNALS: [(c_int, &str); 6] = [
@@ -27,6 +33,8 @@ const STACK_BYTES: usize = 64 << 10;
 static CALL: AtomicPtr<&'static str> = AtomicPtr::new(null_mut());
 /// Prefix of all names, `fmi2` or `fmi3`; null for none.
 static FAMILY: AtomicPtr<&'static str> = AtomicPtr::new(null_mut());
+/// Memory of a file that outlives this process, with the name of the call; null for none.
+static SHARED: AtomicPtr<u8> = AtomicPtr::new(null_mut());
 static INSTALLED: Once = Once::new();
 /// Set while this process only tries a model without running it.
 static IS_TRIAL: AtomicBool = AtomicBool::new(false);
@@ -44,6 +52,7 @@ pub(crate) fn calling(name: &'static &'static str) -> Calling {
     // Not an atomic exchange, which would be a barrier at each call: only one thread calls foreign code.
     let before = CALL.load(Ordering::Relaxed);
     CALL.store(name, Ordering::Relaxed);
+    publish(name);
     Calling(before)
 }
 
@@ -51,6 +60,54 @@ impl Drop for Calling {
     #[inline]
     fn drop(&mut self) {
         CALL.store(self.0, Ordering::Relaxed);
+        publish(self.0);
+    }
+}
+
+/// Keeps the name of the call in this file as well, for a signal that no handler gets.
+///
+/// # Errors
+/// If the file cannot be mapped.
+pub(crate) fn share(file: &File) -> io::Result<()> {
+    file.set_len(CALL_BYTES as u64)?;
+    // SAFETY: a new mapping of a file that has so many bytes, which stays as long as the process.
+    let page = unsafe {
+        libc::mmap(
+            null_mut(),
+            CALL_BYTES,
+            libc::PROT_READ | libc::PROT_WRITE,
+            libc::MAP_SHARED,
+            file.as_raw_fd(),
+            0,
+        )
+    };
+    if page == libc::MAP_FAILED {
+        return Err(io::Error::last_os_error());
+    }
+    SHARED.store(page.cast(), Ordering::Relaxed);
+    Ok(())
+}
+
+/// Writes the name of a call, or none, to the shared file, if there is one.
+#[inline]
+fn publish(name: *const &'static str) {
+    let page = SHARED.load(Ordering::Relaxed);
+    if !page.is_null() {
+        // SAFETY: null, or a reference that lives for ever.
+        let name = unsafe { name.as_ref() }.map_or("", |name| name);
+        // SAFETY: the page has room for two names, of which this is the first, and one thread alone calls foreign code.
+        unsafe { write_name(page, name) };
+    }
+}
+
+/// # Safety
+/// `place` has room for a name with its length.
+unsafe fn write_name(place: *mut u8, name: &str) {
+    let length = name.len().min(CALL_NAME_BYTES - 1);
+    // SAFETY: by the caller, for so many bytes.
+    unsafe {
+        place.add(1).copy_from_nonoverlapping(name.as_ptr(), length);
+        place.write_volatile(length as u8);
     }
 }
 
@@ -58,6 +115,11 @@ impl Drop for Calling {
 /// call names.
 pub(crate) fn install(family: &'static &'static str) {
     FAMILY.store(std::ptr::from_ref(family).cast_mut(), Ordering::Relaxed);
+    let page = SHARED.load(Ordering::Relaxed);
+    if !page.is_null() {
+        // SAFETY: the page has room for two names, of which this is the second.
+        unsafe { write_name(page.add(CALL_NAME_BYTES), family) };
+    }
     INSTALLED.call_once(|| {
         provide_stack();
         // SAFETY: the handler lives as long as the process and ignores its argument.
@@ -114,6 +176,7 @@ extern "C" fn died(signal: c_int) {
     let family = unsafe { FAMILY.load(Ordering::Relaxed).as_ref() };
     if IS_EXCUSED.load(Ordering::Relaxed) {
         write("note: the model crashed when it was taken down after the trial\n");
+        say_checked();
         // SAFETY: `_exit` is async-signal-safe.
         unsafe { libc::_exit(0) };
     }
@@ -143,6 +206,7 @@ extern "C" fn exited(code: c_int, _: *mut c_void) {
     unsafe { libc::fflush(null_mut()) };
     if IS_EXCUSED.load(Ordering::Relaxed) {
         write("note: the model ended its process when it was taken down after the trial\n");
+        say_checked();
         // SAFETY: ends the process, whose streams are flushed.
         unsafe { libc::_exit(0) };
     }
@@ -156,7 +220,19 @@ unsafe extern "C" {
     fn on_exit(handler: extern "C" fn(c_int, *mut c_void), argument: *mut c_void) -> c_int;
 }
 
+/// Says that a trial was done to its end.
+pub(crate) fn say_checked() {
+    // Behind whatever the library wrote.
+    for part in ["\n", program::CHECKED, "\n"] {
+        write_to(libc::STDOUT_FILENO, part);
+    }
+}
+
 fn write(text: &str) {
+    write_to(libc::STDERR_FILENO, text);
+}
+
+fn write_to(file: c_int, text: &str) {
     // SAFETY: `write` is async-signal-safe, and the text has this length.
-    unsafe { libc::write(libc::STDERR_FILENO, text.as_ptr().cast(), text.len()) };
+    unsafe { libc::write(file, text.as_ptr().cast(), text.len()) };
 }

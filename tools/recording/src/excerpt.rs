@@ -52,23 +52,27 @@ impl Choice {
         parts.join(", ")
     }
 
-    /// Returns for each of these signals whether it is recorded.
+    /// Returns for each signal of a record whether it is recorded. A pattern may match any name of a signal; an exact name
+    /// takes precedence over an alias of another signal.
     ///
     /// # Errors
     /// If a pattern is invalid or matches no signal.
-    pub fn kept(&self, names: &[String]) -> Result<Vec<bool>, String> {
+    pub fn kept(&self, layout: &RecordLayout) -> Result<Vec<bool>, String> {
+        let names = names(layout);
         let mut kept = vec![self.signals.is_empty(); names.len()];
         for text in &self.signals {
             let pattern = Pattern::new(text)
                 .map_err(|error| format!("`{text}` is not a valid pattern: {error}"))?;
+            let is_exact = names.iter().any(|(name, _)| name == text);
             let mut fits = false;
-            for (name, kept) in names.iter().zip(&mut kept) {
-                if pattern.matches(name) {
+            for ((name, further), kept) in names.iter().zip(&mut kept) {
+                let fits_further = || further.iter().any(|name| pattern.matches(name));
+                if pattern.matches(name) || (!is_exact && fits_further()) {
                     (*kept, fits) = (true, true);
                 }
             }
             if !fits {
-                let near = near(text, names.iter().map(String::as_str));
+                let near = near(text, names.iter().map(|(name, _)| name.as_str()));
                 return Err(format!("no signal of this run matches `{text}`{near}"));
             }
         }
@@ -76,12 +80,17 @@ impl Choice {
     }
 }
 
-/// Lists the signals of a record in order, by their names in recordings.
-pub(super) fn names(layout: &RecordLayout) -> Vec<String> {
-    let name = |group: &str, field: &Field| column_name(group, &field.name);
+/// Lists the signals of a record in order: the column name in recordings, and all aliases.
+fn names(layout: &RecordLayout) -> Vec<(String, Vec<String>)> {
+    let of = |group: &str, field: &Field| {
+        let further = (field.names())
+            .flat_map(|name| [column_name(group, name), format!("{group}.{name}")])
+            .skip(1);
+        (column_name(group, &field.name), further.collect())
+    };
     let groups = GROUPS.iter().zip(layout.groups());
     groups
-        .flat_map(|(group, fields)| fields.iter().map(move |field| name(group, field)))
+        .flat_map(|(group, fields)| fields.iter().map(move |field| of(group, field)))
         .collect()
 }
 
@@ -159,7 +168,7 @@ impl Bits {
 impl Form {
     fn new(layout: &RecordLayout, choice: &Choice) -> Result<Self, String> {
         let groups = layout.groups();
-        let kept = choice.kept(&names(layout))?;
+        let kept = choice.kept(layout)?;
         let mut places = Vec::new();
         let mut kept_of: [Vec<Field>; GROUPS.len()] = Default::default();
         let mut starts = [0; GROUPS.len()];

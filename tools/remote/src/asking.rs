@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
-use hil_session::process::{MARK, end_group, end_marked, reap};
+use hil_session::process::{MARK, ProcessId, end_group, end_marked, reap};
 
 /// Time limit for every program to describe itself or to check a job.
 const ANSWER_LIMIT: Duration = Duration::from_secs(10);
@@ -18,6 +18,10 @@ const ANSWER_LIMIT: Duration = Duration::from_secs(10);
 pub const LEAST_S: f64 = ANSWER_LIMIT.as_secs() as f64;
 /// Time limit of programs in this process in ms: the wait limit of its command line, if that is longer.
 static LIMIT_MS: AtomicU64 = AtomicU64::new(ANSWER_LIMIT.as_millis() as u64);
+/// Time that a program may stand stopped in this process, in ms: the limit of its command line, if that is shorter.
+static STOPPED_MS: AtomicU64 = AtomicU64::new(ANSWER_LIMIT.as_millis() as u64);
+/// Time between two looks at the state of a program.
+const LOOK: Duration = Duration::from_millis(50);
 /// Maximum length of an answer in bytes; that of 100 plants with 512 signals each is shorter.
 const LONGEST_ANSWER: u64 = 16 << 20;
 /// Maximum number of bytes kept from the beginning of a program's standard error.
@@ -45,15 +49,17 @@ pub enum NoAnswer {
     Failed(String),
 }
 
-/// Extends the time limit of all programs run by this process to this number of seconds; the minimum is 10.
+/// Extends the time limit of all programs run by this process to this number of seconds; the minimum is 10. A program
+/// that is stopped by a signal or a debugger gets exactly these seconds.
 pub fn allow_seconds(limit_s: f64) {
     // The cast saturates: infinity becomes 584 million years.
     let limit_ms = (limit_s * 1e3) as u64;
     LIMIT_MS.fetch_max(limit_ms, Ordering::Relaxed);
+    STOPPED_MS.store(limit_ms, Ordering::Relaxed);
 }
 
-fn limit() -> Duration {
-    Duration::from_millis(LIMIT_MS.load(Ordering::Relaxed))
+fn limit(of: &AtomicU64) -> Duration {
+    Duration::from_millis(of.load(Ordering::Relaxed))
 }
 
 /// Runs a program for a short answer; a program that never answers or never ends is killed with all its
@@ -103,13 +109,28 @@ fn await_end(
     is_interrupted: &dyn Fn() -> bool,
 ) -> Result<ExitStatus, NoAnswer> {
     let since = Instant::now();
+    let id = ProcessId::of(child.id());
+    let (mut looked, mut stopped_since) = (since, None);
     loop {
+        if looked.elapsed() > LOOK {
+            looked = Instant::now();
+            stopped_since = match id.is_some_and(ProcessId::is_stopped) {
+                true => stopped_since.or(Some(looked)),
+                false => None,
+            };
+        }
+        let stopped_limit = limit(&STOPPED_MS);
         match reap(child).map_err(failed)? {
             Some(status) => return Ok(status),
             None if is_interrupted() => return Err(NoAnswer::Interrupted),
             None if heard.stdout.is_too_long() => return Err(NoAnswer::Failed(too_long())),
-            None if since.elapsed() > limit() => {
-                let limit_s = limit().as_secs_f64();
+            None if stopped_since.is_some_and(|since| since.elapsed() > stopped_limit) => {
+                let limit_s = stopped_limit.as_secs_f64();
+                let reason = format!("it was stopped, and gave no answer within {limit_s} s");
+                return Err(NoAnswer::Failed(reason));
+            }
+            None if since.elapsed() > limit(&LIMIT_MS) => {
+                let limit_s = limit(&LIMIT_MS).as_secs_f64();
                 let reason = format!("no answer within {limit_s} s");
                 return Err(NoAnswer::Failed(reason));
             }
@@ -177,4 +198,18 @@ fn listen(pipe: Option<impl Read + Send + 'static>, limit_bytes: u64) -> Ear {
         let _ = sender.send(bytes); // the receiver may be gone
     });
     Ear { is_too_long, bytes }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_program_that_is_stopped_has_the_limit_that_was_asked_for() {
+        allow_seconds(0.2);
+        let stops = ["-c", "kill -STOP $$"];
+        let answer = ask(Path::new("sh"), &stops, &|| false).map(|answer| answer.status);
+        let reason = answer.expect_err("it is stopped").to_string();
+        assert_eq!(reason, "it was stopped, and gave no answer within 0.2 s");
+    }
 }

@@ -4,6 +4,7 @@ use hil_console::files::part_file;
 use hil_console::files::runs::SUMMARY;
 use hil_console::terminal::advice;
 use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::interruption;
 use hil_facts::arguments::run::LinkKind;
 use hil_facts::checkpoint;
 use hil_facts::results::company::ProcessorTime;
@@ -83,6 +84,9 @@ pub(super) fn conclude(
         target.safe_switches = switches.or(Some(0));
     }
     prepared.reserve.release();
+    if !prepared.settings.is_one_of_many {
+        interruption::pass_over_ends();
+    }
     let write = |summary: &Summary| {
         let json = serde_json::to_string_pretty(summary).map_err(Failure::infrastructure)?;
         let written = part_file::write_text(&folder.join(SUMMARY), &json);

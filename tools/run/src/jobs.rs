@@ -104,6 +104,7 @@ pub(super) fn tuned(
 ) -> controller_process::job::Job {
     job.checkpoints.resume = None;
     job.changes.clear();
+    job.is_tuned = true;
     for (name, value) in &parameters.0 {
         job.parameters.set(name, value.0);
     }
@@ -117,6 +118,7 @@ pub(super) fn tuned_plant(
 ) -> plant_process::job::Job {
     job.checkpoints.resume = None;
     job.changes.clear();
+    job.is_tuned = true;
     for (name, value) in &parameters.0 {
         job.plant.parameters.set(name, value.0);
     }

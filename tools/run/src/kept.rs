@@ -30,10 +30,10 @@ const MOST_PAIRS: usize = 16;
 const UNCHECKED: u64 = 251;
 
 /// Persistent processes: a pair for each layout of records.
-#[derive(Default)]
 pub struct Kept {
     /// Pairs, the most recently used last.
     pairs: Vec<Pair>,
+    settings: Settings,
 }
 
 /// Plant, controller and their session. Fields are dropped in this order: ends of the stream, processes, session.
@@ -52,6 +52,18 @@ struct Pair {
 }
 
 impl Kept {
+    /// None yet. A side of a run may take so many seconds to answer.
+    #[must_use]
+    pub fn new(wait_limit_s: f64) -> Self {
+        Self {
+            pairs: Vec::new(),
+            settings: Settings {
+                wait_limit_s,
+                ..Settings::without_recording(LinkKind::Iceoryx2, None)
+            },
+        }
+    }
+
     /// Executes a plan in an existing or a new pair; also returns whether the run should be repeated in new
     /// processes as a check, as a few of many are. A pair lost before the first record of the run is replaced,
     /// because the run did not cause its end.
@@ -69,14 +81,20 @@ impl Kept {
         let mut pair = match self.take(&layout) {
             Some(mut pair) => {
                 pair.runs += 1;
-                write_jobs(plan, binaries, pair.session.info(), pair.runs)?;
+                write_jobs(
+                    plan,
+                    binaries,
+                    pair.session.info(),
+                    pair.runs,
+                    &self.settings,
+                )?;
                 for side in [&mut pair.plant, &mut pair.controller] {
                     side.forget_output();
                     side.tell(NEXT);
                 }
                 pair
             }
-            None => Pair::start(plan, binaries, layout.clone(), interruption)?,
+            None => Pair::start(plan, binaries, layout.clone(), &self.settings, interruption)?,
         };
         let mut ended = pair.take_run(plan, grid.clone(), interruption);
         if let Err(Failure::Infrastructure(seen)) = &ended
@@ -87,13 +105,13 @@ impl Kept {
             // processes.
             tell!("between two runs: {seen}; starting another pair");
             drop(pair);
-            pair = Pair::start(plan, binaries, layout, interruption)?;
+            pair = Pair::start(plan, binaries, layout, &self.settings, interruption)?;
             ended = pair.take_run(plan, grid, interruption);
         }
         let ended = match ended {
             Err(Failure::Infrastructure(seen)) => {
                 // An error that would have prevented the run is not fixed by another attempt.
-                refuse_jobs(plan, binaries, interruption)?;
+                refuse_jobs(plan, binaries, &self.settings, interruption)?;
                 return Err(Failure::Infrastructure(seen));
             }
             ended => ended?,
@@ -133,13 +151,13 @@ fn write_jobs(
     binaries: &Binaries,
     session: &SessionInfo,
     number: u64,
+    settings: &Settings,
 ) -> Result<(), Failure> {
-    let settings = Settings::without_recording(LinkKind::Iceoryx2, None);
     let of_run = SessionInfo {
         id: session.id.wrapping_add(number),
         ..session.clone()
     };
-    let (mut plant, mut controller) = jobs::of(plan, binaries, &of_run, &settings, &[]);
+    let (mut plant, mut controller) = jobs::of(plan, binaries, &of_run, settings, &[]);
     (plant.is_kept, controller.is_kept) = (true, true);
     (session.write_file(plant_process::job::JOB_FILE, &plant))
         .and_then(|()| session.write_file(controller_process::job::JOB_FILE, &controller))
@@ -152,13 +170,14 @@ impl Pair {
         plan: &Plan,
         binaries: &Binaries,
         layout: RecordLayout,
+        settings: &Settings,
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
         let mut session = Session::create(None).map_err(Failure::infrastructure)?;
         // Removed once both have opened their logs, so that nothing remains however hil ends.
         let folder = tempfile::tempdir().map_err(Failure::infrastructure)?;
         let info = session.info().clone();
-        write_jobs(plan, binaries, &info, 0)?;
+        write_jobs(plan, binaries, &info, 0, settings)?;
         let start = |name, binary, log| SideProcess::start(name, binary, &info, folder.path(), log);
         let mut plant = start("plant", &binaries.plant, "plant.log")?;
         (session.add_child(plant.process_id())).map_err(Failure::infrastructure)?;
@@ -241,12 +260,12 @@ impl Pair {
 fn refuse_jobs(
     plan: &Plan,
     binaries: &Binaries,
+    settings: &Settings,
     interruption: &Interruption,
 ) -> Result<(), Failure> {
     let session = Session::create(None).map_err(Failure::infrastructure)?;
     let info = session.info();
-    let settings = Settings::without_recording(LinkKind::Iceoryx2, None);
-    let (plant, controller) = jobs::of(plan, binaries, info, &settings, &[]);
+    let (plant, controller) = jobs::of(plan, binaries, info, settings, &[]);
     let file = plant_process::job::JOB_FILE;
     jobs::check(&binaries.plant, info, file, &plant, interruption)?;
     let file = controller_process::job::JOB_FILE;

@@ -4,7 +4,7 @@
 use std::io::Write;
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
@@ -12,7 +12,9 @@ use hil_console::terminal::exit::Failure;
 use hil_facts::programs::binaries::Binary;
 use hil_session::by_hand;
 use hil_session::process::{Ending, MARK, ProcessId, end_group, reap};
+use hil_session::program;
 use hil_session::session::SessionInfo;
+use signal_hook::consts::SIGKILL;
 
 use super::log::Log;
 use super::open_files;
@@ -33,6 +35,9 @@ pub struct SideProcess {
     id: Option<ProcessId>,
     /// Pending end, if the kernel reports it.
     ending: Option<Ending>,
+    /// Folder of its session, and the call of foreign code that it ended in.
+    session: Option<PathBuf>,
+    call: Option<String>,
     /// Output, unless it goes to a terminal.
     log: Option<Log>,
     /// Name of the machine to which this process is the bridge.
@@ -59,6 +64,8 @@ impl SideProcess {
             process: Process::ByHand(leash),
             id: Some(id),
             ending: Ending::of(id),
+            session: None,
+            call: None,
             log: None,
             target: None,
             status: None,
@@ -99,6 +106,8 @@ impl SideProcess {
             process: Process::Launched(process),
             id,
             ending: id.and_then(Ending::of),
+            session: Some(session.folder.clone()),
+            call: None,
             log: Some(log),
             target: binary.at.as_ref().map(|at| at.target().to_string()),
             status: None,
@@ -136,6 +145,7 @@ impl SideProcess {
                 }
             };
             self.bound_log();
+            self.note_call();
         }
         self.status.is_some()
     }
@@ -205,10 +215,18 @@ impl SideProcess {
                     id.kill();
                     std::thread::sleep(Duration::from_millis(2));
                 }
-                self.status = Some(ExitStatus::from_raw(signal_hook::consts::SIGKILL));
+                self.status = Some(ExitStatus::from_raw(SIGKILL));
             }
         }
         self.bound_log();
+        self.note_call();
+    }
+
+    /// Notes the call of foreign code that it ended in, while its session is there.
+    fn note_call(&mut self) {
+        if let (Some(_), Some(session)) = (self.status, &self.session) {
+            self.call = program::last_call(session, self.process_id());
+        }
     }
 
     /// Describes how the side ended, if that is notable, and where to read more.
@@ -225,8 +243,10 @@ impl SideProcess {
 
     /// Describes its end, if that was abnormal.
     pub fn death(&self) -> Option<String> {
+        let call = (self.call.as_ref()).map_or_else(String::new, |call| format!(" in {call}"));
         if let Some(state) = self.killed {
-            return Some(format!("{} was {state} and had to be killed", self.name));
+            let name = self.name;
+            return Some(format!("{name} was {state}{call} and had to be killed"));
         }
         let status = self.status?;
         if self.is_silent {
@@ -244,7 +264,12 @@ impl SideProcess {
             ),
             (None, Some(signal)) => {
                 let name = signal_hook::low_level::signal_name(signal).unwrap_or("a signal");
-                Some(format!("{} was killed by {name} ({signal})", self.name))
+                // Other signals name the call themselves, as the last word of the log.
+                let call = (signal == SIGKILL).then_some(call).unwrap_or_default();
+                Some(format!(
+                    "{} was killed by {name} ({signal}){call}",
+                    self.name
+                ))
             }
             (None, None) => None,
         }

@@ -19,6 +19,7 @@ use hil_facts::programs::binaries::{Binaries, Binary};
 use hil_facts::programs::scenario::{self, kept};
 use hil_session::live::{self, Listening};
 use hil_session::session::SessionInfo;
+use hil_target::asking;
 use hil_target::name::Target;
 use serde::{Deserialize, Serialize};
 use shared_types::describe::{LawDescription, ModelSettings};
@@ -40,6 +41,9 @@ pub struct Request {
     pub binary: Option<PathBuf>,
     /// Values of the scenario's `[controller]` to change.
     pub set: Vec<String>,
+    /// Time in s that each part of the swap may take, if that is more than the run's own limit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wait_limit_s: Option<f64>,
 }
 
 /// Answer to a request.
@@ -135,7 +139,10 @@ impl SwapContext {
             );
         }
         let reason_of = |failure: Failure| failure.reason();
-        // The next controller runs on the same machine as the first.
+        let limit_s = request.wait_limit_s.unwrap_or_default();
+        let limit_s = limit_s.max(self.wait_limit_s);
+        asking::allow_seconds(limit_s);
+        // Where the first runs, the next does too.
         let at = self.binaries.controller.at.as_ref();
         if let Some(target) = at
             .map(Reached::target)
@@ -179,7 +186,7 @@ impl SwapContext {
                 answer,
             })
             .map_err(|_| ENDED)?;
-        match Duration::try_from_secs_f64(self.wait_limit_s) {
+        match Duration::try_from_secs_f64(limit_s) {
             Ok(limit) => match answered.recv_timeout(limit.saturating_add(BESIDES)) {
                 Ok(answer) => answer,
                 Err(_) => Err("the run has ended, or did not accept the controller in time".into()),

@@ -12,6 +12,7 @@ use std::path::Path;
 
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
+use hil_facts::results::recorded_run::RecordedRun;
 use serde::Serialize;
 use serde_json::Value;
 use shared_types::number::{exact, exact_in};
@@ -170,7 +171,13 @@ pub fn compare(
         return Err(CompareError::NotComparable(what));
     }
     let is_excerpt = reader_a.is_excerpt() || reader_b.is_excerpt();
-    let mut work = ComparisonPass::new(&reader_a, &reader_b, rate, signals, tolerances)?;
+    let own_name = |name: &str| match RecordedRun::own_name(&reader_a, name) {
+        own if own == name => RecordedRun::own_name(&reader_b, name),
+        own => own,
+    };
+    let signals: Vec<String> = signals.iter().map(|name| own_name(name)).collect();
+    let tolerances = tolerances.renamed(own_name);
+    let mut work = ComparisonPass::new(&reader_a, &reader_b, rate, &signals, &tolerances)?;
     // A step is compared once it is known that both runs continue: the last record of a run has no command, which
     // must not count as a difference from a longer run.
     let mut previous: Option<(Row, Row)> = None;

@@ -31,6 +31,7 @@ use hil_facts::arguments::run::LinkKind;
 use hil_facts::programs::binaries::Binary;
 use hil_facts::programs::binaries::named::{Named, Recorded};
 use hil_facts::programs::binaries::reached::Reached;
+use hil_facts::results::recorded_run::RecordedRun;
 use hil_recording::reader::{RunReader, UNVOUCHED};
 use hil_run::jobs;
 use hil_run::processes::LOOK;
@@ -103,7 +104,8 @@ pub fn replay(arguments: &ReplayArguments) -> Result<Exit, Failure> {
         original: Arc::new(original),
         plan,
         controller,
-        tolerances: Tolerances::typed(&arguments.tolerance),
+        tolerances: Tolerances::typed(&arguments.tolerance)
+            .renamed(|name| RecordedRun::own_name(&reader, name)),
         link: arguments.link,
         wait_limit_s: arguments.wait_limit,
         interruption,

@@ -174,11 +174,18 @@ fn cases(
             Ok((plan, binaries)) => {
                 plans.push((plan, Environment::new(settings, binaries, interruption)?))
             }
-            Err(Failure::Usage(problem)) => problems.push(problem),
+            Err(Failure::Usage(problem)) => problems.push((scenario, problem)),
             Err(other) => return Err(other),
         }
     }
     if !problems.is_empty() {
+        let rows: Vec<Row> = (problems.iter())
+            .map(|(scenario, problem)| Row::refused(scenario, problem))
+            .collect();
+        if let Err(failure) = write_reports(arguments, &rows) {
+            output::tell(&failure.to_string());
+        }
+        let problems: Vec<String> = problems.into_iter().map(|(_, problem)| problem).collect();
         return Err(Failure::Usage(problems.join("\n\n")));
     }
     let mut cases: Vec<Case> = Vec::new();

@@ -54,7 +54,10 @@ pub(super) fn case(arguments: &CaseArguments) -> Result<Exit, Failure> {
         true => LinkKind::InProcess,
         false => LinkKind::Iceoryx2,
     };
-    let settings = Settings::with_recording(link, arguments.out.clone());
+    let settings = Settings {
+        wait_limit_s: cases.study().wait_limit_s,
+        ..Settings::with_recording(link, arguments.out.clone())
+    };
     let copies = folder.manifest().both();
     folder
         .check_copies(copies.into_iter().flatten())

@@ -21,6 +21,7 @@ use hil_facts::programs::binaries::Binaries;
 use hil_facts::results::curve::Grid;
 use hil_run::alone;
 use hil_run::kept::Kept;
+use hil_target::asking;
 use shared_types::describe::{Description, FaultKindDescription, LawDescription, PlantDescription};
 use shared_types::lockstep::OnLoss;
 use shared_types::record::RecordLayout;
@@ -68,6 +69,7 @@ impl Cases {
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
         refuse_programs(&study)?;
+        asking::allow_seconds(study.wait_limit_s);
         let scenario = study.read_scenario()?;
         let draws = Draws::new(study)?;
         let named = scenario.programs();
@@ -107,6 +109,7 @@ impl Cases {
         folder: &Folder,
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
+        asking::allow_seconds(study.wait_limit_s);
         let (manifest, path) = (folder.manifest(), folder.path());
         let scenario = Scenario::read(path.join(&manifest.scenario.path))?;
         let copies = manifest.tables.iter();
@@ -378,7 +381,8 @@ impl Cases {
             ),
             Rig::Own(own) => {
                 let binaries = own.with(&self.scenario, &plan.programs)?;
-                CaseResult::in_processes(plan, &binaries, self.grid.clone(), interruption, began)
+                let with = (self.study().wait_limit_s, self.grid.clone());
+                CaseResult::in_processes(plan, &binaries, with, interruption, began)
             }
         }
     }

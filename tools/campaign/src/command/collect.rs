@@ -183,11 +183,17 @@ pub(super) fn tell_damaged_tables(folder: &Folder, study: &Study, collected: &Co
         );
     }
     for path in [RESULTS, CIRCUMSTANCES].map(|name| folder.path().join(name)) {
-        if !path.is_file() {
-            continue; // not collected yet
-        }
         let path_text = path.display();
         let mend = format!("hil campaign collect {} rewrites it", quoted(folder.path()));
+        if !path.is_file() {
+            let what = match path.exists() {
+                true => format!("error: {path_text} is not a file; remove it, and {mend}"),
+                false => format!("note: there is no {path_text}; {mend}"),
+            };
+            are_whole &= !path.exists();
+            tell!("{what}; the figures below come from the shards");
+            continue;
+        }
         match sealed::checked_fact(&path, "digest") {
             Ok(digest) if digest == collected.digest => {}
             Ok(None) => tell!(

@@ -127,7 +127,7 @@ fn checked(arguments: &CheckArguments, interruption: &Interruption) -> Result<Ch
     alone::refuse_clock(&first)?;
     refuse_ineffective(&cases)?;
     let longest_s = every_plan(&cases, 0, interruption)?;
-    let mut processes = Kept::default();
+    let mut processes = Kept::new(study.wait_limit_s);
     let mut result = cases.run(&first, &mut processes, interruption)?;
     if cases.keeps_processes(&first) {
         // The first run started its processes; later runs do not, and are representative.

@@ -62,13 +62,14 @@ impl CaseResult {
     pub(super) fn in_processes(
         plan: &Plan,
         binaries: &Arc<Binaries>,
-        curve: Option<Arc<Grid>>,
+        (wait_limit_s, curve): (f64, Option<Arc<Grid>>),
         interruption: &Interruption,
         began: Instant,
     ) -> Result<Self, Failure> {
         let folder = tempfile::tempdir().map_err(Failure::infrastructure)?;
         let settings = Settings {
             is_one_of_many: true,
+            wait_limit_s,
             curve,
             ..Settings::without_recording(LinkKind::Iceoryx2, Some(folder.path().join("run")))
         };

@@ -67,8 +67,8 @@ fn run_shards(arguments: &WorkArguments) -> Result<Exit, Failure> {
     let cases = Cases::of_folder(&folder, &interruption)?;
     let worker = Worker {
         watchdog: Watchdog::begin(cases.study().case_limit_s),
+        processes: RefCell::new(Kept::new(cases.study().wait_limit_s)),
         cases,
-        processes: RefCell::default(),
         folder: &folder,
         interruption,
         tells: arguments.tell,

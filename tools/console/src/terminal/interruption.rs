@@ -14,6 +14,7 @@ use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 use hil_session::session;
 use rustix::fs::{OFlags, fcntl_setfl};
+use rustix::process::Signal;
 use signal_hook::consts::{SIGBUS, SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::low_level::{emulate_default_handler, pipe};
 
@@ -31,6 +32,26 @@ static AT_ONCE: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 pub fn end_at_once() -> Result<(), Failure> {
     AT_ONCE.store(true, Ordering::SeqCst);
     end_on(SIGINT)
+}
+
+/// Passes over the signals that would end this process before it could give its result, which is being written: a
+/// summary and the exit code are to say the same.
+pub fn pass_over_ends() {
+    const ENDS: [Signal; 9] = [
+        Signal::QUIT,
+        Signal::USR1,
+        Signal::USR2,
+        Signal::ALARM,
+        Signal::VTALARM,
+        Signal::PROF,
+        Signal::IO,
+        Signal::POWER,
+        Signal::XCPU,
+    ];
+    for signal in ENDS {
+        // One that cannot be passed over ends this process as before.
+        let _ = signal_hook::flag::register(signal.as_raw(), Arc::default());
+    }
 }
 
 fn end_on(signal: i32) -> Result<(), Failure> {

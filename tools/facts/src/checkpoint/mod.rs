@@ -31,7 +31,7 @@ use shared_types::number::{exact, exact_in};
 use shared_types::side::Side;
 use shared_types::time::Step;
 
-use crate::programs::binaries::Binaries;
+use crate::programs::binaries::{Binaries, Binary};
 use crate::results::restoration::Check;
 use crate::results::resumed::MadeCheckpoint;
 
@@ -125,6 +125,16 @@ pub fn steps(at_s: &[f64], plan: &Plan, first: Step) -> Result<Vec<Step>, Failur
     Ok(steps)
 }
 
+/// What an FMU must declare to save its state, if the program is one.
+fn state_of_fmu(binary: &Binary) -> Option<&'static str> {
+    let imported = binary.description.imported.as_ref()?;
+    binary.host.as_ref()?;
+    Some(match imported.format.starts_with("FMI 2") {
+        true => "`canGetAndSetFMUstate` and `canSerializeFMUstate` in its model description",
+        false => "`canGetAndSetFMUState` and `canSerializeFMUState` in its model description",
+    })
+}
+
 /// Refuses a run whose state cannot be saved or restored, naming the cause.
 ///
 /// # Errors
@@ -132,23 +142,25 @@ pub fn steps(at_s: &[f64], plan: &Plan, first: Step) -> Result<Vec<Step>, Failur
 pub fn refuse_unsaveable(plan: &Plan, binaries: &Binaries) -> Result<(), Failure> {
     let cannot = |what: String, needs: &str| {
         Err(Failure::usage(format!(
-            "{what} cannot save its state, so there can be no checkpoint; it needs `{needs}`, see docs/checkpoints.md"
+            "{what} cannot save its state, so there can be no checkpoint; it needs {needs}, see docs/checkpoints.md"
         )))
     };
+    let [plant_needs, law_needs] = [
+        (&binaries.plant, "`Plant::state`"),
+        (&binaries.controller, "`Controller::state`"),
+    ]
+    .map(|(binary, own)| state_of_fmu(binary).unwrap_or(own));
     let (plants, laws, kinds) = binaries.described();
     if !plan.plant_among(plants).is_some_and(|plant| plant.saves) {
-        return cannot(format!("plant `{}`", plan.plant.model), "Plant::state");
+        return cannot(format!("plant `{}`", plan.plant.model), plant_needs);
     }
     if !plan.law_among(laws).is_some_and(|law| law.saves) {
-        return cannot(
-            format!("law `{}`", plan.controller.law),
-            "Controller::state",
-        );
+        return cannot(format!("law `{}`", plan.controller.law), law_needs);
     }
     for event in &plan.faults {
         let kind = kinds.iter().find(|kind| kind.kind == event.kind);
         if kind.is_some_and(|kind| !kind.saves) {
-            return cannot(format!("fault `{}`", event.kind), "FaultKind::state");
+            return cannot(format!("fault `{}`", event.kind), "`FaultKind::state`");
         }
     }
     Ok(())

@@ -20,7 +20,7 @@ use shared_types::record::RecordLayout;
 use shared_types::side::Side;
 use shared_types::text;
 
-use answer::{asked, refusal, unprintable};
+use answer::{asked, objection, silence, unprintable};
 pub use file::beside;
 use file::{FileIdentity, hashed, hashed_model};
 use host::{Host, is_model};
@@ -408,10 +408,8 @@ impl Binary {
                 asked.map_err(|error| cannot(&error))?
             }
         };
-        if !answer.is_success
-            && let Some(reason) = refusal(&answer.stderr)
-        {
-            return Err(cannot(&text::printable(reason)));
+        if let Some(reason) = silence(&answer) {
+            return Err(cannot(&reason));
         }
         let description: Description = serde_json::from_str(&answer.stdout).map_err(|error| {
             let said = &answer.stderr;
@@ -468,12 +466,10 @@ impl Binary {
                 })?
             }
         };
-        if answer.is_success {
-            return Ok(());
+        match objection(&answer, self.host.is_some()) {
+            None => Ok(()),
+            Some(why) => Err(self.refused_job(&why)),
         }
-        let reason = answer.stderr.trim().trim_start_matches("error: ");
-        // A user's library may print its reason to either stream.
-        Err(self.refused_job(format!("{reason}\n{}", answer.stdout).trim()))
     }
 
     /// Returns the command that starts it in a session, here or on its target.

@@ -5,10 +5,12 @@
 
 use std::fmt::Write as _;
 
-use hil_config::plan::{FaultEvent, FaultSource, Trigger};
+use hil_config::plan::{FaultEvent, FaultSource, PLANT_KEYS, Trigger};
 use serde::Serialize;
 use shared_types::number::short_in;
-use shared_types::record::{Event, FaultAccepted, FaultBegun, FaultEffectSize, FaultEnded};
+use shared_types::record::{
+    Event, FaultAccepted, FaultBegun, FaultEffectSize, FaultEnded, ValueChange,
+};
 use shared_types::time::{Rate, Step};
 
 /// Fault events of a run.
@@ -22,6 +24,8 @@ pub struct FaultLog {
     pub ended: Vec<FaultEnded>,
     /// Sizes of the effects from the plant's final report; `None` if the plant died before it.
     pub sizes: Option<Vec<FaultEffectSize>>,
+    /// Keys of parameters whose changes the model does not confirm.
+    pub unconfirmed: Vec<String>,
 }
 
 /// Accepted live fault.
@@ -81,6 +85,9 @@ struct Effect {
     /// `true` if the effect became active and changed nothing.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     no_effect: bool,
+    /// The parameter cannot be read back from the model: nothing confirms the effect.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    unconfirmed: bool,
 }
 
 impl FaultLog {
@@ -97,7 +104,10 @@ impl FaultLog {
             }
             Event::Fault(taken) => self.taken.push(taken.clone()),
             Event::FaultEnded(ended) => self.ended.push(ended.clone()),
-            Event::End(end) => self.sizes = Some(end.effects.clone()),
+            Event::End(end) => {
+                self.sizes = Some(end.effects.clone());
+                self.unconfirmed.clone_from(&end.unconfirmed);
+            }
             Event::Controller(_) | Event::Change(_) | Event::Mark(_) => {}
         }
         Ok(())
@@ -110,6 +120,15 @@ impl FaultLog {
         let live = self.accepted.iter();
         let live = live.map(|live| self.fault(&live.event, Some(live.step), rate));
         planned.chain(live).collect()
+    }
+
+    /// Keys of a change that the model does not confirm.
+    #[must_use]
+    pub fn unconfirmed_of(&self, change: &ValueChange) -> Vec<String> {
+        let keys = change.set.iter().map(|one| &one.key);
+        keys.filter(|key| self.unconfirmed.contains(key))
+            .cloned()
+            .collect()
     }
 
     fn fault(&self, event: &FaultEvent, accepted_step: Option<u64>, rate: Rate) -> Fault {
@@ -162,6 +181,10 @@ impl FaultLog {
             unit: size.map(|size| size.unit.clone()),
             acted_steps: size.map(|size| size.acted_steps),
             no_effect: reported.is_some_and(|size| size.acted_steps == 0),
+            unconfirmed: (target.strip_prefix("parameter.")).is_some_and(|name| {
+                let key = format!("{PLANT_KEYS}{name}");
+                (begun.is_some() || reported.is_some()) && self.unconfirmed.contains(&key)
+            }),
         }
     }
 
@@ -190,6 +213,15 @@ impl FaultLog {
                 }
             }
         }
+    }
+}
+
+/// Names keys whose change is not confirmed, to follow the description of the change; empty without one.
+#[must_use]
+pub fn not_confirmed(keys: &[String]) -> String {
+    match keys {
+        [] => String::new(),
+        keys => format!(" (not confirmed: {})", keys.join(", ")),
     }
 }
 
@@ -224,6 +256,9 @@ impl Fault {
                 (_, Some(size), Some(unit)) => write!(text, " {}", short_in(size, unit)),
                 _ => write!(text, " of unknown size"),
             };
+            if effect.unconfirmed {
+                text.push_str(" (not confirmed)");
+            }
             if let Some(step) = effect.ended_step {
                 let how = if effect.cleared { "cleared" } else { "ended" };
                 let _ = write!(text, " ({how} at step {step})");

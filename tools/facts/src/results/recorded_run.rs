@@ -34,18 +34,38 @@ pub struct RecordedRun {
     pub plan: Plan,
 }
 
+/// Spells a name as recordings do.
+fn recorded(name: &str) -> String {
+    match name.split_once('.') {
+        Some((group, name)) => column_name(group, name),
+        None => name.into(),
+    }
+}
+
 impl RecordedRun {
     /// Returns the aliases of its signals, each with the recorded name.
     pub fn aliases(&self) -> Vec<(String, String)> {
         let layout = self.plan.record_layout(&self.plant, &self.law);
         let aliases = Columns::from(&layout).aliases().into_iter();
-        let recorded = |name: String| match name.split_once('.') {
-            Some((group, name)) => column_name(group, name),
-            None => name,
-        };
         aliases
-            .map(|(alias, name)| (alias, recorded(name)))
+            .map(|(alias, name)| (alias, recorded(&name)))
             .collect()
+    }
+
+    /// Returns the name that a recording has for a signal, of which this may be a further name.
+    #[must_use]
+    pub fn own_name(reader: &RunReader, name: &str) -> String {
+        let spelt = recorded(name);
+        for name in [name, &spelt] {
+            if reader.place(name).is_some() {
+                return name.into();
+            }
+        }
+        // A recording of another program has no further names.
+        let run = Self::of(reader, reader.path());
+        let mut aliases = run.map(|run| run.aliases()).unwrap_or_default().into_iter();
+        let own = aliases.find(|(alias, _)| alias == name || recorded(alias) == name);
+        own.map_or_else(|| name.into(), |(_, own)| own)
     }
 
     /// Reads a run from its recording; problems of its scenario name `origin`.

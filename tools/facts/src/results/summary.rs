@@ -189,6 +189,9 @@ pub(crate) struct ChangeAt {
     #[serde(flatten)]
     change: ValueChange,
     at_s: f64,
+    /// Keys of parameters that cannot be read back from the model: nothing confirms their change.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    unconfirmed: Vec<String>,
 }
 
 /// Mark with its step and time.
@@ -331,6 +334,7 @@ impl Summary {
                 .map(|change| ChangeAt {
                     change: change.clone(),
                     at_s: plan.run.rate.seconds(Step(change.step)),
+                    unconfirmed: recorded.faults.unconfirmed_of(change),
                 })
                 .collect(),
             marks: marks(&recorded.marks, plan.run.rate),

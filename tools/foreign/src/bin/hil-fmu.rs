@@ -8,7 +8,9 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use glob::Pattern;
-use hil_foreign::fmi::{Fmu, Model, Permissions, begin_trial, leave, sides};
+use hil_foreign::fmi::{
+    Fmu, Model, Permissions, begin_trial, end_trial, leave, share_calls, sides,
+};
 use hil_session::program::{self, Program, UNUSABLE};
 use hil_session::session::SessionInfo;
 use hil_session::supervision::Supervision;
@@ -145,10 +147,14 @@ impl<P: Program> Program for Described<'_, P> {
             (self.model.check_run(length_s)).map_err(|invalid| invalid.to_string())?;
         }
         begin_trial();
-        self.inner.check(job)
+        self.inner.check(job)?;
+        end_trial();
+        Ok(())
     }
 
     fn serve(&self, session: &SessionInfo, supervision: &Supervision) -> Result<u8, String> {
+        // Without it a kill names no call.
+        let _ = share_calls(&session.folder);
         self.inner.serve(session, supervision)
     }
 }

@@ -9,6 +9,7 @@ use std::fmt;
 mod encoding;
 mod reading;
 mod sizes;
+mod slips;
 mod structure;
 mod tree;
 
@@ -249,6 +250,9 @@ pub enum Initial {
     Calculated,
 }
 
+/// Reference of a variable whose own is missing or of another one: it is no other name of anything.
+pub const UNREFERENCED: u32 = u32::MAX;
+
 /// Variable of a model description.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variable {
@@ -307,6 +311,13 @@ impl Variable {
         let min = self.min.filter(|min| is_range && *min > low);
         let max = self.max.filter(|max| is_range && *max < high);
         (min.unwrap_or(low), max.unwrap_or(high))
+    }
+
+    /// Returns `true` if it is a number and a parameter whose value the model does not tell.
+    #[must_use]
+    pub fn lacks_start(&self) -> bool {
+        let has_start = self.is_resized || self.start.len() == self.elements();
+        self.causality == Causality::Parameter && self.kind.range().is_some() && !has_start
     }
 
     /// Returns `true` if the variable is not needed from outside.

@@ -66,6 +66,8 @@ pub(super) struct Instance {
     tuned: Vec<f64>,
     wanted: Vec<f64>,
     unconfirmed: Unconfirmed,
+    /// First parameter that the FMU has at its start with another value than it was set to.
+    other_start: Option<String>,
     inputs: Values,
     outputs: Values,
     /// Latest values of outputs, then of local signals.
@@ -109,6 +111,7 @@ impl Instance {
             tuned,
             tunable_places,
             unconfirmed: Unconfirmed::default(),
+            other_start: None,
             inputs: values(&tables.inputs),
             outputs: values(&signals),
             signals: vec![0.0; signals.len()],
@@ -211,6 +214,21 @@ impl Instance {
     /// Returns the latest values of outputs, then of local signals.
     pub(super) fn signals(&self) -> &[f64] {
         &self.signals
+    }
+
+    /// Checks that the instance began with the parameters that it was started with.
+    ///
+    /// # Errors
+    /// The first one of another value.
+    pub(super) fn check_start(&self) -> Result<(), Invalid> {
+        self.other_start
+            .clone()
+            .map_or(Ok(()), |why| Err(Invalid(why)))
+    }
+
+    /// Names of the parameters that the library does not let be read.
+    pub(super) fn unreadable(&self) -> Vec<String> {
+        self.unconfirmed.names()
     }
 
     /// Accepts a row of all parameters; tunable ones take effect from the next step on.

@@ -53,7 +53,7 @@ impl Journal {
         let message = text::line(message.trim_end());
         let category = text::line(category);
         program::say(&format!("fmu: {status}: {category}: {message}"));
-        if status != Status::Ok {
+        if status != Status::Ok && !message.is_empty() {
             let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
             *last = Some(message);
         }
@@ -233,6 +233,17 @@ mod tests {
             last_message("%s", long.as_ptr() as usize),
             "x".repeat(LONGEST)
         );
+    }
+
+    #[test]
+    fn a_message_without_a_text_is_no_reason() {
+        let journal = Journal::open();
+        journal.note(3, "error", "the pump cavitates");
+        journal.note(3, "error", " \n");
+        assert_eq!(journal.last().as_deref(), Some("the pump cavitates"));
+        let silent = Journal::open();
+        silent.note(3, "error", "");
+        assert_eq!(silent.last(), None);
     }
 
     #[test]

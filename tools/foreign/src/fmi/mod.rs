@@ -12,11 +12,13 @@
 //! side; it is not restricted beyond the rights of the user.
 
 use std::collections::BTreeSet;
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use glob::Pattern;
 use hil_session::private_folder::PrivateFolder;
+use hil_session::program;
 use shared_types::describe::{Invalid, LibraryNeeds, ModelSettings};
 
 use archive::{Archive, ArchiveError, LIMITS, Limits, TRUSTED};
@@ -300,6 +302,22 @@ impl Fmu {
 /// then.
 pub fn begin_trial() {
     crate::crash::begin_trial();
+}
+
+/// Keeps the name of the call that is going on in a session's folder, where `hil` finds it if this process is killed.
+///
+/// # Errors
+/// If there is no room for it.
+pub fn share_calls(folder: &Path) -> std::io::Result<()> {
+    let path = program::call_file(folder, std::process::id());
+    let mut options = std::fs::OpenOptions::new();
+    options.read(true).write(true).create_new(true).mode(0o600);
+    crate::crash::share(&options.open(path)?)
+}
+
+/// Says on standard output that a trial was done to its end, which an FMU may keep from coming by ending the process.
+pub fn end_trial() {
+    crate::crash::say_checked();
 }
 
 /// Ends this process without running exit handlers: an interpreter embedded in an FMU would tear itself down there

@@ -177,6 +177,14 @@ impl PlantModel for FmuPlant {
         check_period(self.0.model(), period_s, "run.rate_hz")
     }
 
+    fn check_start(&self) -> Result<(), Invalid> {
+        self.0.check_start()
+    }
+
+    fn unreadable(&self) -> Vec<String> {
+        self.0.unreadable()
+    }
+
     fn save(&self) -> Result<State, Invalid> {
         self.0.save()
     }
@@ -237,6 +245,14 @@ impl Law for FmuLaw {
 
     fn retune(&mut self, setup: &TunedRows<'_>, _: Transition) {
         self.instance.retune(setup.parameters);
+    }
+
+    fn check_start(&self) -> Result<(), Invalid> {
+        self.instance.check_start()
+    }
+
+    fn unreadable(&self) -> Vec<String> {
+        self.instance.unreadable()
     }
 
     fn save(&self) -> Result<State, Invalid> {

@@ -1,7 +1,7 @@
 //! Start of an instance: settings of the scenario that apply before or during initialisation, other than parameters.
 //!
 //! Names may be those of the FMU or the corresponding names here. A variable may be set where the standard allows it:
-//! inputs, and variables whose `initial` is `exact` or `approx`.
+//! inputs, variables whose `initial` is `exact` or `approx`, and parameters without a start value, which have no column.
 
 use std::collections::BTreeMap;
 use std::ffi::CString;
@@ -131,6 +131,7 @@ fn may_be_set(variable: &Variable) -> Result<(), &'static str> {
         return Err("has a clock");
     }
     match (variable.causality, variable.initial) {
+        (Causality::Parameter, _) if variable.lacks_start() && !variable.is_constant => Ok(()),
         (Causality::Parameter, _) => Err("is a parameter, which `parameters` sets"),
         (Causality::StructuralParameter, _) => {
             Err("is a structural parameter, which `structural` sets")
@@ -211,6 +212,12 @@ fn initial(model: &ModelDescription, given: &BTreeMap<String, f64>) -> Result<Pr
 }
 
 fn check_value(variable: &Variable, name: &str, value: f64) -> Result<(), Invalid> {
+    if variable.kind.range().is_none() {
+        let kind = variable.kind.name();
+        return Err(Invalid(format!(
+            "`initial.{name}`: it is a {kind}, not a number"
+        )));
+    }
     let (min, max) = variable.bounds();
     if !(min..=max).contains(&value) {
         return Err(Invalid(format!(

@@ -253,8 +253,8 @@ fn unsupported(variable: &Variable, is_parameter: bool) -> Option<String> {
     if is_parameter && variable.is_constant {
         return Some("it is constant and keeps its start value".into());
     }
-    let is_told = variable.is_resized || variable.start.len() == variable.elements();
-    (is_parameter && !is_told).then(|| "it is a parameter without a start value".into())
+    (variable.lacks_start())
+        .then(|| "it is a parameter without a start value; `initial` sets it".into())
 }
 
 /// Returns `true` if a local signal with these names is requested, and marks the matching patterns.

@@ -45,7 +45,22 @@ pub struct SwapArguments {
     /// Change a value of the scenario that begins with `controller.`; may be given several times
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
+    /// Time that the new controller may take to describe itself, to check its job and to take over, each; at least that
+    /// of the run [default: that of the run]
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        value_parser = limit_s,
+        allow_negative_numbers = true
+    )]
+    pub wait_limit: Option<f64>,
     /// Session
     #[command(flatten)]
     pub session: SessionChoice,
+}
+
+/// Reads a limit: a number above 0, or `inf`.
+fn limit_s(text: &str) -> Result<f64, String> {
+    let limit_s = text.parse().ok().filter(|limit_s| *limit_s > 0.0);
+    limit_s.ok_or_else(|| "expected a number above 0, or inf".into())
 }

@@ -8,6 +8,7 @@ use hil_console::files::kind::FileKind::{
     self, Campaign, Fmu, Program, Recording, Scenario, Study,
 };
 use hil_console::terminal::exit::Failure;
+use hil_verification::arguments::recordings::ScenarioAction;
 
 use crate::arguments::Command;
 use crate::arguments::config::ConfigAction;
@@ -39,10 +40,25 @@ pub(super) fn refuse_other_kinds(command: &Command) -> Result<(), Failure> {
         Command::Campaign(arguments) => match &arguments.action {
             CampaignAction::Check(it) => (vec![it.study.as_path()], &[Study]),
             CampaignAction::Plan(it) => (vec![it.check.study.as_path()], &[Study]),
+            CampaignAction::Compare(it) => (vec![&it.first, &it.second], &[Campaign]),
             CampaignAction::Run(it) => (vec![it.folder.as_path()], &[Campaign]),
             CampaignAction::Show(it) => (vec![it.folder.as_path()], &[Campaign]),
-            _ => return Ok(()),
+            CampaignAction::Status(it) => (vec![it.folder.as_path()], &[Campaign]),
+            CampaignAction::Case(it) => (vec![it.folder.as_path()], &[Campaign]),
+            CampaignAction::Collect(it) => (vec![it.folder.as_path()], &[Campaign]),
+            CampaignAction::Grow(it) => (vec![it.folder.as_path()], &[Campaign]),
+            CampaignAction::Submit(it) => (vec![it.folder.as_path()], &[Campaign]),
+            CampaignAction::Work(it) => (vec![it.folder.as_path()], &[Campaign]),
         },
+        Command::Latency(arguments) => {
+            let paths = arguments.run.iter().map(PathBuf::as_path);
+            (paths.collect(), &[Recording])
+        }
+        Command::Scenario(arguments) => {
+            let ScenarioAction::From(it) = &arguments.action;
+            (vec![it.run.as_path()], &[Recording])
+        }
+        Command::Layout(arguments) => (vec![arguments.run.as_path()], &[Recording]),
         Command::Report(arguments) => {
             let paths = arguments.runs.iter().map(PathBuf::as_path);
             (paths.collect(), &[Recording, Campaign])

@@ -14,8 +14,10 @@ use shared_types::live::Refusal;
 
 use crate::arguments::swap::SwapArguments;
 
-/// Time limit for `hil` to answer: a stopped process never does.
+/// Time limit for `hil` to answer, in addition to that of the new controller: a stopped process never does.
 const ANSWER_LIMIT: Duration = Duration::from_secs(120);
+/// Parts of a swap that may take the wait limit, each: description, check and start.
+const PARTS: f64 = 3.0;
 
 /// Runs the command.
 ///
@@ -57,8 +59,13 @@ fn ask(arguments: &SwapArguments) -> Result<Swapped, RequestError> {
     let request = Request {
         binary,
         set: arguments.set.clone(),
+        wait_limit_s: arguments.wait_limit,
     };
-    match ask_at(&session, SOCKET, &request, ANSWER_LIMIT) {
+    let parts_s = PARTS * arguments.wait_limit.unwrap_or_default();
+    let parts = Duration::try_from_secs_f64(parts_s);
+    // Without a limit: some 100 years.
+    let parts = parts.unwrap_or(Duration::from_secs(u32::MAX.into()));
+    match ask_at(&session, SOCKET, &request, ANSWER_LIMIT.saturating_add(parts)) {
         Ok(Response::Swapped(swapped)) => Ok(swapped),
         Ok(Response::Refused { reason }) => Err(Refusal::new(reason).into()),
         Err(LiveError::Absent(name)) => Err(Refusal::new(format!(

@@ -63,6 +63,16 @@ impl Tolerances {
         self.of.insert(signal.into(), tolerance);
     }
 
+    /// Replaces the names of signals.
+    #[must_use]
+    pub fn renamed(&self, rename: impl Fn(&str) -> String) -> Self {
+        let of = self.of.iter();
+        Self {
+            all: self.all,
+            of: of.map(|(name, value)| (rename(name), *value)).collect(),
+        }
+    }
+
     /// Returns the tolerance of a signal.
     #[must_use]
     pub fn of(&self, signal: &str) -> f64 {

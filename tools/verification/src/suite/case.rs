@@ -2,7 +2,7 @@
 
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use hil_config::plan::{Clock, Plan};
 use hil_console::terminal::exit::{Exit, Failure};
@@ -138,6 +138,22 @@ fn isolated<T>(run: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failure> {
 }
 
 impl Row {
+    /// Makes the row of a scenario that cannot be run.
+    pub(super) fn refused(scenario: &Path, problem: &str) -> Self {
+        let stem = scenario.file_stem().unwrap_or(scenario.as_os_str());
+        Self {
+            label: stem.to_string_lossy().into_owned(),
+            law: String::new(),
+            origin: scenario.display().to_string(),
+            exit: Exit::Usage,
+            skipped: None,
+            failure: Some(Failure::Usage(problem.into())),
+            disagreement: None,
+            ran: None,
+            begun: None,
+        }
+    }
+
     /// Returns the verdict in one word. It follows the exit code, which separates findings from infrastructure
     /// failures: a diverged run is a `fail` here, but `aborted` in its own summary.
     pub(super) const fn verdict(&self) -> &'static str {

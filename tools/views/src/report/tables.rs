@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use hil_config::plan::Published;
 use hil_console::terminal::duration::shown_ns;
+use hil_facts::results::faults::not_confirmed;
 use hil_facts::results::latency::legs::{LatencySummary, without_command};
 use hil_facts::results::latency::percentiles::Percentiles;
 use hil_facts::results::latency::spikes::Spike;
@@ -199,7 +200,7 @@ pub(super) fn events(runs: &[Run]) -> Markup {
                     li { "controller " (change.epoch) ", step " (change.step) ": " (changed(change)) }
                 }
                 @for change in &run.outcome.recorded.values {
-                    li { "change " (change.id) ", step " (change.step) ", " (seconds(run.rate.seconds(Step(change.step)))) " s: " (change.described()) }
+                    li { "change " (change.id) ", step " (change.step) ", " (seconds(run.rate.seconds(Step(change.step)))) " s: " (change.described()) (not_confirmed(&run.outcome.recorded.faults.unconfirmed_of(change))) }
                 }
                 @for mark in &run.outcome.recorded.marks {
                     li { "mark, step " (mark.step) ", " (seconds(run.rate.seconds(Step(mark.step)))) " s: " (mark.text) }

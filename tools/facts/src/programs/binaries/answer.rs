@@ -6,6 +6,7 @@ use std::path::Path;
 
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
+use hil_session::program::CHECKED;
 use hil_target::asking::{NoAnswer, ask};
 use hil_target::contact::Answer;
 use serde_json::Value;
@@ -23,6 +24,33 @@ pub(super) fn refusal(stderr: &str) -> Option<&str> {
         .take_while(|line| !begins(line));
     let begin: usize = before.map(str::len).sum();
     Some(stderr[begin..].strip_prefix(REASON)?.trim())
+}
+
+/// Returns the reason for which an answer has no description, if it has none.
+pub(super) fn silence(answer: &Answer) -> Option<String> {
+    let is_silent = answer.stdout.trim().is_empty();
+    // A library of somebody else may write there too.
+    let is_described = answer.stdout.trim_start().starts_with('{');
+    match refusal(&answer.stderr) {
+        Some(reason) if !answer.is_success || !is_described => Some(text::printable(reason).into()),
+        None if answer.is_success && is_silent => Some("it ended without a description".into()),
+        _ => None,
+    }
+}
+
+/// Returns the reason for which a job was refused; `None` if it was accepted. A host of foreign code must say that the
+/// check was done.
+pub(super) fn objection(answer: &Answer, is_host: bool) -> Option<String> {
+    let is_done = || answer.stdout.lines().any(|line| line == CHECKED);
+    if answer.is_success {
+        let why = refusal(&answer.stderr).map_or_else(String::new, |why| format!(": {why}"));
+        return (is_host && !is_done())
+            .then(|| format!("it ended its process with exit code 0 while it was checked{why}"));
+    }
+    let reason = answer.stderr.trim().trim_start_matches("error: ");
+    // A library of somebody else may give its reason on either.
+    let why = format!("{reason}\n{}", answer.stdout);
+    Some(why.trim().to_owned())
 }
 
 /// Runs a program on this machine and returns its answer; the inner error is its own.

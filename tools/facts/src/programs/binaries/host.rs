@@ -12,6 +12,7 @@ use std::process::Command;
 use hil_config::plan::Permissions;
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
+use hil_session::private_folder;
 use hil_target::contact::Answer;
 use shared_types::describe::ModelSettings;
 
@@ -90,7 +91,10 @@ impl Host {
         let all: Vec<&OsStr> = { own.iter().copied() }
             .chain(arguments.iter().copied())
             .collect();
-        asked(&self.path, &all, interruption)
+        let answer = asked(&self.path, &all, interruption);
+        // One that was ended by its model leaves what it unpacked.
+        private_folder::sweep();
+        answer
     }
 
     fn arguments<'a>(&'a self, model: &'a Path) -> Vec<&'a OsStr> {

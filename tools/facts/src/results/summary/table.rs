@@ -12,6 +12,7 @@ use shared_types::record::RunEnd;
 
 use super::{ChangeAt, MarkAt, Metric, Missed, Recording, Summary};
 use crate::results::company::Company;
+use crate::results::faults::not_confirmed;
 use crate::results::handover::Laws;
 use crate::results::latency::legs::without_command;
 use crate::results::latency::percentiles::Percentiles;
@@ -90,12 +91,18 @@ impl Summary {
         for fault in &self.faults {
             writeln!(text, "  {}", fault.describe())?;
         }
-        for ChangeAt { change, at_s } in self.changes.iter().take(MOST_SHOWN) {
+        for ChangeAt {
+            change,
+            at_s,
+            unconfirmed,
+        } in self.changes.iter().take(MOST_SHOWN)
+        {
             let (id, step, description) = (change.id, change.step, change.described());
             let live = if change.live { " (live)" } else { "" };
             writeln!(
                 text,
-                "  change {id}{live} at step {step} ({at_s} s): {description}"
+                "  change {id}{live} at step {step} ({at_s} s): {description}{}",
+                not_confirmed(unconfirmed)
             )?;
         }
         if self.changes.len() > MOST_SHOWN {

@@ -1,14 +1,15 @@
 //! Conversion of the elements of a document to a model description.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use super::encoding::decoded;
 use super::sizes::{dimensions, resize};
+use super::slips::{drop_bounds, name_once, positive, units, unusable, unusable_unit};
 use super::structure::dependencies;
 use super::tree::{Element, shortened};
 use super::{
-    BASE_UNITS, BaseUnit, Causality, DescriptionError, Experiment, Initial, ModelDescription, Unit,
-    Variable, VariableType, Version,
+    Causality, DescriptionError, Experiment, Initial, ModelDescription, Variable, VariableType,
+    Version,
 };
 
 /// Maximum total number of elements of all variables: a short text could require more memory than exists.
@@ -74,9 +75,9 @@ impl ModelDescription {
             Version::Two => ["canGetAndSetFMUstate", "canSerializeFMUstate"],
             Version::Three => ["canGetAndSetFMUState", "canSerializeFMUState"],
         };
-        let mut variables = variables(&root, version, sizes)?;
-        let units = units(&root)?;
         let mut notes = Vec::new();
+        let mut variables = variables(&root, version, sizes, &mut notes)?;
+        let units = units(&root, &mut notes);
         let internal_step_s = positive(simulation, "fixedInternalStepSize", &mut notes);
         notes.extend(units.iter().filter_map(unusable_unit));
         for variable in &mut variables {
@@ -106,7 +107,7 @@ impl ModelDescription {
                 .filter_map(|category| category.text("name").map(str::to_owned))
                 .collect(),
             units,
-            dependencies: dependencies(&root, version, &variables)?,
+            dependencies: dependencies(&root, version, &variables, &mut notes),
             variables,
             notes,
         })
@@ -123,40 +124,6 @@ fn experiment(root: &Element) -> Experiment {
     Experiment {
         start_s: number("startTime"),
         tolerance: number("tolerance").filter(|tolerance| *tolerance > 0.0),
-    }
-}
-
-/// Reads a number that the standard requires to be above 0. Any other value is treated as missing, with a note.
-fn positive(element: &Element, name: &str, notes: &mut Vec<String>) -> Option<f64> {
-    let text = element.text(name)?;
-    let number: Option<f64> = text.trim().parse().ok();
-    let usable = number.filter(|number| number.is_finite() && *number > 0.0);
-    if usable.is_none() {
-        let (element, text) = (&element.name, shortened(text));
-        notes.push(format!(
-            "`{name}` of {element} is {text:?} and not a number above 0; it is ignored"
-        ));
-    }
-    usable
-}
-
-/// Returns a note about a unit whose definition is unusable.
-fn unusable_unit(unit: &Unit) -> Option<String> {
-    let BaseUnit { factor, offset, .. } = unit.base?;
-    let is_usable = factor.is_finite() && factor != 0.0 && offset.is_finite();
-    let name = shortened(&unit.name);
-    (!is_usable).then(|| {
-        format!("unit {name:?} has the factor {factor} and the offset {offset}; nothing is converted by it")
-    })
-}
-
-/// Removes bounds that are not numbers, with a note.
-fn drop_bounds(variable: &mut Variable, notes: &mut Vec<String>) {
-    let name = shortened(&variable.name);
-    for (which, bound) in [("min", &mut variable.min), ("max", &mut variable.max)] {
-        if bound.take_if(|bound| bound.is_nan()).is_some() {
-            notes.push(format!("`{which}` of {name:?} is NaN; it is ignored"));
-        }
     }
 }
 
@@ -193,31 +160,6 @@ fn co_simulation(root: &Element) -> Result<&Element, DescriptionError> {
     Ok(simulation)
 }
 
-fn units(root: &Element) -> Result<Vec<Unit>, DescriptionError> {
-    let mut units = Vec::new();
-    for unit in root.list("UnitDefinitions") {
-        let base = match unit.child("BaseUnit") {
-            None => None,
-            Some(base) => {
-                let mut exponents = [0; 8];
-                for (exponent, name) in exponents.iter_mut().zip(BASE_UNITS) {
-                    *exponent = base.value(name)?.unwrap_or(0);
-                }
-                Some(BaseUnit {
-                    exponents,
-                    factor: base.value("factor")?.unwrap_or(1.0),
-                    offset: base.value("offset")?.unwrap_or(0.0),
-                })
-            }
-        };
-        units.push(Unit {
-            name: unit.needed("name")?.into(),
-            base,
-        });
-    }
-    Ok(units)
-}
-
 /// Maps type names to elements: in FMI 2 to the element with the type's attributes in each definition, in FMI 3 to
 /// the definition itself.
 fn types(root: &Element, version: Version) -> Types<'_> {
@@ -236,6 +178,7 @@ fn variables(
     root: &Element,
     version: Version,
     sizes: &BTreeMap<String, u64>,
+    notes: &mut Vec<String>,
 ) -> Result<Vec<Variable>, DescriptionError> {
     let types = types(root, version);
     let mut variables = Vec::new();
@@ -250,19 +193,20 @@ fn variables(
             false => Ok(()),
         }
     };
-    for element in root.list("ModelVariables") {
-        let (of, kind) = match version {
-            Version::Two => match element.children.iter().find_map(|of| Some((of, two(of)?))) {
-                Some(found) if element.name == "ScalarVariable" => found,
-                _ => return Err(element.wrong("type", "is missing or unknown")),
-            },
-            Version::Three => match KINDS.iter().find(|(name, _)| *name == element.name) {
-                Some((_, kind)) => (element, *kind),
-                None => return Err(element.wrong("type", "is unknown")),
-            },
+    for (number, element) in (1..).zip(root.list("ModelVariables")) {
+        let typed = match version {
+            Version::Two => (element.children.iter().find_map(|of| Some((of, two(of)?))))
+                .filter(|_| element.name == "ScalarVariable"),
+            Version::Three => (KINDS.iter().find(|(name, _)| *name == element.name))
+                .map(|(_, kind)| (element, *kind)),
         };
-        let variable =
-            variable(element, of, kind, &types).or_else(|error| unusable(element, kind, error))?;
+        let of = typed.map_or(element, |(of, _)| of);
+        let variable = match typed {
+            Some((of, kind)) => variable(element, of, kind, &types),
+            None => Err(element.wrong("type", "is missing or unknown")),
+        };
+        let kind = typed.map(|(_, kind)| kind);
+        let variable = variable.or_else(|error| unusable(element, kind, number, error))?;
         let sizes: Vec<&Element> = (of.children.iter())
             .filter(|child| version == Version::Three && child.name == "Dimension")
             .collect();
@@ -270,15 +214,20 @@ fn variables(
             .filter(|child| version == Version::Three && child.name == "Alias")
             .collect();
         add((1 + aliases.len()) * variable.start.len())?;
-        let aliases = aliases.into_iter().map(|alias| {
+        let aliases = aliases.into_iter().filter_map(|alias| {
+            let Some(name) = alias.text("name") else {
+                let name = shortened(&variable.name);
+                notes.push(format!("an alias of {name:?} has no name; it is ignored"));
+                return None;
+            };
             let description = alias.text("description");
-            Ok(Variable {
-                name: alias.needed("name")?.into(),
+            Some(Variable {
+                name: name.into(),
                 description: description.unwrap_or(&variable.description).into(),
                 ..variable.clone()
             })
         });
-        let aliases: Vec<Variable> = aliases.collect::<Result<_, DescriptionError>>()?;
+        let aliases: Vec<Variable> = aliases.collect();
         structure.extend(std::iter::repeat_n(sizes, 1 + aliases.len()));
         variables.push(variable);
         variables.extend(aliases);
@@ -318,51 +267,8 @@ fn variables(
             )));
         }
     }
-    let mut names = BTreeSet::new();
-    if let Some(twice) = variables.iter().find(|one| !names.insert(&one.name)) {
-        let name = &twice.name;
-        return Err(DescriptionError::Content(format!(
-            "variable {name:?} is there twice"
-        )));
-    }
+    name_once(&mut variables)?;
     Ok(variables)
-}
-
-/// Creates an entry for a local variable that cannot be used, with the reason.
-fn unusable(
-    element: &Element,
-    kind: VariableType,
-    error: DescriptionError,
-) -> Result<Variable, DescriptionError> {
-    let (name, reference) = (element.text("name"), element.value("valueReference"));
-    let (Some(name), Ok(Some(reference)), Ok(causality)) = (name, reference, causality(element))
-    else {
-        return Err(error);
-    };
-    let variable = Variable {
-        name: name.into(),
-        description: String::new(),
-        reference,
-        kind,
-        causality,
-        is_tunable: false,
-        is_constant: false,
-        is_clocked: false,
-        is_resized: false,
-        initial: Initial::Calculated,
-        start: Vec::new(),
-        items: Vec::new(),
-        unusable: Some(error.clone().reason()),
-        unit: None,
-        is_difference: false,
-        min: None,
-        max: None,
-        dimensions: Vec::new(),
-    };
-    match variable.is_inner() {
-        true => Ok(variable),
-        false => Err(error),
-    }
 }
 
 fn two(element: &Element) -> Option<VariableType> {
@@ -444,7 +350,7 @@ fn variable(
     })
 }
 
-fn causality(element: &Element) -> Result<Causality, DescriptionError> {
+pub(super) fn causality(element: &Element) -> Result<Causality, DescriptionError> {
     Ok(match element.text("causality") {
         None | Some("local") => Causality::Local,
         Some("parameter") => Causality::Parameter,

@@ -1,16 +1,18 @@
 //! Structure of a model: the variables that each output depends on directly.
 
 use super::tree::Element;
-use super::{Dependency, DescriptionError, Variable, Version};
+use super::{Dependency, Variable, Version};
 
-/// Reads the direct dependencies of the outputs that the model structure lists.
+/// Reads the direct dependencies of the outputs that the model structure lists. An entry that is no output is skipped, and
+/// an output whose dependencies cannot be read may depend on all inputs.
 pub(super) fn dependencies(
     root: &Element,
     version: Version,
     variables: &[Variable],
-) -> Result<Vec<Dependency>, DescriptionError> {
+    notes: &mut Vec<String>,
+) -> Vec<Dependency> {
     let Some(structure) = root.child("ModelStructure") else {
-        return Ok(Vec::new());
+        return Vec::new();
     };
     let (outputs, name): (Vec<&Element>, _) = match version {
         Version::Two => (structure.list("Outputs").iter().collect(), "index"),
@@ -31,17 +33,21 @@ pub(super) fn dependencies(
             Version::Three => Some(number),
         };
         let wrong = |name: &str| output.wrong(name, "names no variable");
-        let number = (output.value(name)?).and_then(reference);
-        let on = match output.text("dependencies") {
-            None => None,
-            Some(text) => {
-                let numbers = text.split_ascii_whitespace().map(|word| word.parse().ok());
-                let on: Option<Vec<u32>> = numbers.map(|number| reference(number?)).collect();
-                Some(on.ok_or_else(|| wrong("dependencies"))?)
-            }
+        let number = output.value(name).map(|number| number.and_then(reference));
+        let Some(of) = number.unwrap_or_default() else {
+            notes.push(format!("{}; it is ignored", wrong(name).reason()));
+            continue;
         };
-        let output = number.ok_or_else(|| wrong(name))?;
-        dependencies.push(Dependency { output, on });
+        let on = output.text("dependencies").and_then(|text| {
+            let numbers = text.split_ascii_whitespace().map(|word| word.parse().ok());
+            let on: Option<Vec<u32>> = numbers.map(|number| reference(number?)).collect();
+            if on.is_none() {
+                let reason = wrong("dependencies").reason();
+                notes.push(format!("{reason}; it may depend on all inputs"));
+            }
+            on
+        });
+        dependencies.push(Dependency { output: of, on });
     }
-    Ok(dependencies)
+    dependencies
 }

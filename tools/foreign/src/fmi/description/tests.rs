@@ -164,6 +164,95 @@ fn an_unreadable_local_variable_keeps_its_entry_with_a_reason() {
 }
 
 #[test]
+fn an_unusable_inner_variable_is_left_out_and_one_of_the_loop_is_refused() {
+    let slips = [
+        ("Float64", "", "`valueReference` of"),
+        ("Float64", "valueReference=\"-1\"", "`valueReference` of"),
+        (
+            "Float64",
+            "valueReference=\"4294967296\"",
+            "`valueReference` of",
+        ),
+        ("Float128", "valueReference=\"3\"", "`type` of"),
+    ];
+    for (three, attributes, reason) in slips {
+        let of = |causality: &str| {
+            let two = three.replace("Float64", "Real");
+            let head = format!("name=\"s\" {attributes} {causality}");
+            let output = "name=\"y\" valueReference=\"9\" causality=\"output\"";
+            let three =
+                format!("<ModelVariables><{three} {head}/><Float64 {output}/></ModelVariables>");
+            let two = format!(
+                "<fmiModelDescription fmiVersion=\"2.0\" modelName=\"m\" guid=\"t\"><CoSimulation modelIdentifier=\"m\"/>\
+                 <ModelVariables><ScalarVariable {head}><{two}/></ScalarVariable>\
+                 <ScalarVariable {output}><Real/></ScalarVariable></ModelVariables>\
+                 <ModelStructure><Outputs><Unknown index=\"2\" dependencies=\"1\"/></Outputs></ModelStructure>\
+                 </fmiModelDescription>"
+            );
+            [read(&three), ModelDescription::read(&two)]
+        };
+        for model in of("causality=\"local\"") {
+            let model = model.expect(attributes);
+            let told = model.variables[0].unusable.as_deref().unwrap_or_default();
+            assert!(told.contains(reason), "{told}");
+            assert_eq!(model.variables[1].unusable, None);
+        }
+        for causality in ["input", "output", "parameter"] {
+            for model in of(&format!("causality=\"{causality}\"")) {
+                let told = model.expect_err(causality).to_string();
+                assert!(told.contains(reason), "{told}");
+            }
+        }
+    }
+    // Nobody knows that it is of the loop.
+    let unknown = "<ModelVariables><Float64 name=\"s\" valueReference=\"1\" causality=\"internal\"/></ModelVariables>";
+    let unknown = read(unknown).expect("left out");
+    let told = unknown.variables[0].unusable.as_deref();
+    assert_eq!(told, Some("`causality` of Float64 \"s\" is unknown"));
+}
+
+#[test]
+fn of_two_variables_of_one_name_an_inner_one_is_left_out() {
+    let of = |first: &str, second: &str| {
+        let model = read(&format!(
+            "<ModelVariables><Int8 name=\"x\" valueReference=\"1\" causality=\"{first}\"/>\
+             <Int8 name=\"x\" valueReference=\"2\" causality=\"{second}\"/></ModelVariables>"
+        ));
+        let variables = model.expect("sound").variables;
+        let usable = variables.into_iter().filter(|one| one.unusable.is_none());
+        usable.map(|one| one.reference).collect::<Vec<_>>()
+    };
+    assert_eq!(of("local", "local"), [1]);
+    assert_eq!(of("output", "local"), [1]);
+    assert_eq!(of("local", "input"), [2]);
+}
+
+#[test]
+fn units_dependencies_and_aliases_that_make_no_sense_are_noted() {
+    let slips = read(
+        "<UnitDefinitions><Unit/><Unit name=\"half\"><BaseUnit m=\"0.5\"/></Unit></UnitDefinitions>\
+         <ModelVariables><Float64 name=\"y\" valueReference=\"1\" causality=\"output\"><Alias/></Float64></ModelVariables>\
+         <ModelStructure><Output valueReference=\"1\" dependencies=\"u\"/><Output/></ModelStructure>",
+    )
+    .expect("sound");
+    assert_eq!(
+        slips.notes,
+        [
+            "an alias of \"y\" has no name; it is ignored",
+            "a unit has no name; it is ignored",
+            "unit \"half\": `m` of BaseUnit is \"0.5\"; nothing is converted by it",
+            "`dependencies` of Output names no variable; it may depend on all inputs",
+            "`valueReference` of Output names no variable; it is ignored",
+        ]
+    );
+    let free = Dependency {
+        output: 1,
+        on: None,
+    };
+    assert_eq!(slips.dependencies, [free]);
+}
+
+#[test]
 fn unsupported_fmus_are_refused_with_a_reason() {
     let simulation = "<CoSimulation modelIdentifier=\"m\"/>";
     let other = |with: &str| three("").replace(simulation, with);
@@ -226,7 +315,8 @@ fn invalid_variables_are_refused() {
     arrays(64).expect("2^22 elements");
     let told = arrays(65).expect_err("many").to_string();
     assert!(told.contains("4194304 elements together"), "{told}");
-    let twice = "<ModelVariables><Int8 name=\"x\" valueReference=\"1\"/><Int8 name=\"x\" valueReference=\"2\"/></ModelVariables>";
+    let twice = "<ModelVariables><Int8 name=\"x\" valueReference=\"1\" causality=\"output\"/>\
+                 <Int8 name=\"x\" valueReference=\"2\" causality=\"input\"/></ModelVariables>";
     let told = read(twice).expect_err("twice").to_string();
     assert!(told.contains("variable \"x\" is there twice"), "{told}");
 }

@@ -12,7 +12,7 @@ use shared_types::failure::Failure;
 
 use super::tuning::Changed;
 use super::{Instance, Refused, Status, Values};
-use crate::fmi::description::{Initial, VariableType};
+use crate::fmi::description::{Causality, Initial, VariableType};
 use crate::fmi::tables::Column;
 
 /// Relative difference of a value that counts as rounding.
@@ -21,6 +21,13 @@ const ROUNDING: f64 = 1e-12;
 /// Parameters that cannot be read back, and those of them that were changed; each is reported once.
 #[derive(Debug, Default)]
 pub(super) struct Unconfirmed(BTreeSet<String>, BTreeSet<String>);
+
+impl Unconfirmed {
+    /// Names of the parameters that cannot be read.
+    pub(super) fn names(&self) -> Vec<String> {
+        self.0.iter().cloned().collect()
+    }
+}
 
 impl Instance {
     /// Compares all parameters with the values that were set.
@@ -63,14 +70,17 @@ impl Instance {
         Ok(())
     }
 
-    /// Compares exact initial values with the values that were set. A difference is only reported, because the
-    /// model's equations may change the value during initialisation.
-    pub(super) fn confirm_initial(&self) -> Result<(), Failure> {
+    /// Compares exact initial values with the values that were set. A difference is only reported: the equations may change it
+    /// at the start, unless it is a parameter.
+    pub(super) fn confirm_initial(&mut self) -> Result<(), Failure> {
         let model = Arc::clone(&self.model);
         let variable = |column: &Column| &model.description.variables[column.variable];
         let preset = &model.start.initial;
         let (columns, row): (Vec<Column>, Vec<f64>) = (preset.columns.iter().zip(&preset.row))
-            .filter(|(column, _)| variable(column).initial == Initial::Exact)
+            .filter(|(column, _)| {
+                let variable = variable(column);
+                variable.initial == Initial::Exact || variable.causality == Causality::Parameter
+            })
             .map(|(column, value)| (column.clone(), *value))
             .unzip();
         let mut values = Values::new(&model.description, &columns);
@@ -84,6 +94,10 @@ impl Instance {
         for ((column, &set), &has) in columns.iter().zip(&row).zip(&read) {
             if !is_same(variable(column).kind, set, has) {
                 let name = &column.field.name;
+                if variable(column).causality == Causality::Parameter {
+                    self.other_start.get_or_insert(difference(name, set, has));
+                    continue;
+                }
                 program::say(&format!(
                     "warning: the initial value of `{name}` was set to {set}, and the FMU begins with {has}"
                 ));
@@ -127,8 +141,10 @@ impl Instance {
         }
     }
 
+    /// Compares values; a difference at the start is kept for whoever runs the instance, as one that only tries later values
+    /// may be initialised to others.
     fn compare(
-        &self,
+        &mut self,
         columns: &[Column],
         row: &[Option<f64>],
         read: &[f64],
@@ -145,13 +161,19 @@ impl Instance {
                     ));
                     continue;
                 }
-                return Err(Failure::lost(format!(
-                    "parameter `{name}` was set to {set}, and the FMU has {has}"
-                )));
+                let difference = difference(name, set, has);
+                if !is_start {
+                    return Err(Failure::lost(difference));
+                }
+                self.other_start.get_or_insert(difference);
             }
         }
         Ok(())
     }
+}
+
+fn difference(name: &str, set: f64, has: f64) -> String {
+    format!("parameter `{name}` was set to {set}, and the FMU has {has}")
 }
 
 /// Returns `true` if `has` is what a variable of this type holds after it was set to `set`.

@@ -13,6 +13,7 @@ use shared_types::text;
 
 use super::LibraryError;
 use super::elf::Dynamic;
+use crate::crash::{self, calling};
 
 /// Parts of the C library that are usually loaded in C programs, so that libraries rely on them without declaring it.
 /// In musl and recent versions of glibc, missing ones are part of the C library itself.
@@ -85,7 +86,10 @@ fn provide_python(path: &Path) {
 
 /// Lists the dependencies of a library, with those that are missing. Loads the library and its dependencies.
 pub(in crate::fmi) fn needs(path: &Path, needs_tool: bool) -> LibraryNeeds {
+    crash::install(&"");
+    let call = calling(&"dlopen");
     let refusal = load(path, needs_tool).map(std::mem::forget).err();
+    drop(call);
     let Some(dynamic) = Dynamic::read(path) else {
         return LibraryNeeds {
             refusal: refusal.map(|error| error.to_string()),

@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use shared_types::spelling::spelled;
 
 use super::{Column, Tables, unsupported};
-use crate::fmi::description::{Causality, ModelDescription, Variable, VariableType};
+use crate::fmi::description::{Causality, ModelDescription, UNREFERENCED, Variable, VariableType};
 
 /// Class of variables that can replace each other in a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -20,6 +20,9 @@ enum Class {
 
 impl Class {
     fn of(variable: &Variable) -> Option<Self> {
+        if variable.reference == UNREFERENCED && variable.unusable.is_some() {
+            return None;
+        }
         match variable.causality {
             Causality::Parameter => Some(Self::Parameter),
             Causality::Input => Some(Self::Input),
@@ -111,13 +114,15 @@ impl<'a> Aliases<'a> {
         self.set_by.get(&place).copied()
     }
 
-    /// Returns the names, in the model and here, of a local variable and of those that share its column.
+    /// Returns the names, in the model and here, of a local variable and of those that share its column. An alias of an
+    /// output counts as a local variable, as tools of FMI 2 write it.
     pub(super) fn names_of_inner(&self, place: usize) -> Vec<String> {
         let others = self.others.get(&place).into_iter().flatten();
         let mut names = Vec::new();
         for &place in std::iter::once(&place).chain(others) {
             let variable = &self.model.variables[place];
-            if !is_inner(variable) {
+            let is_further = variable.causality == Causality::Output && self.is_alias(place);
+            if !is_inner(variable) && !is_further {
                 continue;
             }
             names.push(variable.name.clone());

@@ -333,7 +333,36 @@ fn targets(line: &Line) -> Vec<CompletionCandidate> {
         .collect();
     names.sort_unstable();
     names.dedup();
-    names.iter().map(|name| candidate(name, "")).collect()
+    let (plants, reference, _) = plants(line);
+    let further = names.iter().flat_map(|target| {
+        let about = format!("another name of {target}");
+        let aliases = aliases_of(target, &plants, &reference);
+        aliases.map(move |alias| candidate(&alias, &about))
+    });
+    let own = names.iter().map(|name| candidate(name, ""));
+    own.chain(further).collect()
+}
+
+/// Further names of a signal or parameter that is a target of faults.
+fn aliases_of<'a>(
+    target: &'a str,
+    plants: &'a [PlantDescription],
+    reference: &'a [Field],
+) -> impl Iterator<Item = String> + use<'a> {
+    let (group, name) = target.split_once('.').unwrap_or((target, ""));
+    let of_plants = plants.iter().flat_map(move |plant| match group {
+        "measured" => &plant.measured[..],
+        "command" => &plant.commands,
+        "parameter" => &plant.parameters,
+        _ => &[],
+    });
+    let of_stimuli = reference.iter().filter(move |_| group == "reference");
+    let fields = of_plants.chain(of_stimuli);
+    let fields = fields.filter(move |field| field.name == name);
+    fields.flat_map(move |field| {
+        let aliases = field.aliases.iter();
+        aliases.map(move |alias| format!("{group}.{alias}"))
+    })
 }
 
 /// Returns the keys of the fault kinds named on the line, with descriptions.

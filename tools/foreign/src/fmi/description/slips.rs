@@ -1,0 +1,150 @@
+//! Slips of a vendor's tool that are no reason to refuse a model: what is unusable is left out and listed.
+
+use std::collections::BTreeMap;
+
+use super::reading::causality;
+use super::tree::{Element, shortened};
+use super::{
+    BASE_UNITS, BaseUnit, Causality, DescriptionError, Initial, UNREFERENCED, Unit, Variable,
+    VariableType,
+};
+
+/// Makes an inner variable that cannot be read, which keeps its place among the others, with the reason. One of an
+/// unknown role counts as inner.
+///
+/// # Errors
+/// If it is not inner; the error is the reason.
+pub(super) fn unusable(
+    element: &Element,
+    kind: Option<VariableType>,
+    number: usize,
+    error: DescriptionError,
+) -> Result<Variable, DescriptionError> {
+    let reference = element.value("valueReference").ok().flatten();
+    let variable = Variable {
+        name: (element.text("name")).map_or_else(|| format!("(variable {number})"), str::to_owned),
+        description: String::new(),
+        reference: reference.unwrap_or(UNREFERENCED),
+        // One that has no column, whatever it is.
+        kind: kind.unwrap_or(VariableType::Binary),
+        causality: causality(element).unwrap_or(Causality::Local),
+        is_tunable: false,
+        is_constant: false,
+        is_clocked: false,
+        is_resized: false,
+        initial: Initial::Calculated,
+        start: Vec::new(),
+        items: Vec::new(),
+        unusable: Some(error.clone().reason()),
+        unit: None,
+        is_difference: false,
+        min: None,
+        max: None,
+        dimensions: Vec::new(),
+    };
+    match variable.is_inner() {
+        true => Ok(variable),
+        false => Err(error),
+    }
+}
+
+/// Leaves one variable to each name: of two the one that is not inner, else the first.
+///
+/// # Errors
+/// If two have a name that are not inner.
+pub(super) fn name_once(variables: &mut [Variable]) -> Result<(), DescriptionError> {
+    let mut places: BTreeMap<String, usize> = BTreeMap::new();
+    for place in 0..variables.len() {
+        let name = variables[place].name.clone();
+        let Some(&first) = places.get(&name) else {
+            places.insert(name, place);
+            continue;
+        };
+        let other = match (variables[first].is_inner(), variables[place].is_inner()) {
+            (_, true) => place,
+            (true, false) => {
+                places.insert(name, place);
+                first
+            }
+            (false, false) => {
+                return Err(DescriptionError::Content(format!(
+                    "variable {name:?} is there twice"
+                )));
+            }
+        };
+        let other = &mut variables[other];
+        other.reference = UNREFERENCED;
+        let reason = "another variable has its name".to_owned();
+        other.unusable.get_or_insert(reason);
+    }
+    Ok(())
+}
+
+/// Reads the units. One without a name is left out, and one whose definition cannot be read has none.
+pub(super) fn units(root: &Element, notes: &mut Vec<String>) -> Vec<Unit> {
+    let mut units = Vec::new();
+    for unit in root.list("UnitDefinitions") {
+        let Some(name) = unit.text("name") else {
+            notes.push("a unit has no name; it is ignored".into());
+            continue;
+        };
+        let base = unit.child("BaseUnit").map(base).transpose();
+        if let Err(error) = &base {
+            let (name, reason) = (shortened(name), error.clone().reason());
+            notes.push(format!(
+                "unit {name:?}: {reason}; nothing is converted by it"
+            ));
+        }
+        units.push(Unit {
+            name: name.into(),
+            base: base.unwrap_or_default(),
+        });
+    }
+    units
+}
+
+fn base(base: &Element) -> Result<BaseUnit, DescriptionError> {
+    let mut exponents = [0; 8];
+    for (exponent, name) in exponents.iter_mut().zip(BASE_UNITS) {
+        *exponent = base.value(name)?.unwrap_or(0);
+    }
+    Ok(BaseUnit {
+        exponents,
+        factor: base.value("factor")?.unwrap_or(1.0),
+        offset: base.value("offset")?.unwrap_or(0.0),
+    })
+}
+
+/// Reads a number that the standard wants above 0. Another one is a slip of the tool, as good as none, and noted.
+pub(super) fn positive(element: &Element, name: &str, notes: &mut Vec<String>) -> Option<f64> {
+    let text = element.text(name)?;
+    let number: Option<f64> = text.trim().parse().ok();
+    let usable = number.filter(|number| number.is_finite() && *number > 0.0);
+    if usable.is_none() {
+        let (element, text) = (&element.name, shortened(text));
+        notes.push(format!(
+            "`{name}` of {element} is {text:?} and not a number above 0; it is ignored"
+        ));
+    }
+    usable
+}
+
+/// Notes a unit whose definition converts nothing.
+pub(super) fn unusable_unit(unit: &Unit) -> Option<String> {
+    let BaseUnit { factor, offset, .. } = unit.base?;
+    let is_usable = factor.is_finite() && factor != 0.0 && offset.is_finite();
+    let name = shortened(&unit.name);
+    (!is_usable).then(|| {
+        format!("unit {name:?} has the factor {factor} and the offset {offset}; nothing is converted by it")
+    })
+}
+
+/// Drops bounds that are not numbers.
+pub(super) fn drop_bounds(variable: &mut Variable, notes: &mut Vec<String>) {
+    let name = shortened(&variable.name);
+    for (which, bound) in [("min", &mut variable.min), ("max", &mut variable.max)] {
+        if bound.take_if(|bound| bound.is_nan()).is_some() {
+            notes.push(format!("`{which}` of {name:?} is NaN; it is ignored"));
+        }
+    }
+}
