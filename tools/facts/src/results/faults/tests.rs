@@ -84,6 +84,7 @@ fn a_summary_tells_size_end_and_source_of_every_fault() {
             size(1, 1, Some(12), 0),
             size(2, 0, Some(41), 1),
         ]),
+        ..FaultLog::default()
     };
     let scenario = [event(
         1,
