@@ -205,8 +205,8 @@ fn variables(
             Some((of, kind)) => variable(element, of, kind, &types),
             None => Err(element.wrong("type", "is missing or unknown")),
         };
-        let kind = typed.map(|(_, kind)| kind);
-        let variable = variable.or_else(|error| unusable(element, kind, number, error))?;
+        let known = (typed.map(|(_, kind)| kind), causality(element).ok());
+        let variable = variable.or_else(|error| unusable(element, known, number, error))?;
         let sizes: Vec<&Element> = (of.children.iter())
             .filter(|child| version == Version::Three && child.name == "Dimension")
             .collect();
@@ -350,7 +350,7 @@ fn variable(
     })
 }
 
-pub(super) fn causality(element: &Element) -> Result<Causality, DescriptionError> {
+fn causality(element: &Element) -> Result<Causality, DescriptionError> {
     Ok(match element.text("causality") {
         None | Some("local") => Causality::Local,
         Some("parameter") => Causality::Parameter,

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use super::reading::causality;
 use super::tree::{Element, shortened};
 use super::{
     BASE_UNITS, BaseUnit, Causality, DescriptionError, Initial, UNREFERENCED, Unit, Variable,
@@ -16,7 +15,7 @@ use super::{
 /// If it is not inner; the error is the reason.
 pub(super) fn unusable(
     element: &Element,
-    kind: Option<VariableType>,
+    (kind, causality): (Option<VariableType>, Option<Causality>),
     number: usize,
     error: DescriptionError,
 ) -> Result<Variable, DescriptionError> {
@@ -27,7 +26,7 @@ pub(super) fn unusable(
         reference: reference.unwrap_or(UNREFERENCED),
         // One that has no column, whatever it is.
         kind: kind.unwrap_or(VariableType::Binary),
-        causality: causality(element).unwrap_or(Causality::Local),
+        causality: causality.unwrap_or(Causality::Local),
         is_tunable: false,
         is_constant: false,
         is_clocked: false,
