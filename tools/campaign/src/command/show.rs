@@ -8,11 +8,11 @@ use hil_console::terminal::table::{Table, left, right};
 
 use crate::collect::Collected;
 use crate::folder::Folder;
-use hil_config::study::Study;
 use shared_types::number::{counted, short, unit_shown};
 
 use super::answers::{self, Answers, BoundsAnswer, Gathered, QuantileAnswer, Share, VariantAnswer};
 use super::collect::{self, set_aside};
+use super::planned::study;
 use super::quoted;
 use super::work::open;
 use crate::arguments::ShowArguments;
@@ -33,28 +33,6 @@ pub(super) fn show(arguments: &ShowArguments) -> Result<Exit, Failure> {
         Exit::Pass | Exit::Failed if !are_whole => Exit::Infrastructure,
         exit => exit,
     })
-}
-
-/// Reads the study of a campaign.
-///
-/// # Errors
-/// If it cannot be read, or is another one than the campaign was planned with: its goals would be others.
-pub(super) fn study(folder: &Folder) -> Result<Study, Failure> {
-    let copy = &folder.manifest().study;
-    let path = folder.path().join(&copy.path);
-    folder.check_copies([copy]).map_err(|why| {
-        let (shown, study) = (folder.path().display(), quoted(&path));
-        if !path.exists() {
-            return Failure::usage(format!(
-                "{why}; the goals and variants of the results in {shown} stand in it. Put back the study that the campaign was planned with, whose BLAKE3 hash is {}",
-                copy.blake3
-            ));
-        }
-        Failure::usage(format!(
-            "{why}; the results in {shown} are not those of another study. Put the study back as it was, or plan a campaign of this one: hil campaign plan {study} -o OTHER"
-        ))
-    })?;
-    Ok(Study::read(path)?)
 }
 
 /// Tells of copies beside the study that are not as they were planned: the results are of those that were.

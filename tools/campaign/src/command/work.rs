@@ -26,7 +26,7 @@ use rustix::process::{Signal, getpid, kill_process};
 
 use super::answers::class_of;
 use super::cases::Cases;
-use super::planned::{self, become_planned};
+use super::planned::{self, become_planned, cannot};
 use super::result::CaseResult;
 use crate::arguments::WorkArguments;
 
@@ -100,14 +100,6 @@ pub(super) fn open(path: &Path) -> Result<Folder, Failure> {
         ManifestError::Damaged(_) => Failure::infrastructure(error),
         _ => Failure::usage(error),
     })
-}
-
-/// Makes the failure of a folder that cannot be worked on.
-pub(super) fn cannot(folder: &Folder, error: &dyn std::fmt::Display) -> Failure {
-    let shown = folder.path().display();
-    Failure::infrastructure(format!(
-        "cannot work on {shown}: {error}; what is there stays, and the same command goes on"
-    ))
 }
 
 /// Ends the worker when its input does: whoever started it is gone.
@@ -206,7 +198,7 @@ impl Worker<'_> {
                 );
                 return Ok(Exit::Pass); // missing again
             }
-            Err(error) => return Err(super::work::cannot(self.folder, &error)),
+            Err(error) => return Err(super::planned::cannot(self.folder, &error)),
             Ok(published) => published,
         };
         self.tell(&format!("shard {}", shard.number()))?;

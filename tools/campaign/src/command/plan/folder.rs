@@ -19,8 +19,8 @@ use crate::manifest::{self, Copied, MANIFEST, Manifest, SCHEMA};
 use hil_target::machine::hash;
 
 use super::Checked;
-use crate::command::grow::with_cases;
 use crate::command::planned::PROGRAMS;
+use crate::command::study_text::with_cases;
 use crate::command::{quoted, values};
 
 /// Time that the cases of a shard take together, if there are enough of them, in s.

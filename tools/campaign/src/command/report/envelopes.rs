@@ -9,7 +9,7 @@ use hil_config::study::Study;
 use hil_facts::results::curve::{Curve, Grid};
 use serde::Serialize;
 
-use super::data::Singles;
+use super::numbers::Singles;
 
 /// Quantiles of the least values, then of the greatest: each pair has N of the cases between its curves.
 const LOWER: [f64; 3] = [0.05, 0.25, 0.5];
