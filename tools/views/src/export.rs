@@ -4,6 +4,7 @@
 //! does not matter. A file appears whole or not at all. Values are the recorded ones, bit for bit;
 //! derived signals are computed anew by the code that computed them in the run.
 
+mod cell;
 mod csv;
 mod origin;
 mod parquet;
@@ -26,8 +27,9 @@ use shared_types::record::Event;
 use shared_types::time::{Rate, Step};
 
 use crate::arguments::export::{ExportArguments, ExportFormat};
+use cell::Column;
 use selection::{Offer, Selection};
-use table::{Column, Table};
+use table::Table;
 
 /// After how many records it is looked for Ctrl-C, and progress is told.
 const LOOK_RECORDS: u64 = 1024;

@@ -9,7 +9,7 @@ use hil_facts::results::recorded_run::RecordedRun;
 use hil_facts::results::summary::MarkAt;
 use hil_recording::reader::RunReader;
 
-use super::table::Column;
+use super::cell::Column;
 
 /// The run of a recording; the error says why it is not known.
 pub(super) fn recorded_run(reader: &RunReader) -> Result<RecordedRun, String> {
