@@ -20,9 +20,8 @@ use shared_types::live::Refusal;
 use shared_types::number::exact_in;
 use shared_types::side::Side;
 
-use super::prepare::PreparedRun;
-use super::processes::LOOK;
-use super::side::SideProcess;
+use super::prepared::PreparedRun;
+use super::side::{LOOK, SideProcess};
 
 /// Sides of a run that were admitted.
 #[derive(Default)]

@@ -21,8 +21,7 @@ use shared_types::record::{ControllerChange, ControllerFate};
 
 use super::jobs;
 use super::objections::Crew;
-use super::processes::LOOK;
-use super::side::SideProcess;
+use super::side::{LOOK, SideProcess};
 use crate::swap::{Swapped, Wanted};
 
 /// Most restarts of a lost controller in one run.

@@ -20,7 +20,7 @@ use shared_types::wait::WaitLimit;
 use super::attach::refuse_other_layout;
 use super::jobs::{tuned, tuned_plant};
 use super::pause::PauseLookout;
-use super::prepare::PreparedRun;
+use super::prepared::PreparedRun;
 use super::realtime::Watched;
 
 /// Time between two looks at what may end a run before its time.

@@ -36,6 +36,7 @@ mod attach;
 mod by_hand;
 mod conclude;
 mod controllers;
+mod environment;
 pub mod execute;
 mod in_process;
 pub mod jobs;
@@ -45,6 +46,7 @@ mod objections;
 pub mod open_files;
 mod pause;
 mod prepare;
+mod prepared;
 pub mod processes;
 mod provenance;
 pub mod realtime;
@@ -64,4 +66,5 @@ mod fixture;
 #[expect(dead_code, reason = "these tests need a part of it")]
 mod rig;
 
-pub use execute::{Environment, Origin, Repeated, RunResult, begin, execute};
+pub use environment::{Environment, Origin, Repeated, RunResult};
+pub use execute::{begin, execute};

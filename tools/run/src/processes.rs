@@ -22,16 +22,14 @@ use super::by_hand::ByHand;
 use super::controllers::Controllers;
 use super::objections;
 use super::pause::PauseLookout;
-use super::prepare::PreparedRun;
+use super::prepared::PreparedRun;
 use super::realtime::Watched;
-use super::side::{GRACE, SideProcess};
+use super::side::{GRACE, LOOK, SideProcess};
 use super::termination::termination;
 use crate::open_files;
 use crate::recorder::Recorder;
 use crate::swap::{self, SwapContext, Wanted};
 
-/// Time between two looks at a process that is about to say or do something.
-pub const LOOK: Duration = Duration::from_millis(2);
 /// Time between two looks at a run. Each takes a core from the loop; the end of a process is seen at once.
 const WATCH: Duration = Duration::from_millis(10);
 

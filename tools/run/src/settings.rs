@@ -148,7 +148,10 @@ impl Settings {
                 "--checkpoint-at needs the recording of what was before; leave out --no-record",
             ));
         }
-        let choice = options.choice.choice(options)?;
+        let choice = options.choice.choice(
+            !options.no_record,
+            !options.checkpoints.checkpoint_at.is_empty(),
+        )?;
         Ok(Self {
             link: options.link,
             out: options.out.clone(),

@@ -17,6 +17,8 @@ use hil_session::session::SessionInfo;
 use super::log::Log;
 use super::open_files;
 
+/// Time between two looks at a process that is about to say or do something.
+pub const LOOK: Duration = Duration::from_millis(2);
 /// Time that a process may take to end once it was told to.
 pub const GRACE: Duration = Duration::from_secs(2);
 /// Time that it may take if it is stopped, which it cannot end from.

@@ -6,7 +6,7 @@ use hil_facts::results::recorded::Recorded;
 use shared_types::record::Outcome;
 
 use super::controllers::Controllers;
-use super::prepare::PreparedRun;
+use super::prepared::PreparedRun;
 use super::side::SideProcess;
 
 /// Returns the end of the run, from what the plant saw and what became of the processes.

@@ -7,26 +7,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use hil_config::plan::{Clock, Plan};
 use shared_types::pacer::Streaks;
-use shared_types::record::{ControllerChange, ControllerFate, Outcome, RunEnd, Timing};
+use shared_types::record::{ControllerChange, ControllerFate, Outcome, RunEnd};
 
 use crate::results::recorded::Recorded;
-
-/// Counts of the controller's commands in the records of a run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Answers {
-    /// Records with a command of a controller.
-    pub given: u64,
-    /// Records with an older command than that of their step.
-    pub held: u64,
-}
-
-impl Answers {
-    /// Takes in the record of a step that had a command.
-    pub const fn take(&mut self, timing: &Timing) {
-        self.given += (timing.epoch > 0) as u64;
-        self.held += (timing.held_steps > 0) as u64;
-    }
-}
 
 /// The first thing in the plant's account of its end that cannot be so.
 #[must_use]

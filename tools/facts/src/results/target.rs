@@ -6,7 +6,7 @@ use serde::Serialize;
 use shared_types::text;
 
 use crate::programs::binaries::Binary;
-use crate::programs::binaries::reached::BesideDesk;
+use crate::programs::binaries::beside_desk::BesideDesk;
 
 /// A target, by what its agent found.
 #[derive(Clone, Debug, Serialize)]
