@@ -71,7 +71,7 @@ struct Update {
 ///
 /// # Errors
 /// If there is no such baseline, or the run cannot be read, or the file not be written.
-pub(crate) fn command(arguments: &CompareArguments, name: &str) -> Result<Exit, Failure> {
+pub fn command(arguments: &CompareArguments, name: &str) -> Result<Exit, Failure> {
     let legal = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
     if name.is_empty() || !name.chars().all(legal) {
         return Err(Failure::usage(format!(
