@@ -1,6 +1,6 @@
 //! The shape of the workspace: which packages, which programs, who may depend on whom, down to the modules.
 
-mod rooms;
+mod modules;
 mod sources;
 mod starts;
 
