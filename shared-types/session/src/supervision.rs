@@ -57,23 +57,27 @@ pub struct Gone(u64);
 impl Gone {
     /// Checks whether any controller is gone.
     #[must_use]
+    #[inline]
     pub const fn any(self) -> bool {
         self.0 != 0
     }
 
     /// Checks whether the controller of this epoch is gone.
     #[must_use]
+    #[inline]
     pub const fn is(self, epoch: u32) -> bool {
         self.0 & bit(epoch) != 0
     }
 
     /// Checks whether whoever is on the other side is gone.
     #[must_use]
+    #[inline]
     pub const fn is_everybody(self) -> bool {
         self.0 & bit(0) != 0
     }
 }
 
+#[inline]
 const fn bit(epoch: u32) -> u64 {
     if epoch > MOST_EPOCHS { 0 } else { 1 << epoch }
 }
@@ -202,24 +206,28 @@ impl Supervision {
 
     /// Checks whether the run is to end.
     #[must_use]
+    #[inline]
     pub fn wants_stop(&self) -> bool {
         self.0.stop.load(Ordering::Acquire)
     }
 
     /// Checks whether the other side is gone.
     #[must_use]
+    #[inline]
     pub fn is_peer_gone(&self) -> bool {
         self.gone().any()
     }
 
     /// Returns the controllers that are gone.
     #[must_use]
+    #[inline]
     pub fn gone(&self) -> Gone {
         Gone(self.0.gone.load(Ordering::Acquire))
     }
 
     /// The latest epoch whose controller was announced; 0 if none was.
     #[must_use]
+    #[inline]
     pub fn expected(&self) -> u32 {
         self.0.expected.load(Ordering::Acquire)
     }

@@ -150,6 +150,7 @@ impl Waiter {
 
     /// Returns the time that the other side may take.
     #[must_use]
+    #[inline]
     pub const fn limit(&self) -> WaitLimit {
         self.limit
     }
