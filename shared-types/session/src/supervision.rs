@@ -1,7 +1,7 @@
 //! Words to a process of a session from the `hil` that started it: stop, the other side is gone,
 //! another controller comes, another job is there, or nothing any more.
 //!
-//! Words arrive as lines on standard input, or on the leash of a side that was [started by hand](crate::by_hand); its end means that `hil` is gone and nobody will clean
+//! Words arrive as lines on standard input, or on the leash of a side that was [started manually](crate::manual_start); its end means that `hil` is gone and nobody will clean
 //! up, so the process ends too: in order if it can, else by SIGKILL. Any program that speaks the protocol may ignore
 //! the lines, but should end with its input.
 

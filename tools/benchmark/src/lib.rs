@@ -7,7 +7,7 @@
 //!    runner. The plant is a thread of this process, the controller a [`peer`]: `hil` once more.
 //! 2. Between the same two sides it measures the [`raw`] limit of shared memory and the bare
 //!    [blackboard](hil_session::link::bare), an [`exchange`] of payloads as large as the loop's frames.
-//! 3. The [`report`] puts all cases side by side, with the [`bars`] of one of them.
+//! 3. The [`report`] puts all cases side by side, with the bars of one of them.
 //!
 //! `hil latency RUN` makes the same report of a [`recorded`] run.
 
@@ -24,7 +24,6 @@
 extern crate hil_console; // its macro `tell!` is used everywhere
 
 pub mod arguments;
-pub mod bars;
 pub mod exchange;
 pub(crate) mod measurement;
 pub mod null;

@@ -16,14 +16,13 @@
 //! [`exchange`] repeats until they are answered. Where no datagram gets through, the frames go through the channel.
 //!
 //! At the desk, [`contact`], [`way`], [`name`] and `ssh` reach a target. There, [`programs`] holds what an agent may run
-//! and checks the hash of each program at every use, [`asking`] runs one for a short answer, [`machine`] describes what it
+//! and checks the hash of each program at every use, [`machine`] describes what it
 //! runs on and `leash` ends the agent. [`serve`] and [`key`] are for an agent that listens, and `connection` reaches one.
 //! [`message`] and [`packet`] are the forms of the wire, `path` carries the datagrams, and `sleep` waits for them.
 //!
 //! Scenarios, recordings and verdicts are never known here.
 
 pub mod agent;
-pub mod asking;
 pub mod bridge;
 pub mod channel;
 mod connection;

@@ -12,7 +12,7 @@ use super::conclude::conclude;
 use super::environment::{Environment, Origin, RunResult};
 use super::prepare::prepare;
 use super::settings::Settings;
-use super::{by_hand, in_process, processes, realtime};
+use super::{in_process, manual_start, processes, realtime};
 
 /// Checks the options and begins to listen to signals.
 ///
@@ -28,7 +28,7 @@ pub fn begin(options: &RunOptions) -> Result<(Settings, Interruption), Failure> 
 /// If the run could not be started.
 pub fn execute(plan: Plan, environment: Environment, origin: Origin) -> Result<RunResult, Failure> {
     let (prepared, mut session) = prepare(plan, environment, origin)?;
-    let by_hand = match by_hand::admit(&prepared, &mut session) {
+    let by_hand = match manual_start::admit(&prepared, &mut session) {
         Ok(by_hand) => by_hand,
         Err(failure) => {
             prepared.leave_nothing();

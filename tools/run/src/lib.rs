@@ -7,7 +7,7 @@
 //!    Both end a run whose recorder failed, as on a full disk, and `processes` one whose side died.
 //!    `controllers` starts a lost controller again or lets its loss end the run, and `termination` says why it
 //!    ended; to hold or to take the safe command is the plant's, in `plant_process::engine`.
-//!    `by_hand` waits before that for the sides that somebody starts by hand.
+//!    `manual_start` waits before that for the sides that somebody starts by hand.
 //! 4. `conclude` makes checkpoints, summary and exit code of what came of it; `restoration` checks each checkpoint with
 //!    second sides.
 //!
@@ -33,7 +33,6 @@ extern crate hil_console; // its macro `tell!` is used everywhere
 
 pub mod alone;
 mod attach;
-mod by_hand;
 mod conclude;
 mod controllers;
 mod environment;
@@ -42,6 +41,7 @@ mod in_process;
 pub mod jobs;
 pub mod kept;
 mod log;
+mod manual_start;
 mod objections;
 pub mod open_files;
 mod pause;

@@ -18,8 +18,8 @@ use hil_session::supervision::{PEER_GONE, STOP};
 use shared_types::record::Outcome;
 
 use super::attach::attach;
-use super::by_hand::ByHand;
 use super::controllers::Controllers;
+use super::manual_start::ByHand;
 use super::objections;
 use super::pause::PauseLookout;
 use super::prepared::PreparedRun;

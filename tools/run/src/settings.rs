@@ -11,7 +11,7 @@ use hil_console::terminal::exit::Failure;
 use hil_facts::arguments::run::{LinkKind, RunOptions, StartKind};
 use hil_facts::programs::binaries::{Binaries, Binary};
 use hil_facts::results::curve::Grid;
-use hil_target::asking;
+use hil_session::asking;
 use shared_types::side::Side;
 
 use hil_recording::compression::Compression;

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use hil_console::terminal::exit::Failure;
 use hil_facts::programs::binaries::Binary;
-use hil_session::by_hand;
+use hil_session::manual_start;
 use hil_session::process::{Ending, MARK, ProcessId, end_group, reap};
 use hil_session::session::SessionInfo;
 
@@ -24,7 +24,7 @@ pub const GRACE: Duration = Duration::from_secs(2);
 /// Time that it may take if it is stopped, which it cannot end from.
 const STOPPED_GRACE: Duration = Duration::from_millis(200);
 /// Exit code of a Rust program that panicked.
-const PANIC: i32 = by_hand::PANIC as i32;
+const PANIC: i32 = manual_start::PANIC as i32;
 /// Time that a process that was killed may take to be gone.
 const DEATH_LIMIT: Duration = Duration::from_secs(1);
 
@@ -131,7 +131,7 @@ impl SideProcess {
                 }
                 (Process::ByHand(_), Some(id)) if id.is_alive() => None,
                 (Process::ByHand(leash), _) => {
-                    let code = by_hand::last_word(leash);
+                    let code = manual_start::last_word(leash);
                     self.is_silent = code.is_none();
                     let status = code.map_or(UNKNOWN, |code| i32::from(code) << 8);
                     Some(ExitStatus::from_raw(status))

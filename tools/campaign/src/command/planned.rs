@@ -13,7 +13,7 @@ use crate::manifest::{MANIFEST, Manifest};
 use hil_config::study::Study;
 use hil_console::terminal::exit::Failure;
 use hil_facts::programs::binaries::trusted;
-use hil_target::machine::hash;
+use hil_session::file::hash;
 
 use super::quoted;
 

@@ -16,7 +16,7 @@ use hil_facts::programs::binaries::trusted;
 
 use crate::folder::{CONFLICTS, SHARDS, try_out};
 use crate::manifest::{self, Copied, MANIFEST, Manifest, SCHEMA};
-use hil_target::machine::hash;
+use hil_session::file::hash;
 
 use super::Checked;
 use crate::command::planned::PROGRAMS;
