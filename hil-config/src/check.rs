@@ -13,6 +13,7 @@ mod connect;
 mod controller;
 mod csv;
 mod faults;
+mod files;
 mod model_settings;
 mod panel;
 mod parameters;

@@ -169,6 +169,7 @@ const _: () = assert!(
 
 /// Returns the number of words of a [`Frame`] with room for so many values.
 #[must_use]
+#[inline]
 pub const fn words(values: usize) -> usize {
     1 + HEAD_WORDS + values.div_ceil(64) + values
 }
@@ -255,6 +256,7 @@ impl<const WORDS: usize> Frame<WORDS> {
 
     /// Returns the frame's sequence number; 0 if nothing was ever sent.
     #[must_use]
+    #[inline]
     pub const fn sequence(&self) -> u64 {
         self.words[1 + word(offset_of!(Header, sequence))]
     }

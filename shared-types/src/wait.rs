@@ -61,6 +61,7 @@ impl WaitLimit {
 
     /// Returns the limit in ms.
     #[must_use]
+    #[inline]
     pub const fn ms(self) -> u64 {
         self.ns / 1_000_000
     }

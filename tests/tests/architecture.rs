@@ -1,6 +1,6 @@
 //! Structure of the workspace: its packages, its programs, and their permitted dependencies, down to modules.
 
-mod rooms;
+mod modules;
 mod sources;
 mod starts;
 
@@ -132,7 +132,6 @@ const ARROWS: [(&str, &[&str], &[&str]); 20] = [
             "hil-recording",
             "hil-console",
             "hil-facts",
-            "hil-benchmark",
             "hil-verification",
         ],
         &["plant-process", "controller-process"],
@@ -144,7 +143,6 @@ const ARROWS: [(&str, &[&str], &[&str]); 20] = [
             "hil-session",
             "hil-config",
             "hil-recording",
-            "hil-target",
             "hil-console",
             "hil-facts",
             "hil-run",

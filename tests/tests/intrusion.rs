@@ -8,7 +8,8 @@ use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use hil_session::link::iceoryx::{IceoryxLink, Ipc, node};
+use hil_session::link::iceoryx::IceoryxLink;
+use hil_session::link::service::{Ipc, node};
 use hil_session::session::SessionInfo;
 use iceoryx2::prelude::*;
 use serde_json::json;

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use shared_types::describe::ModelSettings;
 
-use super::programs::file;
+use super::files::file;
 use crate::document::{Node, Table, Value};
 use crate::problem::ProblemKind;
 use crate::quantity::Quantity;

@@ -1,13 +1,13 @@
 //! `plant.program` and `controller.program`: programs that come with the scenario.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use super::files::file;
 use super::model_settings;
 use crate::document::{Node, Value};
 use crate::keys::{self, Key};
 use crate::plan::{ControllerProgram, Permissions, Programs};
-use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section, describe};
 
 /// Returns the programs by absolute path. Their existence is checked when they are started.
@@ -104,23 +104,4 @@ fn texts(reader: &mut Reader, path: &str, node: &Node) -> Vec<String> {
     let text = |(index, item)| reader.printable(&format!("{path}[{index}]"), item, "text");
     let texts = items.iter().enumerate().filter_map(text);
     texts.map(str::to_owned).collect()
-}
-
-/// Returns the file under a key.
-pub(super) fn file(reader: &mut Reader, folder: &Path, path: &str, node: &Node) -> Option<PathBuf> {
-    let expected = describe(match path {
-        "controller.program" => &crate::keys::KeyKind::Program,
-        _ => &crate::keys::TEXT,
-    });
-    let text = reader.printable(path, node, expected)?;
-    match std::path::absolute(folder.join(text)) {
-        Ok(file) if !text.is_empty() => Some(file),
-        _ => {
-            let message = format!("`{path}` is `{text}`, which is not a file name");
-            reader
-                .report(ProblemKind::OutOfRange, path, &node.place, message)
-                .expected("a file, relative to the scenario");
-            None
-        }
-    }
 }

@@ -3,8 +3,9 @@
 //! - Sessions: a [`session`] is the private place where a run happens and which leaves nothing behind.
 //!   [`mod@shared_memory`] names what keeps shared memory from being used. A [`private_folder`] has the files that a
 //!   process unpacks, and goes with it.
-//! - Processes: each [`process`] is known by more than its number. [`supervision`] is what the processes of a session
-//!   hear from the one that started them, [`by_hand`] the way in for one that somebody else starts. [`program`] is
+//! - Processes: each [`process`] is known by more than its number, its program by the hash of its
+//!   [`file`]; [`asking`] runs one for a short answer. [`supervision`] is what the processes of a session
+//!   hear from the one that started them, [`manual_start`] the way in for one that somebody else starts. [`program`] is
 //!   what they have in common.
 //! - Transport: the [`link`] and the record [`stream`] over iceoryx2 shared memory.
 //! - Loops: a [`waiter`] waits for the other side. [`realtime`] applies what a loop is to run with, [`thread`] looks at
@@ -13,10 +14,12 @@
 //!
 //! No model, law, scenario or file of a recording is known here, and no rule of the lockstep.
 
-pub mod by_hand;
+pub mod asking;
 pub mod clock;
+pub mod file;
 pub mod link;
 pub mod live;
+pub mod manual_start;
 pub mod private_folder;
 pub mod process;
 pub mod program;

@@ -14,8 +14,8 @@ use clap::Parser;
 use nix::sys::signal::{SigSet, SigmaskHow};
 use rustix::process::{Resource, getrlimit};
 
-use crate::by_hand;
 use crate::link::iceoryx::IceoryxLink;
+use crate::manual_start;
 use crate::session::SessionInfo;
 use crate::supervision::Supervision;
 use crate::waiter::Waiter;
@@ -162,7 +162,7 @@ fn serve(program: &impl Program, folder: &Path) -> Result<u8, String> {
 fn serve_by_hand(program: &impl Program, folder: &Path) -> Result<u8, String> {
     let session = SessionInfo::read(folder).map_err(|e| e.to_string())?;
     let side = program.side();
-    let (supervision, leash) = by_hand::enter(&session, side)?;
+    let (supervision, leash) = manual_start::enter(&session, side)?;
     let (role, name) = (side.name(), &session.name);
     say(&format!("admitted as the {role} of session {name}"));
     let served = program.serve(&session, &supervision);

@@ -255,6 +255,15 @@ impl SessionInfo {
     }
 }
 
+/// Checks whether someone holds the session's lock, or nobody can tell: a session that is not known to be
+/// dead is left alone.
+fn is_live(folder: &Path) -> bool {
+    match open_at_once(&folder.join("lock")) {
+        Ok(lock) => flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err(),
+        Err(error) => error.kind() != ErrorKind::NotFound,
+    }
+}
+
 fn remove_folder(folder: &Path) -> Result<(), SessionError> {
     unless_gone(fs::remove_dir_all(folder)).map_err(SessionError::io("remove", folder))
 }

@@ -10,7 +10,7 @@ use iceoryx2::service::port_factory::PortFactory as _;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use crate::link::bell::{Bell, Owner};
-use crate::link::iceoryx::{Ipc, absent, node, received, subscribe, transport};
+use crate::link::service::{Ipc, absent, node, received, subscribe, transport};
 use crate::session::SessionInfo;
 use shared_types::link::LinkError;
 use shared_types::record::{Event, RecordLayout};

@@ -1,9 +1,9 @@
 //! Messages from `hil` to a process of a session that it started: stop, the peer is gone, another controller follows,
 //! another job is ready, or no more messages.
 //!
-//! Messages arrive as lines on standard input, or on the lifeline of a [manually started](crate::by_hand) side. Its end
-//! means that `hil` is gone and nobody will clean up, so the process ends too: in order if it can, otherwise by
-//! SIGKILL. A program that speaks the protocol may ignore the lines, but should end with its input.
+//! Words arrive as lines on standard input, or on the leash of a side that was [started manually](crate::manual_start); its end means that `hil` is gone and nobody will clean
+//! up, so the process ends too: in order if it can, else by SIGKILL. Any program that speaks the protocol may ignore
+//! the lines, but should end with its input.
 
 use std::io::{BufRead, BufReader};
 use std::os::fd::AsFd;
@@ -56,23 +56,27 @@ pub struct Gone(u64);
 impl Gone {
     /// Returns `true` if any controller is gone.
     #[must_use]
+    #[inline]
     pub const fn any(self) -> bool {
         self.0 != 0
     }
 
     /// Returns `true` if the controller of this epoch is gone.
     #[must_use]
+    #[inline]
     pub const fn is(self, epoch: u32) -> bool {
         self.0 & bit(epoch) != 0
     }
 
     /// Returns `true` if the other side is gone, whatever its epoch.
     #[must_use]
+    #[inline]
     pub const fn is_everybody(self) -> bool {
         self.0 & bit(0) != 0
     }
 }
 
+#[inline]
 const fn bit(epoch: u32) -> u64 {
     if epoch > MOST_EPOCHS { 0 } else { 1 << epoch }
 }
@@ -200,24 +204,28 @@ impl Supervision {
 
     /// Returns `true` if the run should end.
     #[must_use]
+    #[inline]
     pub fn wants_stop(&self) -> bool {
         self.0.stop.load(Ordering::Acquire)
     }
 
     /// Returns `true` if the other side is gone.
     #[must_use]
+    #[inline]
     pub fn is_peer_gone(&self) -> bool {
         self.gone().any()
     }
 
     /// Returns the controllers that are gone.
     #[must_use]
+    #[inline]
     pub fn gone(&self) -> Gone {
         Gone(self.0.gone.load(Ordering::Acquire))
     }
 
     /// Returns the latest epoch whose controller was announced; 0 for none.
     #[must_use]
+    #[inline]
     pub fn expected(&self) -> u32 {
         self.0.expected.load(Ordering::Acquire)
     }

@@ -149,6 +149,7 @@ impl Waiter {
 
     /// Returns the time limit of the other side.
     #[must_use]
+    #[inline]
     pub const fn limit(&self) -> WaitLimit {
         self.limit
     }

@@ -107,6 +107,55 @@ fn named_in(file: &Path, text: &str) -> Vec<Named> {
     named
 }
 
+/// Name that a module has from another one.
+pub(super) struct Import {
+    pub(super) name: String,
+    /// The path from the root of the package; that of another package begins with its name.
+    pub(super) path: Vec<String>,
+}
+
+/// Reads the module of a file and its imports, without those of modules in braces.
+pub(super) fn imports(file: &Path, text: &str) -> (Vec<String>, Vec<Import>) {
+    let code = without_texts(text);
+    let words = words(&code);
+    let mut module = module_of(file);
+    module.pop_if(|last| last == "lib");
+    let follows_mod = |at: usize| at > 0 && words[at - 1].1 == "mod";
+    let is_name =
+        |at: &usize| follows_mod(*at) && words.get(at + 1).is_some_and(|(_, word)| *word == ";");
+    let parts: Vec<&str> = (0..words.len())
+        .filter(is_name)
+        .map(|at| words[at].1)
+        .collect();
+    let (mut depth, mut at) = (0, 0);
+    let mut imports = Vec::new();
+    while at < words.len() {
+        match words[at].1 {
+            "{" => depth += 1,
+            "}" => depth -= 1,
+            "use" if depth == 0 => {
+                let (paths, end) = renamed_tree(&words, at + 1);
+                for (path, name) in paths {
+                    let path = match path[0] {
+                        "crate" | "super" | "self" => from_root(&module, &path),
+                        first if parts.contains(&first) => {
+                            from_root(&module, &[&["self"], &path[..]].concat())
+                        }
+                        _ => continue,
+                    };
+                    let name = name.to_owned();
+                    imports.push(Import { name, path });
+                }
+                at = end;
+                continue;
+            }
+            _ => {}
+        }
+        at += 1;
+    }
+    (module, imports)
+}
+
 /// Returns the module of a file.
 fn module_of(file: &Path) -> Vec<String> {
     let module = file.with_extension("");
@@ -133,19 +182,24 @@ fn from_root(module: &[String], path: &[&str]) -> Vec<String> {
 }
 
 /// Returns the paths of a `use` tree, and the first word after it.
-fn tree<'t>(words: &[(usize, &'t str)], mut at: usize) -> (Vec<Vec<&'t str>>, usize) {
+fn tree<'t>(words: &[(usize, &'t str)], at: usize) -> (Vec<Vec<&'t str>>, usize) {
+    let (paths, end) = renamed_tree(words, at);
+    (paths.into_iter().map(|(path, _)| path).collect(), end)
+}
+
+/// The paths of a tree as in `use`, each with the name that it gets, and the first word behind it.
+fn renamed_tree<'t>(
+    words: &[(usize, &'t str)],
+    mut at: usize,
+) -> (Vec<(Vec<&'t str>, &'t str)>, usize) {
     let word = |at: usize| words.get(at).map_or("", |(_, word)| *word);
     if word(at) == "{" {
         let mut paths = Vec::new();
         at += 1;
         while word(at) != "}" {
-            let (more, end) = tree(words, at);
+            let (more, end) = renamed_tree(words, at);
             paths.extend(more);
             at = end;
-            // A new name, and separators.
-            if word(at) == "as" {
-                at += 2;
-            }
             if word(at) == "," {
                 at += 1;
             }
@@ -156,11 +210,17 @@ fn tree<'t>(words: &[(usize, &'t str)], mut at: usize) -> (Vec<Vec<&'t str>>, us
     let goes_on = |word: &str| {
         word == "{" || word == "*" || word.starts_with(|c: char| c.is_alphabetic() || c == '_')
     };
-    if word(at + 1) != "::" || !goes_on(word(at + 2)) {
-        return (vec![vec![first]], at + 1);
+    if word(at + 1) == "as" {
+        return (vec![(vec![first], word(at + 2))], at + 3);
     }
-    let (below, end) = tree(words, at + 2);
-    let paths = below.into_iter().map(|path| [&[first], &path[..]].concat());
+    if word(at + 1) != "::" || !goes_on(word(at + 2)) {
+        return (vec![(vec![first], first)], at + 1);
+    }
+    let (below, end) = renamed_tree(words, at + 2);
+    let paths = below.into_iter().map(|(path, name)| {
+        let name = if name == "self" { first } else { name };
+        ([&[first], &path[..]].concat(), name)
+    });
     (paths.collect(), end)
 }
 
@@ -279,7 +339,7 @@ mod tests {
 }
 macro_rules! r { () => { $crate::s::t }; }
 "##;
-    let named = named_in(Path::new("room/file.rs"), text);
+    let named = named_in(Path::new("part/file.rs"), text);
     let found: Vec<(usize, String)> = (named.iter())
         .map(|named| (named.line, named.to.join("::")))
         .collect();
@@ -288,13 +348,13 @@ macro_rules! r { () => { $crate::s::t }; }
         (3, "b::C"),
         (3, "b::d::E"),
         (3, "b::d::*"),
-        (4, "room::g"),
+        (4, "part::g"),
         (7, "l::M"),
         (7, "n"),
-        (9, "room::o"),
-        (10, "room::file::q"),
+        (9, "part::o"),
+        (10, "part::file::q"),
         (12, "s::t"),
     ];
     assert_eq!(found, wanted.map(|(line, path)| (line, path.to_owned())));
-    assert_eq!(named[8].from, ["room", "file", "tests"]);
+    assert_eq!(named[8].from, ["part", "file", "tests"]);
 }

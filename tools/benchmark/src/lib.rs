@@ -6,8 +6,8 @@
 //! 1. [`measurement`] runs a [null] plant and law through the real engine, link and runner. The plant is a thread of
 //!    this process; the controller is a [`peer`], a second `hil` process.
 //! 2. Between the same two sides it measures the [`raw`] limit of shared memory and the bare
-//!    [blackboard](shared_types::link::bare), with an [`exchange`] of payloads of the same size as the loop's frames.
-//! 3. The [`report`] lists all cases, with a histogram ([`bars`]) of one of them.
+//!    [blackboard](hil_session::link::bare), an [`exchange`] of payloads as large as the loop's frames.
+//! 3. The [`report`] puts all cases side by side, with the bars of one of them.
 //!
 //! `hil latency RUN` reports the same figures for a [`recorded`] run.
 
@@ -24,7 +24,6 @@
 extern crate hil_console; // its macro `tell!` is used everywhere
 
 pub mod arguments;
-pub mod bars;
 pub mod exchange;
 pub(crate) mod measurement;
 pub mod null;

@@ -7,6 +7,7 @@ use std::path::Path;
 use hil_console::terminal::duration::shown_ns;
 use hil_console::terminal::output;
 use hil_console::terminal::table::{Table, left, right};
+use hil_facts::results::latency::bars::bars;
 use hil_facts::results::latency::grade::Graded;
 use hil_facts::results::latency::legs::{LatencySummary, without_command};
 use hil_facts::results::latency::percentiles::Percentiles;
@@ -17,7 +18,6 @@ use serde::Serialize;
 use shared_types::realtime;
 use shared_types::wait::WaitStrategy;
 
-use super::bars::bars;
 use super::exchange::frame_words;
 use super::measurement::{Case, Sides};
 use super::null::answered_with;

@@ -8,13 +8,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use hil_session::asking::ask;
 use hil_session::link::iceoryx::IceoryxLink;
 use hil_session::program::CONTROLLER_JOB;
 use hil_session::session::{Session, sweep};
 use shared_types::link::Link;
 use shared_types::wait::WaitLimit;
 
-use crate::asking::ask;
 use crate::channel::{Ear, Heard, Mouth};
 use crate::machine::Findings;
 use crate::message::{PROTOCOL, Refusal, RunRequest, ToAgent, ToDesk, from_hex, prologue, to_hex};

@@ -10,6 +10,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use hil_session::clock::monotonic_ns;
+use hil_session::file::hash;
 use hil_session::link::iceoryx::IceoryxLink;
 use hil_session::live::ask;
 use hil_session::program::{self, CONTROLLER_JOB, FAILED, PLANT_JOB};
@@ -29,7 +30,7 @@ use shared_types::wait::WaitLimit;
 use crate::channel::Heard;
 use crate::contact::Contact;
 use crate::exchange::{BEAT_NS, DeskEnd};
-use crate::machine::{Findings, hash};
+use crate::machine::Findings;
 use crate::message::{Missed, RunRequest, ToAgent, ToDesk, from_hex, prologue, to_hex};
 use crate::packet::Packet;
 use crate::path::DatagramPath;

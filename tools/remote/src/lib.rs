@@ -15,16 +15,14 @@
 //! messages; and of datagrams for the frames, each [encrypted and authenticated](seal) by itself, which
 //! [`exchange`] repeats until they are answered. Where no datagrams get through, the frames go through the channel.
 //!
-//! At the desk, [`contact`], [`way`], [`name`] and `ssh` connect to a target. There, [`programs`] stores the
-//! programs an agent may run and checks their hashes at every use, [`asking`] runs a program for a short answer,
-//! [`machine`] describes the target, and `leash` ends the agent. [`serve`] and [`key`] are for a listening agent,
-//! and `connection` contacts one. [`message`] and [`packet`] define the formats on the wire, `path` carries the
-//! datagrams, and `sleep` waits for them.
+//! At the desk, [`contact`], [`way`], [`name`] and `ssh` reach a target. There, [`programs`] holds what an agent may run
+//! and checks the hash of each program at every use, [`machine`] describes what it
+//! runs on and `leash` ends the agent. [`serve`] and [`key`] are for an agent that listens, and `connection` reaches one.
+//! [`message`] and [`packet`] are the forms of the wire, `path` carries the datagrams, and `sleep` waits for them.
 //!
 //! Knows nothing of scenarios, recordings and verdicts.
 
 pub mod agent;
-pub mod asking;
 pub mod bridge;
 pub mod channel;
 mod connection;

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
+use hil_session::file::hash;
 use hil_session::shared_memory::{FOLDER, hindrance};
 use serde::{Deserialize, Serialize};
 use shared_types::text::{line_if_any, line_of};
@@ -130,16 +131,6 @@ pub fn built_for(program: &Path) -> io::Result<Option<String>> {
         243 => "riscv64".into(),
         other => format!("machine {other}"),
     }))
-}
-
-/// Returns the hash of a program's file, as checked by the agent.
-///
-/// # Errors
-/// If it cannot be read.
-pub fn hash(program: &Path) -> io::Result<String> {
-    let mut hasher = blake3::Hasher::new();
-    hasher.update_reader(File::open(program)?)?;
-    Ok(hasher.finalize().to_hex().to_string())
 }
 
 /// Returns the target of `cargo build` for static programs of a machine type.

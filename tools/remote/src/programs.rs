@@ -7,7 +7,9 @@ use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::machine::{free_bytes, hash};
+use hil_session::file::hash;
+
+use crate::machine::free_bytes;
 use crate::message::Refusal;
 
 /// Maximum number of files in a cache.

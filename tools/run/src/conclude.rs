@@ -14,8 +14,8 @@ use hil_facts::results::summary::Summary;
 use hil_session::session::Session;
 use shared_types::record::Outcome;
 
-use super::execute::RunResult;
-use super::prepare::PreparedRun;
+use super::environment::RunResult;
+use super::prepared::PreparedRun;
 use super::restoration;
 use hil_recording::reader::RECORDING;
 use hil_target::bridge::switches;

@@ -21,8 +21,7 @@ use shared_types::record::{ControllerChange, ControllerFate};
 
 use super::jobs;
 use super::objections::Programs;
-use super::processes::LOOK;
-use super::side::SideProcess;
+use super::side::{LOOK, SideProcess};
 use crate::swap::{SwapRequest, Swapped};
 
 /// Maximum number of restarts of a lost controller in one run.

@@ -2,92 +2,17 @@
 //!
 //! Called by every command that runs a scenario. Judges nothing itself, and knows of no other run.
 
-use std::collections::BTreeMap;
-use std::path::PathBuf;
-use std::sync::Arc;
-
 use hil_config::plan::Plan;
-use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
 use hil_facts::arguments::run::{LinkKind, RunOptions};
-use hil_facts::checkpoint::branch::Branch;
-use hil_facts::checkpoint::past::Past;
-use hil_facts::programs::binaries::Binaries;
 use hil_facts::results::company::ProcessorTime;
-use hil_facts::results::curve::Curve;
-use hil_facts::results::restoration::Check;
-use hil_facts::results::summary::Summary;
-use plant_process::repeat::Missed;
-use shared_types::time::Step;
 
 use super::conclude::conclude;
+use super::environment::{Environment, Origin, RunResult};
 use super::prepare::prepare;
-use super::settings::{Settings, refuse_in_process};
-use super::{by_hand, in_process, processes, realtime};
-
-/// Environment of a run, independent of its scenario.
-#[derive(Clone)]
-pub struct Environment {
-    pub binaries: Arc<Binaries>,
-    pub settings: Settings,
-    pub interruption: Interruption,
-}
-
-/// Origin of a run in addition to its scenario.
-pub enum Origin {
-    /// None.
-    Scenario,
-    /// Recorded run to repeat.
-    Repeated(Repeated),
-    /// Checkpoint from which to continue.
-    Checkpoint(Box<Past>, Branch),
-}
-
-impl Origin {
-    /// Returns the first step that the run exchanges.
-    pub const fn first(&self) -> Step {
-        match self {
-            Self::Checkpoint(past, _) => past.first(),
-            Self::Scenario | Self::Repeated(_) => Step(0),
-        }
-    }
-}
-
-/// Facts of a recorded run that a rerun repeats.
-pub struct Repeated {
-    /// Number of records to compare.
-    pub records: u64,
-    /// Steps at which its controller was late.
-    pub missed: Vec<Missed>,
-}
-
-/// Result of a run.
-pub struct RunResult {
-    pub exit: Exit,
-    /// Digests after certain numbers of records, as far as they were requested and exist.
-    pub partial_digests: BTreeMap<u64, String>,
-    /// Curve of a campaign's case, if recorded.
-    pub curve: Option<Curve>,
-    /// Recording, if there is one.
-    pub recording: Option<PathBuf>,
-    /// Folder of the run.
-    pub folder: PathBuf,
-    pub summary: Summary,
-    /// Summary as JSON.
-    pub json: String,
-    /// Summary as text.
-    pub table: String,
-    /// Failure to write the summary. Reported after the summary: neither a full disk nor a broken output may hide
-    /// the other.
-    pub written: Result<(), Failure>,
-}
-
-impl RunResult {
-    /// Returns the check of the run's first checkpoint.
-    pub fn first_check(&self) -> Option<&Check> {
-        self.summary.checkpoints.first()?.check.as_ref()
-    }
-}
+use super::settings::Settings;
+use super::{in_process, manual_start, processes, realtime};
 
 /// Checks the options and begins to listen for signals.
 ///
@@ -97,32 +22,13 @@ pub fn begin(options: &RunOptions) -> Result<(Settings, Interruption), Failure> 
     Ok((Settings::of(options)?, Interruption::listen()?))
 }
 
-impl Environment {
-    /// Combines settings and programs.
-    ///
-    /// # Errors
-    /// If the programs do not suit the settings.
-    pub fn new(
-        settings: &Settings,
-        binaries: Arc<Binaries>,
-        interruption: &Interruption,
-    ) -> Result<Self, Failure> {
-        refuse_in_process(settings.link, &[&binaries.plant, &binaries.controller])?;
-        Ok(Self {
-            binaries,
-            settings: settings.clone(),
-            interruption: interruption.clone(),
-        })
-    }
-}
-
 /// Executes a checked scenario, optionally to repeat a recorded run or to continue from a checkpoint.
 ///
 /// # Errors
 /// If the run could not be started.
 pub fn execute(plan: Plan, environment: Environment, origin: Origin) -> Result<RunResult, Failure> {
     let (prepared, mut session) = prepare(plan, environment, origin)?;
-    let by_hand = match by_hand::admit(&prepared, &mut session) {
+    let by_hand = match manual_start::admit(&prepared, &mut session) {
         Ok(by_hand) => by_hand,
         Err(failure) => {
             prepared.leave_nothing();

@@ -20,7 +20,7 @@ use shared_types::wait::WaitLimit;
 use super::attach::refuse_other_layout;
 use super::jobs::{tuned, tuned_plant};
 use super::pause::PauseLookout;
-use super::prepare::PreparedRun;
+use super::prepared::PreparedRun;
 use super::realtime::Watched;
 
 /// Interval between checks for an early end of the run.

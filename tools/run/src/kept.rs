@@ -19,10 +19,9 @@ use shared_types::record::{Outcome, RecordLayout};
 
 use super::attach::attach;
 use super::jobs;
-use super::processes::LOOK;
 use super::recorder::direct::take_run;
 use super::settings::Settings;
-use super::side::SideProcess;
+use super::side::{LOOK, SideProcess};
 
 /// Maximum number of persistent pairs; each sleeps while another one runs.
 const MOST_PAIRS: usize = 16;

@@ -4,13 +4,12 @@
 //! 1. [`settings`] checks the options from the command line.
 //! 2. [`execute`](execute()) calls `prepare`: refusals, session, folder, [jobs], [provenance].
 //! 3. `processes` or `in_process` runs both sides, with the [recorder] attached to their stream.
-//! 3. `processes` or `in_process` runs both sides, with the [recorder] attached to their stream. Both end a run
-//!    whose recorder failed, for example on a full disk, and `processes` also one whose side died. `controllers`
-//!    restarts a lost controller or lets its loss end the run, and `termination` determines the cause of the end;
-//!    holding and the safe command are the plant's, in `plant_process::engine`. Before that, `by_hand` waits for
-//!    sides that are started by hand.
-//! 4. `conclude` makes checkpoints, summary and exit code from the results; `restoration` checks each checkpoint
-//!    with second sides.
+//!    Both end a run whose recorder failed, as on a full disk, and `processes` one whose side died.
+//!    `controllers` starts a lost controller again or lets its loss end the run, and `termination` says why it
+//!    ended; to hold or to take the safe command is the plant's, in `plant_process::engine`.
+//!    `manual_start` waits before that for the sides that somebody starts by hand.
+//! 4. `conclude` makes checkpoints, summary and exit code of what came of it; `restoration` checks each checkpoint with
+//!    second sides.
 //!
 //! Meanwhile `attach` connects the recorder to the stream, [`swap`] brings another controller, `objections` asks
 //! the programs about changed parameters, `pause` reports that a run is paused, and `log` limits the size of logs.
@@ -33,18 +32,20 @@ extern crate hil_console; // its macro `tell!` is used everywhere
 
 pub mod alone;
 mod attach;
-mod by_hand;
 mod conclude;
 mod controllers;
+mod environment;
 pub mod execute;
 mod in_process;
 pub mod jobs;
 pub mod kept;
 mod log;
+mod manual_start;
 mod objections;
 pub mod open_files;
 mod pause;
 mod prepare;
+mod prepared;
 pub mod processes;
 mod provenance;
 pub mod realtime;
@@ -64,4 +65,5 @@ mod fixture;
 #[expect(dead_code, reason = "these tests need a part of it")]
 mod rig;
 
-pub use execute::{Environment, Origin, Repeated, RunResult, begin, execute};
+pub use environment::{Environment, Origin, Repeated, RunResult};
+pub use execute::{begin, execute};

@@ -2,8 +2,7 @@
 //!
 //! No side runs yet, except that both programs check their jobs.
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::Path;
 use std::time::SystemTime;
 
 use hil_config::plan::{Clock, Plan};
@@ -11,12 +10,9 @@ use hil_console::files::begun::BegunRun;
 use hil_console::files::runs::SCENARIO;
 use hil_console::files::{begun, folder, part_file};
 use hil_console::terminal::exit::Failure;
-use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
-use hil_console::terminal::progress::Progress;
 use hil_facts::arguments::run::LinkKind;
 use hil_facts::checkpoint;
-use hil_facts::checkpoint::past::PastRecords;
 use hil_facts::programs::binaries::Binaries;
 use hil_facts::programs::scenario;
 use hil_facts::results::resumed::Resumed;
@@ -25,89 +21,21 @@ use hil_recording::excerpt::Choice;
 use hil_recording::reader::RECORDING;
 use hil_recording::reserve::Reserve;
 use hil_recording::size;
-use hil_session::session::{Session, SessionError, SessionInfo};
+use hil_session::session::{Session, SessionError};
 use shared_types::lockstep::OnLoss;
 use shared_types::number::{exact, exact_in};
 use shared_types::record::RecordLayout;
 use shared_types::side::Side;
-use shared_types::stream::RecordSource;
 use shared_types::time::Step;
 
-use super::execute::{Environment, Origin};
-use super::realtime::RecorderCore;
+use super::environment::{Environment, Origin};
+use super::prepared::{PreparedRun, leave};
 use super::settings::Settings;
 use super::{in_process, jobs, provenance, realtime};
-use crate::recorder::{Recorder, RecordingPlan};
+use crate::recorder::RecordingPlan;
 
 /// Disk space reserved for the summary.
 const SUMMARY_BYTES: u64 = 256 << 10;
-
-/// Run that is ready to start.
-pub(super) struct PreparedRun {
-    pub(super) plan: Plan,
-    pub(super) binaries: Arc<Binaries>,
-    pub(super) settings: Settings,
-    pub(super) interruption: Interruption,
-    pub(super) session: SessionInfo,
-    /// Start time of the run.
-    pub(super) started_utc: String,
-    /// Folder of the run.
-    pub(super) folder: PathBuf,
-    /// Disk space reserved for the summary.
-    pub(super) reserve: Reserve,
-    /// Effective scenario.
-    pub(super) effective: String,
-    pub(super) plant: plant_process::job::Job,
-    pub(super) controller: controller_process::job::Job,
-    pub(super) recording: Option<RecordingPlan>,
-    /// Layout of its records, as both programs describe it.
-    pub(super) layout: RecordLayout,
-    /// Steps before which the state is saved.
-    pub(super) checkpoints: Vec<Step>,
-    /// Numbers of records after which an additional digest is taken.
-    pub(super) marks: Vec<u64>,
-    /// Records that the run continues.
-    pub(super) past: Option<PastRecords>,
-    /// Checkpoint that it continues from.
-    pub(super) resumed: Option<Resumed>,
-}
-
-impl PreparedRun {
-    /// Starts the recorder; the function returned by `attach` is called repeatedly until it finds the stream.
-    pub(crate) fn recorder<S, A>(
-        &self,
-        core: RecorderCore,
-        attach: impl FnOnce() -> A + Send + 'static,
-    ) -> Recorder
-    where
-        S: RecordSource,
-        A: FnMut() -> Result<Option<(S, RecordLayout)>, String>,
-    {
-        let (plan, recording) = (self.plan.clone(), self.recording.clone());
-        let (marks, past) = (self.marks.clone(), self.past.clone());
-        let curve = self.settings.curve.clone();
-        Recorder::start(plan, recording, marks, past, curve, move || {
-            core.apply();
-            attach()
-        })
-    }
-
-    /// Removes the folder of a run that was not started, so that the next attempt finds the same state.
-    pub(super) fn leave_nothing(mut self) {
-        self.reserve.release();
-        leave(&self.folder);
-    }
-
-    /// Creates the progress display of the run, with the requested pause.
-    pub(crate) fn progress(&self) -> Progress {
-        let shown = !self.settings.is_one_of_many;
-        let mut progress = Progress::new(self.plan.run.steps, self.plan.run.rate, shown);
-        if let Some(pause_at_s) = self.settings.pause_at_s {
-            progress.announce_pause(pause_at_s, &self.session.name);
-        }
-        progress
-    }
-}
 
 /// Checks a run and creates its session and its folder.
 ///
@@ -250,12 +178,6 @@ fn write_scenario(folder: &Path, effective: &str, in_place: bool) -> Result<(), 
     };
     // Nothing was run: the next attempt finds the same state.
     written.inspect_err(|_| leave(folder))
-}
-
-/// Removes the folder of a run with its scenario, if there is nothing else in it.
-fn leave(folder: &Path) {
-    let _ = std::fs::remove_file(folder.join(SCENARIO));
-    let _ = std::fs::remove_dir(folder);
 }
 
 /// Refuses combinations of plan and settings that are impossible; returns the steps of the checkpoints.

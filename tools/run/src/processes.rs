@@ -18,20 +18,18 @@ use hil_session::supervision::{PEER_GONE, STOP};
 use shared_types::record::Outcome;
 
 use super::attach::attach;
-use super::by_hand::ByHand;
 use super::controllers::Controllers;
+use super::manual_start::ByHand;
 use super::objections;
 use super::pause::PauseLookout;
-use super::prepare::PreparedRun;
+use super::prepared::PreparedRun;
 use super::realtime::Watched;
-use super::side::{GRACE, SideProcess};
+use super::side::{GRACE, LOOK, SideProcess};
 use super::termination::termination;
 use crate::open_files;
 use crate::recorder::Recorder;
 use crate::swap::{self, SwapContext, SwapRequest};
 
-/// Polling interval for a process that is about to answer or end.
-pub const LOOK: Duration = Duration::from_millis(2);
 /// Polling interval for a run. Each poll takes a core from the loop; the end of a process is noticed at once.
 const WATCH: Duration = Duration::from_millis(10);
 

@@ -19,7 +19,8 @@ use hil_console::terminal::output;
 use hil_facts::arguments::run::LinkKind;
 use hil_facts::checkpoint::{note, state_file};
 use hil_facts::results::recorded::Recorded;
-use hil_facts::results::restoration::{Check, Comparison, Stretch, Verdict};
+use hil_facts::results::recorded::Stretch;
+use hil_facts::results::restoration::{Check, Comparison, Verdict};
 use hil_facts::results::resumed::MadeCheckpoint;
 use hil_in_process::Turns;
 use hil_session::session::{Session, SessionInfo};
@@ -36,9 +37,8 @@ use shared_types::time::Step;
 use shared_types::wait::{WaitLimit, WaitStrategy};
 
 use super::attach::attach;
-use super::prepare::PreparedRun;
-use super::processes::LOOK;
-use super::side::{GRACE, SideProcess};
+use super::prepared::PreparedRun;
+use super::side::{GRACE, LOOK, SideProcess};
 
 /// Verdict on sides that ended before their comparison, with the cause in words.
 type Fate = Option<(Verdict, String)>;

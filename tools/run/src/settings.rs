@@ -11,7 +11,7 @@ use hil_console::terminal::exit::Failure;
 use hil_facts::arguments::run::{LinkKind, RunOptions, StartKind};
 use hil_facts::programs::binaries::{Binaries, Binary};
 use hil_facts::results::curve::Grid;
-use hil_target::asking;
+use hil_session::asking;
 use shared_types::side::Side;
 
 use hil_recording::compression::Compression;
@@ -148,7 +148,10 @@ impl Settings {
                 "--checkpoint-at needs the recording up to the checkpoint; omit --no-record",
             ));
         }
-        let choice = options.choice.choice(options)?;
+        let choice = options.choice.choice(
+            !options.no_record,
+            !options.checkpoints.checkpoint_at.is_empty(),
+        )?;
         Ok(Self {
             link: options.link,
             out: options.out.clone(),

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use hil_console::terminal::exit::Failure;
 use hil_facts::programs::binaries::Binary;
-use hil_session::by_hand;
+use hil_session::manual_start;
 use hil_session::process::{Ending, MARK, ProcessId, end_group, reap};
 use hil_session::program;
 use hil_session::session::SessionInfo;
@@ -19,12 +19,14 @@ use signal_hook::consts::SIGKILL;
 use super::log::Log;
 use super::open_files;
 
+/// Time between two looks at a process that is about to say or do something.
+pub const LOOK: Duration = Duration::from_millis(2);
 /// Time limit for a process to end once told to.
 pub const GRACE: Duration = Duration::from_secs(2);
 /// Time limit for a stopped process, which cannot end by itself.
 const STOPPED_GRACE: Duration = Duration::from_millis(200);
 /// Exit code of a Rust program that panicked.
-const PANIC: i32 = by_hand::PANIC as i32;
+const PANIC: i32 = manual_start::PANIC as i32;
 /// Time limit for a killed process to disappear.
 const DEATH_LIMIT: Duration = Duration::from_secs(1);
 
@@ -138,7 +140,7 @@ impl SideProcess {
                 }
                 (Process::ByHand(_), Some(id)) if id.is_alive() => None,
                 (Process::ByHand(leash), _) => {
-                    let code = by_hand::last_word(leash);
+                    let code = manual_start::last_word(leash);
                     self.is_silent = code.is_none();
                     let status = code.map_or(UNKNOWN, |code| i32::from(code) << 8);
                     Some(ExitStatus::from_raw(status))

@@ -6,7 +6,7 @@ use hil_facts::results::recorded::Recorded;
 use shared_types::record::Outcome;
 
 use super::controllers::Controllers;
-use super::prepare::PreparedRun;
+use super::prepared::PreparedRun;
 use super::side::SideProcess;
 
 /// Returns the end of the run, from the plant's report and the fates of the processes.

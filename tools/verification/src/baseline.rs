@@ -71,7 +71,7 @@ struct Update {
 ///
 /// # Errors
 /// If the baseline does not exist, the run cannot be read, or the file cannot be written.
-pub(crate) fn command(arguments: &CompareArguments, name: &str) -> Result<Exit, Failure> {
+pub fn command(arguments: &CompareArguments, name: &str) -> Result<Exit, Failure> {
     let legal = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
     if name.is_empty() || !name.chars().all(legal) {
         return Err(Failure::usage(format!(

@@ -19,7 +19,6 @@ use shared_types::number::{exact, exact_in};
 
 use crate::arguments::recordings::CompareArguments;
 use crate::arguments::tolerance::Tolerances;
-use crate::baseline;
 pub(crate) use deviation::SignalDifference;
 pub(crate) use deviation::{Deviation, is_near, share, write_table};
 use hil_recording::reader::{ReadError, RunReader};
@@ -131,14 +130,11 @@ impl From<CompareError> for Failure {
     }
 }
 
-/// Runs the command.
+/// Runs the command for two runs.
 ///
 /// # Errors
 /// If a run cannot be read, or the runs cannot be compared.
 pub fn command(arguments: &CompareArguments) -> Result<Exit, Failure> {
-    if let Some(name) = &arguments.baseline {
-        return baseline::command(arguments, name);
-    }
     let Some(b) = &arguments.b else {
         return Err(Failure::usage("name two runs, or one run and a --baseline"));
     };

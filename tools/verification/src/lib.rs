@@ -11,7 +11,7 @@
 extern crate hil_console; // its macro `tell!` is used everywhere
 
 pub mod arguments;
-pub(crate) mod baseline;
+pub mod baseline;
 pub mod compare;
 #[cfg(test)]
 mod damage;

@@ -4,6 +4,7 @@
 //! run. The output file appears complete or not at all. Values are the recorded ones, bit for bit; derived signals
 //! are recomputed by the code that computed them during the run.
 
+mod cell;
 mod csv;
 mod origin;
 mod parquet;
@@ -26,8 +27,9 @@ use shared_types::record::Event;
 use shared_types::time::{Rate, Step};
 
 use crate::arguments::export::{ExportArguments, ExportFormat};
+use cell::Column;
 use selection::{Offer, Selection};
-use table::{Column, Table};
+use table::Table;
 
 /// Number of records between two checks for Ctrl-C, at which progress is also updated.
 const LOOK_RECORDS: u64 = 1024;

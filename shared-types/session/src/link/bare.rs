@@ -9,7 +9,8 @@ use iceoryx2::port::writer::EntryHandleMut;
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::blackboard::PortFactory;
 
-use super::iceoryx::{Ipc, for_words, node, transport};
+use super::iceoryx::for_words;
+use super::service::{Ipc, node, transport};
 use crate::session::SessionInfo;
 use shared_types::link::LinkError;
 use shared_types::side::Side;

@@ -33,7 +33,7 @@ use iceoryx2_cal::named_concept::{NamedConceptBuilder, NamedConceptConfiguration
 use rustix::thread::futex;
 use rustix::time::Timespec;
 
-use super::iceoryx::transport;
+use super::service::transport;
 use crate::session::SessionInfo;
 use shared_types::link::LinkError;
 use shared_types::wait::Sleeper;

@@ -11,10 +11,10 @@ use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
 
 use super::{
-    SHARED_MEMORY, SessionError, SessionInfo, guard, is_name, noted_prefix, private_folder,
-    remove_below, remove_folder,
+    SHARED_MEMORY, SessionError, SessionInfo, guard, is_live, is_name, noted_prefix,
+    private_folder, remove_below, remove_folder,
 };
-use crate::private_folder::{is_at, open_at_once, private_file};
+use crate::private_folder::{is_at, private_file};
 use crate::process::ProcessId;
 
 /// Time for which another `hil` may hold the lock over all sessions to create or sweep.
@@ -156,15 +156,6 @@ impl Drop for AllSessions {
             let _ = fs::remove_file(self.folder.join(".lock"));
             let _ = fs::remove_dir(&self.folder);
         }
-    }
-}
-
-/// Returns `true` if the session's lock is held or cannot be checked: a session that is not certainly dead is left
-/// alone.
-pub(super) fn is_live(folder: &Path) -> bool {
-    match open_at_once(&folder.join("lock")) {
-        Ok(lock) => flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err(),
-        Err(error) => error.kind() != ErrorKind::NotFound,
     }
 }
 

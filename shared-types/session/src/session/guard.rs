@@ -4,8 +4,7 @@ use std::path::Path;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-use super::SessionInfo;
-use super::all::is_live;
+use super::{SessionInfo, is_live};
 use crate::process::ProcessId;
 
 /// Guard of this process.

@@ -3,7 +3,7 @@
 //! The plant creates every service, the controller opens them.
 
 use hil_benchmark::exchange::End;
-use hil_session::link::iceoryx::Ipc;
+use hil_session::link::service::Ipc;
 use hil_session::session::SessionInfo;
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::pending_response::PendingResponse;
@@ -50,7 +50,7 @@ fn node(session: &SessionInfo, side: Side) -> Node<Ipc> {
         Side::Plant => "bench plant",
         Side::Controller => "bench controller",
     };
-    hil_session::link::iceoryx::node(session, name).expect("shared memory")
+    hil_session::link::service::node(session, name).expect("shared memory")
 }
 
 fn name(text: &str) -> ServiceName {

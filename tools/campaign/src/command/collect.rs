@@ -16,10 +16,10 @@ use hil_config::study::Study;
 use serde_json::json;
 use shared_types::number::counted;
 
+use super::planned::{self, cannot};
 use super::quoted;
-use super::show;
 use super::values;
-use super::work::{cannot, open};
+use super::work::open;
 use crate::arguments::CollectArguments;
 
 /// File name of the table of results.
@@ -35,7 +35,7 @@ const MOST_LISTED: usize = 10;
 /// If cases are missing, or a table cannot be written.
 pub(super) fn collect(arguments: &CollectArguments) -> Result<Exit, Failure> {
     let folder = open(&arguments.folder)?;
-    let study = show::study(&folder)?;
+    let study = planned::study(&folder)?;
     let collected = join(&folder, &study, arguments.partial, |_| {})?;
     if !arguments.partial {
         refuse_missing(&folder, &collected.missing)?;

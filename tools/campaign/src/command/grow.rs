@@ -23,10 +23,11 @@ use shared_types::number::counted;
 use super::cases::Cases;
 use super::envelopes::DRAWS;
 use super::plan::{every_plan, refuse_ineffective, shard_cases};
-use super::planned::{self, become_planned};
+use super::planned::{self, become_planned, cannot};
 use super::quoted;
+use super::study_text::with_cases;
 use super::values;
-use super::work::{cannot, open};
+use super::work::open;
 use crate::arguments::GrowArguments;
 
 /// File whose lock prevents two processes from adding draws at once.
@@ -146,27 +147,4 @@ fn write(folder: &Folder, cases: &Cases) -> Result<Manifest, Failure> {
     let text = manifest.sealed_text().map_err(Failure::infrastructure)?;
     put(MANIFEST, text.as_bytes()).map_err(cannot)?;
     Ok(manifest)
-}
-
-/// Returns a study with another number of draws and otherwise the same text; `None` if it does not set `cases`.
-pub(super) fn with_cases(text: &str, draws: u64) -> Option<String> {
-    let mut document: toml_edit::DocumentMut = text.parse().ok()?;
-    let value = document.get_mut("cases")?.as_value_mut()?;
-    let decor = value.decor().clone();
-    *value = toml_edit::Value::from(i64::try_from(draws).ok()?);
-    *value.decor_mut() = decor;
-    Some(document.to_string())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::with_cases;
-
-    #[test]
-    fn changing_the_number_of_cases_keeps_the_rest_of_the_study() {
-        let text = "schema = 1\ncases  =  200 # draws\n\n[[vary]] # one\nkey = \"a\"\n";
-        let more = with_cases(text, 3000);
-        assert_eq!(more, Some(text.replace("200", "3000")));
-        assert_eq!(with_cases("schema = 1\n", 3000), None);
-    }
 }

@@ -23,6 +23,7 @@ mod result;
 mod show;
 mod slurm;
 mod status;
+mod study_text;
 mod values;
 mod work;
 mod workers;

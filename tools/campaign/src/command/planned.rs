@@ -10,12 +10,12 @@ use std::process::Command;
 
 use crate::folder::Folder;
 use crate::manifest::{MANIFEST, Manifest};
+use hil_config::study::Study;
 use hil_console::terminal::exit::Failure;
 use hil_facts::programs::binaries::trusted;
-use hil_target::machine::hash;
+use hil_session::file::hash;
 
 use super::quoted;
-use super::work::cannot;
 
 /// Subfolder of the programs, where `hil` also finds its companions.
 pub(super) const PROGRAMS: &str = "programs";
@@ -101,5 +101,35 @@ fn foreign(folder: &Folder, why: &str) -> Failure {
     Failure::usage(format!(
         "refusing to run {folder_text}: {why}; if you trust its origin, make a copy that you own, with cp -r {} FOLDER, in a folder that only you can write to",
         quoted(folder.path())
+    ))
+}
+
+/// Reads the study of a campaign.
+///
+/// # Errors
+/// If it cannot be read, or is another one than the campaign was planned with: its goals would be others.
+pub(super) fn study(folder: &Folder) -> Result<Study, Failure> {
+    let copy = &folder.manifest().study;
+    let path = folder.path().join(&copy.path);
+    folder.check_copies([copy]).map_err(|why| {
+        let (shown, study) = (folder.path().display(), quoted(&path));
+        if !path.exists() {
+            return Failure::usage(format!(
+                "{why}; the goals and variants of the results in {shown} stand in it. Put back the study that the campaign was planned with, whose BLAKE3 hash is {}",
+                copy.blake3
+            ));
+        }
+        Failure::usage(format!(
+            "{why}; the results in {shown} are not those of another study. Put the study back as it was, or plan a campaign of this one: hil campaign plan {study} -o OTHER"
+        ))
+    })?;
+    Ok(Study::read(path)?)
+}
+
+/// Makes the failure of a folder that cannot be worked on.
+pub(super) fn cannot(folder: &Folder, error: &dyn std::fmt::Display) -> Failure {
+    let shown = folder.path().display();
+    Failure::infrastructure(format!(
+        "cannot work on {shown}: {error}; what is there stays, and the same command goes on"
     ))
 }

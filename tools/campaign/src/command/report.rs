@@ -9,12 +9,14 @@
 
 mod data;
 mod envelopes;
+mod numbers;
 mod page;
 mod tables;
 
 use std::path::Path;
 
-use crate::folder::Folder;
+use crate::folder::{Conflict, Folder};
+use hil_config::study::Study;
 use hil_console::files::destination::Destination;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
@@ -23,10 +25,27 @@ use hil_views::export::deliver;
 use serde::Serialize;
 use shared_types::number::counted;
 
-use super::answers::{self, Gathered};
+use super::answers::{self, Answers, Gathered};
 use super::collect::read;
-use super::show::study;
-use super::work::{cannot, open};
+use super::planned::{cannot, study};
+use super::work::open;
+
+/// A campaign and its answers.
+struct Campaign<'a> {
+    folder: &'a Folder,
+    study: &'a Study,
+    answers: &'a Answers,
+    /// Number of cases with a result.
+    rows: u64,
+    conflicts: &'a [Conflict],
+}
+
+impl Campaign<'_> {
+    /// Tells whether every case has a result.
+    const fn is_complete(&self) -> bool {
+        self.answers.digest.is_some()
+    }
+}
 
 /// Summary of the written page.
 #[derive(Debug, Serialize)]
@@ -103,7 +122,7 @@ fn build(folder: &Folder) -> Result<(String, PageSummary), Failure> {
     let answers = answers::of(gathered, &collected);
     let envelopes = envelopes::Envelopes::read(folder, &study);
     data.complete(&answers, envelopes.map_err(|error| cannot(folder, &error))?);
-    let campaign = page::Campaign {
+    let campaign = Campaign {
         folder,
         study: &study,
         answers: &answers,

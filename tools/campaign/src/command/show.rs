@@ -8,11 +8,11 @@ use hil_console::terminal::table::{Table, left, right};
 
 use crate::collect::Collected;
 use crate::folder::Folder;
-use hil_config::study::Study;
 use shared_types::number::{counted, short, unit_shown};
 
 use super::answers::{self, Answers, BoundsAnswer, Gathered, QuantileAnswer, Share, VariantAnswer};
 use super::collect::{self, set_aside};
+use super::planned::study;
 use super::quoted;
 use super::work::open;
 use crate::arguments::ShowArguments;
@@ -33,28 +33,6 @@ pub(super) fn show(arguments: &ShowArguments) -> Result<Exit, Failure> {
         Exit::Pass | Exit::Failed if !are_whole => Exit::Infrastructure,
         exit => exit,
     })
-}
-
-/// Reads the study of a campaign.
-///
-/// # Errors
-/// If the study cannot be read or is not the planned one, since its goals could differ.
-pub(super) fn study(folder: &Folder) -> Result<Study, Failure> {
-    let copy = &folder.manifest().study;
-    let path = folder.path().join(&copy.path);
-    folder.check_copies([copy]).map_err(|why| {
-        let (folder_text, study) = (folder.path().display(), quoted(&path));
-        if !path.exists() {
-            return Failure::usage(format!(
-                "{why}; it defines the goals and variants of the results in {folder_text}. Restore the study that the campaign was planned with, whose BLAKE3 hash is {}",
-                copy.blake3
-            ));
-        }
-        Failure::usage(format!(
-            "{why}; the results in {folder_text} belong to the original study. Restore it, or plan a campaign of the changed one: hil campaign plan {study} -o OTHER"
-        ))
-    })?;
-    Ok(Study::read(path)?)
 }
 
 /// Reports copies that have changed since planning; the results belong to the originals.

@@ -16,8 +16,8 @@ use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
 pub(super) use tasks::Tasks;
 
-use super::planned::{self, program};
-use super::work::{cannot, open};
+use super::planned::{self, cannot, program};
+use super::work::open;
 use crate::arguments::SubmitArguments;
 
 /// Subfolder with a file for each submitted job.

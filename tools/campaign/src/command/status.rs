@@ -13,9 +13,10 @@ use crate::shard::{PartError, Shard};
 use serde::Serialize;
 use shared_types::number::counted;
 
+use super::planned::cannot;
 use super::quoted;
 use super::slurm::{self, Tasks};
-use super::work::{cannot, open};
+use super::work::open;
 use crate::arguments::StatusArguments;
 
 /// Interval between two refreshes.

@@ -27,7 +27,7 @@ use rustix::process::{Signal, getpid, kill_process};
 
 use super::answers::class_of;
 use super::cases::Cases;
-use super::planned::{self, become_planned};
+use super::planned::{self, become_planned, cannot};
 use super::result::CaseResult;
 use crate::arguments::WorkArguments;
 
@@ -101,14 +101,6 @@ pub(super) fn open(path: &Path) -> Result<Folder, Failure> {
         ManifestError::Damaged(_) => Failure::infrastructure(error),
         _ => Failure::usage(error),
     })
-}
-
-/// Creates the error for a folder that cannot be used.
-pub(super) fn cannot(folder: &Folder, error: &dyn std::fmt::Display) -> Failure {
-    let folder_text = folder.path().display();
-    Failure::infrastructure(format!(
-        "cannot work on {folder_text}: {error}; existing results are kept, and the same command continues"
-    ))
 }
 
 /// Ends the worker at the end of its input, when its parent is gone.
@@ -204,7 +196,7 @@ impl Worker<'_> {
                 );
                 return Ok(Exit::Pass); // missing again
             }
-            Err(error) => return Err(super::work::cannot(self.folder, &error)),
+            Err(error) => return Err(super::planned::cannot(self.folder, &error)),
             Ok(published) => published,
         };
         self.tell(&format!("shard {}", shard.number()))?;

@@ -20,8 +20,8 @@ use shared_types::number::{counted, short};
 
 use super::answers::{Gathered, class_of};
 use super::plan::bar;
-use super::planned::{self, program};
-use super::work::{DIFFERS, FAILED, cannot, open};
+use super::planned::{self, cannot, program};
+use super::work::{DIFFERS, FAILED, open};
 use super::{collect, quoted, show};
 use crate::arguments::RunCampaignArguments;
 
@@ -54,7 +54,7 @@ pub(super) fn run(arguments: &RunCampaignArguments) -> Result<Exit, Failure> {
     let jobs = arguments
         .jobs
         .map_or(cores.div_ceil(each), |jobs| jobs as usize);
-    let study = show::study(&folder)?;
+    let study = planned::study(&folder)?;
     let mut broken = BTreeSet::new();
     let (collected, gathered) = loop {
         let mut progress = Progress::new(&folder)?;

@@ -8,8 +8,6 @@ use hil_recording::compression::Compression;
 use hil_recording::excerpt::Choice;
 use shared_types::number::exact_in;
 
-use crate::arguments::run::RunOptions;
-
 /// Returns the parser of a recording's compression.
 pub(super) fn compression() -> impl TypedValueParser<Value = Compression> {
     let value = |name, help| PossibleValue::new(name).help(help);
@@ -44,11 +42,11 @@ pub struct ChoiceArguments {
 const LONGEST_BEFORE_S: f64 = 60.0;
 
 impl ChoiceArguments {
-    /// Returns the selection of records and signals.
+    /// Reads the choice of what is kept, for a run that is recorded or not and has checkpoints or none.
     ///
     /// # Errors
-    /// If it contradicts the other options.
-    pub fn choice(&self, options: &RunOptions) -> Result<Choice, Failure> {
+    /// If it cannot go with these.
+    pub fn choice(&self, is_recorded: bool, has_checkpoints: bool) -> Result<Choice, Failure> {
         let around_s = match self.record_around_faults.as_deref() {
             Some([before_s, _]) if *before_s > LONGEST_BEFORE_S => {
                 return Err(Failure::usage(format!(
@@ -67,12 +65,12 @@ impl ChoiceArguments {
         if choice.is_all() {
             return Ok(choice);
         }
-        if options.no_record {
+        if !is_recorded {
             return Err(Failure::usage(
                 "--no-record records nothing; omit it, or the flags that select what is recorded",
             ));
         }
-        if !options.checkpoints.checkpoint_at.is_empty() {
+        if has_checkpoints {
             return Err(Failure::usage(
                 "a checkpoint needs a complete recording; omit --record, --record-every and --record-around-faults",
             ));

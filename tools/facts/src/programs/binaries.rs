@@ -21,15 +21,17 @@ use shared_types::side::Side;
 use shared_types::text;
 
 use answer::{asked, objection, silence, unprintable};
+use beside_desk::BesideDesk;
 pub use file::beside;
 use file::{FileIdentity, hashed, hashed_model};
 use host::{Host, is_model};
 use named::{CONTROLLER, Choice, Named, NamedBy, PLANT, Role};
-use reached::{BesideDesk, Reached};
+use reached::Reached;
 
 use crate::arguments::BinaryArguments;
 
 mod answer;
+pub mod beside_desk;
 mod file;
 pub mod host;
 pub mod named;

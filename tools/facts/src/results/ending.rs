@@ -7,26 +7,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use hil_config::plan::{Clock, Plan};
 use shared_types::pacer::Streaks;
-use shared_types::record::{ControllerChange, ControllerFate, Outcome, RunEnd, Timing};
+use shared_types::record::{ControllerChange, ControllerFate, Outcome, RunEnd};
 
 use crate::results::recorded::Recorded;
-
-/// Counts of controller commands in the records of a run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Answers {
-    /// Number of records with a controller's command.
-    pub given: u64,
-    /// Number of records with an older command than that of their step.
-    pub held: u64,
-}
-
-impl Answers {
-    /// Counts the record of a step with a command.
-    pub const fn take(&mut self, timing: &Timing) {
-        self.given += (timing.epoch > 0) as u64;
-        self.held += (timing.held_steps > 0) as u64;
-    }
-}
 
 /// Returns the first contradiction in the plant's report of its end.
 #[must_use]

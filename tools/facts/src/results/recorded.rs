@@ -5,12 +5,13 @@ use std::collections::BTreeMap;
 use crate::results::curve::Curve;
 use hil_config::evaluation::MetricValue;
 use hil_config::requirements::RequirementValue;
-use shared_types::record::{ControllerChange, Mark, RunEnd, ValueChange};
+use shared_types::record::{ControllerChange, Mark, RunEnd, Timing, ValueChange};
 
-use crate::results::ending::Answers;
 use crate::results::faults::FaultLog;
 use crate::results::latency::legs::LatencySummary;
-use crate::results::restoration::Stretch;
+
+/// Most steps that are compared.
+const STEPS: usize = 100;
 
 /// Facts of the recorder at the end.
 #[derive(Clone, Debug, Default)]
@@ -64,5 +65,72 @@ impl Recorded {
             answers: Some(Answers::default()),
             ..Self::default()
         }
+    }
+}
+
+/// Counts of the controller's commands in the records of a run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Answers {
+    /// Records with a command of a controller.
+    pub given: u64,
+    /// Records with an older command than that of their step.
+    pub held: u64,
+}
+
+impl Answers {
+    /// Takes in the record of a step that had a command.
+    pub const fn take(&mut self, timing: &Timing) {
+        self.given += (timing.epoch > 0) as u64;
+        self.held += (timing.held_steps > 0) as u64;
+    }
+}
+
+/// Records of the steps after a checkpoint.
+#[derive(Clone, Debug)]
+pub struct Stretch {
+    /// Step of the checkpoint.
+    pub first: u64,
+    /// Number of live faults that were accepted before it.
+    pub accepted: usize,
+    /// Repeatable words of the records from that step on.
+    pub(super) records: Vec<Vec<u64>>,
+}
+
+impl Stretch {
+    /// Begins the stretch of a checkpoint.
+    pub const fn new(first: u64, accepted: usize) -> Self {
+        Self {
+            first,
+            accepted,
+            records: Vec::new(),
+        }
+    }
+
+    /// Takes the next record; returns `false` if the stretch is complete.
+    pub fn take(&mut self, hashed: &[u64]) -> bool {
+        // The state after the last step is in the record after it.
+        let is_open = self.records.len() <= STEPS;
+        if is_open {
+            self.records.push(hashed.to_vec());
+        }
+        is_open
+    }
+
+    /// Returns the records until somebody changed the live run, which nobody does to the sides of a check.
+    pub(super) fn untouched(&self, recorded: &Recorded) -> &[Vec<u64>] {
+        let faults = &recorded.faults;
+        let later = faults.accepted.get(self.accepted..).unwrap_or_default();
+        let is_later = |id: u32| later.iter().any(|live| live.event.id == id);
+        let begins = faults.taken.iter().filter(|begin| is_later(begin.id));
+        let ends = faults.ended.iter().filter(|end| end.cleared);
+        let changes = recorded.values.iter().filter(|change| change.live);
+        let steps = (begins.map(|begin| begin.step))
+            .chain(ends.map(|end| end.step))
+            .chain(changes.map(|change| change.step))
+            .chain(recorded.changes.iter().map(|change| change.step));
+        let step = steps.filter(|step| *step >= self.first).min();
+        let most = step.map_or(u64::MAX, |step| step - self.first);
+        let count = usize::try_from(most).unwrap_or(usize::MAX);
+        &self.records[..count.min(self.records.len())]
     }
 }

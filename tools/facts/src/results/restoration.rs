@@ -9,10 +9,8 @@ use shared_types::side::Side;
 use shared_types::stream::Item;
 use shared_types::text;
 
-use crate::results::recorded::Recorded;
+use crate::results::recorded::{Recorded, Stretch};
 
-/// Maximum number of compared steps.
-const STEPS: usize = 100;
 /// Groups of a record in the order of computation: the first difference is the cause.
 const ORDER: [(&str, Side); HASHED_GROUPS] = [
     ("measured", Side::Plant),
@@ -79,56 +77,6 @@ impl Check {
     /// Describes a check, or its absence.
     pub fn words(check: Option<&Self>) -> &str {
         check.map_or("not checked", |check| &check.text)
-    }
-}
-
-/// Records of the steps after a checkpoint.
-#[derive(Clone, Debug)]
-pub struct Stretch {
-    /// Step of the checkpoint.
-    pub first: u64,
-    /// Number of live faults accepted before it.
-    pub accepted: usize,
-    /// Reproducible words of the records from that step on.
-    records: Vec<Vec<u64>>,
-}
-
-impl Stretch {
-    /// Starts the records of a checkpoint.
-    pub const fn new(first: u64, accepted: usize) -> Self {
-        Self {
-            first,
-            accepted,
-            records: Vec::new(),
-        }
-    }
-
-    /// Adds the next record; returns `false` if enough are stored.
-    pub fn take(&mut self, hashed: &[u64]) -> bool {
-        // The state after the last step is in the next record.
-        let is_open = self.records.len() <= STEPS;
-        if is_open {
-            self.records.push(hashed.to_vec());
-        }
-        is_open
-    }
-
-    /// Returns the records up to the first live change, because the sides of a check receive none.
-    fn untouched(&self, recorded: &Recorded) -> &[Vec<u64>] {
-        let faults = &recorded.faults;
-        let later = faults.accepted.get(self.accepted..).unwrap_or_default();
-        let is_later = |id: u32| later.iter().any(|live| live.event.id == id);
-        let begins = faults.taken.iter().filter(|begin| is_later(begin.id));
-        let ends = faults.ended.iter().filter(|end| end.cleared);
-        let changes = recorded.values.iter().filter(|change| change.live);
-        let steps = (begins.map(|begin| begin.step))
-            .chain(ends.map(|end| end.step))
-            .chain(changes.map(|change| change.step))
-            .chain(recorded.changes.iter().map(|change| change.step));
-        let step = steps.filter(|step| *step >= self.first).min();
-        let most = step.map_or(u64::MAX, |step| step - self.first);
-        let count = usize::try_from(most).unwrap_or(usize::MAX);
-        &self.records[..count.min(self.records.len())]
     }
 }
 

@@ -6,7 +6,7 @@ use serde::Serialize;
 use shared_types::text;
 
 use crate::programs::binaries::Binary;
-use crate::programs::binaries::reached::BesideDesk;
+use crate::programs::binaries::beside_desk::BesideDesk;
 
 /// Target, from the findings of its agent.
 #[derive(Clone, Debug, Serialize)]

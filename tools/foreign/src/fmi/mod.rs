@@ -32,6 +32,7 @@ pub mod description;
 mod instance;
 mod journal;
 mod library;
+mod settable;
 pub mod sides;
 mod start;
 mod status;

@@ -12,7 +12,8 @@ use shared_types::failure::Failure;
 use shared_types::spelling::spelled;
 use shared_types::table::{Field, listed, nearest};
 
-use super::description::{Causality, Initial, ModelDescription, Variable, VariableType};
+use super::description::{ModelDescription, Variable, VariableType};
+use super::settable::{is_settable_text, may_be_set, with_initial_value};
 use super::tables::Column;
 
 /// Maximum number of names that a message lists.
@@ -108,40 +109,6 @@ impl Start {
     fn stop_passed_by(&self, at_s: f64, length_s: f64) -> Option<f64> {
         let is_passed = |stop_s: &f64| at_s + length_s > stop_s + ROUNDING * length_s;
         self.stop_s.filter(is_passed)
-    }
-}
-
-/// Iterates over the variables other than inputs whose initial values can be set.
-pub(super) fn with_initial_value(model: &ModelDescription) -> impl Iterator<Item = &Variable> {
-    let all = model.variables.iter();
-    all.filter(|one| one.kind.range().is_some() && may_be_set(one).is_ok() && !is_input(one))
-}
-
-fn is_input(variable: &Variable) -> bool {
-    variable.causality == Causality::Input
-}
-
-/// # Errors
-/// If the variable has no settable initial value; the text is the reason.
-fn may_be_set(variable: &Variable) -> Result<(), &'static str> {
-    if variable.unusable.is_some() {
-        return Err("cannot be read from the model description");
-    }
-    if variable.is_clocked {
-        return Err("has a clock");
-    }
-    match (variable.causality, variable.initial) {
-        (Causality::Parameter, _) if variable.lacks_start() && !variable.is_constant => Ok(()),
-        (Causality::Parameter, _) => Err("is a parameter, which `parameters` sets"),
-        (Causality::StructuralParameter, _) => {
-            Err("is a structural parameter, which `structural` sets")
-        }
-        (Causality::Independent, _) => Err("is the time, which `start_time_s` sets"),
-        _ if variable.is_constant => Err("is constant"),
-        (Causality::Input, _) | (_, Initial::Exact | Initial::Approx) => Ok(()),
-        (_, Initial::Calculated) => {
-            Err("is calculated by the FMU (its `initial` is neither exact nor approx)")
-        }
     }
 }
 
@@ -282,12 +249,6 @@ fn texts(
         texts.push((variable.reference, bytes));
     }
     Ok(texts)
-}
-
-/// Returns `true` if the text can be set.
-pub(super) fn is_settable_text(variable: &Variable) -> bool {
-    variable.causality == Causality::Parameter && !variable.is_constant
-        || may_be_set(variable).is_ok()
 }
 
 fn unknown(key: &str, name: &str, known: &[&str]) -> Invalid {

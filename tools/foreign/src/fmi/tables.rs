@@ -14,7 +14,7 @@ use shared_types::spelling::{spelled, spelled_all};
 use shared_types::table::Field;
 
 use super::description::{Causality, ModelDescription, Variable, VariableType, Version};
-use super::start;
+use super::settable::{is_settable_text, with_initial_value};
 use aliases::Aliases;
 use units::Units;
 
@@ -238,7 +238,7 @@ fn unsupported(variable: &Variable, is_parameter: bool) -> Option<String> {
     }
     if variable.kind.range().is_none() {
         return Some(match variable.causality {
-            _ if variable.kind == VariableType::String && start::is_settable_text(variable) => {
+            _ if variable.kind == VariableType::String && is_settable_text(variable) => {
                 format!("it is a {kind}; set it in `texts` or `files`")
             }
             Causality::Input | Causality::Parameter => {
@@ -365,7 +365,7 @@ fn imported(model: &ModelDescription, units: &Units<'_>) -> Imported {
         internal_step_s: model.internal_step_s,
         notes: model.notes.clone(),
         units: units.defined(model),
-        initial: (start::with_initial_value(model))
+        initial: (with_initial_value(model))
             .map(|variable| line(&variable.name, LONGEST_TEXT))
             .collect(),
         ..Imported::default()

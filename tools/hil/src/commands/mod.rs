@@ -22,7 +22,7 @@ use hil_console::terminal::{advice, interruption, output};
 use hil_facts::session::{clock, inject, mark, set};
 use hil_session::session;
 use hil_verification::arguments::recordings::ScenarioAction;
-use hil_verification::{compare, judge, repetition, replay, rerun, suite};
+use hil_verification::{baseline, compare, judge, repetition, replay, rerun, suite};
 use hil_views::{export, layout, monitor, panel, report, values};
 use shared_types::live::Request;
 
@@ -90,7 +90,10 @@ fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         Command::Campaign(arguments) => campaign::campaign(&arguments.action),
         Command::Rerun(arguments) => rerun::rerun(arguments),
         Command::Replay(arguments) => replay::replay(arguments),
-        Command::Compare(arguments) => compare::command(arguments),
+        Command::Compare(arguments) => match &arguments.baseline {
+            Some(name) => baseline::command(arguments, name),
+            None => compare::command(arguments),
+        },
         Command::Judge(arguments) => judge::judge(arguments),
         Command::Report(arguments) => match arguments
             .runs

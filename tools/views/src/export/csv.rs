@@ -6,7 +6,7 @@
 
 use std::io::{self, Write};
 
-use super::table::{Cell, Column};
+use super::cell::{Cell, Column};
 
 /// Size of a write in bytes.
 const BLOCK_BYTES: usize = 1 << 16;
@@ -65,7 +65,7 @@ impl<W: Write> Csv<W> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::table::CellKind;
+    use super::super::cell::CellKind;
     use super::*;
 
     #[test]

@@ -9,7 +9,7 @@ use hil_facts::results::recorded_run::RecordedRun;
 use hil_facts::results::summary::MarkAt;
 use hil_recording::reader::RunReader;
 
-use super::table::Column;
+use super::cell::Column;
 
 /// Reconstructs the run of a recording; the error is the reason if that is impossible.
 pub(super) fn recorded_run(reader: &RunReader) -> Result<RecordedRun, String> {

@@ -14,7 +14,7 @@ use parquet::file::properties::{EnabledStatistics, WriterProperties};
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
 
-use super::table::{Cell, CellKind, Column};
+use super::cell::{Cell, CellKind, Column};
 
 /// Cells in a row group: 32 MiB of numbers.
 const GROUP_CELLS: usize = 1 << 22;

@@ -8,8 +8,8 @@ use hil_recording::reader::RunReader;
 use shared_types::table::near;
 use shared_types::time::Step;
 
+use super::cell::{Cell, CellKind, Column};
 use super::origin::{self, Derived};
-use super::table::{Cell, CellKind, Column};
 use crate::plots::signal::own_names;
 
 /// Columns selected for a table.

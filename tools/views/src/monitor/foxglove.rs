@@ -24,8 +24,8 @@ use tungstenite::http::{HeaderValue, StatusCode, header};
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Error, HandshakeError, Message, WebSocket, accept_hdr_with_config};
 
-use message::{ClientMessage, asked};
-use outlet::{Data, Hub, Outlet};
+use message::{Asked, Data, asked};
+use outlet::{Hub, Outlet};
 
 /// Accepted WebSocket subprotocols.
 const SUBPROTOCOLS: [&str; 2] = ["foxglove.websocket.v1", "foxglove.sdk.v1"];

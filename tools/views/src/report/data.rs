@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use hil_benchmark::bars::classes;
+use hil_facts::results::latency::bars::classes;
 use hil_facts::results::latency::times::Times;
 use serde::Serialize;
 use shared_types::record::ControllerFate;

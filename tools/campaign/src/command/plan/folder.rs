@@ -17,11 +17,11 @@ use hil_facts::programs::binaries::trusted;
 
 use crate::folder::{CONFLICTS, SHARDS, try_out};
 use crate::manifest::{self, Copied, MANIFEST, Manifest, SCHEMA};
-use hil_target::machine::hash;
+use hil_session::file::hash;
 
 use super::Checked;
-use crate::command::grow::with_cases;
 use crate::command::planned::PROGRAMS;
+use crate::command::study_text::with_cases;
 use crate::command::{quoted, values};
 
 /// Target duration of a shard with enough cases, in s.

@@ -5,12 +5,11 @@ use crate::folder::Folder;
 use crate::shard::missing;
 use crate::shard::part::Part;
 use crate::table::{ColumnKind, Values};
-use base64::Engine as _;
-use base64::engine::general_purpose::STANDARD;
 use hil_config::study::Study;
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 
 use super::envelopes::Envelopes;
+use super::numbers::{Codes, Numbers, Singles};
 use crate::command::answers::{Answers, CLASSES, classes_in_words, margin, place_of};
 use crate::command::quoted;
 
@@ -66,38 +65,6 @@ struct ColumnData {
 enum ColumnValues {
     Numbers(Singles),
     Codes(Codes),
-}
-
-/// Double-precision numbers, little-endian.
-#[derive(Debug, Default)]
-struct Numbers(Vec<f64>);
-
-/// Single-precision numbers, little-endian.
-#[derive(Debug, Default)]
-pub(super) struct Singles(pub(super) Vec<f32>);
-
-/// One-byte codes.
-#[derive(Debug, Default)]
-struct Codes(Vec<u8>);
-
-impl Serialize for Numbers {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        let bytes: Vec<u8> = self.0.iter().flat_map(|one| one.to_le_bytes()).collect();
-        to.serialize_str(&STANDARD.encode(bytes))
-    }
-}
-
-impl Serialize for Singles {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        let bytes: Vec<u8> = self.0.iter().flat_map(|one| one.to_le_bytes()).collect();
-        to.serialize_str(&STANDARD.encode(bytes))
-    }
-}
-
-impl Serialize for Codes {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        to.serialize_str(&STANDARD.encode(&self.0))
-    }
 }
 
 impl Data {

@@ -9,7 +9,7 @@ use hil_config::study::Study;
 use hil_facts::results::curve::{Curve, Grid};
 use serde::Serialize;
 
-use super::data::Singles;
+use super::numbers::Singles;
 
 /// Quantiles of the least values, and of the greatest values: each pair encloses 90 %, 50 % or none of the draws.
 const LOWER: [f64; 3] = [0.05, 0.25, 0.5];

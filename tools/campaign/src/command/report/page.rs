@@ -3,36 +3,16 @@
 use hil_console::terminal::exit::Failure;
 use hil_views::offline_page::OfflinePage;
 
-use crate::folder::{Conflict, Folder};
-use hil_config::study::Study;
 use maud::{Markup, html};
 use shared_types::number::counted;
 
 use super::data::Data;
-use super::tables;
-use crate::command::answers::Answers;
+use super::{Campaign, tables};
 use crate::command::collect::set_aside;
 use crate::command::quoted;
 
 const SCRIPT: &str = include_str!("assets/campaign.js");
 const STYLE: &str = include_str!("assets/campaign.css");
-
-/// Campaign with its evaluation.
-pub(super) struct Campaign<'a> {
-    pub(super) folder: &'a Folder,
-    pub(super) study: &'a Study,
-    pub(super) answers: &'a Answers,
-    /// Number of cases with a result.
-    pub(super) rows: u64,
-    pub(super) conflicts: &'a [Conflict],
-}
-
-impl Campaign<'_> {
-    /// Returns `true` if every case has a result.
-    pub(super) const fn is_complete(&self) -> bool {
-        self.answers.digest.is_some()
-    }
-}
 
 /// Renders the whole page.
 pub(super) fn page(campaign: &Campaign, data: &Data) -> Result<String, Failure> {

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 use shared_types::number::{counted, short, unit_shown};
 
-use super::page::Campaign;
+use super::Campaign;
 use crate::command::answers::{Answers, RequirementAnswer, Share, VariantAnswer, classes_in_words};
 use crate::command::show::bounds;
 

@@ -7,7 +7,7 @@ use std::path::Path;
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
 use hil_session::program::CHECKED;
-use hil_target::asking::{NoAnswer, ask};
+use hil_session::asking::{NoAnswer, ask};
 use hil_target::contact::Answer;
 use serde_json::Value;
 use shared_types::text;

@@ -6,7 +6,7 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use hil_console::terminal::exit::Failure;
-use hil_target::machine::hash;
+use hil_session::file::hash;
 use rustix::fs::{Access, access};
 
 /// Returns the path of a program beside this one.

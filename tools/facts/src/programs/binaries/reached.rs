@@ -1,7 +1,6 @@
 //! Controller program on another machine: described, checked and started there.
 
-use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 use hil_console::terminal::exit::Failure;
@@ -10,10 +9,8 @@ use hil_target::contact::{Answer, Contact};
 use hil_target::machine::{Findings, built_for};
 use hil_target::name::Target;
 use hil_target::way::{TargetError, Way};
-use shared_types::origin::Build;
 
-use super::named::Choice;
-use super::{Binary, beside};
+use super::beside;
 use crate::arguments::target::TargetArguments;
 
 /// Connected target, with its agent's findings.
@@ -163,64 +160,6 @@ impl Reached {
     }
 }
 
-/// Controller built for another processor, compared with the desk's build.
-#[derive(Clone, Debug)]
-pub struct BesideDesk {
-    desk: PathBuf,
-    /// Source revisions of the builds on the target and at the desk, as far as they are recorded.
-    builds: [Option<Build>; 2],
-}
-
-impl BesideDesk {
-    /// Compares a controller on a target with the one that would run at the desk; `None` if that is the same file
-    /// or another program.
-    pub fn of(there: &Binary, desk: &Choice, interruption: &Interruption) -> Option<Self> {
-        let machine = |path: &Path| built_for(path).ok().flatten();
-        if machine(&there.path)? == machine(&desk.path)? {
-            return None;
-        }
-        let desk = Binary::of_controller(desk, None, interruption).ok()?;
-        let is_same = desk.description.program == there.description.program;
-        is_same.then(|| Self {
-            builds: [&there.description, &desk.description].map(|one| one.build.clone()),
-            desk: desk.path,
-        })
-    }
-
-    /// Returns `true` if both are known to be built from the same source; `None` if that cannot be determined.
-    pub(crate) fn is_same_source(&self) -> Option<bool> {
-        match &self.builds {
-            [Some(there), Some(desk)] if there.is_of_source_of(desk) => Some(true),
-            // Both have uncommitted changes, which may differ.
-            [Some(there), Some(desk)] if there == desk => None,
-            [Some(_), Some(_)] => Some(false),
-            _ => None,
-        }
-    }
-}
-
-impl fmt::Display for BesideDesk {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let describe = |build: &Option<Build>| match build {
-            Some(build) => build.to_string(),
-            None => "a build without a recorded source".into(),
-        };
-        let [there, desk] = self.builds.each_ref().map(describe);
-        let path = self.desk.display();
-        match self.is_same_source() {
-            Some(true) => write!(f, "built from the source of {path}: {there}"),
-            Some(false) => write!(
-                f,
-                "note: built from another source than {path}: {there}; at the desk {desk}"
-            ),
-            None => write!(
-                f,
-                "note: cannot verify that it is built from the source of {path}: {there}; at the desk {desk}"
-            ),
-        }
-    }
-}
-
 fn open(way: &Way, interruption: &Interruption) -> Result<Contact, Failure> {
     Contact::open(way, || (), &|| interruption.came()).map_err(failed)
 }
@@ -231,59 +170,5 @@ pub fn failed(error: TargetError) -> Failure {
         TargetError::Usage { .. } => Failure::usage(error),
         TargetError::Infrastructure { .. } => Failure::infrastructure(error),
         TargetError::Interrupted => Failure::Interrupted,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn beside(commits: [Option<&str>; 2], modified: bool) -> BesideDesk {
-        let build = |commit: Option<&str>| {
-            commit.map(|commit| Build {
-                commit: Some(commit.into()),
-                modified,
-                lock_blake3: Some("00".into()),
-            })
-        };
-        BesideDesk {
-            desk: "desk".into(),
-            builds: commits.map(build),
-        }
-    }
-
-    #[test]
-    fn builds_count_as_the_same_source_only_if_that_is_known() {
-        for (commits, modified, same, expected) in [
-            (
-                [Some("a"), Some("a")],
-                false,
-                Some(true),
-                "built from the source of desk: commit a",
-            ),
-            (
-                [Some("a"), Some("b")],
-                false,
-                Some(false),
-                "from another source than desk: commit a",
-            ),
-            (
-                [Some("a"), Some("b")],
-                true,
-                Some(false),
-                "commit b with changes",
-            ),
-            ([Some("a"), Some("a")], true, None, "cannot verify"),
-            (
-                [None, Some("a")],
-                false,
-                None,
-                "a build without a recorded source",
-            ),
-        ] {
-            let beside = beside(commits, modified);
-            assert_eq!(beside.is_same_source(), same, "{beside}");
-            assert!(beside.to_string().contains(expected), "{beside}");
-        }
     }
 }

@@ -4,6 +4,7 @@ use shared_types::record::{ControllerChange, ControllerFate, FaultEffectSize, Ou
 use shared_types::time::Step;
 
 use super::*;
+use crate::results::recorded::Answers;
 use crate::rig::plan;
 
 const STEPS: u64 = 1000;

@@ -1,6 +1,7 @@
-//! Latency of a loop: the recorder, or a reader of its recording, adds each step to [`Latency`](legs::Latency); the
-//! [`times`] of its [`legs`] become [`percentiles`], the ten worst [`spikes`] and a [`grade`] in the summary.
+//! The latency of a loop: the recorder, or a reader of its recording, puts each step into [`Latency`](legs::Latency); its
+//! [`legs`] are [`times`] that become [`percentiles`], the ten worst [`spikes`] and a [`grade`] in the summary, or [`bars`].
 
+pub mod bars;
 pub mod grade;
 pub mod legs;
 pub mod percentiles;

@@ -8,8 +8,6 @@ use hil_session::session::SessionInfo;
 use serde_json::{Value, json};
 use shared_types::record::RecordLayout;
 
-use super::outlet::Data;
-
 /// Channel of the records.
 pub(crate) const RECORDS: u64 = 1;
 /// Channel of the events.
@@ -92,6 +90,17 @@ pub(crate) fn advertise(layout: &RecordLayout) -> String {
         ],
     })
     .to_string()
+}
+
+/// A message for those who subscribed to its channel.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Data {
+    /// The channel.
+    pub channel: u64,
+    /// Simulated time.
+    pub time_ns: u64,
+    /// Bytes of the message, as in a recording.
+    pub payload: Vec<u8>,
 }
 
 /// Encodes a record or an event for a subscription, at its simulated time.

@@ -16,22 +16,11 @@ use shared_types::record::{Event, RecordLayout};
 use shared_types::time::{Rate, Step};
 use shared_types::zerocopy::IntoBytes;
 
-use super::message::{self, EVENTS, RECORDS};
+use super::message::{self, Data, EVENTS, RECORDS};
 use crate::monitor::watch::Audience;
 
 /// Polling interval while clients receive their remaining messages.
 const LOOK: Duration = Duration::from_millis(10);
-
-/// Message for the subscribers of its channel.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Data {
-    /// Channel number.
-    pub channel: u64,
-    /// Simulated time.
-    pub time_ns: u64,
-    /// Bytes of the message, as in a recording.
-    pub payload: Vec<u8>,
-}
 
 /// Queue of a client and the number of messages it had no room for.
 struct Queue {

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
-use hil_session::process::{MARK, ProcessId, end_group, end_marked, reap};
+use crate::process::{MARK, ProcessId, end_group, end_marked, reap};
 
 /// Time limit for every program to describe itself or to check a job.
 const ANSWER_LIMIT: Duration = Duration::from_secs(10);

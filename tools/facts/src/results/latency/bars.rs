@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use hil_console::terminal::duration::shown_ns;
 
-use hil_facts::results::latency::times::Times;
+use super::times::Times;
 
 /// Lower limits of the classes of a decade, in hundredths: the preferred numbers R10 of ISO 3.
 const CLASSES: [u64; 10] = [100, 125, 160, 200, 250, 315, 400, 500, 630, 800];
@@ -41,7 +41,7 @@ pub fn classes(times_ns: &Times) -> Vec<((u64, u64), u64)> {
 
 /// Formats the histogram with a line per class, and `...` in place of empty classes in between.
 #[must_use]
-pub(crate) fn bars(times_ns: &Times) -> String {
+pub fn bars(times_ns: &Times) -> String {
     let classes = classes(times_ns);
     let most = classes.iter().map(|(_, count)| *count).max().unwrap_or(1);
     let mut text = String::new();

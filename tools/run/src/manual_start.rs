@@ -10,19 +10,18 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 
 use hil_console::terminal::exit::Failure;
 use hil_facts::programs::binaries::Binary;
-use hil_session::by_hand::{Admission, Entry, Token, door, token_file};
+use hil_session::file::hash;
 use hil_session::live::{self, Listening};
+use hil_session::manual_start::{Admission, Entry, Token, door, token_file};
 use hil_session::process::ProcessId;
 use hil_session::session::{Session, SessionInfo};
-use hil_target::machine::hash;
 use rustix::net::sockopt::socket_peercred;
 use shared_types::live::Refusal;
 use shared_types::number::exact_in;
 use shared_types::side::Side;
 
-use super::prepare::PreparedRun;
-use super::processes::LOOK;
-use super::side::SideProcess;
+use super::prepared::PreparedRun;
+use super::side::{LOOK, SideProcess};
 
 /// Admitted sides of a run.
 #[derive(Default)]

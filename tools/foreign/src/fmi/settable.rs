@@ -1,0 +1,45 @@
+//! Variables of an FMU that can be set before it runs.
+
+use super::description::{Causality, Initial, ModelDescription, Variable};
+
+/// Names of the variables whose initial values can be set, besides the inputs.
+pub(super) fn with_initial_value(model: &ModelDescription) -> impl Iterator<Item = &Variable> {
+    let all = model.variables.iter();
+    all.filter(|one| one.kind.range().is_some() && may_be_set(one).is_ok() && !is_input(one))
+}
+
+/// Returns `true` if the variable is an input.
+pub(super) fn is_input(variable: &Variable) -> bool {
+    variable.causality == Causality::Input
+}
+
+/// Checks that a variable has an initial value that can be set.
+///
+/// # Errors
+/// If the variable has no initial value of its own; the text is the reason.
+pub(super) fn may_be_set(variable: &Variable) -> Result<(), &'static str> {
+    if variable.unusable.is_some() {
+        return Err("cannot be read from the model description");
+    }
+    if variable.is_clocked {
+        return Err("has a clock");
+    }
+    match (variable.causality, variable.initial) {
+        (Causality::Parameter, _) => Err("is a parameter, which `parameters` sets"),
+        (Causality::StructuralParameter, _) => {
+            Err("is a structural parameter, which `structural` sets")
+        }
+        (Causality::Independent, _) => Err("is the time, which `start_time_s` sets"),
+        _ if variable.is_constant => Err("is constant"),
+        (Causality::Input, _) | (_, Initial::Exact | Initial::Approx) => Ok(()),
+        (_, Initial::Calculated) => {
+            Err("is calculated by the FMU (its `initial` is neither exact nor approx)")
+        }
+    }
+}
+
+/// Returns `true` if a text can be set.
+pub(super) fn is_settable_text(variable: &Variable) -> bool {
+    variable.causality == Causality::Parameter && !variable.is_constant
+        || may_be_set(variable).is_ok()
+}
