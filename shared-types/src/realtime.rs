@@ -50,12 +50,12 @@ pub struct Granted<T> {
 
 impl<T: PartialEq> Granted<T> {
     /// Records the requested value and the one in force, with a reason if they differ.
-    pub fn new(asked: T, granted: T, refused: Option<String>) -> Self {
-        let differs = asked != granted;
+    pub fn new(requested: T, granted: T, refusal: Option<String>) -> Self {
+        let differs = requested != granted;
         Self {
             reason: differs
-                .then(|| refused.unwrap_or_else(|| "the system set another value".into())),
-            asked,
+                .then(|| refusal.unwrap_or_else(|| "the system set another value".into())),
+            asked: requested,
             granted,
         }
     }
@@ -101,7 +101,7 @@ impl Settings {
         let before = sched_getaffinity(None).ok();
         let _ = set_current_timer_slack(std::num::NonZeroU64::new(1)); // read back below
         let pinned = self.core.map_or(Ok(()), pin);
-        let kept = memory::keep(self.lock_memory, self.prefault);
+        let result = memory::keep(self.lock_memory, self.prefault);
         let raised = match self.priority {
             0 => Ok(()),
             priority => scheduling::run_at(priority),
@@ -117,18 +117,18 @@ impl Settings {
         Report {
             core: match self.core {
                 None => Granted::new(core, core, None),
-                asked => Granted::new(asked, core, pinned.err().map(|e| e.to_string())),
+                requested => Granted::new(requested, core, pinned.err().map(|e| e.to_string())),
             },
             priority: Granted::new(self.priority, scheduling::priority(), raised.err()),
             lock_memory: Granted::new(
                 self.lock_memory,
                 memory::is_locked(),
-                (kept.clone().err()).or_else(|| Some("locking loads it as well".into())),
+                (result.clone().err()).or_else(|| Some("locking loads it as well".into())),
             ),
             prefault: Granted::new(
                 self.prefault,
                 self.prefault && memory::is_at_hand(),
-                kept.err(),
+                result.err(),
             ),
             wait: Granted::new(
                 self.wait,

@@ -472,13 +472,13 @@ mod tests {
 
     #[test]
     fn the_nearest_names_come_first() {
-        let known = [
+        let names = [
             "actuator1_pressure1_pa",
             "surface_angle_rad",
             "surface_rate_radps",
         ];
-        assert_eq!(nearest("surface_angel_rad", known)[0], "surface_angle_rad");
-        assert!(nearest("zzz", known).is_empty());
-        assert!(nearest(&known[1].repeat(100), known).is_empty());
+        assert_eq!(nearest("surface_angel_rad", names)[0], "surface_angle_rad");
+        assert!(nearest("zzz", names).is_empty());
+        assert!(nearest(&names[1].repeat(100), names).is_empty());
     }
 }

@@ -59,8 +59,8 @@ mod tests {
         let mut transfer = Transfer::default();
         assert_eq!(transfer.next(), 0.0);
         assert_eq!(transfer.begin(3.0, 1.0, 0.025), 3.0);
-        let left: Vec<f64> = (0..5).map(|_| transfer.next()).collect();
-        assert_eq!(left, [1.5, 1.0, 0.5, 0.0, 0.0]);
+        let remainders: Vec<f64> = (0..5).map(|_| transfer.next()).collect();
+        assert_eq!(remainders, [1.5, 1.0, 0.5, 0.0, 0.0]);
     }
 
     #[test]

@@ -44,10 +44,10 @@ pub(super) fn given(
             let Some(value) = reader.quantity(&path, node, &Quantity::from(field)) else {
                 break; // one message for one value
             };
-            let written = Written::new(&key, field.is_called(&key), value);
-            match written.beats(earlier) {
+            let typed_value = Written::new(&key, field.is_called(&key), value);
+            match typed_value.beats(earlier) {
                 Ok(true) => {
-                    values.insert(field.name.clone(), written);
+                    values.insert(field.name.clone(), typed_value);
                 }
                 Ok(false) => {}
                 Err(message) => {
@@ -59,7 +59,7 @@ pub(super) fn given(
     }
     values
         .into_iter()
-        .map(|(name, written)| (name, written.value))
+        .map(|(name, typed_value)| (name, typed_value.value))
         .collect()
 }
 
@@ -108,14 +108,14 @@ pub(super) fn complete(
     reader: &mut Reader,
     section: &Section<'_>,
     fields: &[Field],
-    given: &BTreeMap<String, f64>,
+    values: &BTreeMap<String, f64>,
     fallback: impl Fn(&Field) -> Option<f64>,
 ) -> Settings {
     let mut settings = Settings::default();
     for field in fields {
         let quantity = Quantity::from(field);
         let path = section.path_of(&field.name);
-        if let Some(value) = given.get(&field.name) {
+        if let Some(value) = values.get(&field.name) {
             settings.set(&field.name, *value);
         } else if let Some(value) = fallback(field) {
             settings.set(&field.name, value);
@@ -164,8 +164,8 @@ pub(super) fn collect<'a>(
         match &entry.node.value {
             Value::Table(inner) => {
                 let mut names = fields.iter().flat_map(Field::names);
-                let known = names.any(|name| name.starts_with(&group));
-                if inner.entries().is_empty() && !known {
+                let is_group = names.any(|name| name.starts_with(&group));
+                if inner.entries().is_empty() && !is_group {
                     leaves.push((key, entry));
                 }
                 collect(inner, &group, fields, leaves);

@@ -157,7 +157,7 @@ impl ControlChannel {
         side: Side,
         epoch: u32,
     ) -> Result<Self, LinkError> {
-        let made = match side {
+        let controller_bell = match side {
             Side::Plant => Some(Bell::create(session, Owner::Controller(epoch))?),
             Side::Controller => None,
         };
@@ -169,8 +169,8 @@ impl ControlChannel {
         };
         // The receiver first: once the peer finds the service that this side publishes to, it may send at once, and
         // messages without a receiver are lost.
-        let heard = topic(node, side, hears)?;
-        let listen = subscribe(hears, heard.subscriber_builder())?;
+        let incoming = topic(node, side, hears)?;
+        let listen = subscribe(hears, incoming.subscriber_builder())?;
         let speak = (topic(node, side, speaks)?.publisher_builder())
             .initial_max_slice_len(1 << 14)
             .allocation_strategy(AllocationStrategy::PowerOfTwo)
@@ -186,8 +186,8 @@ impl ControlChannel {
             epoch,
             speak,
             listen,
-            heard,
-            bell: match made {
+            heard: incoming,
+            bell: match controller_bell {
                 Some(bell) => bell,
                 None => Bell::open(session, Owner::Plant)?,
             },
@@ -244,9 +244,9 @@ where
     Header: std::fmt::Debug + ZeroCopySend,
 {
     let is_cut_off = Arc::new(AtomicBool::new(false));
-    let noted = is_cut_off.clone();
+    let flag = is_cut_off.clone();
     let subscriber = builder.set_degradation_handler(move |_, _| {
-        noted.store(true, Ordering::Relaxed);
+        flag.store(true, Ordering::Relaxed);
         DegradationAction::DegradeAndFail
     });
     let subscriber = subscriber.create().map_err(|error| match error {
@@ -383,11 +383,11 @@ impl Link for IceoryxLink {
 
     fn open_frames(&mut self, spec: &FrameSpec) -> Result<(), LinkError> {
         let of = |identity: FrameIdentity| (identity.epoch, identity.layout);
-        if let Some(mut kept) = self.kept.take()
-            && of(kept.identity) == of(spec.identity)
+        if let Some(mut previous) = self.kept.take()
+            && of(previous.identity) == of(spec.identity)
         {
-            kept.identity = spec.identity;
-            self.frames = Some(kept);
+            previous.identity = spec.identity;
+            self.frames = Some(previous);
             return Ok(());
         }
         let samples = format!("frames/{}/samples", spec.identity.epoch);

@@ -23,16 +23,16 @@ fn layout() -> RecordLayout {
 
 /// Drains a source into text.
 fn drained(source: &mut dyn RecordSource) -> Vec<String> {
-    let mut seen = Vec::new();
+    let mut items = Vec::new();
     loop {
         let count = source.drain(&mut |item| {
-            seen.push(match item {
+            items.push(match item {
                 Item::Record(words) => format!("record {}", words[0]),
                 other => format!("{other:?}"),
             });
         });
         if count.expect("drains") == 0 {
-            return seen;
+            return items;
         }
     }
 }
@@ -66,19 +66,19 @@ fn without_credit_the_plant_waits_and_nothing_is_lost() {
     );
     assert!(drained(&mut source).is_empty());
     let mut words = vec![0; layout().words()];
-    let mut sent = 0;
+    let mut count = 0;
     while sink.has_room().expect("asks") {
-        words[0] = sent;
+        words[0] = count;
         sink.record(&words).expect("publishes");
-        sent += 1;
+        count += 1;
     }
     assert!(
-        sent > iceoryx::BUFFER as u64 / 2 && sent < iceoryx::BUFFER as u64,
-        "{sent}"
+        count > iceoryx::BUFFER as u64 / 2 && count < iceoryx::BUFFER as u64,
+        "{count}"
     );
-    let seen = drained(&mut source);
-    let expected: Vec<String> = (0..sent).map(|k| format!("record {k}")).collect();
-    assert_eq!(seen, expected);
+    let items = drained(&mut source);
+    let expected: Vec<String> = (0..count).map(|k| format!("record {k}")).collect();
+    assert_eq!(items, expected);
     assert!(sink.has_room().expect("asks"), "credit came back");
 }
 
@@ -99,9 +99,9 @@ fn the_ring_has_room_for_the_longest_fault_whenever_it_has_room() {
     let text = "0".repeat(10_000 * 2 * 25);
     let mark = crate::record::Mark { step: 0, text };
     (sink.event(&Event::Mark(mark))).expect("two numbers of 25 bytes for each of 10,000 points");
-    let seen = drained(&mut source);
-    assert_eq!(seen.len(), before + 1);
-    assert!(seen[before].starts_with("Event(Mark("));
+    let items = drained(&mut source);
+    assert_eq!(items.len(), before + 1);
+    assert!(items[before].starts_with("Event(Mark("));
 }
 
 #[test]
@@ -113,15 +113,15 @@ fn an_observer_without_credit_sees_its_losses() {
     let mut source = iceoryx::IceoryxSource::open(session.info(), false).expect("opens");
     drained(&mut source);
     let mut words = vec![0; layout().words()];
-    let sent = iceoryx::BUFFER as u64 + 10;
-    for k in 0..sent {
+    let count = iceoryx::BUFFER as u64 + 10;
+    for k in 0..count {
         words[0] = k;
         sink.record(&words).expect("publishes");
     }
-    let seen = drained(&mut source);
-    assert_eq!(seen[0], "Lost(10)");
-    assert_eq!(seen[1], "record 10");
-    assert_eq!(seen.len(), iceoryx::BUFFER + 1);
+    let items = drained(&mut source);
+    assert_eq!(items[0], "Lost(10)");
+    assert_eq!(items[1], "record 10");
+    assert_eq!(items.len(), iceoryx::BUFFER + 1);
 }
 
 #[test]
@@ -147,12 +147,12 @@ fn an_unmappable_stream_fails_by_name_instead_of_seeming_silent() {
     let mut source = iceoryx::IceoryxSource::open(info, true).expect("opens");
     let before = info.segments();
     sink.open(&layout()).expect("opens");
-    let mut made = info.segments();
-    made.retain(|segment| !before.contains(segment) && segment.is_file());
-    made_unusable(&made);
+    let mut segments = info.segments();
+    segments.retain(|segment| !before.contains(segment) && segment.is_file());
+    made_unusable(&segments);
     let error = source.drain(&mut |_| {}).expect_err("it cannot be mapped");
     let later = iceoryx::IceoryxSource::watch(info);
-    for folder in &made {
+    for folder in &segments {
         std::fs::remove_dir(folder).expect("removed");
     }
     assert!(matches!(error, LinkError::Transport { .. }), "{error}");
@@ -168,14 +168,14 @@ fn an_unmappable_stream_fails_by_name_instead_of_seeming_silent() {
 /// Returns what an assembler makes of items with these numbers, kinds and bytes.
 fn assembled(items: &[(u64, u64, &[u8])]) -> Vec<String> {
     let mut assembler = Assembler::default();
-    let mut seen = Vec::new();
+    let mut list = Vec::new();
     for (sequence, kind, bytes) in items {
         let mut words = vec![0_u64; bytes.len().div_ceil(8)];
         zerocopy::IntoBytes::as_mut_bytes(&mut words[..])[..bytes.len()].copy_from_slice(bytes);
         let head = (*sequence, *kind, bytes.len() as u64);
-        assembler.take(head, &words, &mut |item| seen.push(format!("{item:?}")));
+        assembler.take(head, &words, &mut |item| list.push(format!("{item:?}")));
     }
-    seen
+    list
 }
 
 #[test]
@@ -183,21 +183,23 @@ fn an_item_with_a_repeated_number_is_broken() {
     let record = |sequence| (sequence, ItemKind::Record as u64, &[][..]);
     let most = LARGEST_LOSS;
     for (before, after) in [(1, 1), (2, 1), (1, 0), (most, most), (most, 0)] {
-        let seen = assembled(&[record(before), record(after)]);
-        let wanted = format!("Broken(\"item {after} came after item {before}\")");
-        assert_eq!(seen.last(), Some(&wanted), "{seen:?}");
+        let items = assembled(&[record(before), record(after)]);
+        let expected = format!("Broken(\"item {after} came after item {before}\")");
+        assert_eq!(items.last(), Some(&expected), "{items:?}");
     }
-    let wanted = format!("Lost({most})");
-    let seen = assembled(&[record(most + 1)]);
-    assert_eq!(seen, [wanted, "Record([])".into()]);
+    let expected = format!("Lost({most})");
+    let items = assembled(&[record(most + 1)]);
+    assert_eq!(items, [expected, "Record([])".into()]);
 }
 
 #[test]
 fn an_impossible_loss_is_reported_as_broken() {
     let record = |sequence| (sequence, ItemKind::Record as u64, &[][..]);
     for sequence in [LARGEST_LOSS + 2, u64::MAX] {
-        let seen = assembled(&[record(sequence)]);
-        let [one] = &seen[..] else { panic!("{seen:?}") };
+        let items = assembled(&[record(sequence)]);
+        let [one] = &items[..] else {
+            panic!("{items:?}")
+        };
         assert!(
             one.starts_with("Broken(") && one.contains("wrote over"),
             "{one}"
@@ -210,12 +212,12 @@ fn an_endless_event_is_abandoned() {
     let piece = vec![b' '; LONGEST_EVENT / 4];
     let part = |sequence| (sequence, ItemKind::EventPart as u64, piece.as_slice());
     let items: Vec<_> = (1..=8).map(part).collect();
-    let seen = assembled(&items);
+    let reported = assembled(&items);
     assert!(
-        seen[0].contains("Broken(\"an event of more than"),
-        "{seen:?}"
+        reported[0].contains("Broken(\"an event of more than"),
+        "{reported:?}"
     );
-    assert_eq!(seen.len(), 1);
+    assert_eq!(reported.len(), 1);
 }
 
 #[test]

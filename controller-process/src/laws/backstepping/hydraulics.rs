@@ -220,14 +220,14 @@ mod tests {
     #[test]
     fn leakage_reduces_the_force_in_the_direction_of_the_pressure_drop() {
         let model = ActuatorModel::default();
-        for (pressures_pa, wanted) in [
+        for (pressures_pa, expected) in [
             ([13e6, 4e6], 2.0 * CHAMBER * 3000.0),
             ([4e6, 13e6], -2.0 * CHAMBER * 3000.0),
             ([4e6, 4e6], 0.0),
         ] {
             let state = piston(0.0, 0.0, pressures_pa);
             let effect = Hydraulics::at(&model, &state).leakage_effect(&state);
-            assert_close(effect, wanted, 1e-14);
+            assert_close(effect, expected, 1e-14);
         }
     }
 }

@@ -93,9 +93,9 @@ pub fn fault_leak_alone(p: &Actuators, state: &ActuatorStates, duration_s: f64) 
     let passive = cylinder::passive_stiffness_pa_per_m3(p, state.position_m);
     let a = closing_speed_sqrt_pa_per_s(p, state.position_m);
     let y_0 = state.pressure1_pa - state.pressure2_pa;
-    let left = y_0.abs().sqrt() - a * 0.5 * duration_s;
-    let lasts = left.is_above(none);
-    let y_h = y_0.is_below(none).choose(-left * left, left * left);
+    let root = y_0.abs().sqrt() - a * 0.5 * duration_s;
+    let lasts = root.is_above(none);
+    let y_h = y_0.is_below(none).choose(-root * root, root * root);
     let moved_m3 = lasts.choose(y_0 - y_h, y_0) / (active + passive);
     let pressure1_pa = state.pressure1_pa - active * moved_m3;
     // Equal pressures are one number: rounding must not leave a difference with the wrong sign.
