@@ -31,7 +31,7 @@ use crate::quantity::{Quantity, toml_float};
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ShowError {
     /// The plan refers to something without a description.
-    #[error("there is no description of {0}; give those that the plan was checked against")]
+    #[error("there is no description of {0}; provide those that the plan was checked against")]
     Undescribed(String),
     /// A scenario cannot express an immediate change.
     #[error("change {0} is immediate; give it the step at which it took place")]

@@ -167,7 +167,7 @@ impl RecordLayout {
         }
     }
 
-    /// Describes the first difference between a layout at hello and this one, which was described.
+    /// Describes the first difference of a layout received at hello from this one, which follows from the description.
     #[must_use]
     pub fn difference(&self, other: &Self) -> Option<String> {
         let both = [

@@ -141,9 +141,9 @@ pub trait Table:
 /// Declares a [`Table`]: a `repr(C)` struct of `f64` with the table's names, units and descriptions.
 ///
 /// A signal is `name: "unit"`, optionally with its range of validity (`in min..=max`, used by the engine's guard). A
-/// parameter has a default and a range, and may be open to faults or to changes during a run: `name: "unit" = default
-/// in min..=max [faultable]`, `[tunable]`, or both, as `[faultable, tunable]`. Numbers other than plain literals need
-/// parentheses. The description is the doc comment.
+/// parameter has a default and a range, and may be open to faults or to changes during a run:
+/// `name: "unit" = default in min..=max [faultable]`, `[tunable]`, or both, as `[faultable, tunable]`. Numbers other
+/// than plain literals need parentheses. The description is the doc comment.
 ///
 /// ```
 /// shared_types::table! {

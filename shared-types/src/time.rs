@@ -193,7 +193,7 @@ mod tests {
     fn an_invalid_rate_is_refused_when_deserialised() {
         for text in ["0", "-1000", "1e-4", "1e308"] {
             let error = serde_json::from_str::<Rate>(text).expect_err(text);
-            assert!(error.to_string().contains("no rate"), "{error}");
+            assert!(error.to_string().contains("not a valid rate"), "{error}");
         }
         let read: Rate = serde_json::from_str("1000").expect("a rate");
         assert_eq!(

@@ -402,7 +402,7 @@ fn an_output_that_cannot_be_written_is_no_panic() {
 fn a_file_that_never_ends_is_no_scenario() {
     let rig = Rig::new();
     let run = rig.hil(&["config", "check", "/dev/zero"]);
-    run.expect(2).says(&["no regular file"]);
+    run.expect(2).says(&["not a regular file"]);
 }
 
 #[test]

@@ -10,8 +10,8 @@ pub(super) const TRANSFER_S: f64 = 0.1;
 
 /// Decaying difference between the commands before and after a change.
 ///
-/// `u = u_new + d (1 - j / n)` at the j-th of the n samples of [`TRANSFER_S`] from the change on, with `d = u_old -
-/// u_new` at the change itself, where u is u_old to the last bit.
+/// `u = u_new + d (1 - j / n)` at the j-th of the n samples of [`TRANSFER_S`] from the change on, with
+/// `d = u_old - u_new` at the change itself, where u is u_old to the last bit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Transfer {
     difference: f64,

@@ -309,8 +309,8 @@ mod tests {
         libm::sin(2.0 * PI * turns)
     }
 
-    /// Closed loop of the teaching plant, `m = 1`, `c = 2`, `k = 100`, under its `pid` with 300, 2000 and 30: `(k_d s^2
-    /// + k_p s + k_i) / (m s^3 + (c + k_d) s^2 + (k + k_p) s + k_i)`, lowest power first.
+    /// Closed loop of the teaching plant, `m = 1`, `c = 2`, `k = 100`, under its `pid` with 300, 2000 and 30:
+    /// `(k_d s^2 + k_p s + k_i) / (m s^3 + (c + k_d) s^2 + (k + k_p) s + k_i)`, lowest power first.
     const NUMERATOR: [f64; 3] = [2000.0, 300.0, 30.0];
     const DENOMINATOR: [f64; 4] = [2000.0, 400.0, 32.0, 1.0];
 

@@ -13,11 +13,11 @@ const TERMS: usize = 6;
 
 /// Fit over the first turns of a chirp `x = sin(phi(t))`.
 ///
-/// A stable system of transfer function `H(s) = h_0 + h_1 s + h_2 s^2 + ..` responds with `h_0 x + h_1 x' + h_2 x'' +
-/// ..`, however fast the frequency rises. Input and output are each fitted with this series up to `h_4` plus a
-/// constant, by least squares; the ratio of their `H(j 2 pi f_0)` is the response at the first frequency. Over a narrow
-/// band the terms are a parabola through the real part and a straight line through the imaginary part, so the series
-/// need not converge well around 0.
+/// A stable system of transfer function `H(s) = h_0 + h_1 s + h_2 s^2 + ..` responds with
+/// `h_0 x + h_1 x' + h_2 x'' + ..`, however fast the frequency rises. Input and output are each fitted with this series
+/// up to `h_4` plus a constant, by least squares; the ratio of their `H(j 2 pi f_0)` is the response at the first
+/// frequency. Over a narrow band the terms are a parabola through the real part and a straight line through the
+/// imaginary part, so the series need not converge well around 0.
 ///
 /// The first turn, in which the system still leaves its rest, is skipped if the frequency hardly rises in it.
 #[derive(Clone, Debug)]

@@ -308,13 +308,13 @@ fn unbound_signals_are_named_with_unit_and_remedy() {
     let expected: [&[&str]; 4] = [
         &[
             "law `strange` needs the measured signal `actuator1_pressure3_pa` in Pa",
-            "plant `drhas` does not give",
+            "plant `drhas` does not provide",
             "nearest: `actuator1_pressure1_pa`",
         ],
-        &["measured signal `surface_angle_rad` in deg, and plant `drhas` gives it in rad"],
+        &["measured signal `surface_angle_rad` in deg, but plant `drhas` provides it in rad"],
         &[
             "plant `drhas` needs the command `actuator2_valve_current_a` in A",
-            "law `strange` does not give",
+            "law `strange` does not provide",
         ],
         &[
             "law `strange` needs the reference signal `wind_mps` in m/s, which no stimulus provides",

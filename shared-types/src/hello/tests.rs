@@ -61,7 +61,7 @@ fn unusable_names_are_refused_on_both_sides() {
     let numbered: Vec<String> = (0..600).map(|number| format!("x{number}_rad")).collect();
     let many: Vec<&str> = numbered.iter().map(String::as_str).collect();
     for (names, expected) in [
-        (&["a rad"][..], "internal: \"a rad\" is no name"),
+        (&["a rad"][..], "internal: \"a rad\" is not a name"),
         (&["a_rad", "a_rad"], "internal: `a_rad` is defined twice"),
         (&many, "internal: there are 600; at most 512 are allowed"),
         (&many[..511], "513 signals in one direction"),
@@ -78,7 +78,7 @@ fn unusable_names_are_refused_on_both_sides() {
     let law = "pid\u{1b}[2J".into();
     let text = answer(&Hello { law, ..hello() }).unwrap_err().to_string();
     assert!(
-        text.starts_with("law: \"pid\\u{1b}[2J\" is no name"),
+        text.starts_with("law: \"pid\\u{1b}[2J\" is not a name"),
         "{text}"
     );
 }
@@ -115,8 +115,8 @@ fn a_hello_that_differs_from_the_description_is_refused() {
     assert_eq!(
         described(&|law| law.internals[0].unit = "m".into()),
         Err(
-            "its hello says the internal signal \"integral_rad\" in \"rad\", \
-             and its --describe says \"integral_rad\" in \"m\""
+            "its hello says the internal signal \"integral_rad\" in \"rad\"; \
+             its --describe says \"integral_rad\" in \"m\""
                 .into()
         )
     );

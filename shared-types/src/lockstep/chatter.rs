@@ -226,7 +226,7 @@ impl PesteredPlant {
         })
     }
 
-    /// Ends the wait or, in real time, the step's time.
+    /// Reports the end of the wait or, in real time, of the step.
     fn is_late(&mut self) {
         // The first command and the confirmation are waited for even in real time.
         let has_deadline = self.against_clock && (1..STEPS).contains(&self.side.at().0);

@@ -69,7 +69,7 @@ impl AllSessions {
         }
     }
 
-    /// Tries once; the inner error is an obstacle that may pass.
+    /// Tries once; the inner error is a temporary obstacle.
     fn try_lock(folder: &Path) -> Result<Result<Self, SessionError>, SessionError> {
         let (uid, path) = (rustix::process::geteuid().as_raw(), folder.join(".lock"));
         match private_folder(folder) {

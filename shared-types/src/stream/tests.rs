@@ -201,7 +201,7 @@ fn an_impossible_loss_is_reported_as_broken() {
             panic!("{items:?}")
         };
         assert!(
-            one.starts_with("Broken(") && one.contains("wrote over"),
+            one.starts_with("Broken(") && one.contains("was overwritten"),
             "{one}"
         );
     }

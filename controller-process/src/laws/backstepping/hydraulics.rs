@@ -66,8 +66,8 @@ impl Hydraulics {
 
     /// Loss of force rate by the piston's motion and the normal leakage.
     ///
-    /// `f_h2 = A_1 beta_e / V_h1 [A_1 x_h' + C_i (P_h1 - P_h2)]
-    /// + A_2 beta_e / V_h2 [A_2 x_h' + C_i (P_h1 - P_h2)]` (eq. 21).
+    /// `f_h2 = A_1 beta_e / V_h1 [A_1 x_h' + C_i (P_h1 - P_h2)] + A_2 beta_e / V_h2 [A_2 x_h' + C_i (P_h1 - P_h2)]`
+    /// (eq. 21).
     #[must_use]
     pub fn motion_effect_n_per_s(&self, model: &ActuatorModel, piston: &PistonState) -> f64 {
         let v = piston.velocity_mps;

@@ -94,8 +94,7 @@ impl Trajectory {
 
     /// Desired sum of the stiffness-weighted positions, in N, with three derivatives.
     ///
-    /// `x_r1 = J_d/r_d [r_d^2/J_d (K_h1 + K_h2) y_1 + beta_d/J_d y_2 + T_L/J_d
-    /// + alpha_r1' - k_2 z_2 - z_1]` (eq. 25).
+    /// `x_r1 = J_d/r_d [r_d^2/J_d (K_h1 + K_h2) y_1 + beta_d/J_d y_2 + T_L/J_d + alpha_r1' - k_2 z_2 - z_1]` (eq. 25).
     #[must_use]
     pub fn sum(&self, y_1: &Jet<f64, 5>, theta_r: &Jet<f64, 6>) -> Jet<f64, 4> {
         let (r_d, j_d, beta_d) = (

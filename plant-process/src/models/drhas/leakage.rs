@@ -40,9 +40,9 @@ pub fn fault_leakage_m3ps(coefficient_m3ps_per_sqrt_pa: Pair, state: &ActuatorSt
 /// `q = c sqrt(P - P_r)` for `P > P_r`, otherwise 0 (turbulent like the second term of eq. 5; the orifice law of
 /// Merritt, Hydraulic Control Systems, 1967, on flow through orifices, with `c = C_d A sqrt(2 / rho)`). The
 /// surroundings are assumed to have the pressure of the return line, so that a chamber open to the return does not
-/// leak, and no air enters. Near `P = P_r` the root is not Lipschitz: a Runge-Kutta step `h` may overshoot it by `(c
-/// beta_e h / V)^2 / 16`, 5 kPa at the largest `c` and 25 us in the paper's actuator, and stays there, since nothing
-/// flows back.
+/// leak, and no air enters. Near `P = P_r` the root is not Lipschitz: a Runge-Kutta step `h` may overshoot it by
+/// `(c beta_e h / V)^2 / 16`, 5 kPa at the largest `c` and 25 us in the paper's actuator, and stays there, since
+/// nothing flows back.
 #[inline]
 #[must_use]
 pub fn external_leakages_m3ps(p: &Actuators, state: &ActuatorStates) -> [Pair; 2] {
