@@ -202,9 +202,9 @@ impl<C: Controller> Law for C {
             valid: row.valid,
             held_steps: row.held_steps,
         };
-        let (commanded, shown) = Controller::step(self, &sample);
+        let (commanded, internal_table) = Controller::step(self, &sample);
         command.copy_from_slice(commanded.row());
-        internals.copy_from_slice(shown.row());
+        internals.copy_from_slice(internal_table.row());
         Ok(())
     }
 
@@ -382,12 +382,12 @@ impl LawKind {
         let (parameters, model) = (description.parameters.clone(), description.model.clone());
         Ok(Self {
             description,
-            start: Box::new(move |given| {
+            start: Box::new(move |settings| {
                 start(&SetupRows {
-                    parameters: &given.parameters.row(&parameters, &section)?,
-                    model: &given.model.row(&model, MODEL)?,
-                    period_s: given.period_s,
-                    commands: given.commands,
+                    parameters: &settings.parameters.row(&parameters, &section)?,
+                    model: &settings.model.row(&model, MODEL)?,
+                    period_s: settings.period_s,
+                    commands: settings.commands,
                 })
             }),
         })

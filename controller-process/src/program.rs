@@ -92,8 +92,8 @@ impl ControllerProgram {
         let mut runner = self.runner(job, link)?;
         // Threads that exist by now keep ordinary scheduling.
         let report = apply(&settings);
-        let told = session.write_file(realtime::CONTROLLER_FILE, &report);
-        told.map_err(|e| e.to_string())?;
+        let report_result = session.write_file(realtime::CONTROLLER_FILE, &report);
+        report_result.map_err(|e| e.to_string())?;
         drive(&mut runner, waiter(&report, limit), supervision).map_err(|e| e.to_string())?;
         let end = runner.end().cloned();
         end.ok_or_else(|| "the run ended without a result".into())
@@ -205,8 +205,8 @@ mod tests {
         assert_eq!(names(&with_hold(laws::all())), shipped);
         all.retain(|law| law.description.name != "hold");
         let others: Vec<String> = names(&all).into_iter().map(str::to_owned).collect();
-        let found = with_hold(all);
-        assert_eq!(names(&found)[..others.len()], others);
-        assert_eq!(names(&found)[others.len()..], ["hold"]);
+        let offered_laws = with_hold(all);
+        assert_eq!(names(&offered_laws)[..others.len()], others);
+        assert_eq!(names(&offered_laws)[others.len()..], ["hold"]);
     }
 }

@@ -137,8 +137,8 @@ pub fn choose<'a>(laws: &'a [LawKind], law: &str, plant: &str) -> Result<&'a Law
         let description = &law_kind.description;
         description.name == law && description.suits(plant)
     };
-    let found = laws.iter().find(is_it);
-    found.ok_or_else(|| {
+    let kind = laws.iter().find(is_it);
+    kind.ok_or_else(|| {
         Invalid(format!(
             "this binary has no law `{law}` for plant `{plant}`"
         ))
@@ -227,7 +227,7 @@ impl<'a, L: Link> Runner<'a, L> {
         if self.side.is_over() {
             return Ok(Progress::Over);
         }
-        let done = match &mut self.bound {
+        let progress = match &mut self.bound {
             None => self.greet()?,
             Some(bound) => match self
                 .link
@@ -238,18 +238,18 @@ impl<'a, L: Link> Runner<'a, L> {
                     false
                 }
                 Some(header) => {
-                    let done = self.take(&header)?;
+                    let progress = self.take(&header)?;
                     if header.kind() == Some(FrameKind::Hold) && !self.side.is_over() {
                         return Ok(Progress::Held);
                     }
-                    done
+                    progress
                 }
                 // While frames flow, a refusal means that the plant aborts before the first step.
                 None if self.side.awaits_first() => self.greet()?,
                 None => false,
             },
         };
-        Ok(if done {
+        Ok(if progress {
             Progress::Busy
         } else {
             Progress::Plant
@@ -270,9 +270,9 @@ impl<'a, L: Link> Runner<'a, L> {
                 bound.tuning.hear(tuned);
             }
         }
-        let found = bound.tuning.find(header.tuning);
-        bound.waiting = (found == Found::Missing).then_some(*header);
-        Ok(found == Found::Here)
+        let result = bound.tuning.find(header.tuning);
+        bound.waiting = (result == Found::Missing).then_some(*header);
+        Ok(result == Found::Here)
     }
 
     /// Handles a timeout, a death or a request to stop.
@@ -364,9 +364,9 @@ impl<'a, L: Link> Runner<'a, L> {
         }
         let law = &self.kind.description;
         let connections = &self.job.connections;
-        let places = |kind, wanted: &[Field]| {
+        let places = |kind, fields: &[Field]| {
             (welcome.sample)
-                .bind(kind, &renamed(kind, wanted, connections))
+                .bind(kind, &renamed(kind, fields, connections))
                 .map_err(|unbound| unbound.iter().map(ToString::to_string).collect::<Vec<_>>())
                 .map_err(|unbound| unbound.join("; "))
         };
@@ -427,8 +427,8 @@ impl<'a, L: Link> Runner<'a, L> {
                 let age_steps = match bound.answer(step, header, &self.job) {
                     Ok(age_steps) => age_steps,
                     Err(failure) => {
-                        let said = text::line(&failure.to_string());
-                        self.fail(format!("the law failed at step {step}: {said}"))?;
+                        let cause = text::line(&failure.to_string());
+                        self.fail(format!("the law failed at step {step}: {cause}"))?;
                         return Ok(true);
                     }
                 };

@@ -117,8 +117,8 @@ impl RequestContext {
         let mut columns = Columns::of(&self.plant, &self.stimuli, internals);
         for (name, text) in &self.derived {
             let expression = Expression::parse(text).ok();
-            let known = expression.as_ref().map(|expression| (expression, &columns));
-            let unit = signals::implied_unit(known, name).unwrap_or_default();
+            let typed = expression.as_ref().map(|expression| (expression, &columns));
+            let unit = signals::implied_unit(typed, name).unwrap_or_default();
             columns.push_with_unit(Group::Derived, name, &unit);
         }
         let context = EventContext {
@@ -339,10 +339,10 @@ fn name(reader: &mut Reader, root: &Section<'_>, scenario: &Scenario) -> String 
         .file_stem()
         .map(|stem| stem.to_string_lossy().into_owned())
         .unwrap_or_default();
-    let written = reader.text(root, "name");
-    let name = written.map_or(stem, Into::into);
+    let text = reader.text(root, "name");
+    let name = text.map_or(stem, Into::into);
     if !is_title(&name) {
-        let message = match written {
+        let message = match text {
             Some(_) => format!("`name` is `{name}`"),
             None => {
                 format!("`name` is missing, and the file's name `{name}` cannot replace it")

@@ -40,13 +40,13 @@ impl Watch {
         for (name, _) in derived {
             all.push(Group::Derived, name);
         }
-        let mut wanted: Vec<String> = expression.signals().map(Into::into).collect();
+        let mut names: Vec<String> = expression.signals().map(Into::into).collect();
         let mut needed = Vec::new();
         // From last to first, so that the users of a derived signal are seen before the signal itself.
         for (index, (name, text)) in derived.iter().enumerate().rev() {
-            if wanted.contains(name) {
+            if names.contains(name) {
                 let signal = Expression::parse(text)?;
-                wanted.extend(signal.signals().map(Into::into));
+                names.extend(signal.signals().map(Into::into));
                 needed.push((columns.len() + index, signal.compile_signal(&all)?));
             }
         }

@@ -48,13 +48,13 @@ pub(crate) fn apply(root: &mut Table, flag: &str, source: usize) -> Result<(), F
         span: start..flag.len(),
     };
     let value = Value::parse(text, &place).unwrap_or_else(|| Value::Text(text.trim().into()));
-    put(root, &parts, Node { value, place }, source).map_err(|found| match found.earlier {
+    put(root, &parts, Node { value, place }, source).map_err(|failure| match failure.earlier {
         Some(_) => FlagError {
             span: 0..key.len(),
             key: key.into(),
-            ..found
+            ..failure
         },
-        None => found,
+        None => failure,
     })
 }
 
@@ -65,10 +65,10 @@ pub(crate) fn key_of(flag: &str) -> Option<&str> {
 
 /// Checks the syntax of a flag, independently of any scenario.
 pub(crate) fn check(flag: &str) -> Result<(), String> {
-    let found = flag
+    let result = flag
         .split_once('=')
         .ok_or_else(|| format!("`{flag}` has no `=`"));
-    let (key, value) = found?;
+    let (key, value) = result?;
     parts(key).map_err(|error| error.message)?;
     match value.trim() {
         "" => Err(format!("`{flag}` has no value after the `=`")),
@@ -230,7 +230,7 @@ mod tests {
 
     #[test]
     fn a_key_is_split_into_names_and_indices() {
-        let found = parts("faults[0].effects[12].speed_per_s").expect("a key");
+        let actual = parts("faults[0].effects[12].speed_per_s").expect("a key");
         let expected = [
             (Part::Key("faults".into()), 0..6),
             (Part::Index(0), 6..9),
@@ -238,15 +238,15 @@ mod tests {
             (Part::Index(12), 17..21),
             (Part::Key("speed_per_s".into()), 22..33),
         ];
-        assert_eq!(found, expected);
+        assert_eq!(actual, expected);
     }
 
     #[test]
     fn an_endless_key_is_refused() {
         let key = vec!["a"; 100_000].join(".");
-        let refused = parts(&key).expect_err("too deep");
-        assert!(refused.message.contains("more than 32 parts"));
-        assert!(refused.key.len() < 100);
+        let error = parts(&key).expect_err("too deep");
+        assert!(error.message.contains("more than 32 parts"));
+        assert!(error.key.len() < 100);
     }
 
     #[test]

@@ -75,14 +75,14 @@ impl Problem {
     /// Adds the known names closest to an unknown one.
     pub(crate) fn nearest<'a>(
         &mut self,
-        wanted: &str,
-        known: impl IntoIterator<Item = &'a str>,
+        unknown: &str,
+        names: impl IntoIterator<Item = &'a str>,
     ) -> &mut Self {
         // Without its line it is beyond the limit and not reported.
         if self.excerpt.is_none() {
             return self;
         }
-        self.nearest = shared_types::table::nearest(wanted, known)
+        self.nearest = shared_types::table::nearest(unknown, names)
             .into_iter()
             .map(Into::into)
             .collect();
@@ -92,11 +92,11 @@ impl Problem {
     /// Adds the known names as the expected value, and those closest to an unknown one.
     pub(crate) fn one_of<'a>(
         &mut self,
-        wanted: &str,
-        known: impl IntoIterator<Item = &'a str> + Clone,
+        unknown: &str,
+        names: impl IntoIterator<Item = &'a str> + Clone,
     ) -> &mut Self {
-        self.expected(format!("one of {}", listed(known.clone())))
-            .nearest(wanted, known)
+        self.expected(format!("one of {}", listed(names.clone())))
+            .nearest(unknown, names)
     }
 
     /// Adds the remedy, if there is one.

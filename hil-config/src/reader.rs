@@ -169,15 +169,15 @@ impl Reader {
         others: &[&str],
         table: &str,
     ) {
-        let known: Vec<&str> = section
+        let names: Vec<&str> = section
             .keys
             .iter()
             .map(|key| key.name)
             .chain(further.iter().copied())
             .collect();
         for entry in section.table.entries() {
-            if !known.contains(&entry.key.as_str()) {
-                let problem = self.unknown_key(section, entry, &known);
+            if !names.contains(&entry.key.as_str()) {
+                let problem = self.unknown_key(section, entry, &names);
                 if others.contains(&entry.key.as_str()) {
                     problem.help(format!("`{}` belongs to {table}", entry.key));
                 }
@@ -189,7 +189,7 @@ impl Reader {
         &mut self,
         section: &Section<'_>,
         entry: &Entry,
-        known: &[&str],
+        names: &[&str],
     ) -> &mut Problem {
         let wherein = match section.path.as_str() {
             "" if std::ptr::eq(section.keys, crate::keys::STUDY) => "in a study".into(),
@@ -202,7 +202,7 @@ impl Reader {
             &entry.key_place,
             format!("unknown key `{}` {wherein}", entry.key),
         )
-        .one_of(&entry.key, known.iter().copied())
+        .one_of(&entry.key, names.iter().copied())
     }
 
     /// Returns the value of a key; a missing required one is reported.

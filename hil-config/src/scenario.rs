@@ -94,9 +94,9 @@ impl Scenario {
     /// Lists the tables of points that it names, with their keys.
     #[must_use]
     pub fn files(&self) -> Vec<(String, String)> {
-        let mut found = Vec::new();
-        files(&self.table, "", &mut found);
-        found
+        let mut list = Vec::new();
+        files(&self.table, "", &mut list);
+        list
     }
 
     /// Applies `KEY=VALUE` flags in order; none may replace the value of an earlier one. Flags that cannot be applied
@@ -165,25 +165,25 @@ pub(crate) fn advice_on_missing(folder: &Path, name: &str, owner: &str) -> Strin
 }
 
 /// Collects every `file` below a table.
-fn files(table: &Table, path: &str, found: &mut Vec<(String, String)>) {
+fn files(table: &Table, path: &str, list: &mut Vec<(String, String)>) {
     for entry in table.entries() {
         let path = match path {
             "" => entry.key.clone(),
             path => format!("{path}.{}", entry.key),
         };
         match &entry.node.value {
-            Value::Text(name) if entry.key == "file" => found.push((path, name.clone())),
-            value => files_in(value, &path, found),
+            Value::Text(name) if entry.key == "file" => list.push((path, name.clone())),
+            value => files_in(value, &path, list),
         }
     }
 }
 
-fn files_in(value: &Value, path: &str, found: &mut Vec<(String, String)>) {
+fn files_in(value: &Value, path: &str, list: &mut Vec<(String, String)>) {
     match value {
-        Value::Table(table) => files(table, path, found),
+        Value::Table(table) => files(table, path, list),
         Value::List(items) => {
             for (index, item) in items.iter().enumerate() {
-                files_in(&item.value, &format!("{path}[{index}]"), found);
+                files_in(&item.value, &format!("{path}[{index}]"), list);
             }
         }
         _ => {}
@@ -198,12 +198,12 @@ fn files_in(value: &Value, path: &str, found: &mut Vec<(String, String)>) {
 pub fn read_regular(path: &Path) -> std::io::Result<String> {
     const LARGEST: u64 = 16 << 20;
     const BYTE_ORDER_MARK: char = '\u{feff}';
-    let found = std::fs::metadata(path)?;
+    let file_info = std::fs::metadata(path)?;
     // Reading a folder fails with an error of its own.
-    let ends = found.is_dir() || (found.is_file() && found.len() <= LARGEST);
-    let refused = || std::io::Error::other("it is not a regular file of at most 16 MiB");
+    let ends = file_info.is_dir() || (file_info.is_file() && file_info.len() <= LARGEST);
+    let refusal = || std::io::Error::other("it is not a regular file of at most 16 MiB");
     if !ends {
-        return Err(refused());
+        return Err(refusal());
     }
     let mut text = String::new();
     // Files in kernel file systems have size 0 and may be endless.
@@ -215,7 +215,7 @@ pub fn read_regular(path: &Path) -> std::io::Result<String> {
             _ => error,
         })?;
     if read as u64 > LARGEST {
-        return Err(refused());
+        return Err(refusal());
     }
     // Spreadsheets and Windows editors begin a file with a byte order mark.
     if text.starts_with(BYTE_ORDER_MARK) {

@@ -294,9 +294,9 @@ fn of_kinds<'a>(
     json!({"oneOf": kinds})
 }
 
-fn choices<'a>(given: impl Iterator<Item = &'a str>) -> Value {
+fn choices<'a>(names_given: impl Iterator<Item = &'a str>) -> Value {
     let mut names: Vec<&str> = Vec::new();
-    for name in given {
+    for name in names_given {
         if !names.contains(&name) {
             names.push(name);
         }

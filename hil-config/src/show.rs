@@ -31,7 +31,7 @@ use crate::quantity::{Quantity, toml_float};
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ShowError {
     /// The plan refers to something without a description.
-    #[error("there is no description of {0}; give those that the plan was checked against")]
+    #[error("there is no description of {0}; provide those that the plan was checked against")]
     Undescribed(String),
     /// A scenario cannot express an immediate change.
     #[error("change {0} is immediate; give it the step at which it took place")]
@@ -260,7 +260,7 @@ fn plant_tables(text: &mut String, plan: &Plan, plant: &PlantDescription) -> Wri
 
 /// Returns a permission of an FMU, if granted.
 fn permission(permissions: Permissions, key: &str) -> Option<String> {
-    let is_given = permissions.given().any(|given| given == key);
+    let is_given = permissions.given().any(|key_name| key_name == key);
     is_given.then(|| "true".into())
 }
 
@@ -296,15 +296,15 @@ fn controller(text: &mut String, plan: &Plan, law: &LawDescription) -> Written {
 }
 
 fn connection(text: &mut String, connection: &Connection) -> Written {
-    let told = comment(&connection.to_string());
-    writeln!(text, "\n[[connect]] # {told}")?;
+    let label = comment(&connection.to_string());
+    writeln!(text, "\n[[connect]] # {label}")?;
     let path = |name: &str| string(&format!("{}.{name}", connection.kind.prefix()));
-    let given = |value: f64| connection.is_given.then(|| toml_float(value));
+    let if_given = |value: f64| connection.is_given.then(|| toml_float(value));
     section(text, keys::CONNECT, |key| match key {
         "law" => Some(path(&connection.law)),
         "plant" => Some(path(&connection.plant)),
-        "factor" => given(connection.conversion.factor),
-        "offset" => given(connection.conversion.offset),
+        "factor" => if_given(connection.conversion.factor),
+        "offset" => if_given(connection.conversion.offset),
         other => forgotten(other),
     })
 }

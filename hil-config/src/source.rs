@@ -142,17 +142,23 @@ mod tests {
 
     #[test]
     fn columns_count_characters_and_lines_count_from_one() {
-        let found = excerpt("a = 1\nµm = \"x\"\n", 12..15);
-        assert_eq!((found.line, found.column, found.width), (2, 6, 3));
-        assert_eq!(found.text, "µm = \"x\"");
+        let excerpt_line = excerpt("a = 1\nµm = \"x\"\n", 12..15);
+        assert_eq!(
+            (excerpt_line.line, excerpt_line.column, excerpt_line.width),
+            (2, 6, 3)
+        );
+        assert_eq!(excerpt_line.text, "µm = \"x\"");
     }
 
     #[test]
     fn a_place_at_the_end_of_the_text_is_shown() {
-        let found = excerpt("a = ", 4..4);
-        assert_eq!((found.line, found.column, found.width), (1, 5, 1));
-        let found = excerpt("", 0..10);
-        assert_eq!((found.line, found.column), (1, 1));
+        let excerpt_line = excerpt("a = ", 4..4);
+        assert_eq!(
+            (excerpt_line.line, excerpt_line.column, excerpt_line.width),
+            (1, 5, 1)
+        );
+        let excerpt_line = excerpt("", 0..10);
+        assert_eq!((excerpt_line.line, excerpt_line.column), (1, 1));
     }
 
     #[test]
@@ -163,12 +169,16 @@ mod tests {
     #[test]
     fn a_very_long_line_is_shown_around_the_place() {
         let text = format!("{}µ = 1{}", "x".repeat(100_000), "y".repeat(100_000));
-        let found = excerpt(&text, 100_000..150_000);
-        assert_eq!((found.line, found.column), (1, 100_001));
-        let at = found.column - found.text_column;
-        assert_eq!(found.text.chars().nth(at), Some('µ'));
-        assert!(found.text.len() <= LONGEST_LINE, "{}", found.text.len());
-        assert_eq!(found.width, found.text.chars().count() - at);
+        let excerpt_line = excerpt(&text, 100_000..150_000);
+        assert_eq!((excerpt_line.line, excerpt_line.column), (1, 100_001));
+        let at = excerpt_line.column - excerpt_line.text_column;
+        assert_eq!(excerpt_line.text.chars().nth(at), Some('µ'));
+        assert!(
+            excerpt_line.text.len() <= LONGEST_LINE,
+            "{}",
+            excerpt_line.text.len()
+        );
+        assert_eq!(excerpt_line.width, excerpt_line.text.chars().count() - at);
     }
 
     #[test]

@@ -254,7 +254,7 @@ impl Study {
             help: Some(
                 problem
                     .help
-                    .map_or(help.clone(), |known| format!("{known}; {help}")),
+                    .map_or(help.clone(), |earlier| format!("{earlier}; {help}")),
             ),
             ..problem
         }

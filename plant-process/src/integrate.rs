@@ -129,11 +129,11 @@ mod tests {
 
     #[test]
     fn inputs_are_evaluated_at_beginning_middle_and_end() {
-        let mut asked = Vec::new();
+        let mut times = Vec::new();
         rk4_step(&mut [0.0], 1.0, &[1, 2, 3], |input, _| {
-            asked.push(*input);
+            times.push(*input);
             [0.0]
         });
-        assert_eq!(asked, [1, 2, 2, 3]);
+        assert_eq!(times, [1, 2, 2, 3]);
     }
 }

@@ -122,7 +122,7 @@ struct Service {
 
 impl Service {
     fn respond(&mut self, request: Request) -> Response {
-        let answered = match request {
+        let result = match request {
             Request::Possible => Ok(self.possible()),
             Request::Status => Ok(self.status()),
             Request::Inject { toml } => return self.inject(&toml),
@@ -136,7 +136,7 @@ impl Service {
             Request::Set(request) => return self.set(&request),
             Request::Tunable => self.tunable(),
         };
-        answered.unwrap_or_else(refused)
+        result.unwrap_or_else(refused)
     }
 
     fn possible(&self) -> Response {
@@ -302,8 +302,8 @@ impl Service {
                 return Err(one(Refusal::new(message)));
             }
         }
-        let shown = (self.request(|answer| LoopRequest::Tunable(None, answer))).map_err(one)?;
-        let offered = &shown.offered;
+        let tunable = (self.request(|answer| LoopRequest::Tunable(None, answer))).map_err(one)?;
+        let offered = &tunable.offered;
         let fields = self.fields_of(offered);
         let checked = (self.context.run).check_change(request, (&offered.law, &fields), 0);
         let change = checked.map_err(|problems| -> Vec<Refusal> {
@@ -315,8 +315,8 @@ impl Service {
             let message = "there is no controller to tune";
             return Err(one(Refusal::new(message)));
         }
-        let asked = Some(Box::new(change.clone()));
-        let after = (self.request(|answer| LoopRequest::Tunable(asked, answer))).map_err(one)?;
+        let proposal = Some(Box::new(change.clone()));
+        let after = (self.request(|answer| LoopRequest::Tunable(proposal, answer))).map_err(one)?;
         for parameters in after.plant_after {
             let question = ParameterQuestion {
                 epoch: 0,
@@ -330,9 +330,9 @@ impl Service {
             (self.objections)(&question)
                 .map_err(|objection| one(Refusal::new(format!("the controller: {objection}"))))?;
         }
-        let asked = Box::new(change.clone());
-        let taken = self.request(|answer| LoopRequest::Change(asked, epoch, answer));
-        let (id, step) = (taken.map_err(one)?).map_err(|reason| one(Refusal::new(reason)))?;
+        let proposal = Box::new(change.clone());
+        let result = self.request(|answer| LoopRequest::Change(proposal, epoch, answer));
+        let (id, step) = (result.map_err(one)?).map_err(|reason| one(Refusal::new(reason)))?;
         for new in &change.set {
             if let Some(name) = new.key.strip_prefix(PLANT_KEYS) {
                 self.context.run.parameters.set(name, new.value);
@@ -372,16 +372,20 @@ impl Service {
     }
 
     fn tunable(&self) -> Result<Response, Refusal> {
-        let shown = self.request(|answer| LoopRequest::Tunable(None, answer))?;
+        let tunables = self.request(|answer| LoopRequest::Tunable(None, answer))?;
         let law = &self.context.law;
-        let is_active = |law: &&LawDescription| law.name == shown.offered.law;
+        let is_active = |law: &&LawDescription| law.name == tunables.offered.law;
         Ok(Response::Tunable(Box::new(Tunables {
             status: self.progress(),
-            waiting: shown.waiting.iter().map(|one| self.changed(one)).collect(),
+            waiting: tunables
+                .waiting
+                .iter()
+                .map(|one| self.changed(one))
+                .collect(),
             law_does: (law.as_ref().filter(is_active))
                 .map_or_else(String::new, |law| law.tuning.clone()),
-            left: u32::try_from(shown.left).unwrap_or(u32::MAX),
-            values: shown.values,
+            left: u32::try_from(tunables.left).unwrap_or(u32::MAX),
+            values: tunables.values,
         })))
     }
 
@@ -412,10 +416,10 @@ impl Service {
 }
 
 /// Waits by polling, so that the loop needs no system call to wake anybody.
-fn wait<T>(answered: &Receiver<T>) -> Result<T, Refusal> {
+fn wait<T>(receiver: &Receiver<T>) -> Result<T, Refusal> {
     let since = Instant::now();
     loop {
-        match answered.try_recv() {
+        match receiver.try_recv() {
             Ok(answer) => return Ok(answer),
             Err(TryRecvError::Disconnected) => return Err(Refusal::new("the run is over")),
             Err(TryRecvError::Empty) if since.elapsed() > LOOP_LIMIT => {

@@ -98,11 +98,11 @@ impl PlantProgram {
     fn kind(&self, job: &Job) -> Result<&PlantKind, String> {
         program::check_protocol(job.protocol)?;
         let model = &job.plant.model;
-        let found = self
+        let plant_kind = self
             .plants
             .iter()
             .find(|kind| kind.description.name == *model);
-        found.ok_or_else(|| format!("this binary has no plant `{model}`; see --describe"))
+        plant_kind.ok_or_else(|| format!("this binary has no plant `{model}`; see --describe"))
     }
 
     /// Runs a job to its end and returns the exit code.
@@ -128,8 +128,8 @@ impl PlantProgram {
         };
         // Threads that exist by now keep ordinary scheduling.
         let report = apply(&settings);
-        let told = session.write_file(realtime::PLANT_FILE, &report);
-        told.map_err(|e| e.to_string())?;
+        let report_result = session.write_file(realtime::PLANT_FILE, &report);
+        report_result.map_err(|e| e.to_string())?;
         drive(&mut engine, waiter(&report, limit), supervision).map_err(|e| e.to_string())?;
         let end = engine.end().ok_or("the run ended without a result")?;
         if let Some(reason) = &end.reason {
@@ -222,13 +222,13 @@ pub fn drive<L: Link, S: RecordSink>(
             engine.expect(announced)?;
         }
         // Read before the poll: messages that the controller sent before its end still count.
-        let gone = supervision.gone();
+        let gone_epochs = supervision.gone();
         match engine.poll()? {
             Progress::Busy => waiter.done(),
             Progress::Over => return Ok(()),
             Progress::Until(target_ns) => {
                 // In real time a lost controller is not awaited, so this is where its successor's end is detected.
-                if let Some(epoch) = engine.candidate_gone(gone) {
+                if let Some(epoch) = engine.candidate_gone(gone_epochs) {
                     engine.interrupt(&PlantEvent::PeerGone(epoch))?;
                     continue;
                 }
@@ -243,7 +243,7 @@ pub fn drive<L: Link, S: RecordSink>(
                     _ if engine.is_greeting() => monotonic_ns() + KNOWN_NS,
                     _ => u64::MAX,
                 };
-                let event = if let Some(epoch) = engine.news(gone) {
+                let event = if let Some(epoch) = engine.news(gone_epochs) {
                     PlantEvent::PeerGone(epoch)
                 } else if waiter.pause_until(deadline_ns) {
                     let waited_ns = monotonic_ns() - since_ns;
@@ -267,7 +267,7 @@ pub fn drive<L: Link, S: RecordSink>(
                 }
             }
             Progress::Held => {
-                if let Some(epoch) = engine.news(gone) {
+                if let Some(epoch) = engine.news(gone_epochs) {
                     engine.interrupt(&PlantEvent::PeerGone(epoch))?;
                 }
                 std::thread::sleep(HELD);

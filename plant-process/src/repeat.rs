@@ -96,16 +96,16 @@ impl Repetition {
         if answered && held_steps == 0 {
             return Ok(header);
         }
-        let wanted = step.0.checked_sub(u64::from(held_steps));
-        let found = (self.waiting.iter())
-            .find(|waiting| waiting.header.sequence > 0 && Some(waiting.header.step) == wanted);
-        let found = found.ok_or_else(|| {
+        let sequence = step.0.checked_sub(u64::from(held_steps));
+        let match_found = (self.waiting.iter())
+            .find(|waiting| waiting.header.sequence > 0 && Some(waiting.header.step) == sequence);
+        let match_found = match_found.ok_or_else(|| {
             format!(
                 "step {step} must use a command from {held_steps} steps before, which is missing"
             )
         })?;
-        frame.copy_from_slice(&found.frame);
-        Ok(found.header)
+        frame.copy_from_slice(&match_found.frame);
+        Ok(match_found.header)
     }
 }
 
@@ -118,11 +118,13 @@ mod tests {
     /// Returns the commands used by the steps of a repeated run; the command of step k is k. Unseen samples are
     /// answered with -1.
     fn repeated(missed: &[(u64, u32, bool)], steps: u64) -> Vec<Result<f64, String>> {
-        let missed = missed.iter().map(|&(step, held_steps, answered)| Missed {
-            step,
-            held_steps,
-            answered,
-        });
+        let missed = missed
+            .iter()
+            .map(|&(step, held_steps, is_answered)| Missed {
+                step,
+                held_steps,
+                answered: is_answered,
+            });
         let mut repetition = Repetition::new(missed.collect(), 1);
         (0..steps)
             .map(|step| {

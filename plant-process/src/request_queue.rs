@@ -169,13 +169,13 @@ impl RequestQueue {
 
     /// Adds a request to the queue and returns the receiver of its answer.
     pub fn push<T>(&self, request: impl FnOnce(Sender<T>) -> LoopRequest) -> Receiver<T> {
-        let (answer, answered) = channel();
+        let (answer, receiver) = channel();
         let mut requests = self.lock();
         if !self.is_closed() {
             requests.waiting.push_back(request(answer));
             self.gate.store(0, Ordering::Release);
         }
-        answered
+        receiver
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, Waiting> {
@@ -192,7 +192,7 @@ mod tests {
     fn an_open_gate_needs_no_check_and_a_request_closes_it() {
         let queue = RequestQueue::new(Step(u64::MAX));
         assert!(queue.is_open_for(Step(7)) && queue.next_request().is_none());
-        let answered = queue.push(LoopRequest::Pause);
+        let receiver = queue.push(LoopRequest::Pause);
         assert!(!queue.is_open_for(Step(8)) && queue.wants_attention());
         let Some(LoopRequest::Pause(answer)) = queue.next_request() else {
             panic!("the request waits");
@@ -201,7 +201,7 @@ mod tests {
         answer.send(()).expect("somebody waits");
         assert!(queue.next_request().is_none() && queue.holds(Step(8)));
         assert!(!queue.wants_attention() && !queue.is_open_for(Step(8)));
-        assert!(answered.recv().is_ok());
+        assert!(receiver.recv().is_ok());
     }
 
     #[test]

@@ -119,14 +119,14 @@ impl Rows {
         header.invalid = invalid;
     }
 
-    /// Returns `true` if the frame received with `header` differs from the accepted one with the header `taken`.
-    pub fn differs(&self, header: &Header, taken: &Header) -> bool {
+    /// Returns `true` if the frame received with `header` differs from the accepted one, whose header is `accepted`.
+    pub fn differs(&self, header: &Header, accepted: &Header) -> bool {
         let differs = |(index, value): (usize, &f64)| {
             let place = (self.places.as_ref()).map_or(Some(index), |places| places[index]);
             let (other, is_valid) = received(&self.received, header, place);
-            other.to_bits() != value.to_bits() || is_valid != taken.is_valid(index)
+            other.to_bits() != value.to_bits() || is_valid != accepted.is_valid(index)
         };
-        header.age_steps != taken.age_steps || self.frame.iter().enumerate().any(differs)
+        header.age_steps != accepted.age_steps || self.frame.iter().enumerate().any(differs)
     }
 
     /// Fills the frame with these settings of the plant's commands; everything else is NaN. Returns the matching
@@ -329,9 +329,9 @@ mod tests {
         rows.rebind(&welcome(2, &["spare_m", "drive_m"], &["error_m", "sum_m"]));
         rows.receiver().copy_from_slice(&[1.0, 2.0, 3.0, 4.0]);
         let header = Header::new(FrameKind::Command, Step(0));
-        let mut taken = header;
-        rows.take_frame(&mut taken);
-        assert_eq!(taken, header);
+        let mut accepted = header;
+        rows.take_frame(&mut accepted);
+        assert_eq!(accepted, header);
         assert_eq!(rows.frame, [1.0, 2.0, 3.0, 4.0]);
     }
 
@@ -344,21 +344,21 @@ mod tests {
             }
             let header = Header::new(FrameKind::Command, Step(0));
             rows.receiver().copy_from_slice(&[1.0, 2.0, 3.0, 4.0]);
-            let mut taken = header;
-            rows.take_frame(&mut taken);
+            let mut accepted = header;
+            rows.take_frame(&mut accepted);
             let frame = rows.frame.clone();
             rows.receiver().copy_from_slice(&[1.0, 2.0, 3.0, 4.0]);
-            assert!(!rows.differs(&header, &taken));
+            assert!(!rows.differs(&header, &accepted));
             let mut invalid = header;
             invalid.invalid[0] = 0b1000;
-            assert!(rows.differs(&invalid, &taken));
+            assert!(rows.differs(&invalid, &accepted));
             let older = Header {
                 age_steps: 1,
                 ..header
             };
-            assert!(rows.differs(&older, &taken));
+            assert!(rows.differs(&older, &accepted));
             rows.receiver()[3] = 4.5;
-            assert!(rows.differs(&header, &taken));
+            assert!(rows.differs(&header, &accepted));
             assert_eq!(rows.frame, frame);
         }
     }

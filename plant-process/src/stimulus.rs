@@ -137,9 +137,9 @@ mod tests {
     /// `amplitude (2 pi f)^n`.
     fn assert_close(row: &[f64], expected: &[f64; 6], amplitude: f64, frequency_hz: f64) {
         let mut scale = amplitude;
-        for (n, (got, want)) in row.iter().zip(expected).enumerate() {
-            let error = (got - want).abs();
-            assert!(error < 1e-14 * scale, "order {n}: {got} is not {want}");
+        for (n, (actual, want)) in row.iter().zip(expected).enumerate() {
+            let error = (actual - want).abs();
+            assert!(error < 1e-14 * scale, "order {n}: {actual} is not {want}");
             scale *= TAU * frequency_hz;
         }
     }
@@ -176,8 +176,11 @@ mod tests {
         #[rustfmt::skip]
         let expected = [1.1428970040255548e-13, 4.681290265901886e-10, 1.4380826237158157e-06,
             0.0029451433140580173, 3.015622366498821, -0.627873424330592];
-        for (got, want) in row(&PAPER, 0.0009765625).iter().zip(&expected) {
-            assert!((got / want - 1.0).abs() < 1e-13, "{got} is not {want}");
+        for (actual, want) in row(&PAPER, 0.0009765625).iter().zip(&expected) {
+            assert!(
+                (actual / want - 1.0).abs() < 1e-13,
+                "{actual} is not {want}"
+            );
         }
         assert_eq!(row(&PAPER, 0.0)[..4], [0.0; 4]);
     }
@@ -206,11 +209,11 @@ mod tests {
             let row = row(&PAPER, point["t_s"].as_f64().unwrap());
             // A time that is not a binary fraction is rounded, and so is f t.
             let mut allowed = 1e-14;
-            for (n, got) in row.iter().enumerate() {
+            for (n, actual) in row.iter().enumerate() {
                 let want = point["derivatives"][n].as_f64().unwrap();
                 assert!(
-                    (got - want).abs() < allowed,
-                    "order {n}: {got} is not {want}"
+                    (actual - want).abs() < allowed,
+                    "order {n}: {actual} is not {want}"
                 );
                 allowed *= TAU;
             }

@@ -127,19 +127,19 @@ impl Resume {
     /// # Errors
     /// If the file cannot be read, or belongs to another plant, law or step.
     pub fn read<S: DeserializeOwned>(&self, of: &str) -> Result<S, Invalid> {
-        let shown = self.state.display();
+        let path = self.state.display();
         let bytes = fs::read(&self.state)
-            .map_err(|error| Invalid(format!("cannot read {shown}: {error}")))?;
+            .map_err(|error| Invalid(format!("cannot read {path}: {error}")))?;
         let bytes = (bytes.strip_prefix(MARK))
-            .ok_or_else(|| Invalid(format!("{shown} is not a state written by this version")))?;
-        let damaged = |error: &dyn std::fmt::Display| Invalid(format!("{shown}: {error}"));
+            .ok_or_else(|| Invalid(format!("{path} is not a state written by this version")))?;
+        let damaged = |error: &dyn std::fmt::Display| Invalid(format!("{path}: {error}"));
         let (head, rest): (Head, _) =
             postcard::take_from_bytes(bytes).map_err(|error| damaged(&error))?;
         if (head.of.as_str(), head.step) != (of, self.step) {
             let Head { of: theirs, step } = head;
-            let wanted = self.step;
+            let expected_step = self.step;
             return Err(Invalid(format!(
-                "{shown} is the state of `{theirs}` before step {step}, not of `{of}` before step {wanted}"
+                "{path} is the state of `{theirs}` before step {step}, not of `{of}` before step {expected_step}"
             )));
         }
         State::from(rest.to_vec())
@@ -208,23 +208,23 @@ mod tests {
         let read: [f64; 2] = resume(&folder, 3).read("tank").expect("the same");
         assert_eq!(read.map(f64::to_bits), [0.25, -0.0].map(f64::to_bits));
 
-        let refused = |step, of| {
+        let error_for = |step, of| {
             resume(&folder, step)
                 .read::<[f64; 2]>(of)
                 .expect_err("other")
                 .0
         };
-        assert!(refused(4, "tank").contains("before step 3, not of `tank` before step 4"));
-        assert!(refused(3, "pump").contains("of `tank` before step 3, not of `pump`"));
+        assert!(error_for(4, "tank").contains("before step 3, not of `tank` before step 4"));
+        assert!(error_for(3, "pump").contains("of `tank` before step 3, not of `pump`"));
 
         let path = resume(&folder, 3).state;
         let whole = fs::read(&path).expect("a saved state");
         for length in 0..whole.len() {
             fs::write(&path, &whole[..length]).expect("written");
-            let told = refused(3, "tank");
+            let text = error_for(3, "tank");
             assert!(
-                told.contains("checkpoint-3-plant.state"),
-                "{length}: {told}"
+                text.contains("checkpoint-3-plant.state"),
+                "{length}: {text}"
             );
         }
     }

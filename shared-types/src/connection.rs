@@ -46,7 +46,7 @@ impl fmt::Display for Connection {
         let kind = self.kind.prefix();
         let law = format!("law {kind}.{} [{}]", self.law, self.law_unit);
         let plant = format!("plant {kind}.{} [{}]", self.plant, self.plant_unit);
-        let (received, sent) = match self.kind {
+        let (received, sender) = match self.kind {
             SignalKind::Command => (plant, law),
             _ => (law, plant),
         };
@@ -55,7 +55,7 @@ impl fmt::Display for Connection {
         if factor != 1.0 {
             write!(f, "{} * ", exact(factor))?;
         }
-        f.write_str(&sent)?;
+        f.write_str(&sender)?;
         match offset {
             0.0 => Ok(()),
             _ if offset < 0.0 => write!(f, " - {}", exact(-offset)),
@@ -68,8 +68,8 @@ impl fmt::Display for Connection {
 #[must_use]
 pub fn renamed(kind: SignalKind, fields: &[Field], connections: &[Connection]) -> Vec<Field> {
     let renamed = |field: &Field| {
-        let found = connections.iter().find(|one| one.is_of(kind, field));
-        found.map_or_else(
+        let connection = connections.iter().find(|one| one.is_of(kind, field));
+        connection.map_or_else(
             || field.clone(),
             |one| Field::signal(&one.plant, &one.plant_unit, &field.description),
         )
@@ -85,8 +85,8 @@ pub fn conversions(
     connections: &[Connection],
 ) -> Vec<(usize, Conversion)> {
     let conversion = |(place, field): (usize, &Field)| {
-        let found = connections.iter().find(|one| one.is_of(kind, field))?;
-        (!found.conversion.is_identity()).then_some((place, found.conversion))
+        let connection = connections.iter().find(|one| one.is_of(kind, field))?;
+        (!connection.conversion.is_identity()).then_some((place, connection.conversion))
     };
     fields.iter().enumerate().filter_map(conversion).collect()
 }
@@ -241,14 +241,14 @@ mod tests {
                 "law `two` would send the command `d_m` twice",
             ),
         ] {
-            let refused = law().connected(&[connection(kind, names, 1.0, 0.0)]);
-            assert_eq!(refused, Err(Invalid(reason.into())));
+            let error = law().connected(&[connection(kind, names, 1.0, 0.0)]);
+            assert_eq!(error, Err(Invalid(reason.into())));
         }
     }
 
     #[test]
     fn a_connection_prints_the_received_value_as_a_function_of_the_sent_one() {
-        for (kind, names, factor, offset, told) in [
+        for (kind, names, factor, offset, text) in [
             (
                 SignalKind::Measured,
                 ["x_m", "m", "s", "mm"],
@@ -271,7 +271,7 @@ mod tests {
                 "plant command.F [kN] = -0.001 * law command.f_n [N] - 2",
             ),
         ] {
-            assert_eq!(connection(kind, names, factor, offset).to_string(), told);
+            assert_eq!(connection(kind, names, factor, offset).to_string(), text);
         }
     }
 }

@@ -114,8 +114,8 @@ fn check_tables<const N: usize>(
     tables: [(&str, &[Field], usize); N],
 ) -> Result<(), String> {
     for (table, fields, most) in tables {
-        let said = |wrong: Unusable| format!("{table} of {whose}: {wrong}");
-        check_fields(fields, most).map_err(said)?;
+        let describe = |wrong: Unusable| format!("{table} of {whose}: {wrong}");
+        check_fields(fields, most).map_err(describe)?;
     }
     Ok(())
 }

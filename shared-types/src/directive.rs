@@ -21,8 +21,8 @@ impl Directive {
     /// Encodes the directive as a header word.
     #[must_use]
     pub const fn to_wire(self) -> u64 {
-        let unseen = if self.unseen { UNSEEN } else { 0 };
-        unseen | (self.late_steps as u64) << 32 & !UNSEEN | self.busy_ns as u64
+        let unseen_bit = if self.unseen { UNSEEN } else { 0 };
+        unseen_bit | (self.late_steps as u64) << 32 & !UNSEEN | self.busy_ns as u64
     }
 
     /// Decodes the directive from a header word.
@@ -94,16 +94,16 @@ mod tests {
 
     #[test]
     fn a_command_names_the_two_answers_before_it() {
-        let told = |answered: Answered, at| {
-            let answered = Answered::from_wire(answered.to_wire());
-            (answered.steps(Step(at)).map(|step| step.0)).collect::<Vec<_>>()
+        let steps_of = |steps_before: Answered, at| {
+            let steps_before = Answered::from_wire(steps_before.to_wire());
+            (steps_before.steps(Step(at)).map(|step| step.0)).collect::<Vec<_>>()
         };
         let first = Answered::default();
-        assert!(told(first, 0).is_empty());
+        assert!(steps_of(first, 0).is_empty());
         let second = first.then(3);
-        assert_eq!(told(second, 3), [0]);
-        assert_eq!(told(second.then(4), 7), [3, 0]);
-        assert_eq!(told(second.then(4).then(1), 8), [7, 3]);
+        assert_eq!(steps_of(second, 3), [0]);
+        assert_eq!(steps_of(second.then(4), 7), [3, 0]);
+        assert_eq!(steps_of(second.then(4).then(1), 8), [7, 3]);
     }
 
     #[test]

@@ -221,8 +221,10 @@ impl Hello {
         let described = Self::of(law, self.session);
         let otherwise = |what| Err(Refused::Otherwise(what));
         if self.law != described.law {
-            let (said, described) = (&self.law, &described.law);
-            return otherwise(format!("law {said:?}; its --describe says {described:?}"));
+            let (greeting, described) = (&self.law, &described.law);
+            return otherwise(format!(
+                "law {greeting:?}; its --describe says {described:?}"
+            ));
         }
         if self.commands.is_some() != described.commands.is_some() {
             return otherwise(
@@ -231,8 +233,8 @@ impl Hello {
             );
         }
         let both = self.tables().into_iter().zip(described.tables());
-        let mut differences = both.filter_map(|((kind, said), (_, described))| {
-            difference(kind.prefix(), said, described)
+        let mut differences = both.filter_map(|((kind, greeting), (_, described))| {
+            difference(kind.prefix(), greeting, described)
         });
         let tunable: Vec<Field> = law.tunable().cloned().collect();
         (differences.next())
@@ -368,8 +370,8 @@ pub fn agree(hello: &Hello, offer: &Offer<'_>) -> Result<Welcome, Refused> {
         SignalTable::of(SignalKind::Command, commands).and(SignalKind::Internal, &hello.internals);
     sample.check().and_then(|()| command.check())?;
     let mut signals = Vec::new();
-    let mut bind = |table: &SignalTable, kind: SignalKind, wanted: &[Field], whose: &str| {
-        let unbound = table.bind(kind, wanted).err().unwrap_or_default();
+    let mut bind = |table: &SignalTable, kind: SignalKind, requirements: &[Field], whose: &str| {
+        let unbound = table.bind(kind, requirements).err().unwrap_or_default();
         let line = |unbound: Unbound| format!("{} {whose}: {unbound}", kind.prefix());
         signals.extend(unbound.into_iter().map(line));
     };

@@ -137,13 +137,13 @@ impl SignalTable {
     ///
     /// # Errors
     /// Every signal that is missing or has another unit.
-    pub fn bind(&self, kind: SignalKind, wanted: &[Field]) -> Result<Vec<usize>, Vec<Unbound>> {
-        let mut places = Vec::with_capacity(wanted.len());
+    pub fn bind(&self, kind: SignalKind, fields: &[Field]) -> Result<Vec<usize>, Vec<Unbound>> {
+        let mut places = Vec::with_capacity(fields.len());
         let mut unbound = Vec::new();
-        for want in wanted {
-            let found = (self.0.iter())
+        for want in fields {
+            let position = (self.0.iter())
                 .position(|signal| signal.kind == kind && signal.field.name == want.name);
-            match found {
+            match position {
                 Some(place) if self.0[place].field.unit == want.unit => places.push(place),
                 Some(place) => unbound.push(Unbound::Unit {
                     name: want.name.clone(),
@@ -151,8 +151,8 @@ impl SignalTable {
                     sent: self.0[place].field.unit.clone(),
                 }),
                 None => {
-                    let known = self.0.iter().filter(|signal| signal.kind == kind);
-                    let names = known.map(|signal| signal.field.name.as_str());
+                    let candidates = self.0.iter().filter(|signal| signal.kind == kind);
+                    let names = candidates.map(|signal| signal.field.name.as_str());
                     unbound.push(Unbound::Missing {
                         wanted: want.name.clone(),
                         nearest: nearest(&want.name, names)
@@ -285,25 +285,25 @@ fn beginning(text: &str) -> String {
 
 /// Describes the first difference between the columns of a hello and of its description: number, name or unit.
 #[must_use]
-pub fn difference(what: &str, said: &[Field], described: &[Field]) -> Option<String> {
-    if said.len() != described.len() {
-        let (said, described) = (said.len(), described.len());
+pub fn difference(what: &str, actual: &[Field], described: &[Field]) -> Option<String> {
+    if actual.len() != described.len() {
+        let (actual, described) = (actual.len(), described.len());
         return Some(format!(
-            "{said} {what} signals; its --describe says {described}"
+            "{actual} {what} signals; its --describe says {described}"
         ));
     }
-    let is_other = |(said, described): &(&Field, &Field)| {
-        (&said.name, &said.unit) != (&described.name, &described.unit)
+    let is_other = |(actual, described): &(&Field, &Field)| {
+        (&actual.name, &actual.unit) != (&described.name, &described.unit)
     };
-    let (said, described) = said.iter().zip(described).find(is_other)?;
-    let shown = |field: &Field| {
+    let (actual, described) = actual.iter().zip(described).find(is_other)?;
+    let describe_field = |field: &Field| {
         let (name, unit) = (beginning(&field.name), beginning(&field.unit));
         format!("{name:?} in {unit:?}")
     };
     Some(format!(
         "the {what} signal {}; its --describe says {}",
-        shown(said),
-        shown(described)
+        describe_field(actual),
+        describe_field(described)
     ))
 }
 
@@ -341,18 +341,18 @@ mod tests {
 
     #[test]
     fn signals_bind_by_kind_and_name_in_the_requested_order() {
-        let wanted = [field("rate_radps", "rad/s"), field("angle_rad", "rad")];
-        assert_eq!(sample().bind(SignalKind::Measured, &wanted), Ok(vec![1, 0]));
+        let fields = [field("rate_radps", "rad/s"), field("angle_rad", "rad")];
+        assert_eq!(sample().bind(SignalKind::Measured, &fields), Ok(vec![1, 0]));
         assert_eq!(
-            sample().bind(SignalKind::Reference, &wanted[1..]),
+            sample().bind(SignalKind::Reference, &fields[1..]),
             Ok(vec![2])
         );
     }
 
     #[test]
     fn every_unbound_signal_is_named() {
-        let wanted = [field("angel_rad", "rad"), field("rate_radps", "deg/s")];
-        let unbound = sample().bind(SignalKind::Measured, &wanted).unwrap_err();
+        let fields = [field("angel_rad", "rad"), field("rate_radps", "deg/s")];
+        let unbound = sample().bind(SignalKind::Measured, &fields).unwrap_err();
         assert_eq!(
             unbound[0].to_string(),
             "no signal `angel_rad`, nearest: angle_rad, rate_radps"
@@ -382,23 +382,23 @@ mod tests {
             "a\nfloat64 b",
             "a#",
         ] {
-            let refused = check_fields(&[field(name, "m")], 9);
-            assert_eq!(refused, Err(Unusable::Name(name.into())), "{name:?}");
+            let error = check_fields(&[field(name, "m")], 9);
+            assert_eq!(error, Err(Unusable::Name(name.into())), "{name:?}");
         }
         assert!(check_fields(&[field(&"a".repeat(300), "m")], 9).is_err());
         for unit in ["m]", "[m", "m\n", "\u{1b}[2J", "m\u{2028}"] {
             let (name, unit) = ("a_m".to_owned(), unit.to_owned());
-            let refused = check_fields(&[field(&name, &unit)], 9);
-            assert_eq!(refused, Err(Unusable::Unit { name, unit }));
+            let error = check_fields(&[field(&name, &unit)], 9);
+            assert_eq!(error, Err(Unusable::Unit { name, unit }));
         }
         for description in ["\r", "\u{7}", &"=".repeat(80), &"long ".repeat(1000)] {
-            let told = Field::signal("a_m", "m", &format!("It is {description} so."));
-            let refused = check_fields(&[told], 9);
-            assert_eq!(refused, Err(Unusable::Description("a_m".into())));
+            let sample_field = Field::signal("a_m", "m", &format!("It is {description} so."));
+            let error = check_fields(&[sample_field], 9);
+            assert_eq!(error, Err(Unusable::Description("a_m".into())));
         }
         for [one, other] in [["a_m", "a_m"], ["a.b_m", "a_b_m"]] {
-            let refused = check_fields(&[field(one, "m"), field(other, "m")], 9);
-            assert_eq!(refused, Err(Unusable::Twice(other.into())));
+            let error = check_fields(&[field(one, "m"), field(other, "m")], 9);
+            assert_eq!(error, Err(Unusable::Twice(other.into())));
         }
     }
 
@@ -406,11 +406,11 @@ mod tests {
     fn the_first_difference_from_the_description_is_named() {
         let (one, two) = (field("a_m", "m"), field("b_m", "m"));
         let described = [one.clone(), two.clone()];
-        let differs = |said: &[Field]| difference("internal", said, &described);
+        let differs = |fields: &[Field]| difference("internal", fields, &described);
         assert_eq!(differs(&described), None);
-        let retold = Field::signal("a_m", "m", "told otherwise");
-        assert_eq!(differs(&[retold, two.clone()]), None);
-        for (said, wanted) in [
+        let redescribed = Field::signal("a_m", "m", "told otherwise");
+        assert_eq!(differs(&[redescribed, two.clone()]), None);
+        for (fields, expected) in [
             (
                 vec![one.clone()],
                 "1 internal signals; its --describe says 2",
@@ -424,7 +424,7 @@ mod tests {
                 "the internal signal \"a_m\" in \"m\\n\"; its --describe says \"a_m\" in \"m\"",
             ),
         ] {
-            assert_eq!(differs(&said).as_deref(), Some(wanted));
+            assert_eq!(differs(&fields).as_deref(), Some(expected));
         }
     }
 
@@ -444,8 +444,8 @@ mod tests {
             assert_ne!(layout_hash(&other, &command), base);
         }
         assert_ne!(layout_hash(&command, &sample()), base);
-        let mut retold = sample();
-        retold.0[0].field.description = "told otherwise".into();
-        assert_eq!(layout_hash(&retold, &command), base);
+        let mut changed = sample();
+        changed.0[0].field.description = "told otherwise".into();
+        assert_eq!(layout_hash(&changed, &command), base);
     }
 }

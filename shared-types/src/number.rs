@@ -96,7 +96,7 @@ mod tests {
 
     #[test]
     fn numbers_are_written_without_needless_digits() {
-        for (value, shown, looked_at) in [
+        for (value, expected, looked_at) in [
             (80.0, "80", "80"),
             (0.0, "0", "0"),
             (1e30, "1e30", "1e30"),
@@ -113,7 +113,7 @@ mod tests {
             (f64::NAN, "nan", "nan"),
             (f64::INFINITY, "inf", "inf"),
         ] {
-            assert_eq!((&*exact(value), &*short(value)), (shown, looked_at));
+            assert_eq!((&*exact(value), &*short(value)), (expected, looked_at));
         }
         assert_eq!(short(-0.0), "0");
     }

@@ -44,12 +44,12 @@ pub struct Granted<T> {
 
 impl<T: PartialEq> Granted<T> {
     /// Records the requested value and the one in force, with a reason if they differ.
-    pub fn new(asked: T, granted: T, refused: Option<String>) -> Self {
-        let differs = asked != granted;
+    pub fn new(requested: T, granted: T, refusal: Option<String>) -> Self {
+        let differs = requested != granted;
         Self {
             reason: differs
-                .then(|| refused.unwrap_or_else(|| "the system set another value".into())),
-            asked,
+                .then(|| refusal.unwrap_or_else(|| "the system set another value".into())),
+            asked: requested,
             granted,
         }
     }

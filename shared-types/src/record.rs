@@ -167,22 +167,22 @@ impl RecordLayout {
         }
     }
 
-    /// Describes the first difference between a layout at hello and this one, which was described.
+    /// Describes the first difference of a layout received at hello from this one, which follows from the description.
     #[must_use]
-    pub fn difference(&self, said: &Self) -> Option<String> {
+    pub fn difference(&self, other: &Self) -> Option<String> {
         let both = [
-            ("truth", &said.truth, &self.truth),
-            ("measured", &said.measured, &self.measured),
-            ("reference", &said.reference, &self.reference),
-            ("command", &said.command, &self.command),
-            ("internal", &said.internal, &self.internal),
-            ("parameter", &said.parameter, &self.parameter),
+            ("truth", &other.truth, &self.truth),
+            ("measured", &other.measured, &self.measured),
+            ("reference", &other.reference, &self.reference),
+            ("command", &other.command, &self.command),
+            ("internal", &other.internal, &self.internal),
+            ("parameter", &other.parameter, &self.parameter),
         ];
         let mut differences =
-            (both.into_iter()).filter_map(|(what, said, ours)| difference(what, said, ours));
+            (both.into_iter()).filter_map(|(what, other, ours)| difference(what, other, ours));
         differences.next().or_else(|| {
             let of = |layout: &Self| (layout.command_signals, layout.command_places.clone());
-            let ((signals, places), (our_signals, our_places)) = (of(said), of(self));
+            let ((signals, places), (our_signals, our_places)) = (of(other), of(self));
             if signals != our_signals {
                 return Some(format!(
                     "{signals} signals in command frames; its --describe says {our_signals}"
@@ -383,16 +383,16 @@ mod tests {
     fn the_signals_that_a_record_marks_as_invalid_are_found() {
         let layout = layout();
         let (validity, mut words) = (layout.validity(), vec![0; layout.words()]);
-        let found = |words: &[u64]| validity.invalid(words).collect::<Vec<usize>>();
-        assert!(found(&words).is_empty());
+        let places = |words: &[u64]| validity.invalid(words).collect::<Vec<usize>>();
+        assert!(places(&words).is_empty());
         // Truth is 0 to 2, measured 3 to 62, reference 63 to 67, command 68 and 69, applied 70 and 71.
         words[1] = 1 << 63 | 0b1;
         words[2] = 0b100;
         words[3] = 0b1110;
-        assert_eq!(found(&words), [3, 66, 68, 72]);
+        assert_eq!(places(&words), [3, 66, 68, 72]);
         words[2] = 0b1;
         words[3] = 0b0001;
-        assert_eq!(found(&words), [3, 66, 67, 69]);
+        assert_eq!(places(&words), [3, 66, 67, 69]);
     }
 
     #[test]

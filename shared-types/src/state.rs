@@ -157,6 +157,6 @@ mod tests {
         let cut = State::from(state.as_bytes()[..15].to_vec());
         assert!(cut.read::<[f64; 2]>().is_err());
         let error = state.read::<[f64; 1]>().expect_err("8 bytes are left");
-        assert!(error.0.contains("8 bytes more"), "{error}");
+        assert!(error.0.contains("8 surplus bytes"), "{error}");
     }
 }

@@ -141,9 +141,9 @@ pub trait Table:
 /// Declares a [`Table`]: a `repr(C)` struct of `f64` with the table's names, units and descriptions.
 ///
 /// A signal is `name: "unit"`, optionally with its range of validity (`in min..=max`, used by the engine's guard). A
-/// parameter has a default and a range, and may be open to faults or to changes during a run: `name: "unit" = default
-/// in min..=max [faultable]`, `[tunable]`, or both, as `[faultable, tunable]`. Numbers other than plain literals need
-/// parentheses. The description is the doc comment.
+/// parameter has a default and a range, and may be open to faults or to changes during a run:
+/// `name: "unit" = default in min..=max [faultable]`, `[tunable]`, or both, as `[faultable, tunable]`. Numbers other
+/// than plain literals need parentheses. The description is the doc comment.
 ///
 /// ```
 /// shared_types::table! {
@@ -472,13 +472,13 @@ mod tests {
 
     #[test]
     fn the_nearest_names_come_first() {
-        let known = [
+        let names = [
             "actuator1_pressure1_pa",
             "surface_angle_rad",
             "surface_rate_radps",
         ];
-        assert_eq!(nearest("surface_angel_rad", known)[0], "surface_angle_rad");
-        assert!(nearest("zzz", known).is_empty());
-        assert!(nearest(&known[1].repeat(100), known).is_empty());
+        assert_eq!(nearest("surface_angel_rad", names)[0], "surface_angle_rad");
+        assert!(nearest("zzz", names).is_empty());
+        assert!(nearest(&names[1].repeat(100), names).is_empty());
     }
 }

@@ -35,7 +35,7 @@ pub fn line(text: &str) -> String {
         return text.to_owned();
     }
     let text = text.trim_end();
-    let mut shown: String = (text.chars().take(LONGEST_LINE))
+    let mut text_line: String = (text.chars().take(LONGEST_LINE))
         .map(|c| match c {
             '\n' | '\t' => ' ',
             c if c.is_control() => '\u{fffd}',
@@ -43,9 +43,9 @@ pub fn line(text: &str) -> String {
         })
         .collect();
     if text.chars().nth(LONGEST_LINE).is_some() {
-        shown.push_str(" ...");
+        text_line.push_str(" ...");
     }
-    shown
+    text_line
 }
 
 /// Deserialises a text as a [`line()`].

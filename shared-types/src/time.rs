@@ -192,8 +192,8 @@ mod tests {
     #[test]
     fn an_invalid_rate_is_refused_when_deserialised() {
         for text in ["0", "-1000", "1e-4", "1e308"] {
-            let refused = serde_json::from_str::<Rate>(text).expect_err(text);
-            assert!(refused.to_string().contains("no rate"), "{refused}");
+            let error = serde_json::from_str::<Rate>(text).expect_err(text);
+            assert!(error.to_string().contains("not a valid rate"), "{error}");
         }
         let read: Rate = serde_json::from_str("1000").expect("a rate");
         assert_eq!(

@@ -83,11 +83,11 @@ impl Conversion {
     /// Converts a value.
     #[must_use]
     #[inline]
-    pub fn apply(&self, sent: f64) -> f64 {
+    pub fn apply(&self, value: f64) -> f64 {
         if self.is_identity() {
-            return sent;
+            return value;
         }
-        self.factor * sent + self.offset
+        self.factor * value + self.offset
     }
 }
 
@@ -154,13 +154,13 @@ impl Unit {
     /// [`base`](Self::base).
     #[must_use]
     pub fn coherent(&self) -> String {
-        let mut symbols = Known::ALL.iter().filter(|known| {
-            let unit = known.unit(1.0, 1.0);
+        let mut symbols = Known::ALL.iter().filter(|symbol| {
+            let unit = symbol.unit(1.0, 1.0);
             unit.is_coherent() && unit.halves == self.halves
         });
         symbols
             .next()
-            .map_or_else(|| self.base(), |known| known.symbol.into())
+            .map_or_else(|| self.base(), |symbol| symbol.symbol.into())
     }
 
     /// Returns `true` if values in this unit equal those in base units.

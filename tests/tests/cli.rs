@@ -402,7 +402,7 @@ fn an_unwritable_output_causes_no_panic() {
 fn an_endless_file_is_refused_as_a_scenario() {
     let rig = Rig::new();
     let run = rig.hil(&["config", "check", "/dev/zero"]);
-    run.expect(2).says(&["no regular file"]);
+    run.expect(2).says(&["not a regular file"]);
 }
 
 #[test]

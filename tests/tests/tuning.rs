@@ -171,7 +171,7 @@ fn invalid_changes_are_refused_by_name_and_change_nothing() {
         ("--clear reference.velocity_mps", "has no stimulus"),
         (
             "--clear reference.position_m --ramp 1s",
-            "no value for a ramp",
+            "a ramp has no end value",
         ),
     ] {
         rig.in_session(&format!("set {words}"))

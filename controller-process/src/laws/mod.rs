@@ -138,8 +138,8 @@ mod tests {
                 let mut remembers = false;
                 for k in 0..100 {
                     let expected = step(straight.as_mut(), description, &mut random);
-                    let found = step(resumed.as_mut(), description, &mut twin);
-                    assert_eq!(found, expected, "{name}, trial {trial}, {k} samples later");
+                    let actual = step(resumed.as_mut(), description, &mut twin);
+                    assert_eq!(actual, expected, "{name}, trial {trial}, {k} samples later");
                     remembers |= step(fresh.as_mut(), description, &mut other) != expected;
                 }
                 assert_eq!(remembers, name != "hold", "{name}");

@@ -107,13 +107,13 @@ impl Pid {
     fn change_over(&mut self, error: f64) -> f64 {
         let gains = self.gains;
         let (former, transition) = self.former.take().unwrap_or((gains, Transition::Step));
-        let held = std::mem::take(&mut self.state.changed).then_some(self.state.command);
+        let held_command = std::mem::take(&mut self.state.changed).then_some(self.state.command);
         let last_error = self.state.last_error;
         let elapsed_s = f64::from(self.state.missed.saturating_add(1)) * self.period_s;
         self.gains = former;
-        let wanted = self.answer(error);
-        let left = self.state.transfer.next();
-        let old = held.unwrap_or_else(|| limited(wanted + left, former.limit));
+        let target = self.answer(error);
+        let remainder = self.state.transfer.next();
+        let old = held_command.unwrap_or_else(|| limited(target + remainder, former.limit));
         let old = limited(old, gains.limit);
         self.gains = gains;
 
@@ -125,7 +125,7 @@ impl Pid {
             (self.state.integral, self.state.transfer) = (integral, Transfer::default());
             old
         } else if transition == Transition::Ramp && former.integral == 0.0 {
-            new + left
+            new + remainder
         } else {
             self.state.transfer.begin(old, new, self.period_s)
         };
@@ -151,9 +151,9 @@ impl Pid {
             limit,
         } = self.gains;
         let rest = k_p * error + k_d * rate;
-        let wanted = rest + k_i * (state.integral + area);
-        let pushes_further = wanted * k_i * area > 0.0;
-        if !(wanted.abs() > limit && pushes_further) {
+        let target = rest + k_i * (state.integral + area);
+        let pushes_further = target * k_i * area > 0.0;
+        if !(target.abs() > limit && pushes_further) {
             state.integral += area;
         }
         rest + k_i * state.integral
@@ -313,16 +313,16 @@ mod tests {
         );
         // From there on u' = u + k_p de + k_i area + k_d d(de/dt) with the new gains alone: de = 1, area = 0 and 0.025,
         // rates 40 after -30 and 40 after 40.
-        let wanted = changed[3] - 7.0 * 1.0 + 0.0 + 3.0 * (40.0 + 30.0);
+        let expected = changed[3] - 7.0 * 1.0 + 0.0 + 3.0 * (40.0 + 30.0);
         assert!(
-            (changed[4] - wanted).abs() < 1e-12,
-            "{} {wanted}",
+            (changed[4] - expected).abs() < 1e-12,
+            "{} {expected}",
             changed[4]
         );
-        let wanted = wanted - 7.0 * 1.0 + 0.5 * 0.025 + 0.0;
+        let expected = expected - 7.0 * 1.0 + 0.5 * 0.025 + 0.0;
         assert!(
-            (changed[5] - wanted).abs() < 1e-12,
-            "{} {wanted}",
+            (changed[5] - expected).abs() < 1e-12,
+            "{} {expected}",
             changed[5]
         );
     }
@@ -338,8 +338,8 @@ mod tests {
             };
             pid.retune(gains, Transition::Ramp);
             // The error is constant: only the integral moves, by k_i e T.
-            let wanted = before[1] + 8.0 * 0.025 * f64::from(k);
-            assert!((pid.update(1.0) - wanted).abs() < 1e-12, "{k}");
+            let expected = before[1] + 8.0 * 0.025 * f64::from(k);
+            assert!((pid.update(1.0) - expected).abs() < 1e-12, "{k}");
         }
         assert!((pid.update(2.0) - (before[1] + 2.0 + 12.0 + 0.5 / 0.025 + 0.3)).abs() < 1e-12);
     }
@@ -356,9 +356,9 @@ mod tests {
         // A removed integral gain leaves its part, which fades likewise.
         let commands = retuned(WITH_INTEGRAL, gains(2.0), 2, &[1.0; 7]);
         let part = 8.0 * 0.05;
-        let wanted = [1.0, 0.75, 0.5, 0.25, 0.0].map(|share| 2.0 + part * share);
-        for (found, wanted) in commands[2..].iter().zip(wanted) {
-            assert!((found - wanted).abs() < 1e-12, "{commands:?}");
+        let expected = [1.0, 0.75, 0.5, 0.25, 0.0].map(|share| 2.0 + part * share);
+        for (actual, expected) in commands[2..].iter().zip(expected) {
+            assert!((actual - expected).abs() < 1e-12, "{commands:?}");
         }
     }
 
@@ -393,13 +393,16 @@ mod tests {
     fn a_change_during_invalid_samples_continues_from_the_held_command() {
         let mut pid = Pid::new(WITH_INTEGRAL, 0.025);
         pid.update(1.0);
-        let held = pid.update(1.0);
+        let held_command = pid.update(1.0);
         pid.retune(P_ONLY, Transition::Step);
-        assert_eq!(pid.hold(), held);
+        assert_eq!(pid.hold(), held_command);
         let mut resumed = Pid::new(P_ONLY, 0.025);
         resumed.restore(pid.state());
-        assert_eq!((pid.update(3.0), resumed.update(3.0)), (held, held));
-        assert_eq!(pid.update(3.0), 0.75 * held);
+        assert_eq!(
+            (pid.update(3.0), resumed.update(3.0)),
+            (held_command, held_command)
+        );
+        assert_eq!(pid.update(3.0), 0.75 * held_command);
     }
 
     #[test]

@@ -10,8 +10,8 @@ pub(super) const TRANSFER_S: f64 = 0.1;
 
 /// Decaying difference between the commands before and after a change.
 ///
-/// `u = u_new + d (1 - j / n)` at the j-th of the n samples of [`TRANSFER_S`] from the change on, with `d = u_old -
-/// u_new` at the change itself, where u is u_old to the last bit.
+/// `u = u_new + d (1 - j / n)` at the j-th of the n samples of [`TRANSFER_S`] from the change on, with
+/// `d = u_old - u_new` at the change itself, where u is u_old to the last bit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Transfer {
     difference: f64,
@@ -59,8 +59,8 @@ mod tests {
         let mut transfer = Transfer::default();
         assert_eq!(transfer.next(), 0.0);
         assert_eq!(transfer.begin(3.0, 1.0, 0.025), 3.0);
-        let left: Vec<f64> = (0..5).map(|_| transfer.next()).collect();
-        assert_eq!(left, [1.5, 1.0, 0.5, 0.0, 0.0]);
+        let remainders: Vec<f64> = (0..5).map(|_| transfer.next()).collect();
+        assert_eq!(remainders, [1.5, 1.0, 0.5, 0.0, 0.0]);
     }
 
     #[test]

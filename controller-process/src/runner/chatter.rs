@@ -120,13 +120,13 @@ fn a_hold_extends_the_limit_for_as_long_as_it_is_repeated() {
     runner.link.frame = Some(Header::new(FrameKind::Hold, Step(0)));
     // A poll that receives a hold is no pause: these take no time.
     let since_ns = monotonic_ns();
-    let mut held = 0_u64;
+    let mut holds = 0_u64;
     while monotonic_ns() - since_ns < 300_000_000 {
         assert_eq!(runner.poll().expect("polls"), Progress::Held);
-        held += 1;
+        holds += 1;
     }
     // Three limits of holds, then silence.
-    runner.link.left = 3 * held;
+    runner.link.left = 3 * holds;
     let since_ns = monotonic_ns();
     let late = "plant did not send step 0 within 0.1 s";
     assert_eq!(ends(&mut runner), late);

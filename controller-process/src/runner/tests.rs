@@ -301,8 +301,8 @@ fn the_law_that_suits_the_plant_is_selected() {
         kind
     };
     let laws = [law(&["a"]), law(&["b"])];
-    let chosen = choose(&laws, "witness", "b").expect("there is one");
-    assert_eq!(chosen.description.plants, ["b"]);
+    let selected = choose(&laws, "witness", "b").expect("there is one");
+    assert_eq!(selected.description.plants, ["b"]);
     assert!(choose(&laws, "witness", "c").is_err());
     assert!(choose(&[law(&[])], "witness", "c").is_ok());
 }
@@ -342,10 +342,10 @@ fn a_failing_law_aborts_at_its_step_with_its_reason() {
     let kind = LawKind::from_tables(kind().description, |_| Ok(Box::new(Fails(0))));
     let kind = kind.expect("sound tables");
     let mut ends = greeted(&kind, job(1, 0), |link| link);
-    for (step, wanted) in [(0, FrameKind::Command), (1, FrameKind::Abort)] {
+    for (step, expected) in [(0, FrameKind::Command), (1, FrameKind::Abort)] {
         let sample = Header::new(FrameKind::Sample, Step(step));
         let (answer, _) = answer(&mut ends, &sample, [99.0, 1.0]);
-        assert_eq!(answer.kind(), Some(wanted));
+        assert_eq!(answer.kind(), Some(expected));
     }
     let (_, mut runner) = ends;
     assert_eq!(runner.poll().expect("polls"), Progress::Over);

@@ -144,8 +144,8 @@ mod tests {
             let (a, b) = (time_s(2.0), time_s(5.0));
             let f = |t: f64| chirp.angular(t)[0] / (2.0 * PI);
             let mean = (f(a) + 4.0 * f(0.5 * (a + b)) + f(b)) / 6.0;
-            let found = chirp.mean_frequency_hz(chirp.turns_to(2.0), chirp.turns_to(5.0));
-            assert!((found / mean - 1.0).abs() < 1e-3, "{found}, not {mean}");
+            let actual = chirp.mean_frequency_hz(chirp.turns_to(2.0), chirp.turns_to(5.0));
+            assert!((actual / mean - 1.0).abs() < 1e-3, "{actual}, not {mean}");
         }
     }
 }

@@ -63,7 +63,7 @@ impl Detection {
 
     /// Records that an event takes effect at a step whose row is still to come.
     pub(super) fn fault(&mut self, event: u32, step: Step) {
-        if self.onset.is_none() && self.fault.is_none_or(|wanted| wanted == event) {
+        if self.onset.is_none() && self.fault.is_none_or(|target| target == event) {
             (self.onset, self.recovered) = (Some(step), Some(step));
             self.is_older = self.held > 0;
         }
@@ -201,9 +201,9 @@ mod tests {
             (|step| step == 100, f64::NAN, 1.0, 0.0),
         ];
         for (alarm, time_s, missed, false_alarms) in cases {
-            let found = figures(Some(2), alarm, |_| true);
-            assert_eq!(found[0].to_bits(), time_s.to_bits(), "{found:?}");
-            assert_eq!(found[1..3], [missed, false_alarms]);
+            let actual = figures(Some(2), alarm, |_| true);
+            assert_eq!(actual[0].to_bits(), time_s.to_bits(), "{actual:?}");
+            assert_eq!(actual[1..3], [missed, false_alarms]);
         }
     }
 
@@ -218,16 +218,16 @@ mod tests {
 
     #[test]
     fn the_effect_counts_from_the_fault_on() {
-        let found = figures(Some(2), |_| false, |_| true);
+        let actual = figures(Some(2), |_| false, |_| true);
         // Steps 20 to 100: 41 times 1 and 40 times 49.
-        assert_eq!(found[4..], [7.0, ((41.0 + 40.0 * 49.0) / 81.0_f64).sqrt()]);
+        assert_eq!(actual[4..], [7.0, ((41.0 + 40.0 * 49.0) / 81.0_f64).sqrt()]);
     }
 
     #[test]
     fn without_the_fault_there_are_only_false_alarms() {
-        let found = figures(Some(1), |step| step % 10 < 3, |_| true);
-        let mut exist = found.iter().map(|value| !value.is_nan());
+        let actual = figures(Some(1), |step| step % 10 < 3, |_| true);
+        let mut exist = actual.iter().map(|value| !value.is_nan());
         assert!(exist.by_ref().eq([false, false, true, false, false, false]));
-        assert_eq!(found[2], 10.0);
+        assert_eq!(actual[2], 10.0);
     }
 }

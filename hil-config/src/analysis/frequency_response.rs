@@ -309,8 +309,8 @@ mod tests {
         libm::sin(2.0 * PI * turns)
     }
 
-    /// Closed loop of the teaching plant, `m = 1`, `c = 2`, `k = 100`, under its `pid` with 300, 2000 and 30: `(k_d s^2
-    /// + k_p s + k_i) / (m s^3 + (c + k_d) s^2 + (k + k_p) s + k_i)`, lowest power first.
+    /// Closed loop of the teaching plant, `m = 1`, `c = 2`, `k = 100`, under its `pid` with 300, 2000 and 30:
+    /// `(k_d s^2 + k_p s + k_i) / (m s^3 + (c + k_d) s^2 + (k + k_p) s + k_i)`, lowest power first.
     const NUMERATOR: [f64; 3] = [2000.0, 300.0, 30.0];
     const DENOMINATOR: [f64; 4] = [2000.0, 400.0, 32.0, 1.0];
 
@@ -368,9 +368,11 @@ mod tests {
 
     /// Relative errors of the first four figures.
     fn errors(sweep: Sweep, span_hz: [f64; 2], duration_s: f64) -> Vec<f64> {
-        let found = swept(sweep, span_hz, duration_s);
-        let pairs = found.iter().zip(loop_figures(span_hz[0]));
-        pairs.map(|(found, wanted)| found / wanted - 1.0).collect()
+        let actual = swept(sweep, span_hz, duration_s);
+        let pairs = actual.iter().zip(loop_figures(span_hz[0]));
+        pairs
+            .map(|(actual, expected)| actual / expected - 1.0)
+            .collect()
     }
 
     #[test]
@@ -405,29 +407,29 @@ mod tests {
         }
     }
 
-    fn near(found: f64, expected: f64) {
-        let off = (found / expected - 1.0).abs();
-        assert!(off < 5e-3, "{found}, not {expected}");
+    fn near(actual: f64, expected: f64) {
+        let off = (actual / expected - 1.0).abs();
+        assert!(off < 5e-3, "{actual}, not {expected}");
     }
 
     #[test]
     fn a_first_order_lag_has_its_bandwidth_at_one_over_its_time_constant() {
         let w_c = 2.0 * PI * 3.0;
-        let found = figures(5.0, |w| {
+        let actual = figures(5.0, |w| {
             let ratio = w / w_c;
             (2.0 / libm::hypot(1.0, ratio), -libm::atan(ratio))
         });
-        near(found[0], 2.0);
-        near(found[1], 3.0);
-        near(found[2], 1.0);
-        assert!(found[4].is_nan(), "it never lags by 90 degrees");
+        near(actual[0], 2.0);
+        near(actual[1], 3.0);
+        near(actual[2], 1.0);
+        assert!(actual[4].is_nan(), "it never lags by 90 degrees");
     }
 
     #[test]
     fn a_resonance_peaks_and_lags_by_90_degrees_at_its_natural_frequency() {
         // H = 1 / (1 - r^2 + 2 j z r): peak 1 / (2 z sqrt(1 - z^2)) at r = sqrt(1 - 2 z^2).
         let (z, f_n): (f64, f64) = (0.2, 3.0);
-        let found = figures(-2.0, |w| {
+        let actual = figures(-2.0, |w| {
             let r = w / (2.0 * PI * f_n);
             let (real, imaginary) = (1.0 - r * r, 2.0 * z * r);
             (
@@ -435,26 +437,26 @@ mod tests {
                 -libm::atan2(imaginary, real),
             )
         });
-        near(found[0], 1.0);
+        near(actual[0], 1.0);
         // |H| = 1 / sqrt(2): r^2 = 1 - 2 z^2 + sqrt((1 - 2 z^2)^2 + 1).
         let q = 1.0 - 2.0 * z * z;
-        near(found[1], f_n * (q + (q * q + 1.0).sqrt()).sqrt());
-        near(found[2], 1.0 / (2.0 * z * (1.0 - z * z).sqrt()));
-        near(found[3], f_n * q.sqrt());
-        near(found[4], f_n);
+        near(actual[1], f_n * (q + (q * q + 1.0).sqrt()).sqrt());
+        near(actual[2], 1.0 / (2.0 * z * (1.0 - z * z).sqrt()));
+        near(actual[3], f_n * q.sqrt());
+        near(actual[4], f_n);
     }
 
     #[test]
     fn a_pure_delay_turns_its_phase_without_end() {
         // Lags by 90 degrees where the delay is a quarter of a period.
-        let found = figures(0.0, |w| (1.0, -w * 0.5));
-        near(found[4], 0.5);
-        assert!(found[1].is_nan(), "its gain never falls");
+        let actual = figures(0.0, |w| (1.0, -w * 0.5));
+        near(actual[4], 0.5);
+        assert!(actual[1].is_nan(), "its gain never falls");
     }
 
     #[test]
     fn a_missing_signal_has_no_figures() {
-        let found = figures(f64::NAN, |_| (1.0, 0.0));
-        assert!(found.iter().all(|figure| figure.is_nan()));
+        let actual = figures(f64::NAN, |_| (1.0, 0.0));
+        assert!(actual.iter().all(|figure| figure.is_nan()));
     }
 }

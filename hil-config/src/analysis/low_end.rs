@@ -13,11 +13,11 @@ const TERMS: usize = 6;
 
 /// Fit over the first turns of a chirp `x = sin(phi(t))`.
 ///
-/// A stable system of transfer function `H(s) = h_0 + h_1 s + h_2 s^2 + ..` responds with `h_0 x + h_1 x' + h_2 x'' +
-/// ..`, however fast the frequency rises. Input and output are each fitted with this series up to `h_4` plus a
-/// constant, by least squares; the ratio of their `H(j 2 pi f_0)` is the response at the first frequency. Over a narrow
-/// band the terms are a parabola through the real part and a straight line through the imaginary part, so the series
-/// need not converge well around 0.
+/// A stable system of transfer function `H(s) = h_0 + h_1 s + h_2 s^2 + ..` responds with
+/// `h_0 x + h_1 x' + h_2 x'' + ..`, however fast the frequency rises. Input and output are each fitted with this series
+/// up to `h_4` plus a constant, by least squares; the ratio of their `H(j 2 pi f_0)` is the response at the first
+/// frequency. Over a narrow band the terms are a parabola through the real part and a straight line through the
+/// imaginary part, so the series need not converge well around 0.
 ///
 /// The first turn, in which the system still leaves its rest, is skipped if the frequency hardly rises in it.
 #[derive(Clone, Debug)]
@@ -119,8 +119,8 @@ fn solved(mut a: [[f64; TERMS]; TERMS], mut b: [f64; TERMS]) -> Option<[f64; TER
         |most: f64, i| if a[i][i] > most { a[i][i] } else { most },
     );
     let mut order: [usize; TERMS] = std::array::from_fn(|i| i);
-    for done in 0..TERMS {
-        let place = (done..TERMS).reduce(|best, i| {
+    for eliminated in 0..TERMS {
+        let place = (eliminated..TERMS).reduce(|best, i| {
             let (i_th, best_th) = (order[i], order[best]);
             if a[i_th][i_th] > a[best_th][best_th] {
                 i
@@ -128,24 +128,27 @@ fn solved(mut a: [[f64; TERMS]; TERMS], mut b: [f64; TERMS]) -> Option<[f64; TER
                 best
             }
         })?;
-        order.swap(done, place);
-        let pivot = order[done];
+        order.swap(eliminated, place);
+        let pivot = order[eliminated];
         let size = a[pivot][pivot];
         if size.is_nan() || size <= 1e-12 * largest {
             return None;
         }
-        for &row in &order[done + 1..] {
+        for &row in &order[eliminated + 1..] {
             let factor = a[row][pivot] / a[pivot][pivot];
-            for &column in &order[done..] {
+            for &column in &order[eliminated..] {
                 a[row][column] -= factor * a[pivot][column];
             }
             b[row] -= factor * b[pivot];
         }
     }
     let mut x = [0.0; TERMS];
-    for done in (0..TERMS).rev() {
-        let row = order[done];
-        let rest: f64 = order[done + 1..].iter().map(|&i| a[row][i] * x[i]).sum();
+    for eliminated in (0..TERMS).rev() {
+        let row = order[eliminated];
+        let rest: f64 = order[eliminated + 1..]
+            .iter()
+            .map(|&i| a[row][i] * x[i])
+            .sum();
         x[row] = (b[row] - rest) / a[row][row];
     }
     Some(x)
@@ -167,11 +170,11 @@ mod tests {
             [0.0, 0.0, 5.0, 0.0, 1.0, 2.0],
             [2.0, 0.0, 0.0, 1.0, 0.0, 3.0],
         ];
-        let wanted = [1.0, -2.0, 3.0, -4.0, 5.0, -6.0];
+        let expected = [1.0, -2.0, 3.0, -4.0, 5.0, -6.0];
         let mut a = [[0.0; TERMS]; TERMS];
         let mut b = [0.0; TERMS];
         for row in rows {
-            let value: f64 = row.iter().zip(wanted).map(|(x, w)| x * w).sum();
+            let value: f64 = row.iter().zip(expected).map(|(x, w)| x * w).sum();
             for i in 0..TERMS {
                 for j in 0..TERMS {
                     a[i][j] += row[i] * row[j];
@@ -179,9 +182,12 @@ mod tests {
                 b[i] += row[i] * value;
             }
         }
-        let found = solved(a, b).expect("a solution");
-        for (found, wanted) in found.iter().zip(wanted) {
-            assert!((found - wanted).abs() < 1e-12, "{found}, not {wanted}");
+        let actual = solved(a, b).expect("a solution");
+        for (actual, expected) in actual.iter().zip(expected) {
+            assert!(
+                (actual - expected).abs() < 1e-12,
+                "{actual}, not {expected}"
+            );
         }
         a[2] = [0.0; TERMS];
         for row in &mut a {

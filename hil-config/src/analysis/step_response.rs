@@ -119,14 +119,14 @@ mod tests {
     use crate::expression::Expression;
 
     /// Figures of a signal sampled at 10 kHz for 10 s, with its step at 1 s.
-    fn figures(initial: f64, wanted: f64, signal: impl Fn(f64) -> f64) -> Vec<f64> {
+    fn figures(initial: f64, target: f64, signal: impl Fn(f64) -> f64) -> Vec<f64> {
         let mut response = StepResponse::new(&StepResponsePlan {
             signal: Expression::parse("y").expect("an expression"),
             unit: "m".into(),
             stimulus: "r".into(),
             at_s: 1.0,
             initial,
-            wanted,
+            wanted: target,
             band: 0.02,
             last: Step(100_000),
         });
@@ -138,18 +138,21 @@ mod tests {
         values.iter().map(|figure| figure.value).collect()
     }
 
-    fn close(found: f64, expected: f64, within: f64) {
-        assert!((found - expected).abs() < within, "{found}, not {expected}");
+    fn close(actual: f64, expected: f64, within: f64) {
+        assert!(
+            (actual - expected).abs() < within,
+            "{actual}, not {expected}"
+        );
     }
 
     #[test]
     fn a_first_order_lag_rises_in_ln_9_time_constants_and_settles_in_ln_50() {
-        let found = figures(3.0, -1.0, |t| 3.0 - 4.0 * (1.0 - libm::exp(-t / 0.5)));
-        close(found[0], 0.5 * libm::log(9.0), 1e-8);
-        assert_eq!(found[1], 0.0);
-        assert!(found[2].is_nan());
-        close(found[3], 0.5 * libm::log(50.0), 1e-8);
-        close(found[4], 4.0 * libm::exp(-18.0), 1e-12);
+        let actual = figures(3.0, -1.0, |t| 3.0 - 4.0 * (1.0 - libm::exp(-t / 0.5)));
+        close(actual[0], 0.5 * libm::log(9.0), 1e-8);
+        assert_eq!(actual[1], 0.0);
+        assert!(actual[2].is_nan());
+        close(actual[3], 0.5 * libm::log(50.0), 1e-8);
+        close(actual[4], 4.0 * libm::exp(-18.0), 1e-12);
     }
 
     #[test]
@@ -157,24 +160,24 @@ mod tests {
         // y = 1 - exp(-z w t) (cos(w_d t) + z w / w_d sin(w_d t)).
         let (z, w) = (0.5, 4.0);
         let w_d = w * (1.0_f64 - z * z).sqrt();
-        let found = figures(0.0, 1.0, |t| {
+        let actual = figures(0.0, 1.0, |t| {
             let (sin, cos) = (libm::sin(w_d * t), libm::cos(w_d * t));
             1.0 - libm::exp(-z * w * t) * (cos + z * w / w_d * sin)
         });
         let pi = std::f64::consts::PI;
-        close(found[1], libm::exp(-pi * z / (1.0 - z * z).sqrt()), 1e-7);
-        close(found[2], pi / w_d, 1e-4); // the nearest sample
+        close(actual[1], libm::exp(-pi * z / (1.0 - z * z).sqrt()), 1e-7);
+        close(actual[2], pi / w_d, 1e-4); // the nearest sample
         // y(t w) reaches 0.1, 0.9 and for the last time 0.98 or 1.02 there, by scipy.optimize.brentq.
-        let [begun, ended, settled] = [0.4882292958073818, 2.1258022431357295, 8.076348973927997];
-        close(found[0], (ended - begun) / w, 1e-7);
-        close(found[3], settled / w, 1e-7);
+        let [begin, ended, settled] = [0.4882292958073818, 2.1258022431357295, 8.076348973927997];
+        close(actual[0], (ended - begin) / w, 1e-7);
+        close(actual[3], settled / w, 1e-7);
     }
 
     #[test]
     fn a_signal_that_never_approaches_has_no_rise_and_does_not_settle() {
-        let found = figures(0.0, 1.0, |_| 0.5);
-        assert!(found[0].is_nan() && found[3].is_nan());
-        assert_eq!((found[1], found[4]), (0.0, -0.5));
+        let actual = figures(0.0, 1.0, |_| 0.5);
+        assert!(actual[0].is_nan() && actual[3].is_nan());
+        assert_eq!((actual[1], actual[4]), (0.0, -0.5));
         assert!(
             figures(0.0, 1.0, |_| f64::NAN)
                 .iter()
@@ -184,9 +187,9 @@ mod tests {
 
     #[test]
     fn a_signal_that_leaves_the_band_again_is_not_settled() {
-        let found = figures(0.0, 1.0, |t| if t > 8.0 { 1.03 } else { 1.0 });
-        assert!(found[3].is_nan());
-        let found = figures(0.0, 1.0, |t| if t < 8.0 { 1.03 } else { 1.0 });
-        close(found[3], 8.0, 1e-4);
+        let actual = figures(0.0, 1.0, |t| if t > 8.0 { 1.03 } else { 1.0 });
+        assert!(actual[3].is_nan());
+        let actual = figures(0.0, 1.0, |t| if t < 8.0 { 1.03 } else { 1.0 });
+        close(actual[3], 8.0, 1e-4);
     }
 }

@@ -57,7 +57,7 @@ impl AnalysisContext<'_> {
         let signal = self.expression(reader, section, "signal");
         let unit = (signal.as_ref()).and_then(|signal| self.unit(reader, section, signal));
         let initial = reader.optional_number(section, "initial");
-        let wanted = reader.optional_number(section, "wanted");
+        let target = reader.optional_number(section, "wanted");
         let band = reader.number(section, "band");
         let until_s = reader.optional_number(section, "until_s");
         let stimulus = self.stimulus(reader, section, "step", |waveform| {
@@ -72,8 +72,8 @@ impl AnalysisContext<'_> {
         else {
             return None;
         };
-        let (initial, wanted) = (initial?.unwrap_or(before), wanted?.unwrap_or(after));
-        if initial == wanted {
+        let (initial, target) = (initial?.unwrap_or(before), target?.unwrap_or(after));
+        if initial == target {
             let message = format!("the step of `{}` has no height", section.path);
             reader
                 .report(
@@ -105,7 +105,7 @@ impl AnalysisContext<'_> {
             stimulus: stimulus.target.clone(),
             at_s,
             initial,
-            wanted,
+            wanted: target,
             band: band?,
             last: grid.rate.step_at_or_before(until_s)?,
         })
@@ -117,7 +117,7 @@ impl AnalysisContext<'_> {
         section: &Section<'_>,
     ) -> Option<FrequencyResponsePlan> {
         let output = self.expression(reader, section, "output");
-        let given = match section.table.get("input") {
+        let input_signal = match section.table.get("input") {
             Some(_) => self.expression(reader, section, "input").map(Some),
             None => Some(None),
         };
@@ -165,7 +165,7 @@ impl AnalysisContext<'_> {
                 .expected("a chirp from a low to a high frequency, within the run");
             return None;
         }
-        let input = match given? {
+        let input = match input_signal? {
             Some(input) => input,
             None => Expression::parse(&format!("reference.{target}")).ok()?,
         };
@@ -222,8 +222,8 @@ impl AnalysisContext<'_> {
         section: &Section<'_>,
         expression: &Expression,
     ) -> Option<String> {
-        let known = self.columns.map(|columns| (expression, columns));
-        signals::unit(reader, section, known, "")
+        let context = self.columns.map(|columns| (expression, columns));
+        signals::unit(reader, section, context, "")
     }
 
     /// Finds the stimulus by name, or the only one of its kind.
@@ -243,12 +243,12 @@ impl AnalysisContext<'_> {
             Some(_) => Some(reader.text(section, "stimulus")?),
             None => None,
         };
-        let found = match (named, &fitting[..]) {
+        let candidate = match (named, &fitting[..]) {
             (Some(name), _) => fitting.iter().find(|stimulus| stimulus.target == name),
             (None, [only]) => Some(only),
             (None, _) => None,
         };
-        if found.is_none() {
+        if candidate.is_none() {
             let path = section.path_of("stimulus");
             let (problem, message) = match named {
                 Some(name) => (
@@ -270,7 +270,7 @@ impl AnalysisContext<'_> {
                 report.nearest(name, names());
             }
         }
-        found.copied()
+        candidate.copied()
     }
 
     /// Returns the number of the intended fault event; `Some(None)` if none is named.
@@ -279,7 +279,7 @@ impl AnalysisContext<'_> {
             return Some(None);
         };
         let faults = self.faults?;
-        let found = match &entry.node.value {
+        let id = match &entry.node.value {
             Value::Text(name) => (faults.iter())
                 .find(|event| event.name.as_ref() == Some(name))
                 .ok_or_else(|| format!("there is no fault event `{name}`")),
@@ -292,7 +292,7 @@ impl AnalysisContext<'_> {
                 return None;
             }
         };
-        match found {
+        match id {
             Ok(event) => Some(Some(event.id)),
             Err(message) => {
                 let names = faults.iter().filter_map(|event| event.name.as_deref());

@@ -109,10 +109,10 @@ pub(super) fn by_aliases(
     added
 }
 
-fn gives_field(given: &[Field], wanted: &Field) -> bool {
-    given
+fn gives_field(fields: &[Field], needed_field: &Field) -> bool {
+    fields
         .iter()
-        .any(|field| field.name == wanted.name && field.unit == wanted.unit)
+        .any(|field| field.name == needed_field.name && field.unit == needed_field.unit)
 }
 
 fn bind_reference(
@@ -121,11 +121,11 @@ fn bind_reference(
     law: &LawDescription,
     stimuli: &[Stimulus],
 ) {
-    let given: Vec<Field> = stimuli.iter().flat_map(Stimulus::fields).collect();
+    let reference_fields: Vec<Field> = stimuli.iter().flat_map(Stimulus::fields).collect();
     let missing: Vec<&Field> = law
         .reference
         .iter()
-        .filter(|field| !gives_field(&given, field))
+        .filter(|field| !gives_field(&reference_fields, field))
         .collect();
     let asks = format!("law `{}` needs the reference signal", law.name);
     let mut reported: Vec<&str> = Vec::new();
@@ -164,7 +164,7 @@ fn bind_reference(
             &asks,
             field,
             "a stimulus",
-            &given,
+            &reference_fields,
             Some(help),
         );
     }
@@ -191,11 +191,11 @@ fn unbound(
     asks: &str,
     field: &Field,
     gives: &str,
-    given: &[Field],
+    fields: &[Field],
     help: Option<String>,
 ) {
     let Field { name, unit, .. } = field;
-    let other_unit = given.iter().find(|field| field.name == *name);
+    let other_unit = fields.iter().find(|field| field.name == *name);
     let message = match other_unit {
         Some(other) => {
             let other = &other.unit;
@@ -208,10 +208,10 @@ fn unbound(
     };
     let problem = reader.report_at(section, "law", ProblemKind::Unbound, message);
     if other_unit.is_none() {
-        problem.nearest(name, given.iter().map(|field| field.name.as_str()));
+        problem.nearest(name, fields.iter().map(|field| field.name.as_str()));
     }
     problem.help = help.or_else(|| {
-        (!given.is_empty())
+        (!fields.is_empty())
             .then(|| "[[connect]] binds signals of other names and units to each other".into())
     });
 }

@@ -221,7 +221,7 @@ fn values(
 ) -> Vec<ChangedValue> {
     let mut leaves = Vec::new();
     collect(set.table, "", &[], &mut leaves);
-    let mut found: BTreeMap<String, (Written, ChangedValue)> = BTreeMap::new();
+    let mut by_name: BTreeMap<String, (Written, ChangedValue)> = BTreeMap::new();
     for (name, entry) in leaves {
         // As typed, at its place.
         let path = match section.path.as_str() {
@@ -232,15 +232,19 @@ fn values(
             continue;
         };
         // A full key is never also the short form of another.
-        let meant: Vec<&Known> = match keys.iter().find(|one| one.is_called(&name)) {
+        let matches: Vec<&Known> = match keys.iter().find(|one| one.is_called(&name)) {
             Some(exact) => vec![exact],
             None => (keys.iter())
                 .filter(|one| one.keys().any(|key| is_short_form(key, &name)))
                 .collect(),
         };
-        let tunable: Vec<&Known> = meant.iter().copied().filter(|one| one.is_tunable).collect();
+        let tunable: Vec<&Known> = matches
+            .iter()
+            .copied()
+            .filter(|one| one.is_tunable)
+            .collect();
         if tunable.is_empty() {
-            unknown(reader, &path, &name, entry, keys, !meant.is_empty());
+            unknown(reader, &path, &name, entry, keys, !matches.is_empty());
         }
         for one in tunable {
             let Some(value) = reader.quantity(&path, &entry.node, &Quantity::from(&one.field))
@@ -253,9 +257,9 @@ fn values(
                 unit: one.field.unit.clone(),
                 value,
             };
-            match written.beats(found.get(&one.key).map(|(earlier, _)| earlier)) {
+            match typed_value.beats(by_name.get(&one.key).map(|(earlier, _)| earlier)) {
                 Ok(true) => {
-                    found.insert(one.key.clone(), (written, value));
+                    by_name.insert(one.key.clone(), (typed_value, value));
                 }
                 Ok(false) => {}
                 Err(message) => {
@@ -265,17 +269,17 @@ fn values(
             }
         }
     }
-    found.into_values().map(|(_, value)| value).collect()
+    by_name.into_values().map(|(_, value)| value).collect()
 }
 
 /// Returns `true` if a written key has the group of a full key and the last parts of its name.
-fn is_short_form(key: &str, written: &str) -> bool {
+fn is_short_form(key: &str, typed: &str) -> bool {
     let groups = [PLANT_KEYS.len(), key_group(key)];
     groups.into_iter().any(|length| {
-        let (Some(own), Some(other)) = (key.get(..length), written.get(..length)) else {
+        let (Some(own), Some(other)) = (key.get(..length), typed.get(..length)) else {
             return false;
         };
-        own == other && own.ends_with('.') && is_named(&key[length..], &written[length..])
+        own == other && own.ends_with('.') && is_named(&key[length..], &typed[length..])
     })
 }
 

@@ -81,8 +81,8 @@ pub(super) fn check(
         }
         connections.push(connection);
     }
-    if let (Err(refused), Some(section)) = (ends.law.connected(&connections), sections.first()) {
-        let message = refused.to_string();
+    if let (Err(error), Some(section)) = (ends.law.connected(&connections), sections.first()) {
+        let message = error.to_string();
         reader
             .report_at(section, "plant", ProblemKind::Duplicate, message)
             .help("connect the command of that name to another one as well");
@@ -108,7 +108,7 @@ fn connection(reader: &mut Reader, section: &Section<'_>, ends: &Ends<'_>) -> Op
         return None;
     }
     let of_others = || ends.laws.iter().flat_map(|other| of_law(other, kind));
-    let Some(wanted) = of_law(ends.law, kind)
+    let Some(law_field) = of_law(ends.law, kind)
         .iter()
         .find(|field| field.is_called(law))
     else {
@@ -123,14 +123,14 @@ fn connection(reader: &mut Reader, section: &Section<'_>, ends: &Ends<'_>) -> Op
         }
         return None;
     };
-    let given = ends.of_plant(kind)?;
-    let Some(sent) = given.iter().find(|field| field.is_called(plant)) else {
+    let fields = ends.of_plant(kind)?;
+    let Some(plant_field) = fields.iter().find(|field| field.is_called(plant)) else {
         unknown(
             reader,
             section,
             ("plant", &ends.plant.name),
             (kind, plant),
-            given,
+            fields,
         );
         return None;
     };
@@ -166,15 +166,15 @@ fn connection(reader: &mut Reader, section: &Section<'_>, ends: &Ends<'_>) -> Op
     let is_given = conversion.is_some();
     let conversion = match conversion {
         Some(conversion) => conversion,
-        None if kind == SignalKind::Command => by_units(reader, section, wanted, sent)?,
-        None => by_units(reader, section, sent, wanted)?,
+        None if kind == SignalKind::Command => by_units(reader, section, law_field, plant_field)?,
+        None => by_units(reader, section, plant_field, law_field)?,
     };
     Some(Connection {
         kind,
-        law: wanted.name.clone(),
-        law_unit: wanted.unit.clone(),
-        plant: sent.name.clone(),
-        plant_unit: sent.unit.clone(),
+        law: law_field.name.clone(),
+        law_unit: law_field.unit.clone(),
+        plant: plant_field.name.clone(),
+        plant_unit: plant_field.unit.clone(),
         conversion,
         is_given,
     })
@@ -187,15 +187,15 @@ fn signal<'a>(
     key: &'static str,
 ) -> Option<(SignalKind, &'a str)> {
     let text = reader.text(section, key)?;
-    let found = text.split_once('.').and_then(|(kind, name)| {
+    let parts = text.split_once('.').and_then(|(kind, name)| {
         let kind = KINDS.into_iter().find(|one| one.prefix() == kind)?;
         Some((kind, name))
     });
-    if found.is_none() {
+    if parts.is_none() {
         let expected = "measured.NAME, reference.NAME or command.NAME";
         reader.refuse(section, key, text, expected);
     }
-    found
+    parts
 }
 
 fn unknown(
@@ -224,21 +224,21 @@ fn unknown(
 fn by_units(
     reader: &mut Reader,
     section: &Section<'_>,
-    sent: &Field,
+    sender: &Field,
     received: &Field,
 ) -> Option<Conversion> {
-    if sent.unit == received.unit {
+    if sender.unit == received.unit {
         return Some(Conversion::IDENTITY);
     }
-    let (from, to) = (Unit::parse(&sent.unit), Unit::parse(&received.unit));
+    let (from, to) = (Unit::parse(&sender.unit), Unit::parse(&received.unit));
     let names = format!(
         "`{}` in {} and `{}` in {}",
-        sent.name, sent.unit, received.name, received.unit
+        sender.name, sender.unit, received.name, received.unit
     );
     let message = match (&from, &to) {
         (Ok(from), Ok(to)) => match from.conversion_to(to) {
             Some(conversion) if conversion.offset == 0.0 => return Some(conversion),
-            Some(conversion) => match (sent.is_difference, received.is_difference) {
+            Some(conversion) => match (sender.is_difference, received.is_difference) {
                 (false, false) => return Some(conversion),
                 (true, true) => {
                     return Some(Conversion {
@@ -247,9 +247,9 @@ fn by_units(
                     });
                 }
                 _ => {
-                    let (one, other) = match sent.is_difference {
-                        true => (sent, received),
-                        false => (received, sent),
+                    let (one, other) = match sender.is_difference {
+                        true => (sender, received),
+                        false => (received, sender),
                     };
                     format!(
                         "{names}: `{}` is declared as a difference (relativeQuantity) and `{}` is not, so it is unclear if the offsets of the units apply",

@@ -90,25 +90,25 @@ pub(super) fn check(
     let model_section = reader.section(section, "model");
 
     // Another law's model may stand here too, so that one flag can switch the law.
-    let mut known: Vec<Field> = law.map(|law| law.model.clone()).unwrap_or_default();
+    let mut fields: Vec<Field> = law.map(|law| law.model.clone()).unwrap_or_default();
     for field in laws.iter().flat_map(|law| &law.model) {
-        if known.iter().all(|other| other.name != field.name) {
-            known.push(field.clone());
+        if fields.iter().all(|other| other.name != field.name) {
+            fields.push(field.clone());
         }
     }
     let given_model = model_section
         .as_ref()
-        .map(|section| parameters::given(reader, section, &known, "the model of a law"))
+        .map(|section| parameters::given(reader, section, &fields, "the model of a law"))
         .unwrap_or_default();
 
     let law = law?;
     let none = BTreeMap::new();
-    let given = tables.get(law.name.as_str()).unwrap_or(&none);
+    let values = tables.get(law.name.as_str()).unwrap_or(&none);
     let table = Section {
         path: section.path_of(&law.name),
         ..section.clone()
     };
-    let parameters = parameters::complete(reader, &table, &law.parameters, given, |_| None);
+    let parameters = parameters::complete(reader, &table, &law.parameters, values, |_| None);
 
     let (nominal, plant) = (nominal?, plant?);
     let model_table = Section {

@@ -65,25 +65,25 @@ fn names(
     reader: &mut Reader,
     section: &Section<'_>,
     key: &str,
-    known: Option<Vec<String>>,
+    all_names: Option<Vec<String>>,
     what: &str,
     own: impl Fn(&str) -> String,
 ) -> Vec<String> {
     if section.table.get(key).is_none() {
         return Vec::new();
     }
-    let given = reader.texts(section, key).unwrap_or_default();
-    for (path, place, name) in &given {
+    let texts = reader.texts(section, key).unwrap_or_default();
+    for (path, place, name) in &texts {
         let is_pattern = name.contains(['*', '?', '[']);
-        let Some(known) = known
+        let Some(all_names) = all_names
             .as_deref()
-            .filter(|known| !is_pattern && !known.contains(&own(name)))
+            .filter(|all_names| !is_pattern && !all_names.contains(&own(name)))
         else {
             continue;
         };
         let message = format!("`{path}` is `{name}`, which {what}");
         let problem = reader.report(ProblemKind::UnknownName, path, place, message);
-        problem.nearest(name, known.iter().map(String::as_str));
+        problem.nearest(name, all_names.iter().map(String::as_str));
     }
-    given.into_iter().map(|(_, _, name)| own(name)).collect()
+    texts.into_iter().map(|(_, _, name)| own(name)).collect()
 }

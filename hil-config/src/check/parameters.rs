@@ -48,7 +48,7 @@ pub(super) fn given(
             let written = Written::new(&key, field.is_called(&key), value, &node.place);
             match written.beats(earlier) {
                 Ok(true) => {
-                    values.insert(field.name.clone(), written);
+                    values.insert(field.name.clone(), typed_value);
                 }
                 Ok(false) => {}
                 Err(message) => {
@@ -60,7 +60,7 @@ pub(super) fn given(
     }
     values
         .into_iter()
-        .map(|(name, written)| (name, written.value))
+        .map(|(name, typed_value)| (name, typed_value.value))
         .collect()
 }
 
@@ -116,14 +116,14 @@ pub(super) fn complete(
     reader: &mut Reader,
     section: &Section<'_>,
     fields: &[Field],
-    given: &BTreeMap<String, f64>,
+    values: &BTreeMap<String, f64>,
     fallback: impl Fn(&Field) -> Option<f64>,
 ) -> Settings {
     let mut settings = Settings::default();
     for field in fields {
         let quantity = Quantity::from(field);
         let path = section.path_of(&field.name);
-        if let Some(value) = given.get(&field.name) {
+        if let Some(value) = values.get(&field.name) {
             settings.set(&field.name, *value);
         } else if let Some(value) = fallback(field) {
             settings.set(&field.name, value);
@@ -172,8 +172,8 @@ pub(super) fn collect<'a>(
         match &entry.node.value {
             Value::Table(inner) => {
                 let mut names = fields.iter().flat_map(Field::names);
-                let known = names.any(|name| name.starts_with(&group));
-                if inner.entries().is_empty() && !known {
+                let is_group = names.any(|name| name.starts_with(&group));
+                if inner.entries().is_empty() && !is_group {
                     leaves.push((key, entry));
                 }
                 collect(inner, &group, fields, leaves);

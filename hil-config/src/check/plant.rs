@@ -20,8 +20,8 @@ pub(super) fn find<'d>(
     advice: &str,
 ) -> Option<&'d PlantDescription> {
     let model = reader.text(section, "model")?;
-    let found = plants.iter().find(|plant| plant.name == model);
-    if found.is_none() {
+    let match_found = plants.iter().find(|plant| plant.name == model);
+    if match_found.is_none() {
         let names = plants.iter().map(|plant| plant.name.as_str());
         reader
             .report_at(
@@ -33,7 +33,7 @@ pub(super) fn find<'d>(
             .one_of(model, names)
             .help(advice);
     }
-    found
+    match_found
 }
 
 pub(super) fn check(
@@ -48,11 +48,11 @@ pub(super) fn check(
     let safe_section = reader.section(section, "safe_command");
     let plant = plant?;
 
-    let given = parameters_section
+    let values = parameters_section
         .as_ref()
-        .map(|given| {
+        .map(|values| {
             let owner = format!("plant `{}`", plant.name);
-            parameters::given(reader, given, &plant.parameters, &owner)
+            parameters::given(reader, values, &plant.parameters, &owner)
         })
         .unwrap_or_default();
     let absent = Section {
@@ -60,7 +60,7 @@ pub(super) fn check(
         ..section.clone()
     };
     let whole = parameters_section.as_ref().unwrap_or(&absent);
-    let parameters = parameters::complete(reader, whole, &plant.parameters, &given, |_| None);
+    let parameters = parameters::complete(reader, whole, &plant.parameters, &values, |_| None);
     let limits = limits_section
         .map(|section| limits(reader, &section, plant))
         .unwrap_or_default();
@@ -84,7 +84,7 @@ fn safe_command(
     for field in &plant.commands {
         commands.set(&field.name, 0.0);
     }
-    let mut given: BTreeMap<&str, Written> = BTreeMap::new();
+    let mut values: BTreeMap<&str, Written> = BTreeMap::new();
     for (key, entry) in leaves(section, &plant.commands) {
         let path = format!("plant.safe_command.{key}");
         let names = || plant.commands.iter().map(|field| field.name.as_str());

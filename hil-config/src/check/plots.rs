@@ -84,17 +84,17 @@ fn laws(
     }
     let names = reader.texts(section, "laws")?;
     // Two plants may each have a law of the same name.
-    let known: BTreeSet<&str> = all_laws.iter().map(|law| law.name.as_str()).collect();
+    let law_names: BTreeSet<&str> = all_laws.iter().map(|law| law.name.as_str()).collect();
     let mut are_known = true;
     for (path, place, name) in &names {
-        if known.contains(name) {
+        if law_names.contains(name) {
             continue;
         }
         are_known = false;
         let message = format!("`{path}` is `{name}`, which is not a law");
         reader
             .report(ProblemKind::UnknownName, path, place, message)
-            .one_of(name, known.iter().copied());
+            .one_of(name, law_names.iter().copied());
     }
     let names = names.into_iter().map(|(_, _, name)| name.to_owned());
     are_known.then(|| names.collect())

@@ -14,9 +14,9 @@ pub(super) fn check(reader: &mut Reader, root: &Section<'_>) -> Option<Realtime>
     };
     reader.refuse_unknown(&section, &[]);
     let mut optional = |name| {
-        let written = section.table.get(name).is_some();
+        let is_present = section.table.get(name).is_some();
         let value = reader.integer(&section, name).map(as_u32);
-        (value.is_some() || !written).then_some(value)
+        (value.is_some() || !is_present).then_some(value)
     };
     let plant_core = optional("plant_core");
     let controller_core = optional("controller_core");

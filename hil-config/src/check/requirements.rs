@@ -33,11 +33,11 @@ pub(super) fn check(
         let unit = reader.text(section, "unit");
         let formula = formula(reader, section, columns, context.as_ref());
         if let (Some(name), Some(formula)) = (name, formula) {
-            let told = columns.and_then(|columns| formula.unit(columns).ok()?);
+            let implied = columns.and_then(|columns| formula.unit(columns).ok()?);
             requirements.push(Requirement {
                 name: name.into(),
                 description: description.into(),
-                unit: unit.map_or_else(|| told.unwrap_or_default(), Into::into),
+                unit: unit.map_or_else(|| implied.unwrap_or_default(), Into::into),
                 formula,
             });
         }
@@ -73,9 +73,10 @@ fn formula(
     let text = reader.text(section, "formula")?;
     let (formula, errors) = match Formula::parse(text) {
         Ok(formula) => {
-            let mut errors = columns.map_or_else(Vec::new, |known| formula.unknown_names(known));
-            if let (Some(known), true) = (columns, errors.is_empty()) {
-                errors.extend(formula.unit(known).err());
+            let mut errors =
+                columns.map_or_else(Vec::new, |all_columns| formula.unknown_names(all_columns));
+            if let (Some(all_columns), true) = (columns, errors.is_empty()) {
+                errors.extend(formula.unit(all_columns).err());
             }
             if let (Some(context), true) = (context, errors.is_empty()) {
                 errors.extend(Monitors::new([&formula], context).err());

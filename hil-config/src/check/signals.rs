@@ -54,10 +54,10 @@ pub(super) fn check<'a>(
             &later,
             Use::Signal,
         );
-        let known = (expression.as_ref()).zip(columns.as_ref());
-        let unit = name.and_then(|name| unit(reader, section, known, name));
+        let context = (expression.as_ref()).zip(columns.as_ref());
+        let unit = name.and_then(|name| unit(reader, section, context, name));
         let is_converted = section.table.get("unit").is_none()
-            && known_unit(known).is_some_and(|unit| unit.is_converted());
+            && known_unit(context).is_some_and(|unit| unit.is_converted());
         if let (Some(name), Some(columns)) = (name, columns.as_mut()) {
             match unit.as_deref().unwrap_or_default() {
                 "1" if is_converted => columns.push_converted(name),
@@ -97,8 +97,8 @@ pub(super) fn check<'a>(
             &HashSet::new(),
             Use::Metric,
         );
-        let known = (expression.as_ref()).zip(columns.as_ref());
-        let unit = name.and_then(|name| unit(reader, section, known, name));
+        let context = (expression.as_ref()).zip(columns.as_ref());
+        let unit = name.and_then(|name| unit(reader, section, context, name));
         let windows = windows(reader, section, grid);
         let published = published(reader, section, windows.as_deref());
         let published_note = reader.text(section, "published_note").map(Into::into);
@@ -155,25 +155,25 @@ fn name<'a>(
 pub(super) fn unit(
     reader: &mut Reader,
     section: &Section<'_>,
-    known: Option<(&Expression, &Columns)>,
+    context: Option<(&Expression, &Columns)>,
     name: &str,
 ) -> Option<String> {
     if section.table.get("unit").is_some() {
         return reader.text(section, "unit").map(Into::into);
     }
-    Some(implied_unit(known, name).unwrap_or_else(|| "1".into()))
+    Some(implied_unit(context, name).unwrap_or_else(|| "1".into()))
 }
 
 /// Returns the unit implied by the expression or the name's suffix.
-pub(super) fn implied_unit(known: Option<(&Expression, &Columns)>, name: &str) -> Option<String> {
-    let unit = known_unit(known);
+pub(super) fn implied_unit(context: Option<(&Expression, &Columns)>, name: &str) -> Option<String> {
+    let unit = known_unit(context);
     let symbol = unit.as_ref().and_then(Unit::symbol);
     symbol.or_else(|| unit_of_name(name)).map(Into::into)
 }
 
 /// Returns the unit of an expression among these columns, as far as it is known.
-fn known_unit<'a>(known: Option<(&'a Expression, &'a Columns)>) -> Option<Unit<'a>> {
-    known.and_then(|(expression, columns)| expression.unit(columns).ok())
+fn known_unit<'a>(context: Option<(&'a Expression, &'a Columns)>) -> Option<Unit<'a>> {
+    context.and_then(|(expression, columns)| expression.unit(columns).ok())
 }
 
 /// Purpose of an expression.
@@ -202,12 +202,12 @@ fn expression(
         }
     };
     let no_columns = Columns::default();
-    let known = columns.unwrap_or(&no_columns);
+    let all_columns = columns.unwrap_or(&no_columns);
     let mut errors = Vec::new();
     if columns.is_some() {
-        errors = expression.unknown_names(known);
+        errors = expression.unknown_names(all_columns);
         if errors.is_empty() {
-            errors.extend(expression.unit(known).err());
+            errors.extend(expression.unit(all_columns).err());
         }
     }
     // The kind of expression is known without columns.
@@ -216,7 +216,7 @@ fn expression(
         Use::Metric => expression.refuse_signal(),
     };
     errors.extend(misused.err());
-    let expression = match expression.with_own_names(known) {
+    let expression = match expression.with_own_names(all_columns) {
         Ok(expression) => Some(expression),
         Err(error) => {
             errors.push(ExpressionError::new(text, 0..text.len(), error.message));
@@ -315,16 +315,16 @@ fn window_s(
     windows: Option<&[Window]>,
 ) -> Option<[f64; 2]> {
     let path = entry.path_of("window_s");
-    let Some(found) = entry.table.get("window_s") else {
+    let Some(node) = entry.table.get("window_s") else {
         reader.missing(entry, &path, "two numbers [begin, end] in s".into());
         return None;
     };
-    let (start_s, end_s) = reader.pair(&path, &found.node, "s")?;
+    let (start_s, end_s) = reader.pair(&path, &node.node, "s")?;
     let is_one = |window: &Window| window.start_s == start_s && window.end_s == end_s;
     if !windows?.iter().any(is_one) {
         let message = format!("`{path}` is not one of the metric's windows");
         reader
-            .report(ProblemKind::OutOfRange, &path, &found.node.place, message)
+            .report(ProblemKind::OutOfRange, &path, &node.node.place, message)
             .expected("one of `windows_s`");
         return None;
     }

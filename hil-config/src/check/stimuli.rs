@@ -25,23 +25,23 @@ pub(super) fn check(
 ) -> Option<Vec<Stimulus>> {
     let sections = reader.list(root, "stimuli");
     let mut stimuli = Vec::new();
-    let mut given: HashSet<String> = HashSet::new();
+    let mut names: HashSet<String> = HashSet::new();
     for section in &sections {
         let stimulus = stimulus(reader, section, folder, grid, law);
         if let Some(stimulus) = &stimulus {
             let fields = stimulus.fields();
-            let again = fields.iter().find(|field| given.contains(&field.name));
+            let again = fields.iter().find(|field| names.contains(&field.name));
             if let Some(field) = again {
                 let message = format!("two stimuli provide the reference signal `{}`", field.name);
                 reader.report_at(section, "target", ProblemKind::Duplicate, message);
             }
-            given.extend(fields.into_iter().map(|field| field.name));
+            names.extend(fields.into_iter().map(|field| field.name));
         }
         stimuli.push(stimulus);
     }
     // A name means one signal: the one that has it as its own, or the first one that has it as an alias.
     for stimulus in stimuli.iter_mut().flatten() {
-        stimulus.aliases.retain(|alias| given.insert(alias.clone()));
+        stimulus.aliases.retain(|alias| names.insert(alias.clone()));
     }
     stimuli.into_iter().collect()
 }

@@ -200,7 +200,12 @@ impl Columns {
     /// groups, the ones with the same ending first.
     pub(crate) fn nearest(&self, path: &str) -> Vec<String> {
         let names = self.names.iter().map(String::as_str);
-        let owned = |found: Vec<&str>| found.into_iter().map(Into::into).collect::<Vec<String>>();
+        let owned = |close_names: Vec<&str>| {
+            close_names
+                .into_iter()
+                .map(Into::into)
+                .collect::<Vec<String>>()
+        };
         let of_a_kind = path
             .split_once('.')
             .filter(|(kind, _)| self.has_prefix(kind));
@@ -209,7 +214,7 @@ impl Columns {
             let mut kinds = names.clone().filter_map(|name| name.split_once('.'));
             kinds.any(|(of, _)| of == kind)
         };
-        let Some((prefix, wanted)) = of_a_kind.filter(|(kind, _)| is_of(kind)) else {
+        let Some((prefix, rest_of_name)) = of_a_kind.filter(|(kind, _)| is_of(kind)) else {
             let ends_so =
                 |name: &&str| (name.strip_suffix(last)).is_some_and(|rest| rest.ends_with('.'));
             let exact: Vec<&str> = names.clone().filter(ends_so).take(3).collect();
@@ -223,7 +228,7 @@ impl Columns {
             .filter_map(|name| name.split_once('.'))
             .filter(|(group, _)| *group == prefix)
             .map(|(_, name)| name);
-        nearest(wanted, of_kind)
+        nearest(rest_of_name, of_kind)
             .into_iter()
             .map(|name| format!("{prefix}.{name}"))
             .collect()

@@ -45,7 +45,7 @@ impl<'a> Cursor<'a> {
     }
 
     pub(crate) fn accept(&mut self, symbol: &str) -> bool {
-        self.accept_if(|kind| matches!(kind, TokenKind::Symbol(found) if *found == symbol))
+        self.accept_if(|kind| matches!(kind, TokenKind::Symbol(text) if *text == symbol))
     }
 
     pub(crate) fn accept_word(&mut self, word: &str) -> bool {
@@ -53,16 +53,16 @@ impl<'a> Cursor<'a> {
     }
 
     fn accept_if(&mut self, fits: impl FnOnce(&TokenKind) -> bool) -> bool {
-        let found = fits(&self.peek().kind);
-        self.at += usize::from(found);
-        found
+        let fits_here = fits(&self.peek().kind);
+        self.at += usize::from(fits_here);
+        fits_here
     }
 
-    pub(crate) fn expect(&mut self, symbol: &str, wanted: &str) -> Result<(), ExpressionError> {
+    pub(crate) fn expect(&mut self, symbol: &str, expected: &str) -> Result<(), ExpressionError> {
         if self.accept(symbol) {
             return Ok(());
         }
-        Err(self.unexpected(self.peek(), wanted))
+        Err(self.unexpected(self.peek(), expected))
     }
 
     /// Refuses tokens after the last rule.
@@ -88,16 +88,16 @@ impl<'a> Cursor<'a> {
         self.nesting -= 1;
     }
 
-    pub(crate) fn unexpected(&self, token: &Token, wanted: &str) -> ExpressionError {
+    pub(crate) fn unexpected(&self, token: &Token, expectation: &str) -> ExpressionError {
         let word = &self.text[token.span.clone()];
-        let found = match &token.kind {
+        let actual = match &token.kind {
             TokenKind::End => "the end".into(),
             _ => format!("`{word}`"),
         };
         let advice = self.advice(token).unwrap_or_default();
         self.error(
             token.span.clone(),
-            format!("expected {wanted}, found {found}{advice}"),
+            format!("expected {expectation}, found {actual}{advice}"),
         )
     }
 
@@ -106,8 +106,8 @@ impl<'a> Cursor<'a> {
         let TokenKind::Name(name) = &token.kind else {
             return None;
         };
-        if let Some(known) = spellings::of_operator(name) {
-            return Some(format!("; write `{known}`"));
+        if let Some(equivalent) = spellings::of_operator(name) {
+            return Some(format!("; write `{equivalent}`"));
         }
         let place = self.tokens.iter().position(|other| other == token)?;
         let before = self.tokens.get(place.checked_sub(1)?)?;

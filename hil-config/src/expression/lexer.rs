@@ -119,11 +119,11 @@ fn number(text: &str, at: usize) -> Result<(TokenKind, usize), ExpressionError> 
         .filter(|value| value.is_finite());
     let behind = rest[digits..].trim_start();
     let begin = rest.len() - behind.len();
-    if let (Some(written), Some((unit, length))) = (value, quantity::unit(behind)) {
+    if let (Some(value_si), Some((unit, length))) = (value, quantity::unit(behind)) {
         let end = begin + length;
         let span = at..at + end;
         if unit.has_own_zero() {
-            let kelvin = unit.in_base_units(written);
+            let kelvin = unit.in_base_units(value_si);
             let message = format!(
                 "`{}` has an offset from absolute zero; write a plain number, in the unit of the signal, or `{kelvin:?} K`",
                 &rest[..end]
@@ -139,7 +139,7 @@ fn number(text: &str, at: usize) -> Result<(TokenKind, usize), ExpressionError> 
         }
         let symbol = behind[..length].into();
         let quantity = Quantity {
-            written,
+            written: value_si,
             unit,
             symbol,
             text: rest[..end].into(),

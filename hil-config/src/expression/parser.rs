@@ -214,8 +214,8 @@ impl Parser<'_> {
             self.disjunction()?;
             arguments += 1;
         }
-        let wanted = if arguments == 1 { "`,` or `)`" } else { "`)`" };
-        self.words.expect(")", wanted)?;
+        let expected = if arguments == 1 { "`,` or `)`" } else { "`)`" };
+        self.words.expect(")", expected)?;
         let op = match (name, arguments) {
             ("abs", 1) => Op::Unary(Unary::Abs),
             ("sqrt", 1) => Op::Unary(Unary::Sqrt),
@@ -256,9 +256,9 @@ impl Parser<'_> {
             let message = format!("unknown operator `{name}`; write `{operator}`");
             return self.words.error(span, message);
         }
-        let known: Vec<&str> = functions().collect();
-        let known = known.join(", ");
-        let message = format!("unknown function `{name}`; there are {known}");
+        let names: Vec<&str> = functions().collect();
+        let names = names.join(", ");
+        let message = format!("unknown function `{name}`; there are {names}");
         let mut error = self.words.error(span, message);
         error.nearest = shared_types::table::nearest(name, functions())
             .into_iter()

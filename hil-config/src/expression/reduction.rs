@@ -197,8 +197,8 @@ mod tests {
             (ReductionKind::Integral, -0.25),
         ];
         for (kind, value) in expected {
-            let found = reduce(kind, &rows);
-            assert!((found - value).abs() < 1e-15, "{}: {found}", kind.name());
+            let actual = reduce(kind, &rows);
+            assert!((actual - value).abs() < 1e-15, "{}: {actual}", kind.name());
         }
     }
 

@@ -204,8 +204,10 @@ pub(crate) fn of_operator(name: &str) -> Option<&'static str> {
 
 /// Returns the message for a function of another language, or a figure of an analysis.
 pub(crate) fn of_function(name: &str) -> Option<String> {
-    if let Some(known) = named(&FUNCTIONS, name) {
-        return Some(format!("unknown function `{name}`; write `{known}(..)`"));
+    if let Some(equivalent) = named(&FUNCTIONS, name) {
+        return Some(format!(
+            "unknown function `{name}`; write `{equivalent}(..)`"
+        ));
     }
     if matches!(name, "pow" | "power" | "square" | "sqr") {
         return Some(format!(
@@ -222,6 +224,6 @@ pub(crate) fn of_function(name: &str) -> Option<String> {
 }
 
 fn named(names: &[(&str, &'static str)], name: &str) -> Option<&'static str> {
-    let (_, known) = names.iter().find(|(foreign, _)| *foreign == name)?;
-    Some(known)
+    let (_, equivalent) = names.iter().find(|(foreign, _)| *foreign == name)?;
+    Some(equivalent)
 }

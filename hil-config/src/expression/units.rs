@@ -372,7 +372,7 @@ impl Expression {
         a: Unit<'a>,
         b: Unit<'a>,
     ) -> Result<Unit<'a>, ExpressionError> {
-        let refused =
+        let mixed_error =
             |mixed: Mixed| self.error(mixed.first.start..mixed.second.end, &mixed.message);
         let (joined, is_truth) = match operator {
             _ if matches!((&a, &b), (Unit::Number { .. }, Unit::Number { .. })) => {
@@ -387,11 +387,11 @@ impl Expression {
             | Binary::GreaterOrEqual
             | Binary::Equal
             | Binary::NotEqual => ("compared", true),
-            Binary::Multiply => return a.times(b).map_err(refused),
-            Binary::Divide => return a.per(&b).map_err(refused),
+            Binary::Multiply => return a.times(b).map_err(mixed_error),
+            Binary::Divide => return a.per(&b).map_err(mixed_error),
             Binary::And | Binary::Or => return Ok(Unit::Unknown),
         };
-        let unit = a.with(b, joined).map_err(refused)?;
+        let unit = a.with(b, joined).map_err(mixed_error)?;
         Ok(if is_truth { Unit::Unknown } else { unit })
     }
 }

@@ -273,8 +273,8 @@ impl Parser<'_> {
         if let Some(name) = misspelt {
             let message = format!("unknown operator `{name}`");
             let mut error = self.words.error(first.span.clone(), message);
-            let known = PREFIXES.into_iter().chain(["not"]).chain(functions());
-            error.nearest = nearest(name, known).into_iter().map(Into::into).collect();
+            let names = PREFIXES.into_iter().chain(["not"]).chain(functions());
+            error.nearest = nearest(name, names).into_iter().map(Into::into).collect();
             return error;
         }
         let message = "a requirement consists of comparisons, such as `abs(error_m) < 0.01`";
@@ -352,7 +352,7 @@ fn foreign_joint(words: &[Token]) -> Option<&Token> {
 
 /// Lists the relations among tokens outside parentheses.
 fn relations(words: &[Token]) -> Vec<(Relation, Range<usize>)> {
-    let mut found = Vec::new();
+    let mut list = Vec::new();
     let mut depth = 0_usize;
     for word in words {
         let TokenKind::Symbol(symbol) = word.kind else {
@@ -364,10 +364,10 @@ fn relations(words: &[Token]) -> Vec<(Relation, Range<usize>)> {
             _ if depth == 0 => {
                 let mut all = Relation::ALL.into_iter();
                 let relation = all.find(|relation| relation.symbol() == symbol);
-                found.extend(relation.map(|relation| (relation, word.span.clone())));
+                list.extend(relation.map(|relation| (relation, word.span.clone())));
             }
             _ => {}
         }
     }
-    found
+    list
 }

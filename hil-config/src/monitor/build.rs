@@ -46,12 +46,12 @@ impl Built {
         let whole = builder.draft(nodes.len() - 1)?;
         draft::want(&mut self.drafts, begin);
         self.wholes.push(whole);
-        let kept: u64 = self.drafts[begin..].iter().map(Draft::kept).sum();
-        if kept <= MOST_KEPT {
+        let margins: u64 = self.drafts[begin..].iter().map(Draft::kept).sum();
+        if margins <= MOST_KEPT {
             return Ok(());
         }
         let message = format!(
-            "it would keep {kept} numbers at a time, more than {MOST_KEPT}: shorten the windows inside other operators"
+            "it would keep {margins} numbers at a time, more than {MOST_KEPT}: shorten the windows inside other operators"
         );
         Err(formula.error(0..formula.to_string().len(), message))
     }

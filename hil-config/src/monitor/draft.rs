@@ -56,16 +56,16 @@ pub(super) fn want(drafts: &mut [Draft], begin: usize) {
     let whole = drafts.len() - 1;
     drafts[whole].want((0, 0));
     for at in (begin..=whole).rev() {
-        let Some(wanted) = drafts[at].wanted else {
+        let Some(span) = drafts[at].wanted else {
             continue;
         };
-        let wanted = match drafts[at].task {
-            Task::Window { begin, end, .. } => taken(wanted, begin, end),
-            _ => Some(wanted),
+        let span = match drafts[at].task {
+            Task::Window { begin, end, .. } => taken(span, begin, end),
+            _ => Some(span),
         };
         for operand in drafts[at].operands().into_iter().flatten() {
-            if let Some(wanted) = wanted {
-                drafts[operand].want(wanted);
+            if let Some(span) = span {
+                drafts[operand].want(span);
             }
         }
     }

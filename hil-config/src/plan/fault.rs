@@ -132,7 +132,7 @@ pub struct Move {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Profile {
-    /// 1.
+    /// Constant 1.
     Step,
     /// `t / d`, at most 1.
     Ramp {

@@ -9,13 +9,13 @@ use super::{Plan, Stimulus};
 use crate::expression::Columns;
 
 impl Plan {
-    /// Finds the plant of the plan among these.
+    /// Selects the plan's plant from these descriptions.
     #[must_use]
     pub fn plant_among<'d>(&self, plants: &'d [PlantDescription]) -> Option<&'d PlantDescription> {
         plants.iter().find(|plant| plant.name == self.plant.model)
     }
 
-    /// Finds the law of the plan among these, by its name and plant, and returns it as seen on the wire: with its
+    /// Selects the plan's law from these descriptions, by name and plant, and returns it as seen on the wire: with its
     /// signals as the plan [connects](shared_types::connection::Connection) them.
     #[must_use]
     pub fn law_among(&self, laws: &[LawDescription]) -> Option<LawDescription> {

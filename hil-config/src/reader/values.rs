@@ -209,12 +209,12 @@ impl Reader {
             self.wrong_type(path, node, expected);
             return None;
         };
-        if let Some(found) = text.chars().find(|c| is_unprintable(*c)) {
+        if let Some(control_character) = text.chars().find(|c| is_unprintable(*c)) {
             self.report(
                 ProblemKind::OutOfRange,
                 path,
                 &node.place,
-                format!("`{path}` has the control character {found:?}"),
+                format!("`{path}` has the control character {control_character:?}"),
             )
             .expected("text that a terminal can show");
             return None;

@@ -144,12 +144,12 @@ fn target(plants: &[PlantDescription], acts_on: ActsOn) -> Value {
             faultable.map(|f| f.name.as_str()).collect()
         }));
     }
-    let known = choices(names.iter().map(String::as_str));
+    let choices_known = choices(names.iter().map(String::as_str));
     let mut target = match acts_on {
         ActsOn::Signals | ActsOn::Numbers => {
-            json!({"anyOf": [known, {"pattern": "^reference\\."}]})
+            json!({"anyOf": [choices_known, {"pattern": "^reference\\."}]})
         }
-        _ => known,
+        _ => choices_known,
     };
     target["description"] = json!("Target of the effect.");
     target["type"] = json!("string");

@@ -18,10 +18,10 @@ pub(super) fn analysis(text: &mut String, analysis: &Analysis, plan: &Plan) -> W
         .iter()
         .find(|kind| kind.name == analysis.kind.name());
     let keys = of_kind.map_or(&[][..], |kind| kind.keys);
-    let shown = |expression: &Expression| Some(string(&expression.to_string()));
+    let text_of = |expression: &Expression| Some(string(&expression.to_string()));
     match &analysis.kind {
         AnalysisKind::StepResponse(plan) => section(text, keys, |key| match key {
-            "signal" => shown(&plan.signal),
+            "signal" => text_of(&plan.signal),
             "unit" => Some(string(&plan.unit)),
             "stimulus" => Some(string(&plan.stimulus)),
             "initial" => Some(toml_float(plan.initial)),
@@ -31,17 +31,17 @@ pub(super) fn analysis(text: &mut String, analysis: &Analysis, plan: &Plan) -> W
             other => forgotten(other),
         }),
         AnalysisKind::FrequencyResponse(plan) => section(text, keys, |key| match key {
-            "input" => shown(&plan.input),
-            "output" => shown(&plan.output),
+            "input" => text_of(&plan.input),
+            "output" => text_of(&plan.output),
             "stimulus" => Some(string(&plan.stimulus)),
             other => forgotten(other),
         }),
         AnalysisKind::Detection(plan) => section(text, keys, |key| match key {
-            "alarm" => shown(&plan.alarm),
+            "alarm" => text_of(&plan.alarm),
             "held_s" => Some(toml_float(rate.seconds(Step(plan.records - 1)))),
             "fault" => plan.fault.map(|fault| fault.to_string()),
-            "recovered" => shown(plan.recovered.as_ref()?),
-            "effect" => shown(&plan.effect.as_ref()?.0),
+            "recovered" => text_of(plan.recovered.as_ref()?),
+            "effect" => text_of(&plan.effect.as_ref()?.0),
             "unit" => Some(string(&plan.effect.as_ref()?.1)),
             other => forgotten(other),
         }),

@@ -24,13 +24,13 @@ pub(super) fn panel(text: &mut String, panel: &Panel) -> Written {
     if *panel == usual {
         return Ok(());
     }
-    let given = |texts: &[String]| (!texts.is_empty()).then(|| strings(texts));
+    let if_any = |texts: &[String]| (!texts.is_empty()).then(|| strings(texts));
     writeln!(text, "\n[panel]")?;
     section(text, PANEL, |key| match key {
         "window_s" => (panel.window_s != usual.window_s).then(|| toml_float(panel.window_s)),
-        "readings" => given(&panel.readings),
-        "tune" => given(&panel.tune),
-        "inject" => given(&panel.inject),
+        "readings" => if_any(&panel.readings),
+        "tune" => if_any(&panel.tune),
+        "inject" => if_any(&panel.inject),
         other => forgotten(other),
     })
 }

@@ -29,21 +29,21 @@ pub(super) fn file(path: &Path) -> Result<Study, Problems> {
 }
 
 pub(super) fn text(text: &str, origin: PathBuf) -> Result<Study, Problems> {
-    let written = Scenario::parse(text, origin)?;
-    let mut reader = Reader::new(written.sources.clone(), Vec::new());
-    let root = check::root(&written).with_keys(STUDY);
+    let scenario = Scenario::parse(text, origin)?;
+    let mut reader = Reader::new(scenario.sources.clone(), Vec::new());
+    let root = check::root(&scenario).with_keys(STUDY);
     let is_other_schema =
         root.table.get("schema").is_some() && reader.integer(&root, "schema").is_none();
     let study = if is_other_schema {
         None
     } else {
-        study(&mut reader, &root, &written)
+        study(&mut reader, &root, &scenario)
     };
     reader.finish(study)
 }
 
-fn study(reader: &mut Reader, root: &Section<'_>, written: &Scenario) -> Option<Study> {
-    let path = &written.path;
+fn study(reader: &mut Reader, root: &Section<'_>, source: &Scenario) -> Option<Study> {
+    let path = &source.path;
     reader.integer(root, "schema");
     reader.refuse_unknown(root, &[]);
     let stem = path
@@ -100,7 +100,7 @@ fn study(reader: &mut Reader, root: &Section<'_>, written: &Scenario) -> Option<
         variants,
         correlations,
         goals,
-        sources: written.sources.clone(),
+        sources: source.sources.clone(),
         folder,
         homes: homes.all,
     })
@@ -115,7 +115,7 @@ struct Homes {
 impl Homes {
     /// Claims a key that nothing else may set; keys of variants may be set by each of them.
     fn take(&mut self, reader: &mut Reader, key: &str, place: &Place, allowed: &[String]) {
-        let is_taken = self.all.iter().any(|(known, _)| known == key);
+        let is_taken = self.all.iter().any(|(key_taken, _)| key_taken == key);
         if is_taken && !allowed.iter().any(|one| one == key) {
             let message = format!("`{key}` is already set by this study");
             reader.report(ProblemKind::Duplicate, key, place, message);
@@ -217,13 +217,13 @@ fn name(
     key: Option<&str>,
     others: &[Varied],
 ) -> Option<String> {
-    let given = reader.text(section, "name");
-    let name = given.or_else(|| key.and_then(|key| key.rsplit('.').next()));
+    let own_name = reader.text(section, "name");
+    let name = own_name.or_else(|| key.and_then(|key| key.rsplit('.').next()));
     let Some(name) = name else {
         reader.missing(section, &section.path_of("name"), "a name or a key".into());
         return None;
     };
-    let place = if given.is_some() { "name" } else { "key" };
+    let place = if own_name.is_some() { "name" } else { "key" };
     let message = if !is_name(name) || is_reserved(name) {
         format!("`{name}` cannot be a name in expressions")
     } else if TAKEN.contains(&name) {
@@ -278,7 +278,7 @@ fn correlations(
         };
         let normal =
             |one: &&Varied| matches!(one.spread, Spread::Normal { .. } | Spread::Lognormal { .. });
-        let known: Vec<&str> = varied.iter().filter(normal).map(|one| &*one.name).collect();
+        let normal_names: Vec<&str> = varied.iter().filter(normal).map(|one| &*one.name).collect();
         let mut of = Vec::new();
         for (path, place, name) in &names {
             match varied
@@ -294,7 +294,7 @@ fn correlations(
                             place,
                             format!("`{name}` is not a normal or lognormal value"),
                         )
-                        .one_of(name, known.iter().copied());
+                        .one_of(name, normal_names.iter().copied());
                 }
             }
         }
@@ -352,7 +352,7 @@ fn goals(
         }
         let variant = reader.text(section, "variant");
         if let Some(name) = variant
-            && !variants.iter().any(|known| known.name == name)
+            && !variants.iter().any(|candidate| candidate.name == name)
         {
             let names: Vec<&str> = variants.iter().map(|one| &*one.name).collect();
             reader
@@ -392,12 +392,12 @@ fn draws(
     varied: &[Varied],
     variants: u64,
 ) -> Option<u64> {
-    let given = match root.table.get("cases") {
+    let cases_key = match root.table.get("cases") {
         Some(_) => Some(reader.integer(root, "cases")?),
         None => None,
     };
     let most = MOST_CASES.cast_unsigned();
-    let draws = match (sampling, given) {
+    let draws = match (sampling, cases_key) {
         (Sampling::Grid, Some(_)) => {
             let message = "a grid has as many cases as points; `cases` contradicts that";
             reader
@@ -409,7 +409,7 @@ fn draws(
             Spread::Choice(items) => product.saturating_mul(items.len() as u64),
             _ => product,
         }),
-        (_, Some(given)) => given.cast_unsigned(),
+        (_, Some(cases_key)) => cases_key.cast_unsigned(),
         (_, None) => {
             reader.missing(root, "cases", "a whole number of draws".into());
             return None;

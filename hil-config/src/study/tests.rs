@@ -87,10 +87,10 @@ values = ["x", "y", "z", "w"]
 fn using_a_faulty_value_is_not_reported_as_another_mistake() {
     let text = "cases = 1\n[[vary]]\nkey = \"a.n\"\nkind = \"normal\"\nmean = nan\ndeviation = 1\n\
                 [[vary]]\nkey = \"a.b\"\nkind = \"expression\"\nexpression = \"2 * n\"\n";
-    let told = refused(text);
+    let message = refused(text);
     assert!(
-        told.contains("`vary[0].mean` is not a number") && told.ends_with("\n1 problem"),
-        "{told}"
+        message.contains("`vary[0].mean` is not a number") && message.ends_with("\n1 problem"),
+        "{message}"
     );
 }
 
@@ -98,7 +98,7 @@ fn using_a_faulty_value_is_not_reported_as_another_mistake() {
 fn each_mistake_is_reported_with_its_place_and_the_nearest_name() {
     let uniform = "[[vary]]\nkey = \"a.b\"\nkind = \"uniform\"\nmin = 0\nmax = 1\n";
     let normal = "[[vary]]\nkey = \"a.n\"\nkind = \"normal\"\nmean = 0\ndeviation = 1\n";
-    for (text, told) in [
+    for (text, message) in [
         (uniform.to_owned(), "`cases` is missing"),
         ("cases = 1\nsampels = 2\n".into(), "nearest: `sampling`"),
         (
@@ -191,7 +191,7 @@ fn each_mistake_is_reported_with_its_place_and_the_nearest_name() {
         ),
     ] {
         let said = refused(&text);
-        assert!(said.contains(told), "{text}\n{said}");
+        assert!(said.contains(message), "{text}\n{said}");
         assert!(said.contains("--> studies/demo.toml:"), "{said}");
     }
 }
@@ -207,11 +207,11 @@ fn a_problem_of_a_case_is_reported_at_the_variation_that_caused_it() {
         .set(&["run.duraton_s=0.5"])
         .check(&[], &[], &[]);
     let problems = checked.expect_err("refused").0;
-    let told: Vec<String> = problems
+    let texts: Vec<String> = problems
         .into_iter()
         .map(|one| study.at_home(one).to_string())
         .collect();
-    let one = told
+    let one = texts
         .iter()
         .find(|one| one.contains("duraton_s"))
         .expect("told");
@@ -233,8 +233,8 @@ fn a_grid_takes_whole_numbers_and_advice_is_given_for_others() {
     let scenario = crate::scenario::Scenario::parse("schema = 1\n", "a.toml").expect("TOML");
     let checked = scenario.set(&["run.seed=1.0"]).check(&[], &[], &[]);
     let problems = checked.expect_err("refused").0;
-    let mut told = problems
+    let mut messages = problems
         .into_iter()
         .map(|one| study.at_home(one).to_string());
-    assert!(told.any(|one| one.contains("`whole = true` in its [[vary]] gives whole numbers")));
+    assert!(messages.any(|one| one.contains("`whole = true` in its [[vary]] gives whole numbers")));
 }

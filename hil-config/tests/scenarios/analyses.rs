@@ -82,7 +82,7 @@ fn each_analysis_receives_its_signals_and_its_fault() {
     let results = evaluation.results();
     let figures = results
         .iter()
-        .map(|found| (found.name.as_str(), found.unit.as_str(), found.value));
+        .map(|metric| (metric.name.as_str(), metric.unit.as_str(), metric.value));
     let expected = [
         ("move.rise_time_s", "s", 0.8),
         ("move.overshoot", "1", 0.0),
@@ -103,10 +103,10 @@ fn each_analysis_receives_its_signals_and_its_fault() {
         ("found.rms_effect", "m/s", (4.0_f64 * 51.0 / 201.0).sqrt()),
     ];
     assert_eq!(results.len(), expected.len());
-    for ((name, unit, value), found) in expected.iter().zip(figures) {
-        assert_eq!((*name, *unit), (found.0, found.1));
-        let is_close = (found.2 - value).abs() < 1e-9 || (found.2.is_nan() && value.is_nan());
-        assert!(is_close || value.is_infinite(), "{found:?}");
+    for ((name, unit, value), metric) in expected.iter().zip(figures) {
+        assert_eq!((*name, *unit), (metric.0, metric.1));
+        let is_close = (metric.2 - value).abs() < 1e-9 || (metric.2.is_nan() && value.is_nan());
+        assert!(is_close || value.is_infinite(), "{metric:?}");
     }
 }
 
@@ -118,17 +118,17 @@ fn a_shown_plan_checks_to_the_same_plan() {
         descriptions::laws(),
         descriptions::kinds(),
     );
-    let shown = hil_config::show::show(&first, &plants, &laws, &kinds).expect("described");
-    let again = plan(&shown);
+    let text = hil_config::show::show(&first, &plants, &laws, &kinds).expect("described");
+    let again = plan(&text);
     assert_eq!(again.analyses, first.analyses);
     assert_eq!(again.stimuli, first.stimuli);
-    assert!(shown.contains("sweep = \"logarithmic\""), "{shown}");
+    assert!(text.contains("sweep = \"logarithmic\""), "{text}");
     let linear = hil_config::show::show(&plan(TEXT), &plants, &laws, &kinds).expect("described");
     assert!(!linear.contains("sweep"), "{linear}");
-    let AnalysisKind::Detection(found) = &first.analyses[2].kind else {
+    let AnalysisKind::Detection(detection) = &first.analyses[2].kind else {
         panic!("{:?}", first.analyses[2]);
     };
-    assert_eq!((found.records, found.fault), (11, Some(1)));
+    assert_eq!((detection.records, detection.fault), (11, Some(1)));
 }
 
 #[test]
@@ -258,9 +258,9 @@ fn an_impossible_analysis_is_refused_with_its_place() {
     for (right, wrong, key, message) in cases {
         assert!(TEXT.contains(right), "{right}");
         let problems = check(&TEXT.replacen(right, wrong, 1)).expect_err(wrong);
-        let found = problems.0.iter().any(|problem| {
+        let is_reported = problems.0.iter().any(|problem| {
             problem.key == key && problem.to_string().contains(message) && problem.excerpt.is_some()
         });
-        assert!(found, "{wrong}: {problems}");
+        assert!(is_reported, "{wrong}: {problems}");
     }
 }

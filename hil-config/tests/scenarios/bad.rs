@@ -181,16 +181,16 @@ fn each_faulty_scenario_is_refused_with_its_place_and_the_expected_value() {
 /// Checks that a text has exactly one problem, at its mark.
 pub(crate) fn assert_one_problem(text: &str, kind: ProblemKind, pieces: &[&str]) {
     let (text, line, column) = marked(text);
-    let Err(Problems(found)) = check(&text) else {
+    let Err(Problems(problems)) = check(&text) else {
         panic!("nothing found wrong with\n{text}");
     };
-    let shown: Vec<String> = found.iter().map(ToString::to_string).collect();
-    assert_eq!(found.len(), 1, "{text}\n{}", shown.join("\n\n"));
-    assert_found(&found[0], kind, pieces);
-    let excerpt = found[0].excerpt.as_ref().expect("a place");
+    let texts: Vec<String> = problems.iter().map(ToString::to_string).collect();
+    assert_eq!(problems.len(), 1, "{text}\n{}", texts.join("\n\n"));
+    assert_found(&problems[0], kind, pieces);
+    let excerpt = problems[0].excerpt.as_ref().expect("a place");
     let place = (excerpt.line, excerpt.column);
-    assert_eq!(place, (line, column), "{}", shown[0]);
-    assert_eq!(found[0].source, "folder/base.toml");
+    assert_eq!(place, (line, column), "{}", texts[0]);
+    assert_eq!(problems[0].source, "folder/base.toml");
 }
 
 #[test]
@@ -214,19 +214,19 @@ fn all_problems_are_reported_at_once_from_top_to_bottom() {
 
 #[test]
 fn every_syntax_error_is_reported() {
-    let found = problems("a = \nb = [1\nc = 'x\n");
-    assert!(found.len() >= 2, "{found:?}");
-    assert!(found.iter().all(|problem| problem.kind == Syntax));
+    let reported = problems("a = \nb = [1\nc = 'x\n");
+    assert!(reported.len() >= 2, "{reported:?}");
+    assert!(reported.iter().all(|problem| problem.kind == Syntax));
 }
 
 #[test]
 fn a_missing_file_is_named() {
-    let found = Scenario::read("no/such/file.toml")
+    let problems = Scenario::read("no/such/file.toml")
         .expect_err("there is no such file")
         .0;
-    assert_eq!(found.len(), 1);
+    assert_eq!(problems.len(), 1);
     assert_found(
-        &found[0],
+        &problems[0],
         Unreadable,
         &["cannot be read", "no/such/file.toml"],
     );
@@ -234,27 +234,30 @@ fn a_missing_file_is_named() {
 
 #[test]
 fn an_empty_scenario_lacks_its_sections_and_nothing_else() {
-    let found = problems("");
-    let keys: BTreeSet<&str> = found.iter().map(|problem| problem.key.as_str()).collect();
+    let reported = problems("");
+    let keys: BTreeSet<&str> = reported
+        .iter()
+        .map(|problem| problem.key.as_str())
+        .collect();
     assert_eq!(
         keys,
         BTreeSet::from(["schema", "run", "plant", "controller"])
     );
-    assert!(found.iter().all(|problem| problem.kind == MissingKey));
+    assert!(reported.iter().all(|problem| problem.kind == MissingKey));
 }
 
 #[test]
 fn a_name_that_cannot_come_from_the_file_is_required() {
     let text = BASE.replace("name = \"base\"\n", "");
     let scenario = Scenario::parse(&text, "folder/my run.toml").expect("TOML");
-    let found = scenario
+    let problems = scenario
         .check(
             &descriptions::plants(),
             &descriptions::laws(),
             &descriptions::kinds(),
         )
         .expect_err("no name");
-    assert_found(&found.0[0], OutOfRange, &["`my run` cannot replace it"]);
+    assert_found(&problems.0[0], OutOfRange, &["`my run` cannot replace it"]);
 }
 
 #[test]
@@ -265,10 +268,10 @@ run = {duration_s = 1, rate_hz = 100}
 plant.model = \"spring-mass\"
 controller.law = \"ftsc\"
 ";
-    let found = problems(text);
-    assert_eq!(found.len(), 1, "{found:?}");
+    let reported = problems(text);
+    assert_eq!(reported.len(), 1, "{reported:?}");
     assert_found(
-        &found[0],
+        &reported[0],
         Mismatch,
         &[
             "law `ftsc` is not made for plant `spring-mass`",
@@ -277,7 +280,7 @@ controller.law = \"ftsc\"
         ],
     );
     assert_eq!(
-        found[0].excerpt.as_ref().map(|at| (at.line, at.column)),
+        reported[0].excerpt.as_ref().map(|at| (at.line, at.column)),
         Some((5, 18))
     );
 }
@@ -293,7 +296,7 @@ fn unbound_signals_are_named_with_unit_and_remedy() {
     let scenario = parse(&text)
         .expect("TOML")
         .set(&["controller.model.surface.inertia_kg_m2=1"]);
-    let found = scenario
+    let problems = scenario
         .check(
             &descriptions::plants(),
             &descriptions::laws(),
@@ -301,24 +304,24 @@ fn unbound_signals_are_named_with_unit_and_remedy() {
         )
         .expect_err("unbound")
         .0;
-    assert_eq!(found.len(), 4, "{found:?}");
+    assert_eq!(problems.len(), 4, "{problems:?}");
     let expected: [&[&str]; 4] = [
         &[
             "law `strange` needs the measured signal `actuator1_pressure3_pa` in Pa",
-            "plant `drhas` does not give",
+            "plant `drhas` does not provide",
             "nearest: `actuator1_pressure1_pa`",
         ],
-        &["measured signal `surface_angle_rad` in deg, and plant `drhas` gives it in rad"],
+        &["measured signal `surface_angle_rad` in deg, but plant `drhas` provides it in rad"],
         &[
             "plant `drhas` needs the command `actuator2_valve_current_a` in A",
-            "law `strange` does not give",
+            "law `strange` does not provide",
         ],
         &[
             "law `strange` needs the reference signal `wind_mps` in m/s, which no stimulus provides",
             "a [[stimuli]] with target = \"wind_mps\"",
         ],
     ];
-    for (problem, pieces) in found.iter().zip(expected) {
+    for (problem, pieces) in problems.iter().zip(expected) {
         assert_found(problem, Unbound, pieces);
     }
 }
@@ -329,10 +332,10 @@ fn a_waveform_without_the_derivatives_that_a_law_needs_is_refused() {
         "kind = \"sine\"\namplitude = 0.1\nfrequency_hz = 1.0",
         "kind = \"step\"\nafter = 0.1",
     );
-    let found = problems(&text);
-    assert_eq!(found.len(), 1, "{found:?}");
+    let reported = problems(&text);
+    assert_eq!(reported.len(), 1, "{reported:?}");
     assert_found(
-        &found[0],
+        &reported[0],
         Unbound,
         &[
             "`surface_angle_d1_radps` in rad/s",
@@ -346,8 +349,8 @@ fn a_waveform_without_the_derivatives_that_a_law_needs_is_refused() {
 #[test]
 fn a_parameter_without_default_is_required() {
     let text = base_with("law = \"ftsc\"", "law = \"strange\"");
-    let found = problems(&text);
-    let missing: Vec<&Problem> = found.iter().filter(|p| p.kind == MissingKey).collect();
+    let reported = problems(&text);
+    let missing: Vec<&Problem> = reported.iter().filter(|p| p.kind == MissingKey).collect();
     assert_eq!(missing.len(), 1);
     assert_found(
         missing[0],
@@ -360,8 +363,8 @@ fn a_parameter_without_default_is_required() {
 fn a_nominal_value_outside_the_laws_range_is_refused() {
     let text = base_with("law = \"ftsc\"", "law = \"strange\"")
         .replace("surface.inertia_kg_m2 = 13.0", "");
-    let found = problems(&text);
-    let believed: Vec<&Problem> = found
+    let reported = problems(&text);
+    let believed: Vec<&Problem> = reported
         .iter()
         .filter(|p| p.key == "controller.model.surface.inertia_kg_m2")
         .collect();
@@ -384,17 +387,17 @@ faults = [{kind = \"leakage\", at_s = 0, effects = []}]
 ";
     let mut plants = descriptions::plants();
     plants[1].faults.clear();
-    let found = parse(text)
+    let problems = parse(text)
         .and_then(|scenario| scenario.check(&plants, &descriptions::laws(), &[]))
         .expect_err("no faults")
         .0;
-    assert_eq!(found.len(), 2, "{found:?}");
+    assert_eq!(problems.len(), 2, "{problems:?}");
     assert_found(
-        &found[0],
+        &problems[0],
         UnknownName,
         &["has no fault `leakage`", "offers none"],
     );
-    assert_found(&found[1], MissingKey, &["`faults[0].effects` is empty"]);
+    assert_found(&problems[1], MissingKey, &["`faults[0].effects` is empty"]);
 }
 
 #[test]
@@ -406,8 +409,8 @@ fn a_bad_run_does_not_hide_other_problems() {
 
 #[test]
 fn the_list_of_problems_is_readable_by_machines() {
-    let found = check(&base_with("rate_hz = 1000", "rate_hz = 0")).expect_err("no rate");
-    let json = serde_json::to_value(&found).expect("serialises");
+    let problems = check(&base_with("rate_hz = 1000", "rate_hz = 0")).expect_err("no rate");
+    let json = serde_json::to_value(&problems).expect("serialises");
     assert_eq!(json[0]["kind"], "out-of-range");
     assert_eq!(json[0]["key"], "run.rate_hz");
     assert_eq!(json[0]["excerpt"]["line"], 7);

@@ -269,15 +269,15 @@ fn effects_that_leave_a_range_together_are_refused() {
     };
     // In the order of time, not of the file: the first to leave the range is the event at 1 s.
     let text = base_with_faults(&[leak(1.0, 6e-4, ""), leak(0.5, 7e-4, "")].concat());
-    let found = problems(&text);
-    assert_eq!(found.len(), 1, "{found:?}");
-    assert_eq!(found[0].key, "faults[0].effects[0]");
+    let reported = problems(&text);
+    assert_eq!(reported.len(), 1, "{reported:?}");
+    assert_eq!(reported[0].key, "faults[0].effects[0]");
     let pieces = [
         "`actuator1.leakage_coefficient_m3ps_per_sqrt_pa` would become 0.0007 + 0.0006 = 0.0013",
         "with the effects before it",
         "from 0 to 0.001",
     ];
-    assert_found(&found[0], OutOfRange, &pieces);
+    assert_found(&reported[0], OutOfRange, &pieces);
     // An effect that ends may be over before the other begins.
     let apart = [leak(1.0, 6e-4, ""), leak(0.5, 7e-4, "duration_s = 0.5")].concat();
     assert!(crate::check(&base_with_faults(&apart)).is_ok());
@@ -291,8 +291,11 @@ fn effects_that_leave_a_range_together_are_refused() {
 fn faults_of_an_unknown_plant_are_checked_as_far_as_possible() {
     let text = events(&["at_s = 0.5"]).replace("\"drhas\"", "\"dhras\"");
     let text = text.replace("kind = \"bias\"", "kind = \"leakage\"\nfor_s = 1");
-    let found = problems(&text);
-    let keys: Vec<&str> = found.iter().map(|problem| problem.key.as_str()).collect();
+    let reported = problems(&text);
+    let keys: Vec<&str> = reported
+        .iter()
+        .map(|problem| problem.key.as_str())
+        .collect();
     assert_eq!(keys, ["plant.model", "faults[0].for_s"]);
 }
 

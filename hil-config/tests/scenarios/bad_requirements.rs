@@ -193,13 +193,13 @@ fn each_comparison_is_listed_with_the_time_at_which_it_may_count() {
         ),
     ] {
         let read = Formula::parse(formula).expect(formula);
-        let found: Vec<_> = (read.comparisons(20.0).into_iter())
+        let actual: Vec<_> = (read.comparisons(20.0).into_iter())
             .map(|one| {
                 let signal = one.left.plain_signal().expect("a signal").0;
                 (signal, one.relation, one.right.constant(), one.window_s)
             })
             .collect();
-        assert_eq!(found, expected, "{formula}");
+        assert_eq!(actual, expected, "{formula}");
     }
 }
 
@@ -217,9 +217,9 @@ fn a_negation_reverses_the_margin_of_a_comparison() {
         ("not rise(a > 1)", vec![None]),
     ] {
         let read = Formula::parse(formula).expect(formula);
-        let found: Vec<Option<bool>> = (read.comparisons(20.0).iter())
+        let actual: Vec<Option<bool>> = (read.comparisons(20.0).iter())
             .map(|one| one.is_turned)
             .collect();
-        assert_eq!(found, expected, "{formula}");
+        assert_eq!(actual, expected, "{formula}");
     }
 }

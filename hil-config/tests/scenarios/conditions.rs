@@ -26,11 +26,11 @@ fn watch(expression: &str, records: u64, derived: &[(&str, &str)]) -> Watch {
 #[test]
 fn a_condition_is_met_once_it_has_held_long_enough() {
     let mut watch = watch("truth.a > 0", 3, &[]);
-    let met: Vec<bool> = [1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0, -1.0, 1.0]
+    let results: Vec<bool> = [1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0, -1.0, 1.0]
         .map(|a| watch.observe(&[a, 0.0]))
         .into();
     assert_eq!(
-        met,
+        results,
         [false, false, false, false, false, true, true, false, false]
     );
 }

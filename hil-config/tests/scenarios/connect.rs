@@ -140,15 +140,19 @@ fn shown_connections_mean_the_same() {
         ),
     ] {
         let plan = plan(&text);
-        let shown = show(&plan, &plants(), &laws(), &descriptions::kinds()).expect("described");
-        assert!(shown.contains("made_for = \"spring-mass\""), "{shown}");
+        let shown_text =
+            show(&plan, &plants(), &laws(), &descriptions::kinds()).expect("described");
         assert!(
-            shown.contains(
+            shown_text.contains("made_for = \"spring-mass\""),
+            "{shown_text}"
+        );
+        assert!(
+            shown_text.contains(
                 "\n[[connect]] # plant command.F [kN] = 0.001 * law command.force_n [N]\n"
             ),
-            "{shown}"
+            "{shown_text}"
         );
-        assert_eq!(check(&shown), Ok(plan), "{shown}");
+        assert_eq!(check(&shown_text), Ok(plan), "{shown_text}");
     }
 }
 
@@ -216,9 +220,9 @@ fn each_faulty_connection_is_refused_with_the_expected_value() {
     for (from, to, kind, pieces) in CASES {
         assert_eq!(TEXT.matches(from).count(), 1, "`{from}` stands once");
         let text = TEXT.replacen(from, to, 1);
-        let found = problems(&text);
-        assert_eq!(found.len(), 1, "{text}\n{found:?}");
-        assert_found(&found[0], *kind, pieces);
+        let reported = problems(&text);
+        assert_eq!(reported.len(), 1, "{text}\n{reported:?}");
+        assert_found(&reported[0], *kind, pieces);
     }
 }
 
@@ -234,16 +238,16 @@ fn a_command_may_be_sent_only_once() {
             "[[connect]]\nlaw = \"measured.velocity_mps\"\nplant = \"measured.der__s\"\n",
         );
     let other = "[[connect]]\nlaw = \"command.G\"\nplant = \"command.F\"\n";
-    let found = problems(&(two.clone() + other));
+    let reported = problems(&(two.clone() + other));
     assert_found(
-        &found[0],
+        &reported[0],
         Duplicate,
         &["law `both` would send the command `F` twice"],
     );
     let one = "[[connect]]\nlaw = \"command.F\"\nplant = \"command.F\"\n";
-    let found = problems(&(two + one + other));
+    let reported = problems(&(two + one + other));
     assert_found(
-        &found[0],
+        &reported[0],
         Duplicate,
         &["`command.F` of the plant is connected twice"],
     );

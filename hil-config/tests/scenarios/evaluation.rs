@@ -79,10 +79,10 @@ fn metrics_reduce_exactly_the_rows_of_their_windows() {
         ("share_pushed", [0.8, 1.0], 1.0, 1),
     ];
     assert_eq!(results.len(), expected.len());
-    for (found, (name, window_s, value, skipped)) in results.iter().zip(expected) {
-        assert_eq!((found.name.as_str(), found.window_s), (name, window_s));
-        assert!((found.value - value).abs() < 1e-14, "{found:?}");
-        assert_eq!(found.skipped, skipped, "{found:?}");
+    for (metric, (name, window_s, value, skipped)) in results.iter().zip(expected) {
+        assert_eq!((metric.name.as_str(), metric.window_s), (name, window_s));
+        assert!((metric.value - value).abs() < 1e-14, "{metric:?}");
+        assert_eq!(metric.skipped, skipped, "{metric:?}");
     }
     let units: Vec<&str> = results.iter().map(|m| m.unit.as_str()).collect();
     assert_eq!(units, ["m", "m", "m", "N", "N s", "1"]);

@@ -145,11 +145,11 @@ proptest! {
         let text = tree.text();
         let expression = Expression::parse(&text).expect("the grammar has it");
         let program = expression.compile_signal(&columns()).expect("known names");
-        let found = program.evaluate(&row);
+        let actual = program.evaluate(&row);
         match tree.value(&row) {
             // -0.0 and 0.0 are equal here.
-            Some(expected) => prop_assert_eq!(found, expected, "{}", text),
-            None => prop_assert!(found.is_nan(), "{} is {}", text, found),
+            Some(expected) => prop_assert_eq!(actual, expected, "{}", text),
+            None => prop_assert!(actual.is_nan(), "{} is {}", text, actual),
         }
     }
 

@@ -239,8 +239,8 @@ fn a_fault_without_a_selector_acts_on_the_plant() {
     }];
     let sizes = settings(&[("change_n_per_m", -40.0)]);
     assert_eq!(effect.action, FaultAction::Move { sizes, moves });
-    let found = crate::problems(&softening("-101"));
-    let text = found[0].to_string();
+    let reported = crate::problems(&softening("-101"));
+    let text = reported[0].to_string();
     assert!(
         text.contains("`stiffness_n_per_m` would become 100 + -101 = -1"),
         "{text}"
@@ -253,13 +253,13 @@ fn a_fault_on_parameters_that_are_not_faultable_is_refused() {
     for field in &mut plants[1].parameters {
         field.faultable = false;
     }
-    let found = crate::parse(&softening("1"))
+    let problems = crate::parse(&softening("1"))
         .and_then(|scenario| scenario.check(&plants, &descriptions::laws(), &[]))
         .expect_err("not faultable");
-    assert_eq!(found.0.len(), 1, "{found}");
+    assert_eq!(problems.0.len(), 1, "{problems}");
     assert!(
-        found.to_string().contains("moves `stiffness_n_per_m`"),
-        "{found}"
+        problems.to_string().contains("moves `stiffness_n_per_m`"),
+        "{problems}"
     );
 }
 
@@ -323,8 +323,8 @@ fn a_skew_counts_from_the_requested_time() {
             "[[faults]]\nkind = \"dropout\"\n{trigger}\n\
              effects = [{{ target = \"reference.load_n\", {skew} }}]"
         );
-        let found = faults(&text)[0].effects[0].skew_steps;
-        assert_eq!(found, expected, "{trigger}, {skew}");
+        let actual = faults(&text)[0].effects[0].skew_steps;
+        assert_eq!(actual, expected, "{trigger}, {skew}");
     }
 }
 
@@ -371,6 +371,6 @@ fn numbers_can_come_from_a_file_beside_the_scenario() {
         time_s: vec![0.0, 1.0],
         values: vec![0.5, 1.0],
     };
-    let found = read(profile, "time_s,value\n0,0.5\n1,1").expect("points");
-    assert_eq!(found.profile, expected);
+    let course = read(profile, "time_s,value\n0,0.5\n1,1").expect("points");
+    assert_eq!(course.profile, expected);
 }

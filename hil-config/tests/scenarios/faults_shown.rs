@@ -44,10 +44,10 @@ fn events_written_one_by_one_mean_the_same() {
     let expected = faults(text);
     let plant = &descriptions::plants()[0];
     let rate = Rate::new(1000.0).expect("a rate");
-    let shown: Vec<String> = (expected.iter())
+    let texts: Vec<String> = (expected.iter())
         .map(|event| fault_toml(event, plant, &descriptions::kinds(), rate).expect("described"))
         .collect();
-    assert_eq!(faults(&shown.concat()), expected);
+    assert_eq!(faults(&texts.concat()), expected);
 }
 
 fn toml(value: f64) -> String {
@@ -220,13 +220,13 @@ proptest! {
             Err(problems) => panic!("{problems}\n{text}"),
         };
         prop_assert_eq!(expected.faults[1].source, FaultSource::Scenario);
-        let shown = show(
+        let shown_text = show(
             &expected,
             &descriptions::plants(),
             &descriptions::laws(),
             &descriptions::kinds(),
         )
         .expect("described");
-        prop_assert_eq!(plan(&shown), expected, "{}", shown);
+        prop_assert_eq!(plan(&shown_text), expected, "{}", shown_text);
     }
 }

@@ -50,13 +50,13 @@ fn a_flag_acts_like_a_line_of_the_file() {
 
 #[test]
 fn a_flag_creates_missing_tables() {
-    let found = set(&["plant.parameters.actuator1.piston_mass_kg=61"]);
+    let actual = set(&["plant.parameters.actuator1.piston_mass_kg=61"]);
     assert_eq!(
-        found.plant.parameters.get("actuator1.piston_mass_kg"),
+        actual.plant.parameters.get("actuator1.piston_mass_kg"),
         Some(61.0)
     );
     assert_eq!(
-        found.plant.parameters.get("actuator2.piston_mass_kg"),
+        actual.plant.parameters.get("actuator2.piston_mass_kg"),
         Some(60.0)
     );
 }
@@ -83,10 +83,10 @@ fn a_flag_overrides_a_value_under_a_quoted_key() {
 #[test]
 fn one_flag_switches_the_law() {
     let without = ["derived[1].expression=error_rad > 0"];
-    let found = set(&["controller.law=pid", without[0]]);
-    assert_eq!(found.controller.law, "pid");
-    assert_eq!(found.controller.parameters.get("gain_a_per_m"), Some(80.0));
-    assert_eq!(found.controller.model.0.len(), 0);
+    let actual = set(&["controller.law=pid", without[0]]);
+    assert_eq!(actual.controller.law, "pid");
+    assert_eq!(actual.controller.parameters.get("gain_a_per_m"), Some(80.0));
+    assert_eq!(actual.controller.model.0.len(), 0);
 }
 
 #[test]
@@ -123,9 +123,9 @@ fn a_value_that_two_flags_set_is_refused() {
 #[test]
 fn a_flag_may_change_a_part_of_what_an_earlier_one_set() {
     let table = "plant.parameters={ piston_mass_kg = 50 }";
-    let found = set(&[table, "plant.parameters.actuator2.piston_mass_kg=61"]);
+    let actual = set(&[table, "plant.parameters.actuator2.piston_mass_kg=61"]);
     let mass_kg = |actuator: &str| {
-        found
+        actual
             .plant
             .parameters
             .get(&format!("{actuator}.piston_mass_kg"))
@@ -220,12 +220,12 @@ fn a_faulty_flag_is_reported_with_the_column_of_the_mistake() {
         ),
     ];
     for (flag, column, kind, piece) in cases {
-        let found = with(&[flag]).expect_err(flag);
-        assert_eq!(found.len(), 1, "{flag}: {found:?}");
-        let text = found[0].to_string();
-        assert_eq!(found[0].kind, kind, "{text}");
-        assert_eq!(found[0].source, format!("--set {flag}"));
-        let excerpt = found[0].excerpt.as_ref().expect("a place");
+        let problems = with(&[flag]).expect_err(flag);
+        assert_eq!(problems.len(), 1, "{flag}: {problems:?}");
+        let text = problems[0].to_string();
+        assert_eq!(problems[0].kind, kind, "{text}");
+        assert_eq!(problems[0].source, format!("--set {flag}"));
+        let excerpt = problems[0].excerpt.as_ref().expect("a place");
         assert_eq!((excerpt.line, excerpt.column), (1, column), "{text}");
         assert!(text.contains(piece), "`{piece}` is not in\n{text}");
     }
@@ -273,7 +273,7 @@ fn a_misplaced_name_is_answered_with_its_key_or_table() {
 #[test]
 fn faulty_flags_and_a_faulty_file_are_reported_together() {
     let text = BASE.replace("seed = 7", "seed = -7");
-    let found = parse(&text)
+    let problems = parse(&text)
         .expect("TOML")
         .set(&["a", "run.rate_hz=0", "b[0]=1"])
         .check(
@@ -282,5 +282,5 @@ fn faulty_flags_and_a_faulty_file_are_reported_together() {
             &descriptions::kinds(),
         )
         .expect_err("all wrong");
-    assert_eq!(found.0.len(), 4, "{found}");
+    assert_eq!(problems.0.len(), 4, "{problems}");
 }

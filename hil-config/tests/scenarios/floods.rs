@@ -10,7 +10,7 @@ fn refused(text: &str) -> Problems {
 
 #[test]
 fn very_many_problems_are_truncated_with_a_note() {
-    for (count, told, more) in [
+    for (count, reported, more) in [
         (99, 99, false),
         (100, 100, false),
         (101, 100, true),
@@ -21,8 +21,8 @@ fn very_many_problems_are_truncated_with_a_note() {
             "schema = 1\n",
             &format!("schema = 1\n{unknown}"),
         ));
-        assert_eq!(problems.len(), told, "{count}");
-        let help = problems[told - 1].help.as_deref().unwrap_or_default();
+        assert_eq!(problems.len(), reported, "{count}");
+        let help = problems[reported - 1].help.as_deref().unwrap_or_default();
         assert_eq!(help.contains("more problems"), more, "{count}: {help}");
     }
 }
@@ -52,9 +52,9 @@ fn a_problem_in_a_very_long_line_shows_the_part_around_it() {
 #[test]
 fn a_name_as_long_as_a_file_is_truncated() {
     let name = "x".repeat(5 << 20);
-    let told = refused(&format!("schema = 1\n{name} = 1\n")).to_string();
-    assert!(told.contains("unknown key `xxx"), "{}", &told[..200]);
-    assert!(told.len() < 20_000, "{}", told.len());
+    let text = refused(&format!("schema = 1\n{name} = 1\n")).to_string();
+    assert!(text.contains("unknown key `xxx"), "{}", &text[..200]);
+    assert!(text.len() < 20_000, "{}", text.len());
 }
 
 #[test]
@@ -66,10 +66,10 @@ fn no_text_controls_the_terminal() {
         base_with("model = \"drhas\"", &format!("model = {odd}")),
         base_with("target = \"load_n\"", &format!("target = {odd}")),
     ] {
-        let told = refused(&text).to_string();
-        let is_named = told.contains("\u{fffd}[2J") || told.contains("control character");
-        assert!(is_named, "{told}");
+        let message = refused(&text).to_string();
+        let is_named = message.contains("\u{fffd}[2J") || message.contains("control character");
+        assert!(is_named, "{message}");
         let steers = |c: char| c.is_control() && c != '\n';
-        assert!(!told.contains(steers), "{told:?}");
+        assert!(!message.contains(steers), "{message:?}");
     }
 }

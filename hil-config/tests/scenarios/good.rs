@@ -38,13 +38,13 @@ fn the_base_has_the_documented_meaning() {
     } = plan(BASE);
     assert!(analyses.is_empty() && changes.is_empty());
     assert_eq!(programs, Programs::default());
-    let wanted = Requirement {
+    let expected = Requirement {
         name: "stays-small".into(),
         description: "the surface stays near its middle".into(),
         formula: Formula::parse("always(abs(truth.surface_angle_rad) < 0.2)").expect("right"),
         unit: "rad".into(),
     };
-    assert_eq!(requirements, [wanted]);
+    assert_eq!(requirements, [expected]);
     let error = Plot {
         title: "Error".into(),
         signals: vec!["error_rad".into(), "internal.fault_detected".into()],
@@ -61,13 +61,13 @@ fn the_base_has_the_documented_meaning() {
     };
     assert!(error.is_for("ftsc") && !error.is_for("pid") && surface.is_for("pid"));
     assert_eq!(plots, [error, surface]);
-    let wanted = Panel {
+    let expected = Panel {
         window_s: 2.0,
         readings: vec!["error_rad".into(), "internal.*".into()],
         tune: vec!["reference.*".into()],
         inject: vec!["leakage --actuator 1".into()],
     };
-    assert_eq!(panel, wanted);
+    assert_eq!(panel, expected);
     assert_eq!(
         (name.as_str(), description.as_str()),
         ("base", "every part of the format")
@@ -75,7 +75,7 @@ fn the_base_has_the_documented_meaning() {
     assert_eq!((run.rate, run.steps, run.seed), (rate(1000.0), 2000, 7));
     assert_eq!(run.clock, Clock::Lockstep);
 
-    let wanted = Realtime {
+    let expected = Realtime {
         plant_core: Some(2),
         controller_core: Some(3),
         recorder_core: Some(0),
@@ -85,7 +85,7 @@ fn the_base_has_the_documented_meaning() {
         dma_latency_us: Some(20),
         wait: WaitStrategy::Spin,
     };
-    assert_eq!(realtime, wanted);
+    assert_eq!(realtime, expected);
     let (ours, theirs) = (realtime.plant(), realtime.controller());
     assert_eq!((ours.core, ours.peer_core), (Some(2), Some(3)));
     assert_eq!((theirs.core, theirs.peer_core), (Some(3), Some(2)));
@@ -231,25 +231,28 @@ law = \"pid\"
 target = \"position_m\"
 kind = \"paper\"
 ";
-    let found = plan(text);
-    assert_eq!(found.name, "base"); // the file's
-    assert_eq!(found.description, "");
-    assert_eq!((found.run.seed, found.run.clock), (1, Clock::Lockstep));
-    assert_eq!(found.plant.substeps, 4);
+    let actual = plan(text);
+    assert_eq!(actual.name, "base"); // the file's
+    assert_eq!(actual.description, "");
+    assert_eq!((actual.run.seed, actual.run.clock), (1, Clock::Lockstep));
+    assert_eq!(actual.plant.substeps, 4);
     assert_eq!(
         (
-            found.controller.rate_divisor,
-            found.controller.command_delay_steps
+            actual.controller.rate_divisor,
+            actual.controller.command_delay_steps
         ),
         (1, 0)
     );
-    assert_eq!(found.controller.parameters.get("gain_n_per_m"), Some(300.0));
+    assert_eq!(
+        actual.controller.parameters.get("gain_n_per_m"),
+        Some(300.0)
+    );
     let paper = Waveform::Paper {
         amplitude: 0.2,
         frequency_hz: 1.0,
         onset_per_s3: 0.1,
     };
-    assert_eq!(found.stimuli[0].waveform, paper);
+    assert_eq!(actual.stimuli[0].waveform, paper);
 }
 
 #[test]
@@ -280,9 +283,9 @@ fn a_window_between_steps_holds_the_steps_inside_it() {
 fn a_window_may_be_a_single_step() {
     for (window, step) in [("[0, 0]", 0), ("[2, 2]", 2000), ("[1.5, 1.5]", 1500)] {
         let text = base_with("[1.0, 2]]", &format!("{window}]"));
-        let found = plan(&text).metrics[0].windows[1];
+        let only = plan(&text).metrics[0].windows[1];
         assert_eq!(
-            (found.first, found.last),
+            (only.first, only.last),
             (Step(step), Step(step)),
             "{window}"
         );
@@ -398,7 +401,7 @@ fn a_metric_has_the_unit_of_its_expression_and_an_integral_that_of_the_area() {
             Some(unit),
             "{expression}"
         );
-        let written = added(&format!("{text}unit = \"Nm\"\n"));
-        assert_eq!(written.last().map(|last| &*last.unit), Some("Nm"));
+        let with_unit = added(&format!("{text}unit = \"Nm\"\n"));
+        assert_eq!(with_unit.last().map(|last| &*last.unit), Some("Nm"));
     }
 }

@@ -243,14 +243,14 @@ fn events_that_wait_for_each_other_are_reported_once_without_their_followers() {
         .map(|(name, after)| event(name, after))
         .collect();
     let problems = check(&base_with_faults(&faults), &[]).expect_err("circles");
-    let told: Vec<(&str, &str)> = (problems.0.iter())
+    let messages: Vec<(&str, &str)> = (problems.0.iter())
         .map(|problem| (problem.key.as_str(), problem.message.as_str()))
         .collect();
     let expected = [
         ("faults[1].after", "`b`, `d`, `c` wait for each other"),
         ("faults[4].after", "`e` waits for itself"),
     ];
-    assert_eq!(told, expected);
+    assert_eq!(messages, expected);
     // Unique names, and the base as it is, are valid.
     assert!(check(&base_with("seed = 7", "seed = 8"), &[]).is_ok());
 }

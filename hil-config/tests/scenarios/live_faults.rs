@@ -44,8 +44,8 @@ fn a_live_event_equals_a_scenarios_except_for_number_and_source() {
 fn an_event_without_a_trigger_takes_effect_at_once() {
     let text = format!("[[faults]]\nkind = \"bias\"\n{BIAS}\n");
     let events = ask(&[text.as_str(), &text].concat()).expect("right");
-    let found: Vec<(u32, &Trigger)> = events.iter().map(|e| (e.id, &e.trigger)).collect();
-    assert_eq!(found, [(3, &Trigger::Now), (4, &Trigger::Now)]);
+    let actual: Vec<(u32, &Trigger)> = events.iter().map(|e| (e.id, &e.trigger)).collect();
+    assert_eq!(actual, [(3, &Trigger::Now), (4, &Trigger::Now)]);
     // With this delay it is over in any case.
     let late = refused(&text.replace("bias = 0.1", "bias = 0.1, skew_s = 2"));
     assert_eq!(late.len(), 1, "{late:?}");
@@ -170,17 +170,17 @@ fn each_faulty_request_is_refused_with_the_expected_value() {
             &["a running plant reads no files", "the numbers themselves"],
         ),
     ] {
-        let found = refused(&text);
-        assert_eq!(found.len(), 1, "{text}\n{found:?}");
-        assert_found(&found[0], kind, pieces);
-        assert_eq!(found[0].source, "request");
+        let problems = refused(&text);
+        assert_eq!(problems.len(), 1, "{text}\n{problems:?}");
+        assert_found(&problems[0], kind, pieces);
+        assert_eq!(problems[0].source, "request");
     }
 }
 
 #[test]
 fn a_problem_is_answered_with_its_key_and_the_alternatives() {
-    let found = refused(&format!("[[faults]]\nkind = \"bais\"\n{BIAS}"));
-    let refusal = Refusal::from(&found[0]);
+    let problems = refused(&format!("[[faults]]\nkind = \"bais\"\n{BIAS}"));
+    let refusal = Refusal::from(&problems[0]);
     assert_eq!(refusal.key, "faults[0].kind");
     assert_eq!(refusal.message, "plant `drhas` has no fault `bais`");
     assert_eq!(refusal.nearest[0], "bias");
@@ -192,7 +192,7 @@ fn a_problem_is_answered_with_its_key_and_the_alternatives() {
 
     let with_help = Problem {
         help: Some("do this".into()),
-        ..found[0].clone()
+        ..problems[0].clone()
     };
     let message = Refusal::from(&with_help).message;
     assert_eq!(message, "plant `drhas` has no fault `bais`; do this");

@@ -48,7 +48,7 @@ fn ten_thousand_random_formulas_are_evaluated_as_defined() {
         let mut monitor = monitor.unwrap_or_else(|error| panic!("{text}: {error}"));
         let (size, step) = tree.judge(0, true, &trace);
         let is_true = tree.is_true(0, true, &trace);
-        let wanted = if is_true {
+        let verdict = if is_true {
             Verdict::Pass
         } else {
             Verdict::Fail
@@ -70,23 +70,33 @@ fn ten_thousand_random_formulas_are_evaluated_as_defined() {
             if monitor.judgements()[0].verdict() != Verdict::Undecided {
                 assert_eq!(
                     monitor.judgements()[0].verdict(),
-                    wanted,
+                    verdict,
                     "{text} at {k}: {:?}",
                     trace.rows
                 );
                 early += u32::from(monitor.judgements()[0].robustness().is_none());
             }
         }
-        let found = monitor.judgements()[0]
+        let actual = monitor.judgements()[0]
             .robustness()
             .expect("the run is over");
-        assert_eq!(bounds, [found; 2], "{text}");
-        let told = || format!("{text}: {found} not {size}, {:?}", trace.rows);
-        assert_eq!(monitor.judgements()[0].verdict(), wanted, "{}", told());
-        assert_eq!(found.to_bits(), size.to_bits(), "{}", told());
+        assert_eq!(bounds, [actual; 2], "{text}");
+        let context_text = || format!("{text}: {actual} not {size}, {:?}", trace.rows);
+        assert_eq!(
+            monitor.judgements()[0].verdict(),
+            verdict,
+            "{}",
+            context_text()
+        );
+        assert_eq!(actual.to_bits(), size.to_bits(), "{}", context_text());
         let expected = (step != u64::MAX).then_some(Step(step));
-        assert_eq!(monitor.judgements()[0].judged_by(), expected, "{}", told());
-        assert_eq!(found.is_sign_positive(), is_true, "{}", told());
+        assert_eq!(
+            monitor.judgements()[0].judged_by(),
+            expected,
+            "{}",
+            context_text()
+        );
+        assert_eq!(actual.is_sign_positive(), is_true, "{}", context_text());
         judged += 1;
         passed += u32::from(is_true);
         without_value += u32::from(size == f64::NEG_INFINITY);
@@ -136,11 +146,11 @@ fn formulas_that_share_comparisons_are_evaluated_as_defined() {
         }
         for (tree, judgement) in trees.iter().zip(monitors.judgements()) {
             let (size, step) = tree.judge(0, true, &trace);
-            let found = judgement.robustness().expect("the run is over");
-            let told = || format!("{}: {found} not {size}, {:?}", tree.text(), trace.rows);
-            assert_eq!(found.to_bits(), size.to_bits(), "{}", told());
+            let actual = judgement.robustness().expect("the run is over");
+            let context_text = || format!("{}: {actual} not {size}, {:?}", tree.text(), trace.rows);
+            assert_eq!(actual.to_bits(), size.to_bits(), "{}", context_text());
             let expected = (step != u64::MAX).then_some(Step(step));
-            assert_eq!(judgement.judged_by(), expected, "{}", told());
+            assert_eq!(judgement.judged_by(), expected, "{}", context_text());
             judged += 1;
         }
     }
@@ -190,8 +200,12 @@ fn a_formula_has_the_robustness_of_a_calculation_by_hand() {
     ];
     for (text, robustness, step) in cases {
         let monitor = watched(text, &a);
-        let found = monitor.judgements()[0].robustness().expect(text);
-        assert_eq!(found.to_bits(), f64::to_bits(robustness), "{text}: {found}");
+        let actual = monitor.judgements()[0].robustness().expect(text);
+        assert_eq!(
+            actual.to_bits(),
+            f64::to_bits(robustness),
+            "{text}: {actual}"
+        );
         assert_eq!(
             monitor.judgements()[0].judged_by(),
             Some(Step(step)),

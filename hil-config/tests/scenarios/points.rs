@@ -72,9 +72,9 @@ fn a_wrong_line_is_named_with_file_and_number() {
         ("", 1, "no points"),
     ];
     for (csv, line, piece) in cases {
-        let found = with_file(Some(csv)).expect_err(csv);
-        assert_eq!(found.len(), 1, "{csv}: {found:?}");
-        let problem = &found[0];
+        let problems = with_file(Some(csv)).expect_err(csv);
+        assert_eq!(problems.len(), 1, "{csv}: {problems:?}");
+        let problem = &problems[0];
         assert_eq!(problem.kind, ProblemKind::Syntax);
         assert!(problem.source.ends_with("points/x.csv"), "{problem}");
         assert_eq!(
@@ -88,12 +88,12 @@ fn a_wrong_line_is_named_with_file_and_number() {
 
 #[test]
 fn a_missing_file_is_reported_at_its_key() {
-    let found = with_file(None).expect_err("no file");
-    assert_eq!(found.len(), 1);
-    assert_eq!(found[0].kind, ProblemKind::Unreadable);
-    assert_eq!(found[0].key, "stimuli[1].file");
-    assert!(found[0].source.ends_with("base.toml"));
-    assert!(found[0].to_string().contains("points/x.csv"));
+    let problems = with_file(None).expect_err("no file");
+    assert_eq!(problems.len(), 1);
+    assert_eq!(problems[0].kind, ProblemKind::Unreadable);
+    assert_eq!(problems[0].key, "stimuli[1].file");
+    assert!(problems[0].source.ends_with("base.toml"));
+    assert!(problems[0].to_string().contains("points/x.csv"));
 }
 
 #[test]
@@ -116,9 +116,9 @@ fn wrong_points_in_the_scenario_are_refused() {
     ] {
         let stimulus = format!("kind = \"table\"\n{points}");
         let text = base_with("kind = \"step\"\nat_s = 0.5\nafter = 2.0", &stimulus);
-        let found = crate::problems(&text);
-        assert_eq!(found.len(), 1, "{points}: {found:?}");
-        assert!(found[0].to_string().contains(piece), "{}", found[0]);
+        let reported = crate::problems(&text);
+        assert_eq!(reported.len(), 1, "{points}: {reported:?}");
+        assert!(reported[0].to_string().contains(piece), "{}", reported[0]);
     }
 }
 
@@ -136,10 +136,10 @@ fn a_profile_too_large_for_the_record_stream_is_refused() {
         crate::check(&fault)
     };
     assert!(with_points(10_000).is_ok());
-    let found = with_points(10_001).expect_err("too many");
+    let problems = with_points(10_001).expect_err("too many");
     assert!(
-        found.to_string().contains("at most 10000 points"),
-        "{found}"
+        problems.to_string().contains("at most 10000 points"),
+        "{problems}"
     );
 }
 
@@ -155,10 +155,10 @@ fn a_list_too_large_for_the_record_stream_is_refused() {
         crate::check(&fault)
     };
     assert!(with_rows(10_000).is_ok());
-    let found = with_rows(10_001).expect_err("too many");
+    let problems = with_rows(10_001).expect_err("too many");
     assert!(
-        found.to_string().contains("at most 20000 numbers"),
-        "{found}"
+        problems.to_string().contains("at most 20000 numbers"),
+        "{problems}"
     );
 }
 

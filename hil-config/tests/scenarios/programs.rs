@@ -41,10 +41,12 @@ fn internal_signals_of_a_plant_are_selected_by_patterns() {
     let plan = plan(&with("[\"der(*)\", \"x?\"]"));
     assert_eq!(plan.programs.locals, ["der(*)", "x?"]);
     for wrong in ["[]", "\"x\"", "[1]"] {
-        let found = problems(&with(wrong));
+        let reported = problems(&with(wrong));
         assert!(
-            found.iter().any(|one| one.key.starts_with("plant.locals")),
-            "{wrong}: {found:?}"
+            reported
+                .iter()
+                .any(|one| one.key.starts_with("plant.locals")),
+            "{wrong}: {reported:?}"
         );
     }
 }
@@ -65,8 +67,12 @@ fn permissions_of_an_fmu_are_read_for_each_side_and_shown_again() {
     assert_eq!(plan.programs.plant_permissions, archive);
     assert_eq!(plan.programs.controller_permissions, tool);
     let (plants, laws) = (descriptions::plants(), descriptions::laws());
-    let shown = show(&plan, &plants, &laws, &descriptions::kinds()).expect("described");
-    assert_eq!(crate::plan(&shown).programs, plan.programs, "{shown}");
+    let shown_text = show(&plan, &plants, &laws, &descriptions::kinds()).expect("described");
+    assert_eq!(
+        crate::plan(&shown_text).programs,
+        plan.programs,
+        "{shown_text}"
+    );
     for wrong in ["1", "\"true\"", "[true]"] {
         let text = base_with(
             "substeps = 2",
@@ -86,11 +92,11 @@ fn permissions_of_an_fmu_are_read_for_each_side_and_shown_again() {
 #[test]
 fn a_controller_may_have_a_program_for_each_type_of_machine() {
     let table = "{ x86_64 = \"host/law\", aarch64 = \"target/law\" }";
-    let found = plan(&naming("\"plant\"", table)).programs.controller;
-    let found = found.expect("it is named");
-    assert_eq!(found.for_machine("x86_64"), Some(&*beside("host/law")));
-    assert_eq!(found.for_machine("aarch64"), Some(&*beside("target/law")));
-    assert_eq!(found.for_machine("riscv64"), None);
+    let program = plan(&naming("\"plant\"", table)).programs.controller;
+    let program = program.expect("it is named");
+    assert_eq!(program.for_machine("x86_64"), Some(&*beside("host/law")));
+    assert_eq!(program.for_machine("aarch64"), Some(&*beside("target/law")));
+    assert_eq!(program.for_machine("riscv64"), None);
     let one = ControllerProgram::One("/a".into());
     assert_eq!(one.for_machine("riscv64"), Some(Path::new("/a")));
 }
@@ -126,11 +132,11 @@ fn an_invalid_program_is_refused_at_its_place() {
         ),
     ] {
         let text = naming(plant, controller);
-        let found = problems(&text);
-        let [found] = &found[..] else {
-            panic!("{found:?}")
+        let reported = problems(&text);
+        let [reported] = &reported[..] else {
+            panic!("{reported:?}")
         };
-        assert_eq!((found.key.as_str(), found.kind), (key, kind));
+        assert_eq!((reported.key.as_str(), reported.kind), (key, kind));
         // Before the check a faulty one counts as missing.
         let programs = parse(&text).expect("TOML").programs();
         assert!(programs.plant.is_none() || programs.controller.is_none());
@@ -143,9 +149,9 @@ fn programs_are_shown_with_their_whole_path() {
     for controller in ["\"laws/one\"", table] {
         let plan = plan(&naming("\"target/plant\"", controller));
         let (plants, laws) = (descriptions::plants(), descriptions::laws());
-        let shown = show(&plan, &plants, &laws, &descriptions::kinds()).expect("described");
-        let again = crate::plan(&shown);
-        assert_eq!(again.programs, plan.programs, "{shown}");
+        let text = show(&plan, &plants, &laws, &descriptions::kinds()).expect("described");
+        let again = crate::plan(&text);
+        assert_eq!(again.programs, plan.programs, "{text}");
     }
 }
 
@@ -159,8 +165,8 @@ fn an_unknown_name_is_reported_with_exactly_the_given_advice() {
         let problems = scenario.check(&plants, &laws, &descriptions::kinds());
         let problems = problems.expect_err("neither is known").0;
         ["plant.model", "controller.law"].map(|key| {
-            let told = problems.iter().find(|one| one.key == key);
-            told.expect("it is told").help.clone()
+            let problem = problems.iter().find(|one| one.key == key);
+            problem.expect("it is told").help.clone()
         })
     };
     let advice = Advice {

@@ -54,9 +54,9 @@ fn a_number_with_a_unit_counts_in_si_units() {
         ("-5 cm * 2", -0.1),
         ("abs(-5 cm) + 1 m", 1.05),
     ] {
-        let found = value(text);
-        let error = (found - expected).abs();
-        assert!(error <= f64::EPSILON * expected.abs(), "{text}: {found}");
+        let actual = value(text);
+        let error = (actual - expected).abs();
+        assert!(error <= f64::EPSILON * expected.abs(), "{text}: {actual}");
     }
 }
 
@@ -109,9 +109,9 @@ fn every_known_unit_can_follow_a_number() {
                 text if text.ends_with("/x") => conversion.apply(2.5) / 5.0,
                 _ => conversion.apply(2.5),
             };
-            let found = value(&text);
-            let error = (found / expected - 1.0).abs();
-            assert!(error < 1e-15, "{text}: {found}, not {expected}");
+            let actual = value(&text);
+            let error = (actual / expected - 1.0).abs();
+            assert!(error < 1e-15, "{text}: {actual}, not {expected}");
             assert_eq!(read.expect(&text).to_string(), text);
         }
     }

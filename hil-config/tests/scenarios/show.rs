@@ -52,8 +52,8 @@ fn a_shown_plan_means_the_same() {
         ),
     ];
     for text in texts {
-        let shown = shown(&text);
-        assert_eq!(plan(&shown), plan(&text), "{shown}");
+        let shown_text = shown(&text);
+        assert_eq!(plan(&shown_text), plan(&text), "{shown_text}");
     }
 }
 

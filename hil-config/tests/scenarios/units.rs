@@ -144,9 +144,9 @@ fn two_known_units_are_neither_added_nor_compared() {
     ];
     for (place, expression, key, unit, other, joined) in cases {
         let problems = check(&text(place, expression)).expect_err(expression);
-        let told: Vec<String> = problems.0.iter().map(ToString::to_string).collect();
+        let texts: Vec<String> = problems.0.iter().map(ToString::to_string).collect();
         let [problem] = &problems.0[..] else {
-            panic!("{expression}: {told:?}");
+            panic!("{expression}: {texts:?}");
         };
         assert_eq!(problem.key, key, "{expression}");
         assert!(problem.excerpt.is_some());
@@ -157,9 +157,9 @@ fn two_known_units_are_neither_added_nor_compared() {
             ),
         ];
         assert!(
-            parts.iter().all(|part| told[0].contains(part)),
+            parts.iter().all(|part| texts[0].contains(part)),
             "{}",
-            told[0]
+            texts[0]
         );
     }
 }
@@ -441,8 +441,8 @@ fn a_requirement_has_the_common_unit_of_its_comparisons_or_none() {
             &format!("{SIDEWAYS}[[metrics]]\nname = \"largest\""),
         );
         assert_eq!(plan(&text).requirements[0].unit, unit, "{formula}");
-        let given = text.replace("formula =", "unit = \"turns\"\nformula =");
-        assert_eq!(plan(&given).requirements[0].unit, "turns");
+        let with_unit = text.replace("formula =", "unit = \"turns\"\nformula =");
+        assert_eq!(plan(&with_unit).requirements[0].unit, "turns");
     }
 }
 

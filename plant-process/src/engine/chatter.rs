@@ -323,7 +323,7 @@ fn a_differing_second_answer_breaks_the_protocol() {
         let (end, applied_n, lost) = ends(engine(job_of(9, policy, Clock::Lockstep), parrot));
         assert_eq!(end.steps, step);
         assert_eq!(applied_n[..3], [0.0, 1.0, 2.0]);
-        let told = end.reason.into_iter().chain(lost);
-        assert_eq!(told.collect::<Vec<_>>(), [why]);
+        let reasons = end.reason.into_iter().chain(lost);
+        assert_eq!(reasons.collect::<Vec<_>>(), [why]);
     }
 }

@@ -22,12 +22,12 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
 
     /// Ends the run with the plant's reason.
     pub(super) fn failed(&mut self, step: Step, failure: &Failure) -> Result<(), LinkError> {
-        let said = text::line(&failure.to_string());
+        let cause = text::line(&failure.to_string());
         if failure.is_divergence() {
-            return self.diverged(step, &said);
+            return self.diverged(step, &cause);
         }
         let time_s = self.job.run.rate.seconds(step);
-        let reason = format!("plant failed at step {step} ({time_s} s): {said}");
+        let reason = format!("plant failed at step {step} ({time_s} s): {cause}");
         self.give_up(Outcome::Failed, AbortCode::Other, reason)
     }
 

@@ -134,7 +134,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         if self.publisher.is_stuck(received_ns)? {
             return self.recorder_late();
         }
-        let met = self.commands.meet(step, self.side.is_alone());
+        let meeting = self.commands.meet(step, self.side.is_alone());
         let header = &self.commands.newest.header;
         let (rows, plant) = (&mut self.rows, &mut self.plant);
         rows.take_command(header);
@@ -145,24 +145,24 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         let command = (&rows.command[..], &mut rows.command_invalid);
         let age_steps = (plant.faults).command(
             step,
-            (met.age_steps, met.work_ns),
+            (meeting.age_steps, meeting.work_ns),
             command,
             &mut rows.applied,
         );
 
         let rate = self.job.run.rate;
         let time_s = rate.seconds(step);
-        let told = (plant.model).truth(time_s, &rows.applied, &mut rows.truth);
-        if let Err(failure) = told {
+        let result = (plant.model).truth(time_s, &rows.applied, &mut rows.truth);
+        if let Err(failure) = result {
             return self.failed(step, &failure);
         }
         if let Err(bad) = plant.guards.truth.check(&rows.truth) {
             if rows.truth.iter().all(|value| value.is_finite()) {
-                self.note_record(step, &met, age_steps, received_ns);
+                self.note_record(step, &meeting, age_steps, received_ns);
             }
             return self.diverged(step, &bad.to_string());
         }
-        self.note_record(step, &met, age_steps, received_ns);
+        self.note_record(step, &meeting, age_steps, received_ns);
 
         let interval = Interval {
             start_s: time_s,
@@ -178,7 +178,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     }
 
     /// Writes the record of a step; it is published while the controller works on the next.
-    fn note_record(&mut self, step: Step, met: &Met, age_steps: u32, received_ns: u64) {
+    fn note_record(&mut self, step: Step, meeting: &Met, age_steps: u32, received_ns: u64) {
         let header = &self.commands.newest.header;
         let took_ns = received_ns - self.sample.sent_ns + self.timing.plant_ns;
         self.timing = Timing {
@@ -187,11 +187,11 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             sample_age_steps: u64::from(self.sample.age_steps),
             command_age_steps: u64::from(age_steps),
             published_ns: received_ns,
-            round_trip_ns: met.round_trip_ns,
-            controller_ns: met.work_ns,
+            round_trip_ns: meeting.round_trip_ns,
+            controller_ns: meeting.work_ns,
             plant_ns: self.timing.plant_ns,
             late_ns: self.sample.late_ns,
-            held_steps: u64::from(met.held_steps),
+            held_steps: u64::from(meeting.held_steps),
             answered: header.directive,
             plant_surroundings: self.sampler.after(took_ns),
             controller_surroundings: header.surroundings,
@@ -205,8 +205,8 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     fn record_final_truth(&mut self, step: Step) -> Result<(), LinkError> {
         let time_s = self.job.run.rate.seconds(step);
         let rows = &mut self.rows;
-        let told = (self.plant.model).truth(time_s, &rows.applied, &mut rows.truth);
-        if let Err(failure) = told {
+        let result = (self.plant.model).truth(time_s, &rows.applied, &mut rows.truth);
+        if let Err(failure) = result {
             return self.failed(step, &failure);
         }
         if let Err(bad) = self.plant.guards.truth.check(&rows.truth) {

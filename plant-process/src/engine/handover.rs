@@ -92,30 +92,30 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
 
     /// Returns a newly detected lost controller: the active one, or the announced one.
     #[must_use]
-    pub fn news(&self, gone: Gone) -> Option<u32> {
-        if !gone.any() {
+    pub fn news(&self, gone_epochs: Gone) -> Option<u32> {
+        if !gone_epochs.any() {
             return None;
         }
         let active = self.side.epoch();
-        if (gone.is(active) || gone.is_everybody()) && !self.side.is_alone() {
+        if (gone_epochs.is(active) || gone_epochs.is_everybody()) && !self.side.is_alone() {
             return Some(active);
         }
-        self.candidate_gone(gone)
+        self.candidate_gone(gone_epochs)
     }
 
     /// Returns the announced controller if it ended before taking over.
     #[must_use]
-    pub fn candidate_gone(&self, gone: Gone) -> Option<u32> {
-        self.side.candidate().filter(|epoch| gone.is(*epoch))
+    pub fn candidate_gone(&self, gone_epochs: Gone) -> Option<u32> {
+        self.side.candidate().filter(|epoch| gone_epochs.is(*epoch))
     }
 
     /// Receives the next control message of the process that was launched as the controller. Other processes are told
     /// to leave.
     pub(super) fn hear(&mut self) -> Result<Option<Control>, LinkError> {
-        let heard = &mut self.handover.heard;
-        if heard.is_none() {
+        let pending = &mut self.handover.heard;
+        if pending.is_none() {
             let bytes = self.link.receive_control()?;
-            *heard = match bytes.map(|bytes| Control::from_bytes(&bytes)) {
+            *pending = match bytes.map(|bytes| Control::from_bytes(&bytes)) {
                 Some(Ok(message)) => Some(message),
                 Some(Err(_)) => {
                     self.side.ignore(Reason::Unreadable);
@@ -124,14 +124,14 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 None => None,
             };
         }
-        if heard.is_none() {
+        if pending.is_none() {
             return Ok(None);
         }
         match self.link.peer()? {
-            Peer::Launched => Ok(heard.take()),
+            Peer::Launched => Ok(pending.take()),
             Peer::Unknown => Ok(None),
             Peer::Stranger(reason) => {
-                *heard = None;
+                *pending = None;
                 self.side.ignore(Reason::Impostor);
                 program::say(&format!("refused: {reason}"));
                 let refusal = Control::Refusal { reason };
@@ -146,9 +146,9 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         match message {
             Control::Hello(hello) => {
                 let described = (self.job.law.as_ref()).filter(|_| self.side.is_greeting());
-                let said = described.map_or(Ok(()), |law| hello.check_described(law));
-                if let Err(refused) = said {
-                    return PlantAction::Refuse(refused.to_string());
+                let result = described.map_or(Ok(()), |law| hello.check_described(law));
+                if let Err(error) = result {
+                    return PlantAction::Refuse(error.to_string());
                 }
                 let offer = Offer {
                     session: self.job.session,
@@ -227,7 +227,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         let now_ns = monotonic_ns();
         // Time stopped while there was no controller; a hold by itself delays everything after its beginning.
         if waited && let Some(pacer) = &mut self.pacer {
-            let until_ns = self.held.map_or(now_ns, |held| held.since_ns);
+            let until_ns = self.held.map_or(now_ns, |hold| hold.since_ns);
             pacer.delay(until_ns.saturating_sub(self.commands.heard_ns));
         }
         self.commands.heard_ns = now_ns;

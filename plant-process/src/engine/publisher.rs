@@ -66,12 +66,12 @@ impl<S: RecordSink> Publisher<S> {
             return Ok(false);
         }
         self.again_ns = now_ns.saturating_add(self.limit.ns() / LOOKS);
-        let (sent, taken) = self.sink.sent_and_taken()?;
+        let (sent_items, taken_items) = self.sink.sent_and_taken()?;
         match self.owing {
-            Some((before, since_ns)) if before == taken => {
+            Some((before, since_ns)) if before == taken_items => {
                 return Ok(now_ns - since_ns >= self.limit.ns());
             }
-            _ => self.owing = (taken < sent).then_some((taken, now_ns)),
+            _ => self.owing = (taken_items < sent_items).then_some((taken_items, now_ns)),
         }
         Ok(false)
     }

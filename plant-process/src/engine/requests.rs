@@ -30,11 +30,11 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             self.serve(request, step)?;
         }
         if !self.queue.holds(step) {
-            if let Some(held) = self.held.take() {
+            if let Some(hold) = self.held.take() {
                 let now_ns = monotonic_ns();
-                self.commands.resume(held.since_ns, now_ns);
+                self.commands.resume(hold.since_ns, now_ns);
                 if let Some(pacer) = &mut self.pacer {
-                    pacer.delay(now_ns - held.since_ns);
+                    pacer.delay(now_ns - hold.since_ns);
                 }
             }
             return Ok(false);
@@ -42,10 +42,10 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.tell()?; // an observer should see all that happened
         let now_ns = monotonic_ns();
         let again_ns = self.hold_again_ns();
-        let is_due = |held: Held| now_ns - held.told_ns >= again_ns;
+        let is_due = |hold: Held| now_ns - hold.told_ns >= again_ns;
         if self.held.is_none_or(is_due) {
             self.held = Some(Held {
-                since_ns: self.held.map_or(now_ns, |held| held.since_ns),
+                since_ns: self.held.map_or(now_ns, |hold| hold.since_ns),
                 told_ns: now_ns,
             });
             self.link.send(&Header::new(FrameKind::Hold, step), &[])?;
@@ -139,14 +139,14 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 }));
             }
             LoopRequest::Mark(text, answer) => {
-                let taken = self.marks < MOST_MARKS;
-                if taken {
+                let has_room = self.marks < MOST_MARKS;
+                if has_room {
                     self.marks += 1;
                     let mark = Mark { step: step.0, text };
                     self.publisher.sink.event(&Event::Mark(mark))?;
                 }
-                let refused = || format!("the run has {MOST_MARKS} marks, which is the maximum");
-                let _ = answer.send(taken.then_some(step).ok_or_else(refused));
+                let refusal = || format!("the run has {MOST_MARKS} marks, which is the maximum");
+                let _ = answer.send(has_room.then_some(step).ok_or_else(refusal));
             }
         }
         Ok(())

@@ -103,10 +103,10 @@ impl Arrivals {
     pub(super) fn receive(&mut self, step: u64) -> Option<u64> {
         let slot = self.slots[(step % DEPTH as u64) as usize];
         if slot.at == step {
-            for sent in [slot.in_order, slot.overtaken].into_iter().flatten() {
-                let older = self.received.is_some_and(|received| sent < received);
-                if !(older && sent < self.overruled) {
-                    self.received = Some(sent);
+            for message in [slot.in_order, slot.overtaken].into_iter().flatten() {
+                let older = self.received.is_some_and(|received| message < received);
+                if !(older && message < self.overruled) {
+                    self.received = Some(message);
                 }
             }
         }

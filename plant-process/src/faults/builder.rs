@@ -125,56 +125,56 @@ impl FaultBuilder {
         number: u32,
         effect: &FaultEffect,
     ) -> Result<Effect, Invalid> {
-        let built = match &effect.action {
+        let result = match &effect.action {
             FaultAction::Move { moves, .. } => self.moves(moves)?,
             FaultAction::Kind { parameters, list } => {
                 self.kind(&event.kind, &effect.target, parameters, list)?
             }
         };
         let course = profile::canonical(&effect.profile);
-        let canonical = match built.canonical.as_str() {
+        let canonical = match result.canonical.as_str() {
             "" => course,
             action => format!("{action} {course}"),
         };
-        let taken = FaultBegun {
+        let beginning = FaultBegun {
             id: event.id,
             effect: number,
             step: 0,
             kind: event.kind.clone(),
             target: effect.target.clone(),
-            parameter: built.parameter,
+            parameter: result.parameter,
             canonical,
-            wall_only: built.wall_only,
+            wall_only: result.wall_only,
         };
         Ok(Effect::new(
-            taken,
-            built.unit,
-            built.action,
+            beginning,
+            result.unit,
+            result.action,
             effect,
             &event.end,
         ))
     }
 
     fn moves(&self, moves: &[Move]) -> Result<BuiltAction, Invalid> {
-        let found = (moves.iter())
-            .map(|given| Ok((self.parameter(&given.parameter)?, given.operation, given.by)))
+        let targets = (moves.iter())
+            .map(|one| Ok((self.parameter(&one.parameter)?, one.operation, one.by)))
             .collect::<Result<Vec<_>, Invalid>>()?;
-        let first = found.first().map(|(index, ..)| *index);
+        let first = targets.first().map(|(index, ..)| *index);
         let first = first.ok_or_else(|| Invalid("a fault that moves no parameter".into()))?;
-        let names: Vec<&str> = moves.iter().map(|given| given.parameter.as_str()).collect();
-        let canonical = moves.iter().map(|given| {
-            let operation = match given.operation {
+        let names: Vec<&str> = moves.iter().map(|one| one.parameter.as_str()).collect();
+        let canonical = moves.iter().map(|one| {
+            let operation = match one.operation {
                 Operation::Add => "add",
                 Operation::Scale => "scale",
                 Operation::Set => "set",
             };
-            format!("{operation}={:016x}", given.by.to_bits())
+            format!("{operation}={:016x}", one.by.to_bits())
         });
         Ok(BuiltAction {
             parameter: names.join(","),
             canonical: canonical.collect::<Vec<_>>().join(" "),
             unit: self.parameters[first].unit.clone(),
-            action: Action::Move(found),
+            action: Action::Move(targets),
             wall_only: false,
         })
     }
@@ -282,8 +282,8 @@ struct BuiltAction {
 /// Formats the settings that determine an effect in canonical form with exact bits: the parameters in the order of the
 /// kind's table, then the list.
 fn canonical(kind: &FaultKindDescription, parameters: &Settings, list: &[f64]) -> String {
-    let given = |field: &Field| Some((field.name.clone(), parameters.get(&field.name)?));
-    let mut parts: Vec<String> = (kind.parameters.iter().filter_map(given))
+    let value_of = |field: &Field| Some((field.name.clone(), parameters.get(&field.name)?));
+    let mut parts: Vec<String> = (kind.parameters.iter().filter_map(value_of))
         .map(|(name, value)| format!("{name}={:016x}", value.to_bits()))
         .collect();
     if !list.is_empty() {

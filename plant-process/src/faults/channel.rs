@@ -214,10 +214,10 @@ impl Channel {
         invalid: &mut [u64; VALIDITY_WORDS],
     ) -> u32 {
         let received = self.arrivals.receive(step.0);
-        if let Some(sent) = received
-            && (self.silent || sent != self.received_about.step)
+        if let Some(step_sent) = received
+            && (self.silent || step_sent != self.received_about.step)
         {
-            let place = (sent % DEPTH as u64) as usize;
+            let place = (step_sent % DEPTH as u64) as usize;
             let row = &self.values[place * self.width..][..self.width];
             self.received.copy_from_slice(row);
             self.received_about = self.about[place];
@@ -354,7 +354,7 @@ mod tests {
         let bits = line.0.bits();
         assert_eq!(bits, 64 * (1 + 11 + 1 + 2)); // check sum, header, validity, values
         // In the checksum, in the first value, in the last; and one that no copy carries.
-        let mut refused = 0;
+        let mut refusals = 0;
         for (step, bit, copies) in [
             (2, 0, [Some(0), None]),
             (3, 64 * 13, [Some(0), Some(1)]),
@@ -364,10 +364,10 @@ mod tests {
             let mut broken = late(copies);
             (broken.flips[0], broken.flipped) = (bit, 1);
             assert_eq!(line.pass(step, &broken), (1.0, step as u32 - 1, 0));
-            refused += copies.iter().flatten().count() as u64;
-            assert_eq!(line.0.rejected(), refused);
+            refusals += copies.iter().flatten().count() as u64;
+            assert_eq!(line.0.rejected(), refusals);
         }
-        assert_eq!(refused, 4);
+        assert_eq!(refusals, 4);
     }
 
     #[test]

@@ -104,7 +104,7 @@ impl Action {
 impl Effect {
     /// Creates an effect that waits. Its size is reported in this unit.
     pub(super) fn new(
-        taken: FaultBegun,
+        beginning: FaultBegun,
         unit: String,
         action: Action,
         plan: &FaultEffect,
@@ -118,18 +118,18 @@ impl Effect {
             most_occurrences: end.occurrences,
             profile: plan.profile.clone(),
             size: FaultEffectSize {
-                id: taken.id,
-                effect: taken.effect,
-                kind: taken.kind.clone(),
-                target: taken.target.clone(),
-                parameter: taken.parameter.clone(),
+                id: beginning.id,
+                effect: beginning.effect,
+                kind: beginning.kind.clone(),
+                target: beginning.target.clone(),
+                parameter: beginning.parameter.clone(),
                 step: None,
                 ended_step: None,
                 acted_steps: 0,
                 max_effect: 0.0,
                 unit,
             },
-            taken: Some(taken),
+            taken: Some(beginning),
             acting: false,
             runs: 0,
         }
@@ -220,9 +220,9 @@ impl Effect {
 
     /// Takes the report of the beginning, once the effect has begun.
     pub(super) fn take_taken(&mut self) -> Option<FaultBegun> {
-        let mut taken = self.taken.take()?;
-        taken.step = self.size.step?;
-        Some(taken)
+        let mut beginning = self.taken.take()?;
+        beginning.step = self.size.step?;
+        Some(beginning)
     }
 
     /// Ends; this step is healthy again.

@@ -146,8 +146,8 @@ fn apply(effect: &mut Effect, fields: &[Field], row: &mut [f64], step: Step, rat
         }
         Action::Parameter(index, fault) => {
             let value = row[*index];
-            let wanted = fault.number(&at, Reading { value, valid: true }).value;
-            row[*index] = kept(&fields[*index], value, wanted);
+            let target = fault.number(&at, Reading { value, valid: true }).value;
+            row[*index] = kept(&fields[*index], value, target);
             acted = row[*index] != value;
             change = (row[*index] - value).abs();
         }
@@ -167,15 +167,15 @@ fn moved(operation: Operation, value: f64, by: f64, gain: f64) -> f64 {
 }
 
 /// Returns a new value of a parameter, limited to its range.
-fn kept(field: &Field, value: f64, wanted: f64) -> f64 {
-    if wanted.is_nan() {
+fn kept(field: &Field, value: f64, target: f64) -> f64 {
+    if target.is_nan() {
         value
-    } else if wanted < field.min {
+    } else if target < field.min {
         field.min
-    } else if wanted > field.max {
+    } else if target > field.max {
         field.max
     } else {
-        wanted
+        target
     }
 }
 
@@ -190,7 +190,7 @@ mod tests {
             max: 10.0,
             ..Field::signal("x_n", "N", "x")
         };
-        for (operation, by, gain, wanted) in [
+        for (operation, by, gain, expected) in [
             (Operation::Add, 3.0, 0.5, 5.5),
             (Operation::Scale, 0.5, 1.0, 2.0),
             (Operation::Scale, 0.5, 0.5, 3.0),
@@ -202,8 +202,8 @@ mod tests {
             (Operation::Scale, f64::INFINITY, 1.0, 10.0),
             (Operation::Set, f64::INFINITY, 0.0, 4.0),
         ] {
-            let found = kept(&field, 4.0, moved(operation, 4.0, by, gain));
-            assert_eq!(found, wanted, "{operation:?} {by} {gain}");
+            let actual = kept(&field, 4.0, moved(operation, 4.0, by, gain));
+            assert_eq!(actual, expected, "{operation:?} {by} {gain}");
         }
     }
 }

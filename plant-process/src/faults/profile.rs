@@ -148,11 +148,11 @@ mod tests {
             ),
         ];
         for (profile, points) in cases {
-            for &(at_s, wanted) in points {
-                let found = gain(profile, at_s);
+            for &(at_s, expected) in points {
+                let actual = gain(profile, at_s);
                 assert!(
-                    (found - wanted).abs() < 1e-15,
-                    "{profile:?} at {at_s}: {found}"
+                    (actual - expected).abs() < 1e-15,
+                    "{profile:?} at {at_s}: {actual}"
                 );
             }
         }
@@ -164,9 +164,9 @@ mod tests {
         for (period_s, duty, on, period) in [(0.1, 0.5, 500, 1000), (0.03, 0.1, 30, 300)] {
             let profile = Profile::Intermittent { period_s, duty };
             for step in 0..1_000_000 {
-                let wanted = f64::from(u8::from(step % period < on));
-                let found = gain(&profile, rate.seconds(Step(step)));
-                assert_eq!(found, wanted, "step {step}, {profile:?}");
+                let expected = f64::from(u8::from(step % period < on));
+                let actual = gain(&profile, rate.seconds(Step(step)));
+                assert_eq!(actual, expected, "step {step}, {profile:?}");
             }
         }
     }

@@ -87,7 +87,7 @@ impl Schedule {
     pub(super) fn save(&self) -> Vec<SavedEvent> {
         let save = |scheduled: &Scheduled| {
             // Ended events evaluate no conditions, and may have none any more.
-            let held = |watch: &Option<Watch>| {
+            let records_held = |watch: &Option<Watch>| {
                 let watch = watch.as_ref().filter(|_| !scheduled.over);
                 watch.map_or(0, Watch::held)
             };
@@ -95,7 +95,7 @@ impl Schedule {
                 id: scheduled.event.id,
                 held: scheduled.hold.filter(|_| scheduled.held),
                 over: scheduled.over,
-                conditions_held: [&scheduled.when, &scheduled.until].map(held),
+                conditions_held: [&scheduled.when, &scheduled.until].map(records_held),
             }
         };
         self.events.iter().map(save).collect()
@@ -120,12 +120,12 @@ impl Schedule {
                 (scheduled.hold, scheduled.held) = (saved.held, true);
             }
             scheduled.over = saved.over;
-            for (watch, held) in [&mut scheduled.when, &mut scheduled.until]
+            for (watch, records) in [&mut scheduled.when, &mut scheduled.until]
                 .into_iter()
                 .zip(saved.conditions_held)
             {
                 if let Some(watch) = watch {
-                    watch.go_on_from(held);
+                    watch.go_on_from(records);
                 }
             }
         }
@@ -217,7 +217,7 @@ impl Schedule {
 
     fn find(&self, id: u32) -> Option<&Scheduled> {
         let place = self.place_after(id).checked_sub(1)?;
-        Some(&self.events[place]).filter(|found| found.event.id == id)
+        Some(&self.events[place]).filter(|scheduled| scheduled.event.id == id)
     }
 
     /// Determines the beginnings and ends of a step. `last` is the previous record, on which conditions are evaluated.

@@ -155,8 +155,9 @@ impl SignalPath {
                 received = arrivals.receive(step.0);
             }
             // The age that it alone added or removed: messages from before step 0 do not exist.
-            let sent = |received: Option<u64>| received.map_or(-1, |sent| sent as i64);
-            let added_steps = sent(received).abs_diff(sent(received_before));
+            let step_sent =
+                |received: Option<u64>| received.map_or(-1, |step_sent| step_sent as i64);
+            let added_steps = step_sent(received).abs_diff(step_sent(received_before));
             effect.note(passage != before, added_steps as f64);
         }
         self.channel.send(step, &passage);
@@ -169,7 +170,7 @@ fn is_invalid(invalid: &[u64; VALIDITY_WORDS], index: usize) -> bool {
 }
 
 /// Applies a fault to one signal.
-fn apply(effect: &mut Effect, step: Step, rate: Rate, (row, invalid): Row<'_>, kept: &[f64]) {
+fn apply(effect: &mut Effect, step: Step, rate: Rate, (row, invalid): Row<'_>, fallback: &[f64]) {
     let at = effect.moment(step, rate);
     let Action::Signal(_, index, fault) = &mut effect.action else {
         return;
@@ -185,7 +186,7 @@ fn apply(effect: &mut Effect, step: Step, rate: Rate, (row, invalid): Row<'_>, k
     if after.valid {
         invalid[index / 64] &= !bit;
     } else {
-        after.value = kept[index];
+        after.value = fallback[index];
         invalid[index / 64] |= bit;
     }
     row[index] = after.value;

@@ -88,9 +88,9 @@ fn impossible_faults_are_refused_by_name() {
     let builder = builder();
     for (kind, effect, expected) in cases {
         let event = event(1, kind, at(0), &[effect]);
-        let refused = FaultLayer::new(&builder, &[event]);
-        let refused = refused.map(|_| ()).expect_err(expected).to_string();
-        assert!(refused.contains(expected), "{refused}");
+        let result = FaultLayer::new(&builder, &[event]);
+        let result = result.map(|_| ()).expect_err(expected).to_string();
+        assert!(result.contains(expected), "{result}");
     }
 }
 
@@ -100,9 +100,9 @@ fn a_condition_on_an_unknown_signal_is_refused_once_the_signals_are_known() {
     let event = event(1, "plus", condition, &[on("measured.a_m", 1.0)]);
     let builder = builder();
     let mut layer = FaultLayer::new(&builder, &[event]).expect("not known yet");
-    let refused = layer.open(&builder, &RecordLayout::default());
+    let result = layer.open(&builder, &RecordLayout::default());
     assert!(
-        refused
+        result
             .expect_err("unknown")
             .to_string()
             .contains("internal.z")

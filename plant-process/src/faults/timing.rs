@@ -34,26 +34,26 @@ impl Timing {
         for &effect in &self.stack {
             let effect = &mut effects[effect];
             let at = effect.moment(step, rate);
-            let asked = match &mut effect.action {
-                Action::Skip(fault, asked) => {
+            let amount = match &mut effect.action {
+                Action::Skip(fault, amount) => {
                     let before = controller.late_steps;
                     fault.timing(&at, &mut controller);
-                    *asked = controller.late_steps.abs_diff(before);
-                    *asked
+                    *amount = controller.late_steps.abs_diff(before);
+                    *amount
                 }
-                Action::Busy(side, fault, asked) => {
+                Action::Busy(side, fault, amount) => {
                     let directive = match side {
                         Side::Controller => &mut controller,
                         Side::Plant => &mut plant,
                     };
                     let before = directive.busy_ns;
                     fault.timing(&at, directive);
-                    *asked = directive.busy_ns.abs_diff(before);
-                    *asked
+                    *amount = directive.busy_ns.abs_diff(before);
+                    *amount
                 }
                 _ => 0,
             };
-            effect.note(asked > 0, 0.0);
+            effect.note(amount > 0, 0.0);
         }
         (controller, u64::from(plant.busy_ns))
     }
@@ -62,7 +62,7 @@ impl Timing {
     pub(super) fn plant_was_busy(&self, effects: &mut [Effect], busy_ns: u64) {
         for &effect in &self.stack {
             if let Action::Busy(Side::Plant, _, asked_ns) = effects[effect].action {
-                effects[effect].grow(seen(asked_ns, busy_ns));
+                effects[effect].grow(observed_part(asked_ns, busy_ns));
             }
         }
     }
@@ -72,7 +72,7 @@ impl Timing {
         for &effect in &self.stack {
             match effects[effect].action {
                 Action::Busy(Side::Controller, _, asked_ns) => {
-                    effects[effect].grow(seen(asked_ns, work_ns));
+                    effects[effect].grow(observed_part(asked_ns, work_ns));
                 }
                 // An older command arrives, until the skipped one is due.
                 Action::Skip(_, asked_steps) if age_steps > 0 => {
@@ -85,7 +85,11 @@ impl Timing {
 }
 
 /// Returns the observed part of a request.
-fn seen(asked: u32, seen: u64) -> f64 {
-    let asked = u64::from(asked);
-    (if asked < seen { asked } else { seen }) as f64
+fn observed_part(request: u32, observed: u64) -> f64 {
+    let request = u64::from(request);
+    (if request < observed {
+        request
+    } else {
+        observed
+    }) as f64
 }

@@ -108,9 +108,12 @@ mod tests {
                     .expect("restores");
                 let mut twin = random.clone();
                 for k in steps..steps + 100 {
-                    let found = step(&kind, resumed.as_mut(), k, &mut twin);
+                    let actual = step(&kind, resumed.as_mut(), k, &mut twin);
                     let expected = step(&kind, straight.as_mut(), k, &mut random);
-                    assert_eq!(found, expected, "{name}, saved before step {steps}, at {k}");
+                    assert_eq!(
+                        actual, expected,
+                        "{name}, saved before step {steps}, at {k}"
+                    );
                 }
             }
         }

@@ -54,15 +54,15 @@ struct Origin {
 impl Origin {
     fn of(package: &Path) -> Self {
         let mut origin = Self::default();
-        let found = Packages::of(package);
-        if let Some(root) = &found.root {
+        let packages = Packages::of(package);
+        if let Some(root) = &packages.root {
             origin.lock = Some(root.join("Cargo.lock")).filter(|lock| lock.is_file());
             origin.watched.push(root.join("Cargo.toml"));
             origin.watched.extend(origin.lock.clone());
         }
         // Sources by repository; those outside any repository under `None`.
         let mut repositories: Vec<(Option<PathBuf>, Vec<PathBuf>)> = Vec::new();
-        for folder in &found.folders {
+        for folder in &packages.folders {
             let parts = PARTS.map(|part| folder.join(part));
             let parts = parts.into_iter().filter(|part| part.exists());
             // A folder may lie inside a repository without being tracked by it; such a package has no commit.
@@ -170,8 +170,8 @@ impl Packages {
 fn dependencies(package: &Value) -> (PathBuf, BTreeSet<PathBuf>) {
     let manifest = path(&package["manifest_path"]);
     let folder = manifest.parent().unwrap_or(Path::new("")).to_owned();
-    let built = list(&package["dependencies"]).filter(|one| one["kind"].is_null());
-    let named = built.filter(|one| one["path"].is_string());
+    let normal = list(&package["dependencies"]).filter(|one| one["kind"].is_null());
+    let named = normal.filter(|one| one["path"].is_string());
     (folder, named.map(|one| path(&one["path"])).collect())
 }
 

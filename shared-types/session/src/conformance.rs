@@ -137,8 +137,8 @@ fn assert_broken(sentences: &[Sentence], names: &[&str]) {
     for name in names {
         let mut sentences = sentences.iter();
         let sentence = sentences.find(|sentence| sentence.name == *name);
-        let held = sentence.expect("a sentence").holds(Duration::from_secs(5));
-        assert!(held.is_err(), "`{name}` finds nothing wrong");
+        let result = sentence.expect("a sentence").holds(Duration::from_secs(5));
+        assert!(result.is_err(), "`{name}` finds nothing wrong");
     }
 }
 

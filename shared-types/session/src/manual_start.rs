@@ -64,9 +64,9 @@ impl Token {
 
     /// Compares in constant time.
     #[must_use]
-    pub fn is(&self, shown: &Self) -> bool {
+    pub fn is(&self, other: &Self) -> bool {
         let hash = |token: &Self| blake3::hash(token.token.as_bytes());
-        hash(self) == hash(shown)
+        hash(self) == hash(other)
     }
 }
 
@@ -158,10 +158,10 @@ impl Drop for Leash {
 /// Reads the exit code that an ended side sent; `None` if it sent none.
 #[must_use]
 pub fn last_word(stream: &UnixStream) -> Option<u8> {
-    let mut said = String::new();
+    let mut line = String::new();
     // Longer than any valid message.
-    BufReader::new(stream.take(64)).read_line(&mut said).ok()?;
-    let code = said.strip_prefix(ENDED)?.trim();
+    BufReader::new(stream.take(64)).read_line(&mut line).ok()?;
+    let code = line.strip_prefix(ENDED)?.trim();
     code.parse().ok()
 }
 

@@ -242,8 +242,8 @@ mod tests {
         fs::create_dir(&all).expect("made");
         // Independent of the umask.
         fs::set_permissions(&all, Permissions::from_mode(0o755)).expect("its own");
-        let refused = PrivateFolder::create_in(&all, "one").expect_err("open");
-        assert!(refused.to_string().contains("not your private folder"));
+        let error = PrivateFolder::create_in(&all, "one").expect_err("open");
+        assert!(error.to_string().contains("not your private folder"));
         fs::write(all.join("one-1-0.lock"), "").expect("written");
         sweep_in(&all);
         assert!(all.join("one-1-0.lock").exists());

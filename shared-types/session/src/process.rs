@@ -95,7 +95,7 @@ impl ProcessId {
     /// Kills the rest of its process group, which it must have led.
     pub fn kill_group(self) {
         // A later process of this number may lead a group of its own, but not while the old group has a member.
-        let later = Self::of(self.pid).is_some_and(|found| found != self);
+        let later = Self::of(self.pid).is_some_and(|process| process != self);
         if !later && let Some(pid) = number(self.pid) {
             // The group may be empty.
             let _ = kill_process_group(pid, Signal::KILL);
@@ -121,15 +121,15 @@ impl Ending {
     /// Opens a handle to this process; `None` if it has ended, or the kernel lacks process descriptors.
     #[must_use]
     pub fn of(id: ProcessId) -> Option<Self> {
-        let held = pidfd_open(number(id.pid)?, PidfdFlags::empty()).ok()?;
+        let descriptor = pidfd_open(number(id.pid)?, PidfdFlags::empty()).ok()?;
         // Checked after opening, it cannot be a later process of that number.
-        id.is_alive().then_some(Self(held))
+        id.is_alive().then_some(Self(descriptor))
     }
 
     /// Waits until one of these processes has ended, up to the limit; returns `true` if one has.
     pub fn wait_for_any<'a>(endings: impl IntoIterator<Item = &'a Self>, limit: Duration) -> bool {
         let mut ends: Vec<PollFd<'_>> = (endings.into_iter())
-            .map(|Self(held)| PollFd::new(held, PollFlags::IN))
+            .map(|Self(descriptor)| PollFd::new(descriptor, PollFlags::IN))
             .collect();
         let limit = Timespec::try_from(limit).unwrap_or_default();
         // A signal means the same as the limit: check again.
@@ -173,7 +173,7 @@ fn kill_those_with(line: &[u8]) -> usize {
     let uid = rustix::process::geteuid().as_raw();
     let own = std::process::id();
     let processes = fs::read_dir("/proc").into_iter().flatten().flatten();
-    let mut found = 0;
+    let mut count = 0;
     for process in processes {
         let pid: Option<u32> = process
             .file_name()
@@ -187,15 +187,15 @@ fn kill_those_with(line: &[u8]) -> usize {
             continue;
         }
         // Held by its descriptor and checked once more, it cannot be a later process of that number.
-        let held = number(pid).and_then(|pid| pidfd_open(pid, PidfdFlags::empty()).ok());
-        if let Some(held) = held
+        let descriptor = number(pid).and_then(|pid| pidfd_open(pid, PidfdFlags::empty()).ok());
+        if let Some(descriptor) = descriptor
             && has_in_environment(pid, line)
         {
-            found += 1;
-            let _ = pidfd_send_signal(held, Signal::KILL); // it may have ended just now
+            count += 1;
+            let _ = pidfd_send_signal(descriptor, Signal::KILL); // it may have ended just now
         }
     }
-    found
+    count
 }
 
 fn has_in_environment(pid: u32, line: &[u8]) -> bool {
@@ -203,7 +203,7 @@ fn has_in_environment(pid: u32, line: &[u8]) -> bool {
     let mut environment = read();
     // During `exec` a process has no environment for a moment.
     for _ in 0..LOOKS {
-        if !(environment.as_ref()).is_ok_and(|found| found.is_empty() && becomes_another(pid)) {
+        if !(environment.as_ref()).is_ok_and(|content| content.is_empty() && becomes_another(pid)) {
             break;
         }
         std::thread::sleep(Duration::from_millis(1));

@@ -185,7 +185,9 @@ impl SessionInfo {
     /// wait for that size without a limit when opening the service.
     pub fn remove_unfinished(&self) {
         for path in self.segments() {
-            if fs::symlink_metadata(&path).is_ok_and(|found| found.is_file() && found.len() == 0) {
+            if fs::symlink_metadata(&path)
+                .is_ok_and(|metadata| metadata.is_file() && metadata.len() == 0)
+            {
                 let _ = fs::remove_file(&path); // it may be gone by now
             }
         }
@@ -198,8 +200,8 @@ impl SessionInfo {
     pub fn tighten(&self) {
         for path in self.open_to_others() {
             // The file may have been removed meanwhile.
-            let _ = fs::symlink_metadata(&path).and_then(|found| {
-                let mode = if found.is_dir() { 0o700 } else { 0o600 };
+            let _ = fs::symlink_metadata(&path).and_then(|metadata| {
+                let mode = if metadata.is_dir() { 0o700 } else { 0o600 };
                 fs::set_permissions(&path, Permissions::from_mode(mode))
             });
         }
@@ -209,18 +211,18 @@ impl SessionInfo {
     #[must_use]
     pub fn open_to_others(&self) -> Vec<PathBuf> {
         let mut open = Vec::new();
-        let mut left = self.segments();
-        left.push(self.folder.clone());
-        while let Some(path) = left.pop() {
+        let mut paths = self.segments();
+        paths.push(self.folder.clone());
+        while let Some(path) = paths.pop() {
             // The file may have been removed meanwhile.
-            let Ok(found) = fs::symlink_metadata(&path) else {
+            let Ok(metadata) = fs::symlink_metadata(&path) else {
                 continue;
             };
-            if found.is_dir() {
+            if metadata.is_dir() {
                 let inside = fs::read_dir(&path).into_iter().flatten().flatten();
-                left.extend(inside.map(|entry| entry.path()));
+                paths.extend(inside.map(|entry| entry.path()));
             }
-            if found.mode() & 0o077 != 0 {
+            if metadata.mode() & 0o077 != 0 {
                 open.push(path);
             }
         }
@@ -235,7 +237,7 @@ impl SessionInfo {
     }
 
     fn has_folder(&self) -> bool {
-        Self::read(&self.folder).is_ok_and(|found| found.id == self.id)
+        Self::read(&self.folder).is_ok_and(|info| info.id == self.id)
     }
 
     /// Removes files that an observer left after the owner had removed everything.
@@ -348,13 +350,13 @@ impl Session {
             run_dir: None,
             folder,
         };
-        let made = info.make().and_then(|lock| {
+        let result = info.make().and_then(|lock| {
             if is_shared {
                 info.make_links()?;
             }
             Ok(lock)
         });
-        match made {
+        match result {
             Ok(lock) => Ok(Self {
                 info,
                 is_shared,

@@ -38,12 +38,12 @@ impl SharedMemory {
     /// # Errors
     /// If it does not exist.
     pub fn look() -> io::Result<Self> {
-        let found = statvfs(FOLDER)?;
+        let status = statvfs(FOLDER)?;
         Ok(Self {
-            is_read_only: found.f_flag.contains(StatVfsMountFlags::RDONLY),
+            is_read_only: status.f_flag.contains(StatVfsMountFlags::RDONLY),
             is_open: access(FOLDER, Access::WRITE_OK | Access::EXEC_OK).is_ok(),
-            free_bytes: found.f_bavail.saturating_mul(found.f_frsize),
-            free_inodes: (found.f_files > 0).then_some(found.f_favail),
+            free_bytes: status.f_bavail.saturating_mul(status.f_frsize),
+            free_inodes: (status.f_files > 0).then_some(status.f_favail),
         })
     }
 
@@ -79,19 +79,19 @@ impl SharedMemory {
 /// Returns the obstacle that keeps this process from using shared memory, and its remedy; `None` if none is known.
 #[must_use]
 pub fn hindrance() -> Option<String> {
-    let found = match SharedMemory::look() {
-        Ok(found) => found.hindrance(),
+    let obstacle = match SharedMemory::look() {
+        Ok(obstacle) => obstacle.hindrance(),
         Err(_) => Some(format!(
             "{FOLDER} does not exist: `sudo mount -t tmpfs -o mode=1777,nosuid,nodev tmpfs {FOLDER}`"
         )),
     };
-    found.or_else(limit)
+    obstacle.or_else(limit)
 }
 
 /// Returns a limit of this process that is nearly reached.
 fn limit() -> Option<String> {
-    let left = |resource, used: u64| Some((getrlimit(resource).current?, used));
-    let addresses = left(Resource::As, addresses()).filter(|l| is_near(*l, LEAST_ADDRESSES));
+    let limit_of = |resource, used: u64| Some((getrlimit(resource).current?, used));
+    let addresses = limit_of(Resource::As, addresses()).filter(|l| is_near(*l, LEAST_ADDRESSES));
     if let Some((most, used)) = addresses {
         return Some(format!(
             "a process may have {} MiB of address space and this one has {} already: `ulimit -v unlimited`",
@@ -100,13 +100,13 @@ fn limit() -> Option<String> {
         ));
     }
     let open = std::fs::read_dir("/proc/self/fd").map_or(0, |all| all.count() as u64);
-    let files = left(Resource::Nofile, open).filter(|l| is_near(*l, LEAST_FILES));
+    let files = limit_of(Resource::Nofile, open).filter(|l| is_near(*l, LEAST_FILES));
     if let Some((most, used)) = files {
         return Some(format!(
             "a process may have {most} files open and this one has {used} already: `ulimit -n 4096`"
         ));
     }
-    let (most, _) = left(Resource::Fsize, 0).filter(|l| is_near(*l, LEAST_BYTES))?;
+    let (most, _) = limit_of(Resource::Fsize, 0).filter(|l| is_near(*l, LEAST_BYTES))?;
     Some(format!(
         "a file may have at most {most} bytes: `ulimit -f unlimited`"
     ))
@@ -119,8 +119,10 @@ const fn is_near((most, used): (u64, u64), least: u64) -> bool {
 
 /// Returns the size of this process's address space in bytes.
 fn addresses() -> u64 {
-    let told = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let size = told.lines().find_map(|line| line.strip_prefix("VmSize:"));
+    let status_text = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let size = status_text
+        .lines()
+        .find_map(|line| line.strip_prefix("VmSize:"));
     let kib = size.and_then(|size| size.trim().strip_suffix(" kB")?.parse::<u64>().ok());
     kib.unwrap_or(0) << 10
 }
@@ -147,7 +149,7 @@ mod tests {
     #[test]
     fn missing_requirements_on_shared_memory_are_reported() {
         let (free_inodes, read_only) = (Some(LEAST_INODES - 1), true);
-        for (found, told) in [
+        for (state, expected) in [
             (GOOD, None),
             (
                 SharedMemory {
@@ -185,10 +187,13 @@ mod tests {
                 Some("only 7 MiB free"),
             ),
         ] {
-            let said = found.hindrance();
-            match told {
-                None => assert_eq!(said, None),
-                Some(part) => assert!(said.clone().unwrap_or_default().contains(part), "{said:?}"),
+            let obstacle = state.hindrance();
+            match expected {
+                None => assert_eq!(obstacle, None),
+                Some(part) => assert!(
+                    obstacle.clone().unwrap_or_default().contains(part),
+                    "{obstacle:?}"
+                ),
             }
         }
     }

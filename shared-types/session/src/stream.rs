@@ -161,8 +161,8 @@ impl RecordSink for IceoryxSink {
             .map_err(|e| transport(RECORDS, e))?;
         self.publisher = Some(publisher);
         // The file tells observers that the publisher exists.
-        let written = self.session.write_file(LAYOUT_FILE, layout);
-        written.map_err(|error| LinkError::Transport {
+        let result = self.session.write_file(LAYOUT_FILE, layout);
+        result.map_err(|error| LinkError::Transport {
             service: RECORDS.into(),
             reason: error.to_string(),
         })

@@ -118,15 +118,15 @@ impl Supervision {
     #[must_use]
     pub fn from_words(words: impl BufRead + Send + 'static) -> Self {
         let supervision = Self::new();
-        let heard = supervision.clone();
+        let listener = supervision.clone();
         std::thread::spawn(move || {
             for line in words.lines() {
                 match line {
-                    Ok(line) => heard.hear(&line),
+                    Ok(line) => listener.hear(&line),
                     Err(_) => break,
                 }
             }
-            heard.stop("hil is gone");
+            listener.stop("hil is gone");
             end_after_grace();
         });
         supervision
@@ -274,8 +274,8 @@ mod tests {
         supervision.hear("next");
         assert!(supervision.next_job() && supervision.next_job());
         let waits = supervision.clone();
-        let (done, ended) = std::sync::mpsc::channel();
-        std::thread::spawn(move || done.send(waits.next_job()));
+        let (sender, ended) = std::sync::mpsc::channel();
+        std::thread::spawn(move || sender.send(waits.next_job()));
         let limit = std::time::Duration::from_millis(50);
         assert!(
             ended.recv_timeout(limit).is_err(),
@@ -294,16 +294,18 @@ mod tests {
         for nonsense in ["", "expect", "expect x", "peer-gone -1", "stop now", "halt"] {
             supervision.hear(nonsense);
         }
-        let heard = |s: &Supervision| (s.wants_stop(), s.is_peer_gone(), s.expected());
-        assert_eq!(heard(&supervision), (false, false, 0));
+        let state = |s: &Supervision| (s.wants_stop(), s.is_peer_gone(), s.expected());
+        assert_eq!(state(&supervision), (false, false, 0));
         // A later one first: each is remembered.
         for line in ["expect 2", "peer-gone 2", "peer-gone 1", " stop "] {
             supervision.hear(line);
         }
-        assert_eq!(heard(&supervision), (true, true, 2));
-        let gone = supervision.gone();
-        assert!(gone.is(1) && gone.is(2) && !gone.is(3) && !gone.is(64));
-        assert!(!gone.is_everybody());
+        assert_eq!(state(&supervision), (true, true, 2));
+        let gone_epochs = supervision.gone();
+        assert!(
+            gone_epochs.is(1) && gone_epochs.is(2) && !gone_epochs.is(3) && !gone_epochs.is(64)
+        );
+        assert!(!gone_epochs.is_everybody());
         supervision.hear("peer-gone");
         assert!(supervision.gone().is_everybody());
     }

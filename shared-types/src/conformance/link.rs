@@ -101,8 +101,8 @@ fn open(end: &mut impl Link, epoch: u32, outgoing: usize, incoming: usize) {
 }
 
 fn send(end: &mut impl Link, kind: FrameKind, step: u64, values: &[f64]) {
-    let sent = end.send(&Header::new(kind, Step(step)), values);
-    sent.expect("a frame is sent");
+    let result = end.send(&Header::new(kind, Step(step)), values);
+    result.expect("a frame is sent");
 }
 
 fn sample(plant: &mut impl Link, step: u64, values: &[f64]) {
@@ -143,8 +143,8 @@ fn silence<F: Fixture>(end: &mut F::Link, values: &mut [f64], why: &str) {
     let since = Instant::now();
     loop {
         assert_eq!(end.receive(values), Ok(None), "{why}");
-        let heard = end.receive_control();
-        assert_eq!(heard, Ok(None), "{why}");
+        let message = end.receive_control();
+        assert_eq!(message, Ok(None), "{why}");
         if since.elapsed() >= F::LATENCY {
             return;
         }

@@ -70,31 +70,31 @@ fn record(step: u64) -> String {
 }
 
 /// Drains the source into text: each record as its step, or as its difference from the expected words.
-fn take(source: &mut impl RecordSource, seen: &mut Vec<String>) -> usize {
-    let taken = source.drain(&mut |item| {
-        seen.push(match item {
+fn take(source: &mut impl RecordSource, items: &mut Vec<String>) -> usize {
+    let result = source.drain(&mut |item| {
+        items.push(match item {
             Item::Record(words) if words == vec![words[0]; layout().words()] => record(words[0]),
             Item::Event(Event::Fault(fault)) => format!("event {}", fault.parameter.len()),
             other => format!("{other:?}"),
         });
     });
-    taken.expect("a source drains")
+    result.expect("a source drains")
 }
 
 /// Drains until N items arrived and no more follow.
 fn drained<F: Fixture>(source: &mut F::Source, items: usize) -> Vec<String> {
-    let mut seen = Vec::new();
+    let mut list = Vec::new();
     let since = Instant::now();
-    while take(source, &mut seen) > 0 || seen.len() < items {
+    while take(source, &mut list) > 0 || list.len() < items {
         assert!(
             since.elapsed() < F::PATIENCE,
             "only {} of {items} items came: {:?}",
-            seen.len(),
-            &seen[seen.len().saturating_sub(3)..]
+            list.len(),
+            &list[list.len().saturating_sub(3)..]
         );
         yield_now();
     }
-    seen
+    list
 }
 
 /// Opens both ends; the recorder has polled once, and there is room.
@@ -124,8 +124,8 @@ pub fn records_and_events_arrive_in_order_and_once<F: Fixture>() {
     let long = event(&"long ".repeat(500));
     sink.event(&long).expect("an event is published");
     publish(&mut sink, 1);
-    let wanted = ["record 0", "event 2500", "record 1"];
-    assert_eq!(drained::<F>(&mut source, wanted.len()), wanted);
+    let expected = ["record 0", "event 2500", "record 1"];
+    assert_eq!(drained::<F>(&mut source, expected.len()), expected);
     assert!(drained::<F>(&mut source, 0).is_empty(), "they came already");
 }
 
@@ -133,21 +133,21 @@ pub fn records_and_events_arrive_in_order_and_once<F: Fixture>() {
 pub fn a_plant_without_credit_waits_and_loses_nothing<F: Fixture>() {
     let mut place = F::new();
     let (mut sink, mut source) = opened(&mut place);
-    let mut wanted = Vec::new();
+    let mut expected = Vec::new();
     for round in 0..3 {
-        let mut sent = 0;
+        let mut count = 0;
         while sink.has_room().expect("a sink can be asked") {
-            publish(&mut sink, sent);
-            wanted.push(record(sent));
-            sent += 1;
-            assert!(sent < MANY, "it never waits for its recorder");
+            publish(&mut sink, count);
+            expected.push(record(count));
+            count += 1;
+            assert!(count < MANY, "it never waits for its recorder");
         }
         assert!(
-            sent > SOME,
-            "in round {round} it waits after {sent} records"
+            count > SOME,
+            "in round {round} it waits after {count} records"
         );
-        assert_eq!(drained::<F>(&mut source, wanted.len()), wanted);
-        wanted.clear();
+        assert_eq!(drained::<F>(&mut source, expected.len()), expected);
+        expected.clear();
         room::<F>(&mut sink);
     }
 }
@@ -159,20 +159,23 @@ pub fn credit_counts_what_was_taken<F: Fixture>() {
     for step in 0..SOME {
         publish(&mut sink, step);
     }
-    let (sent, taken) = sink.sent_and_taken().expect("a sink can be asked");
+    let (sent_count, taken_count) = sink.sent_and_taken().expect("a sink can be asked");
     assert!(
-        (sent, taken) == (SOME, 0) || sent == taken,
-        "{taken} of {sent}"
+        (sent_count, taken_count) == (SOME, 0) || sent_count == taken_count,
+        "{taken_count} of {sent_count}"
     );
     drained::<F>(&mut source, SOME as usize);
     let since = Instant::now();
     loop {
-        let (sent, taken) = sink.sent_and_taken().expect("a sink can be asked");
-        if sent == taken {
+        let (sent_count, taken_count) = sink.sent_and_taken().expect("a sink can be asked");
+        if sent_count == taken_count {
             return;
         }
         let waited = since.elapsed();
-        assert!(waited < F::PATIENCE, "{taken} of {sent} after {waited:?}");
+        assert!(
+            waited < F::PATIENCE,
+            "{taken_count} of {sent_count} after {waited:?}"
+        );
         yield_now();
     }
 }
@@ -185,12 +188,12 @@ pub fn records_are_whole_while_both_ends_work<F: Fixture>() {
     sink.open(&layout()).expect("a sink opens");
     let takes = std::thread::spawn(move || {
         let mut source = opens();
-        let (mut seen, mut next, mut since) = (Vec::new(), 0, Instant::now());
+        let (mut items, mut next, mut since) = (Vec::new(), 0, Instant::now());
         while next < LAST {
-            if take(&mut source, &mut seen) > 0 {
+            if take(&mut source, &mut items) > 0 {
                 since = Instant::now();
             }
-            for item in seen.drain(..) {
+            for item in items.drain(..) {
                 assert_eq!(item, record(next));
                 next += 1;
             }
@@ -216,8 +219,8 @@ pub fn a_dead_plant_is_silent_after_its_last_record<F: Fixture>() {
         publish(&mut sink, step);
     }
     drop(sink);
-    let wanted: Vec<String> = (0..SOME).map(record).collect();
-    assert_eq!(drained::<F>(&mut source, wanted.len()), wanted);
+    let expected: Vec<String> = (0..SOME).map(record).collect();
+    assert_eq!(drained::<F>(&mut source, expected.len()), expected);
     assert!(drained::<F>(&mut source, 0).is_empty());
 }
 
@@ -226,10 +229,10 @@ pub fn a_dead_recorder_holds_nobody_up<F: Fixture>() {
     let mut place = F::new();
     let (mut sink, source) = opened(&mut place);
     drop(source);
-    let mut sent = 0;
-    while sent < SOME && sink.has_room().expect("a sink can be asked") {
-        publish(&mut sink, sent);
-        sent += 1;
+    let mut count = 0;
+    while count < SOME && sink.has_room().expect("a sink can be asked") {
+        publish(&mut sink, count);
+        count += 1;
     }
-    assert_eq!(sent, SOME, "there was room for as many");
+    assert_eq!(count, SOME, "there was room for as many");
 }

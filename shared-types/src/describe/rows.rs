@@ -62,7 +62,7 @@ fn check_signals(table: &str, whose: &str, fields: &[Field]) -> Result<(), Inval
     check_each(table, whose, fields, |field| {
         let has_default = field.default.is_some();
         (has_default || field.faultable || field.tunable).then(|| {
-            "is a signal, which can have no default and be neither faultable nor tunable".into()
+            "is a signal; signals have no default and are neither faultable nor tunable".into()
         })
     })
 }
@@ -189,14 +189,14 @@ mod tests {
         assert_eq!(law().check_rows(), Ok(()));
         let mut plant = plant();
         plant.measured[0].default = Some(0.0);
-        let message = "measured of plant `still`: `x_m` is a signal, which can have no default and be neither faultable nor tunable";
+        let message = "measured of plant `still`: `x_m` is a signal; signals have no default and are neither faultable nor tunable";
         assert_eq!(plant.check_rows(), Err(Invalid(message.into())));
         let mut law = law();
         law.internals = vec![Field {
             faultable: true,
             ..signal("i_m")
         }];
-        let message = "internals of law `still`: `i_m` is a signal, which can have no default and be neither faultable nor tunable";
+        let message = "internals of law `still`: `i_m` is a signal; signals have no default and are neither faultable nor tunable";
         assert_eq!(law.check_rows(), Err(Invalid(message.into())));
     }
 

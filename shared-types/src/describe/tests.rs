@@ -48,10 +48,10 @@ fn sound() -> Description {
 }
 
 #[track_caller]
-fn refused(change: impl FnOnce(&mut Description), wanted: &str) {
+fn refused(change: impl FnOnce(&mut Description), expected: &str) {
     let mut description = sound();
     change(&mut description);
-    assert_eq!(description.check(), Err(wanted.to_owned()));
+    assert_eq!(description.check(), Err(expected.to_owned()));
 }
 
 #[test]

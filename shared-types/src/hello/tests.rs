@@ -44,12 +44,12 @@ fn everything_missing_is_named_at_once() {
     let mut hello = hello();
     hello.measured.push(field("angel_rad"));
     hello.commands = Some(vec![]);
-    let told = answer(&hello).unwrap_err().to_string();
+    let text = answer(&hello).unwrap_err().to_string();
     assert!(
-        told.contains("no signal `angel_rad`, nearest: angle_rad"),
-        "{told}"
+        text.contains("no signal `angel_rad`, nearest: angle_rad"),
+        "{text}"
     );
-    assert!(told.contains("no signal `drive_rad`"), "{told}");
+    assert!(text.contains("no signal `drive_rad`"), "{text}");
 }
 
 #[test]
@@ -60,48 +60,48 @@ fn unusable_names_are_refused_on_both_sides() {
     };
     let numbered: Vec<String> = (0..600).map(|number| format!("x{number}_rad")).collect();
     let many: Vec<&str> = numbered.iter().map(String::as_str).collect();
-    for (names, wanted) in [
-        (&["a rad"][..], "internal: \"a rad\" is no name"),
+    for (names, expected) in [
+        (&["a rad"][..], "internal: \"a rad\" is not a name"),
         (&["a_rad", "a_rad"], "internal: `a_rad` is defined twice"),
         (&many, "internal: there are 600; at most 512 are allowed"),
         (&many[..511], "513 signals in one direction"),
     ] {
-        let told = answer(&with(names)).unwrap_err().to_string();
-        assert!(told.starts_with(wanted), "{told}");
+        let text = answer(&with(names)).unwrap_err().to_string();
+        assert!(text.starts_with(expected), "{text}");
         let mut welcome = answer(&hello()).expect("agreed");
         welcome.command = SignalTable::of(SignalKind::Command, &hello().commands.expect("some"))
             .and(SignalKind::Internal, &with(names).internals);
         welcome.layout = layout_hash(&welcome.sample, &welcome.command);
-        let told = welcome.check(&hello()).unwrap_err().to_string();
-        assert!(told.starts_with(wanted), "{told}");
+        let text = welcome.check(&hello()).unwrap_err().to_string();
+        assert!(text.starts_with(expected), "{text}");
     }
     let law = "pid\u{1b}[2J".into();
-    let told = answer(&Hello { law, ..hello() }).unwrap_err().to_string();
+    let text = answer(&Hello { law, ..hello() }).unwrap_err().to_string();
     assert!(
-        told.starts_with("law: \"pid\\u{1b}[2J\" is no name"),
-        "{told}"
+        text.starts_with("law: \"pid\\u{1b}[2J\" is not a name"),
+        "{text}"
     );
 }
 
 #[test]
 fn a_hello_that_differs_from_the_description_is_refused() {
-    let said = hello();
+    let greeting = hello();
     let described = |change: &dyn Fn(&mut LawDescription)| {
         let mut law = LawDescription {
-            name: said.law.clone(),
+            name: greeting.law.clone(),
             summary: String::new(),
             plants: vec![],
             parameters: vec![],
             model: vec![],
-            measured: said.measured.clone(),
-            reference: said.reference.clone(),
-            commands: said.commands.clone(),
-            internals: said.internals.clone(),
+            measured: greeting.measured.clone(),
+            reference: greeting.reference.clone(),
+            commands: greeting.commands.clone(),
+            internals: greeting.internals.clone(),
             saves: false,
             tuning: String::new(),
         };
         change(&mut law);
-        (said.check_described(&law)).map_err(|refused| refused.to_string())
+        (greeting.check_described(&law)).map_err(|error| error.to_string())
     };
     assert_eq!(described(&|_| ()), Ok(()));
     assert_eq!(
@@ -115,8 +115,8 @@ fn a_hello_that_differs_from_the_description_is_refused() {
     assert_eq!(
         described(&|law| law.internals[0].unit = "m".into()),
         Err(
-            "its hello says the internal signal \"integral_rad\" in \"rad\", \
-             and its --describe says \"integral_rad\" in \"m\""
+            "its hello says the internal signal \"integral_rad\" in \"rad\"; \
+             its --describe says \"integral_rad\" in \"m\""
                 .into()
         )
     );
@@ -138,12 +138,12 @@ fn a_law_for_any_plant_gets_the_plants_commands() {
 
 #[test]
 fn foreign_versions_and_sessions_are_refused() {
-    let refused = answer(&Hello {
+    let error = answer(&Hello {
         protocol: 99,
         ..hello()
     });
     assert_eq!(
-        refused,
+        error,
         Err(Refused::Protocol {
             theirs: 99,
             ours: PROTOCOL

@@ -88,7 +88,7 @@ pub trait Link {
     }
 }
 
-/// Borrowed end of a link; the borrower ends first.
+/// Mutable reference to an end, for use by a shorter-lived owner.
 impl<L: Link> Link for &mut L {
     crate::pass_on!(self => **self; send_control tell receive_control expect peer open_frames take_over send receive rejected sleeper);
 }

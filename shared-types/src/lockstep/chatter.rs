@@ -64,7 +64,7 @@ trait Pestered: Clone {
     fn sayings(&self) -> Vec<Self::Said>;
 
     /// Performs the next poll.
-    fn poll(&mut self, said: &Self::Said) -> Result<(), String>;
+    fn poll(&mut self, message: &Self::Said) -> Result<(), String>;
 }
 
 /// Visits every reachable state and returns their number. Fails if a state recurs.
@@ -76,34 +76,34 @@ fn explore<S: Pestered>(start: S) -> Result<usize, String> {
         said: Option<S::Said>,
     }
     // Maps each visited state to `true` while it lies on the path to the current one.
-    let mut seen = HashMap::from([(start.key(), true)]);
+    let mut on_path = HashMap::from([(start.key(), true)]);
     let mut way = vec![Place {
         left: start.sayings(),
         state: start,
         said: None,
     }];
     while let Some(place) = way.last_mut() {
-        let Some(said) = place.left.pop() else {
-            seen.insert(place.state.key(), false);
+        let Some(message) = place.left.pop() else {
+            on_path.insert(place.state.key(), false);
             way.pop();
             continue;
         };
-        place.said = Some(said.clone());
+        place.said = Some(message.clone());
         let mut state = place.state.clone();
-        let polled = state.poll(&said);
+        let polled = state.poll(&message);
         let so_far = |way: &[Place<S>]| {
-            let said: Vec<_> = way.iter().filter_map(|place| place.said.clone()).collect();
-            format!("{said:?}")
+            let messages: Vec<_> = way.iter().filter_map(|place| place.said.clone()).collect();
+            format!("{messages:?}")
         };
         polled.map_err(|wrong| format!("{wrong}: {}", so_far(&way)))?;
         if state.is_over() {
             continue;
         }
-        match seen.get(&state.key()) {
+        match on_path.get(&state.key()) {
             Some(false) => {}
             Some(true) => return Err(format!("it never ends: {}", so_far(&way))),
             None => {
-                seen.insert(state.key(), true);
+                on_path.insert(state.key(), true);
                 let left = state.sayings();
                 way.push(Place {
                     state,
@@ -113,7 +113,7 @@ fn explore<S: Pestered>(start: S) -> Result<usize, String> {
             }
         }
     }
-    Ok(seen.len())
+    Ok(on_path.len())
 }
 
 /// Control message to the plant.
@@ -197,9 +197,9 @@ impl PesteredPlant {
     }
 
     /// Polls the engine; returns `true` if the run advanced.
-    fn gets_on(&mut self, heard: &Heard) -> bool {
+    fn gets_on(&mut self, input: &Heard) -> bool {
         if self.side.is_greeting() {
-            return heard.word.is_some_and(|word| self.speak(word, 1));
+            return input.word.is_some_and(|word| self.speak(word, 1));
         }
         if self.side.candidate().is_some() {
             if self.candidate_left == 0 {
@@ -209,7 +209,7 @@ impl PesteredPlant {
             } else {
                 self.candidate_left -= 1;
                 // The launcher starts only a limited number.
-                let word = heard.word.filter(|_| self.expected <= CREW);
+                let word = input.word.filter(|_| self.expected <= CREW);
                 if word.is_some_and(|word| self.speak(word, self.expected)) {
                     return true;
                 }
@@ -221,12 +221,12 @@ impl PesteredPlant {
         if self.side.is_alone() {
             return self.tell(&PlantEvent::Missed);
         }
-        heard.frame.is_some_and(|(kind, step)| {
+        input.frame.is_some_and(|(kind, step)| {
             self.tell(&PlantEvent::Frame(&Header::new(kind, Step(step))))
         })
     }
 
-    /// Ends the wait or, in real time, the step's time.
+    /// Reports the end of the wait or, in real time, of the step.
     fn is_late(&mut self) {
         // The first command and the confirmation are waited for even in real time.
         let has_deadline = self.against_clock && (1..STEPS).contains(&self.side.at().0);
@@ -271,12 +271,12 @@ impl Pestered for PesteredPlant {
         sayings
     }
 
-    fn poll(&mut self, heard: &Heard) -> Result<(), String> {
-        if heard.swap {
+    fn poll(&mut self, input: &Heard) -> Result<(), String> {
+        if input.swap {
             self.swaps -= 1;
             self.tell(&PlantEvent::Expect(self.expected + 1));
         }
-        if self.gets_on(heard) {
+        if self.gets_on(input) {
             self.left = PATIENCE;
         } else if self.left > 0 {
             self.left -= 1;
@@ -350,9 +350,9 @@ impl Pestered for PesteredController {
             .collect()
     }
 
-    fn poll(&mut self, told: &Told) -> Result<(), String> {
+    fn poll(&mut self, input: &Told) -> Result<(), String> {
         let before = self.side.standing();
-        match told {
+        match input {
             Told::Message(message) if self.side.is_greeting() || self.side.awaits_first() => {
                 let action = self.side.on(&ControllerEvent::Control(message));
                 if matches!(action, ControllerAction::OpenFrames(_)) {

@@ -203,7 +203,7 @@ impl ControllerSide {
     }
 
     fn on_frame(&mut self, header: &Header) -> ControllerAction {
-        let got = Step(header.step);
+        let answered_steps = Step(header.step);
         let may_be_later = self.against_clock || (self.awaits_first() && self.takes_over);
         match (&self.state, header.kind()) {
             (_, Some(FrameKind::Abort)) => {
@@ -215,30 +215,32 @@ impl ControllerSide {
                 })
             }
             (State::AwaitFirst(step) | State::AwaitSample(step), Some(FrameKind::Sample))
-                if got == *step || (may_be_later && got > *step) =>
+                if answered_steps == *step || (may_be_later && answered_steps > *step) =>
             {
-                self.state = State::AwaitSample(got.next());
-                ControllerAction::Answer(got)
+                self.state = State::AwaitSample(answered_steps.next());
+                ControllerAction::Answer(answered_steps)
             }
             (State::AwaitFirst(step) | State::AwaitSample(step), Some(FrameKind::End)) => {
-                if got == *step || (may_be_later && got > *step) {
+                if answered_steps == *step || (may_be_later && answered_steps > *step) {
                     self.state = State::Over;
-                    ControllerAction::ConfirmEnd(got)
+                    ControllerAction::ConfirmEnd(answered_steps)
                 } else {
-                    let what = format!("it ends after {got} steps, but {step} were executed here");
+                    let what = format!(
+                        "it ends after {answered_steps} steps, but {step} were executed here"
+                    );
                     self.broken(what)
                 }
             }
             // The run is paused: restart the wait for the same sample.
-            (_, Some(FrameKind::Hold)) if got.0 <= self.at().0 || may_be_later => {
+            (_, Some(FrameKind::Hold)) if answered_steps.0 <= self.at().0 || may_be_later => {
                 ControllerAction::Ignore
             }
             // A duplicate of a sample that was answered already.
-            (_, Some(FrameKind::Sample)) if got.0 < self.at().0 => self.ignore(),
+            (_, Some(FrameKind::Sample)) if answered_steps.0 < self.at().0 => self.ignore(),
             (_, kind) => {
                 let name =
                     kind.map_or_else(|| "a frame of an unknown kind".into(), |k| format!("{k:?}"));
-                self.broken(format!("unexpected {name} of step {got}"))
+                self.broken(format!("unexpected {name} of step {answered_steps}"))
             }
         }
     }

@@ -101,7 +101,7 @@ impl Graph {
                 ends.extend(&self.before[number]);
             }
         }
-        is_known.iter().position(|known| !known)
+        is_known.iter().position(|one| !one)
     }
 }
 

@@ -271,7 +271,7 @@ impl PlantSide {
     }
 
     fn on_frame(&mut self, header: &Header) -> PlantAction {
-        let got = Step(header.step);
+        let frame_step = Step(header.step);
         match (&self.state, header.kind()) {
             (_, Some(FrameKind::Abort)) => {
                 let code = AbortCode::from_wire(header.directive);
@@ -281,35 +281,37 @@ impl PlantSide {
                     code,
                 })
             }
-            (State::AwaitCommand(step), Some(FrameKind::Command)) if got == *step => {
-                self.state = State::Between(got.next());
-                self.newer = got.next();
-                PlantAction::Apply(got)
+            (State::AwaitCommand(step), Some(FrameKind::Command)) if frame_step == *step => {
+                self.state = State::Between(frame_step.next());
+                self.newer = frame_step.next();
+                PlantAction::Apply(frame_step)
             }
             (State::AwaitConfirmation, Some(FrameKind::EndConfirmed)) => {
-                if got.0 == self.steps {
+                if frame_step.0 == self.steps {
                     self.state = State::Over;
                     PlantAction::Finish
                 } else {
-                    let what = format!("it executed {got} steps of {}", self.steps);
+                    let what = format!("it executed {frame_step} steps of {}", self.steps);
                     self.broken(what)
                 }
             }
             (State::AwaitCommand(step), Some(FrameKind::Command))
-                if self.against_clock && got < *step && got >= self.newer =>
+                if self.against_clock && frame_step < *step && frame_step >= self.newer =>
             {
-                self.newer = got.next();
+                self.newer = frame_step.next();
                 PlantAction::Keep
             }
-            (_, Some(FrameKind::Command)) if got < self.at() => self.ignore(if got < self.newer {
-                Reason::Repeated
-            } else {
-                Reason::Late
-            }),
+            (_, Some(FrameKind::Command)) if frame_step < self.at() => {
+                self.ignore(if frame_step < self.newer {
+                    Reason::Repeated
+                } else {
+                    Reason::Late
+                })
+            }
             (_, kind) => {
                 let name =
                     kind.map_or_else(|| "a frame of an unknown kind".into(), |k| format!("{k:?}"));
-                self.broken(format!("unexpected {name} of step {got}"))
+                self.broken(format!("unexpected {name} of step {frame_step}"))
             }
         }
     }

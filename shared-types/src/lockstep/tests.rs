@@ -59,8 +59,8 @@ fn controller() -> ControllerSide {
 fn controller_of(against_clock: bool) -> ControllerSide {
     let hello = hello();
     let mut controller = ControllerSide::new();
-    let begun = controller.on(&ControllerEvent::Begin(&hello));
-    assert_eq!(begun, ControllerAction::SendHello);
+    let action = controller.on(&ControllerEvent::Begin(&hello));
+    assert_eq!(action, ControllerAction::SendHello);
     let offer = Offer {
         against_clock,
         ..offer(&hello.measured, 3)
@@ -78,8 +78,8 @@ fn controller_of(against_clock: bool) -> ControllerSide {
 fn both_sides_execute_the_same_steps_and_confirm_the_end() {
     let (mut plant, mut controller) = (plant(3), controller());
     for step in 0..3 {
-        let sent = plant.on(&PlantEvent::Release);
-        assert_eq!(sent, PlantAction::SendSample(Step(step)));
+        let action = plant.on(&PlantEvent::Release);
+        assert_eq!(action, PlantAction::SendSample(Step(step)));
         let sample = header(FrameKind::Sample, step);
         let answer = controller.on(&ControllerEvent::Frame(&sample));
         assert_eq!(answer, ControllerAction::Answer(Step(step)));
@@ -192,9 +192,9 @@ fn an_early_end_is_not_confirmed() {
     let ControllerAction::Abort(abort) = action else {
         panic!("{action:?}")
     };
-    let told =
+    let text =
         "plant broke the protocol at step 1: it ends after 3 steps, but 1 were executed here";
-    assert_eq!(abort.to_string(), told);
+    assert_eq!(abort.to_string(), text);
 }
 
 #[test]
@@ -237,8 +237,8 @@ fn every_timeout_of_the_controller_names_the_peer_and_the_awaited_action() {
         ControllerAction::Abort(abort) => abort.to_string(),
         other => panic!("{other:?}"),
     };
-    let told = "plant did not create the session's link within 0.2 s";
-    assert_eq!(late(ControllerSide::new()), told);
+    let text = "plant did not create the session's link within 0.2 s";
+    assert_eq!(late(ControllerSide::new()), text);
     assert_eq!(late(controller()), "plant did not send step 0 within 0.2 s");
 }
 
@@ -248,12 +248,12 @@ fn stop_and_loss_end_every_state() {
     assert_eq!(stopped, PlantAction::Abort(Abort::Stopped { at: Step(0) }));
     let mut running = plant(3);
     running.on(&PlantEvent::Release);
-    let gone = Abort::Gone {
+    let abort = Abort::Gone {
         peer: "controller",
         at: Step(0),
     };
     let lost = running.on(&PlantEvent::PeerGone(1));
-    assert_eq!(lost, PlantAction::Abort(gone));
+    assert_eq!(lost, PlantAction::Abort(abort));
     let over = running.on(&PlantEvent::Release);
     assert_eq!(over, PlantAction::Nothing, "the run stays over");
     let mut answering = controller();
@@ -397,7 +397,7 @@ fn in_real_time_only_a_command_newer_than_all_before_is_stored() {
 
 #[test]
 fn two_different_answers_to_one_step_are_a_broken_protocol() {
-    let told = "controller broke the protocol at step 1: it answered step 0 twice, with different commands";
+    let text = "controller broke the protocol at step 1: it answered step 0 twice, with different commands";
     for on_loss in [OnLoss::Abort, OnLoss::Hold] {
         let mut plant = plant(3).on_loss(on_loss);
         plant.on(&PlantEvent::Release);
@@ -408,7 +408,7 @@ fn two_different_answers_to_one_step_are_a_broken_protocol() {
         else {
             panic!("it is taken");
         };
-        assert_eq!(why.to_string(), told);
+        assert_eq!(why.to_string(), text);
         assert_eq!(plant.is_over(), on_loss == OnLoss::Abort);
     }
 }
@@ -418,26 +418,26 @@ fn each_ignored_message_is_counted_by_reason() {
     let hello = hello();
     let mut plant = plant(3).against_clock().on_loss(OnLoss::Hold);
     let offer = offer(&hello.measured, 3);
-    let mut told = |event: PlantEvent<'_>| match plant.on(&event) {
+    let mut reason_of = |event: PlantEvent<'_>| match plant.on(&event) {
         PlantAction::Ignore(reason) => Some(reason),
         _ => None,
     };
-    assert_eq!(told(PlantEvent::Ready(1)), Some(Reason::OutOfTurn));
-    assert_eq!(told(PlantEvent::Ready(7)), Some(Reason::Epoch));
+    assert_eq!(reason_of(PlantEvent::Ready(1)), Some(Reason::OutOfTurn));
+    assert_eq!(reason_of(PlantEvent::Ready(7)), Some(Reason::Epoch));
     assert_eq!(
-        told(PlantEvent::Hello(&hello, &offer)),
+        reason_of(PlantEvent::Hello(&hello, &offer)),
         Some(Reason::OutOfTurn)
     );
     for _ in 0..3 {
-        assert_eq!(told(PlantEvent::Release), None);
-        assert_eq!(told(PlantEvent::Missed), None);
+        assert_eq!(reason_of(PlantEvent::Release), None);
+        assert_eq!(reason_of(PlantEvent::Missed), None);
     }
-    assert_eq!(told(PlantEvent::Release), None);
+    assert_eq!(reason_of(PlantEvent::Release), None);
     let command = header(FrameKind::Command, 2);
-    assert_eq!(told(PlantEvent::Frame(&command)), Some(Reason::Late));
-    assert_eq!(told(PlantEvent::PeerGone(1)), None);
-    assert_eq!(told(PlantEvent::Frame(&command)), Some(Reason::Lost));
-    assert_eq!(told(PlantEvent::PeerGone(1)), None);
+    assert_eq!(reason_of(PlantEvent::Frame(&command)), Some(Reason::Late));
+    assert_eq!(reason_of(PlantEvent::PeerGone(1)), None);
+    assert_eq!(reason_of(PlantEvent::Frame(&command)), Some(Reason::Lost));
+    assert_eq!(reason_of(PlantEvent::PeerGone(1)), None);
     let ignored = plant.ignored();
     assert_eq!((ignored.total(), ignored.of(Reason::OutOfTurn)), (5, 2));
 }

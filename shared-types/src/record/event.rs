@@ -102,11 +102,11 @@ impl ValueChange {
             .iter()
             .map(|ChangedValue { key, unit, value }| format!("{key} = {}", exact_in(*value, unit)));
         let clear = (self.clear.iter()).map(|key| format!("{key} as its stimulus"));
-        let mut told = set.chain(clear).collect::<Vec<_>>().join(", ");
+        let mut text = set.chain(clear).collect::<Vec<_>>().join(", ");
         if self.ramp_steps > 0 {
-            told += &format!(", over {} steps", self.ramp_steps);
+            text += &format!(", over {} steps", self.ramp_steps);
         }
-        told
+        text
     }
 }
 
@@ -372,25 +372,25 @@ mod tests {
 
     #[test]
     fn an_event_contains_no_terminal_control_sequences() {
-        let said = r#""a\u001b[2J\u009b1A\u001b]52;c;eA==\u0007b\nverdict pass""#;
+        let hostile = r#""a\u001b[2J\u009b1A\u001b]52;c;eA==\u0007b\nverdict pass""#;
         let clean = "a\u{fffd}[2J\u{fffd}1A\u{fffd}]52;c;eA==\u{fffd}b verdict pass";
         let texts = [
             format!(
-                r#"{{"event":"end","steps":3,"outcome":"failed","reason":{said},"rejected_frames":0,"effects":[]}}"#
+                r#"{{"event":"end","steps":3,"outcome":"failed","reason":{hostile},"rejected_frames":0,"effects":[]}}"#
             ),
             format!(
-                r#"{{"event":"controller","epoch":1,"step":7,"change":"lost","reason":{said},"policy":"hold"}}"#
+                r#"{{"event":"controller","epoch":1,"step":7,"change":"lost","reason":{hostile},"policy":"hold"}}"#
             ),
             format!(
-                r#"{{"event":"controller","epoch":1,"step":7,"change":"refused","reason":{said}}}"#
+                r#"{{"event":"controller","epoch":1,"step":7,"change":"refused","reason":{hostile}}}"#
             ),
             format!(
-                r#"{{"event":"controller","epoch":1,"step":7,"change":"joined","law":{said}}}"#
+                r#"{{"event":"controller","epoch":1,"step":7,"change":"joined","law":{hostile}}}"#
             ),
         ];
         for text in texts {
             let event: Event = serde_json::from_str(&text).expect("an event");
-            let shown = match event {
+            let displayed = match event {
                 Event::End(end) => end.reason,
                 Event::Controller(change) => match change.change {
                     ControllerFate::Lost { reason, .. } | ControllerFate::Refused { reason } => {
@@ -400,7 +400,7 @@ mod tests {
                 },
                 _ => None,
             };
-            assert_eq!(shown.as_deref(), Some(clean));
+            assert_eq!(displayed.as_deref(), Some(clean));
         }
     }
 }

@@ -98,9 +98,9 @@ fn names_that_look_spelled_are_not_confused_with_spellings() {
 #[test]
 fn a_name_may_just_fit_but_not_be_longer() {
     assert_eq!(spelled(&"a".repeat(256)).map(|name| name.len()), Ok(256));
-    let refused = spelled(&"ä".repeat(50)).expect_err("300 bytes");
+    let error = spelled(&"ä".repeat(50)).expect_err("300 bytes");
     assert_eq!(
-        refused.to_string(),
+        error.to_string(),
         format!(
             "the name \"{}\".. has 300 bytes when spelled with letters, digits and _; at most 256 are allowed",
             "ä".repeat(40)
@@ -112,8 +112,8 @@ fn a_name_may_just_fit_but_not_be_longer() {
 fn deeply_nested_derivatives_are_refused_as_too_long() {
     let order = 100_000;
     let endless = format!("{}x{}", "der(".repeat(order), ")".repeat(order));
-    let refused = spelled(&endless).expect_err("500,001 bytes");
-    assert!(matches!(refused, Unspellable::Long { bytes: 500_001, .. }));
+    let error = spelled(&endless).expect_err("500,001 bytes");
+    assert!(matches!(error, Unspellable::Long { bytes: 500_001, .. }));
     assert_eq!(foreign(&format!("{}x", "der__".repeat(order))), None);
 }
 
@@ -123,9 +123,9 @@ fn names_that_coincide_in_a_recording_are_refused_together() {
     let spelled = spelled_all(&names).expect("they differ");
     assert_eq!(spelled, ["a__1", "der__a", "b"]);
     for [one, other] in [["a.b", "a_b"], ["a", "a"]] {
-        let refused = spelled_all(&[one, "c", other]);
+        let result = spelled_all(&[one, "c", other]);
         let (one, other) = (one.into(), other.into());
-        assert_eq!(refused, Err(Unspellable::Alike { one, other }));
+        assert_eq!(result, Err(Unspellable::Alike { one, other }));
     }
 }
 

@@ -83,7 +83,7 @@ pub trait RecordSink {
     fn event(&mut self, event: &Event) -> Result<(), LinkError>;
 }
 
-/// Borrowed end of the plant; the borrower ends first.
+/// Mutable reference to the plant's end, for use by a shorter-lived owner.
 impl<S: RecordSink + ?Sized> RecordSink for &mut S {
     fn open(&mut self, layout: &RecordLayout) -> Result<(), LinkError> {
         (**self).open(layout)

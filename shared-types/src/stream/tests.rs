@@ -16,16 +16,16 @@ fn layout() -> RecordLayout {
 
 /// Drains a source into text.
 fn drained(source: &mut dyn RecordSource) -> Vec<String> {
-    let mut seen = Vec::new();
+    let mut items = Vec::new();
     loop {
         let count = source.drain(&mut |item| {
-            seen.push(match item {
+            items.push(match item {
                 Item::Record(words) => format!("record {}", words[0]),
                 other => format!("{other:?}"),
             });
         });
         if count.expect("drains") == 0 {
-            return seen;
+            return items;
         }
     }
 }
@@ -47,22 +47,22 @@ fn the_ring_has_room_for_the_longest_fault_whenever_it_has_room() {
     let text = "0".repeat(10_000 * 2 * 25);
     let mark = crate::record::Mark { step: 0, text };
     (sink.event(&Event::Mark(mark))).expect("two numbers of 25 bytes for each of 10,000 points");
-    let seen = drained(&mut source);
-    assert_eq!(seen.len(), before + 1);
-    assert!(seen[before].starts_with("Event(Mark("));
+    let items = drained(&mut source);
+    assert_eq!(items.len(), before + 1);
+    assert!(items[before].starts_with("Event(Mark("));
 }
 
 /// Returns what an assembler makes of items with these numbers, kinds and bytes.
 fn assembled(items: &[(u64, u64, &[u8])]) -> Vec<String> {
     let mut assembler = Assembler::default();
-    let mut seen = Vec::new();
+    let mut list = Vec::new();
     for (sequence, kind, bytes) in items {
         let mut words = vec![0_u64; bytes.len().div_ceil(8)];
         zerocopy::IntoBytes::as_mut_bytes(&mut words[..])[..bytes.len()].copy_from_slice(bytes);
         let head = (*sequence, *kind, bytes.len() as u64);
-        assembler.take(head, &words, &mut |item| seen.push(format!("{item:?}")));
+        assembler.take(head, &words, &mut |item| list.push(format!("{item:?}")));
     }
-    seen
+    list
 }
 
 #[test]
@@ -70,23 +70,25 @@ fn an_item_with_a_repeated_number_is_broken() {
     let record = |sequence| (sequence, ItemKind::Record as u64, &[][..]);
     let most = LARGEST_LOSS;
     for (before, after) in [(1, 1), (2, 1), (1, 0), (most, most), (most, 0)] {
-        let seen = assembled(&[record(before), record(after)]);
-        let wanted = format!("Broken(\"item {after} came after item {before}\")");
-        assert_eq!(seen.last(), Some(&wanted), "{seen:?}");
+        let items = assembled(&[record(before), record(after)]);
+        let expected = format!("Broken(\"item {after} came after item {before}\")");
+        assert_eq!(items.last(), Some(&expected), "{items:?}");
     }
-    let wanted = format!("Lost({most})");
-    let seen = assembled(&[record(most + 1)]);
-    assert_eq!(seen, [wanted, "Record([])".into()]);
+    let expected = format!("Lost({most})");
+    let items = assembled(&[record(most + 1)]);
+    assert_eq!(items, [expected, "Record([])".into()]);
 }
 
 #[test]
 fn an_impossible_loss_is_reported_as_broken() {
     let record = |sequence| (sequence, ItemKind::Record as u64, &[][..]);
     for sequence in [LARGEST_LOSS + 2, u64::MAX] {
-        let seen = assembled(&[record(sequence)]);
-        let [one] = &seen[..] else { panic!("{seen:?}") };
+        let items = assembled(&[record(sequence)]);
+        let [one] = &items[..] else {
+            panic!("{items:?}")
+        };
         assert!(
-            one.starts_with("Broken(") && one.contains("wrote over"),
+            one.starts_with("Broken(") && one.contains("was overwritten"),
             "{one}"
         );
     }
@@ -97,10 +99,10 @@ fn an_endless_event_is_abandoned() {
     let piece = vec![b' '; LONGEST_EVENT / 4];
     let part = |sequence| (sequence, ItemKind::EventPart as u64, piece.as_slice());
     let items: Vec<_> = (1..=8).map(part).collect();
-    let seen = assembled(&items);
+    let reported = assembled(&items);
     assert!(
-        seen[0].contains("Broken(\"an event of more than"),
-        "{seen:?}"
+        reported[0].contains("Broken(\"an event of more than"),
+        "{reported:?}"
     );
-    assert_eq!(seen.len(), 1);
+    assert_eq!(reported.len(), 1);
 }

@@ -74,15 +74,15 @@ pub fn derivative_of(name: &str, unit: &str, order: usize) -> (String, String) {
 
 /// Returns up to three names that are closest to an unknown one, best first.
 #[must_use]
-pub fn nearest<'a>(wanted: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
+pub fn nearest<'a>(unknown: &str, names: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
     /// Longer than any misspelled name; comparing takes time proportional to the product of both lengths.
     const LONGEST: usize = 256;
-    if wanted.len() > LONGEST {
+    if unknown.len() > LONGEST {
         return Vec::new();
     }
-    let mut scored: Vec<(f64, &str)> = known
+    let mut scored: Vec<(f64, &str)> = names
         .into_iter()
-        .map(|name| (closeness(wanted, name), name))
+        .map(|name| (closeness(unknown, name), name))
         .filter(|(score, _)| *score > 0.6)
         .collect();
     scored.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(b.1)));
@@ -108,28 +108,28 @@ const SYNONYMS: [(&str, &str); 14] = [
 ];
 
 /// Returns the similarity of two names, from 0 to 1, by spelling or as synonyms.
-fn closeness(wanted: &str, name: &str) -> f64 {
+fn closeness(unknown: &str, name: &str) -> f64 {
     let last = |name: &str| {
         name.rsplit_once('.')
             .map_or(0, |(group, _)| group.len() + 1)
     };
-    let (typed, part) = (&wanted[last(wanted)..], &name[last(name)..]);
+    let (typed, part) = (&unknown[last(unknown)..], &name[last(name)..]);
     let words = || part.split(['_', '-']);
     let stem = |name: &str| name.rsplit_once('_').map(|(stem, _)| stem.to_owned());
-    let lower = wanted.to_ascii_lowercase();
+    let lower = unknown.to_ascii_lowercase();
     let is_meant =
         |(short, word): &(&str, &str)| *short == lower && words().any(|one| one == *word);
     // A parameter without its group, without its unit, or with another unit.
     let is_same = typed == part
         || stem(part).is_some_and(|stem| stem == typed)
         || (stem(part).is_some() && stem(part) == stem(typed) && unit_of_name(part).is_some());
-    let alike = strsim::jaro_winkler(wanted, name);
-    if SYNONYMS.iter().any(is_meant) || (is_same && wanted != name && part.len() > 1) {
+    let alike = strsim::jaro_winkler(unknown, name);
+    if SYNONYMS.iter().any(is_meant) || (is_same && unknown != name && part.len() > 1) {
         // Of several, the one in the same group is the most similar.
         return 0.98 + 0.01 * alike;
     }
-    let longest = wanted.chars().count().max(name.chars().count());
-    let edits = strsim::osa_distance(wanted, name);
+    let longest = unknown.chars().count().max(name.chars().count());
+    let edits = strsim::osa_distance(unknown, name);
     let few = if edits * 3 <= longest {
         1.0 - edits as f64 / 20.0
     } else {

@@ -34,9 +34,9 @@ impl Known {
     }
 
     const fn si(symbol: &'static str, exponents: [i32; 8]) -> Self {
-        let mut known = Self::of(symbol, exponents);
-        known.takes_prefix = true;
-        known
+        let mut unit = Self::of(symbol, exponents);
+        unit.takes_prefix = true;
+        unit
     }
 
     const fn times(mut self, numerator: f64) -> Self {
@@ -165,25 +165,25 @@ const PREFIXES: [(&str, f64, f64); 22] = [
 
 /// Lists every symbol, plain and with each prefix that it takes.
 pub(super) fn all() -> impl Iterator<Item = String> {
-    Known::ALL.iter().flat_map(|known| {
-        let prefixes = PREFIXES.iter().filter(|_| known.takes_prefix);
-        let prefixed = prefixes.map(|(prefix, ..)| format!("{prefix}{}", known.symbol));
-        std::iter::once(known.symbol.to_owned()).chain(prefixed)
+    Known::ALL.iter().flat_map(|symbol| {
+        let prefixes = PREFIXES.iter().filter(|_| symbol.takes_prefix);
+        let prefixed = prefixes.map(|(prefix, ..)| format!("{prefix}{}", symbol.symbol));
+        std::iter::once(symbol.symbol.to_owned()).chain(prefixed)
     })
 }
 
 /// Looks up the unit of a symbol: plain, or else with a prefix.
 pub(super) fn known(symbol: &str) -> Option<Unit> {
-    if let Some(known) = Known::ALL.iter().find(|known| known.symbol == symbol) {
-        return Some(known.unit(1.0, 1.0));
+    if let Some(exact) = Known::ALL.iter().find(|exact| exact.symbol == symbol) {
+        return Some(exact.unit(1.0, 1.0));
     }
     PREFIXES
         .iter()
         .find_map(|(prefix, numerator, denominator)| {
             let rest = symbol.strip_prefix(prefix)?;
-            let is_it = |known: &&Known| known.takes_prefix && known.symbol == rest;
-            let known = Known::ALL.iter().find(is_it)?;
-            Some(known.unit(*numerator, *denominator))
+            let is_it = |exact: &&Known| exact.takes_prefix && exact.symbol == rest;
+            let exact = Known::ALL.iter().find(is_it)?;
+            Some(exact.unit(*numerator, *denominator))
         })
 }
 
@@ -226,20 +226,20 @@ const WORDS: [(&str, &str); 30] = [
 pub fn symbol_of_word(word: &str) -> Option<&'static str> {
     let word = word.to_ascii_lowercase();
     let singular = word.strip_suffix('s').unwrap_or(&word);
-    let is_it = |(known, _): &&(&str, &str)| *known == word || *known == singular;
+    let is_it = |(entry, _): &&(&str, &str)| *entry == word || *entry == singular;
     WORDS.iter().find(is_it).map(|(_, symbol)| *symbol)
 }
 
 /// Formats the symbols close to an unknown one, to follow it in a message: that of a word, those that differ only in
 /// case, or those with similar spelling; empty if there is none.
 pub(super) fn near(symbol: &str) -> String {
-    let is_same = |known: &String| known.to_lowercase() == symbol.to_lowercase();
+    let is_same = |candidate: &String| candidate.to_lowercase() == symbol.to_lowercase();
     let mut close: Vec<String> = match symbol_of_word(symbol) {
         Some(meant) => vec![meant.into()],
         None => all().filter(is_same).collect(),
     };
     if close.is_empty() {
-        let nearest = nearest(symbol, Known::ALL.iter().map(|known| known.symbol));
+        let nearest = nearest(symbol, Known::ALL.iter().map(|candidate| candidate.symbol));
         close = nearest.into_iter().map(Into::into).collect();
     }
     close.truncate(3);

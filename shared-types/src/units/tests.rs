@@ -5,8 +5,8 @@ fn unit(text: &str) -> Unit {
 }
 
 fn conversion(from: &str, to: &str) -> Conversion {
-    let found = unit(from).conversion_to(&unit(to));
-    found.unwrap_or_else(|| panic!("{from} to {to}"))
+    let actual = unit(from).conversion_to(&unit(to));
+    actual.unwrap_or_else(|| panic!("{from} to {to}"))
 }
 
 #[test]
@@ -69,18 +69,18 @@ fn factors_are_those_of_an_independent_program() {
         ("degC/s", "K/s", 1.0),
         ("degF/h", "K/h", 5.0 / 9.0),
     ] {
-        let found = conversion(from, to);
+        let actual = conversion(from, to);
         assert!(
-            (found.factor / factor - 1.0).abs() < 4e-16,
-            "{from} to {to}: {found:?} {factor}"
+            (actual.factor / factor - 1.0).abs() < 4e-16,
+            "{from} to {to}: {actual:?} {factor}"
         );
-        assert_eq!(found.offset, 0.0, "{from} to {to}");
+        assert_eq!(actual.offset, 0.0, "{from} to {to}");
     }
 }
 
 #[test]
 fn temperatures_have_an_offset() {
-    for (from, to, value, wanted) in [
+    for (from, to, value, expected) in [
         ("degC", "K", 25.0, 298.15),
         ("K", "degC", 0.0, -273.15),
         ("degF", "degC", 212.0, 100.0),
@@ -88,10 +88,10 @@ fn temperatures_have_an_offset() {
         ("degF", "K", -40.0, 233.15),
         ("mK", "degC", 273_150.0, 0.0),
     ] {
-        let found = conversion(from, to).apply(value);
+        let actual = conversion(from, to).apply(value);
         assert!(
-            (found - wanted).abs() < 1e-12 * 300.0,
-            "{value} {from} is {found} {to}"
+            (actual - expected).abs() < 1e-12 * 300.0,
+            "{value} {from} is {actual} {to}"
         );
     }
     assert_eq!(conversion("degC", "K").offset, 273.15);
@@ -155,8 +155,8 @@ fn invalid_units_are_refused_with_the_reason() {
         ),
         ("kmin", "`kmin` is not a known unit"),
     ] {
-        let refused = Unit::parse(text).expect_err(text).to_string();
-        assert!(refused.starts_with(reason), "{text}: {refused}");
+        let error = Unit::parse(text).expect_err(text).to_string();
+        assert!(error.starts_with(reason), "{text}: {error}");
     }
     for text in [
         "m/",
@@ -168,10 +168,10 @@ fn invalid_units_are_refused_with_the_reason() {
         "2 m",
         "m..s",
     ] {
-        let refused = Unit::parse(text).expect_err(text).to_string();
+        let error = Unit::parse(text).expect_err(text).to_string();
         let reason =
             format!("`{text}` is not a product of units with exponents, such as kg m2/s2 or N.m");
-        assert!(refused.starts_with(&reason), "{text}: {refused}");
+        assert!(error.starts_with(&reason), "{text}: {error}");
     }
     assert!(Unit::parse(&"(".repeat(60)).is_err());
     assert!(Unit::parse(&"m ".repeat(60)).is_err());

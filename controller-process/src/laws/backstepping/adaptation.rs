@@ -124,9 +124,13 @@ mod tests {
         let mut estimate = LeakageEstimate::new(gains()).expect("legal");
         let (f_3, z_3) = (Vector2::new(9e13, 5e13), Vector2::new(-3e9, 1e9));
         estimate.adapt(&plant, f_3, z_3, 1e-4);
-        let found = estimate.theta_hat();
-        assert_close(found[0], 1e-37 * 9e13 * 2e9 * 2.2e6 * 1e-4, 1e-13);
-        assert_close(found[1], 3e-37 * 5e13 * 4e9 * (0.9e8 / 55.0) * 1e-4, 1e-13);
+        let estimate_now = estimate.theta_hat();
+        assert_close(estimate_now[0], 1e-37 * 9e13 * 2e9 * 2.2e6 * 1e-4, 1e-13);
+        assert_close(
+            estimate_now[1],
+            3e-37 * 5e13 * 4e9 * (0.9e8 / 55.0) * 1e-4,
+            1e-13,
+        );
     }
 
     #[test]

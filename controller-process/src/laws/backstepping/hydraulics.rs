@@ -66,8 +66,8 @@ impl Hydraulics {
 
     /// Loss of force rate by the piston's motion and the normal leakage.
     ///
-    /// `f_h2 = A_1 beta_e / V_h1 [A_1 x_h' + C_i (P_h1 - P_h2)]
-    /// + A_2 beta_e / V_h2 [A_2 x_h' + C_i (P_h1 - P_h2)]` (eq. 21).
+    /// `f_h2 = A_1 beta_e / V_h1 [A_1 x_h' + C_i (P_h1 - P_h2)] + A_2 beta_e / V_h2 [A_2 x_h' + C_i (P_h1 - P_h2)]`
+    /// (eq. 21).
     #[must_use]
     pub fn motion_effect_n_per_s(&self, model: &ActuatorModel, piston: &PistonState) -> f64 {
         let v = piston.velocity_mps;
@@ -220,14 +220,14 @@ mod tests {
     #[test]
     fn leakage_reduces_the_force_in_the_direction_of_the_pressure_drop() {
         let model = ActuatorModel::default();
-        for (pressures_pa, wanted) in [
+        for (pressures_pa, expected) in [
             ([13e6, 4e6], 2.0 * CHAMBER * 3000.0),
             ([4e6, 13e6], -2.0 * CHAMBER * 3000.0),
             ([4e6, 4e6], 0.0),
         ] {
             let state = piston(0.0, 0.0, pressures_pa);
             let effect = Hydraulics::at(&model, &state).leakage_effect(&state);
-            assert_close(effect, wanted, 1e-14);
+            assert_close(effect, expected, 1e-14);
         }
     }
 }

@@ -266,7 +266,7 @@ impl Backstepping {
 
     /// Returns currents that continue those before a change, within the present limits.
     fn continued(&mut self, wanted_a: [f64; 2], sampled: &Sampled<'_>) -> [f64; 2] {
-        let held = std::mem::take(&mut self.transfers.changed).then(|| {
+        let held_command = std::mem::take(&mut self.transfers.changed).then(|| {
             let (command, _) = self.answer;
             [
                 command.actuator1_valve_current_a,
@@ -280,7 +280,7 @@ impl Backstepping {
         for (i, current_a) in currents_a.iter_mut().enumerate() {
             let transfer = &mut self.transfers.of_actuators[i];
             let left_a = transfer.next();
-            let old_a = held.map(|held| held[i]);
+            let old_a = held_command.map(|held_command| held_command[i]);
             let old_a = old_a.or_else(|| former.map(|former| former[i] + left_a));
             *current_a = match old_a {
                 Some(old_a) => transfer.begin(old_a, wanted_a[i], self.period_s),

@@ -15,11 +15,11 @@
 //! 5. [`performance`]: V_3 against its bound V_r, and detection (eqs. 59, 60).
 //! 6. [`adaptation`]: the leakage estimate, for the next sample (eqs. 67, 68).
 //!
-//! Choices where the text is ambiguous or misprinted: x_3 is `[x_13, x_23]`; lambda is `+2 min(k)`; `mu = epsilon_1 +
-//! epsilon_2 + xi_1 + xi_2`; eq. (22) is read without beta and without C_t, which eq. (23) multiplies again. The piston
-//! acceleration, which x_r1 and its derivatives need, is the backward difference of the measured velocity; if it were
-//! computed from the model without the disturbance, which is unknown to any law, the force fight would be ten times
-//! higher.
+//! Choices where the text is ambiguous or misprinted: x_3 is `[x_13, x_23]`; lambda is `+2 min(k)`;
+//! `mu = epsilon_1 + epsilon_2 + xi_1 + xi_2`; eq. (22) is read without beta and without C_t, which eq. (23) multiplies
+//! again. The piston acceleration, which x_r1 and its derivatives need, is the backward difference of the measured
+//! velocity; if it were computed from the model without the disturbance, which is unknown to any law, the force fight
+//! would be ten times higher.
 
 pub mod adaptation;
 pub mod ftsc;

@@ -171,8 +171,8 @@ mod tests {
         // lambda = 2000 1/s, mu = 2e14 + 2e21; one sample later exp(-0.2) = 0.818730753077982.
         let limit = (2e14 + 2e21) / 2000.0;
         let second = indicator.judge(&errors(0.0));
-        let wanted = 0.818_730_753_077_982 * 2e20 + (1.0 - 0.818_730_753_077_982) * limit;
-        assert_close(second.bound, wanted, 1e-14);
+        let expected = 0.818_730_753_077_982 * 2e20 + (1.0 - 0.818_730_753_077_982) * limit;
+        assert_close(second.bound, expected, 1e-14);
         for _ in 0..1000 {
             indicator.judge(&errors(0.0));
         }

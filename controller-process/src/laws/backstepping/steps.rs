@@ -263,9 +263,9 @@ mod tests {
         let z_3_rate = plant.m_3 * force_rate - alpha_2[1];
         let rate = errors.z_1.dot(&z_1[1]) + errors.z_2.dot(&z_2[1]) + errors.z_3.dot(&z_3_rate);
         let square = |gain: &Vector, z: &Vector| gain.component_mul(z).dot(z);
-        let wanted = -square(&steps.k_1, &errors.z_1)
+        let expected = -square(&steps.k_1, &errors.z_1)
             - square(&steps.velocity_gain, &errors.z_2)
             - square(&steps.force_gain, &errors.z_3);
-        assert_close(rate, wanted, 1e-9);
+        assert_close(rate, expected, 1e-9);
     }
 }

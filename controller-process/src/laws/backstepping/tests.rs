@@ -156,10 +156,10 @@ where
 /// Returns the largest deviation of a quantity over a sequence, relative to its own largest magnitude.
 fn deviation<const N: usize>(pairs: impl Iterator<Item = ([f64; N], [f64; N])>) -> f64 {
     let (mut off, mut size) = (0.0, 0.0);
-    for (got, wanted) in pairs {
-        for (got, wanted) in got.into_iter().zip(wanted) {
-            assert!(got.is_finite(), "{got}");
-            for (largest, value) in [(&mut off, got - wanted), (&mut size, wanted)] {
+    for (actual, expected) in pairs {
+        for (actual, expected) in actual.into_iter().zip(expected) {
+            assert!(actual.is_finite(), "{actual}");
+            for (largest, value) in [(&mut off, actual - expected), (&mut size, expected)] {
                 if value.abs() > *largest {
                     *largest = value.abs();
                 }
@@ -180,12 +180,12 @@ fn both_laws_answer_as_the_independent_reference() {
     // Ten to eleven digits are the limit of doubles: z is the difference of two forces of up to 6e6 N that agree in
     // five digits.
     for sequence in golden().sequences {
-        let got = match sequence.law.as_str() {
+        let actual = match sequence.law.as_str() {
             "nrsc" => answers::<Nrsc>(sequence.nrsc(), &sequence),
             "ftsc" => answers::<Ftsc>(sequence.ftsc(), &sequence),
             other => panic!("unknown law {other}"),
         };
-        let pairs = || got.iter().zip(&sequence.samples);
+        let pairs = || actual.iter().zip(&sequence.samples);
         let u = |c: &Command| [c.actuator1_valve_current_a, c.actuator2_valve_current_a];
         let theta_hat = |i: &Internals| {
             [
@@ -292,7 +292,7 @@ fn an_invalid_sample_repeats_the_answer_and_leaves_no_trace() {
 fn parameters_that_violate_a_condition_are_refused_at_the_start() {
     let mut parameters = ftsc::Parameters::default();
     parameters.force_sum.leakage_bound_n_per_s3 = 1e12;
-    let refused = |parameters| {
+    let refusal = |parameters| {
         let setup = Setup {
             parameters,
             model: Model::default(),
@@ -303,11 +303,11 @@ fn parameters_that_violate_a_condition_are_refused_at_the_start() {
         };
         text
     };
-    assert!(refused(parameters).contains("eq. 56"));
+    assert!(refusal(parameters).contains("eq. 56"));
     let mut parameters = ftsc::Parameters::default();
     parameters.adaptation1.estimate_max_m3ps_per_sqrt_pa = 0.0;
     parameters.adaptation1.estimate_min_m3ps_per_sqrt_pa = 1e-9;
-    assert!(refused(parameters).contains("adaptation1"));
+    assert!(refusal(parameters).contains("adaptation1"));
 }
 
 /// Returns a law's currents for samples, the last of which is repeated; its parameters jump before the sample `at`.
@@ -355,28 +355,28 @@ fn gains_of_nrsc_change_without_a_jump_and_the_difference_fades() {
     // Without an estimate each answer depends on its sample alone, so the commands with either gains are known.
     let old = tuned::<Nrsc>([before; 2], 0, &sequence, count);
     let new = tuned::<Nrsc>([after; 2], 0, &sequence, count);
-    let found = tuned::<Nrsc>([before, after], at, &sequence, count);
+    let actual = tuned::<Nrsc>([before, after], at, &sequence, count);
     assert_eq!(
-        found[..=at],
+        actual[..=at],
         old[..=at],
         "to the last bit, the change included"
     );
     let difference: [f64; 2] = std::array::from_fn(|i| old[at][i] - new[at][i]);
     assert!(difference.iter().all(|d| d.abs() > 1e-6), "{difference:?}");
-    for (k, (found, new)) in found.iter().zip(&new).enumerate().skip(at) {
+    for (k, (actual, new)) in actual.iter().zip(&new).enumerate().skip(at) {
         let share = 1.0 - (k - at) as f64 / samples;
-        let left = if share > 0.0 { share } else { 0.0 };
+        let remainder = if share > 0.0 { share } else { 0.0 };
         for i in 0..2 {
-            let wanted = new[i] + difference[i] * left;
-            let off = (found[i] - wanted).abs();
+            let expected = new[i] + difference[i] * remainder;
+            let off = (actual[i] - expected).abs();
             assert!(
                 off <= 1e-9 * difference[i].abs(),
-                "{k}: {} {wanted}",
-                found[i]
+                "{k}: {} {expected}",
+                actual[i]
             );
         }
     }
-    assert_eq!(found[count - 1], new[count - 1], "nothing is left of it");
+    assert_eq!(actual[count - 1], new[count - 1], "nothing is left of it");
 }
 
 #[test]
@@ -389,8 +389,8 @@ fn the_estimate_of_ftsc_continues_over_a_change_within_its_new_bounds() {
     after.adaptation1.estimate_max_m3ps_per_sqrt_pa = 0.5 * theta[0];
     after.adaptation1.learning_rate_m8s2_per_n3 = 0.0;
     let old = tuned::<Ftsc>([before; 2], 0, &sequence, last + 1);
-    let found = tuned::<Ftsc>([before, after], last, &sequence, last + 1);
-    assert_eq!(found, old, "the command does not jump with the estimate");
+    let actual = tuned::<Ftsc>([before, after], last, &sequence, last + 1);
+    assert_eq!(actual, old, "the command does not jump with the estimate");
 
     let setup = |parameters| Setup::<Ftsc> {
         parameters,

@@ -94,8 +94,7 @@ impl Trajectory {
 
     /// Desired sum of the stiffness-weighted positions, in N, with three derivatives.
     ///
-    /// `x_r1 = J_d/r_d [r_d^2/J_d (K_h1 + K_h2) y_1 + beta_d/J_d y_2 + T_L/J_d
-    /// + alpha_r1' - k_2 z_2 - z_1]` (eq. 25).
+    /// `x_r1 = J_d/r_d [r_d^2/J_d (K_h1 + K_h2) y_1 + beta_d/J_d y_2 + T_L/J_d + alpha_r1' - k_2 z_2 - z_1]` (eq. 25).
     #[must_use]
     pub fn sum(&self, y_1: &Jet<f64, 5>, theta_r: &Jet<f64, 6>) -> Jet<f64, 4> {
         let (r_d, j_d, beta_d) = (
@@ -164,9 +163,12 @@ pub(super) mod tests {
     }
 
     #[track_caller]
-    pub(in super::super) fn assert_close(got: f64, wanted: f64, tolerance: f64) {
-        let off = (got - wanted).abs();
-        assert!(off <= tolerance * wanted.abs(), "{got:e} is not {wanted:e}");
+    pub(in super::super) fn assert_close(actual: f64, expected: f64, tolerance: f64) {
+        let off = (actual - expected).abs();
+        assert!(
+            off <= tolerance * expected.abs(),
+            "{actual:e} is not {expected:e}"
+        );
     }
 
     /// Returns theta_d and theta_r of a motion known in closed form, and the f_1 that causes it.
@@ -190,10 +192,10 @@ pub(super) mod tests {
         let generator = Trajectory::new(&uneven(), TrajectoryGains::default());
         for t in [0.0, 0.1, 0.37] {
             let (theta, _, f_1) = motion(&generator, t);
-            let found = generator.surface_angle(theta[0], theta[1], &f_1);
+            let actual = generator.surface_angle(theta[0], theta[1], &f_1);
             for j in 0..5 {
                 // f_1 is 1e4 times larger than the inertia's part of it: 4 digits are lost per pair.
-                assert_close(found[j], theta[j], if j < 4 { 1e-10 } else { 1e-6 });
+                assert_close(actual[j], theta[j], if j < 4 { 1e-10 } else { 1e-6 });
             }
         }
     }
@@ -215,8 +217,8 @@ pub(super) mod tests {
         // alpha_r1' = -300 (0.5 - 0.6) + 2 = 32
         // 0.15 * 2e8 * 0.1 + 51.75 / 0.15 * 0.5 + 9.14e5 * 0.15 * 0.1
         //   + 13.5 / 0.15 (32 - 200 * 2.9 - 0.01)
-        let wanted = 3e6 + 172.5 + 13_710.0 + 90.0 * (32.0 - 580.0 - 0.01);
-        assert_close(generator.sum(&y_1, &theta_r)[0], wanted, 1e-14);
+        let expected = 3e6 + 172.5 + 13_710.0 + 90.0 * (32.0 - 580.0 - 0.01);
+        assert_close(generator.sum(&y_1, &theta_r)[0], expected, 1e-14);
     }
 
     #[test]

@@ -68,13 +68,13 @@ mod tests {
     use super::*;
 
     #[track_caller]
-    fn assert_matrix(got: Matrix2<f64>, rows: [[f64; 2]; 2]) {
+    fn assert_matrix(matrix: Matrix2<f64>, rows: [[f64; 2]; 2]) {
         for (i, row) in rows.iter().enumerate() {
-            for (j, wanted) in row.iter().enumerate() {
-                let off = (got[(i, j)] - wanted).abs();
+            for (j, expected) in row.iter().enumerate() {
+                let off = (matrix[(i, j)] - expected).abs();
                 assert!(
-                    off <= 1e-13 * got.norm(),
-                    "({i}, {j}): {got} is not {rows:?}"
+                    off <= 1e-13 * matrix.norm(),
+                    "({i}, {j}): {matrix} is not {rows:?}"
                 );
             }
         }
@@ -82,13 +82,13 @@ mod tests {
 
     #[test]
     fn equal_actuators_leave_sum_and_difference_uncoupled() {
-        let found = Transformation::new(&Model::default());
+        let transformation = Transformation::new(&Model::default());
         let (k, b) = (1e8 / 55.0, 1e4 / 55.0);
-        assert_matrix(found.m_1, [[k, 0.0], [0.0, k]]);
-        assert_matrix(found.m_2, [[b, 0.0], [0.0, b]]);
-        assert_matrix(found.m_3, [[k, k], [k, -k]]);
+        assert_matrix(transformation.m_1, [[k, 0.0], [0.0, k]]);
+        assert_matrix(transformation.m_2, [[b, 0.0], [0.0, b]]);
+        assert_matrix(transformation.m_3, [[k, k], [k, -k]]);
         assert_matrix(
-            found.m_4,
+            transformation.m_4,
             [[1e8 * 0.15 * k; 2], [1e8 * 0.15 * k, -1e8 * 0.15 * k]],
         );
     }
@@ -96,23 +96,26 @@ mod tests {
     #[test]
     fn unequal_actuators_couple_them() {
         // By hand: T diag(a, b) T^-1 = 1/2 [[a + b, a - b], [a - b, a + b]] for any K_h1, K_h2.
-        let found = Transformation::new(&uneven());
+        let transformation = Transformation::new(&uneven());
         let (a, b) = (1.1e8 / 50.0, 0.9e8 / 55.0);
         let (p, q) = (0.5 * (a + b), 0.5 * (a - b));
-        assert_matrix(found.m_1, [[p, q], [q, p]]);
+        assert_matrix(transformation.m_1, [[p, q], [q, p]]);
         let (a, b) = (1e4 / 50.0, 1.2e4 / 55.0);
         let (p, q) = (0.5 * (a + b), 0.5 * (a - b));
-        assert_matrix(found.m_2, [[p, q], [q, p]]);
+        assert_matrix(transformation.m_2, [[p, q], [q, p]]);
         let (a, b) = (1.1e8 / 50.0, 0.9e8 / 55.0);
-        assert_matrix(found.m_3, [[a, b], [a, -b]]);
+        assert_matrix(transformation.m_3, [[a, b], [a, -b]]);
         let (a, b) = (1.1e8 * 0.15 * a, 0.9e8 * 0.15 * b);
-        assert_matrix(found.m_4, [[a, b], [a, -b]]);
+        assert_matrix(transformation.m_4, [[a, b], [a, -b]]);
     }
 
     #[test]
     fn the_inverse_of_m_3_undoes_it() {
-        let found = Transformation::new(&uneven());
-        assert_matrix(found.m_3 * found.m_3_inverse, [[1.0, 0.0], [0.0, 1.0]]);
+        let transformation = Transformation::new(&uneven());
+        assert_matrix(
+            transformation.m_3 * transformation.m_3_inverse,
+            [[1.0, 0.0], [0.0, 1.0]],
+        );
     }
 
     #[test]

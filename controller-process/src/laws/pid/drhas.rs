@@ -178,8 +178,8 @@ mod tests {
         // 90 (0.15 * 0.2 - 0.01) and 90 (0.15 * 0.2 + 0.02).
         assert!((command.actuator1_valve_current_a - 1.8).abs() < 1e-12);
         assert!((command.actuator2_valve_current_a - 4.5).abs() < 1e-12);
-        let (held, _) = law.step(&sample(9.0, [9.0, 9.0], false));
-        assert_eq!(held, command);
+        let (held_command, _) = law.step(&sample(9.0, [9.0, 9.0], false));
+        assert_eq!(held_command, command);
     }
 
     #[test]

@@ -102,8 +102,8 @@ impl<'a> Bench<'a> {
 
     fn tell(&mut self, number: u64, courses: &[(u32, Course)]) {
         let courses = courses.to_vec();
-        let told = Control::Tuned(Tuned { number, courses });
-        self.plant.tell(&told.to_bytes()).expect("tells");
+        let message = Control::Tuned(Tuned { number, courses });
+        self.plant.tell(&message.to_bytes()).expect("tells");
     }
 
     fn sample(&mut self, step: u64, tuning: u64, directive: Directive) {
@@ -119,8 +119,8 @@ impl<'a> Bench<'a> {
     fn answer(&mut self) -> Option<[f64; 4]> {
         self.runner.poll().expect("polls");
         let mut frame = [0.0; 4];
-        let answered = self.plant.receive(&mut frame).expect("polls");
-        answered.map(|_| frame)
+        let header = self.plant.receive(&mut frame).expect("polls");
+        header.map(|_| frame)
     }
 
     fn step(&mut self, step: u64, tuning: u64) -> [f64; 4] {
@@ -206,11 +206,11 @@ fn a_law_that_missed_a_change_applies_it_at_its_next_sample() {
     let mut bench = Bench::new(&kind, job(1, 0));
     bench.step(0, 0);
     bench.tell(1, &[(0, course(10.0, 20.0, 1, 0))]);
-    let unseen = Directive {
+    let directive = Directive {
         unseen: true,
         ..Directive::default()
     };
-    bench.sample(1, 1, unseen);
+    bench.sample(1, 1, directive);
     assert_eq!(bench.answer(), Some([11.0, 0.0, 0.0, 0.0]));
     assert_eq!(bench.step(2, 1), [21.0, 1.0, 1.0, 0.0]);
 }

@@ -67,12 +67,12 @@ impl<'a> Names<'a> {
     pub(super) fn find(&self, reader: &mut Reader, section: &Section<'_>) -> Result<u32, Reported> {
         let entry = section.table.get("after").ok_or(Reported)?;
         let path = section.path_of("after");
-        let known = || self.known.iter().copied();
+        let names = || self.known.iter().copied();
         let expected = || {
             let numbers = format!("a number from 1 to {}", self.last_id);
             match self.known.len() {
                 0 => numbers,
-                _ => format!("one of {}, or {numbers}", listed(known())),
+                _ => format!("one of {}, or {numbers}", listed(names())),
             }
         };
         match &entry.node.value {
@@ -83,7 +83,7 @@ impl<'a> Names<'a> {
                     reader
                         .report(ProblemKind::UnknownName, path, &entry.node.place, message)
                         .expected(expected())
-                        .nearest(name, known());
+                        .nearest(name, names());
                     Reported
                 })
             }

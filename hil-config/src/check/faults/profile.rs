@@ -38,8 +38,8 @@ pub(super) fn check(
         };
         return speed_per_s.map(|speed_per_s| Profile::Exponential { speed_per_s });
     }
-    let asked = reader.section(section, "profile")?;
-    let profile = asked_for(reader, &asked, folder, left_s);
+    let section_profile = reader.section(section, "profile")?;
+    let profile = asked_for(reader, &section_profile, folder, left_s);
     if let Some(speed) = speed
         && section.table.get(&speed.name).is_some()
     {

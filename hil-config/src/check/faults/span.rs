@@ -82,9 +82,9 @@ impl Keys {
             step = Step(steps_of(grid.rate, at_s));
             grid
         } else {
-            let written = reader.integer(section, key).ok_or(Reported)?;
+            let step_number = reader.integer(section, key).ok_or(Reported)?;
             let grid = grid.ok_or(Reported)?;
-            step = Step(written.unsigned_abs());
+            step = Step(step_number.unsigned_abs());
             at_s = grid.rate.seconds(step);
             grid
         };

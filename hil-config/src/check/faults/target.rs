@@ -45,8 +45,8 @@ fn moved<'d>(
         .map(|described| {
             let name = format!("{prefix}{}", described.parameter);
             let mut parameters = plant.parameters.iter();
-            let found = parameters.find(|field| field.faultable && field.name == name);
-            found.ok_or(name)
+            let parameter = parameters.find(|field| field.faultable && field.name == name);
+            parameter.ok_or(name)
         })
         .collect()
 }
@@ -185,8 +185,8 @@ pub(super) fn of_kind(
             unit: "1".into(),
         });
     }
-    let found = parts(name).filter(|(group, _)| groups_of(acts_on).contains(group));
-    let Some((group, last)) = found else {
+    let parsed = parts(name).filter(|(group, _)| groups_of(acts_on).contains(group));
+    let Some((group, last)) = parsed else {
         refuse(reader, section, context, kind, name);
         return None;
     };

@@ -34,10 +34,10 @@ pub(super) fn check(
     ] {
         refuse_alone(reader, section, key, owner).ok()?;
     }
-    let given: Vec<&str> = (TRIGGERS.into_iter())
+    let triggers: Vec<&str> = (TRIGGERS.into_iter())
         .filter(|key| section.table.get(key).is_some())
         .collect();
-    match given[..] {
+    match triggers[..] {
         ["at_s" | "at_step"] => {
             let at = AT.instant(reader, section, context.grid, |grid| Step(grid.steps - 1));
             let (step, at_s) = at.ok()??;

@@ -115,7 +115,7 @@ pub(super) fn agreement(
         }
         (Ok(()), ..) => Ok(Agreement::First),
         (Err(advice), ..) => {
-            let written = |symbol: &str, source: &Source<'_>| match source {
+            let symbol_of = |symbol: &str, source: &Source<'_>| match source {
                 Source::Quantity(quantity) => quantity.symbol.clone(),
                 _ => symbol.to_owned(),
             };
@@ -124,9 +124,9 @@ pub(super) fn agreement(
                 message: format!(
                     "`{}` is in {} and `{}` in {}, which cannot be {joined}; {advice}",
                     first.text(),
-                    written(symbol, &first),
+                    symbol_of(symbol, &first),
                     second.text(),
-                    written(others, &second)
+                    symbol_of(others, &second)
                 ),
                 first: first.span().unwrap_or_else(|| place.clone()),
                 second: second.span().unwrap_or(place),

@@ -248,7 +248,7 @@ fn expression(reader: &mut Reader, own: &Section<'_>, columns: &Columns) -> Opti
         let message = error
             .message
             .replace("unknown derived signal", "unknown value");
-        let known: Vec<&str> = columns.names().collect();
+        let names: Vec<&str> = columns.names().collect();
         reader
             .report(
                 ProblemKind::UnknownName,
@@ -258,7 +258,7 @@ fn expression(reader: &mut Reader, own: &Section<'_>, columns: &Columns) -> Opti
             )
             .expected(format!(
                 "numbers that are varied before it: {}",
-                listed(known)
+                listed(names)
             ));
     }
     expression.filter(|_| is_known)

@@ -238,15 +238,15 @@ impl Tree {
             }
             Self::Chain("until", bounds, f, g) => {
                 let reached = self.ahead(bounds, k, trace).map(|j| {
-                    let held = (k..j).map(|i| at(f, i));
-                    pick(holds, held.chain([at(g, j)]))
+                    let until_then = (k..j).map(|i| at(f, i));
+                    pick(holds, until_then.chain([at(g, j)]))
                 });
                 pick(!holds, reached)
             }
             Self::Chain(_, bounds, f, g) => {
                 let reached = Self::behind(bounds, k).map(|j| {
-                    let held = (j + 1..=k).map(|i| at(f, i));
-                    pick(holds, held.chain([at(g, j)]))
+                    let until_then = (j + 1..=k).map(|i| at(f, i));
+                    pick(holds, until_then.chain([at(g, j)]))
                 });
                 pick(!holds, reached)
             }
@@ -299,15 +299,15 @@ impl Tree {
             }
             Self::Chain("until", bounds, f, g) => {
                 let reached = self.ahead(bounds, k, trace).map(|j| {
-                    let held = (k..j).map(|i| at(f, i));
-                    quantified(true, held.chain([at(g, j)]).collect())
+                    let until_then = (k..j).map(|i| at(f, i));
+                    quantified(true, until_then.chain([at(g, j)]).collect())
                 });
                 quantified(false, reached.collect())
             }
             Self::Chain(_, bounds, f, g) => {
                 let reached = Self::behind(bounds, k).map(|j| {
-                    let held = (j + 1..=k).map(|i| at(f, i));
-                    quantified(true, held.chain([at(g, j)]).collect())
+                    let until_then = (j + 1..=k).map(|i| at(f, i));
+                    quantified(true, until_then.chain([at(g, j)]).collect())
                 });
                 quantified(false, reached.collect())
             }

@@ -127,13 +127,13 @@ impl Link for LastWord {
     shared_types::pass_on!(self => self.inner; send_control tell receive_control expect peer open_frames take_over send rejected);
 
     fn receive(&mut self, values: &mut [f64]) -> Result<Option<Header>, LinkError> {
-        let got = self.inner.receive(values)?;
-        if got.is_none() {
+        let result = self.inner.receive(values)?;
+        if result.is_none() {
             let confirmed = Header::new(FrameKind::EndConfirmed, Step(0));
             self.controller.borrow_mut().send(&confirmed, &[])?;
             self.supervision.peer_gone(1);
         }
-        Ok(got)
+        Ok(result)
     }
 }
 
@@ -151,8 +151,8 @@ fn a_confirmation_sent_just_before_the_controllers_end_counts() {
     let mut engine = Engine::new(&kind(), &kinds::all(), job(0), link, sink).expect("starts");
     let hello = Hello::new(5, "test");
     let say = |message: Control| {
-        let sent = controller.borrow_mut().send_control(&message.to_bytes());
-        sent.expect("sends");
+        let result = controller.borrow_mut().send_control(&message.to_bytes());
+        result.expect("sends");
     };
     say(Control::Hello(hello));
     engine.poll().expect("polls");

@@ -76,9 +76,9 @@ fn a_failure_in_any_call_ends_the_run_at_its_step_with_its_reason() {
         let (code, end, came) = end_of(&kind, 9);
         let reason = "plant diverged at step 2 (0.2 s): the rod broke";
         assert_eq!(end.reason.as_deref(), Some(reason), "{call}");
-        let found = (code, end.outcome, end.steps, came);
+        let actual = (code, end.outcome, end.steps, came);
         assert_eq!(
-            found,
+            actual,
             (AbortCode::Diverged, Outcome::Diverged, 2, records),
             "{call}"
         );
@@ -87,9 +87,9 @@ fn a_failure_in_any_call_ends_the_run_at_its_step_with_its_reason() {
         let (code, end, came) = end_of(&kind, 9);
         let reason = "plant failed at step 2 (0.2 s): the library is gone";
         assert_eq!(end.reason.as_deref(), Some(reason), "{call}");
-        let found = (code, end.outcome, end.steps, came);
+        let actual = (code, end.outcome, end.steps, came);
         assert_eq!(
-            found,
+            actual,
             (AbortCode::Other, Outcome::Failed, 2, records),
             "{call}"
         );
@@ -100,8 +100,8 @@ fn a_failure_in_any_call_ends_the_run_at_its_step_with_its_reason() {
 fn a_failure_after_the_last_step_ends_the_run_too() {
     for call in ["measure", "truth"] {
         let (_, end, came) = end_of(&fails(call, &Failure::lost("the library is gone")), 2);
-        let found = (end.outcome, end.steps, came);
-        assert_eq!(found, (Outcome::Failed, 2, 2), "{call}");
+        let actual = (end.outcome, end.steps, came);
+        assert_eq!(actual, (Outcome::Failed, 2, 2), "{call}");
     }
 }
 
@@ -111,6 +111,6 @@ fn a_missing_parameter_is_named_before_the_plant_starts() {
     let Err(missing) = (kind.start)(&Settings::default()) else {
         panic!("started");
     };
-    let told = missing.to_string();
-    assert!(told.contains("`plant.parameters.gain_m_per_n`"), "{told}");
+    let text = missing.to_string();
+    assert!(text.contains("`plant.parameters.gain_m_per_n`"), "{text}");
 }

@@ -37,8 +37,8 @@ impl Chance {
 
     /// Draws the event. Draws at every call, so that the profile does not shift the sequence.
     fn happens(&mut self, gain: f64) -> bool {
-        let drawn = self.random.as_mut().map_or(1.0, RandomStream::uniform);
-        drawn < self.probability * gain
+        let number = self.random.as_mut().map_or(1.0, RandomStream::uniform);
+        number < self.probability * gain
     }
 }
 
@@ -188,9 +188,9 @@ impl FaultKind for Jitter {
     }
 
     fn message(&mut self, at: &Moment, passage: &mut Passage) {
-        let drawn = self.random.as_mut().map_or(0.0, RandomStream::uniform);
+        let number = self.random.as_mut().map_or(0.0, RandomStream::uniform);
         let longest = f64::from(scaled(self.steps, at.gain));
-        delayed(passage, (drawn * (longest + 1.0)) as u32);
+        delayed(passage, (number * (longest + 1.0)) as u32);
     }
 }
 
@@ -357,9 +357,13 @@ impl FaultKind for Corruption {
         // Each choice equally likely, by Floyd (Bentley and Floyd 1987, Commun. ACM 30 (9)): if the number drawn up to
         // the last is taken already, the last itself is not.
         for last in passage.bits - count as u64..passage.bits {
-            let drawn = (random.uniform() * (last + 1) as f64) as u64;
-            let taken = &passage.flips[begin..passage.flipped];
-            let bit = if taken.contains(&drawn) { last } else { drawn };
+            let choice = (random.uniform() * (last + 1) as f64) as u64;
+            let choices = &passage.flips[begin..passage.flipped];
+            let bit = if choices.contains(&choice) {
+                last
+            } else {
+                choice
+            };
             passage.flips[passage.flipped] = bit;
             passage.flipped += 1;
         }

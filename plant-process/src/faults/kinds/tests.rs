@@ -26,18 +26,18 @@ fn rate(hz: f64) -> Rate {
 }
 
 fn entry(kind: &str) -> FaultKindEntry {
-    let found = all()
+    let entries = all()
         .into_iter()
         .find(|entry| entry.description.kind == kind);
-    found.unwrap_or_else(|| panic!("no kind `{kind}`"))
+    entries.unwrap_or_else(|| panic!("no kind `{kind}`"))
 }
 
 /// Starts a fault like the fault builder: omitted parameters have their defaults.
-fn try_start(kind: &str, given: Parameters<'_>, list: &[f64]) -> Result<Box<dyn Fault>, Invalid> {
+fn try_start(kind: &str, values: Parameters<'_>, list: &[f64]) -> Result<Box<dyn Fault>, Invalid> {
     let entry = entry(kind);
     let mut parameters = Settings::default();
     for field in &entry.description.parameters {
-        let value = given.iter().find(|(name, _)| *name == field.name);
+        let value = values.iter().find(|(name, _)| *name == field.name);
         let value = value.map(|(_, value)| *value).or(field.default);
         parameters.set(&field.name, value.unwrap_or_else(|| panic!("{field:?}")));
     }
@@ -49,15 +49,15 @@ fn try_start(kind: &str, given: Parameters<'_>, list: &[f64]) -> Result<Box<dyn 
 }
 
 /// Does the same, and begins with a seed.
-fn seeded(kind: &str, given: Parameters<'_>, list: &[f64], seed: u64) -> Box<dyn Fault> {
-    let fault = try_start(kind, given, list);
+fn seeded(kind: &str, parameters: Parameters<'_>, list: &[f64], seed: u64) -> Box<dyn Fault> {
+    let fault = try_start(kind, parameters, list);
     let mut fault = fault.unwrap_or_else(|e| panic!("{kind}: {e}"));
     fault.hold(RandomStream::new(seed, "kinds"));
     fault
 }
 
-fn start(kind: &str, given: Parameters<'_>, list: &[f64]) -> Box<dyn Fault> {
-    seeded(kind, given, list, 1)
+fn start(kind: &str, parameters: Parameters<'_>, list: &[f64]) -> Box<dyn Fault> {
+    seeded(kind, parameters, list, 1)
 }
 
 /// Returns a moment after the fault began at step 100.
@@ -129,8 +129,8 @@ fn nothing_happens_while_the_profile_is_0() {
         let description = &entry.description;
         let kind = &description.kind;
         let owned = sample(description);
-        let given: Vec<(&str, f64)> = owned.iter().map(|(n, v)| (n.as_str(), *v)).collect();
-        let mut fault = start(kind, &given, &[]);
+        let parameters: Vec<(&str, f64)> = owned.iter().map(|(n, v)| (n.as_str(), *v)).collect();
+        let mut fault = start(kind, &parameters, &[]);
         for (since, x) in (0..).zip([0.3, -1e9, 5.0, 1e-9]) {
             let at = moment(since, 0.0);
             assert_eq!(fault.number(&at, valid(x)), valid(x), "{kind}");

@@ -97,11 +97,13 @@ impl FaultKind for Late {
     }
 
     fn timing(&mut self, at: &Moment, directive: &mut Directive) {
-        let drawn = self.random.as_mut().map_or(0.0, RandomStream::uniform);
+        let number = self.random.as_mut().map_or(0.0, RandomStream::uniform);
         let busy_us = if self.histogram.is_empty() {
-            self.parameters.busy_us + self.parameters.spread_us * drawn
+            self.parameters.busy_us + self.parameters.spread_us * number
         } else {
-            let place = self.histogram.partition_point(|&(_, up_to)| up_to <= drawn);
+            let place = self
+                .histogram
+                .partition_point(|&(_, up_to)| up_to <= number);
             self.histogram
                 .get(place)
                 .map_or(0.0, |&(length_us, _)| length_us)

@@ -56,12 +56,12 @@ fn a_live_fault_begins_at_the_announced_step() {
         ),
         (after(2, 0), None, Some("fault 2 to take hold"), 9),
     ];
-    for (trigger, step, waits_for, taken) in cases {
+    for (trigger, step, waits_for, begin) in cases {
         let b = |id, step| event(id, "plus", at(step), &[on("measured.b_m", 1.0)]);
         let mut rig = Rig::new(&[b(1, 2), b(2, 9)]);
         rig.run(5);
         rig.told.clear();
-        let shown = format!("{trigger:?}");
+        let label = format!("{trigger:?}");
         let admitted = rig.admit(vec![plus(3, trigger)]).expect("it can be");
         let expected = Admitted {
             id: 3,
@@ -69,10 +69,10 @@ fn a_live_fault_begins_at_the_announced_step() {
             step: step.map(Step),
             waits_for: waits_for.map(Into::into),
         };
-        assert_eq!(admitted, [expected], "{shown}");
+        assert_eq!(admitted, [expected], "{label}");
         rig.run(7);
-        rig.told.retain(|told| told.0 == 3);
-        assert_eq!(rig.told, [(3, 0, taken, '+')], "{shown}");
+        rig.told.retain(|report| report.0 == 3);
+        assert_eq!(rig.told, [(3, 0, begin, '+')], "{label}");
     }
 }
 
@@ -80,9 +80,9 @@ fn a_live_fault_begins_at_the_announced_step() {
 fn a_fault_in_the_past_is_refused_and_none_is_admitted() {
     let mut rig = Rig::new(&[]);
     rig.run(7);
-    let refused = rig.admit(vec![plus(1, Trigger::Now), plus(2, at(6))]);
+    let result = rig.admit(vec![plus(1, Trigger::Now), plus(2, at(6))]);
     let expected = "step 6 (0.6 s) is past: the run is at step 7 (0.7 s)";
-    assert_eq!(refused, Err(expected.into()));
+    assert_eq!(result, Err(expected.into()));
     assert_eq!(rig.each(2, |passed| passed.sample[0]), [7.0, 8.0]);
     assert!(rig.layer.states().is_empty());
 }
@@ -107,17 +107,17 @@ fn a_live_fault_acts_like_the_same_fault_of_a_scenario() {
     let mut scenario = Rig::new(&[noisy(1, at(4)), noisy(2, at(4))]);
     let mut live = Rig::new(&[]);
     let expected = scenario.run(9);
-    let mut found = live.run(3);
+    let mut actual = live.run(3);
     live.admit(vec![noisy(8, at(4))]).expect("it can be");
-    found.extend(live.run(1));
+    actual.extend(live.run(1));
     live.admit(vec![noisy(9, Trigger::Now)]).expect("it can be");
-    found.extend(live.run(5));
-    assert_eq!(found, expected);
+    actual.extend(live.run(5));
+    assert_eq!(actual, expected);
 }
 
 #[test]
 fn cleared_faults_end_at_the_next_step_with_an_event_each() {
-    for (id, ids, told) in [
+    for (id, ids, reports) in [
         (Some(1), vec![1], vec![(1, 0, 4, 'x')]),
         (Some(2), vec![2], vec![(2, 0, 4, 'x'), (2, 1, 4, 'x')]),
         (Some(3), vec![3], vec![(3, 0, 4, 'x')]),
@@ -153,18 +153,28 @@ fn cleared_faults_end_at_the_next_step_with_an_event_each() {
         rig.told.clear();
         assert_eq!(rig.layer.clear(id, Step(4)), ids);
         let passed = rig.run(4);
-        let (gone, struck) = (|number| ids.contains(&number), passed[3].sample[1]);
+        let (is_cleared, value) = (|number| ids.contains(&number), passed[3].sample[1]);
         for (k, passed) in (4..).zip(&passed) {
-            assert_eq!(passed.parameters[1], if gone(1) { 10.0 } else { 11.0 });
-            assert_eq!(passed.retuned, gone(1) && k == 4);
-            let late = if gone(3) || k < 6 { 0 } else { k - 5 };
+            assert_eq!(
+                passed.parameters[1],
+                if is_cleared(1) { 10.0 } else { 11.0 }
+            );
+            assert_eq!(passed.retuned, is_cleared(1) && k == 4);
+            let late = if is_cleared(3) || k < 6 { 0 } else { k - 5 };
             assert_eq!(passed.sample_age_steps, late);
-            let sent = f64::from(k - late) + if gone(2) { 0.0 } else { 1.0 };
-            assert_eq!(passed.sample[0], sent);
+            let expected_value = f64::from(k - late) + if is_cleared(2) { 0.0 } else { 1.0 };
+            assert_eq!(passed.sample[0], expected_value);
         }
-        assert_eq!(struck, if gone(3) && !gone(2) { 11.0 } else { 10.0 });
-        rig.told.retain(|told| told.3 == 'x');
-        assert_eq!(rig.told, told, "{id:?}");
+        assert_eq!(
+            value,
+            if is_cleared(3) && !is_cleared(2) {
+                11.0
+            } else {
+                10.0
+            }
+        );
+        rig.told.retain(|reports| reports.3 == 'x');
+        assert_eq!(rig.told, reports, "{id:?}");
         assert_eq!(rig.layer.clear(id, Step(8)), [0; 0], "all of it is gone");
     }
 }
@@ -174,9 +184,9 @@ fn a_follower_of_a_fault_cleared_before_its_beginning_never_begins() {
     let mut rig = Rig::new(&[plus(1, at(5)), plus(2, after(1, 1))]);
     rig.run(2);
     rig.layer.clear(Some(1), Step(2));
-    let refused = rig.admit(vec![plus(3, Trigger::Now), plus(4, after(1, 0))]);
+    let result = rig.admit(vec![plus(3, Trigger::Now), plus(4, after(1, 0))]);
     let expected = "fault 1 ended before it took hold: nothing can follow it";
-    assert_eq!(refused, Err(expected.into()));
+    assert_eq!(result, Err(expected.into()));
     rig.run(8);
     assert_eq!(rig.told, [(1, 0, 2, 'x')]);
 
@@ -216,12 +226,12 @@ fn the_states_describe_what_each_fault_does_and_waits_for() {
             )
         })
         .collect();
-    let shown: Vec<_> = states
+    let actual: Vec<_> = states
         .iter()
         .map(|(id, source, state, waits)| (*id, &source[..], &state[..], &waits[..]))
         .collect();
     assert_eq!(
-        shown,
+        actual,
         [
             (1, "scenario", "ended", ""),
             (2, "scenario", "active", ""),

@@ -260,8 +260,8 @@ impl Rig {
     /// Returns the report on an effect.
     pub(super) fn size(&self, id: u32, effect: u32) -> FaultEffectSize {
         let sizes = self.layer.effects();
-        let found = (sizes.into_iter()).find(|size| (size.id, size.effect) == (id, effect));
-        found.expect("it exists")
+        let sizes_found = (sizes.into_iter()).find(|size| (size.id, size.effect) == (id, effect));
+        sizes_found.expect("it exists")
     }
 
     /// Returns the number of steps at which an effect acted, and its largest change.

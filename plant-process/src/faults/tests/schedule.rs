@@ -31,15 +31,15 @@ fn each_trigger_fires_at_its_step() {
         (after(7, 3), 5),
     ];
     for (trigger, step) in cases {
-        let shown = format!("{trigger:?}");
+        let label = format!("{trigger:?}");
         let other = event(7, "plus", at(2), &[skewed(9, on("measured.b_m", 1.0))]);
         let mut rig = Rig::new(&[plus(1, trigger), other]);
         let values = rig.each(9, |passed| passed.sample[0]);
         for (k, value) in (0..).zip(values) {
-            let wanted = k as f64 + if k >= step { 1.0 } else { 0.0 };
-            assert_eq!(value, wanted, "{shown} at {k}");
+            let expected = k as f64 + if k >= step { 1.0 } else { 0.0 };
+            assert_eq!(value, expected, "{label} at {k}");
         }
-        assert_eq!(rig.told, [(1, 0, step, '+')], "{shown}");
+        assert_eq!(rig.told, [(1, 0, step, '+')], "{label}");
     }
 }
 
@@ -80,14 +80,14 @@ fn each_end_leaves_its_step_healthy() {
         ),
     ];
     for (end, step) in cases {
-        let shown = format!("{end:?}");
+        let label = format!("{end:?}");
         let mut rig = Rig::new(&[until(end, plus(1, at(2)))]);
         let values = rig.each(10, |passed| passed.sample[0]);
         for (k, value) in (0..).zip(values) {
-            let wanted = k as f64 + if (2..step).contains(&k) { 1.0 } else { 0.0 };
-            assert_eq!(value, wanted, "{shown} at {k}");
+            let expected = k as f64 + if (2..step).contains(&k) { 1.0 } else { 0.0 };
+            assert_eq!(value, expected, "{label} at {k}");
         }
-        assert_eq!(rig.told, [(1, 0, 2, '+'), (1, 0, step, '-')], "{shown}");
+        assert_eq!(rig.told, [(1, 0, 2, '+'), (1, 0, step, '-')], "{label}");
         let size = rig.size(1, 0);
         assert_eq!(
             (size.step, size.ended_step, size.acted_steps),
@@ -297,16 +297,20 @@ fn a_fault_is_reported_with_all_that_determines_its_course() {
         event(4, "busy", at(0), &[on("plant", 2.0)]),
     ]);
     rig.layer.advance(Step(0), None);
-    let mut told = Vec::new();
-    while let Some(Event::Fault(taken)) = rig.layer.next_event() {
-        told.push((taken.parameter, taken.canonical, taken.wall_only));
+    let mut events = Vec::new();
+    while let Some(Event::Fault(begun_fault)) = rig.layer.next_event() {
+        events.push((
+            begun_fault.parameter,
+            begun_fault.canonical,
+            begun_fault.wall_only,
+        ));
     }
-    let told: Vec<_> = told
+    let events: Vec<_> = events
         .iter()
         .map(|(parameter, canonical, wall)| (&parameter[..], &canonical[..], *wall))
         .collect();
     assert_eq!(
-        told,
+        events,
         [
             (
                 "measured.a_m",

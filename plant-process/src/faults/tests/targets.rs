@@ -331,14 +331,18 @@ fn busy_times_add_up_and_each_has_its_own_size() {
     // The controller reports no more than its actual work.
     rig.answer.work_ns = 200;
     let passed = rig.each(3, |passed| (passed.directive, passed.busy_ns));
-    let told = |busy_ns, late_steps| Directive {
+    let directive = |busy_ns, late_steps| Directive {
         busy_ns,
         late_steps,
         unseen: false,
     };
     assert_eq!(
         passed,
-        [(told(0, 0), 0), (told(350, 4), 700), (told(350, 0), 700)]
+        [
+            (directive(0, 0), 0),
+            (directive(350, 4), 700),
+            (directive(350, 0), 700)
+        ]
     );
     rig.layer.plant_was_busy(1234);
     assert_eq!(
@@ -357,7 +361,7 @@ fn busy_times_add_up_and_each_has_its_own_size() {
 #[test]
 fn random_numbers_depend_on_kind_target_step_and_ordinal() {
     let a = "measured.a_m";
-    let drawn = |path: &str| RandomStream::new(1, path).uniform();
+    let draw = |path: &str| RandomStream::new(1, path).uniform();
     for first in [1, 40] {
         // The event's number does not matter, nor do effects on other targets.
         let mut rig = Rig::new(&[
@@ -369,8 +373,8 @@ fn random_numbers_depend_on_kind_target_step_and_ordinal() {
             ),
         ]);
         let passed = rig.each(4, |passed| passed.sample);
-        assert_eq!(passed[2][0], drawn("dice/measured.a_m/2/0"));
-        assert_eq!(passed[2][1], drawn("dice/measured.b_m/2/0"));
-        assert_eq!(passed[3][0], drawn("dice/measured.a_m/3/1"));
+        assert_eq!(passed[2][0], draw("dice/measured.a_m/2/0"));
+        assert_eq!(passed[2][1], draw("dice/measured.b_m/2/0"));
+        assert_eq!(passed[3][0], draw("dice/measured.a_m/3/1"));
     }
 }

@@ -40,9 +40,9 @@ pub fn fault_leakage_m3ps(coefficient_m3ps_per_sqrt_pa: Pair, state: &ActuatorSt
 /// `q = c sqrt(P - P_r)` for `P > P_r`, otherwise 0 (turbulent like the second term of eq. 5; the orifice law of
 /// Merritt, Hydraulic Control Systems, 1967, on flow through orifices, with `c = C_d A sqrt(2 / rho)`). The
 /// surroundings are assumed to have the pressure of the return line, so that a chamber open to the return does not
-/// leak, and no air enters. Near `P = P_r` the root is not Lipschitz: a Runge-Kutta step `h` may overshoot it by `(c
-/// beta_e h / V)^2 / 16`, 5 kPa at the largest `c` and 25 us in the paper's actuator, and stays there, since nothing
-/// flows back.
+/// leak, and no air enters. Near `P = P_r` the root is not Lipschitz: a Runge-Kutta step `h` may overshoot it by
+/// `(c beta_e h / V)^2 / 16`, 5 kPa at the largest `c` and 25 us in the paper's actuator, and stays there, since
+/// nothing flows back.
 #[inline]
 #[must_use]
 pub fn external_leakages_m3ps(p: &Actuators, state: &ActuatorStates) -> [Pair; 2] {
@@ -93,9 +93,9 @@ pub fn fault_leak_alone(p: &Actuators, state: &ActuatorStates, duration_s: f64) 
     let passive = cylinder::passive_stiffness_pa_per_m3(p, state.position_m);
     let a = closing_speed_sqrt_pa_per_s(p, state.position_m);
     let y_0 = state.pressure1_pa - state.pressure2_pa;
-    let left = y_0.abs().sqrt() - a * 0.5 * duration_s;
-    let lasts = left.is_above(none);
-    let y_h = y_0.is_below(none).choose(-left * left, left * left);
+    let root = y_0.abs().sqrt() - a * 0.5 * duration_s;
+    let lasts = root.is_above(none);
+    let y_h = y_0.is_below(none).choose(-root * root, root * root);
     let moved_m3 = lasts.choose(y_0 - y_h, y_0) / (active + passive);
     let pressure1_pa = state.pressure1_pa - active * moved_m3;
     // Equal pressures are one number: rounding must not leave a difference with the wrong sign.

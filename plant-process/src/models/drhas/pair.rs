@@ -222,7 +222,7 @@ mod tests {
 
     #[test]
     fn numbers_that_are_not_positive_become_zero() {
-        for (a, wanted) in [
+        for (a, expected) in [
             (2.5, 2.5),
             (1e-310, 1e-310),
             (f64::INFINITY, f64::INFINITY),
@@ -231,7 +231,7 @@ mod tests {
             (-28e6, 0.0),
         ] {
             let p = Pair::from([a, 1.0]).or_zero_if_negative();
-            assert_same(p, [wanted, 1.0]);
+            assert_same(p, [expected, 1.0]);
         }
     }
 

@@ -19,7 +19,7 @@ pub(super) struct Inputs {
     pub disturbances_n: Pair,
 }
 
-/// The state in the form for integration, or its rates: the actuators side by side.
+/// State or rates in the form for integration: the actuators side by side.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Motion {
     /// Angle and rate of the surface.

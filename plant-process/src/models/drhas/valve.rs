@@ -1,8 +1,8 @@
 //! The electro-hydraulic servo valve: from the spool's position to the flows of the chambers (eqs. 7 to 13).
 //!
 //! Called by the right-hand side of the hydraulic system with the position from [`spool`](super::spool). The valve's
-//! edges neither overlap nor leak, as in the paper. The paper's `s(u)` is `s(x_v)` here, which is the same while `x_v =
-//! k_i u` and remains valid for other spool positions.
+//! edges neither overlap nor leak, as in the paper. The paper's `s(u)` is `s(x_v)` here, which is the same while
+//! `x_v = k_i u` and remains valid for other spool positions.
 
 use super::actuators::{ActuatorStates, Actuators};
 use super::pair::Pair;
@@ -80,10 +80,10 @@ impl OpenEdges {
 
 /// Flow from a compliant supply, computed from the flow `q_0` of a stiff one.
 ///
-/// `q = k sqrt(P_s - R q - P)` with `k = k_q |x_v|`, so that `q^2 + k^2 R q - q_0^2 = 0` and `q = 2 q_0^2 / (k^2 R +
-/// sqrt((k^2 R)^2 + 4 q_0^2))`, the form without cancellation: a line or pump whose pressure falls in proportion to its
-/// flow (Merritt, Hydraulic Control Systems, 1967, on laminar flow and on power supplies) upstream of the orifice of
-/// eqs. 10 and 11. `R = 0` is the paper's stiff supply. The sign is that of `q_0`.
+/// `q = k sqrt(P_s - R q - P)` with `k = k_q |x_v|`, so that `q^2 + k^2 R q - q_0^2 = 0` and
+/// `q = 2 q_0^2 / (k^2 R + sqrt((k^2 R)^2 + 4 q_0^2))`, the form without cancellation: a line or pump whose pressure
+/// falls in proportion to its flow (Merritt, Hydraulic Control Systems, 1967, on laminar flow and on power supplies)
+/// upstream of the orifice of eqs. 10 and 11. `R = 0` is the paper's stiff supply. The sign is that of `q_0`.
 #[inline]
 #[must_use]
 pub fn flow_of_soft_supply_m3ps(p: &Actuators, spool_m: Pair, stiff_m3ps: Pair) -> Pair {

@@ -178,7 +178,7 @@ impl<L: Link, const FLAW: usize> Link for BrokenLink<L, FLAW> {
         if self.wire.waits[self.side].replace(true) && Self::has(Flaw::WaitsForReceiver) {
             super::hang();
         }
-        let sent = self.link.send(header, values);
+        let result = self.link.send(header, values);
         let older = self.outgoing.replace((*header, values.to_vec()));
         if Self::has(Flaw::Reorders)
             && self.sent.is_multiple_of(5)
@@ -186,9 +186,9 @@ impl<L: Link, const FLAW: usize> Link for BrokenLink<L, FLAW> {
         {
             self.link.send(&header, &values)?;
         }
-        match sent {
+        match result {
             Err(LinkError::NotOpen) if Self::has(Flaw::IsAlwaysOpen) => Ok(()),
-            sent => sent,
+            result => result,
         }
     }
 

@@ -100,12 +100,12 @@ impl Blackboard {
             Side::Controller => "bare controller",
         };
         let node = node(session, name)?;
-        let ((out_name, sent), (in_name, received)) = match side {
+        let ((out_name, out_values), (in_name, received)) = match side {
             Side::Plant => ((SAMPLES, there), (COMMANDS, back)),
             Side::Controller => ((COMMANDS, back), (SAMPLES, there)),
         };
         Ok(Self {
-            outgoing: for_words!(sent, outgoing(&node, side, out_name))?,
+            outgoing: for_words!(out_values, outgoing(&node, side, out_name))?,
             incoming: for_words!(received, incoming(&node, side, in_name))?,
             _node: node,
         })

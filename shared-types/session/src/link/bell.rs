@@ -289,8 +289,8 @@ mod tests {
             "{absent:?}"
         );
         let bell = Bell::create(info, Owner::Plant).expect("creates");
-        let taken = Bell::create(info, Owner::Plant);
-        assert!(matches!(taken, Err(LinkError::Taken { .. })), "{taken:?}");
+        let result = Bell::create(info, Owner::Plant);
+        assert!(matches!(result, Err(LinkError::Taken { .. })), "{result:?}");
         let other = Bell::create(info, Owner::Controller(1)).expect("another");
         Bell::open(info, Owner::Plant).expect("opens");
         assert_eq!(info.open_to_others(), Vec::<std::path::PathBuf>::new());
@@ -347,10 +347,10 @@ mod tests {
                 .recv_timeout(LONG / 2)
                 .expect("nobody wakes the owner");
         }
-        let left = Arc::downgrade(&bell.0);
+        let weak = Arc::downgrade(&bell.0);
         drop(bell);
         let since = Instant::now();
-        while left.strong_count() > 0 {
+        while weak.strong_count() > 0 {
             assert!(since.elapsed() < LONG, "the thread keeps the bell");
             thread::sleep(Duration::from_millis(1));
         }

@@ -139,7 +139,7 @@ impl ControlChannel {
         side: Side,
         epoch: u32,
     ) -> Result<Self, LinkError> {
-        let made = match side {
+        let controller_bell = match side {
             Side::Plant => Some(Bell::create(session, Owner::Controller(epoch))?),
             Side::Controller => None,
         };
@@ -151,8 +151,8 @@ impl ControlChannel {
         };
         // The receiver first: once the peer finds the service that this side publishes to, it may send at once, and
         // messages without a receiver are lost.
-        let heard = topic(node, side, hears)?;
-        let listen = subscribe(hears, heard.subscriber_builder())?;
+        let incoming = topic(node, side, hears)?;
+        let listen = subscribe(hears, incoming.subscriber_builder())?;
         let speak = (topic(node, side, speaks)?.publisher_builder())
             .initial_max_slice_len(1 << 14)
             .allocation_strategy(AllocationStrategy::PowerOfTwo)
@@ -168,8 +168,8 @@ impl ControlChannel {
             epoch,
             speak,
             listen,
-            heard,
-            bell: match made {
+            heard: incoming,
+            bell: match controller_bell {
                 Some(bell) => bell,
                 None => Bell::open(session, Owner::Plant)?,
             },
@@ -287,11 +287,11 @@ impl Link for IceoryxLink {
 
     fn open_frames(&mut self, spec: &FrameSpec) -> Result<(), LinkError> {
         let of = |identity: FrameIdentity| (identity.epoch, identity.layout);
-        if let Some(mut kept) = self.kept.take()
-            && of(kept.identity) == of(spec.identity)
+        if let Some(mut previous) = self.kept.take()
+            && of(previous.identity) == of(spec.identity)
         {
-            kept.identity = spec.identity;
-            self.frames = Some(kept);
+            previous.identity = spec.identity;
+            self.frames = Some(previous);
             return Ok(());
         }
         let samples = format!("frames/{}/samples", spec.identity.epoch);

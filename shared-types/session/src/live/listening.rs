@@ -107,15 +107,15 @@ mod tests {
     #[test]
     fn clients_that_connected_before_the_end_are_answered_and_later_ones_are_refused() {
         let session = Session::of_one_process(None).expect("a session");
-        let (begun, begins) = channel();
+        let (start, begins) = channel();
         let (go, may_go) = channel::<()>();
         let count = Arc::new(AtomicU32::new(0));
-        let answered = Arc::clone(&count);
+        let answers = Arc::clone(&count);
         let listening = listen(session.info(), "test", move |mut client| {
-            let _ = begun.send(());
+            let _ = start.send(());
             let _ = may_go.recv();
             client.write_all(b"yes\n").expect("a connected client");
-            answered.fetch_add(1, Ordering::Relaxed);
+            answers.fetch_add(1, Ordering::Relaxed);
         });
         let listening = listening.expect("listens");
         let path = session.info().folder.join("test");
@@ -147,11 +147,11 @@ mod tests {
     #[test]
     fn a_silent_client_does_not_block_the_end() {
         let session = Session::of_one_process(None).expect("a session");
-        let (begun, begins) = channel();
-        let (hold, held) = channel::<()>();
+        let (start, begins) = channel();
+        let (hold, released) = channel::<()>();
         let listening = listen(session.info(), "test", move |_| {
-            let _ = begun.send(());
-            let _ = held.recv();
+            let _ = start.send(());
+            let _ = released.recv();
         });
         let listening = listening.expect("listens");
         let client = UnixStream::connect(session.info().folder.join("test"));

@@ -33,7 +33,7 @@ pub(super) fn keep(lock: bool, fetch: bool) -> Result<(), String> {
 /// Checks the limit in advance, as otherwise a later mapping would fail.
 fn may_lock() -> Result<(), String> {
     let privileged =
-        capabilities(None).is_ok_and(|held| held.effective.contains(CapabilitySet::IPC_LOCK));
+        capabilities(None).is_ok_and(|sets| sets.effective.contains(CapabilitySet::IPC_LOCK));
     match getrlimit(Resource::Memlock).current {
         Some(bytes) if !privileged => Err(format!(
             "only {bytes} bytes may be locked, not all memory of the process"

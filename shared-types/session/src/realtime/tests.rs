@@ -51,7 +51,7 @@ fn a_loop_runs_on_its_core() {
         let (report, found) = aside(move || (apply(&settings), sched_getcpu()));
         assert_eq!(report.core.granted, Some(core));
         assert_eq!(report.core.reason, None);
-        assert_eq!(found, core as usize);
+        assert_eq!(actual_core, core as usize);
     }
 }
 
@@ -114,11 +114,11 @@ fn no_side_spins_if_both_share_one_core() {
 
 #[test]
 fn a_reason_is_given_only_for_a_difference() {
-    let refused = || Some("no".to_owned());
-    assert_eq!(Granted::new(3, 3, refused()).reason, None);
-    assert_eq!(Granted::new(3, 0, refused()).refusal(&0), Some("no"));
+    let reason = || Some("no".to_owned());
+    assert_eq!(Granted::new(3, 3, reason()).reason, None);
+    assert_eq!(Granted::new(3, 0, reason()).refusal(&0), Some("no"));
     // More than requested is reported, but is no refusal.
-    let more = Granted::new(false, true, refused());
+    let more = Granted::new(false, true, reason());
     assert_eq!(
         (more.reason.as_deref(), more.refusal(&false)),
         (Some("no"), None)

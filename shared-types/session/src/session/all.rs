@@ -69,7 +69,7 @@ impl AllSessions {
         }
     }
 
-    /// Tries once; the inner error is an obstacle that may pass.
+    /// Tries once; the inner error is a temporary obstacle.
     fn try_lock(folder: &Path) -> Result<Result<Self, SessionError>, SessionError> {
         let (uid, path) = (rustix::process::geteuid().as_raw(), folder.join(".lock"));
         match private_folder(folder) {
@@ -84,11 +84,11 @@ impl AllSessions {
             ErrorKind::NotFound => Ok(SessionError::io(action, path)(error)),
             _ => Err(SessionError::io(action, path)(error)),
         };
-        let found = match fs::symlink_metadata(folder) {
+        let metadata = match fs::symlink_metadata(folder) {
             Err(error) => return passing(error, "read", folder).map(Err),
-            Ok(found) => found,
+            Ok(metadata) => metadata,
         };
-        if !found.is_dir() || found.uid() != uid || found.mode() & 0o077 != 0 {
+        if !metadata.is_dir() || metadata.uid() != uid || metadata.mode() & 0o077 != 0 {
             return Err(SessionError::NotPrivate(folder.to_owned()));
         }
         let lock = match private_file(&path) {
@@ -251,31 +251,31 @@ mod tests {
         let place = tempdir().expect("a folder");
         let limit = Duration::from_millis(20);
         let folder = place.path().join("hil-0");
-        let told = || match AllSessions::lock_in(&folder, limit) {
+        let message = || match AllSessions::lock_in(&folder, limit) {
             Ok(_) => "locked".to_owned(),
             Err(error) => error.to_string(),
         };
-        assert_eq!(told(), "locked");
+        assert_eq!(message(), "locked");
         private_folder(&folder).expect("made");
         let path = folder.join(".lock");
         let open = |why: &str| format!("cannot open {}: {why}", path.display());
 
         std::os::unix::fs::symlink(place.path().join("none/none"), &path).expect("linked");
-        assert_eq!(told(), open("No such file or directory (os error 2)"));
+        assert_eq!(message(), open("No such file or directory (os error 2)"));
         fs::remove_file(&path).expect("removed");
         fs::create_dir(&path).expect("made");
-        assert_eq!(told(), open("Is a directory (os error 21)"));
+        assert_eq!(message(), open("Is a directory (os error 21)"));
         fs::remove_dir(&path).expect("removed");
 
-        let held = private_file(&path).expect("made");
-        flock(&held, FlockOperation::NonBlockingLockExclusive).expect("free");
+        let lock = private_file(&path).expect("made");
+        flock(&lock, FlockOperation::NonBlockingLockExclusive).expect("free");
         assert!(
-            told().ends_with("is a stopped `hil` holding it?"),
+            message().ends_with("is a stopped `hil` holding it?"),
             "{}",
-            told()
+            message()
         );
-        drop(held);
-        assert_eq!(told(), "locked");
+        drop(lock);
+        assert_eq!(message(), "locked");
     }
 
     #[test]
@@ -312,13 +312,13 @@ mod tests {
             let mode = Mode::RUSR | Mode::WUSR;
             mknodat(CWD, place.join(name), FileType::Fifo, mode, 0).expect("made");
         }
-        let (done, waits) = std::sync::mpsc::channel();
+        let (sender, waits) = std::sync::mpsc::channel();
         std::thread::spawn(move || {
             let read = SessionInfo::read(&place).is_ok();
-            let found = (is_live(&place), noted_prefix(&place), read);
-            let _ = done.send((found, AllSessions::lock_in(&place, Duration::ZERO).is_ok()));
+            let actual = (is_live(&place), noted_prefix(&place), read);
+            let _ = sender.send((actual, AllSessions::lock_in(&place, Duration::ZERO).is_ok()));
         });
-        let found = waits.recv_timeout(Duration::from_secs(60));
-        assert_eq!(found, Ok(((false, None, false), false)));
+        let actual = waits.recv_timeout(Duration::from_secs(60));
+        assert_eq!(actual, Ok(((false, None, false), false)));
     }
 }

@@ -9,7 +9,7 @@ use crate::process::ProcessId;
 
 /// Guard of this process.
 static GUARD: OnceLock<ProcessId> = OnceLock::new();
-/// Time that an owner may take to end after its guard.
+/// Time limit for an owner to end after its guard.
 const DEATH_LIMIT: Duration = Duration::from_secs(5);
 /// Polling interval for an owner that is about to end.
 const LOOK: Duration = Duration::from_millis(2);
@@ -54,7 +54,7 @@ mod tests {
     use super::super::{Session, sweep};
     use super::*;
 
-    /// Sweeps while the lock of a session with this owner and this guard is briefly still held.
+    /// Sweeps a session with this owner and guard while its lock is still held for a moment.
     fn sweep_removes(owner: ProcessId, guard: ProcessId) -> bool {
         let session = Session::of_one_process(None).expect("a session");
         let mut info = session.info().clone();

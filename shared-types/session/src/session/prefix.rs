@@ -16,7 +16,7 @@ pub(super) fn segments_of(prefix: &str) -> Vec<PathBuf> {
     entries
         .filter(|entry| (entry.file_name().to_string_lossy()).starts_with(prefix))
         .map(|entry| entry.path())
-        .filter(|path| fs::symlink_metadata(path).is_ok_and(|found| found.uid() == uid))
+        .filter(|path| fs::symlink_metadata(path).is_ok_and(|metadata| metadata.uid() == uid))
         .collect()
 }
 
@@ -52,6 +52,6 @@ pub(super) fn noted_prefix(folder: &Path) -> Option<String> {
     let lock = open_at_once(&folder.join("lock")).ok()?;
     let number = lock.metadata().ok()?.ino().to_string();
     let text = io::read_to_string(io::Read::take(lock, 64)).ok()?;
-    let (prefix, noted) = text.trim_end().split_once(' ')?;
-    (is_prefix(prefix) && noted == number).then(|| prefix.to_owned())
+    let (prefix, inode) = text.trim_end().split_once(' ')?;
+    (is_prefix(prefix) && inode == number).then(|| prefix.to_owned())
 }

@@ -26,8 +26,8 @@ fn a_session_of_one_process_is_just_a_folder_that_others_find() {
     let session = Session::of_one_process(None).expect("a session");
     let info = session.info().clone();
     assert!(list().expect("lists").contains(&info));
-    let taken = Session::create(Some(&info.name)).expect_err("taken");
-    assert!(matches!(taken, SessionError::Taken { .. }));
+    let error = Session::create(Some(&info.name)).expect_err("taken");
+    assert!(matches!(error, SessionError::Taken { .. }));
     assert_eq!(info.segments(), Vec::<PathBuf>::new());
     assert_eq!(info.open_to_others(), Vec::<PathBuf>::new());
     drop(session);
@@ -69,8 +69,8 @@ fn the_node_counter_is_closed_from_its_creation() {
     };
     // An update of iceoryx2 with another name would have created a second file, or a different one.
     assert_eq!(*counter, session.info().node_counter());
-    let found = fs::metadata(counter).expect("there");
-    assert_eq!(found.mode() & 0o777, 0o600);
+    let file_info = fs::metadata(counter).expect("there");
+    assert_eq!(file_info.mode() & 0o777, 0o600);
     // The second of the 64-bit words counts nodes: that of the session, and that of this test.
     let content = fs::read(counter).expect("readable");
     assert_eq!(content[8..], [2, 0, 0, 0, 0, 0, 0, 0]);
@@ -78,15 +78,15 @@ fn the_node_counter_is_closed_from_its_creation() {
     let name = counter.file_name().expect("a name").as_encoded_bytes();
     let mut buffer = [MaybeUninit::uninit(); 1 << 16];
     let mut events = Reader::new(&watch, &mut buffer);
-    let mut seen = Vec::new();
+    let mut modes = Vec::new();
     while let Ok(event) = events.next() {
         assert!(!event.events().contains(ReadFlags::QUEUE_OVERFLOW));
         if event.file_name().map(CStr::to_bytes) == Some(name) {
-            seen.push(event.events());
+            modes.push(event.events());
         }
     }
     // Created once, and its mode never changed: it was closed all the time.
-    assert_eq!(seen, [ReadFlags::CREATE]);
+    assert_eq!(modes, [ReadFlags::CREATE]);
 }
 
 #[test]
@@ -175,11 +175,11 @@ fn a_sweep_needs_no_readable_description() {
     assert_eq!(info.segments(), [info.node_counter()]);
     // A copy of a live session's folder, whose content is damaged too. It appears atomically, because other tests sweep
     // at any time.
-    let made = Path::new(SHARED_MEMORY).join(format!("{}-copy", live.info().name));
-    private_folder(&made).expect("made");
-    fs::copy(live.info().folder.join("lock"), made.join("lock")).expect("copied");
+    let copied_folder = Path::new(SHARED_MEMORY).join(format!("{}-copy", live.info().name));
+    private_folder(&copied_folder).expect("made");
+    fs::copy(live.info().folder.join("lock"), copied_folder.join("lock")).expect("copied");
     let copy = folder.with_file_name(format!("{}-copy", live.info().name));
-    fs::rename(&made, &copy).expect("moved");
+    fs::rename(&copied_folder, &copy).expect("moved");
     flock(&dead._lock, FlockOperation::Unlock).expect("unlocks");
 
     sweep().expect("sweeps");

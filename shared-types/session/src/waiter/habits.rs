@@ -321,12 +321,12 @@ mod tests {
         }
         // A loop of the same session that starts then.
         (0..200).for_each(|_| company.came_back(now_ns, 5_000, false));
-        let met = (1..100).find(|_| {
+        let first = (1..100).find(|_| {
             now_ns += 3 * MS;
             company.came_back(now_ns, 3 * MS, false);
             company.is_there(now_ns)
         });
-        assert_eq!(met, Some(4));
+        assert_eq!(first, Some(4));
         // A partial slice shows that it persists, and for longer.
         now_ns = company.until_ns + MS;
         company.came_back(now_ns, MS, false);
@@ -452,7 +452,8 @@ mod tests {
         };
         assert_eq!(first(20_000), None, "the limit itself");
         // The average is late (1 - (127/128)^N): over 20 us once (127/128)^N < 0.98, 0.8 and 0.5.
-        let near = |waits: u64, found: Option<u64>| found.is_some_and(|n| n.abs_diff(waits) <= 1);
+        let near =
+            |waits: u64, estimate: Option<u64>| estimate.is_some_and(|n| n.abs_diff(waits) <= 1);
         assert!(near(3, first(MS)), "{:?}", first(MS));
         assert!(near(29, first(100_000)), "{:?}", first(100_000));
         assert!(near(89, first(40_000)), "{:?}", first(40_000));

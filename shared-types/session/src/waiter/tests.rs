@@ -110,10 +110,10 @@ fn no_sleep_reaches_into_the_time_before_a_deadline() {
         (waiter.since_ns, waiter.limited_ns) = (1, 1);
         let now_ns = 1 + waited_ns;
         let deadline_ns = now_ns.saturating_add(left_ns);
-        let asked = (strategy.name(), waited_ns, left_ns);
-        assert_eq!(waiter.rest(now_ns, deadline_ns), naps, "{asked:?}");
+        let case = (strategy.name(), waited_ns, left_ns);
+        assert_eq!(waiter.rest(now_ns, deadline_ns), naps, "{case:?}");
         waiter.sleep_on(Some(Box::new(Log::default())));
-        assert_eq!(waiter.rest(now_ns, deadline_ns), sleeps, "{asked:?}");
+        assert_eq!(waiter.rest(now_ns, deadline_ns), sleeps, "{case:?}");
     }
 }
 

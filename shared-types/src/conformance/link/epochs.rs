@@ -17,15 +17,15 @@ fn second<F: Fixture>(plant: &mut F::Link, place: &mut F) -> F::Link {
 
 /// Hands over to the second controller and exchanges one sample with it.
 fn hand_over<F: Fixture>(plant: &mut F::Link, second: &mut F::Link) {
-    let mut got = [0.0];
+    let mut values = [0.0];
     plant.take_over();
-    silence::<F>(plant, &mut got, "an older epoch's command is gone");
+    silence::<F>(plant, &mut values, "an older epoch's command is gone");
     sample(plant, 7, &[7.0]);
-    let arrived = frame::<F>(second, &mut got);
-    assert_eq!((arrived.epoch, arrived.sequence, got), (2, 1, [7.0]));
+    let arrived = frame::<F>(second, &mut values);
+    assert_eq!((arrived.epoch, arrived.sequence, values), (2, 1, [7.0]));
     command(second, 7, &[1.0]);
-    let arrived = frame::<F>(plant, &mut got);
-    assert_eq!((arrived.epoch, arrived.sequence, got), (2, 1, [1.0]));
+    let arrived = frame::<F>(plant, &mut values);
+    assert_eq!((arrived.epoch, arrived.sequence, values), (2, 1, [1.0]));
 }
 
 /// A controller is active until the handover and ignored afterwards.
@@ -33,15 +33,19 @@ pub fn another_controller_takes_over_from_the_active_one<F: Fixture>() {
     let mut pair = Pair::<F>::open(1, 1);
     pair.controller.send_control(b"old").expect("sends");
     let mut second = second(&mut pair.plant, &mut pair.place);
-    let mut got = [0.0];
+    let mut values = [0.0];
     command(&mut pair.controller, 4, &[4.0]);
-    let arrived = frame::<F>(&mut pair.plant, &mut got);
-    assert_eq!((arrived.epoch, got), (1, [4.0]), "the first one is active");
+    let arrived = frame::<F>(&mut pair.plant, &mut values);
+    assert_eq!(
+        (arrived.epoch, values),
+        (1, [4.0]),
+        "the first one is active"
+    );
 
     command(&mut pair.controller, 5, &[5.0]);
     hand_over::<F>(&mut pair.plant, &mut second);
     command(&mut pair.controller, 6, &[6.0]);
-    silence::<F>(&mut pair.plant, &mut got, "the first one is not active");
+    silence::<F>(&mut pair.plant, &mut values, "the first one is not active");
 }
 
 /// Until the handover only the active controller receives the plant's messages; afterwards only the next one does.
@@ -54,13 +58,13 @@ pub fn the_active_controller_is_told_while_another_is_expected<F: Fixture>() {
     pair.plant.send_control(b"welcome").expect("sends");
     assert_eq!(message::<F>(&mut second), b"welcome");
     assert_eq!(message::<F>(&mut pair.controller), b"active");
-    let mut got = [0.0];
-    silence::<F>(&mut second, &mut got, "it was sent to the other one");
+    let mut values = [0.0];
+    silence::<F>(&mut second, &mut values, "it was sent to the other one");
     pair.plant.take_over();
     pair.plant.tell(b"next").expect("tells");
     assert_eq!(message::<F>(&mut second), b"next");
-    let heard = pair.controller.receive_control();
-    assert_eq!(heard, Ok(None), "the first one is not active");
+    let control = pair.controller.receive_control();
+    assert_eq!(control, Ok(None), "the first one is not active");
 }
 
 /// The last command of a dead controller counts; the silence after it is no error.
@@ -82,12 +86,12 @@ pub fn a_dead_plant_is_silent_after_its_last_frame<F: Fixture>() {
 }
 
 fn last_frame_and_silence<F: Fixture>(end: &mut F::Link, sends: FrameKind) {
-    let mut got = [0.0];
-    let arrived = frame::<F>(end, &mut got);
-    assert_eq!((arrived.step, got), (3, [5.0]));
+    let mut values = [0.0];
+    let arrived = frame::<F>(end, &mut values);
+    assert_eq!((arrived.step, values), (3, [5.0]));
     for step in 4..50 {
         send(end, sends, step, &[0.0]);
-        silence::<F>(end, &mut got, "nobody answers");
+        silence::<F>(end, &mut values, "nobody answers");
     }
 }
 

@@ -35,8 +35,8 @@ pub fn eight_control_messages_may_wait<F: Fixture>() {
         pair.controller.send_control(&message).expect("sends");
     }
     for number in 0..8_u8 {
-        let wanted = vec![number; 1 + usize::from(number)];
-        assert_eq!(message::<F>(&mut pair.plant), wanted);
+        let expected = vec![number; 1 + usize::from(number)];
+        assert_eq!(message::<F>(&mut pair.plant), expected);
     }
 }
 
@@ -45,11 +45,11 @@ pub fn frames_cross_both_ways<F: Fixture>() {
     for (samples, commands) in [(1, 1), (16, 17), (40, 3), (100, 200), (512, 300), (0, 5)] {
         let mut pair = Pair::<F>::open(samples, commands);
         let (plant, controller) = (&mut pair.plant, &mut pair.controller);
-        let sent: Vec<f64> = (0..samples).map(|i| i as f64 + 0.5).collect();
-        let mut got = vec![0.0; samples];
-        silence::<F>(controller, &mut got, "nothing was sent");
-        sample(plant, 0, &sent);
-        let arrived = frame::<F>(controller, &mut got);
+        let expected: Vec<f64> = (0..samples).map(|i| i as f64 + 0.5).collect();
+        let mut values = vec![0.0; samples];
+        silence::<F>(controller, &mut values, "nothing was sent");
+        sample(plant, 0, &expected);
+        let arrived = frame::<F>(controller, &mut values);
         assert_eq!(
             (arrived.step, arrived.sequence, arrived.kind()),
             (0, 1, Some(FrameKind::Sample))
@@ -59,20 +59,20 @@ pub fn frames_cross_both_ways<F: Fixture>() {
             (11, 22, 1)
         );
         assert_eq!(usize::from(arrived.count), samples);
-        assert_eq!(got, sent);
-        silence::<F>(controller, &mut got, "a frame is delivered once");
+        assert_eq!(values, expected);
+        silence::<F>(controller, &mut values, "a frame is delivered once");
         let answer: Vec<f64> = (0..commands).map(|i| -1.0 - i as f64).collect();
-        let mut answered = vec![1.0; commands];
+        let mut answer_values = vec![1.0; commands];
         command(controller, 0, &answer);
-        frame::<F>(plant, &mut answered);
-        assert_eq!(answered, answer);
+        frame::<F>(plant, &mut answer_values);
+        assert_eq!(answer_values, answer);
     }
 }
 
 /// Every header field set by the sender arrives unchanged.
 pub fn every_field_of_a_header_crosses<F: Fixture>() {
     let mut pair = Pair::<F>::open(512, 1);
-    let sent = Header {
+    let header = Header {
         time_ns: 1 << 40,
         work_ns: 2,
         directive: u64::MAX,
@@ -83,7 +83,7 @@ pub fn every_field_of_a_header_crosses<F: Fixture>() {
         invalid: [1, 1 << 35, 0, 0, 0, 0, 0, 1 << 63],
         ..Header::new(FrameKind::Sample, Step(1 << 50))
     };
-    pair.plant.send(&sent, &[0.0; 512]).expect("sends");
+    pair.plant.send(&header, &[0.0; 512]).expect("sends");
     let arrived = frame::<F>(&mut pair.controller, &mut [0.0; 512]);
     let Header {
         session,
@@ -93,15 +93,15 @@ pub fn every_field_of_a_header_crosses<F: Fixture>() {
         count,
         ..
     } = arrived;
-    let wanted = Header {
+    let expected = Header {
         session,
         layout,
         sequence,
         epoch,
         count,
-        ..sent
+        ..header
     };
-    assert_eq!(arrived, wanted);
+    assert_eq!(arrived, expected);
 }
 
 /// Lockstep loses, repeats and alters no frame.
@@ -109,15 +109,15 @@ pub fn each_of_many_samples_is_answered_once<F: Fixture>() {
     let mut pair = Pair::<F>::open(3, 2);
     for step in 0..2000 {
         let value = step as f64;
-        let (mut sampled, mut answered) = ([0.0; 3], [0.0; 2]);
+        let (mut sampled, mut answer) = ([0.0; 3], [0.0; 2]);
         sample(&mut pair.plant, step, &[value, -value, 0.5 * value]);
         let header = frame::<F>(&mut pair.controller, &mut sampled);
         assert_eq!((header.step, header.sequence), (step, step + 1));
         assert_eq!(sampled, [value, -value, 0.5 * value], "step {step}");
         command(&mut pair.controller, step, &[2.0 * value, value]);
-        let header = frame::<F>(&mut pair.plant, &mut answered);
+        let header = frame::<F>(&mut pair.plant, &mut answer);
         assert_eq!((header.step, header.sequence), (step, step + 1));
-        assert_eq!(answered, [2.0 * value, value], "step {step}");
+        assert_eq!(answer, [2.0 * value, value], "step {step}");
     }
 }
 
@@ -128,10 +128,10 @@ pub fn the_latest_frame_wins<F: Fixture>() {
         sample(&mut pair.plant, step, &[step as f64]);
     }
     std::thread::sleep(F::LATENCY);
-    let mut got = [0.0];
-    let arrived = frame::<F>(&mut pair.controller, &mut got);
-    assert_eq!((arrived.step, arrived.sequence, got), (4, 5, [4.0]));
-    silence::<F>(&mut pair.controller, &mut got, "older ones are gone");
+    let mut values = [0.0];
+    let arrived = frame::<F>(&mut pair.controller, &mut values);
+    assert_eq!((arrived.step, arrived.sequence, values), (4, 5, [4.0]));
+    silence::<F>(&mut pair.controller, &mut values, "older ones are gone");
 }
 
 /// A sender never waits, however many frames are pending; the newest frame still arrives.
@@ -140,14 +140,14 @@ pub fn an_end_that_never_receives_holds_nobody_up<F: Fixture>() {
     for step in 0..5000 {
         sample(&mut pair.plant, step, &[step as f64; 512]);
     }
-    let mut got = [0.0; 512];
+    let mut values = [0.0; 512];
     awaited::<F, _>("newest frame", || {
         // A frame that a full channel rejected is sent when its sender next polls for frames.
         assert_eq!(pair.plant.receive(&mut [0.0]), Ok(None));
-        let arrived = pair.controller.receive(&mut got).expect("receives");
+        let arrived = pair.controller.receive(&mut values).expect("receives");
         arrived.filter(|header| header.step == 4999)
     });
-    assert_eq!(got, [4999.0; 512]);
+    assert_eq!(values, [4999.0; 512]);
 }
 
 /// A received frame is never a mix of two frames. Vacuous for a link within one thread.
@@ -163,12 +163,12 @@ pub fn frames_are_whole_while_both_ends_work<F: Fixture>() {
         let mut controller = opens();
         open(&mut controller, 1, 1, 512);
         command(&mut controller, 0, &[0.0]);
-        let (mut got, mut newest) = ([0.0; 512], 0);
+        let (mut values, mut newest) = ([0.0; 512], 0);
         while newest < LAST {
-            let header = frame::<F>(&mut controller, &mut got);
+            let header = frame::<F>(&mut controller, &mut values);
             assert!(header.step > newest, "{} after {newest}", header.step);
             newest = header.step;
-            assert_eq!(got, [newest as f64; 512], "step {newest}");
+            assert_eq!(values, [newest as f64; 512], "step {newest}");
         }
         assert_eq!(controller.rejected().total(), 0);
     });
@@ -187,10 +187,10 @@ pub fn frames_are_whole_while_both_ends_work<F: Fixture>() {
 pub fn frames_without_values_leave_the_buffer_alone<F: Fixture>() {
     let mut pair = Pair::<F>::open(2, 1);
     send(&mut pair.plant, FrameKind::End, 9, &[]);
-    let mut got = [3.0, 4.0];
-    let arrived = frame::<F>(&mut pair.controller, &mut got);
+    let mut values = [3.0, 4.0];
+    let arrived = frame::<F>(&mut pair.controller, &mut values);
     assert_eq!(
-        (arrived.kind(), arrived.step, got),
+        (arrived.kind(), arrived.step, values),
         (Some(FrameKind::End), 9, [3.0, 4.0])
     );
 }
@@ -199,10 +199,10 @@ pub fn frames_without_values_leave_the_buffer_alone<F: Fixture>() {
 pub fn odd_numbers_arrive_canonical<F: Fixture>() {
     let mut pair = Pair::<F>::open(3, 1);
     sample(&mut pair.plant, 0, &[-0.0, -f64::NAN, f64::INFINITY]);
-    let mut got = [1.0; 3];
-    frame::<F>(&mut pair.controller, &mut got);
-    let wanted = [0.0, f64::NAN, f64::INFINITY];
-    assert_eq!(got.map(f64::to_bits), wanted.map(f64::to_bits));
+    let mut values = [1.0; 3];
+    frame::<F>(&mut pair.controller, &mut values);
+    let expected = [0.0, f64::NAN, f64::INFINITY];
+    assert_eq!(values.map(f64::to_bits), expected.map(f64::to_bits));
 }
 
 /// A frame whose number of values differs from the agreed one is not delivered.
@@ -214,13 +214,13 @@ pub fn a_frame_of_another_count_is_rejected_and_counted<F: Fixture>() {
 
 /// Polls until a frame is rejected for this reason.
 fn rejects<F: Fixture>(end: &mut F::Link, reason: FrameError) {
-    let mut got = [7.0; 2];
+    let mut values = [7.0; 2];
     let rejected = awaited::<F, _>("refusal", || {
-        assert_eq!(end.receive(&mut got), Ok(None));
+        assert_eq!(end.receive(&mut values), Ok(None));
         Some(end.rejected()).filter(|rejected| !rejected.is_empty())
     });
     assert_eq!((rejected.total(), rejected.of(reason.into())), (1, 1));
-    assert_eq!(got, [7.0; 2], "a refused frame leaves the buffer alone");
+    assert_eq!(values, [7.0; 2], "a refused frame leaves the buffer alone");
 }
 
 /// Frames of another session or layout either cannot be opened or are rejected one by one.

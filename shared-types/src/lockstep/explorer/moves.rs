@@ -87,8 +87,8 @@ impl World {
             } else if unread.is_some() && frames_flow {
                 moves.push(Move::Command);
             }
-            let heard = &self.crew.get(self.heard as usize - 1);
-            if heard.is_some_and(|m| !m.to_plant.is_empty()) {
+            let peer_member = &self.crew.get(self.heard as usize - 1);
+            if peer_member.is_some_and(|m| !m.to_plant.is_empty()) {
                 moves.push(Move::Hear);
             }
             let awaits = self.plant.unreleased().is_none();
@@ -173,15 +173,17 @@ impl World {
                 world.tell(&PlantEvent::Frame(&header))?;
             }
             Move::Hear => {
-                let heard = world.heard;
-                let message = (world.member(heard).ok_or("nobody")?).to_plant.remove(0);
+                let current_epoch = world.heard;
+                let message = (world.member(current_epoch).ok_or("nobody")?)
+                    .to_plant
+                    .remove(0);
                 match message {
                     Message::Hello => {
                         let at = world.plant.at();
-                        let offer = offer(heard, at, world.steps, world.against_clock);
+                        let offer = offer(current_epoch, at, world.steps, world.against_clock);
                         world.tell(&PlantEvent::Hello(&hello(), &offer))?;
                     }
-                    Message::Ready => world.tell(&PlantEvent::Ready(heard))?,
+                    Message::Ready => world.tell(&PlantEvent::Ready(current_epoch))?,
                     _ => return Err("a controller welcomes nobody".into()),
                 }
             }

@@ -242,8 +242,8 @@ impl World {
     }
 
     pub(super) fn say(&mut self, message: Message) {
-        let heard = self.heard;
-        if let Some(member) = self.member(heard) {
+        let epoch = self.heard;
+        if let Some(member) = self.member(epoch) {
             member.to_controller.push(message);
         }
     }

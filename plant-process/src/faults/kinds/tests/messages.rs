@@ -76,9 +76,9 @@ fn messages_are_lost_delayed_duplicated_and_swapped_as_specified() {
     for (kind, parameters, list, steps) in cases {
         let mut fault = start(kind, parameters, list);
         let gains: Vec<f64> = steps.iter().map(|(gain, _)| *gain).collect();
-        let found: Vec<String> = passages(fault.as_mut(), &gains).iter().map(text).collect();
+        let actual: Vec<String> = passages(fault.as_mut(), &gains).iter().map(text).collect();
         let expected: Vec<&str> = steps.iter().map(|(_, copies)| *copies).collect();
-        assert_eq!(found, expected, "{kind} {parameters:?} {list:?}");
+        assert_eq!(actual, expected, "{kind} {parameters:?} {list:?}");
     }
 }
 
@@ -95,7 +95,7 @@ fn received(stack: &[(&str, Parameters<'_>, &[f64])], steps: u64) -> Vec<(f64, u
     };
     channel.note(&[99.0], about(99));
     channel.begin();
-    let mut found = Vec::new();
+    let mut actual = Vec::new();
     for since in 0..steps {
         let at = moment(since, 1.0);
         let mut passage = Passage::healthy(channel.bits());
@@ -106,9 +106,9 @@ fn received(stack: &[(&str, Parameters<'_>, &[f64])], steps: u64) -> Vec<(f64, u
         channel.send(Step(at.step), &passage);
         let (mut values, mut invalid) = ([0.0], all_valid);
         let age_steps = channel.receive(Step(at.step), &mut values, &mut invalid);
-        found.push((values[0], age_steps));
+        actual.push((values[0], age_steps));
     }
-    found
+    actual
 }
 
 #[test]
@@ -193,23 +193,23 @@ fn probabilities_are_the_requested_ones_times_the_profile() {
         ("message-reordering", 0.25, 1.0, 0.2),
     ] {
         let mut fault = start(kind, &[("probability", probability)], &[]);
-        let found = passages(fault.as_mut(), &vec![gain; count]);
-        let hit = found.iter().filter(|one| **one != Passage::healthy(BITS));
+        let actual = passages(fault.as_mut(), &vec![gain; count]);
+        let hit = actual.iter().filter(|one| **one != Passage::healthy(BITS));
         assert_frequency(kind, hit.count(), count, expected);
     }
 }
 
 #[test]
 fn jitter_is_uniform_from_zero_to_the_longest_delay() {
-    let (count, mut found) = (20_000, [0; 6]);
+    let (count, mut counts) = (20_000, [0; 6]);
     let mut jitter = start("message-jitter", &[("steps", 8.0)], &[]);
     for passage in passages(jitter.as_mut(), &vec![0.5; count]) {
-        found[passage.copies[0].expect("it arrives") as usize] += 1;
+        counts[passage.copies[0].expect("it arrives") as usize] += 1;
     }
-    for (late_steps, happened) in found.into_iter().enumerate().take(5) {
+    for (late_steps, happened) in counts.into_iter().enumerate().take(5) {
         assert_frequency(&format!("{late_steps} steps late"), happened, count, 0.2);
     }
-    assert_eq!(found[5], 0, "round(8 g) = 4 is the latest");
+    assert_eq!(counts[5], 0, "round(8 g) = 4 is the latest");
 }
 
 #[test]

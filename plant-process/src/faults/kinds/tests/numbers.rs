@@ -119,8 +119,8 @@ fn numbers_follow_their_equations() {
     for (kind, parameters, steps) in cases {
         let mut fault = start(kind, parameters, &[]);
         for (since, &(gain, x, expected)) in (0..).zip(*steps) {
-            let found = fault.number(&moment(since, gain), valid(x)).value;
-            assert_eq!(found, expected, "{kind} {parameters:?} at step {since}");
+            let actual = fault.number(&moment(since, gain), valid(x)).value;
+            assert_eq!(actual, expected, "{kind} {parameters:?} at step {since}");
         }
     }
 }
@@ -202,16 +202,16 @@ fn a_dropout_removes_validity_and_a_delay_carries_it_along() {
             value: 1.0,
             valid: before,
         };
-        let found = dropout.number(&moment(since, gain), reading);
-        assert_eq!(found.valid, after, "step {since}");
+        let actual = dropout.number(&moment(since, gain), reading);
+        assert_eq!(actual.valid, after, "step {since}");
     }
     let mut delay = start("delay", &[("steps", 1.0)], &[]);
-    let found: Vec<bool> = (0..)
+    let actual: Vec<bool> = (0..)
         .zip([true, false, true, true])
         .map(|(since, valid)| {
             let reading = Reading { value: 1.0, valid };
             delay.number(&moment(since, 1.0), reading).valid
         })
         .collect();
-    assert_eq!(found, [true, true, false, true]);
+    assert_eq!(actual, [true, true, false, true]);
 }

@@ -54,19 +54,19 @@ fn every_kind_is_on_the_page_with_its_equation_and_every_parameter() {
             ActsOn::Sides => "Acts on `controller` and `plant`. ",
             ActsOn::Controller => "Acts on `controller`. ",
         };
-        let mut wanted = vec![
+        let mut lines = vec![
             format!("\n{}\n", description.summary),
             format!("```text\n{}\n```\n", description.equation),
             acts_on.into(),
             format!("kind = \"{kind}\""),
             format!("hil inject {kind} "),
         ];
-        wanted.extend(description.parameters.iter().map(row));
+        lines.extend(description.parameters.iter().map(row));
         if let Some(list) = &description.list {
-            wanted.push(format!("| `{}` |", list.key));
-            wanted.push(format!("| {} |", list.description));
+            lines.push(format!("| `{}` |", list.key));
+            lines.push(format!("| {} |", list.description));
         }
-        for text in wanted {
+        for text in lines {
             assert!(section.contains(&text), "{kind}: `{text}`\n{section}");
         }
     }

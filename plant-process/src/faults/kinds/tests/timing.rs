@@ -4,10 +4,10 @@ use super::*;
 
 #[test]
 fn a_late_side_is_busy_for_the_requested_time() {
-    let busy = |given: Parameters<'_>, list: &[f64], gains: &[f64]| {
-        let mut late = start("late", given, list);
-        let found = directives(late.as_mut(), gains);
-        found.iter().map(|one| one.busy_ns).collect::<Vec<u32>>()
+    let busy = |parameters: Parameters<'_>, list: &[f64], gains: &[f64]| {
+        let mut late = start("late", parameters, list);
+        let actual = directives(late.as_mut(), gains);
+        actual.iter().map(|one| one.busy_ns).collect::<Vec<u32>>()
     };
     // 12.5 us times 0.5, 1, 0, -1; then more than a directive can express.
     let fixed = busy(&[("busy_us", 12.5)], &[], &[0.5, 1.0, 0.0, -1.0, 1e9]);
@@ -17,12 +17,12 @@ fn a_late_side_is_busy_for_the_requested_time() {
     assert!(spread.iter().all(|ns| (10_000..=30_000).contains(ns)));
     let late_half = spread.iter().filter(|ns| **ns >= 20_000).count();
     assert_frequency("in the later half", late_half, count, 0.5);
-    let drawn = busy(&[], &[5.0, 3.0, 700.0, 0.0, 40.0, 1.0], &gains);
+    let times = busy(&[], &[5.0, 3.0, 700.0, 0.0, 40.0, 1.0], &gains);
     for (ns, probability) in [(5_000, 0.75), (40_000, 0.25)] {
-        let happened = drawn.iter().filter(|found| **found == ns).count();
+        let happened = times.iter().filter(|actual| **actual == ns).count();
         assert_frequency(&format!("{ns} ns"), happened, count, probability);
     }
-    assert!(!drawn.contains(&700_000), "a weight of 0");
+    assert!(!times.contains(&700_000), "a weight of 0");
 }
 
 #[test]
@@ -50,9 +50,9 @@ fn skips_act_on_the_samples_that_the_controller_processes() {
     ];
     for (parameters, gains, expected) in cases {
         let mut skip = start("skip", parameters, &[]);
-        let found = directives(skip.as_mut(), gains);
+        let actual = directives(skip.as_mut(), gains);
         let steps = parameters[0].1 as u32;
-        for (since, directive) in found.iter().enumerate() {
+        for (since, directive) in actual.iter().enumerate() {
             let late_steps = if expected.contains(&since) { steps } else { 0 };
             assert_eq!(directive.late_steps, late_steps, "{parameters:?}, {since}");
         }

@@ -21,8 +21,8 @@ fn reached(fault: &FaultDescription, parameter: &str) -> Vec<Field> {
         None => vec![parameter.into()],
     };
     let fields = Parameters::fields();
-    let found = |name: String| fields.iter().find(|f| f.name == name).expect(&name).clone();
-    names.into_iter().map(found).collect()
+    let field_of = |name: String| fields.iter().find(|f| f.name == name).expect(&name).clone();
+    names.into_iter().map(field_of).collect()
 }
 
 #[test]
