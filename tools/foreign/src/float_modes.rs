@@ -15,13 +15,13 @@ use hil_session::program;
 struct Modes(u64);
 
 /// Non-default mode: its mask, its bits under the mask, and its name.
-type Named = (u64, u64, &'static str);
+type NamedMode = (u64, u64, &'static str);
 
 #[cfg(target_arch = "x86_64")]
 mod words {
     use std::arch::asm;
 
-    use super::{Modes, Named};
+    use super::{Modes, NamedMode};
 
     /// Rounding, flush-to-zero and denormals-are-zero of MXCSR (Intel SDM volume 1, 10.2.3).
     const MXCSR: u32 = 0xe040;
@@ -32,7 +32,7 @@ mod words {
     const EXTENDED: u64 = 0x0300 << ABOVE;
 
     pub(super) const DEFAULT: Modes = Modes(EXTENDED);
-    pub(super) const NAMED: [Named; 10] = [
+    pub(super) const NAMED: [NamedMode; 10] = [
         (0x6000, 0x2000, "rounding down"),
         (0x6000, 0x4000, "rounding up"),
         (0x6000, 0x6000, "rounding toward zero"),
@@ -91,13 +91,13 @@ mod words {
 mod words {
     use std::arch::asm;
 
-    use super::{Modes, Named};
+    use super::{Modes, NamedMode};
 
     /// Rounding, flush-to-zero of all sizes, and default NaN of FPCR (Arm ARM, C5.2.8).
     const FPCR: u64 = 0x03c8_0000;
 
     pub(super) const DEFAULT: Modes = Modes(0);
-    pub(super) const NAMED: [Named; 6] = [
+    pub(super) const NAMED: [NamedMode; 6] = [
         (0x00c0_0000, 0x0040_0000, "rounding up"),
         (0x00c0_0000, 0x0080_0000, "rounding down"),
         (0x00c0_0000, 0x00c0_0000, "rounding toward zero"),

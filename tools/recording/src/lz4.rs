@@ -221,7 +221,7 @@ impl Encoder {
         self.rest(extra);
     }
 
-    /// Writes the byte with both lengths and the extension of the first.
+    /// Writes the token byte with both lengths, and the extension bytes of the literal length.
     fn token(&mut self, literals: usize, extra: usize) {
         let half = |count: usize| if count < 15 { count as u8 } else { 15 };
         self.byte(half(literals) << 4 | half(extra));

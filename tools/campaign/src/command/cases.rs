@@ -28,7 +28,7 @@ use shared_types::record::RecordLayout;
 
 use super::result::CaseResult;
 use super::values;
-use own::{Own, choices, keys_of_fmus};
+use own::{ExternalPrograms, choices, keys_of_fmus};
 
 /// Cases that can be planned and run.
 pub(super) struct Cases {
@@ -48,11 +48,11 @@ enum Rig {
     /// Plants and laws that are built into `hil`.
     BuiltIn(Box<[Description; 2]>),
     /// External programs.
-    Own(Box<Own>),
+    External(Box<ExternalPrograms>),
 }
 
 /// Descriptions that scenarios are checked against.
-type Described<'a> = (
+type Descriptions<'a> = (
     &'a [PlantDescription],
     &'a [LawDescription],
     &'a [FaultKindDescription],
@@ -78,7 +78,7 @@ impl Cases {
                 let first = scenario.clone().set(&draws.flags(0));
                 let of_first = first.programs();
                 let binaries = binaries.clone();
-                Rig::Own(Box::new(Own::new(
+                Rig::External(Box::new(ExternalPrograms::new(
                     &first,
                     of_first,
                     binaries,
@@ -126,7 +126,7 @@ impl Cases {
                 let first = scenario.clone().set(&draws.flags(0));
                 let of_first = own::with_copies(&first, first.programs(), &tables);
                 let named = Programs::default();
-                Rig::Own(Box::new(Own::new(
+                Rig::External(Box::new(ExternalPrograms::new(
                     &first,
                     of_first,
                     arguments,
@@ -169,7 +169,7 @@ impl Cases {
     pub(super) fn binaries(&self) -> Option<&Binaries> {
         match &self.rig {
             Rig::BuiltIn(_) => None,
-            Rig::Own(own) => Some(&own.first),
+            Rig::External(own) => Some(&own.first),
         }
     }
 
@@ -183,17 +183,17 @@ impl Cases {
     ) -> Result<Option<Arc<Binaries>>, Failure> {
         match &self.rig {
             Rig::BuiltIn(_) => Ok(None),
-            Rig::Own(own) => own.with(&self.scenario, programs).map(Some),
+            Rig::External(own) => own.with(&self.scenario, programs).map(Some),
         }
     }
 
-    fn described<'a>(&'a self, own: Option<&'a Binaries>) -> Described<'a> {
+    fn described<'a>(&'a self, own: Option<&'a Binaries>) -> Descriptions<'a> {
         match (&self.rig, own) {
             (Rig::BuiltIn(both), _) => {
                 let [plant, controller] = &**both;
                 (&plant.plants, &controller.laws, &plant.faults)
             }
-            (Rig::Own(known), own) => own.unwrap_or(&known.first).described(),
+            (Rig::External(known), own) => own.unwrap_or(&known.first).described(),
         }
     }
 
@@ -336,7 +336,7 @@ impl Cases {
         interruption: &Interruption,
     ) -> Result<CaseResult, Failure> {
         match &self.rig {
-            Rig::Own(own) if self.keeps_processes(plan) => {
+            Rig::External(own) if self.keeps_processes(plan) => {
                 let began = Instant::now();
                 let (ended, is_to_check) =
                     processes.run(plan, &own.first, self.grid.clone(), interruption)?;
@@ -352,7 +352,7 @@ impl Cases {
     pub(super) fn keeps_processes(&self, plan: &Plan) -> bool {
         let is_first = match &self.rig {
             Rig::BuiltIn(_) => false,
-            Rig::Own(own) => plan.programs == own.first.programs(),
+            Rig::External(own) => plan.programs == own.first.programs(),
         };
         let of_processes = Realtime {
             wait: plan.realtime.wait,
@@ -379,7 +379,7 @@ impl Cases {
                 alone::run(plan, described, self.grid.clone(), interruption)?,
                 began,
             ),
-            Rig::Own(own) => {
+            Rig::External(own) => {
                 let binaries = own.with(&self.scenario, &plan.programs)?;
                 let with = (self.study().wait_limit_s, self.grid.clone());
                 CaseResult::in_processes(plan, &binaries, with, interruption, began)

@@ -163,7 +163,7 @@ fn interrupted(folder: &Folder) -> Failure {
 }
 
 /// Message from the thread that watches a worker.
-enum News {
+enum WorkerMessage {
     Line(String),
     Ended(usize),
 }
@@ -198,19 +198,19 @@ fn round(
             continue;
         };
         match news {
-            News::Line(line) if line == DIFFERS => {
+            WorkerMessage::Line(line) if line == DIFFERS => {
                 failed = Some(Failure::Differ(
                     "cases had different results in new processes; results published earlier may be wrong, too".into(),
                 ));
             }
-            News::Line(line) => {
+            WorkerMessage::Line(line) => {
                 stillborn = 0;
                 match line.strip_prefix(FAILED) {
                     Some(text) => reason = reason.or_else(|| serde_json::from_str(text).ok()),
                     None => progress.take(&line),
                 }
             }
-            News::Ended(number) => {
+            WorkerMessage::Ended(number) => {
                 let Some(mut child) = children[number].take() else {
                     continue;
                 };
@@ -243,7 +243,7 @@ fn died(status: ExitStatus) -> String {
 }
 
 /// Starts a worker, with a thread that reads its output.
-fn start(folder: &Folder, number: usize, send: &Sender<News>) -> Result<Child, Failure> {
+fn start(folder: &Folder, number: usize, send: &Sender<WorkerMessage>) -> Result<Child, Failure> {
     let program = program(folder)?;
     let child = Command::new(&program)
         .args(["campaign", "work", "--tell", "--leash"])
@@ -261,11 +261,11 @@ fn start(folder: &Folder, number: usize, send: &Sender<News>) -> Result<Child, F
             .into_iter()
             .flat_map(|output| BufReader::new(output).lines());
         for line in lines.map_while(Result::ok) {
-            if send.send(News::Line(line)).is_err() {
+            if send.send(WorkerMessage::Line(line)).is_err() {
                 return;
             }
         }
-        let _ = send.send(News::Ended(number)); // fails only if the receiver is gone
+        let _ = send.send(WorkerMessage::Ended(number)); // fails only if the receiver is gone
     });
     Ok(child)
 }

@@ -1,4 +1,4 @@
-//! Measurements of properties that no file contains.
+//! Measurements of properties that no kernel file shows.
 //!
 //! Each runs on the calling thread, pinned to the core under test, in the scheduling class that `hil` was started
 //! with; a [partner](ping_pong) and a [load](wake_up) run on other threads. The measurements never use the project's

@@ -6,7 +6,7 @@ use super::content::FileEnd;
 /// Fact with the number of records that check sums covered when the file was recovered; present only if some were not
 /// covered.
 pub(crate) const VOUCHED: &str = "vouched_records";
-/// Fact that describes the content that check sums did not cover at that time.
+/// Fact that describes the content without a check sum at the time of recovery.
 pub const UNVOUCHED: &str = "unvouched";
 
 /// Part of a recording without a check sum.

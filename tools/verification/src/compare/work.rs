@@ -19,7 +19,7 @@ pub(super) struct ComparisonPass {
     rate: Rate,
     /// Set if only selected signals are compared.
     is_selected: bool,
-    columns: Vec<Pair>,
+    columns: Vec<CommonWord>,
     /// Column indices in the order in which a step computes the values, so that the first difference points to its
     /// cause.
     causal: Vec<usize>,
@@ -80,7 +80,7 @@ fn is_answer(column: &str) -> bool {
 }
 
 /// Word that both runs have.
-struct Pair {
+struct CommonWord {
     column: Column,
     a: usize,
     b: usize,
@@ -128,14 +128,14 @@ impl ComparisonPass {
                     // The numbering of validity bits depends on the signals of an excerpt.
                     index < a.hashed_words() && (column.is_signal() || !is_excerpt)
                 };
-                counts.then(|| Pair {
+                counts.then(|| CommonWord {
                     a: index,
                     b: in_b,
                     deviation: Deviation::new(tolerances.of(&column.name)),
                     column: column.clone(),
                 })
             });
-        let columns: Vec<Pair> = pairs.collect();
+        let columns: Vec<CommonWord> = pairs.collect();
         if !columns.iter().any(|pair| pair.column.is_signal()) {
             return Err(CompareError::NotComparable(
                 "the runs have no signal in common".into(),
@@ -271,10 +271,10 @@ impl ComparisonPass {
             whole: reader.is_whole(),
             unvouched: reader.unvouched().map(|unvouched| unvouched.told),
         };
-        let is_near = |pair: &Pair| pair.deviation.is_within();
+        let is_near = |pair: &CommonWord| pair.deviation.is_within();
         let are_near = self.columns.iter().all(is_near);
         let differing = self.columns.iter().filter(|pair| pair.deviation.is_any());
-        let signals: Vec<SignalDifference> = differing.map(Pair::difference).collect();
+        let signals: Vec<SignalDifference> = differing.map(CommonWord::difference).collect();
         let verdict = if self.first.is_none() && !self.is_other {
             Verdict::Same
         } else if !self.is_other && are_near {
@@ -295,7 +295,7 @@ impl ComparisonPass {
     }
 }
 
-impl Pair {
+impl CommonWord {
     fn difference(&self) -> SignalDifference {
         let Column { name, unit } = &self.column;
         self.deviation.of(name, unit)

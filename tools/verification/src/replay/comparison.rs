@@ -31,7 +31,7 @@ pub(super) struct Comparison {
     pub answers: u64,
     /// Samples without a recorded answer: never seen by the controller, or superseded by the next sample.
     pub unanswered: u64,
-    first: Option<First>,
+    first: Option<Mismatch>,
     retained: [RetainedSample; RETAINED],
 }
 
@@ -52,7 +52,7 @@ struct Compared {
 
 /// First difference beyond the tolerances.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct First {
+pub(super) struct Mismatch {
     pub(super) step: u64,
     pub(super) time_s: f64,
     pub(super) signal: String,
@@ -79,7 +79,7 @@ struct RetainedSample {
 
 /// Sample near the first difference.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Near {
+pub(super) struct NearbySample {
     pub(super) step: u64,
     pub(super) time_s: f64,
     /// Measured signals, then reference signals.
@@ -155,7 +155,7 @@ impl Comparison {
     /// Compares the answer to a sample.
     pub(super) fn take(&mut self, row: &Row<'_>, frame: &[f64], invalid: &[u64; VALIDITY_WORDS]) {
         let head = row.head;
-        let is_near_first = |first: &First| head.step <= first.step + AFTER;
+        let is_near_first = |first: &Mismatch| head.step <= first.step + AFTER;
         if self.first.as_ref().is_none_or(is_near_first) {
             self.retained[(head.step % RETAINED as u64) as usize].set(row, frame);
         }
@@ -203,7 +203,7 @@ impl Comparison {
         let signal = &self.signals[index];
         match &mut self.first {
             None => {
-                self.first = Some(First {
+                self.first = Some(Mismatch {
                     step,
                     time_s: self.rate.seconds(Step(step)),
                     signal: signal.name.clone(),
@@ -225,7 +225,7 @@ impl Comparison {
     }
 
     /// Returns the first difference beyond the tolerances.
-    pub(super) const fn first(&self) -> Option<&First> {
+    pub(super) const fn first(&self) -> Option<&Mismatch> {
         self.first.as_ref()
     }
 
@@ -256,16 +256,16 @@ impl Comparison {
     }
 
     /// Returns the samples around the first difference.
-    pub(super) fn around(&self) -> Vec<Near> {
+    pub(super) fn around(&self) -> Vec<NearbySample> {
         let Some(first) = &self.first else {
             return Vec::new();
         };
         let signal = &self.signals[first.index];
         let steps = first.step.saturating_sub(BEFORE)..=first.step + AFTER;
-        let mut near: Vec<Near> = (self.retained.iter())
+        let mut near: Vec<NearbySample> = (self.retained.iter())
             .filter_map(|retained| {
                 let step = retained.step.filter(|step| steps.contains(step))?;
-                Some(Near {
+                Some(NearbySample {
                     step,
                     time_s: self.rate.seconds(Step(step)),
                     sample: retained.sample.clone(),

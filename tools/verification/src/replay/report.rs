@@ -12,7 +12,7 @@ use serde_json::Value;
 use shared_types::number::{counted, exact_in, short};
 use shared_types::time::Step;
 
-use super::comparison::{Comparison, First, Near};
+use super::comparison::{Comparison, Mismatch, NearbySample};
 use super::original::Original;
 use super::tape::Length;
 use crate::compare::{SignalDifference, Verdict, number, write_table};
@@ -251,8 +251,8 @@ fn listed(names: &[String]) -> String {
 /// Writes the samples around a difference as a table: a line for each signal, a column for each step.
 fn write_around(
     text: &mut String,
-    first: &First,
-    around: &[Near],
+    first: &Mismatch,
+    around: &[NearbySample],
     sample: &[String],
 ) -> fmt::Result {
     writeln!(text, "  {first}")?;
@@ -262,7 +262,7 @@ fn write_around(
     let mut columns = vec![right(13); 1 + around.len()];
     columns[0] = left(0);
     let mut table = Table::new(2, columns);
-    let mut line = |name: &str, value: &dyn Fn(&Near) -> Option<String>| {
+    let mut line = |name: &str, value: &dyn Fn(&NearbySample) -> Option<String>| {
         let values = around
             .iter()
             .map(|near| value(near).unwrap_or_else(|| "-".into()));
@@ -299,7 +299,7 @@ impl Original {
 }
 
 impl FirstDifference {
-    fn of(first: &First, around: &[Near], names: &[String]) -> Self {
+    fn of(first: &Mismatch, around: &[NearbySample], names: &[String]) -> Self {
         let samples = around.iter().map(|near| Sample {
             step: near.step,
             time_s: near.time_s,
@@ -324,7 +324,7 @@ impl FirstDifference {
     }
 }
 
-impl Display for First {
+impl Display for Mismatch {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let Self {
             step,

@@ -19,7 +19,7 @@ use hil_run::{Origin, RunResult};
 use serde::Serialize;
 
 use super::case::{Case, Row};
-use super::running::{self, Early};
+use super::running::{self, EarlyResult};
 use crate::arguments::run::RunArguments;
 use crate::compare::Difference;
 
@@ -137,7 +137,7 @@ fn refuse(case: &Case) -> Result<(), Failure> {
 }
 
 /// Reports the outcome of a repetition, and keeps its folder if it differs.
-fn ended(row: &mut Row) -> Result<(), Early> {
+fn ended(row: &mut Row) -> Result<(), EarlyResult> {
     let Some(ran) = &row.ran else {
         let failure = row.failure.take();
         return failure.map_or(Ok(()), |failure| Err(Err(failure)));

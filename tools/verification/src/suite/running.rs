@@ -10,7 +10,7 @@ use hil_console::terminal::exit::{Exit, Failure};
 use super::case::{Case, Row};
 
 /// Premature result of a command, before all its cases ran.
-pub(super) type Early = Result<Exit, Failure>;
+pub(super) type EarlyResult = Result<Exit, Failure>;
 
 /// Runs the cases that have no row yet, `jobs` at a time; returns the rows in the order of the cases. `begins` is
 /// called with the number of each case, `ended` with the number of finished cases and the newest row.
@@ -22,8 +22,8 @@ pub(super) fn all(
     done: Vec<Row>,
     jobs: usize,
     begins: &(dyn Fn(usize, &Case) + Sync),
-    ended: &(dyn Fn(usize, &mut Row) -> Result<(), Early> + Sync),
-) -> Result<Vec<Row>, Early> {
+    ended: &(dyn Fn(usize, &mut Row) -> Result<(), EarlyResult> + Sync),
+) -> Result<Vec<Row>, EarlyResult> {
     let next = AtomicUsize::new(done.len());
     let missing = cases.len() - done.len();
     let mut rows: Vec<Option<Row>> = done.into_iter().map(Some).collect();

@@ -41,7 +41,7 @@ struct Places {
 }
 
 impl<'a> Gathered<'a> {
-    /// Creates the gathering without cases.
+    /// Creates the columns without any cases.
     pub(in crate::command) fn new(manifest: &'a Manifest, study: &'a Study) -> Self {
         let columns = &manifest.columns;
         let is_varied = |column: &Column| {

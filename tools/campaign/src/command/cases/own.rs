@@ -16,7 +16,7 @@ use hil_facts::programs::binaries::{Binaries, Choices};
 const MOST_KNOWN: usize = 64;
 
 /// External programs. The description of an FMU depends on the permissions and settings of a case.
-pub(super) struct Own {
+pub(super) struct ExternalPrograms {
     /// Command-line flags that choose the programs.
     arguments: BinaryArguments,
     /// Programs that the scenario names; default where copies replace them.
@@ -28,7 +28,7 @@ pub(super) struct Own {
     others: Mutex<Vec<(Programs, Arc<Binaries>)>>,
 }
 
-impl Own {
+impl ExternalPrograms {
     /// Queries the descriptions of the programs with the permissions and settings of the first case.
     ///
     /// # Errors

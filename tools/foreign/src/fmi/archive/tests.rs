@@ -10,7 +10,7 @@ struct Writer {
 }
 
 /// Entry to write.
-struct Written<'a> {
+struct TestEntry<'a> {
     name: &'a str,
     content: &'a [u8],
     flags: u16,
@@ -20,7 +20,7 @@ struct Written<'a> {
     listed_size: usize,
 }
 
-impl<'a> Written<'a> {
+impl<'a> TestEntry<'a> {
     fn new(name: &'a str, content: &'a [u8]) -> Self {
         Self {
             name,
@@ -42,7 +42,7 @@ impl Writer {
         }
     }
 
-    fn add(mut self, entry: &Written<'_>) -> Self {
+    fn add(mut self, entry: &TestEntry<'_>) -> Self {
         let packed = match entry.method {
             STORED => entry.content.to_vec(),
             _ => miniz_oxide::deflate::compress_to_vec(entry.content, 6),
@@ -99,22 +99,22 @@ fn refused(bytes: &[u8], fragment: &str) {
     assert!(message.contains(fragment), "{message}");
 }
 
-fn one(entry: &Written<'_>) -> Vec<u8> {
+fn one(entry: &TestEntry<'_>) -> Vec<u8> {
     Writer::new().add(entry).finish()
 }
 
 fn sound() -> Vec<u8> {
     let long = "a line of text\n".repeat(100);
     Writer::new()
-        .add(&Written::new("modelDescription.xml", long.as_bytes()))
-        .add(&Written {
+        .add(&TestEntry::new("modelDescription.xml", long.as_bytes()))
+        .add(&TestEntry {
             mode: FOLDER | 0o755,
-            ..Written::new("resources/", b"")
+            ..TestEntry::new("resources/", b"")
         })
-        .add(&Written {
+        .add(&TestEntry {
             method: STORED,
             mode: 0,
-            ..Written::new("resources/y.txt", b"y")
+            ..TestEntry::new("resources/y.txt", b"y")
         })
         .finish()
 }
@@ -160,29 +160,29 @@ fn names_that_leave_the_archive_are_refused() {
         "a\\b",
         "a\u{1}b",
     ] {
-        let bytes = one(&Written::new(name, b""));
+        let bytes = one(&TestEntry::new(name, b""));
         refused(&bytes, "does not name a file inside the archive");
     }
     let deep = "a/".repeat(DEEPEST + 1) + "b";
-    refused(&one(&Written::new(&deep, b"")), "does not name a file");
+    refused(&one(&TestEntry::new(&deep, b"")), "does not name a file");
     let long = "a".repeat(LONGEST_NAME + 1);
-    refused(&one(&Written::new(&long, b"")), "does not name a file");
+    refused(&one(&TestEntry::new(&long, b"")), "does not name a file");
 }
 
 #[test]
 fn an_entry_for_the_root_folder_is_ignored() {
-    let folder = Written {
+    let folder = TestEntry {
         mode: FOLDER | 0o755,
         method: STORED,
-        ..Written::new("./", b"")
+        ..TestEntry::new("./", b"")
     };
-    let archive = Writer::new().add(&folder).add(&Written::new("a", b"1"));
+    let archive = Writer::new().add(&folder).add(&TestEntry::new("a", b"1"));
     let archive = Archive::read(Cursor::new(archive.finish()), &LIMITS).expect("sound");
     assert_eq!(archive.names().collect::<Vec<_>>(), ["a"]);
-    let content = Written {
+    let content = TestEntry {
         method: STORED,
         mode: FOLDER | 0o755,
-        ..Written::new("./", b"1")
+        ..TestEntry::new("./", b"1")
     };
     refused(&one(&content), "does not name a file");
 }
@@ -190,31 +190,31 @@ fn an_entry_for_the_root_folder_is_ignored() {
 #[test]
 fn links_devices_and_conflicting_entries_are_refused() {
     for mode in [0o120_777, 0o020_644, 0o060_644, 0o010_644, 0o140_644] {
-        let entry = Written {
+        let entry = TestEntry {
             mode,
-            ..Written::new("resources/x", b"/etc/passwd")
+            ..TestEntry::new("resources/x", b"/etc/passwd")
         };
         refused(&one(&entry), "is a link or a device");
     }
     let twice = Writer::new()
-        .add(&Written::new("a", b"1"))
-        .add(&Written::new("a", b"2"));
+        .add(&TestEntry::new("a", b"1"))
+        .add(&TestEntry::new("a", b"2"));
     refused(&twice.finish(), "occurs twice");
     let both = Writer::new()
-        .add(&Written::new("a", b"1"))
-        .add(&Written::new("a/b", b"2"));
+        .add(&TestEntry::new("a", b"1"))
+        .add(&TestEntry::new("a/b", b"2"));
     refused(&both.finish(), "occurs twice");
 }
 
 #[test]
 fn duplicate_entries_with_equal_content_are_merged() {
-    let stored = Written {
+    let stored = TestEntry {
         method: STORED,
-        ..Written::new("a", b"1")
+        ..TestEntry::new("a", b"1")
     };
     let twice = Writer::new()
-        .add(&Written::new("a", b"1"))
-        .add(&Written::new("b", b"2"))
+        .add(&TestEntry::new("a", b"1"))
+        .add(&TestEntry::new("b", b"2"))
         .add(&stored);
     let bytes = twice.finish();
     let mut archive = read(&bytes).expect("sound");
@@ -224,13 +224,13 @@ fn duplicate_entries_with_equal_content_are_merged() {
     assert_eq!(archive.extract("a", folder.path()).expect("unpacked"), 1);
     // Same check sum and size but other bytes, so the content itself has to be compared.
     let mut forged = Writer::new()
-        .add(&Written {
+        .add(&TestEntry {
             method: STORED,
-            ..Written::new("a", b"11111111")
+            ..TestEntry::new("a", b"11111111")
         })
-        .add(&Written {
+        .add(&TestEntry {
             method: STORED,
-            ..Written::new("a", b"11111112")
+            ..TestEntry::new("a", b"11111112")
         })
         .finish();
     let sum = crc32fast::hash(b"11111111").to_le_bytes();
@@ -243,16 +243,16 @@ fn duplicate_entries_with_equal_content_are_merged() {
 #[test]
 fn a_trusted_archive_may_have_any_ratio_but_not_any_size() {
     let zeros = vec![0; 40 << 20];
-    let table = one(&Written::new("resources/table.csv", &zeros));
+    let table = one(&TestEntry::new("resources/table.csv", &zeros));
     refused(&table, "more than 100 times its size");
     let trusted = |bytes: &[u8]| {
         let archive = Archive::read(Cursor::new(bytes), &TRUSTED);
         archive.map(|archive| archive.names().count())
     };
     assert_eq!(trusted(&table).expect("trusted"), 1);
-    let bomb = one(&Written {
+    let bomb = one(&TestEntry {
         listed_size: 1100 << 20,
-        ..Written::new("a", &zeros)
+        ..TestEntry::new("a", &zeros)
     });
     let reason = trusted(&bomb).expect_err("large").to_string();
     assert!(reason.contains("more than 1024 MiB"), "{reason}");
@@ -260,14 +260,14 @@ fn a_trusted_archive_may_have_any_ratio_but_not_any_size() {
 
 #[test]
 fn encryption_other_methods_and_split_archives_are_refused_with_a_reason() {
-    let encrypted = Written {
+    let encrypted = TestEntry {
         flags: 1,
-        ..Written::new("a", b"1")
+        ..TestEntry::new("a", b"1")
     };
     refused(&one(&encrypted), "is encrypted");
-    let other = Written {
+    let other = TestEntry {
         method: 14,
-        ..Written::new("a", b"1")
+        ..TestEntry::new("a", b"1")
     };
     refused(&one(&other), "method 14");
     let mut parts = sound();
@@ -282,29 +282,29 @@ fn encryption_other_methods_and_split_archives_are_refused_with_a_reason() {
 #[test]
 fn bombs_are_refused_before_anything_is_unpacked() {
     let zeros = vec![0; 1 << 20];
-    let bomb = Writer::new().add(&Written {
+    let bomb = Writer::new().add(&TestEntry {
         listed_size: 600 << 20,
-        ..Written::new("a", &zeros)
+        ..TestEntry::new("a", &zeros)
     });
     refused(&bomb.finish(), "times its size");
     let mut many = Writer::new();
     for number in 0..4 {
         let name = format!("a{number}");
-        many = many.add(&Written {
+        many = many.add(&TestEntry {
             listed_size: 500 << 20,
-            ..Written::new(&name, b"")
+            ..TestEntry::new(&name, b"")
         });
     }
     refused(&many.finish(), "MiB, more than 1024 MiB");
     let mut crowd = Writer::new();
     for number in 0..=LIMITS.entries {
-        crowd = crowd.add(&Written::new(&number.to_string(), b""));
+        crowd = crowd.add(&TestEntry::new(&number.to_string(), b""));
     }
     refused(&crowd.finish(), "entries, more than 10000");
     // Two entries with the same content, as in bombs that unpack each byte many times.
     let shared = Writer::new()
-        .add(&Written::new("a", &zeros))
-        .add(&Written::new("b", b""));
+        .add(&TestEntry::new("a", &zeros))
+        .add(&TestEntry::new("b", b""));
     let mut bytes = shared.finish();
     let list = bytes.len() - END_BYTES as usize - LISTED_BYTES - 1;
     bytes[list + 42..list + 46].fill(0);
@@ -313,13 +313,13 @@ fn bombs_are_refused_before_anything_is_unpacked() {
 
 #[test]
 fn content_that_does_not_match_the_list_is_refused() {
-    let longer = Written {
+    let longer = TestEntry {
         listed_size: 10,
-        ..Written::new("a", b"0123456789 and more")
+        ..TestEntry::new("a", b"0123456789 and more")
     };
-    let shorter = Written {
+    let shorter = TestEntry {
         listed_size: 100,
-        ..Written::new("a", b"0123456789")
+        ..TestEntry::new("a", b"0123456789")
     };
     for entry in [longer, shorter] {
         let bytes = one(&entry);

@@ -106,7 +106,7 @@ impl Instance {
         Ok(())
     }
 
-    /// Reads these parameters, individually if reading them together fails, and compares those with a value.
+    /// Reads these parameters, one by one if that fails, and compares those that have an expected value.
     fn confirm(
         &mut self,
         mut parameters: Vec<(&Column, Option<f64>)>,
