@@ -100,8 +100,8 @@ impl PreparedRun {
 
     /// Creates the progress display of the run, with the requested pause.
     pub(crate) fn progress(&self) -> Progress {
-        let shown = !self.settings.is_one_of_many;
-        let mut progress = Progress::new(self.plan.run.steps, self.plan.run.rate, shown);
+        let is_visible = !self.settings.is_one_of_many;
+        let mut progress = Progress::new(self.plan.run.steps, self.plan.run.rate, is_visible);
         if let Some(pause_at_s) = self.settings.pause_at_s {
             progress.announce_pause(pause_at_s, &self.session.name);
         }

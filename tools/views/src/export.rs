@@ -38,8 +38,8 @@ const LOOK_RECORDS: u64 = 1024;
 /// If the run cannot be read or lacks a requested signal or time, or if the file cannot be written.
 pub fn export(arguments: &ExportArguments) -> Result<Exit, Failure> {
     let exported = table(arguments, Interruption::listen()?)?;
-    if let Some(told) = exported {
-        output::write(&told)?;
+    if let Some(message) = exported {
+        output::write(&message)?;
     }
     Ok(Exit::Pass)
 }

@@ -116,8 +116,8 @@ pub fn panel(arguments: &PanelArguments) -> Result<Exit, Failure> {
 
 /// Gives the model the newest record of a paused run: the stream delivers none until it resumes.
 fn show_newest(session: &SessionInfo, model: &SharedModel) {
-    let asked = shared_types::live::ask(session, &Request::Record, LOOK * 50);
-    if let Ok(Response::Record { layout, words }) = asked {
+    let answer = shared_types::live::ask(session, &Request::Record, LOOK * 50);
+    if let Ok(Response::Record { layout, words }) = answer {
         let mut model = model.lock();
         let is_fit = words.len() == layout.words() && model.drawn().next().is_some();
         if is_fit && model.seen().is_none() {

@@ -126,12 +126,12 @@ pub(crate) fn own_names<'a>(
                 |pattern: &Pattern| pattern.matches(name) || pattern.matches(&recorded_name(name));
             pattern.as_ref().is_some_and(fits)
         };
-        let meant: Vec<&String> = (aliases.iter())
+        let names_of_aliases: Vec<&String> = (aliases.iter())
             .filter(|(alias, name)| !is_exact && fits(alias) && !fits(name))
             .map(|(_, name)| name)
             .collect();
-        let stays = meant.is_empty() || names.clone().any(fits);
-        for name in stays.then_some(text).into_iter().chain(meant) {
+        let stays = names_of_aliases.is_empty() || names.clone().any(fits);
+        for name in stays.then_some(text).into_iter().chain(names_of_aliases) {
             if !own.contains(name) {
                 own.push(name.clone());
             }
