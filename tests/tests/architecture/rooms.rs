@@ -153,8 +153,8 @@ fn modules_of_lower_packages_form_no_circle() {
             let (place, path) = (named.place(), named.to.join("::"));
             assert!(is_told, "{package}/src/{place}: `{path}` hides its module");
         }
-        let found = circle(&named, &modules);
-        let way = found.unwrap_or_default().join("\n");
+        let result = circle(&named, &modules);
+        let way = result.unwrap_or_default().join("\n");
         assert!(way.is_empty(), "a circle in {package}/src:\n{way}\n");
     }
 }

@@ -40,7 +40,7 @@ pub(crate) fn succeeds(command: &mut Command) -> String {
         stdout,
         stderr,
     } = output.unwrap_or_else(|error| panic!("{command:?}: {error}"));
-    let said = String::from_utf8_lossy(&stderr);
-    assert!(status.success(), "{command:?}:\n{said}");
+    let text = String::from_utf8_lossy(&stderr);
+    assert!(status.success(), "{command:?}:\n{text}");
     String::from_utf8_lossy(&stdout).into_owned()
 }
