@@ -25,7 +25,7 @@ const NOBODY: u32 = 65534;
 struct Target<'r> {
     rig: &'r Rig,
     session: SessionInfo,
-    /// Attempts, each with the answer to it.
+    /// Attempts with their answers.
     refused: Vec<String>,
 }
 

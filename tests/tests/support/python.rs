@@ -1,4 +1,4 @@
-//! Python interpreter for tests that verify the workspace's statements with it.
+//! Python interpreter for tests that check results with an independent implementation.
 
 use std::path::PathBuf;
 use std::process::{Command, Output};

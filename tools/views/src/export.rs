@@ -76,7 +76,7 @@ pub fn table(
     let format = format(arguments.format, path)?;
     if arguments.json && path.is_none() {
         return Err(Failure::usage(
-            "--json goes to standard output, where the table goes too; name a file with -o",
+            "--json and the table would both go to standard output; name a file with -o",
         ));
     }
     let destination = Destination::open(path, arguments.force)?;
@@ -257,7 +257,7 @@ impl ExportPass {
         if let Some(torn) = self.reader.caveat() {
             let (step, rate) = (self.reader.step(), self.picking.rate);
             let time_s = rate.seconds(Step(step));
-            tell!("note: {torn}; it is exported as far as it goes, step {step} at {time_s} s");
+            tell!("note: {torn}; exported up to step {step} at {time_s} s");
         }
         if let Some(lost @ 1..) = self
             .reader

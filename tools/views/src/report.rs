@@ -61,7 +61,7 @@ pub fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
     let path = Some(arguments.output.as_path()).filter(|path| *path != Path::new("-"));
     if arguments.json && path.is_none() {
         return Err(Failure::usage(
-            "--json goes to standard output, where the report goes too; name a file with -o",
+            "--json and the report would both go to standard output; name a file with -o",
         ));
     }
     let interruption = Interruption::listen()?;

@@ -46,7 +46,7 @@ impl<'a> Signal<'a> {
         self.name.split_at(unit.unwrap_or(self.name.len()))
     }
 
-    /// Returns the name with `*` for each number outside the unit.
+    /// Returns the name with `*` for each number, except those in its unit.
     pub(super) fn family(&self) -> String {
         let (stem, unit) = self.stem();
         let mut family = String::new();
@@ -60,7 +60,7 @@ impl<'a> Signal<'a> {
         family + unit
     }
 
-    /// Returns the numbers in the name outside the unit.
+    /// Returns the numbers in the name, except those in its unit.
     fn numbers(&self) -> Vec<&'a str> {
         let parts = self.stem().0.split(|c: char| !c.is_ascii_digit());
         parts.filter(|part| !part.is_empty()).collect()
