@@ -245,12 +245,12 @@ fn list(value: &Value) -> &[Value] {
 
 #[test]
 fn the_workspace_has_the_listed_packages() {
-    let found: BTreeSet<String> = packages()
+    let entries: BTreeSet<String> = packages()
         .iter()
         .map(|package| text(&package["name"]).to_owned())
         .collect();
-    let wanted = ARROWS.iter().map(|(name, ..)| (*name).to_owned());
-    assert_eq!(found, wanted.collect());
+    let expected = ARROWS.iter().map(|(name, ..)| (*name).to_owned());
+    assert_eq!(entries, expected.collect());
 }
 
 #[test]

@@ -28,8 +28,8 @@ fn a_law_that_depends_only_on_its_samples_has_one_digest_under_all_conditions() 
     let honest = audited(&rig, "honest", "--json").expect(0);
     let summary = honest.summary();
     assert_eq!(summary["audit"]["verdict"], "pass");
-    let told = honest.json();
-    assert_eq!(told, summary);
+    let report = honest.json();
+    assert_eq!(report, summary);
     for one in repetitions(&summary) {
         if one["skipped"].is_null() {
             assert_eq!(one["digest"], summary["digest"], "{one}");
@@ -95,10 +95,14 @@ fn a_law_that_counts_the_cores_is_detected_by_reducing_them() {
     let rig = Rig::new();
     let caught = audited(&rig, "counts-cores", "").expect(1);
     let summary = caught.summary();
-    let of = |told: &str| {
+    let of = |message: &str| {
         let mut all = repetitions(&summary).iter();
-        let found = all.find(|one| one["condition"].as_str().is_some_and(|c| c.contains(told)));
-        found.unwrap_or_else(|| panic!("no `{told}` in {summary}"))
+        let hit = all.find(|one| {
+            one["condition"]
+                .as_str()
+                .is_some_and(|c| c.contains(message))
+        });
+        hit.unwrap_or_else(|| panic!("no `{message}` in {summary}"))
     };
     assert_eq!(of("the same again")["agrees"], true);
     assert_eq!(of("one core")["agrees"], false);

@@ -65,20 +65,20 @@ impl Kept {
 fn a_repeated_run_is_the_same_and_a_changed_one_is_not() {
     let kept = Kept::new();
     let again = kept.rig.run(SCENARIO).expect(0);
-    let told = kept.judged(&again.folder.display().to_string(), 0);
+    let text = kept.judged(&again.folder.display().to_string(), 0);
     assert_eq!(
-        (&told["verdict"], &told["compared_by"]),
+        (&text["verdict"], &text["compared_by"]),
         (&"same".into(), &"digest".into())
     );
-    assert_eq!(told["identity"], serde_json::json!([]));
+    assert_eq!(text["identity"], serde_json::json!([]));
 
     let other = kept.other();
-    let told = kept.judged(&other, 1);
+    let text = kept.judged(&other, 1);
     assert_eq!(
-        (&told["verdict"], &told["compared_by"]),
+        (&text["verdict"], &text["compared_by"]),
         (&"different".into(), &"samples".into())
     );
-    let signals = told["comparison"]["signals"].as_array().expect("a list");
+    let signals = text["comparison"]["signals"].as_array().expect("a list");
     let angle = (signals.iter()).find(|signal| signal["name"] == "truth.surface_angle_rad");
     let angle = angle.expect("it moves with the piston");
     assert!(
@@ -87,17 +87,20 @@ fn a_repeated_run_is_the_same_and_a_changed_one_is_not() {
             .is_some_and(|step| step > 0),
         "{angle}"
     );
-    let what: Vec<&str> = (told["identity"].as_array().expect("a list").iter())
+    let what: Vec<&str> = (text["identity"].as_array().expect("a list").iter())
         .filter_map(|change| change["what"].as_str())
         .collect();
     assert_eq!(what, ["digest", "scenario_blake3"]);
-    let said = kept.compare(&other, &[]).expect(1).stdout;
-    assert!(said.contains("DIFFERENT from baseline leakage"), "{said}");
+    let output = kept.compare(&other, &[]).expect(1).stdout;
+    assert!(
+        output.contains("DIFFERENT from baseline leakage"),
+        "{output}"
+    );
 
     // The Lyapunov function differs most, by far less than its own magnitude of 1e18.
     kept.allow("1e18");
-    let told = kept.judged(&other, 0);
-    assert_eq!(told["verdict"], "within-tolerance");
+    let text = kept.judged(&other, 0);
+    assert_eq!(text["verdict"], "within-tolerance");
 }
 
 #[test]
@@ -106,16 +109,16 @@ fn without_a_recording_the_figures_decide_and_a_note_says_so() {
     std::fs::remove_file(kept.rig.path("baselines/leakage.mcap")).expect("it was kept");
     assert_eq!(kept.judged(&kept.folder, 0)["compared_by"], "digest");
     let other = kept.other();
-    let told = kept.judged(&other, 1);
-    assert_eq!(told["compared_by"], "figures");
+    let output = kept.judged(&other, 1);
+    assert_eq!(output["compared_by"], "figures");
     assert!(
-        told["note"]
+        output["note"]
             .as_str()
             .expect("a note")
             .contains("only digest and figures"),
-        "{told}"
+        "{output}"
     );
-    let figures = told["figures"].as_array().expect("a list");
+    let figures = output["figures"].as_array().expect("a list");
     let names: Vec<&str> = figures
         .iter()
         .filter_map(|figure| figure["name"].as_str())
@@ -138,16 +141,16 @@ fn an_update_shows_what_changes_and_a_dry_one_writes_nothing() {
     kept.allow("0.125");
     let before = kept.text();
     let other = kept.other();
-    let shown = kept
+    let text = kept
         .compare(&other, &["--update", "--dry-run"])
         .expect(1)
         .stdout;
     assert_eq!(kept.text(), before);
     assert!(
-        shown.contains("would change") && shown.contains("digest: "),
-        "{shown}"
+        text.contains("would change") && text.contains("digest: "),
+        "{text}"
     );
-    assert!(shown.contains("truth.surface_angle_rad final"), "{shown}");
+    assert!(text.contains("truth.surface_angle_rad final"), "{text}");
     kept.compare(&kept.folder, &["--update", "--dry-run"])
         .expect(0);
 
@@ -179,7 +182,7 @@ fn incomparable_runs_and_baselines_are_refused() {
         .expect(0);
     let mass = mass.folder.display().to_string();
     let other = kept.other();
-    for (arguments, said) in [
+    for (arguments, expected) in [
         (
             vec![folder, "--baseline", "leekage", "--baselines", file],
             "nearest: `leakage`",
@@ -212,7 +215,7 @@ fn incomparable_runs_and_baselines_are_refused() {
         kept.rig
             .hil(&[&["compare"], &arguments[..]].concat())
             .expect(2)
-            .says(&[said]);
+            .says(&[expected]);
     }
     // The kept recording was replaced by another one.
     let recording = kept.rig.path("baselines/leakage.mcap");

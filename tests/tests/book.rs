@@ -114,10 +114,10 @@ fn every_line_of_rust_in_the_book_is_in_an_example_or_is_compiled() {
     .concat();
     for page in pages() {
         let blocks = page.blocks();
-        let shown = blocks
+        let text = blocks
             .iter()
             .filter(|block| block.language == "rust" && block.file.is_none());
-        for block in shown {
+        for block in text {
             for line in block.text.lines().map(str::trim) {
                 let place = format!("{}:{}", page.path.display(), block.line);
                 let comment = line.is_empty() || line.starts_with("//");
@@ -145,8 +145,8 @@ fn every_line_of_c_in_the_book_is_in_an_example() {
 #[test]
 fn the_scenario_of_the_chapters_is_that_of_the_examples() {
     let page = Page::read("docs/own-controller.md".into());
-    let shown = page.blocks().into_iter().map(|block| block.text);
-    let shown = shown.filter(|text| text.contains("name = \"pendulum\"") && text.contains("[run]"));
+    let view = page.blocks().into_iter().map(|block| block.text);
+    let view = view.filter(|text| text.contains("name = \"pendulum\"") && text.contains("[run]"));
     // Each names the programs where its reader has built them.
     let read = |text: String| -> toml::Table {
         let mut scenario: toml::Table = toml::from_str(&text).expect("TOML");
@@ -156,8 +156,8 @@ fn the_scenario_of_the_chapters_is_that_of_the_examples() {
         }
         scenario
     };
-    let shown: Vec<toml::Table> = shown.map(read).collect();
-    assert_eq!(shown, [read(example("own-plant/pendulum.toml"))]);
+    let view: Vec<toml::Table> = view.map(read).collect();
+    assert_eq!(view, [read(example("own-plant/pendulum.toml"))]);
 }
 
 /// Passes the preprocessor the input of mdBook, and returns its output.
@@ -223,12 +223,12 @@ fn keys(value: &Value, found: &mut Vec<String>) {
 fn every_key_of_a_summary_is_documented() {
     let rig = Rig::new();
     let run = rig.run("scenarios/spring-breaks.toml").expect(0);
-    let mut found = Vec::new();
-    keys(&run.summary(), &mut found);
+    let mut entries = Vec::new();
+    keys(&run.summary(), &mut entries);
     let page = Page::read("docs/reading.md".into());
-    let (_, told) = (page.text)
+    let (_, documented) = (page.text)
         .split_once("## `summary.json`")
         .expect("the section");
-    found.retain(|key| !told.contains(&format!("`{key}`")));
-    assert!(found.is_empty(), "{found:?}");
+    entries.retain(|key| !documented.contains(&format!("`{key}`")));
+    assert!(entries.is_empty(), "{entries:?}");
 }

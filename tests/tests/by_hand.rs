@@ -64,14 +64,14 @@ impl Hand {
     /// Waits for its end; returns its exit code and output.
     fn end(mut self) -> (Option<i32>, String) {
         let status = ended(&mut self.0);
-        let mut said = String::new();
+        let mut text = String::new();
         for mut pipe in [
             Box::new(self.0.stderr.take().expect("piped")) as Box<dyn Read>,
             Box::new(self.0.stdout.take().expect("piped")),
         ] {
-            pipe.read_to_string(&mut said).expect("text");
+            pipe.read_to_string(&mut text).expect("text");
         }
-        (status.code(), said)
+        (status.code(), text)
     }
 }
 
@@ -142,14 +142,14 @@ fn each_side_and_both_run_like_launched_ones() {
         let summary = run.summary();
         assert_eq!(summary["started_by_hand"], json!(sides), "{flags}");
         assert_eq!(summary["evidence"], "sil");
-        let told = format!("{} started by hand (sil)", sides.join(" and "));
-        assert!(run.stdout.contains(&told), "{}", run.stdout);
+        let expected = format!("{} started by hand (sil)", sides.join(" and "));
+        assert!(run.stdout.contains(&expected), "{}", run.stdout);
         for (hand, name) in hands {
             let printed = format!("\n  {}\n", command(&rig, &program(name)));
             assert!(run.stderr.contains(&printed), "{}", run.stderr);
-            let (code, said) = hand.end();
-            assert_eq!(code, Some(0), "{said}");
-            assert!(said.contains("admitted as the "), "{said}");
+            let (code, output) = hand.end();
+            assert_eq!(code, Some(0), "{output}");
+            assert!(output.contains("admitted as the "), "{output}");
         }
         for side in ["plant", "controller"] {
             let is_there = run.folder.join(format!("{side}.log")).exists();
@@ -283,16 +283,16 @@ fn gdb_can_stop_a_side_before_and_after_hello() {
     let hand = Hand::start(&rig, "controller", &example("own-controller"), &gdb);
     // The debugger ends after its program, and `hil` before it.
     let run = running.finish_beside_another().expect(0);
-    let (_, said) = hand.end();
+    let (_, output) = hand.end();
     rig.assert_nothing_left();
-    assert_eq!(run.digest(), digest, "{said}");
+    assert_eq!(run.digest(), digest, "{output}");
     for part in [
         "Temporary breakpoint 1, ",
         "Breakpoint 2, ",
         "already hit 1001 times",
         "exited normally",
     ] {
-        assert!(said.contains(part), "no `{part}` in {said}");
+        assert!(output.contains(part), "no `{part}` in {output}");
     }
 }
 

@@ -115,8 +115,8 @@ fn any_number_of_workers_gives_one_digest_even_if_some_are_killed() {
     );
     for entry in std::fs::read_dir(three.join("shards")).expect("shards") {
         let left = names(&entry.expect("a shard").path());
-        let wanted = ["claim", "curves.json", "part.parquet"];
-        assert_eq!(left, wanted.map(String::from).into());
+        let required = ["claim", "curves.json", "part.parquet"];
+        assert_eq!(left, required.map(String::from).into());
     }
 }
 
@@ -134,8 +134,8 @@ fn a_case_equals_the_run_of_its_values_in_one_process_and_in_two() {
     let folder = planned(&rig, &study(&rig, STUDY), "demo");
     campaign(&rig, &["run", text(&folder)]).expect(0);
     // The shown scenario needs nothing of the campaign.
-    let shown = campaign(&rig, &["case", text(&folder), "4", "--show"]).expect(0);
-    let scenario = rig.write("case.toml", &shown.stdout);
+    let view = campaign(&rig, &["case", text(&folder), "4", "--show"]).expect(0);
+    let scenario = rig.write("case.toml", &view.stdout);
     let alone = rig.run(text(&scenario)).expect(0);
     for flags in [&[][..], &["--in-process"]] {
         let out = rig.path(&format!("case{}", flags.len()));
@@ -205,7 +205,7 @@ fn a_second_result_that_differs_ends_with_exit_code_1() {
     std::fs::write(folder.join("conflicts/000000007-0.json"), conflict).expect("written");
     for verb in ["run", "collect", "show", "status"] {
         let run = campaign(&rig, &[verb, text(&folder)]).expect(1);
-        let said = run.stdout + &run.stderr;
+        let output = run.stdout + &run.stderr;
         assert!(
             said.contains("case 7 has two different results: digest is a, but b from a test"),
             "{verb}: {said}"
@@ -218,19 +218,19 @@ fn a_second_result_that_differs_ends_with_exit_code_1() {
 
 /// Lists files below a folder, with their times.
 fn below(folder: &Path) -> Vec<(PathBuf, std::time::SystemTime)> {
-    let mut found = Vec::new();
+    let mut entries = Vec::new();
     for entry in std::fs::read_dir(folder).expect("a folder") {
         let path = entry.expect("an entry").path();
         match path.is_dir() {
-            true => found.extend(below(&path)),
+            true => entries.extend(below(&path)),
             false => {
                 let file = path.metadata().expect("a file");
-                found.push((path, file.modified().expect("a time")));
+                entries.push((path, file.modified().expect("a time")));
             }
         }
     }
-    found.sort();
-    found
+    entries.sort();
+    entries
 }
 
 #[test]
@@ -399,18 +399,18 @@ fn duckdb_polars_and_pandas_read_the_tables_with_equal_counts() {
     let folder = planned(&rig, &study(&rig, STUDY), "demo");
     let run = campaign(&rig, &["run", text(&folder), "--json"]).expect(0);
     let script = workspace().join("tests/python/campaign_tables.py");
-    let told = succeeds(Command::new(python).arg(script).arg(&folder));
-    let told: Value = serde_json::from_str(&told).expect("JSON");
+    let output = succeeds(Command::new(python).arg(script).arg(&folder));
+    let output: Value = serde_json::from_str(&output).expect("JSON");
     for reader in ["duckdb", "polars", "pandas"] {
-        assert_eq!(told[reader]["rows"], 60, "{reader}");
+        assert_eq!(output[reader]["rows"], 60, "{reader}");
         for variant in run.json()["variants"].as_array().expect("variants") {
             let name = variant["name"].as_str().expect("a name");
             assert_eq!(
-                told[reader]["pass"][name], variant["passes"]["count"],
+                output[reader]["pass"][name], variant["passes"]["count"],
                 "{reader}"
             );
             assert_eq!(
-                told[reader]["worst"][name], variant["requirements"][0]["worst"][0]["margin"],
+                output[reader]["worst"][name], variant["requirements"][0]["worst"][0]["margin"],
                 "{reader}"
             );
         }

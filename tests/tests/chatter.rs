@@ -28,9 +28,12 @@ fn chats(rig: &Rig, law: &str, policy: &str, clock: &str) -> Run {
 }
 
 #[track_caller]
-fn assert_told(told: &Value, fragment: &str) {
-    let told = told.as_str().expect("a reason");
-    assert!(told.contains(fragment), "`{fragment}` is not in `{told}`");
+fn assert_told(output: &Value, fragment: &str) {
+    let output = output.as_str().expect("a reason");
+    assert!(
+        output.contains(fragment),
+        "`{fragment}` is not in `{output}`"
+    );
 }
 
 #[test]

@@ -224,8 +224,8 @@ fn a_branch_with_another_severity_has_the_same_past_and_another_future() {
     // 1 - exp(-10 / s x 0.05 s) of the new size, where the old one had reached as much of its own.
     let gain = 1.0 - libm::exp(-0.5);
     for (recording, size) in recordings.iter().zip([5e-7, 2e-7]) {
-        let found = coefficient(recording, 10_500);
-        assert!((found / (size * gain) - 1.0).abs() < 1e-12, "{found}");
+        let result = coefficient(recording, 10_500);
+        assert!((result / (size * gain) - 1.0).abs() < 1e-12, "{result}");
     }
     assert_eq!(branch.summary()["resumed"]["changed_faults"][0], 1);
 

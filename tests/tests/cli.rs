@@ -288,14 +288,14 @@ fn without_a_given_folder_a_run_creates_its_own() {
         name.starts_with("spring-mass-") && name.ends_with(rig.session()),
         "{name}"
     );
-    let wanted = [
+    let expected = [
         "controller.log",
         "plant.log",
         "run.mcap",
         "scenario.toml",
         "summary.json",
     ];
-    assert_eq!(names(&run.path()), wanted.map(String::from).into());
+    assert_eq!(names(&run.path()), expected.map(String::from).into());
 }
 
 #[test]
@@ -310,8 +310,8 @@ fn the_summary_is_available_as_json() {
 #[test]
 fn config_show_prints_an_equivalent_scenario() {
     let rig = Rig::new();
-    let shown = rig.hil(&["config", "show", SCENARIO]).expect(0);
-    let path = rig.write("shown.toml", &shown.stdout);
+    let text = rig.hil(&["config", "show", SCENARIO]).expect(0);
+    let path = rig.write("shown.toml", &text.stdout);
     let again = rig.run(path.to_str().expect("plain")).expect(0);
     assert_eq!(again.digest(), rig.run(SCENARIO).expect(0).digest());
 }
@@ -391,9 +391,9 @@ fn an_unwritable_output_causes_no_panic() {
             .args(["-c", &line])
             .output()
             .expect("there is a shell");
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(code), "{line}: {said}");
-        assert!(!said.contains("panicked"), "{line}: {said}");
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(code), "{line}: {text}");
+        assert!(!text.contains("panicked"), "{line}: {text}");
     }
     drop(rig);
 }

@@ -55,14 +55,14 @@ fn in_real_time_a_run_without_a_miss_has_the_digest_of_lockstep() {
     // Slow steps with matching gains: a busy machine occupies a core for 10 ms and more.
     let slow = "--set run.rate_hz=20 --set run.duration_s=2 --set run.deadline=1 \
         --set controller.pid.proportional_n_per_m=10 --set controller.pid.derivative_n_s_per_m=0";
-    let wanted = run(&rig, "", slow).expect(0).digest();
+    let expected = run(&rig, "", slow).expect(0).digest();
     // Another program may still occupy it for longer than a step: such a run proves nothing here.
     for _ in 0..10 {
         let real = run(&rig, "", &format!("{slow} --clock realtime")).expect(0);
         let summary = real.summary();
         assert_eq!(summary["clock"], "realtime");
         if number(&summary, "/missed_commands/count") == 0 {
-            assert_eq!(real.digest(), wanted);
+            assert_eq!(real.digest(), expected);
             return;
         }
     }
@@ -101,7 +101,7 @@ fn a_busy_controller_misses_deadlines_and_a_rerun_repeats_them() {
     let session = ["--session", rig.session()];
     let again = rig.rerun(&late.folder, &session).expect(0).folder;
     // The rerun reports the same about itself, so that it can be repeated as well.
-    let told = rig
+    let output = rig
         .hil(&[
             "rerun",
             text(&again),
@@ -113,12 +113,12 @@ fn a_busy_controller_misses_deadlines_and_a_rerun_repeats_them() {
         .expect(0)
         .json();
     assert_eq!(
-        (&told["same"], &told["digest"]),
+        (&output["same"], &output["digest"]),
         (&true.into(), &late.digest().into())
     );
     let counts = ["count", "longest_streak", "first_step"];
     for count in counts.map(|count| format!("/missed_commands/{count}")) {
-        assert_eq!(number(&told["summary"], &count), number(&summary, &count));
+        assert_eq!(number(&output["summary"], &count), number(&summary, &count));
     }
     rig.hil(&["rerun", folder, "--clock", "realtime"])
         .expect(2)
@@ -140,7 +140,7 @@ fn a_law_that_runs_at_every_fifth_sample_repeats_its_misses_too() {
 #[test]
 fn a_busy_plant_overruns_and_each_policy_keeps_the_trajectory() {
     let rig = Rig::new();
-    let wanted = lockstep(&rig);
+    let expected = lockstep(&rig);
     // By these times the run is longer at least: 7 ms of lateness are two whole periods, or 7 ms.
     for (policy, longer_ms) in [("catch-up", 0), ("skip", 100), ("stretch", 70)] {
         let arguments = format!("--clock paced --set run.overrun={policy}");
@@ -149,7 +149,7 @@ fn a_busy_plant_overruns_and_each_policy_keeps_the_trajectory() {
         assert_eq!(summary["overruns"]["policy"], policy);
         assert!(number(&summary, "/overruns/count") >= 10, "{policy}");
         assert!(number(&summary, "/overruns/first_step") <= 41, "{policy}");
-        assert_eq!(paced.digest(), wanted, "{policy}");
+        assert_eq!(paced.digest(), expected, "{policy}");
         let wall_time_s = summary["wall_time_s"].as_f64().expect("a time");
         assert!(
             wall_time_s >= 0.995 + 1e-3 * f64::from(longer_ms),

@@ -104,8 +104,8 @@ fn typed(rig: &Rig, desk: &Path, shell: &[&str], setup: &str) {
         let quoted = expected.replace(' ', "\\ ");
         let is_open = line.contains('\'');
         terminal.until_it_shows(if is_open { &expected } else { &quoted });
-        let shown = terminal.text();
-        assert!(!shown.contains("error:"), "{line}: {shown}");
+        let text = terminal.text();
+        assert!(!text.contains("error:"), "{line}: {text}");
     }
 }
 
@@ -149,8 +149,8 @@ fn fish_offers(rig: &Rig, desk: &Path) {
         fish.arg(&line);
         let output = fish.env("PATH", path()).env("HOME", desk).output();
         let output = output.expect("fish");
-        let said = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(said, "", "{line}");
+        let text = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(text, "", "{line}");
         let offered = String::from_utf8_lossy(&output.stdout);
         let values = offered.lines().filter_map(|line| line.split('\t').next());
         let values: Vec<&str> = values.collect();
@@ -217,15 +217,15 @@ fn a_request_prints_only_candidates_and_leaves_nothing() {
 
 /// Lists all files and folders below a folder.
 fn listed(folder: &Path) -> Vec<PathBuf> {
-    let mut found = Vec::new();
+    let mut entries = Vec::new();
     for entry in std::fs::read_dir(folder).expect("a folder").flatten() {
-        found.push(entry.path());
+        entries.push(entry.path());
         if entry.path().is_dir() {
-            found.extend(listed(&entry.path()));
+            entries.extend(listed(&entry.path()));
         }
     }
-    found.sort();
-    found
+    entries.sort();
+    entries
 }
 
 #[test]

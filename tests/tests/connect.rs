@@ -181,11 +181,11 @@ fn connected_runs_can_be_repeated_replayed_and_resumed() {
     let again = rig.rerun(&run.folder, &plant).expect(0);
     again.prints(&[&run.digest()]);
     for link in ["iceoryx2", "in-process"] {
-        let told = rig
+        let report = rig
             .hil(&["replay", folder, "--json", "--link", link])
             .expect(0)
             .json();
-        assert_eq!(told["verdict"], "same", "{told:#}");
+        assert_eq!(report["verdict"], "same", "{report:#}");
     }
     let from = run.folder.join("checkpoint-500");
     let on = format!("--from {} {}", from.display(), plant.join(" "));
@@ -264,7 +264,7 @@ fn faults_have_the_names_and_units_of_the_plant() {
 #[test]
 fn invalid_connections_start_nothing() {
     let rig = Rig::new();
-    for (from, to, told) in [
+    for (from, to, expected) in [
         (
             "\"measured.s\"",
             "\"measured.der__s\"",
@@ -282,6 +282,6 @@ fn invalid_connections_start_nothing() {
         ),
     ] {
         let wrong = scenario(&rig, "wrong.toml", &SLIDER.replace(from, to));
-        rig.run(&foreign(&wrong, "")).expect(2).says(&[told]);
+        rig.run(&foreign(&wrong, "")).expect(2).says(&[expected]);
     }
 }

@@ -26,10 +26,10 @@ fn assert_same(rig: &Rig, arguments: &str) {
 #[test]
 fn ten_runs_over_shared_memory_have_the_digest_of_one_thread() {
     let rig = Rig::new();
-    let wanted = reference(&rig, "");
+    let expected = reference(&rig, "");
     for run in 0..10 {
         let digest = rig.run(SCENARIO).expect(0).digest();
-        assert_eq!(digest, wanted, "run {run}");
+        assert_eq!(digest, expected, "run {run}");
     }
 }
 
@@ -38,12 +38,12 @@ fn concurrent_runs_in_one_process_have_the_digest_of_a_single_run() {
     let rig = Rig::new();
     let side_by_side = "--link in-process --no-record --repeat 6 --json";
     let suite = rig.run(&format!("{SCENARIO} {side_by_side}"));
-    let told = suite.expect(0).json();
-    let runs = told["runs"].as_array().expect("a list of runs");
+    let report = suite.expect(0).json();
+    let runs = report["runs"].as_array().expect("a list of runs");
     assert_eq!(runs.len(), 6);
-    let wanted = reference(&rig, "");
+    let expected = reference(&rig, "");
     for run in runs {
-        assert_eq!(run["digest"], wanted, "{run}");
+        assert_eq!(run["digest"], expected, "{run}");
     }
 }
 
@@ -67,7 +67,7 @@ fn the_digest_does_not_depend_on_the_session_or_the_recording() {
 #[test]
 fn another_scenario_has_another_digest() {
     let rig = Rig::new();
-    let wanted = reference(&rig, "");
+    let expected = reference(&rig, "");
     for change in [
         "faults[0].effects[1].speed_per_s=0.50000001",
         "plant.parameters.piston_mass_kg=55.0000001",
@@ -76,7 +76,7 @@ fn another_scenario_has_another_digest() {
     ] {
         assert_ne!(
             reference(&rig, &format!("--set {change}")),
-            wanted,
+            expected,
             "{change}"
         );
     }
@@ -108,7 +108,7 @@ fn a_busy_single_core_does_not_change_the_digest() {
     let rig = Rig::new();
     // 1,000 steps: each exchange waits until the busy loop has had its turn.
     let changes = "--set run.duration_s=0.1 --set faults[0].at_s=0.05";
-    let wanted = reference(&rig, changes);
+    let expected = reference(&rig, changes);
     let _busy = busy_loop(0);
     let arguments = format!("{SCENARIO} {changes}");
     let run = rig
@@ -116,7 +116,7 @@ fn a_busy_single_core_does_not_change_the_digest() {
         .finish()
         .expect(0);
     assert_eq!(run.summary()["steps"], 1000);
-    assert_eq!(run.digest(), wanted);
+    assert_eq!(run.digest(), expected);
 }
 
 #[test]

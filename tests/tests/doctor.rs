@@ -70,8 +70,8 @@ fn report(run: &Run, expected: &[&str]) -> Value {
 
 fn finding<'a>(report: &'a Value, name: &str) -> &'a Value {
     let checks = report["checks"].as_array().expect("checks");
-    let found = checks.iter().find(|check| check["check"] == name);
-    found.unwrap_or_else(|| panic!("no {name} in {report}"))
+    let hit = checks.iter().find(|check| check["check"] == name);
+    hit.unwrap_or_else(|| panic!("no {name} in {report}"))
 }
 
 #[test]
@@ -195,8 +195,8 @@ fn remains_of_a_dead_session_are_removed_before_the_checks() {
     let run = rig.beside(&["doctor", "--quick", "--json"]);
     let report = report(&run, &READ);
     let sessions = finding(&report, "sessions");
-    let found = sessions["found"].as_str().expect("found");
-    assert!(!found.contains(rig.session()), "{found}");
+    let result = sessions["found"].as_str().expect("found");
+    assert!(!result.contains(rig.session()), "{result}");
     rig.assert_nothing_left();
 }
 

@@ -93,15 +93,15 @@ fn an_external_fault_kind_works_live_and_follows_its_equation() {
     ));
     rig.until_held_at(5000);
     let inject = "inject backlash measured.actuator1_position_m 2e-4";
-    let told = rig.in_session(inject).expect(0).stdout;
-    assert!(told.contains("step 5000"), "{told}");
+    let text = rig.in_session(inject).expect(0).stdout;
+    assert!(text.contains("step 5000"), "{text}");
     rig.in_session("resume").expect(0);
 
     let recording = Recording::open(&run.finish().expect(0).recording());
     let (mut driven, mut stood_still) = (None, 0);
     for record in recording.records() {
         let driving = recording.value(&record, "sensed.actuator1_position_m");
-        let found = recording.value(&record, "measured.actuator1_position_m");
+        let result = recording.value(&record, "measured.actuator1_position_m");
         let expected = match driven {
             None => driving,
             Some(driven) if driving - 1e-4 > driven => driving - 1e-4,
@@ -109,9 +109,9 @@ fn an_external_fault_kind_works_live_and_follows_its_equation() {
             Some(driven) => driven,
         };
         if record.step() >= 5000 {
-            assert!((found - expected).abs() < 1e-15, "step {}", record.step());
-            stood_still += u32::from(driven == Some(found));
-            driven = Some(found);
+            assert!((result - expected).abs() < 1e-15, "step {}", record.step());
+            stood_still += u32::from(driven == Some(result));
+            driven = Some(result);
         }
     }
     assert!(stood_still > 100, "{stood_still}");
@@ -139,10 +139,10 @@ fn an_external_link_passes_the_conformance_suite() {
 fn a_run_over_an_external_link_has_the_digest_of_shared_memory() {
     let rig = Rig::new();
     let scenario = "scenarios/spring-mass.toml";
-    let wanted = rig.run(&format!("{scenario} --no-record")).expect(0);
+    let expected = rig.run(&format!("{scenario} --no-record")).expect(0);
     let mut link = rig.command(example("unix-socket-link"));
     let output = link.arg(workspace().join(scenario)).output();
-    let told = output.expect("it can be run").stdout;
-    let wanted = format!("digest {}\n", wanted.digest());
-    assert_eq!(String::from_utf8_lossy(&told), wanted);
+    let text = output.expect("it can be run").stdout;
+    let expected = format!("digest {}\n", expected.digest());
+    assert_eq!(String::from_utf8_lossy(&text), expected);
 }

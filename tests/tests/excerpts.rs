@@ -66,8 +66,8 @@ fn an_excerpt_is_part_of_the_full_recording_with_the_same_verdict() {
         let original = &by_step[&record.step()];
         assert_eq!(record.log_time_ns, original.log_time_ns);
         for name in &signals {
-            let (found, wanted) = (some.value(&record, name), all.value(original, name));
-            assert_eq!(found.to_bits(), wanted.to_bits(), "{name}");
+            let (actual, expected) = (some.value(&record, name), all.value(original, name));
+            assert_eq!(actual.to_bits(), expected.to_bits(), "{name}");
         }
     }
 

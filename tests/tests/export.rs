@@ -33,15 +33,18 @@ fn an_exported_table_has_the_bits_of_the_recording_and_the_derived_signals() {
     let path = rig.path("all.csv");
     let (folder, file) = (run.folder.to_str(), path.to_str());
     let (folder, file) = (folder.expect("text"), file.expect("text"));
-    let told = rig
+    let report = rig
         .hil(&["export", folder, "-o", file, "--json"])
         .expect(0)
         .json();
     let (header, rows) = table(&path);
-    assert_eq!((&told["file"], &told["rows"]), (&file.into(), &2001.into()));
-    assert_eq!(told["digest"], run.digest());
     assert_eq!(
-        told["columns"].as_array().expect("columns").len(),
+        (&report["file"], &report["rows"]),
+        (&file.into(), &2001.into())
+    );
+    assert_eq!(report["digest"], run.digest());
+    assert_eq!(
+        report["columns"].as_array().expect("columns").len(),
         header.len()
     );
 
@@ -124,13 +127,13 @@ fn failed_exports_state_the_reason_and_the_remedy() {
         .expect(0)
         .stdout;
     let fits = |line: &&str| line.starts_with("truth.surface_");
-    let wanted: Vec<&str> = listed.lines().filter(fits).collect();
-    assert!(wanted.len() > 1);
+    let expected: Vec<&str> = listed.lines().filter(fits).collect();
+    assert!(expected.len() > 1);
     let names = |lines: &str| -> Vec<String> {
         let names = lines.lines().filter_map(|line| line.split(' ').next());
         names.map(str::to_owned).collect()
     };
-    assert_eq!(names(&chosen), names(&wanted.join("\n")));
+    assert_eq!(names(&chosen), names(&expected.join("\n")));
     export(&["--list", "--signal", "truth.surface_angel_rad"])
         .expect(2)
         .says(&["has no signal", "nearest: `truth.surface_angle_rad`"]);
@@ -174,8 +177,8 @@ fn python_reads_the_same_bits_from_recording_csv_and_parquet() {
             .expect(0);
     }
     let script = workspace().join("tests/python/compare_export.py");
-    let told = succeeds(Command::new(python).arg(script).arg(folder).args(&paths));
-    assert!(told.contains("20001 steps of 98 signals"), "{told}");
+    let output = succeeds(Command::new(python).arg(script).arg(folder).args(&paths));
+    assert!(output.contains("20001 steps of 98 signals"), "{output}");
 }
 
 #[test]

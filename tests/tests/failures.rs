@@ -336,8 +336,8 @@ fn truncated_shared_memory_is_named_and_nothing_is_left() {
     // The plant may have met the damage first.
     let reason = run.summary()["reason"].to_string();
     assert!(reason.contains("SIGBUS"), "{reason}");
-    let said = run.stderr + &run.stdout;
-    assert!(said.contains("SIGBUS"), "{said}");
+    let output = run.stderr + &run.stdout;
+    assert!(output.contains("SIGBUS"), "{output}");
     for file in [junit, markdown] {
         let text = std::fs::read_to_string(&file).expect("written");
         assert!(text.contains("SIGBUS"), "{}: {text}", file.display());

@@ -97,12 +97,12 @@ fn a_bias_is_the_difference_between_measured_and_sensed_values() {
     for record in recording.records() {
         let measured = recording.value(&record, "measured.surface_angle_rad");
         let sensed = recording.value(&record, "sensed.surface_angle_rad");
-        let wanted = if (2_000..3_000).contains(&record.step()) {
+        let expected = if (2_000..3_000).contains(&record.step()) {
             sensed + 0.001
         } else {
             sensed
         };
-        assert_eq!(measured, wanted, "step {}", record.step());
+        assert_eq!(measured, expected, "step {}", record.step());
     }
     let effect = &run.summary()["faults"][0]["effects"][0];
     assert_eq!(
@@ -166,11 +166,11 @@ fn inverted_bits_are_detected_by_the_checksum_and_counted() {
 #[test]
 fn a_late_controller_costs_time_and_changes_nothing_else() {
     let rig = Rig::new();
-    let wanted = faulted(&rig, &[], "").digest();
+    let expected = faulted(&rig, &[], "").digest();
     for side in ["controller", "plant"] {
         let effect = format!("target = \"{side}\"\nbusy_us = 300");
         let run = faulted(&rig, &[("late", "duration_s = 0.01", &effect)], "");
-        assert_eq!(run.digest(), wanted, "{side}");
+        assert_eq!(run.digest(), expected, "{side}");
         let effect = &run.summary()["faults"][0]["effects"][0];
         assert_eq!(effect["unit"], "ns");
         assert!(effect["max_effect"].as_f64() >= Some(300_000.0), "{effect}");
@@ -244,15 +244,15 @@ const MANY: [(&str, &str, &str); 9] = [
 #[test]
 fn random_faults_repeat_over_links_and_clocks_and_differ_by_seed() {
     let rig = Rig::new();
-    let wanted = faulted(&rig, &MANY, "").digest();
+    let expected = faulted(&rig, &MANY, "").digest();
     for arguments in ["", "--link in-process", "--pace 20", "--no-record"] {
         assert_eq!(
             faulted(&rig, &MANY, arguments).digest(),
-            wanted,
+            expected,
             "{arguments}"
         );
     }
-    assert_ne!(faulted(&rig, &MANY, "--set run.seed=2").digest(), wanted);
+    assert_ne!(faulted(&rig, &MANY, "--set run.seed=2").digest(), expected);
 }
 
 #[test]

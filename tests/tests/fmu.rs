@@ -141,14 +141,14 @@ fn every_reference_fmu_gives_the_numbers_of_fmpy() {
     for (path, folder, rate_hz) in &runs {
         compare.arg(path).arg(folder).arg(rate_hz.to_string());
     }
-    let told = succeeds(&mut compare);
-    assert_eq!(told.lines().count(), REFERENCE.len(), "{told}");
-    for ((model, version, _), told) in REFERENCE.iter().zip(told.lines()) {
-        assert!(told.starts_with("0 of "), "{model} {version}: {told}");
+    let output = succeeds(&mut compare);
+    assert_eq!(output.lines().count(), REFERENCE.len(), "{output}");
+    for ((model, version, _), output) in REFERENCE.iter().zip(output.lines()) {
+        assert!(output.starts_with("0 of "), "{model} {version}: {output}");
         assert_eq!(
             *model == "Resource",
-            told.contains(", 0 of"),
-            "{model} {version}: {told}"
+            output.contains(", 0 of"),
+            "{model} {version}: {output}"
         );
     }
 }
@@ -157,7 +157,7 @@ fn every_reference_fmu_gives_the_numbers_of_fmpy() {
 fn a_description_lists_direct_feedthrough_and_omissions() {
     let Some(place) = Place::new() else { return };
     place.fmu("f.fmu", &reference("Feedthrough", 3));
-    let told = place.hil(&["describe", "f.fmu"]).expect(0).stdout;
+    let text = place.hil(&["describe", "f.fmu"]).expect(0).stdout;
     for line in [
         "FMI 3.0 co-simulation, made by Reference FMUs (development build)",
         "moves in steps of 0.1 s: a period must be a multiple",
@@ -166,8 +166,8 @@ fn a_description_lists_direct_feedthrough_and_omissions() {
         "  String_output: it is a text",
     ] {
         assert!(
-            told.lines().any(|one| one == line),
-            "{line:?} is not in:\n{told}"
+            text.lines().any(|one| one == line),
+            "{line:?} is not in:\n{text}"
         );
     }
     place.fmu("p.fmu", &proportional());
@@ -267,8 +267,8 @@ fn an_error_in_a_step_is_reported_with_the_last_message() {
     ] {
         let run = place.run(&text, &format!("--set plant.parameters.trouble={trouble}"));
         assert_eq!(run.code, Some(code), "{trouble}: {}", run.stderr);
-        let told = format!("{}{}", run.stdout, run.stderr);
-        assert!(told.contains(fragment), "{trouble}: {told}");
+        let expected = format!("{}{}", run.stdout, run.stderr);
+        assert!(expected.contains(fragment), "{trouble}: {expected}");
         let log = std::fs::read_to_string(run.folder.join("plant.log")).unwrap_or_default();
         assert!(
             !log.contains("freed after") && !log.contains("terminated after"),

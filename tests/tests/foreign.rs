@@ -123,19 +123,19 @@ fn a_pendulum_in_c_has_the_digest_of_the_one_in_rust() {
     std::fs::write(&scenario, text + changes).expect("written");
     let scenario = scenario.display().to_string();
     let pendulum = |rig: &Rig, plant: &Path, law: &Path| run_of(rig, &scenario, plant, law);
-    let wanted = pendulum(&rig, &plant, &law).digest();
-    assert_ne!(wanted, run_of(&rig, PENDULUM, &plant, &law).digest());
+    let expected = pendulum(&rig, &plant, &law).digest();
+    assert_ne!(expected, run_of(&rig, PENDULUM, &plant, &law).digest());
     let plant_in_c = made(&rig, "c-plant", "pendulum");
     let law_in_c = made(&rig, "c-controller", "state_feedback");
-    assert_eq!(pendulum(&rig, &plant_in_c, &law).digest(), wanted);
-    assert_eq!(pendulum(&rig, &plant, &law_in_c).digest(), wanted);
-    assert_eq!(pendulum(&rig, &plant_in_c, &law_in_c).digest(), wanted);
+    assert_eq!(pendulum(&rig, &plant_in_c, &law).digest(), expected);
+    assert_eq!(pendulum(&rig, &plant, &law_in_c).digest(), expected);
+    assert_eq!(pendulum(&rig, &plant_in_c, &law_in_c).digest(), expected);
     let board = Board::new(&rig);
     let (plant_in_c, law_in_c) = (plant_in_c.display(), law_in_c.display());
     let programs = format!("--plant-bin {plant_in_c} --controller-bin {law_in_c}");
     let there = format!("{scenario} {programs} --target me@board --pace 5");
     let there = rig.start_with(board.hil(), &there).finish().expect(0);
-    assert_eq!(there.digest(), wanted, "with the law on another machine");
+    assert_eq!(there.digest(), expected, "with the law on another machine");
     for source in ["c-plant/pendulum.c", "c-controller/state_feedback.c"] {
         let text = shipped(Path::new("examples").join(source));
         assert!(text.lines().count() < 60, "{source}");
@@ -236,8 +236,8 @@ fn new_c_projects_build_run_and_have_a_test() {
             make.arg("-C").arg(&folder).arg(goal);
             succeeds(make.arg(format!("HIL_LIBRARY={}", library().display())))
         };
-        let told = make("test");
-        assert!(told.contains(": ok"), "{told}");
+        let output = make("test");
+        assert!(output.contains(": ok"), "{output}");
         make(name);
         let scenario = format!("{name}.toml");
         rig.hil_in(&folder, &["run", &scenario, "--out", "runs/a"])

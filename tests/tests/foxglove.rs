@@ -33,13 +33,13 @@ impl Server {
             .stdout(Stdio::piped())
             .stderr(Stdio::piped());
         let mut process = Companion::start(&mut hil);
-        let mut told = String::new();
+        let mut text = String::new();
         let mut stderr = BufReader::new(process.stderr.take().expect("piped"));
-        stderr.read_line(&mut told).expect("it tells where");
-        let url = told
+        stderr.read_line(&mut text).expect("it tells where");
+        let url = text
             .split_ascii_whitespace()
             .find(|word| word.starts_with("ws://"));
-        let url = url.unwrap_or_else(|| panic!("{told}")).to_owned();
+        let url = url.unwrap_or_else(|| panic!("{text}")).to_owned();
         Self {
             process,
             _stderr: stderr,
@@ -167,9 +167,9 @@ fn a_client_receives_the_recorded_records_and_changes_nothing() {
         }
         let events = of("/events");
         assert_eq!(events.last().expect("one")["content"]["event"], "end");
-        let told = rest.iter().rev().find(|line| line["said"]["id"] == "ended");
-        let told = told.expect("the end is told")["said"]["message"].to_string();
-        assert!(told.contains("spring-mass ended: pass"), "{told}");
+        let output = rest.iter().rev().find(|line| line["said"]["id"] == "ended");
+        let output = output.expect("the end is told")["said"]["message"].to_string();
+        assert!(output.contains("spring-mass ended: pass"), "{output}");
     }
     let (code, text) = server.finish();
     assert_eq!(code, Some(0));

@@ -390,9 +390,9 @@ fn a_guard_with_a_stack_of_64_kib_reads_every_signal() {
 fn a_paused_run_says_so_on_its_own_terminal() {
     for link in ["iceoryx2", "in-process"] {
         let rig = Rig::new();
-        let said = rig.path("said");
+        let output = rig.path("said");
         let mut shell = rig.command("sh");
-        let line = format!("exec \"$0\" \"$@\" 2>{}", said.display());
+        let line = format!("exec \"$0\" \"$@\" 2>{}", output.display());
         shell.args(["-c", &line]).arg(program("hil"));
         let line = "scenarios/spring-mass.toml --pace 0.1 --wait-limit 60";
         let running = rig.start_with(shell, &format!("{line} --link {link}"));
@@ -400,12 +400,12 @@ fn a_paused_run_says_so_on_its_own_terminal() {
         rig.in_session("pause").expect(0);
         let step = rig.status().step;
         let notice = format!("paused at step {step} ");
-        let said = || fs::read_to_string(&said).expect("written to");
+        let output = || fs::read_to_string(&output).expect("written to");
         until("the run says that it is paused", || {
-            said().contains(&notice)
+            output().contains(&notice)
         });
-        assert!(said().contains(&format!("hil resume --session {}", rig.session())));
-        assert_eq!(said().matches("paused at").count(), 1, "{}", said());
+        assert!(output().contains(&format!("hil resume --session {}", rig.session())));
+        assert_eq!(output().matches("paused at").count(), 1, "{}", output());
         rig.in_session("resume").expect(0);
         running.signal(Signal::INT);
         running.finish().expect(130);

@@ -24,7 +24,7 @@ fn unusable_shared_memory_is_reported_with_a_remedy() {
         return skip(why, "HIL_TEST_UNSHARE");
     }
     let rig = Rig::new();
-    for (options, told) in [
+    for (options, expected) in [
         ("ro", "mount -o remount,rw /dev/shm"),
         ("nr_inodes=1", "mount -o remount,nr_inodes="),
         // iceoryx2 gets as far as its nodes, services and ports.
@@ -41,18 +41,18 @@ fn unusable_shared_memory_is_reported_with_a_remedy() {
             options,
             &["run", scenario, "--wait-limit", "10", "--out", out],
         );
-        let said = [run.stdout, run.stderr].concat();
-        let said = String::from_utf8_lossy(&said);
-        assert_eq!(run.status.code(), Some(3), "{options}: {said}");
-        assert!(said.contains(told), "{options}: {said}");
+        let text = [run.stdout, run.stderr].concat();
+        let text = String::from_utf8_lossy(&text);
+        assert_eq!(run.status.code(), Some(3), "{options}: {text}");
+        assert!(text.contains(expected), "{options}: {text}");
 
         let doctor = hil(&rig, options, &["doctor", "--quick"]);
-        let said = String::from_utf8_lossy(&doctor.stdout);
-        let checks = said.lines().find(|line| line.contains("shared_memory"));
+        let text = String::from_utf8_lossy(&doctor.stdout);
+        let checks = text.lines().find(|line| line.contains("shared_memory"));
         assert!(
             checks.is_some_and(|line| line.starts_with("poor")),
-            "{said}"
+            "{text}"
         );
-        assert!(said.contains(told), "{options}: {said}");
+        assert!(text.contains(expected), "{options}: {text}");
     }
 }

@@ -26,7 +26,7 @@ const NOBODY: u32 = 65534;
 struct Target<'r> {
     rig: &'r Rig,
     session: SessionInfo,
-    /// Attempts, each with the answer to it.
+    /// Attempts with their answers.
     refused: Vec<String>,
 }
 
@@ -42,9 +42,9 @@ impl Target<'_> {
 
     /// Records an attempt with its answer.
     #[track_caller]
-    fn answered(&mut self, attempt: &str, said: &str, expected: &str) {
-        assert!(said.contains(expected), "{attempt}: {said}");
-        self.refused.push(format!("{attempt}: {said}"));
+    fn answered(&mut self, attempt: &str, text: &str, expected: &str) {
+        assert!(text.contains(expected), "{attempt}: {text}");
+        self.refused.push(format!("{attempt}: {text}"));
     }
 }
 
@@ -97,10 +97,10 @@ fn processes(target: &mut Target<'_>) {
             .stderr(Stdio::piped());
         let mut second = Companion::start(&mut second);
         assert!(!ended(&mut second).success(), "{binary}");
-        let mut said = String::new();
+        let mut text = String::new();
         let mut stderr = second.stderr.take().expect("piped");
-        stderr.read_to_string(&mut said).expect("text");
-        target.answered(binary, &said, expected);
+        stderr.read_to_string(&mut text).expect("text");
+        target.answered(binary, &text, expected);
     }
     let name = target.session.name.clone();
     let again = target.rig.beside(&["run", SCENARIO, "--session", &name]);
@@ -183,9 +183,9 @@ fn sockets(target: &mut Target<'_>) {
         ),
     ];
     for (socket, line, expected) in cases {
-        let said = asked(&target.session.folder.join(socket), line);
-        let said = said.expect("an answer");
-        target.answered(socket, &said.to_lowercase(), expected);
+        let output = asked(&target.session.folder.join(socket), line);
+        let output = output.expect("an answer");
+        target.answered(socket, &output.to_lowercase(), expected);
     }
 }
 
@@ -193,9 +193,9 @@ fn asked(socket: &Path, line: &str) -> std::io::Result<String> {
     let mut stream = UnixStream::connect(socket)?;
     stream.write_all(line.as_bytes())?;
     stream.write_all(b"\n")?;
-    let mut said = String::new();
-    BufReader::new(stream).read_line(&mut said)?;
-    Ok(said)
+    let mut text = String::new();
+    BufReader::new(stream).read_line(&mut text)?;
+    Ok(text)
 }
 
 /// Acts as another user of the machine.
@@ -254,9 +254,9 @@ fn other_users(target: &mut Target<'_>) {
         .gid(NOBODY)
         .output()
         .expect("it can be run");
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(!output.status.success(), "{said}");
-    target.answered("another user pauses", &said, "no session");
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success(), "{text}");
+    target.answered("another user pauses", &text, "no session");
     assert_eq!(target.session.segments(), segments, "all are there");
 }
 

@@ -86,11 +86,14 @@ fn every_figure_counts_the_steps_after_the_warm_up_and_no_other() {
     let report = run.json();
 
     let cases = report["cases"].as_array().expect("cases");
-    let found: Vec<_> = (cases.iter())
+    let entries: Vec<_> = (cases.iter())
         .map(|case| (case["signals"].as_u64(), case["rate_hz"].as_f64()))
         .collect();
     let expected = [(8, None), (8, Some(500.0)), (33, None), (33, Some(500.0))];
-    assert_eq!(found, expected.map(|(signals, rate)| (Some(signals), rate)));
+    assert_eq!(
+        entries,
+        expected.map(|(signals, rate)| (Some(signals), rate))
+    );
     for each in cases {
         let paced = each["rate_hz"].is_number();
         assert_eq!(case(each), if paced { 100 } else { 300 });
@@ -157,12 +160,12 @@ fn table_bars_and_spikes_fit_80_columns() {
     let mut arguments: Vec<&str> = arguments.split_ascii_whitespace().collect();
     arguments.extend(["--plant-core", &core, "--controller-core", &core]);
     let text = rig.hil(&arguments).expect(0).stdout;
-    for told in [
+    for expected in [
         format!("\nwait: hybrid; cores: {core}; class: "),
         "\nplant's wait was not granted: ".into(),
         "\ncontroller's wait was not granted: ".into(),
     ] {
-        assert!(text.contains(&told), "no `{told}` in:\n{text}");
+        assert!(text.contains(&expected), "no `{expected}` in:\n{text}");
     }
     let (_, table) = text.split_once("\n32 signals").expect("a table");
     let too_wide = table.lines().find(|line| line.chars().count() > 80);
@@ -295,9 +298,12 @@ fn assert_figures(figures: &Value, mut times_ns: Vec<u64>, leg: &str) {
     ] {
         let rank = (share * count as f64).ceil() as usize;
         let exact = times_ns[rank.max(1) - 1];
-        let found = figures[name].as_u64().expect("a number");
-        let is_within = found >= exact && found as f64 <= exact as f64 * 1.001;
-        assert!(is_within, "{name} of {leg}: {found} ns, exactly {exact} ns");
+        let result = figures[name].as_u64().expect("a number");
+        let is_within = result >= exact && result as f64 <= exact as f64 * 1.001;
+        assert!(
+            is_within,
+            "{name} of {leg}: {result} ns, exactly {exact} ns"
+        );
     }
 }
 

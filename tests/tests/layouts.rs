@@ -58,13 +58,13 @@ pub(crate) fn panels(tree: &Value, found: &mut Vec<String>) {
 fn foxglove(text: &str) -> Vec<String> {
     let layout: Value = serde_json::from_str(text).expect("JSON");
     let configs = layout["configById"].as_object().expect("panels");
-    let mut shown = Vec::new();
-    panels(&layout["layout"], &mut shown);
+    let mut lines = Vec::new();
+    panels(&layout["layout"], &mut lines);
     for tab in configs["Tab!hil"]["tabs"].as_array().expect("tabs") {
-        panels(&tab["layout"], &mut shown);
+        panels(&tab["layout"], &mut lines);
     }
-    let shown: BTreeSet<&String> = shown.iter().collect();
-    assert_eq!(shown, configs.keys().collect(), "every panel has its place");
+    let lines: BTreeSet<&String> = lines.iter().collect();
+    assert_eq!(lines, configs.keys().collect(), "every panel has its place");
     let mut paths = Vec::new();
     values(&layout["configById"], "value", &mut paths);
     let columns = paths.into_iter().filter_map(|path| {

@@ -29,8 +29,11 @@ fn found_out(run: Run, lie: &str, facts: &[&str]) {
             "{lie}: `{fact}` is not in `{reason}`"
         );
     }
-    for shown in [&run.stdout, &run.stderr, &reason.to_owned()] {
-        assert!(!shown.contains(['\u{1b}', '\u{7}']), "{lie}: {shown:?}");
+    for expected in [&run.stdout, &run.stderr, &reason.to_owned()] {
+        assert!(
+            !expected.contains(['\u{1b}', '\u{7}']),
+            "{lie}: {expected:?}"
+        );
     }
 }
 
@@ -243,7 +246,7 @@ fn an_unrecordable_description_is_refused_before_anything_starts() {
             all["plants"][0]["measured"][0]["name"] = "2x".into();
         }),
     ];
-    for (flag, wanted, change) in changes {
+    for (flag, expected, change) in changes {
         let is_plant = flag == "--plant-bin";
         let mut text = if is_plant { &plant } else { &controller }.clone();
         change(&mut text);
@@ -251,7 +254,7 @@ fn an_unrecordable_description_is_refused_before_anything_starts() {
         let script = rig.script("described", &format!("#!/bin/sh\ncat {}\n", file.display()));
         let script = script.display();
         let run = rig.run(&format!("scenarios/spring-mass.toml {flag} {script}"));
-        let run = run.expect(2).says(&["--describe", wanted]);
-        assert!(!run.folder.exists(), "{wanted}");
+        let run = run.expect(2).says(&["--describe", expected]);
+        assert!(!run.folder.exists(), "{expected}");
     }
 }

@@ -43,14 +43,14 @@ fn healthy(rig: &Rig, scenario: &str) -> String {
 #[test]
 fn a_fault_gives_one_trajectory_from_a_scenario_live_or_reconstructed() {
     let rig = Rig::new();
-    let wanted = rig.run(SHORT).expect(0).digest();
+    let expected = rig.run(SHORT).expect(0).digest();
 
     let run = rig.start(&format!("{} --pause-at 0.5", healthy(&rig, SHORT)));
     rig.until_held_at(5000);
     rig.in_session(LEAKAGE).expect(0).prints(&["10000"]);
     rig.in_session("resume").expect(0);
     let live = run.finish().expect(0);
-    assert_eq!(live.digest(), wanted);
+    assert_eq!(live.digest(), expected);
     let summary = live.summary();
     assert_eq!(summary["faults"][0]["source"], "cli", "{summary}");
     assert_eq!(summary["faults"][0]["effective_step"], 10_000);
@@ -59,7 +59,7 @@ fn a_fault_gives_one_trajectory_from_a_scenario_live_or_reconstructed() {
     let from = live.folder.display().to_string();
     rig.hil(&["scenario", "from", &from, "-o", &written])
         .expect(0);
-    assert_eq!(rig.run(&written).expect(0).digest(), wanted);
+    assert_eq!(rig.run(&written).expect(0).digest(), expected);
     rig.rerun(&live.folder, &[]).expect(0);
 }
 
@@ -189,7 +189,7 @@ fn invalid(random: &mut RandomStream) -> String {
 fn a_thousand_impossible_faults_are_refused_with_a_reason_and_change_nothing() {
     let rig = Rig::new();
     let scenario = healthy(&rig, SHORT);
-    let wanted = rig.run(&scenario).expect(0).digest();
+    let expected = rig.run(&scenario).expect(0).digest();
     let run = rig.start(&format!("{scenario} --pause-at 0.5"));
     rig.until_held_at(5000);
     let mut random = RandomStream::new(2, "invalid faults");
@@ -207,14 +207,14 @@ fn a_thousand_impossible_faults_are_refused_with_a_reason_and_change_nothing() {
     }
     rig.ask(&Request::Resume);
     let run = run.finish().expect(0);
-    assert_eq!(run.digest(), wanted);
+    assert_eq!(run.digest(), expected);
     assert_eq!(run.summary()["faults"], Value::Array(vec![]));
 }
 
 #[test]
 fn a_pause_of_any_length_changes_nothing() {
     let rig = Rig::new();
-    let wanted = rig.run(SHORT).expect(0).digest();
+    let expected = rig.run(SHORT).expect(0).digest();
     // Paused for longer than the controller's wait limit, which every frame of the pause renews.
     let run = rig.start(&format!("{SHORT} --pause-at 0.5 --wait-limit {EXPIRES_S}"));
     rig.until_held_at(5000);
@@ -222,13 +222,13 @@ fn a_pause_of_any_length_changes_nothing() {
     rig.in_session("step 3").expect(0).prints(&["5003"]);
     rig.until_held_at(5003);
     rig.in_session("resume").expect(0);
-    assert_eq!(run.finish().expect(0).digest(), wanted);
+    assert_eq!(run.finish().expect(0).digest(), expected);
 }
 
 #[test]
 fn a_paced_run_continues_at_its_pace_after_a_pause() {
     let rig = Rig::new();
-    let wanted = rig.run(SHORT).expect(0).digest();
+    let expected = rig.run(SHORT).expect(0).digest();
     let run = rig.start(&format!("{SHORT} --pace 4"));
     let Response::Status(held) = rig.ask(&Request::Pause) else {
         panic!("not held");
@@ -236,7 +236,7 @@ fn a_paced_run_continues_at_its_pace_after_a_pause() {
     until("the run is held", || rig.status().paused);
     assert!(rig.status().step <= held.step + 1);
     rig.ask(&Request::Resume);
-    assert_eq!(run.finish().expect(0).digest(), wanted);
+    assert_eq!(run.finish().expect(0).digest(), expected);
 }
 
 #[test]

@@ -10,14 +10,14 @@ const SHORT: &str = "tests/scenarios/leakage.toml";
 #[test]
 fn a_mark_is_in_summary_export_and_report_and_changes_no_digest() {
     let rig = Rig::new();
-    let wanted = rig.run(SHORT).expect(0).digest();
+    let expected = rig.run(SHORT).expect(0).digest();
     let run = rig.start(&format!("{SHORT} --pause-at 0.5"));
     let mark = |text: &str| rig.beside(&["mark", text, "--json", "--session", rig.session()]);
     rig.until_held_at(5000);
-    let told = mark("  the <b>pilot</b> feels \u{1b}[31mit\n ").expect(0);
-    let told = told.json();
+    let output = mark("  the <b>pilot</b> feels \u{1b}[31mit\n ").expect(0);
+    let output = output.json();
     assert_eq!(
-        told,
+        output,
         json!({"response": "marked", "step": 5000, "at_s": 0.5})
     );
     for (text, why) in [
@@ -28,12 +28,12 @@ fn a_mark_is_in_summary_export_and_report_and_changes_no_digest() {
     }
     mark(&"µ".repeat(400)).expect(0);
     rig.in_session("step 7").expect(0);
-    let told = rig.in_session("mark later").expect(0).stdout;
-    assert_eq!(told, "marked step 5007 (0.5007 s)\n");
+    let output = rig.in_session("mark later").expect(0).stdout;
+    assert_eq!(output, "marked step 5007 (0.5007 s)\n");
     rig.in_session("resume").expect(0);
     let run = run.finish().expect(0);
 
-    assert_eq!(run.digest(), wanted);
+    assert_eq!(run.digest(), expected);
     let cleaned = "the <b>pilot</b> feels \u{fffd}[31mit";
     let marks = json!([
         {"step": 5000, "text": cleaned, "at_s": 0.5},

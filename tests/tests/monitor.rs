@@ -57,10 +57,10 @@ fn running_stopped_and_killed_monitors_do_not_change_the_digest() {
         terminal.press(" ");
         assert_eq!(terminal.wait().code(), Some(0), "{name}");
         terminal.assert_restored(name);
-        let told = terminal.text();
+        let text = terminal.text();
         assert!(
-            told.contains("spring-mass ended: pass, 5000 steps"),
-            "{told}"
+            text.contains("spring-mass ended: pass, 5000 steps"),
+            "{text}"
         );
     }
     rig.assert_nothing_left();
@@ -68,9 +68,9 @@ fn running_stopped_and_killed_monitors_do_not_change_the_digest() {
 
 /// Returns the state reported by a monitor; empty as long as there is none.
 pub(crate) fn json_state(rig: &Rig) -> String {
-    let told = rig.in_session("monitor --json").stdout;
-    let told: Value = serde_json::from_str(&told).unwrap_or_default();
-    told["state"].as_str().unwrap_or_default().to_owned()
+    let text = rig.in_session("monitor --json").stdout;
+    let text: Value = serde_json::from_str(&text).unwrap_or_default();
+    text["state"].as_str().unwrap_or_default().to_owned()
 }
 
 #[test]
@@ -250,10 +250,10 @@ fn the_view_follows_the_size_of_the_terminal() {
 fn without_a_terminal_one_line_reports_the_state_of_the_run() {
     let rig = Rig::new();
     let run = rig.held();
-    let told = rig.in_session("monitor").expect(0).stdout;
+    let text = rig.in_session("monitor").expect(0).stdout;
     assert!(
-        told.starts_with("spring-mass: paused, step 2500, 2.5 of 5 s"),
-        "{told}"
+        text.starts_with("spring-mass: paused, step 2500, 2.5 of 5 s"),
+        "{text}"
     );
     let status = json(&rig);
     assert_eq!(

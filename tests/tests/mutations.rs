@@ -88,8 +88,8 @@ const MUTANTS: [(&str, &str, &str); 12] = [
 fn the_removal_of_each_guard_is_detected() {
     let libraries = Libraries::built();
     let original = libraries.explore(None);
-    let said = String::from_utf8_lossy(&original.stdout);
-    assert!(original.status.success(), "{said}");
+    let text = String::from_utf8_lossy(&original.stdout);
+    assert!(original.status.success(), "{text}");
     let halves = MUTANTS.split_at(MUTANTS.len() / 2);
     std::thread::scope(|scope| {
         for half in [halves.0, halves.1] {
@@ -97,10 +97,10 @@ fn the_removal_of_each_guard_is_detected() {
             scope.spawn(move || {
                 for mutant in half {
                     let output = libraries.explore(Some(*mutant));
-                    let said = String::from_utf8_lossy(&output.stdout);
-                    assert!(!output.status.success(), "survives: {mutant:?}\n{said}");
+                    let text = String::from_utf8_lossy(&output.stdout);
+                    assert!(!output.status.success(), "survives: {mutant:?}\n{text}");
                     // It fails by a finding, not by a crash.
-                    assert!(said.contains("test result: FAILED"), "{mutant:?}\n{said}");
+                    assert!(text.contains("test result: FAILED"), "{mutant:?}\n{text}");
                 }
             });
         }
@@ -119,8 +119,8 @@ impl Libraries {
         let output = cargo.args(["--message-format", "json"]).output();
         let output = output.expect("cargo can be run");
         assert!(output.status.success(), "{cargo:?}");
-        let said = String::from_utf8_lossy(&output.stdout);
-        let messages = said
+        let text = String::from_utf8_lossy(&output.stdout);
+        let messages = text
             .lines()
             .filter_map(|line| serde_json::from_str::<Value>(line).ok());
         let mut externs = Vec::new();
@@ -193,8 +193,8 @@ impl Libraries {
         }
         rustc.arg("-o").arg(&program).arg(&root);
         let compiled = rustc.output().expect("rustc can be run");
-        let said = String::from_utf8_lossy(&compiled.stderr);
-        assert!(compiled.status.success(), "{mutant:?}\n{said}");
+        let message = String::from_utf8_lossy(&compiled.stderr);
+        assert!(compiled.status.success(), "{mutant:?}\n{message}");
         let run = |arguments: &[&str]| {
             let output = Command::new(&program).args(arguments).output();
             output.expect("it was just made")

@@ -146,12 +146,12 @@ fn a_foreign_recording_runs_no_program_without_a_flag() {
     let run = place.recorded();
     // Another user or another machine has another key.
     std::fs::rename(place.rig.path("state"), place.rig.path("other")).expect("it was made");
-    let told = [
+    let expected = [
         "was not recorded by this user here",
         "/bin/plant",
         "--plant-bin",
     ];
-    place.rerun(&run, "never", &[]).expect(2).says(&told);
+    place.rerun(&run, "never", &[]).expect(2).says(&expected);
     place
         .on(&run, &["replay"])
         .expect(2)
@@ -190,12 +190,12 @@ fn an_unusable_key_is_reported_and_a_missing_program_must_be_built() {
     let place = Place::new();
     let run = place.recorded();
     mode(&place.rig.path("state/hil/key"), 0o644);
-    let told = [
+    let expected = [
         "cannot determine whether",
         "can be read by others",
         "--plant-bin",
     ];
-    place.rerun(&run, "never", &[]).expect(2).says(&told);
+    place.rerun(&run, "never", &[]).expect(2).says(&expected);
     mode(&place.rig.path("state/hil/key"), 0o600);
     std::fs::remove_file(&place.plant).expect("it is ours");
     let refused = place.run("").expect(2);
@@ -270,7 +270,7 @@ fn programs_that_others_can_write_are_not_run() {
 impl Place {
     /// Checks files that are not programs.
     fn recorded_refusals(&self) {
-        for (named, told) in [
+        for (named, expected) in [
             ("\"bin\"", "is a folder"),
             ("\"bin/none\"", "it is not there"),
             ("\"/dev/null\"", "/dev/null"),
@@ -284,7 +284,7 @@ impl Place {
                     example("own-plant").display()
                 ))
                 .expect(2)
-                .says(&[told, "--controller-bin PATH"]);
+                .says(&[expected, "--controller-bin PATH"]);
         }
     }
 }
@@ -293,10 +293,10 @@ impl Place {
 fn advice_names_only_unused_options_of_the_command() {
     let place = Place::new();
     let run = place.recorded();
-    let advice = |run: Run, told: &str| {
-        let said = run.expect(2).says(&[told]).stderr;
+    let advice = |run: Run, message: &str| {
+        let output = run.expect(2).says(&[message]).stderr;
         for flag in ["--plant-bin", "--controller-bin", "--bin "] {
-            assert!(told.contains(flag) || !said.contains(flag), "{said}");
+            assert!(message.contains(flag) || !output.contains(flag), "{output}");
         }
     };
     let plant = format!("--plant-bin {}", place.plant.display());
@@ -355,16 +355,16 @@ fn several_sessions_are_distinguished_by_scenario_age_and_folder() {
     ];
     let at = ["--session", &other, "--out", text(&folder)];
     let beside = place.rig.start_hil(&[&arguments[..], &at].concat());
-    let told = |name: &str, scenario: &str| format!("`{name}` with {scenario} for ");
+    let describe = |name: &str, scenario: &str| format!("`{name}` with {scenario} for ");
     until("both are told", || {
-        let asked = place.rig.beside(&["pause"]);
+        let request = place.rig.beside(&["pause"]);
         let all = [
-            told(name, "spring-mass"),
-            told(&other, "pendulum"),
+            describe(name, "spring-mass"),
+            describe(&other, "pendulum"),
             format!(" in {}", folder.display()),
         ];
         // Other tests may have running sessions.
-        asked.code == Some(2) && all.iter().all(|one| asked.stderr.contains(one))
+        request.code == Some(2) && all.iter().all(|one| request.stderr.contains(one))
     });
     beside.signal(Signal::INT);
     beside.finish_beside_another();
@@ -405,8 +405,8 @@ fn a_lost_controller_is_not_restarted_from_another_file() {
     send(controller.pid, Signal::KILL);
     let run = running.finish().expect(3);
     let reason = run.summary()["reason"].to_string();
-    let told = "it cannot be restarted: ";
-    assert!(reason.contains(told), "{reason}");
+    let expected = "it cannot be restarted: ";
+    assert!(reason.contains(expected), "{reason}");
     assert!(
         reason.contains("was replaced or changed after it was checked"),
         "{reason}"
@@ -436,11 +436,11 @@ fn a_program_replaced_during_the_run_is_not_started_as_the_old_one() {
     std::fs::copy(program("controller-process"), &law).expect("copied");
     std::fs::write(&law, &changed).expect("written");
     let [now, then] = [changed, own].map(|content| blake3::hash(&content).to_hex());
-    let told = format!(
+    let expected = format!(
         "its hash is {now}, at the start it was {then}; use --bin {} to accept the new one",
         law.display()
     );
-    swap(&[]).expect(2).says(&[&told]);
+    swap(&[]).expect(2).says(&[&expected]);
     swap(&["--bin", text(&law)]).expect(0);
     // A copy of the original program counts as the same program.
     std::fs::remove_file(&law).expect("it is ours");
@@ -449,8 +449,8 @@ fn a_program_replaced_during_the_run_is_not_started_as_the_old_one() {
     rig.in_session("resume").expect(0);
     let run = running.finish();
     // Of two that took over at one step, only the later one answered.
-    let told = "(pid, hold (hold.value=2) from 2.5 s on spring-mass";
-    assert!(run.stdout.contains(told), "{}", run.stdout);
+    let expected = "(pid, hold (hold.value=2) from 2.5 s on spring-mass";
+    assert!(run.stdout.contains(expected), "{}", run.stdout);
     let summary = run.summary();
     let values = ["controller.law=hold", "controller.hold.value=2"];
     assert_eq!(summary["controllers"][2]["set"], serde_json::json!(values));

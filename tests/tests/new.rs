@@ -31,16 +31,16 @@ fn build(folder: &Path) {
 #[test]
 fn a_new_folder_refers_to_the_framework_by_a_relative_path() {
     let rig = Rig::new();
-    let told = hil(&rig, "new plant cart --json").expect(0).json();
-    assert_eq!(told["folder"], "cart");
-    let files = told["files"].as_array().expect("files");
+    let report = hil(&rig, "new plant cart --json").expect(0).json();
+    assert_eq!(report["folder"], "cart");
+    let files = report["files"].as_array().expect("files");
     let cart = rig.path("cart");
     assert!(
         files
             .iter()
             .all(|file| cart.join(file.as_str().expect("text")).is_file())
     );
-    let wanted = [
+    let expected = [
         ".cargo",
         ".gitignore",
         "Cargo.lock",
@@ -49,7 +49,7 @@ fn a_new_folder_refers_to_the_framework_by_a_relative_path() {
         "cart.toml",
         "src",
     ];
-    assert_eq!(names(&cart), wanted.map(String::from).into());
+    assert_eq!(names(&cart), expected.map(String::from).into());
     for file in files {
         let file = file.as_str().expect("text");
         let text = fs::read_to_string(cart.join(file)).expect("text");
@@ -156,10 +156,10 @@ fn two_folders_of_the_same_name_have_separate_programs() {
     for folder in described.iter().chain(&described) {
         build(folder);
         let mut program = rig.command(folder.join("target/debug/steer"));
-        let told = program.arg("--describe").output().expect("it runs");
-        let told: Value = serde_json::from_slice(&told.stdout).expect("JSON");
+        let output = program.arg("--describe").output().expect("it runs");
+        let output: Value = serde_json::from_slice(&output.stdout).expect("JSON");
         let place = folder.parent().and_then(Path::file_name).expect("a name");
-        assert_eq!(told["laws"][0]["summary"].as_str(), place.to_str());
+        assert_eq!(output["laws"][0]["summary"].as_str(), place.to_str());
     }
 }
 
@@ -167,7 +167,7 @@ fn two_folders_of_the_same_name_have_separate_programs() {
 fn impossible_projects_are_refused_and_nothing_is_left() {
     let rig = Rig::new();
     rig.write("there", "mine");
-    for (line, said) in [
+    for (line, expected) in [
         ("new plant Cart", "`Cart`"),
         ("new plant 2cart", "`2cart`"),
         ("new plant cart-", "`cart-`"),
@@ -185,7 +185,7 @@ fn impossible_projects_are_refused_and_nothing_is_left() {
     ] {
         let run = hil(&rig, line).expect(2);
         assert!(
-            run.stderr.contains(said) && run.stdout.is_empty(),
+            run.stderr.contains(expected) && run.stdout.is_empty(),
             "{line}: {}",
             run.stderr
         );

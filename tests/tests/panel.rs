@@ -44,10 +44,10 @@ impl Panel {
         hil.current_dir(workspace()).stdin(Stdio::null());
         let mut process = Companion::start(hil.stdout(Stdio::piped()));
         let mut stdout = BufReader::new(process.stdout.take().expect("piped"));
-        let mut told = String::new();
-        stdout.read_line(&mut told).expect("it tells where");
-        let told: Value = serde_json::from_str(&told).unwrap_or_else(|e| panic!("{e}: {told}"));
-        let url = told["url"].as_str().expect("an address").to_owned();
+        let mut text = String::new();
+        stdout.read_line(&mut text).expect("it tells where");
+        let text: Value = serde_json::from_str(&text).unwrap_or_else(|e| panic!("{e}: {text}"));
+        let url = text["url"].as_str().expect("an address").to_owned();
         Self {
             process,
             stdout,
@@ -82,14 +82,17 @@ fn a_panel_beside_a_run_ends_with_it_and_not_before() {
     let (mut run, mut stderr) = with_panel(&rig, &["--pause-at", "0.5"]);
     let url = told_url(&mut stderr);
     let mut client = stream::Client::greeted(&url);
-    client.until(|told| told["state"] == "paused");
+    client.until(|message| message["state"] == "paused");
     rig.in_session("resume").expect(0);
-    let told = client.until(|told| told["ending"]["verdict"] == "pass");
+    let message = client.until(|message| message["ending"]["verdict"] == "pass");
     assert!(
-        told["told"].as_str().expect("text").contains("5000 steps"),
-        "{told}"
+        message["told"]
+            .as_str()
+            .expect("text")
+            .contains("5000 steps"),
+        "{message}"
     );
-    client.until(|told| told["tell"] == "over");
+    client.until(|message| message["tell"] == "over");
     assert_eq!(ended(&mut run).code(), Some(0));
     rig.assert_nothing_left();
 }
@@ -102,7 +105,7 @@ fn a_panel_of_a_run_that_is_interrupted_before_it_begins_ends_with_it() {
     let mut client = stream::Client::greeted(&url);
     interrupt(&run);
     // A panel that `hil` had to kill does not print this.
-    client.until(|told| told["tell"] == "over");
+    client.until(|message| message["tell"] == "over");
     assert_eq!(ended(&mut run).code(), Some(130));
     rig.assert_nothing_left();
 }
@@ -113,9 +116,9 @@ fn a_run_with_a_panel_that_is_interrupted_leaves_nothing() {
     let (mut run, mut stderr) = with_panel(&rig, &["--pause-at", "0.5"]);
     let url = told_url(&mut stderr);
     let mut client = stream::Client::greeted(&url);
-    client.until(|told| told["state"] == "paused");
+    client.until(|message| message["state"] == "paused");
     interrupt(&run);
-    client.until(|told| told["state"] == "ended");
+    client.until(|message| message["state"] == "ended");
     assert_eq!(ended(&mut run).code(), Some(130));
     let address = parts(&url).0.to_owned();
     until("nobody listens any more", || {
@@ -172,10 +175,10 @@ fn told_url(stderr: &mut BufReader<ChildStderr>) -> String {
 fn the_opener_receives_a_private_file_and_no_argument_contains_the_secret() {
     let rig = Rig::new();
     let run = rig.held();
-    let told = rig.path("told");
+    let output = rig.path("told");
     let opener = format!(
         "#!/bin/sh\n{{ stat -c %a \"$1\"; echo \"$#\"; cat \"$1\"; }} > {0}.part; mv {0}.part {0}\n",
-        told.display()
+        output.display()
     );
     rig.script("xdg-open", &opener);
     let mut hil = rig.command(program("hil"));
@@ -183,10 +186,10 @@ fn the_opener_receives_a_private_file_and_no_argument_contains_the_secret() {
     hil.env("PATH", path_from(&rig.path("")));
     hil.env("DISPLAY", ":0");
     let panel = Panel::of(hil);
-    until("the opener was called", || told.exists());
-    let told = std::fs::read_to_string(&told).expect("text");
-    assert!(told.starts_with("600\n1\n"), "{told}");
-    assert!(told.contains(&format!("url={}", panel.url)), "{told}");
+    until("the opener was called", || output.exists());
+    let output = std::fs::read_to_string(&output).expect("text");
+    assert!(output.starts_with("600\n1\n"), "{output}");
+    assert!(output.contains(&format!("url={}", panel.url)), "{output}");
     assert_eq!(panel.secret().len(), 32);
     for process in std::fs::read_dir("/proc").expect("/proc").flatten() {
         let line = std::fs::read(process.path().join("cmdline")).unwrap_or_default();
@@ -212,14 +215,14 @@ fn sessions_that_cannot_be_shown_are_refused_before_anything_starts() {
     rig.hil(&["panel", "--session", rig.session()])
         .expect(2)
         .says(&["no session `", "is running"]);
-    for (more, told) in [
+    for (more, expected) in [
         (&["--link", "in-process"][..], "--panel needs two processes"),
         (&["--repeat", "2"], "--panel shows a single run"),
         (&[SCENARIO], "--panel shows a single run"),
     ] {
         rig.hil(&[&["run", SCENARIO, "--panel"], more].concat())
             .expect(2)
-            .says(&[told]);
+            .says(&[expected]);
     }
     rig.hil(&["run", "missing.toml", "--panel", "--no-open"])
         .expect(2)
@@ -244,8 +247,8 @@ fn a_panel_announces_the_end_and_waits_for_a_late_page() {
     run.finish().expect(0);
     // Connected only now, it receives the whole log.
     let mut client = stream::Client::greeted(&panel.url);
-    let told = client.until(|told| told["ending"]["verdict"] == "pass");
-    assert_eq!(told["state"], "ended");
+    let output = client.until(|output| output["ending"]["verdict"] == "pass");
+    assert_eq!(output["state"], "ended");
     client.look(1, 5.0);
     let points = client.until_points(|points| points.view == 1);
     assert_eq!(points.newest, 5000);

@@ -91,12 +91,12 @@ fn metric(summary: &Value, name: &str) -> Windows {
     let metrics = summary["metrics"].as_array().expect("metrics");
     let windows = metrics.iter().filter(|metric| metric["name"] == name);
     let of = |metric: &Value| (metric["window_s"].clone(), metric["value"].as_f64());
-    let found: Vec<_> = windows.map(of).collect();
-    let wanted = [[0.0, 7.0], [7.0, 8.0], [15.0, 20.0]];
-    assert_eq!(found.len(), wanted.len(), "{name}");
+    let entries: Vec<_> = windows.map(of).collect();
+    let expected = [[0.0, 7.0], [7.0, 8.0], [15.0, 20.0]];
+    assert_eq!(entries.len(), expected.len(), "{name}");
     std::array::from_fn(|i| {
-        assert_eq!(found[i].0, serde_json::json!(wanted[i]), "{name}");
-        found[i].1.expect("a number")
+        assert_eq!(entries[i].0, serde_json::json!(expected[i]), "{name}");
+        entries[i].1.expect("a number")
     })
 }
 
@@ -120,12 +120,12 @@ fn assert_case(case: &Case, summary: &Value) {
         ("force fight", "max_abs_force_fight_n", case.force_fight_n),
     ];
     for (quantity, name, checked) in tables {
-        let found = metric(summary, name);
+        let result = metric(summary, name);
         let golden = golden(case, name);
         for window in 0..3 {
             for expected in [checked[window], golden[window]] {
                 let [low, high] = admitted(case, quantity, window, expected);
-                let (law, scenario, value) = (case.law, case.scenario, found[window]);
+                let (law, scenario, value) = (case.law, case.scenario, result[window]);
                 assert!(
                     (low..=high).contains(&value),
                     "{law} {scenario}, {quantity} in window {window}: {value:e}, not {low:e} to {high:e}"
@@ -141,11 +141,11 @@ fn assert_requirements(case: &Case, summary: &Value) {
     let requirements = summary["requirements"].as_array().expect("a list");
     let name = |requirement: &Value| requirement["name"].as_str().expect("a name").to_owned();
     let names: Vec<String> = requirements.iter().map(name).collect();
-    let wanted: &[&str] = match case.scenario {
+    let expected: &[&str] = match case.scenario {
         "S1" => &SEVERE,
         _ => &SLIGHT,
     };
-    assert_eq!(names, wanted);
+    assert_eq!(names, expected);
     let fails = requirements.iter().filter(|one| one["verdict"] == "fail");
     let fails: Vec<String> = fails.map(name).collect();
     assert_eq!(fails, case.fails, "{} {}", case.law, case.scenario);
@@ -163,8 +163,8 @@ fn assert_requirements(case: &Case, summary: &Value) {
 
 fn case(law: &str, scenario: &str) -> &'static Case {
     let mut cases = CASES.iter();
-    let found = cases.find(|case| case.law == law && case.scenario == scenario);
-    found.expect("a known case")
+    let hit = cases.find(|case| case.law == law && case.scenario == scenario);
+    hit.expect("a known case")
 }
 
 #[track_caller]
@@ -215,10 +215,10 @@ fn ftsc_reproduces_the_figures_of_the_severe_leakage_and_estimates_both_leaks() 
     let last = last.expect("the recording is complete");
     for (number, expected) in (1..).zip(LEAKAGE_ESTIMATES) {
         let column = format!("internal.leakage_estimate{number}_m3ps_per_sqrt_pa");
-        let found = recording.value(&last, &column);
+        let result = recording.value(&last, &column);
         assert!(
-            (found / expected - 1.0).abs() < 0.005,
-            "{column}: {found:e}"
+            (result / expected - 1.0).abs() < 0.005,
+            "{column}: {result:e}"
         );
     }
 }

@@ -70,8 +70,8 @@ fn report_monitor_and_layout_show_the_same_plots_in_the_same_order() {
         .map(|plot| text(&plot["title"]))
         .collect();
     for (watched, reported) in watched.iter().zip(&reported) {
-        let shown = watched.strip_suffix("..").unwrap_or(watched);
-        assert!(reported.starts_with(shown), "{watched} and {reported}");
+        let view = watched.strip_suffix("..").unwrap_or(watched);
+        assert!(reported.starts_with(view), "{watched} and {reported}");
         assert!(watched == reported || watched.ends_with(".."), "{watched}");
     }
 

@@ -23,10 +23,10 @@ fn run(rig: &Rig, arguments: &str) -> Run {
 /// Returns a setting in the summary: requested, granted, and the reason of a refusal.
 fn setting(run: &Run, pointer: &str) -> (Value, Value, Option<String>) {
     let summary = run.summary();
-    let found = summary.pointer(&format!("/realtime/{pointer}"));
-    let found = found.unwrap_or_else(|| panic!("no {pointer} in {}", summary["realtime"]));
-    let reason = found["reason"].as_str().map(str::to_owned);
-    (found["asked"].clone(), found["granted"].clone(), reason)
+    let result = summary.pointer(&format!("/realtime/{pointer}"));
+    let result = result.unwrap_or_else(|| panic!("no {pointer} in {}", summary["realtime"]));
+    let reason = result["reason"].as_str().map(str::to_owned);
+    (result["asked"].clone(), result["granted"].clone(), reason)
 }
 
 /// Returns the cores available to this process, from the kernel's own list.
@@ -47,7 +47,7 @@ fn cores() -> Vec<u32> {
 #[test]
 fn no_setting_changes_the_digest_and_each_figure_names_the_wait_strategy() {
     let rig = Rig::new();
-    let wanted = run(&rig, "--no-record --link in-process").digest();
+    let expected = run(&rig, "--no-record --link in-process").digest();
     let cores = cores();
     let (first, last) = (cores[0], cores[cores.len() - 1]);
     let apart = format!("--plant-core {first} --controller-core {last}");
@@ -68,7 +68,7 @@ fn no_setting_changes_the_digest_and_each_figure_names_the_wait_strategy() {
         ("--pace 20 --wait yield".into(), "yield"),
     ] {
         let run = run(&rig, &format!("--no-record {arguments}"));
-        assert_eq!(run.digest(), wanted, "{arguments}");
+        assert_eq!(run.digest(), expected, "{arguments}");
         assert_eq!(run.summary()["realtime"]["wait"], wait, "{arguments}");
         run.prints(&[&format!("{wait} waits")]);
     }
@@ -77,11 +77,11 @@ fn no_setting_changes_the_digest_and_each_figure_names_the_wait_strategy() {
 #[test]
 fn busy_loops_on_each_core_change_no_digest_and_are_reported() {
     let rig = Rig::new();
-    let wanted = run(&rig, "--no-record --link in-process").digest();
+    let expected = run(&rig, "--no-record --link in-process").digest();
     let _busy: Vec<Companion> = cores().into_iter().map(busy_loop).collect();
     for arguments in ["--wait hybrid", "--wait sleep", "--pace 2"] {
         let run = run(&rig, &format!("--no-record {arguments}"));
-        assert_eq!(run.digest(), wanted, "{arguments}");
+        assert_eq!(run.digest(), expected, "{arguments}");
         let summary = run.summary();
         let company = |key: &str| summary["company"][key].as_f64().expect("a number");
         // Each loop gets at least the core's half, and no process has more than the cores.
@@ -99,14 +99,14 @@ fn busy_loops_on_each_core_change_no_digest_and_are_reported() {
 #[test]
 fn two_busy_loops_on_each_core_end_no_recorded_run() {
     let rig = Rig::new();
-    let wanted = run(&rig, "--no-record --link in-process").digest();
+    let expected = run(&rig, "--no-record --link in-process").digest();
     let _busy: Vec<Companion> = (cores().into_iter())
         .flat_map(|core| [core, core])
         .map(busy_loop)
         .collect();
     for arguments in ["", "--pace 2"] {
         let run = run(&rig, arguments);
-        assert_eq!(run.digest(), wanted, "{arguments}");
+        assert_eq!(run.digest(), expected, "{arguments}");
         let recording = Recording::open(&run.recording());
         assert_eq!(recording.records().count(), 20_001, "{arguments}");
     }
@@ -212,10 +212,10 @@ fn without_rights_a_run_continues_and_reports_each_refusal_once() {
     // Only root has rights to give up.
     let rig = Rig::new();
     let hil = without_rights(&rig).unwrap_or_else(|| rig.command(program("hil")));
-    let wanted = run(&rig, "--no-record").digest();
+    let expected = run(&rig, "--no-record").digest();
     let arguments = format!("{SCENARIO} --priority 50 --lock-memory --prefault");
     let run = rig.start_with(hil, &arguments).finish().expect(0);
-    assert_eq!(run.digest(), wanted);
+    assert_eq!(run.digest(), expected);
     let limits = std::fs::read_to_string("/proc/self/limits").expect("reads");
     let limit = |name: &str| {
         let row = limits.lines().find_map(|line| line.strip_prefix(name));
@@ -239,10 +239,10 @@ fn assert_refused(run: &Run, name: &str, left: Value, why: &str) {
         assert_eq!(granted, left, "{side} {name}");
         assert!(reason.expect("a reason").contains(why));
     }
-    let said = &run.stderr;
+    let text = &run.stderr;
     let warning = format!("warning: plant and controller: {name} was not granted: ");
-    assert_eq!(said.matches(&warning).count(), 1, "{said}");
-    assert_eq!(said.matches("/etc/security/limits.d/").count(), 1, "{said}");
+    assert_eq!(text.matches(&warning).count(), 1, "{text}");
+    assert_eq!(text.matches("/etc/security/limits.d/").count(), 1, "{text}");
 }
 
 /// Counts page faults of a side between its first sample of statistics, in step 0, and its last.
@@ -321,9 +321,9 @@ fn only_the_loop_leaves_ordinary_scheduling() {
             .read_file(&format!("{side}-realtime.json"))
             .expect("a report");
         let granted = report["priority"]["granted"] == 3;
-        let found = threads(child.pid);
-        assert!(found.len() > 1, "{side}: {found:?}");
-        for (is_loop, policy, allowed) in found {
+        let result = threads(child.pid);
+        assert!(result.len() > 1, "{side}: {result:?}");
+        for (is_loop, policy, allowed) in result {
             if is_loop {
                 assert_eq!(
                     (policy, allowed),
@@ -351,14 +351,14 @@ fn a_rerun_requests_none_of_the_settings_of_the_run() {
         .collect();
     let report: Value = serde_json::from_str(kept[0]).expect("JSON");
     assert_eq!(report["core"]["granted"], core);
-    let said = rig.rerun(&before.folder, &["--json"]).expect(0).json();
-    assert_eq!(said["same"], true);
+    let answer = rig.rerun(&before.folder, &["--json"]).expect(0).json();
+    assert_eq!(answer["same"], true);
     assert_eq!(
-        said["summary"]["realtime"]["plant"]["core"]["asked"],
+        answer["summary"]["realtime"]["plant"]["core"]["asked"],
         Value::Null
     );
     assert_eq!(
-        said["summary"]["realtime"]["plant"]["wait"]["asked"],
+        answer["summary"]["realtime"]["plant"]["wait"]["asked"],
         "hybrid"
     );
 }

@@ -152,12 +152,12 @@ fn every_compression_holds_the_same_run() {
         let recording = Recording::open(&run.recording());
         let summary = recording.summary();
         let used = &summary.chunk_indexes.first().expect("chunks").compression;
-        let wanted = if compression == "none" {
+        let expected = if compression == "none" {
             ""
         } else {
             compression
         };
-        assert_eq!(used, wanted);
+        assert_eq!(used, expected);
         assert_eq!(recording.digest(|_| ()), run.digest(), "{compression}");
     }
 }
@@ -193,9 +193,9 @@ fn public_libraries_of_python_read_a_recording() {
         .arg("--require-metrics")
         .output()
         .expect("python can be run");
-    let said = String::from_utf8_lossy(&read.stderr);
-    assert!(read.status.success(), "{said}");
-    let found = String::from_utf8_lossy(&read.stdout);
-    assert!(found.contains("20001 records"), "{found}");
-    assert!(found.contains("2 metrics equal, bit by bit"), "{found}");
+    let text = String::from_utf8_lossy(&read.stderr);
+    assert!(read.status.success(), "{text}");
+    let output = String::from_utf8_lossy(&read.stdout);
+    assert!(output.contains("20001 records"), "{output}");
+    assert!(output.contains("2 metrics equal, bit by bit"), "{output}");
 }

@@ -58,9 +58,9 @@ fn the_recording_of_a_killed_hil_becomes_a_normal_run() {
         &["replay", run],
         &["latency", run],
     ] {
-        let told = rig.hil(command);
-        let said = told.stdout + &told.stderr;
-        assert!(said.contains("hil recover "), "{command:?}: {said}");
+        let output = rig.hil(command);
+        let message = output.stdout + &output.stderr;
+        assert!(message.contains("hil recover "), "{command:?}: {message}");
     }
 
     let recovered = rig.hil(&["recover", run, "--json"]).expect(0).json();
@@ -138,16 +138,16 @@ fn every_completed_step_of_a_killed_plant_is_recorded() {
     plant.kill();
     running.signal(Signal::CONT);
     let run = running.finish().expect(3);
-    let found = records(&run.recording());
-    assert_eq!(run.summary()["recording"]["records"], found.len());
+    let result = records(&run.recording());
+    assert_eq!(run.summary()["recording"]["records"], result.len());
     let log = std::fs::read_to_string(run.folder.join("controller.log")).expect("a log");
     let (_, step) = log.split_once("plant is gone at step ").expect("its step");
     let awaited: usize = step.trim().parse().expect("a number");
     // It had answered the previous step; the record of the one before may have been on its way.
     assert!(
-        found.len() + 2 >= awaited,
+        result.len() + 2 >= awaited,
         "{} records, step {awaited} was awaited",
-        found.len()
+        result.len()
     );
 }
 
@@ -159,16 +159,16 @@ fn every_answered_step_of_a_killed_controller_is_recorded() {
     controller.kill();
     let run = running.finish().expect(3);
     let summary = run.summary();
-    let found = records(&run.recording());
-    assert_eq!(summary["recording"]["records"], found.len());
+    let result = records(&run.recording());
+    assert_eq!(summary["recording"]["records"], result.len());
     assert_eq!(
         summary["steps"],
-        found.len(),
+        result.len(),
         "steps that the plant executed"
     );
     let run = text(&run.folder);
     let judged = rig.hil(&["judge", run, "--json"]).expect(1);
-    assert_eq!(judged.json()["records"], found.len());
+    assert_eq!(judged.json()["records"], result.len());
 }
 
 #[test]
@@ -184,8 +184,8 @@ fn a_replay_reports_the_death_of_its_controller_in_json_too() {
         controller.is_some()
     });
     controller.expect("started").kill();
-    let told = replay.finish().expect(3);
-    let aborted = told.json();
+    let output = replay.finish().expect(3);
+    let aborted = output.json();
     assert_eq!(aborted["verdict"], "aborted");
     assert_eq!(aborted["run"], run);
     let reason = aborted["reason"].as_str().expect("a reason");
@@ -225,9 +225,9 @@ fn a_full_disk_stops_the_run_with_a_readable_file_and_a_summary() {
     for fragment in ["cannot write ", text(&path), "File too large"] {
         assert!(reason.contains(fragment), "{reason}");
     }
-    let found = records(&path);
-    assert!(found.len() > 10_000, "{} records", found.len());
-    assert_eq!(summary["recording"]["kept"], found.len());
+    let result = records(&path);
+    assert!(result.len() > 10_000, "{} records", result.len());
+    assert_eq!(summary["recording"]["kept"], result.len());
     // The digest covers all received records, and both numbers are reported with the reason for their difference.
     let digested = &summary["recording"]["digested"];
     assert_eq!(digested, &summary["recording"]["records"]);
@@ -239,7 +239,7 @@ fn a_full_disk_stops_the_run_with_a_readable_file_and_a_summary() {
     );
     let both = format!(
         "of {digested} records, of which the file has {}",
-        found.len()
+        result.len()
     );
     assert!(run.stdout.contains(&both), "{}", run.stdout);
     assert_eq!(summary["verdict"], "aborted");
@@ -249,7 +249,7 @@ fn a_full_disk_stops_the_run_with_a_readable_file_and_a_summary() {
     assert_eq!(was_whole, !reason.contains("hil recover "), "{reason}");
     let recording = Recording::open(&path);
     assert_eq!(recording.metadata()["hil.result"]["outcome"], "failed");
-    assert_eq!(recording.records().count(), found.len());
+    assert_eq!(recording.records().count(), result.len());
 }
 
 #[test]
@@ -257,18 +257,18 @@ fn remains_of_a_killed_command_are_removed_by_the_next() {
     let rig = Rig::new();
     let run = rig.run(RUN);
     let folder = run.folder;
-    let shown = text(&folder);
+    let view = text(&folder);
     let unfinished = || {
         let names = names(&folder).into_iter();
         names.filter(|name| name.starts_with('.')).count()
     };
     let table = folder.join("table.csv");
-    let export = ["export", shown, "-o", text(&table)];
+    let export = ["export", view, "-o", text(&table)];
     let exporting = rig.start_hil(&export);
     until("a file is being written", || unfinished() == 1);
     exporting.kill();
     assert_eq!(unfinished(), 1, "nobody was there to remove it");
-    rig.hil(&["compare", shown, shown]).expect(0);
+    rig.hil(&["compare", view, view]).expect(0);
     assert_eq!(unfinished(), 0);
     assert!(!table.exists());
 }
@@ -333,19 +333,19 @@ fn every_command_names_a_damaged_recording() {
     for (damage, bytes) in damages(&bytes).into_iter().chain(made) {
         for command in &commands {
             std::fs::write(&file, &bytes).expect("written");
-            let told = rig.hil(command);
-            let about = format!("{damage}: {command:?}: {}{}", told.stdout, told.stderr);
+            let output = rig.hil(command);
+            let about = format!("{damage}: {command:?}: {}{}", output.stdout, output.stderr);
             assert!(!about.contains("panicked"), "{about}");
-            assert!(matches!(told.code, Some(0..=3)), "{about}");
+            assert!(matches!(output.code, Some(0..=3)), "{about}");
             if damage == "half" && !about.contains(" before its first record") {
                 // Readable up to the damage.
                 let says = about.contains("hil recover ") || command[0] == "recover";
                 assert!(says, "{about}");
                 continue;
             }
-            assert_eq!(told.code, Some(2), "{about}");
-            assert!(told.stderr.contains(path), "{about}");
-            assert!(told.stderr.contains("error: "), "{about}");
+            assert_eq!(output.code, Some(2), "{about}");
+            assert!(output.stderr.contains(path), "{about}");
+            assert!(output.stderr.contains("error: "), "{about}");
         }
     }
 }
@@ -389,18 +389,18 @@ fn every_other_damaged_file_is_named() {
         }
         for (damage, bytes) in damages {
             std::fs::write(&file, &bytes).expect("written");
-            let told = rig.hil(command);
+            let output = rig.hil(command);
             let about = format!(
                 "{}, {damage}: {}{}",
                 file.display(),
-                told.stdout,
-                told.stderr
+                output.stdout,
+                output.stderr
             );
-            assert_eq!(told.code, Some(2), "{about}");
+            assert_eq!(output.code, Some(2), "{about}");
             assert!(!about.contains("panicked"), "{about}");
             let name = file.file_name().and_then(|name| name.to_str());
-            assert!(told.stderr.contains(name.expect("text")), "{about}");
-            assert!(told.stderr.contains("error: "), "{about}");
+            assert!(output.stderr.contains(name.expect("text")), "{about}");
+            assert!(output.stderr.contains("error: "), "{about}");
         }
         std::fs::write(&file, &sound).expect("written");
     }

@@ -30,8 +30,8 @@ fn rebuilt() -> PathBuf {
 /// Runs `hil replay --json` on a recording, and returns its output.
 #[track_caller]
 fn replayed(rig: &Rig, run: &Path, arguments: &[&str], code: i32) -> Value {
-    let told = rig.hil(&[&["replay", text(run), "--json"], arguments].concat());
-    told.expect(code).json()
+    let output = rig.hil(&[&["replay", text(run), "--json"], arguments].concat());
+    output.expect(code).json()
 }
 
 fn number(value: &Value) -> u64 {
@@ -81,23 +81,23 @@ fn an_unchanged_controller_reproduces_every_answer_bit_by_bit() {
     ] {
         let run = rig.run(&scenario).expect(0);
         for link in ["iceoryx2", "in-process"] {
-            let told = replayed(&rig, &run.folder, &["--link", link], 0);
+            let report = replayed(&rig, &run.folder, &["--link", link], 0);
             let same = (
-                &told["verdict"],
-                number(&told["steps"]),
-                &told["first_difference"],
+                &report["verdict"],
+                number(&report["steps"]),
+                &report["first_difference"],
             );
             assert_eq!(
                 same,
                 (&"same".into(), steps, &Value::Null),
                 "{scenario} {link}"
             );
-            assert_eq!(told["controller"]["of_the_run"], true);
+            assert_eq!(report["controller"]["of_the_run"], true);
             assert_eq!(
-                (&told["whole"], number(&told["unanswered_steps"])),
+                (&report["whole"], number(&report["unanswered_steps"])),
                 (&true.into(), 0)
             );
-            assert!(!told["compared"].as_array().expect("a list").is_empty());
+            assert!(!report["compared"].as_array().expect("a list").is_empty());
         }
     }
 }
@@ -117,16 +117,22 @@ fn a_late_controller_is_replayed_with_the_samples_that_it_saw() {
     let run = rig.run(text(&scenario)).expect(0);
     let missed = number(&run.summary()["missed_commands"]["count"]);
     assert!(missed >= 10, "{missed}");
-    let told = replayed(&rig, &run.folder, &[], 0);
-    assert_eq!(told["verdict"], "same");
-    let (answered, unanswered) = (number(&told["steps"]), number(&told["unanswered_steps"]));
+    let report = replayed(&rig, &run.folder, &[], 0);
+    assert_eq!(report["verdict"], "same");
+    let (answered, unanswered) = (
+        number(&report["steps"]),
+        number(&report["unanswered_steps"]),
+    );
     assert_eq!(answered + unanswered, 200);
     assert!(unanswered >= 5, "{unanswered}");
     // A rerun waits for its controller, and so does the replay of a rerun.
     let again = rig.rerun(&run.folder, &[]).expect(0).folder;
-    let told = replayed(&rig, &again, &[], 0);
+    let report = replayed(&rig, &again, &[], 0);
     assert_eq!(
-        (number(&told["steps"]), number(&told["unanswered_steps"])),
+        (
+            number(&report["steps"]),
+            number(&report["unanswered_steps"])
+        ),
         (answered, unanswered)
     );
 }
@@ -137,10 +143,10 @@ fn a_change_of_one_line_is_found_with_step_signal_and_both_values() {
     let run = rig.run(SPRING_MASS).expect(0);
     let rebuilt = rebuilt();
     let other = ["--controller-bin", text(&rebuilt)];
-    let told = replayed(&rig, &run.folder, &other, 1);
-    let first = &told["first_difference"];
+    let report = replayed(&rig, &run.folder, &other, 1);
+    let first = &report["first_difference"];
     assert_eq!(
-        (&told["verdict"], &first["signal"]),
+        (&report["verdict"], &first["signal"]),
         (&"different".into(), &"command.force_n".into())
     );
     assert_eq!(
@@ -164,15 +170,15 @@ fn a_change_of_one_line_is_found_with_step_signal_and_both_values() {
         );
         assert!(sample["sample"]["measured.position_m"].is_f64(), "{sample}");
     }
-    let signals = told["signals"].as_array().expect("a list");
+    let signals = report["signals"].as_array().expect("a list");
     assert_eq!(
         (signals.len(), number(&signals[0]["differing_steps"])),
         (1, 1)
     );
     assert_eq!(number(&signals[0]["at_step"]), 137);
-    assert_eq!(told["controller"]["of_the_run"], false);
+    assert_eq!(report["controller"]["of_the_run"], false);
 
-    let said = rig
+    let output = rig
         .hil(&["replay", text(&run.folder), other[0], other[1]])
         .expect(1)
         .stdout;
@@ -181,12 +187,12 @@ fn a_change_of_one_line_is_found_with_step_signal_and_both_values() {
         ">137",
         "measured.position_m",
     ] {
-        assert!(said.contains(part), "`{part}` is not in:\n{said}");
+        assert!(output.contains(part), "`{part}` is not in:\n{output}");
     }
     let allowed = [other[0], other[1], "--tolerance", "command.force_n=1e-9"];
-    let told = replayed(&rig, &run.folder, &allowed, 0);
+    let report = replayed(&rig, &run.folder, &allowed, 0);
     assert_eq!(
-        (&told["verdict"], &told["first_difference"]),
+        (&report["verdict"], &report["first_difference"]),
         (&"within-tolerance".into(), &Value::Null)
     );
 }
@@ -207,8 +213,8 @@ fn each_signal_has_its_given_tolerance() {
         ("1e-8", 0),
     ] {
         let arguments = ["--controller-bin", text(&rebuilt), "--tolerance", tolerance];
-        let told = replayed(&rig, &run.folder, &arguments, code);
-        let signal = &told["signals"][0];
+        let report = replayed(&rig, &run.folder, &arguments, code);
+        let signal = &report["signals"][0];
         assert_eq!(signal["name"], "internal.fault_detected", "{tolerance}");
         assert_eq!(number(&signal["differing_steps"]), 1000, "{tolerance}");
     }
@@ -235,16 +241,19 @@ fn signals_present_on_one_side_only_are_named() {
         .expect(0);
     // As if a newer controller had made the recording.
     let newer = rewritten(&rig, &run, "newer", |_, _| ());
-    let told = replayed(&rig, &newer, &[], 0);
-    assert_eq!(told["only_in_recording"].as_array().map(Vec::len), Some(0));
+    let report = replayed(&rig, &newer, &[], 0);
+    assert_eq!(
+        report["only_in_recording"].as_array().map(Vec::len),
+        Some(0)
+    );
     let renamed = rig.path("renamed.mcap");
     let mut copy = Copy::of(&run.recording());
     copy.layout.internal[0].name = "of_old".into();
     copy.describe("lyapunov_v3", "of_old");
     copy.write(&renamed, |_, _| ());
-    let told = replayed(&rig, &renamed, &[], 0);
-    assert_eq!(told["only_in_recording"][0], "internal.of_old");
-    assert_eq!(told["only_in_controller"][0], "internal.lyapunov_v3");
+    let report = replayed(&rig, &renamed, &[], 0);
+    assert_eq!(report["only_in_recording"][0], "internal.of_old");
+    assert_eq!(report["only_in_controller"][0], "internal.lyapunov_v3");
 }
 
 fn rewritten(
@@ -283,14 +292,14 @@ fn a_flipped_bit_in_any_recorded_answer_is_detected_and_named() {
                 words[place] ^= 1 << bit;
             }
         });
-        let told = replayed(&rig, &path, &["--link", "in-process"], 1);
-        let first = &told["first_difference"];
-        let found = (
+        let report = replayed(&rig, &path, &["--link", "in-process"], 1);
+        let first = &report["first_difference"];
+        let result = (
             number(&first["step"]),
             first["signal"].as_str().expect("a name"),
         );
-        assert_eq!(found, (step, signal.as_str()), "bit {bit}");
-        let signals = told["signals"].as_array().expect("a list");
+        assert_eq!(result, (step, signal.as_str()), "bit {bit}");
+        let signals = report["signals"].as_array().expect("a list");
         assert_eq!(
             (signals.len(), number(&signals[0]["differing_steps"])),
             (1, 1)
@@ -308,8 +317,8 @@ fn a_flipped_bit_in_any_recorded_answer_is_detected_and_named() {
             words[place + last / 64] ^= 1 << (last % 64);
         }
     });
-    let told = replayed(&rig, &path, &[], 1);
-    let first = &told["first_difference"];
+    let report = replayed(&rig, &path, &[], 1);
+    let first = &report["first_difference"];
     assert_eq!(
         (number(&first["step"]), &first["signal"]),
         (77, &answers[last].as_str().into())
@@ -327,7 +336,7 @@ fn unreplayable_recordings_are_refused_before_anything_starts() {
     let (misbehaving, rebuilt) = (misbehaving_controller(), rebuilt());
     let words = rig.write("words.mcap", "not a recording");
     let folder = text(&run.folder);
-    for (arguments, said) in [
+    for (arguments, expected) in [
         (vec![text(&words)], "is not a recording of a run"),
         (vec!["nowhere/run"], "cannot read"),
         (
@@ -360,7 +369,7 @@ fn unreplayable_recordings_are_refused_before_anything_starts() {
     ] {
         rig.hil(&[&["replay"], &arguments[..]].concat())
             .expect(2)
-            .says(&[said]);
+            .says(&[expected]);
     }
 }
 
@@ -427,17 +436,17 @@ fn a_truncated_recording_is_replayed_up_to_its_last_record() {
     let bytes = std::fs::read(run.recording()).expect("read");
     let cut = rig.path("cut.mcap");
     std::fs::write(&cut, &bytes[..bytes.len() / 2]).expect("written");
-    let told = replayed(&rig, &cut, &[], 0);
+    let report = replayed(&rig, &cut, &[], 0);
     assert_eq!(
-        (&told["verdict"], &told["whole"]),
+        (&report["verdict"], &report["whole"]),
         (&"same".into(), &false.into())
     );
-    let steps = number(&told["steps"]);
+    let steps = number(&report["steps"]);
     assert!((1000..15_000).contains(&steps), "{steps}");
-    let said = rig.hil(&["replay", text(&cut)]).expect(0).stdout;
+    let output = rig.hil(&["replay", text(&cut)]).expect(0).stdout;
     assert!(
-        said.contains("cut off and is replayed as far as it goes"),
-        "{said}"
+        output.contains("cut off and is replayed as far as it goes"),
+        "{output}"
     );
 }
 
@@ -447,10 +456,10 @@ fn a_run_that_diverged_is_replayed_to_its_last_record() {
     // Positive feedback: the mass leaves its range.
     let run = rig.run(&format!("{SPRING_MASS} --set controller.pid.proportional_n_per_m=1e7 --set controller.pid.derivative_n_s_per_m=0"));
     assert_eq!(run.summary()["verdict"], "aborted", "{}", run.stderr);
-    let told = replayed(&rig, &run.folder, &[], 0);
+    let report = replayed(&rig, &run.folder, &[], 0);
     let records = number(&run.summary()["recording"]["records"]);
-    assert_eq!(number(&told["steps"]), records);
-    assert!(records < number(&told["planned_steps"]));
+    assert_eq!(number(&report["steps"]), records);
+    assert!(records < number(&report["planned_steps"]));
 }
 
 #[test]
@@ -461,14 +470,14 @@ fn replaying_a_run_of_a_missing_plant_needs_only_its_recording() {
     let moved = rig.path("moved.mcap");
     std::fs::rename(run.recording(), &moved).expect("moved");
     let own = example("own-controller");
-    let told = replayed(&rig, &moved, &["--controller-bin", text(&own)], 0);
+    let report = replayed(&rig, &moved, &["--controller-bin", text(&own)], 0);
     assert_eq!(
-        (&told["verdict"], &told["law"]),
+        (&report["verdict"], &report["law"]),
         (&"same".into(), &"state-feedback".into())
     );
     // Without a flag it is the program of the run, which the recording names.
-    let told = replayed(&rig, &moved, &[], 0);
-    assert_eq!(told["verdict"], "same");
+    let report = replayed(&rig, &moved, &[], 0);
+    assert_eq!(report["verdict"], "same");
     let shipped = program("controller-process");
     rig.hil(&["replay", text(&moved), "--controller-bin", text(&shipped)])
         .expect(2)

@@ -75,8 +75,8 @@ fn every_bucket_has_the_extremes_of_its_records() {
             (starts_s.len(), starts_s.len())
         );
         for (bucket, expected) in expected.iter().enumerate() {
-            let found = [least[bucket], greatest[bucket]].map(f32::to_bits);
-            assert_eq!(found, expected.map(f32::to_bits), "{name}, bucket {bucket}");
+            let text = [least[bucket], greatest[bucket]].map(f32::to_bits);
+            assert_eq!(text, expected.map(f32::to_bits), "{name}, bucket {bucket}");
         }
     }
     // Around the fault a bucket is one step.
@@ -312,13 +312,13 @@ fn impossible_reports_are_refused_with_the_reason() {
     rig.hil(&["report", unrecorded, "-o", there, "--force"])
         .expect(2)
         .says(&["--no-record"]);
-    let told = rig
+    let report = rig
         .hil(&["report", folder, "-o", there, "--force", "--json"])
         .expect(0)
         .json();
     let bytes = std::fs::metadata(&path).expect("it is there").len();
     assert_eq!(
-        (&told["file"], told["bytes"].as_u64()),
+        (&report["file"], report["bytes"].as_u64()),
         (&there.into(), Some(bytes))
     );
 }
@@ -348,11 +348,14 @@ fn aborted_and_partial_runs_are_shown_as_far_as_possible() {
     let mut bytes = whole.clone();
     bytes[middle] ^= 1;
     std::fs::write(damaged.recording(), &bytes).expect("it can be written");
-    let (page, told) = Page::with_exit(&rig, &[&damaged, &excerpt], &[], 2);
+    let (page, output) = Page::with_exit(&rig, &[&damaged, &excerpt], &[], 2);
     let path = damaged.recording();
     let path = path.to_str().expect("text");
-    assert!(told.contains("error: ") && told.contains(path), "{told}");
-    assert!(told.contains("damaged at byte"), "{told}");
+    assert!(
+        output.contains("error: ") && output.contains(path),
+        "{output}"
+    );
+    assert!(output.contains("damaged at byte"), "{output}");
     let (_, runs) = page
         .text
         .split_once("<section id=\"runs\">")
@@ -362,8 +365,8 @@ fn aborted_and_partial_runs_are_shown_as_far_as_possible() {
     assert!(page.text.contains("damaged") || page.text.contains("differs from the recorded one"));
     // Truncated there.
     std::fs::write(damaged.recording(), &whole[..middle]).expect("it can be written");
-    let (page, told) = Page::with_exit(&rig, &[&damaged], &[], 0);
-    assert!(told.contains("hil recover "), "{told}");
+    let (page, output) = Page::with_exit(&rig, &[&damaged], &[], 0);
+    assert!(output.contains("hil recover "), "{output}");
     assert!(
         page.text.contains("was cut off after") && page.text.contains("data-verdict=\"aborted\"")
     );

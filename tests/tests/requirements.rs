@@ -81,8 +81,8 @@ fn judging_a_recording_reproduces_the_verdicts_of_the_run_bit_by_bit() {
         assert_eq!(requirements.len(), 8);
         for one in requirements {
             let fails = one["name"] == "never-a-force-fight";
-            let wanted = if fails { "fail" } else { "pass" };
-            assert_eq!(one["verdict"], wanted, "{one}");
+            let expected = if fails { "fail" } else { "pass" };
+            assert_eq!(one["verdict"], expected, "{one}");
             assert!(one["robustness"].is_f64(), "{one}");
             assert!(
                 one["decided_at_s"].is_f64() && one["at_s"].is_f64(),
@@ -262,19 +262,19 @@ fn values_removed_by_a_fault_fail_requirements_and_are_excluded_from_means() {
         let summary = run.summary();
         for one in summary["requirements"].as_array().expect("a list") {
             let fails = one["name"] == failing;
-            let wanted = if fails { "fail" } else { "pass" };
-            assert_eq!(one["verdict"], wanted, "{kind} on {target}: {one}");
+            let expected = if fails { "fail" } else { "pass" };
+            assert_eq!(one["verdict"], expected, "{kind} on {target}: {one}");
             // Minus infinity is not a JSON number.
             assert_eq!(one["robustness"].is_null(), fails, "{one}");
             let first_s = if fails { at_s } else { 0.0 };
             assert!(one["at_s"].as_f64() >= Some(first_s), "{one}");
         }
         let metrics = summary["metrics"].as_array().expect("a list");
-        let found: Vec<u64> = metrics
+        let entries: Vec<u64> = metrics
             .iter()
             .map(|one| one["skipped"].as_u64().unwrap_or(0))
             .collect();
-        assert_eq!(found, skipped, "{kind} on {target}");
+        assert_eq!(entries, skipped, "{kind} on {target}");
         let (judged, _) = judge(&rig, &run, &[]);
         for key in ["metrics", "requirements", "verdict"] {
             assert_eq!(judged[key], summary[key], "{kind} on {target}: {key}");

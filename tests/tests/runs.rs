@@ -22,8 +22,8 @@ fn scenario(rig: &Rig, name: &str) -> String {
 }
 
 fn listed(rig: &Rig, line: &str) -> Vec<Value> {
-    let told = hil(rig, &format!("{line} --json")).expect(0).json();
-    told["runs"].as_array().expect("runs").clone()
+    let report = hil(rig, &format!("{line} --json")).expect(0).json();
+    report["runs"].as_array().expect("runs").clone()
 }
 
 fn paths(runs: &[Value]) -> Vec<&str> {
@@ -92,7 +92,7 @@ fn runs_are_listed_with_the_facts_of_their_summaries() {
     }
     let set = ["controller.law=hold", "run.clock=paced", "run.pace=100.0"];
     assert_eq!(runs[1]["set"], serde_json::json!(set));
-    for (line, wanted) in [
+    for (line, expected) in [
         ("runs --sort size", ["good", "bad", "of/today"].as_slice()),
         ("runs --sort margin --last 1", &["bad"]),
         ("runs --sort scenario", &["of/today", "bad", "good"]),
@@ -104,13 +104,13 @@ fn runs_are_listed_with_the_facts_of_their_summaries() {
         ("runs --since 9999-12-31", &[]),
         ("runs runs/of", &["of/today"]),
     ] {
-        let wanted: Vec<String> = wanted.iter().map(|name| format!("runs/{name}")).collect();
-        assert_eq!(paths(&listed(&rig, line)), wanted, "{line}");
+        let expected: Vec<String> = expected.iter().map(|name| format!("runs/{name}")).collect();
+        assert_eq!(paths(&listed(&rig, line)), expected, "{line}");
     }
-    let told = hil(&rig, "runs").expect(0).stdout;
+    let text = hil(&rig, "runs").expect(0).stdout;
     assert!(
-        told.contains("\n  --set controller.law=hold --set run.clock=paced"),
-        "{told}"
+        text.contains("\n  --set controller.law=hold --set run.clock=paced"),
+        "{text}"
     );
 }
 
@@ -166,8 +166,8 @@ fn runs_are_removed_by_a_rule_and_only_with_confirmation() {
     let [good, bad, today] = three(&rig);
     let all = [&good, &bad, &today];
     hil(&rig, "runs rm").expect(2).says(&["--keep-last"]);
-    let told = hil(&rig, "runs rm --keep-last 0").expect(0).stdout;
-    assert!(told.starts_with("would remove 3 runs"), "{told}");
+    let text = hil(&rig, "runs rm --keep-last 0").expect(0).stdout;
+    assert!(text.starts_with("would remove 3 runs"), "{text}");
     hil(&rig, "runs rm --older-than 1h --yes").expect(0);
     assert!(all.iter().all(|folder| folder.exists()));
     hil(&rig, "runs rm --keep-last 1 --keep-failed --yes").expect(0);
@@ -175,10 +175,10 @@ fn runs_are_removed_by_a_rule_and_only_with_confirmation() {
     // A file added by the user stays, and so does the run that contains it.
     fs::write(today.join("note.txt"), "mine").expect("written");
     symlink("/etc", bad.join("checkpoint-1")).expect("linked");
-    let told = hil(&rig, "runs rm --keep-last 0 --yes").expect(0).stdout;
+    let text = hil(&rig, "runs rm --keep-last 0 --yes").expect(0).stdout;
     assert!(
-        told.contains("kept: runs/of/today: it contains note.txt"),
-        "{told}"
+        text.contains("kept: runs/of/today: it contains note.txt"),
+        "{text}"
     );
     assert_eq!(all.map(|folder| folder.exists()), [false, false, true]);
     assert_eq!(fs::read_dir(&today).expect("a folder").count(), 5);
@@ -194,17 +194,17 @@ fn a_live_run_is_kept_and_a_killed_one_is_broken() {
     until("its folder is there", || folder.join("plant.log").exists());
     let path = folder.display().to_string();
     let verdict = || {
-        let told = rig.beside(&["runs", &path, "--json"]).expect(0).json();
-        assert_eq!(told["runs"][0]["scenario"], "spring-mass");
-        told["runs"][0]["verdict"].clone()
+        let report = rig.beside(&["runs", &path, "--json"]).expect(0).json();
+        assert_eq!(report["runs"][0]["scenario"], "spring-mass");
+        report["runs"][0]["verdict"].clone()
     };
     let remove = || {
         let rm = ["runs", "rm", &path, "--keep-last", "0", "--yes"];
         rig.beside(&rm).expect(0).stdout
     };
     assert_eq!(verdict(), "running");
-    let told = remove();
-    assert!(told.contains("it goes on"), "{told}");
+    let report = remove();
+    assert!(report.contains("it goes on"), "{report}");
     assert!(folder.join("scenario.toml").exists());
     running.kill();
     until_gone(&children);

@@ -71,8 +71,8 @@ fn without_its_controller_the_plant_follows_the_policy() {
         assert_eq!(summary["verdict"], "pass");
         assert_eq!(summary["steps"], STEPS);
         assert_eq!(lost_at(&summary, 0), WHEN);
-        let told = summary["controllers"][0]["reason"].as_str();
-        assert!(told.expect("why").contains(reason), "{told:?}");
+        let output = summary["controllers"][0]["reason"].as_str();
+        assert!(output.expect("why").contains(reason), "{output:?}");
         let applied = applied_n(&run);
         assert_eq!(applied.len() as u64, STEPS);
         let (before, after) = applied.split_at(WHEN as usize);
@@ -169,11 +169,14 @@ fn another_controller_takes_over_at_the_answered_step() {
     let rig = Rig::new();
     let plain = rig.run("scenarios/spring-mass.toml").expect(0);
     let running = rig.held();
-    let told = swap(&rig, &["--set", "controller.law=hold", "--json"])
+    let report = swap(&rig, &["--set", "controller.law=hold", "--json"])
         .expect(0)
         .json();
-    assert_eq!((&told["epoch"], &told["step"]), (&2.into(), &2500.into()));
-    assert_eq!(told["law"], "hold");
+    assert_eq!(
+        (&report["epoch"], &report["step"]),
+        (&2.into(), &2500.into())
+    );
+    assert_eq!(report["law"], "hold");
     let run = resume(&rig, running);
     let summary = run.summary();
     assert_eq!(summary["controllers"][0]["end"], "replaced");
@@ -209,10 +212,10 @@ fn a_law_of_another_program_takes_over_without_its_unknown_keys() {
     let left_out = "  left out, because none of its laws has them: controller.pid\n";
     assert_eq!(swapped, took + left_out);
     // Back again: nothing of the scenario is left out.
-    let told = swap(&rig, &["--set", "controller.law=pid", "--json"])
+    let report = swap(&rig, &["--set", "controller.law=pid", "--json"])
         .expect(0)
         .json();
-    assert_eq!(told["left_out"], serde_json::json!([]));
+    assert_eq!(report["left_out"], serde_json::json!([]));
     let run = resume(&rig, running);
     let summary = run.summary();
     let laws: Vec<&Value> = (0..2)
@@ -236,7 +239,7 @@ fn a_controller_that_cannot_take_over_changes_nothing() {
         ),
     );
     let dying = dying.to_str().expect("plain text");
-    for (arguments, told) in [
+    for (arguments, expected) in [
         (&["--bin", other][..], "unknown law `pid`"),
         (&["--bin", "/bin/true"], "does not speak the protocol"),
         (&["--bin", "/nowhere/at-all"], "cannot run /nowhere/at-all"),
@@ -250,7 +253,7 @@ fn a_controller_that_cannot_take_over_changes_nothing() {
         ),
         (&["--bin", dying], "I am not well"),
     ] {
-        swap(&rig, arguments).expect(2).says(&[told]);
+        swap(&rig, arguments).expect(2).says(&[expected]);
     }
     let run = resume(&rig, running).expect(0);
     assert_eq!(run.digest(), plain);
@@ -321,10 +324,10 @@ fn one_good_swap_after_another_never_ends_the_run() {
     let running = rig.start("scenarios/spring-mass.toml --pace 1 --set run.duration_s=600");
     running.children_at_once();
     for epoch in 2..10 {
-        let told = swap(&rig, &["--set", "controller.law=pid", "--json"])
+        let report = swap(&rig, &["--set", "controller.law=pid", "--json"])
             .expect(0)
             .json();
-        assert_eq!(told["epoch"], epoch);
+        assert_eq!(report["epoch"], epoch);
     }
     running.signal(Signal::INT);
     let run = running.finish().expect(130);
@@ -332,7 +335,7 @@ fn one_good_swap_after_another_never_ends_the_run() {
     assert_eq!(
         summary["reason"]
             .as_str()
-            .map(|told| told.split(';').next()),
+            .map(|report| report.split(';').next()),
         Some(Some("interrupted"))
     );
     let controllers = summary["controllers"].as_array().expect("a list");
@@ -374,10 +377,10 @@ fn a_loss_is_noticed_at_once_after_a_failed_swap() {
             running.signal(Signal::INT);
         }
         let run = running.finish().expect(code);
-        let told = run.summary()["controllers"].to_string();
+        let report = run.summary()["controllers"].to_string();
         let reason = run.summary()["reason"].to_string();
         assert!(
-            (told + &reason).contains("killed by SIGKILL"),
+            (report + &reason).contains("killed by SIGKILL"),
             "{policy}: {reason}"
         );
     }

@@ -92,8 +92,8 @@ fn numbering_never_makes_two_runs_share_a_name() {
     ] {
         let given = format!("{} {repeat} --link in-process --json", files.join(" "));
         let all = rig.run(&given).expect(0).json();
-        let told: Vec<&str> = verdicts(&all).iter().map(|(label, _)| *label).collect();
-        assert_eq!(told, labels, "{repeat}");
+        let output: Vec<&str> = verdicts(&all).iter().map(|(label, _)| *label).collect();
+        assert_eq!(output, labels, "{repeat}");
     }
 }
 
@@ -240,16 +240,16 @@ fn concurrent_runs_in_one_process_equal_separate_ones() {
         ));
         let all = all.expect(1);
         assert!(sessions(&rig).is_empty(), "{:?}", sessions(&rig));
-        let told = all.json();
-        let runs = told["runs"].as_array().expect("a list of runs");
+        let report = all.json();
+        let runs = report["runs"].as_array().expect("a list of runs");
         assert_eq!(runs.len(), 9);
         for (number, path) in paths.iter().enumerate() {
             let alone = rig.run(&format!("{path} {link}"));
-            let wanted = lasting(&alone.summary());
-            assert_eq!(wanted["evidence"], "in-process");
+            let expected = lasting(&alone.summary());
+            assert_eq!(expected["evidence"], "in-process");
             for run in runs.iter().skip(number).step_by(3) {
                 let folder = all.folder.join(run["label"].as_str().expect("a label"));
-                assert_eq!(lasting(&summary_in(&folder)), wanted, "{path}");
+                assert_eq!(lasting(&summary_in(&folder)), expected, "{path}");
                 assert_eq!(names(&folder), names(&alone.folder));
             }
         }
@@ -284,8 +284,8 @@ fn a_suite_in_one_process_accepts_requests_and_ends_on_ctrl_c() {
     let suite = rig.start(&format!("{} {endless} --repeat 4 --jobs 2", good.display()));
     let has_stepped = |info: &SessionInfo| {
         let at = ["inject", "--active", "--json", "--session", &info.name];
-        let told: Value = serde_json::from_str(&rig.beside(&at).stdout).unwrap_or_default();
-        told["status"]["step"].as_u64() > Some(0)
+        let report: Value = serde_json::from_str(&rig.beside(&at).stdout).unwrap_or_default();
+        report["status"]["step"].as_u64() > Some(0)
     };
     until("two of four go on", || {
         let there = sessions(&rig);

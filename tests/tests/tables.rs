@@ -43,9 +43,9 @@ fn compiled(program: &str) -> String {
         .arg(format!("-Ldependency={}", dependencies.display()))
         .output()
         .expect("rustc can be run");
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.success(), told.is_empty(), "{told}");
-    told
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.success(), text.is_empty(), "{text}");
+    text
 }
 
 /// Returns a program with a table of parameters that ends with these rows.
@@ -62,13 +62,13 @@ const SECOND: usize = 7;
 
 #[track_caller]
 fn refused(rows: &str, line: usize, words: &[&str]) {
-    let told = compiled(&with(rows));
+    let output = compiled(&with(rows));
     let place = format!("--> own.rs:{line}:");
     for part in words.iter().chain([&place.as_str()]) {
-        assert!(told.contains(part), "{part:?} is not in\n{told}");
+        assert!(output.contains(part), "{part:?} is not in\n{output}");
     }
-    let errors = told.lines().filter(|line| line.starts_with("error["));
-    assert_eq!(errors.count(), 1, "{told}");
+    let errors = output.lines().filter(|line| line.starts_with("error["));
+    assert_eq!(errors.count(), 1, "{output}");
 }
 
 /// Fails unless each of these rows, after a description, is refused with these words.
@@ -124,11 +124,11 @@ fn a_parameter_without_a_default_is_named() {
 
 #[test]
 fn a_flag_without_a_default_is_named_in_a_table_of_signals_too() {
-    let told = compiled(
+    let output = compiled(
         "shared_types::table! {\n/// True.\nstruct Truth {\n/// Length.\nlength_m: \"m\" [faultable],\n}\n}\n",
     );
     for part in ["a parameter has no default", "own.rs:5:"] {
-        assert!(told.contains(part), "{part:?} is not in\n{told}");
+        assert!(output.contains(part), "{part:?} is not in\n{output}");
     }
 }
 
@@ -146,10 +146,10 @@ fn a_row_without_a_unit_is_named() {
 
 #[test]
 fn a_row_of_a_name_alone_is_named() {
-    let told = compiled(&with("length_m = 1.0,"));
+    let output = compiled(&with("length_m = 1.0,"));
     assert!(
-        told.contains("the row `length_m` of a table has no description and no unit"),
-        "{told}"
+        output.contains("the row `length_m` of a table has no description and no unit"),
+        "{output}"
     );
 }
 
@@ -166,12 +166,12 @@ fn a_negative_number_without_parentheses_is_named() {
 
 #[test]
 fn a_table_without_defaults_is_not_a_parameter_table() {
-    let told = compiled(
+    let output = compiled(
         "shared_types::table! {\n/// Gains.\npub struct Gains {\n/// Gain.\nk: \"1\" in 0.0..=1.0,\n}\n}\n\
          pub fn set<T: shared_types::table::Parameters>() {}\n\
          pub fn all() { set::<Gains>() }\n",
     );
     for part in ["`Gains` is no table of parameters", "own.rs:9:"] {
-        assert!(told.contains(part), "{part:?} is not in\n{told}");
+        assert!(output.contains(part), "{part:?} is not in\n{output}");
     }
 }

@@ -38,12 +38,12 @@ fn log(run: &Run) -> String {
 
 /// Waits for the process on the board with this first argument.
 fn there(board: &Board, argument: &str) -> u32 {
-    let mut found = None;
+    let mut result = None;
     until("it runs there", || {
-        found = board.processes(argument).first().copied();
-        found.is_some()
+        result = board.processes(argument).first().copied();
+        result.is_some()
     });
-    found.expect("it runs there")
+    result.expect("it runs there")
 }
 
 /// Waits until steps are being exchanged.
@@ -301,10 +301,10 @@ fn the_death_of_a_controller_on_a_target_is_named_and_the_policy_applies() {
     under_way(&rig);
     send(there(&board, "--session"), Signal::KILL);
     let run = running.finish().expect(3);
-    let said = [&run.stderr, &*log(&run)].concat();
+    let expected = [&run.stderr, &*log(&run)].concat();
     assert!(
-        said.contains("target me@board: the controller was killed by signal 9"),
-        "{said}"
+        expected.contains("target me@board: the controller was killed by signal 9"),
+        "{expected}"
     );
     no_process_there(&board);
 
@@ -334,8 +334,11 @@ fn a_killed_agent_ends_the_run_and_the_next_contact_cleans_up() {
     there(&board, "--session");
     send(there(&board, "agent"), Signal::KILL);
     let run = running.finish_beside_another().expect(3);
-    let said = [&run.stderr, &*log(&run)].concat();
-    assert!(said.contains("target me@board: connection lost"), "{said}");
+    let expected = [&run.stderr, &*log(&run)].concat();
+    assert!(
+        expected.contains("target me@board: connection lost"),
+        "{expected}"
+    );
     assert_ne!(sessions(&rig), before, "the agent was killed");
     hil(&rig, &board, &["target", "check", "me@board"]).expect(0);
     no_process_there(&board);
@@ -406,7 +409,7 @@ fn contradictory_options_are_refused_and_nothing_is_started() {
     let nothing = rig.write("no.key", "nothing");
     std::fs::set_permissions(&nothing, std::fs::Permissions::from_mode(0o600)).expect("closed");
     let (foreign, open, nothing) = (text(&foreign), text(&open), text(&nothing));
-    for (arguments, told) in [
+    for (arguments, expected) in [
         ("--target -oProxyCommand=x", "unexpected argument"),
         ("--target=-oProxyCommand=x", "is not a target"),
         ("--target a;b", "is not a target"),
@@ -444,7 +447,7 @@ fn contradictory_options_are_refused_and_nothing_is_started() {
     ] {
         let run = run(&rig, &board, &format!("{SHORT} {arguments}")).expect(2);
         assert!(!run.folder.exists(), "{arguments}");
-        run.says(&[told]);
+        run.says(&[expected]);
     }
     let key = rig.path("own.key");
     rig.hil(&["target", "key", text(&key)]).expect(0);
@@ -458,7 +461,7 @@ fn contradictory_options_are_refused_and_nothing_is_started() {
 #[test]
 fn messages_of_ssh_are_passed_on_with_the_right_exit_code() {
     let rig = Rig::new();
-    for (said, code) in [
+    for (expected, code) in [
         (
             "ssh: Could not resolve hostname board: Name or service not known",
             2,
@@ -471,9 +474,9 @@ fn messages_of_ssh_are_passed_on_with_the_right_exit_code() {
         ),
         ("ssh: connect to host board port 22: No route to host", 3),
     ] {
-        let board = Board::reached_by(&rig, &format!("echo '{said}' >&2; exit 255"));
+        let board = Board::reached_by(&rig, &format!("echo '{expected}' >&2; exit 255"));
         let run = run(&rig, &board, &format!("{SHORT} {ON_BOARD}")).expect(code);
-        assert!(!run.folder.exists(), "{said}");
-        run.says(&["target me@board", said]);
+        assert!(!run.folder.exists(), "{expected}");
+        run.says(&["target me@board", expected]);
     }
 }

@@ -43,12 +43,12 @@ fn keys_change_together_at_the_announced_step_and_repetitions_agree() {
     let plain = rig.run(SPRING).expect(0).digest();
     let run = rig.start(&format!("{SPRING} --pause-at 1"));
     rig.until_held_at(1000);
-    let told = changed(
+    let output = changed(
         &rig,
         "controller.pid.proportional_n_per_m=600 plant.parameters.mass_kg=1.2 reference.position_m=0.02",
     );
     assert_eq!(
-        told,
+        output,
         json!({"response": "changed", "id": 1, "step": 1000, "at_s": 1.0, "ramp_steps": 0, "clear": [], "set": [
             {"key": "controller.pid.proportional_n_per_m", "unit": "N/m", "value": 600.0},
             {"key": "plant.parameters.mass_kg", "unit": "kg", "value": 1.2},
@@ -65,18 +65,18 @@ fn keys_change_together_at_the_announced_step_and_repetitions_agree() {
     assert_eq!((&later["id"], &later["step"]), (&json!(3), &json!(2001)));
     let cleared = changed(&rig, "--clear reference.position_m --at 3.2");
     assert_eq!(cleared["clear"], json!(["reference.position_m"]));
-    let told = rig
+    let output = rig
         .in_session("get --tunable --json plant.parameters.mass_kg")
         .expect(0)
         .json();
     assert_eq!(
-        told["values"][0]["value"], 1.2,
+        output["values"][0]["value"], 1.2,
         "it begins with the next step"
     );
     rig.in_session("step 10").expect(0);
-    let shown = rig.in_session("get --tunable --json").expect(0).json();
+    let report = rig.in_session("get --tunable --json").expect(0).json();
     let value = |key: &str| {
-        let values = shown["values"].as_array().expect("a list");
+        let values = report["values"].as_array().expect("a list");
         values
             .iter()
             .find(|one| one["key"] == key)
@@ -91,7 +91,7 @@ fn keys_change_together_at_the_announced_step_and_repetitions_agree() {
         (&json!(1500.0), &json!(1300))
     );
     assert_eq!(integral["value"], 2000.0 - 500.0 * 10.0 / 300.0);
-    assert_eq!(shown["waiting"].as_array().map(Vec::len), Some(2));
+    assert_eq!(report["waiting"].as_array().map(Vec::len), Some(2));
     rig.in_session("resume").expect(0);
     let run = run.finish().expect(0);
     assert_ne!(run.digest(), plain);
@@ -117,9 +117,9 @@ fn keys_change_together_at_the_announced_step_and_repetitions_agree() {
         (3001, 0.0),
         (3200, 0.01),
     ];
-    for (step, wanted) in expected {
+    for (step, message) in expected {
         assert!(
-            (reference[step] - wanted).abs() < 1e-12,
+            (reference[step] - message).abs() < 1e-12,
             "{step}: {}",
             reference[step]
         );
@@ -218,7 +218,7 @@ fn a_fault_acts_on_the_changed_base_value() {
     let path = rig.write("base.toml", &scenario).display().to_string();
     let run = rig.run(&path).expect(0);
     let stiffness = Recording::open(&run.recording()).column("parameter.stiffness_n_per_m");
-    let wanted = [
+    let expected = [
         (999, 100.0),
         (1000, 50.0),
         (1999, 50.0),
@@ -226,11 +226,11 @@ fn a_fault_acts_on_the_changed_base_value() {
         (2999, 30.0),
         (3000, 60.0),
     ];
-    for (step, wanted) in wanted
+    for (step, expected) in expected
         .into_iter()
         .chain([(3200, 60.0), (3300, 70.0), (3400, 80.0)])
     {
-        assert_eq!(stiffness[step], wanted, "{step}");
+        assert_eq!(stiffness[step], expected, "{step}");
     }
     repeats(&rig, &run);
     let wrong = scenario.replace("stiffness_n_per_m = 80.0", "stifness_n_per_m = 80.0");
@@ -260,7 +260,7 @@ fn random_changes_at_full_speed_take_hold_at_the_announced_steps() {
     ];
     asked(&Request::Resume);
     let mut random = RandomStream::new(1, "changes");
-    let mut told = Vec::new();
+    let mut output = Vec::new();
     for _ in 0..1000 {
         let (key, low, high) = keys[(random.uniform() * keys.len() as f64) as usize];
         let value = low + (high - low) * random.uniform();
@@ -273,9 +273,9 @@ fn random_changes_at_full_speed_take_hold_at_the_announced_steps() {
             ..ChangeRequest::default()
         });
         match asked(&request) {
-            Response::Changed(changed) => told.push((changed.step, changed.set[0].clone())),
+            Response::Changed(changed) => output.push((changed.step, changed.set[0].clone())),
             // A run that is over accepts none.
-            other => panic!("{other:?} after {}", told.len()),
+            other => panic!("{other:?} after {}", output.len()),
         }
     }
     run.signal(rustix::process::Signal::INT);
@@ -290,11 +290,11 @@ fn random_changes_at_full_speed_take_hold_at_the_announced_steps() {
             )
         })
         .collect();
-    assert_eq!(taken.len(), told.len());
-    for ((at, set), (step, wanted)) in taken.iter().zip(&told) {
+    assert_eq!(taken.len(), output.len());
+    for ((at, set), (step, change)) in taken.iter().zip(&output) {
         assert_eq!(
             (at, &set["key"], &set["value"]),
-            (step, &json!(wanted.key), &json!(wanted.value))
+            (step, &json!(change.key), &json!(change.value))
         );
     }
     rig.rerun(&run.folder, &[])

@@ -13,46 +13,46 @@ const SIGNALS: [&str; 3] = [
 ];
 
 /// Checks that the printed values of the signals equal the recorded ones at their step.
-fn is_recorded(told: &Value, recording: &Recording, records: &[Record]) {
-    let step = told["step"].as_u64().expect("a step");
+fn is_recorded(printed: &Value, recording: &Recording, records: &[Record]) {
+    let step = printed["step"].as_u64().expect("a step");
     let record = &records[step as usize];
     assert_eq!(record.step(), step);
-    assert_eq!(told["time_s"].as_f64(), Some(step as f64 / 10_000.0));
+    assert_eq!(printed["time_s"].as_f64(), Some(step as f64 / 10_000.0));
     let recorded = |name| recording.value(record, name);
     let reference = recorded("reference.surface_angle_rad");
     let truth = recorded("truth.surface_angle_rad");
-    let wanted = [
+    let expected = [
         truth - reference,
         reference,
         recorded("measured.surface_angle_rad"),
     ];
-    for ((signal, name), wanted) in (told["signals"].as_array().expect("signals").iter())
+    for ((signal, name), expected) in (printed["signals"].as_array().expect("signals").iter())
         .zip(SIGNALS)
-        .zip(wanted)
+        .zip(expected)
     {
         assert_eq!(signal["name"], name);
         assert_eq!(signal["unit"], "rad");
         assert_eq!(
             signal["value"].as_f64(),
-            Some(wanted),
+            Some(expected),
             "{name} at step {step}"
         );
         // At 2 s the paper's command passes zero.
-        assert!(step == 20_000 || wanted != 0.0, "{name} moves");
+        assert!(step == 20_000 || expected != 0.0, "{name} moves");
     }
 }
 
 #[test]
 fn printed_values_equal_the_recorded_ones_and_change_no_digest() {
     let rig = Rig::new();
-    let wanted = rig.run(SHORT).expect(0).digest();
+    let expected = rig.run(SHORT).expect(0).digest();
     let run = rig.start(&format!("{SHORT} --pause-at 0.5"));
     rig.until_held_at(5000);
     let session = ["--session", rig.session()];
     let beside = |arguments: &[&str]| rig.beside(&[arguments, &session].concat());
     let get = [&["get", "--json"][..], &SIGNALS].concat();
-    let mut told = vec![beside(&get).expect(0).stdout];
-    assert_eq!(told[0].matches("\"step\":4999").count(), 1, "{}", told[0]);
+    let mut text = vec![beside(&get).expect(0).stdout];
+    assert_eq!(text[0].matches("\"step\":4999").count(), 1, "{}", text[0]);
 
     let all = beside(&["get"]).expect(0).stdout;
     assert!(all.starts_with("step 4999 (0.4999 s)\n"), "{all}");
@@ -87,7 +87,7 @@ fn printed_values_equal_the_recorded_ones_and_change_no_digest() {
             beside(&["step", "100"]).expect(0);
         }
         beside(&["resume"]).expect(0);
-        told.extend(
+        text.extend(
             watching
                 .join()
                 .expect("watched")
@@ -98,17 +98,17 @@ fn printed_values_equal_the_recorded_ones_and_change_no_digest() {
         );
     });
     let run = run.finish().expect(0);
-    assert_eq!(run.digest(), wanted);
+    assert_eq!(run.digest(), expected);
 
     let recording = Recording::open(&run.recording());
     let records: Vec<Record> = recording.records().collect();
-    let told: Vec<Value> = (told.iter())
+    let text: Vec<Value> = (text.iter())
         .map(|line| serde_json::from_str(line).expect("JSON"))
         .collect();
-    assert!(told.len() >= 3, "{told:?}");
-    told.iter()
+    assert!(text.len() >= 3, "{text:?}");
+    text.iter()
         .for_each(|one| is_recorded(one, &recording, &records));
-    let steps: Vec<u64> = told
+    let steps: Vec<u64> = text
         .iter()
         .skip(1)
         .filter_map(|one| one["step"].as_u64())

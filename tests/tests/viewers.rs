@@ -41,9 +41,9 @@ fn rerun_converts_recordings_to_columns_with_the_names_and_bits_of_the_signals()
     let script = workspace().join("tests/python/compare_rerun.py");
     let folders = runs.iter().map(|run| &run.folder);
     let mut compare = Command::new(&python);
-    let told = succeeds(compare.arg(script).arg(folder).args(folders));
-    let same = told.matches("the same bits in rerun").count();
-    assert_eq!(same, runs.len(), "{told}");
+    let output = succeeds(compare.arg(script).arg(folder).args(folders));
+    let same = output.matches("the same bits in rerun").count();
+    assert_eq!(same, runs.len(), "{output}");
 }
 
 /// Exports a run to a table; returns the table's path, beside the run's folder.
@@ -68,9 +68,9 @@ fn rosbags_reads_every_message_with_the_exported_bits() {
         let table = exported(&rig, run, number);
         compare.arg(run.recording()).arg(table);
     }
-    let told = succeeds(&mut compare);
-    let same = told.matches("the same bits in rosbags").count();
-    assert_eq!(same, runs.len(), "{told}");
+    let output = succeeds(&mut compare);
+    let same = output.matches("the same bits in rosbags").count();
+    assert_eq!(same, runs.len(), "{output}");
 }
 
 /// Returns a folder with the packages of `tests/node`, installed if demanded.
@@ -112,7 +112,7 @@ fn foxgloves_decoders_agree_with_the_export_of_the_same_recording() {
         let table = exported(&rig, run, number);
         let script = workspace().join("tests/node/compare_export.mjs");
         let mut compare = Command::new("node");
-        let told = succeeds(
+        let output = succeeds(
             compare
                 .arg(script)
                 .arg(&packages)
@@ -120,8 +120,8 @@ fn foxgloves_decoders_agree_with_the_export_of_the_same_recording() {
                 .arg(table),
         );
         assert!(
-            told.contains("the same numbers as decoded by Foxglove"),
-            "{told}"
+            output.contains("the same numbers as decoded by Foxglove"),
+            "{output}"
         );
     }
 }

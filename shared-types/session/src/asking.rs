@@ -84,18 +84,18 @@ pub fn ask<S: AsRef<OsStr>>(
         .process_group(0)
         .spawn()
         .map_err(failed)?;
-    let heard = Heard {
+    let output = Heard {
         stdout: listen(child.stdout.take(), LONGEST_ANSWER),
         stderr: listen(child.stderr.take(), LONGEST_COMPLAINT),
     };
-    let status = await_end(&mut child, &heard, is_interrupted);
+    let status = await_end(&mut child, &output, is_interrupted);
     if status.is_err() {
         end_group(&child);
         let _ = child.wait(); // it was killed, or has just ended
     }
     // Descendants outside its process group would live on and hold the pipes open.
     end_marked(&mark);
-    heard.answer(status?).map_err(NoAnswer::Failed)
+    output.answer(status?).map_err(NoAnswer::Failed)
 }
 
 fn failed(error: io::Error) -> NoAnswer {
@@ -105,7 +105,7 @@ fn failed(error: io::Error) -> NoAnswer {
 /// Waits for the end of a program.
 fn await_end(
     child: &mut Child,
-    heard: &Heard,
+    output: &Heard,
     is_interrupted: &dyn Fn() -> bool,
 ) -> Result<ExitStatus, NoAnswer> {
     let since = Instant::now();
@@ -123,7 +123,7 @@ fn await_end(
         match reap(child).map_err(failed)? {
             Some(status) => return Ok(status),
             None if is_interrupted() => return Err(NoAnswer::Interrupted),
-            None if heard.stdout.is_too_long() => return Err(NoAnswer::Failed(too_long())),
+            None if output.stdout.is_too_long() => return Err(NoAnswer::Failed(too_long())),
             None if stopped_since.is_some_and(|since| since.elapsed() > stopped_limit) => {
                 let limit_s = stopped_limit.as_secs_f64();
                 let reason = format!("it was stopped, and gave no answer within {limit_s} s");

@@ -343,7 +343,7 @@ macro_rules! r { () => { $crate::s::t }; }
     let found: Vec<(usize, String)> = (named.iter())
         .map(|named| (named.line, named.to.join("::")))
         .collect();
-    let wanted = [
+    let expected = [
         (3, "b"),
         (3, "b::C"),
         (3, "b::d::E"),
@@ -355,6 +355,6 @@ macro_rules! r { () => { $crate::s::t }; }
         (10, "part::file::q"),
         (12, "s::t"),
     ];
-    assert_eq!(found, wanted.map(|(line, path)| (line, path.to_owned())));
+    assert_eq!(found, expected.map(|(line, path)| (line, path.to_owned())));
     assert_eq!(named[8].from, ["part", "file", "tests"]);
 }

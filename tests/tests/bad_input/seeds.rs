@@ -348,8 +348,8 @@ fn packed(folder: &Path, content: &[u8]) -> Vec<u8> {
         archive[head + method] = 8;
         archive[head + sum..head + sum + 4]
             .copy_from_slice(&crc32fast::hash(content).to_le_bytes());
-        let told = u32::from(length).to_le_bytes();
-        archive[head + size..head + size + 4].copy_from_slice(&told);
+        let output = u32::from(length).to_le_bytes();
+        archive[head + size..head + size + 4].copy_from_slice(&output);
     }
     archive
 }

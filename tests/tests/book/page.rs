@@ -41,17 +41,17 @@ const TOP: [&str; 5] = [
 /// Reads all pages: those at the top, of the book and of the examples.
 pub(super) fn pages() -> Vec<Page> {
     let mut paths: Vec<PathBuf> = TOP.map(PathBuf::from).into();
-    let mut found: Vec<PathBuf> = ["docs", "docs/design", "docs/reference"]
+    let mut expected: Vec<PathBuf> = ["docs", "docs/design", "docs/reference"]
         .into_iter()
         .flat_map(|folder| markdown(Path::new(folder)))
         .collect();
     let examples = std::fs::read_dir(workspace().join("examples")).expect("the examples");
-    found.extend(examples.map(|example| {
+    expected.extend(examples.map(|example| {
         let name = example.expect("an example").file_name();
         Path::new("examples").join(name).join("README.md")
     }));
-    found.sort();
-    paths.append(&mut found);
+    expected.sort();
+    paths.append(&mut expected);
     paths.into_iter().map(Page::read).collect()
 }
 
@@ -120,8 +120,8 @@ impl Page {
 
 /// Returns the text after a keyword in a one-line comment.
 fn comment<'l>(line: &'l str, word: &str) -> Option<&'l str> {
-    let said = line.strip_prefix("<!--")?.strip_suffix("-->")?;
-    Some(said.trim().strip_prefix(word)?.trim())
+    let output = line.strip_prefix("<!--")?.strip_suffix("-->")?;
+    Some(output.trim().strip_prefix(word)?.trim())
 }
 
 #[test]
@@ -133,7 +133,7 @@ fn blocks_are_parsed_with_lines_files_and_hidden_commands() {
             .into(),
     };
     let blocks = page.blocks();
-    let found: Vec<_> = (blocks.iter())
+    let result: Vec<_> = (blocks.iter())
         .map(|block| {
             (
                 block.line,
@@ -150,6 +150,6 @@ fn blocks_are_parsed_with_lines_files_and_hidden_commands() {
         (14, "rust", "fn main() {}\n", true),
         (19, "sh", "hil\n  two\n", false),
     ];
-    assert_eq!(found, expected);
+    assert_eq!(result, expected);
     assert_eq!(blocks[3].file, Some(("src/main.rs", false)));
 }

@@ -241,9 +241,9 @@ impl Desk {
         for pair in blocks.windows(2) {
             let [command, output] = pair else { continue };
             if command.language == "sh" && output.language == "text" && output.follows {
-                let found = note(&format!("{}.out", command.line))
+                let result = note(&format!("{}.out", command.line))
                     + &note(&format!("{}.err", command.line));
-                shown::compare(&output.text, &found)
+                shown::compare(&output.text, &result)
                     .map_err(|missing| format!("{page_path}:{}: {missing}", output.line))?;
             }
         }
@@ -338,8 +338,8 @@ fn copy(from: &Path, to: &Path) {
 #[test]
 fn imported_python_modules_are_found() {
     let text = "import json, pyarrow.parquet\nimport numpy as np\nfrom mcap.reader import x\n";
-    let found: Vec<&str> = imports(text).collect();
-    assert_eq!(found, ["json", "pyarrow", "numpy", "mcap"]);
+    let entries: Vec<&str> = imports(text).collect();
+    assert_eq!(entries, ["json", "pyarrow", "numpy", "mcap"]);
 }
 
 #[test]

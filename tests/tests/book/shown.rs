@@ -7,15 +7,15 @@
 ///
 /// # Errors
 /// If a shown line is missing, with the output.
-pub(super) fn compare(shown: &str, found: &str) -> Result<(), String> {
-    let mut rest = found.lines();
-    for line in shown.lines() {
-        let wanted = stable(line);
-        if wanted.is_empty() || wanted == ["..."] {
+pub(super) fn compare(name: &str, text: &str) -> Result<(), String> {
+    let mut rest = text.lines();
+    for line in name.lines() {
+        let expected = stable(line);
+        if expected.is_empty() || expected == ["..."] {
             continue;
         }
-        if !rest.any(|line| stable(line) == wanted) {
-            return Err(format!("`{line}` is not in order in:\n{found}"));
+        if !rest.any(|line| stable(line) == expected) {
+            return Err(format!("`{line}` is not in order in:\n{text}"));
         }
     }
     Ok(())
@@ -57,9 +57,9 @@ fn stable(line: &str) -> Vec<&str> {
 
 #[test]
 fn times_and_folders_may_differ_and_figures_may_not() {
-    let found = "spring-mass: pass\n  5000 steps, 5 s in 0.02 s, 240.1x real time\n  overshoot_m  0 to 5  4.8417e-4 m\n\n  \
+    let expected = "spring-mass: pass\n  5000 steps, 5 s in 0.02 s, 240.1x real time\n  overshoot_m  0 to 5  4.8417e-4 m\n\n  \
                  round trip 1 us p50: good\n  digest 8df6\n  5001 records in runs/a-20261121T1-s1/run.mcap\n";
-    for (shown, same) in [
+    for (message, same) in [
         (
             "spring-mass: pass\n5000 steps, 5 s in 0.44 s, 11.3x real time",
             true,
@@ -74,6 +74,6 @@ fn times_and_folders_may_differ_and_figures_may_not() {
         ("digest 8df6\nspring-mass: pass", false),
         ("5001 records in runs/b-20261121T1-s1/run.mcap", false),
     ] {
-        assert_eq!(compare(shown, found).is_ok(), same, "{shown}");
+        assert_eq!(compare(message, expected).is_ok(), same, "{message}");
     }
 }

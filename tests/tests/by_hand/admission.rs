@@ -23,11 +23,11 @@ const NOBODY: u32 = 65534;
 fn asked(folder: &Path, line: &str) -> String {
     let mut stream = UnixStream::connect(folder.join("controller.door")).expect("a door");
     writeln!(stream, "{line}").expect("written");
-    let mut said = String::new();
+    let mut text = String::new();
     BufReader::new(stream)
-        .read_line(&mut said)
+        .read_line(&mut text)
         .expect("an answer");
-    said
+    text
 }
 
 /// Returns the entry that a program sends.
@@ -96,16 +96,19 @@ fn no_other_process_is_admitted() {
             "was checked: start that, or name yours with --controller-bin",
         ),
     ] {
-        let said = asked(&folder, &line);
+        let answer = asked(&folder, &line);
         assert!(
-            said.contains("refused") && said.contains(expected),
-            "{attempt}: {said}"
+            answer.contains("refused") && answer.contains(expected),
+            "{attempt}: {answer}"
         );
     }
     // A program with a complete implementation, from another file.
-    let (code, said) = Hand::start(&rig, "controller", &misbehaving_controller(), &[]).end();
-    assert_eq!(code, Some(2), "{said}");
-    assert!(said.contains("misbehaving-controller with hash"), "{said}");
+    let (code, answer) = Hand::start(&rig, "controller", &misbehaving_controller(), &[]).end();
+    assert_eq!(code, Some(2), "{answer}");
+    assert!(
+        answer.contains("misbehaving-controller with hash"),
+        "{answer}"
+    );
     if rustix::process::geteuid().is_root() {
         let mut cat = Command::new("cat");
         let output = cat
@@ -132,10 +135,10 @@ fn no_other_process_is_admitted() {
     if let Ok(mut stream) = UnixStream::connect(&door) {
         // The run may be over by now.
         let _ = writeln!(stream, "{line}");
-        let mut said = String::new();
-        let _ = BufReader::new(stream).read_line(&mut said);
+        let mut answer = String::new();
+        let _ = BufReader::new(stream).read_line(&mut answer);
         let expected = format!("process {pid} is already the controller of this run");
-        assert!(said.is_empty() || said.contains(&expected), "{said}");
+        assert!(answer.is_empty() || answer.contains(&expected), "{answer}");
     }
     let run = running.finish().expect(0);
     assert_eq!(run.digest(), digest);
@@ -179,13 +182,13 @@ fn second_session(rig: &Rig) -> Value {
 fn a_second_process_with_the_right_token_is_refused() {
     let rig = Rig::new();
     let (running, hand) = held(&rig, "--wait-limit 60");
-    let (code, said) = controller(&rig).end();
-    assert_eq!(code, Some(2), "{said}");
+    let (code, output) = controller(&rig).end();
+    assert_eq!(code, Some(2), "{output}");
     let expected = format!(
         "process {} is already the controller of this run",
         hand.pid()
     );
-    assert!(said.contains(&expected), "{said}");
+    assert!(output.contains(&expected), "{output}");
     rig.in_session("resume").expect(0);
     running.finish().expect(0);
     assert_eq!(hand.end().0, Some(0));
@@ -244,8 +247,8 @@ fn contradictory_options_are_refused_by_name() {
     hand.arg("--session")
         .arg(rig.session_folder())
         .arg("--by-hand");
-    let told = rig.program(hand);
-    told.expect(2).says(&[
+    let output = rig.program(hand);
+    output.expect(2).says(&[
         "expects no manually started controller",
         "hil run --controller external",
     ]);

@@ -104,14 +104,17 @@ fn a_side_ends_with_a_killed_hil_even_if_it_is_stopped() {
             rig.hil(&["config", "schema"]).expect(0);
             assert_eq!(hand.end().0, None);
         } else {
-            let (code, said) = hand.end();
-            assert_eq!(code, Some(3), "{said}");
+            let (code, output) = hand.end();
+            assert_eq!(code, Some(3), "{output}");
             // Its own connection or the plant's message arrives first.
-            let told = [
+            let expected = [
                 "stopped at step 2500",
                 "gave up at step 2500: it was asked to stop",
             ];
-            assert!(told.iter().any(|told| said.contains(told)), "{said}");
+            assert!(
+                expected.iter().any(|expected| output.contains(expected)),
+                "{output}"
+            );
             rig.hil(&["config", "schema"]).expect(0);
         }
         rig.assert_nothing_left();

@@ -76,10 +76,10 @@ fn a_changed_study_is_refused_wherever_its_goals_matter() {
     let study = folder.join("study.toml");
     let planned = std::fs::read_to_string(&study).expect("a study");
     std::fs::write(&study, planned.replace("0.99", "0.5")).expect("written");
-    let (page, shown) = (rig.path("page.html"), text(&folder));
+    let (page, path) = (rig.path("page.html"), text(&folder));
     for arguments in [
-        vec!["campaign", "show", shown],
-        vec!["report", shown, "-o", text(&page)],
+        vec!["campaign", "show", path],
+        vec!["report", path, "-o", text(&page)],
     ] {
         let plan = format!("hil campaign plan {} -o OTHER", text(&study));
         rig.hil(&arguments)
@@ -87,7 +87,7 @@ fn a_changed_study_is_refused_wherever_its_goals_matter() {
             .says(&["study.toml has hash", "Restore it, or plan", &plan]);
     }
     std::fs::write(&study, planned).expect("written");
-    campaign(&rig, &["show", shown]).expect(1);
+    campaign(&rig, &["show", path]).expect(1);
 }
 
 #[test]

@@ -12,8 +12,8 @@ const TASKS: u32 = 64;
 /// Returns the line of the page that contains this text.
 fn line(part: &str) -> String {
     let page = shipped("docs/clusters.md");
-    let found = page.lines().find(|line| line.contains(part));
-    found.expect("a line").trim().to_owned()
+    let hit = page.lines().find(|line| line.contains(part));
+    hit.expect("a line").trim().to_owned()
 }
 
 /// Runs a campaign with a shell command that names a folder; returns its digest and that of one worker.

@@ -66,7 +66,7 @@ fn changes_to_existing_cases_are_refused() {
     let rig = Rig::new();
     let hypercube = STUDY.replace("cases = 30", "cases = 30\nsampling = \"latin-hypercube\"");
     let grid = "schema = 1\nscenario = \"SCENARIO\"\nsampling = \"grid\"\n[[vary]]\nkey = \"plant.parameters.mass_kg\"\nkind = \"grid\"\nmin = 0.5\nmax = 2\npoints = 3\n";
-    for (name, text_of, cases, told) in [
+    for (name, text_of, cases, expected) in [
         (
             "plain",
             STUDY,
@@ -94,7 +94,7 @@ fn changes_to_existing_cases_are_refused() {
         let before = std::fs::read(folder.join("manifest.json")).expect("a manifest");
         campaign(&rig, &["grow", text(&folder), "--cases", cases])
             .expect(2)
-            .says(&[told]);
+            .says(&[expected]);
         let after = std::fs::read(folder.join("manifest.json")).expect("a manifest");
         assert_eq!(before, after);
     }
@@ -149,8 +149,8 @@ fn integer_keys_vary_by_integer_distributions() {
     let mut seen: Vec<u64> = (0..12)
         .map(|draw| {
             let case = (2 * draw).to_string();
-            let shown = campaign(&rig, &["case", text(&folder), &case, "--show"]).expect(0);
-            let line = shown
+            let view = campaign(&rig, &["case", text(&folder), &case, "--show"]).expect(0);
+            let line = view
                 .stdout
                 .lines()
                 .find_map(|line| line.strip_prefix("substeps = "));

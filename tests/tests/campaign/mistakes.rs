@@ -7,7 +7,7 @@ use crate::support::programs::shipped;
 #[test]
 fn a_mistake_in_a_study_is_reported_at_its_location_with_the_nearest_name() {
     let rig = Rig::new();
-    for (from, to, told) in [
+    for (from, to, expected) in [
         (
             "cases = 30",
             "casse = 30",
@@ -79,7 +79,7 @@ fn a_mistake_in_a_study_is_reported_at_its_location_with_the_nearest_name() {
         let path = study(&rig, &wrong);
         campaign(&rig, &["check", text(&path)])
             .expect(2)
-            .says(&told);
+            .says(&expected);
     }
 }
 
@@ -178,10 +178,10 @@ fn unwritable_tables_point_to_the_command_that_writes_none() {
     std::fs::remove_file(&results).expect("removed");
     std::fs::create_dir(&results).expect("a folder");
     for verb in ["run", "collect"] {
-        let told = format!("hil campaign show {} reads them", text(&folder));
+        let expected = format!("hil campaign show {} reads them", text(&folder));
         campaign(&rig, &[verb, text(&folder)])
             .expect(3)
-            .says(&["cannot join the results", &told]);
+            .says(&["cannot join the results", &expected]);
     }
     campaign(&rig, &["show", text(&folder)]).expect(0);
 }
@@ -190,7 +190,7 @@ fn unwritable_tables_point_to_the_command_that_writes_none() {
 fn wrong_arguments_are_refused_with_the_reason() {
     let rig = Rig::new();
     let folder = planned(&rig, &study(&rig, STUDY), "demo");
-    for (arguments, told) in [
+    for (arguments, expected) in [
         (
             vec!["case", text(&folder), "60"],
             "there is no case 60; the campaign has 60, counted from 0",
@@ -208,7 +208,7 @@ fn wrong_arguments_are_refused_with_the_reason() {
             "for example 0/16",
         ),
     ] {
-        campaign(&rig, &arguments).expect(2).says(&[told]);
+        campaign(&rig, &arguments).expect(2).says(&[expected]);
     }
 }
 

@@ -237,8 +237,8 @@ fn cases_that_kill_their_program_are_set_aside_by_name_and_the_others_continue()
     );
     let wrapper = rig.script("wrapper", &script);
     let folder = with_programs(&rig, "own", text(&wrapper));
-    let shown = campaign(&rig, &["case", text(&folder), "2", "--show"]).expect(0);
-    let mass = shown
+    let view = campaign(&rig, &["case", text(&folder), "2", "--show"]).expect(0);
+    let mass = view
         .stdout
         .lines()
         .find_map(|line| line.strip_prefix("mass_kg = "));

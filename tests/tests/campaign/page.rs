@@ -22,13 +22,16 @@ fn a_campaign_page_agrees_with_show_and_loads_nothing() {
         .expect(0);
     let page_text = std::fs::read_to_string(&page).expect("a page");
     let digest = digest(&rig, &folder);
-    for told in [
+    for expected in [
         &*digest,
         "default-src 'none'",
         "at least 0.8843",
         "hil campaign case",
     ] {
-        assert!(page_text.contains(told), "{told} is not in the page");
+        assert!(
+            page_text.contains(expected),
+            "{expected} is not in the page"
+        );
     }
     let python = python("playwright.sync_api, pyarrow.parquet");
     let Some((python, chromium)) = python.zip(chromium()) else {
@@ -42,9 +45,9 @@ fn a_campaign_page_agrees_with_show_and_loads_nothing() {
         .arg(&page)
         .arg(folder.join("results.parquet"))
         .arg(chromium);
-    let told: Value = serde_json::from_str(&succeeds(&mut judge)).expect("JSON");
+    let expected: Value = serde_json::from_str(&succeeds(&mut judge)).expect("JSON");
     assert_eq!(
-        (&told["rows"], &told["wrong"]),
+        (&expected["rows"], &expected["wrong"]),
         (&60.into(), &Value::Array(Vec::new()))
     );
 }
@@ -103,7 +106,7 @@ fn envelopes_are_the_extremes_of_the_recordings_of_all_cases() {
         let csv = rig
             .hil(&["export", text(&out), "--signal", "truth.position_m"])
             .expect(0);
-        let mut found = vec![[f64::INFINITY, f64::NEG_INFINITY]; bins];
+        let mut result = vec![[f64::INFINITY, f64::NEG_INFINITY]; bins];
         for line in csv
             .stdout
             .lines()
@@ -112,7 +115,7 @@ fn envelopes_are_the_extremes_of_the_recordings_of_all_cases() {
             let mut cells = line.split(',').map(|cell| cell.parse::<f64>().ok());
             let (time_s, value) = (cells.nth(1).flatten(), cells.next().flatten());
             let bin = (time_s.expect("a time") / bin_s) as usize;
-            let [least, greatest] = &mut found[if bin < bins { bin } else { bins - 1 }];
+            let [least, greatest] = &mut result[if bin < bins { bin } else { bins - 1 }];
             let value = value.expect("a position");
             if value < *least {
                 *least = value;
@@ -121,7 +124,7 @@ fn envelopes_are_the_extremes_of_the_recordings_of_all_cases() {
                 *greatest = value;
             }
         }
-        found
+        result
             .iter()
             .map(|bin| bin.map(|value| value as f32))
             .collect::<Vec<_>>()

@@ -204,12 +204,12 @@ fn status_reports_pending_held_and_running_tasks() {
     let holds = |status: &Value| status["tasks"]["held"][0][0].as_str().map(str::to_owned);
     let held = campaign.until("it is held", |status| holds(status).is_some());
     let task = holds(&held).expect("a task");
-    let told = campaign.action("status", &[]).expect(0).stdout;
+    let text = campaign.action("status", &[]).expect(0).stdout;
     let release = format!("task {task} is held (JobHeldUser); scontrol release {task}");
-    assert!(told.contains(&release), "{told}");
+    assert!(text.contains(&release), "{text}");
     assert!(
-        told.contains(&format!("scancel {task} removes it")),
-        "{told}"
+        text.contains(&format!("scancel {task} removes it")),
+        "{text}"
     );
 
     // The advice works.
@@ -243,8 +243,8 @@ fn leftover_tasks_of_a_complete_campaign_are_listed_with_the_command_to_remove_t
     let held = campaign.until("it is held", |status| !status["tasks"]["held"][0].is_null());
     assert_eq!(held["missing"], 0);
     let remove = format!("scancel {job} removes them");
-    let told = campaign.action("status", &[]).expect(0).stdout;
-    assert!(told.contains(&remove), "{told}");
+    let text = campaign.action("status", &[]).expect(0).stdout;
+    assert!(text.contains(&remove), "{text}");
     // A repeated submission shows it too.
     let again = campaign.submit(&[]).expect(0);
     assert_eq!(again.stdout, "nothing is missing\n");

@@ -15,7 +15,7 @@ fn contradictions_with_the_past_are_refused_and_named() {
             "{SCENARIO} --checkpoint-at 1.05 --link in-process"
         ))
         .expect(0);
-    for (change, told) in [
+    for (change, expected) in [
         ("run.rate_hz=20000", "run.rate_hz was 10000 and must stay"),
         ("run.seed=2", "run.seed was 1 and must stay"),
         (
@@ -56,17 +56,17 @@ fn contradictions_with_the_past_are_refused_and_named() {
     ] {
         let refused = go_on(&rig, &run, 10_500, &format!("--set {change}"))
             .expect(2)
-            .says(&[told]);
+            .says(&[expected]);
         assert!(!refused.folder.exists(), "{change}");
     }
     // Errors of one side do not hide those of the other.
     let both = "--set plant.parameters.actuator1.piston_mass_kg=56 \
         --set controller.ftsc.trajectory.angle_gain_per_s=3";
-    let told = [
+    let expected = [
         "piston_mass_kg was 55 and must stay, but is 56",
         "angle_gain_per_s was",
     ];
-    let refused = go_on(&rig, &run, 10_500, both).expect(2).says(&told);
+    let refused = go_on(&rig, &run, 10_500, both).expect(2).says(&expected);
     assert!(!refused.folder.exists());
     let early = rig
         .run(&format!("{SCENARIO} --checkpoint-at 0.5 --link in-process"))
@@ -83,7 +83,7 @@ fn impossible_requests_are_refused_before_anything_starts() {
     let stateless = format!("{MOVING}[controller]\nlaw = \"reads-clock\"\n");
     let stateless = rig.write("stateless.toml", &stateless);
     let (foreign, stateless) = (foreign.display(), stateless.display());
-    for (arguments, told) in [
+    for (arguments, expected) in [
         (
             format!("{SCENARIO} --checkpoint-at 0"),
             "not after the beginning of the run at 0 s",
@@ -115,7 +115,7 @@ fn impossible_requests_are_refused_before_anything_starts() {
             "law `reads-clock` cannot save its state, so there can be no checkpoint; it needs `Controller::state`",
         ),
     ] {
-        let refused = rig.run(&arguments).expect(2).says(&[told]);
+        let refused = rig.run(&arguments).expect(2).says(&[expected]);
         assert!(!refused.folder.exists(), "{arguments}");
     }
     let run = rig
@@ -136,19 +136,19 @@ fn an_external_fault_without_saved_state_is_refused_in_a_scenario_and_live() {
     let rig = Rig::new();
     let plant = example("own-fault");
     let plant = plant.display();
-    let told = "cannot save its state";
+    let expected = "cannot save its state";
     let scenario = "examples/own-fault/backlash.toml";
     rig.run(&format!(
         "{scenario} --plant-bin {plant} --checkpoint-at 0.5"
     ))
     .expect(2)
-    .says(&["fault `backlash`", told, "FaultKind::state"]);
+    .says(&["fault `backlash`", expected, "FaultKind::state"]);
     let arguments = format!("{SCENARIO} --plant-bin {plant} --checkpoint-at 1 --pause-at 0.5");
     let run = rig.start(&arguments);
     rig.until_held_at(5000);
     rig.in_session("inject backlash measured.actuator1_position_m 2e-4")
         .expect(2)
-        .says(&["backlash", told]);
+        .says(&["backlash", expected]);
     rig.in_session("resume").expect(0);
     assert_eq!(made(&run.finish().expect(0)), [10_000]);
 }
@@ -218,7 +218,7 @@ fn a_damaged_checkpoint_is_refused_by_name() {
             "10500 precede the checkpoint",
         ),
     ];
-    for (file, damage, told) in cases {
+    for (file, damage, expected) in cases {
         let folder = rig.path("damaged");
         copy(&run.folder, &folder);
         let path = folder.join(file);
@@ -228,7 +228,7 @@ fn a_damaged_checkpoint_is_refused_by_name() {
         let from = folder.join("checkpoint-10500");
         rig.run(&format!("--from {}", from.display()))
             .expect(2)
-            .says(&[told]);
+            .says(&[expected]);
         std::fs::remove_dir_all(folder).expect("it is ours");
     }
     // If a recording continues differently, the records before the checkpoint are still the same.

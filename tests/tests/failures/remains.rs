@@ -157,10 +157,10 @@ fn sessions_lists_running_sessions_and_clean_leaves_them_alone() {
     for arguments in [&["sessions"][..], &["sessions", "--clean"]] {
         let mut hil = rig.command(program("hil"));
         let output = hil.args(arguments).output().expect("hil can be run");
-        let said = String::from_utf8_lossy(&output.stdout);
+        let text = String::from_utf8_lossy(&output.stdout);
         assert!(
-            output.status.success() && said.contains(rig.session()),
-            "{said}"
+            output.status.success() && text.contains(rig.session()),
+            "{text}"
         );
     }
     assert!(children.iter().all(|child| child.is_alive()));

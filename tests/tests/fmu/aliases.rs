@@ -232,16 +232,16 @@ fn a_parameter_not_accepted_by_the_fmu_ends_the_run() {
         let rows = [row("x", &[]), row("u", &[]), row("k", &[])];
         let stubborn = "-DKEPT(value)=((value) > 5 ? 5 : (value))";
         place.fmu("plant.fmu", &accumulator(version, &rows, &[stubborn]));
-        let told = ["parameter `k` was set to 7, and the FMU has 5"];
+        let expected = ["parameter `k` was set to 7, and the FMU has 5"];
         let start = format!("{text}[plant.parameters]\nk = 7\n");
-        place.run(&start, "").expect(2).says(&told);
+        place.run(&start, "").expect(2).says(&expected);
         let change = format!("{text}[[changes]]\nat_s = 0.1\nset.\"plant.parameters.k\" = 7.0\n");
         // An FMU may be initialised to another value and take this one later: its step decides.
         place.run(&change, "").expect(3).says(&told);
         let fault = format!(
             "{text}[[faults]]\nkind = \"bias\"\nat_s = 0.1\n[[faults.effects]]\ntarget = \"parameter.k\"\nbias = 7.0\n"
         );
-        place.run(&fault, "").expect(3).says(&told);
+        place.run(&fault, "").expect(3).says(&expected);
         place
             .run(&fault.replace("bias = 7.0", "bias = 5.0"), "")
             .expect(0);
@@ -303,8 +303,8 @@ fn aliases_work_during_the_run_and_afterwards() {
              [[changes]]\nat_s = 0.12\nset.\"reference.r\" = 3.0\n[[changes]]\nat_s = 0.15\nclear = [\"reference.r\"]\n",
         );
         let path = place.rig.write("live.toml", &text);
-        let shown = place.hil(&["config", "show", "live.toml"]).expect(0);
-        shown.prints(&["[\"plant.parameters.k\", \"reference.goal\"]"]);
+        let view = place.hil(&["config", "show", "live.toml"]).expect(0);
+        view.prints(&["[\"plant.parameters.k\", \"reference.goal\"]"]);
 
         let line = format!("{} --pause-at 0.1", path.display());
         let run = place.rig.start_with(place.command(), &line);

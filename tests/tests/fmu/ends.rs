@@ -31,7 +31,7 @@ fn an_endless_loop_is_named_at_the_wait_limit() {
     let Some(place) = Place::new() else { return };
     place.fmu("p.fmu", &proportional());
     let as_plant = scenario("proportional", "p.fmu", 100.0, 100.0);
-    for (text, key, told) in [
+    for (text, key, expected) in [
         (as_plant.as_str(), "plant.parameters", "plant was stuck"),
         (
             AS_CONTROLLER,
@@ -45,9 +45,9 @@ fn an_endless_loop_is_named_at_the_wait_limit() {
             &format!("--set {key}.trouble=11 --wait-limit {EXPIRES_S}"),
         );
         let run = run.expect(3);
-        let said = format!("{}{}", run.stdout, run.stderr);
-        for fragment in [told, "the solver looks for a root"] {
-            assert!(said.contains(fragment), "`{fragment}` is not in {said}");
+        let output = format!("{}{}", run.stdout, run.stderr);
+        for fragment in [expected, "the solver looks for a root"] {
+            assert!(output.contains(fragment), "`{fragment}` is not in {output}");
         }
     }
 }
@@ -92,12 +92,15 @@ fn the_loss_of_a_killed_fmu_is_reported_with_its_last_message() {
         send(fmu.pid, Signal::KILL);
         let run = running.finish().expect(3);
         place.assert_nothing_unpacked();
-        let said = format!("{}{}", run.stdout, run.stderr);
+        let expected = format!("{}{}", run.stdout, run.stderr);
         for fragment in [
             format!("{side} was killed by SIGKILL").as_str(),
             "the filter clogs",
         ] {
-            assert!(said.contains(fragment), "`{fragment}` is not in {said}");
+            assert!(
+                expected.contains(fragment),
+                "`{fragment}` is not in {expected}"
+            );
         }
     }
 }
@@ -113,10 +116,10 @@ fn a_model_with_a_host_program_cannot_be_started_by_hand() {
         for (side, text) in [("plant", plant), ("controller", controller)] {
             let run = place.run(&text, &format!("--{side} external"));
             let named = place.rig.path(name).display().to_string();
-            let told = format!(
+            let expected = format!(
                 "--{side} external: {named} is a model run by another program; name a program"
             );
-            let run = run.expect(2).says(&[&told]);
+            let run = run.expect(2).says(&[&expected]);
             assert!(!run.folder.exists(), "nothing was started");
             assert!(!run.stderr.contains("start it"), "{}", run.stderr);
         }

@@ -166,11 +166,11 @@ fn names_written_by_foreign_tools_survive_every_command() {
     let digest = run.summary()["digest"].clone();
     let folder = run.recording().with_file_name("").display().to_string();
 
-    let shown = place
+    let output = place
         .hil(&["config", "show", "scenario.toml"])
         .expect(0)
         .stdout;
-    place.rig.write("shown.toml", &shown);
+    place.rig.write("shown.toml", &output);
     place.hil(&["config", "check", "shown.toml"]).expect(0);
     place.hil(&["judge", &folder]).expect(0);
     place.hil(&["rerun", &folder, "--out", "again"]).expect(0);

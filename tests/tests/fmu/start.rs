@@ -62,7 +62,7 @@ pub(super) fn starts_scenario(rest: &str) -> String {
 }
 
 /// Returns the outputs at the end of a run.
-pub(super) fn told(run: &Run) -> Vec<f64> {
+pub(super) fn outputs(run: &Run) -> Vec<f64> {
     let recording = Recording::open(&run.recording());
     let last = |name: &&str| {
         *recording
@@ -83,18 +83,18 @@ fn an_fmu_receives_the_scenario_settings_at_its_start() {
         let Some(place) = Place::new() else { return };
         place.fmu("starts.fmu", &starts(version, ""));
         let run = place.run(&starts_scenario(""), "").expect(0);
-        assert_eq!(told(&run), [-1.0, 0.0, -1.0, last_s, 0.0, 0.0]);
+        assert_eq!(outputs(&run), [-1.0, 0.0, -1.0, last_s, 0.0, 0.0]);
 
         let experiment = "<DefaultExperiment startTime=\"2\" stopTime=\"2.5\" tolerance=\"1e-3\"/>";
         place.fmu("starts.fmu", &starts(version, experiment));
         let run = place.run(&starts_scenario(""), "").expect(0);
         // As FMPy's `simulate_fmu`, but for a stop time that the run may pass.
-        assert_eq!(told(&run), [1e-3, 2.0, -1.0, 2.0 + last_s, 0.0, 0.0]);
+        assert_eq!(outputs(&run), [1e-3, 2.0, -1.0, 2.0 + last_s, 0.0, 0.0]);
 
         std::fs::create_dir(place.rig.path("data")).expect("a folder");
         place.rig.write("data/table.csv", "12345");
         let run = place.run(&starts_scenario(SETTINGS), "").expect(0);
-        assert_eq!(told(&run), [1e-6, 5.0, 100.0, 5.0 + last_s, 7.0, 5.0]);
+        assert_eq!(outputs(&run), [1e-6, 5.0, 100.0, 5.0 + last_s, 7.0, 5.0]);
         let x = Recording::open(&run.recording()).column("truth.body_x");
         assert_eq!(x[0], 3.0);
         assert!((x[STEPS as usize] - (3.0 + f64::from(STEPS) / RATE_HZ)).abs() < 1e-12);
@@ -122,11 +122,11 @@ fn the_start_settings_of_an_fmu_are_part_of_its_recording() {
     place
         .hil(&["scenario", "from", &folder, "-o", "from.toml"])
         .expect(0);
-    let shown = place
+    let output = place
         .hil(&["config", "show", "scenario.toml"])
         .expect(0)
         .stdout;
-    place.rig.write("shown.toml", &shown);
+    place.rig.write("shown.toml", &output);
     for text in ["from.toml", "shown.toml"] {
         let repeated = std::fs::read_to_string(place.rig.path(text)).expect("written");
         let again = place.run(&repeated, "").expect(0);

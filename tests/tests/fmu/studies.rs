@@ -1,7 +1,7 @@
 //! Studies of FMUs: each case has the settings of its own scenario, in the campaign and when it is repeated.
 
 use super::Place;
-use super::start::{starts, starts_scenario, told};
+use super::start::{outputs, starts, starts_scenario};
 use crate::support::mcap_reader::Recording;
 
 #[test]
@@ -39,9 +39,9 @@ fn each_case_of_a_study_has_the_settings_of_its_own_scenario() {
         } else {
             (1e-2, 3.0)
         };
-        let outputs = told(&again);
+        let values = outputs(&again);
         let expected = [tolerance, 5.0, length, 5.0];
-        assert_eq!([outputs[0], outputs[1], outputs[4], outputs[5]], expected);
+        assert_eq!([values[0], values[1], values[4], values[5]], expected);
         let x = Recording::open(&again.recording()).column("truth.body_x");
         assert_eq!(x[0], f64::from(1 + case / 2), "case {case}");
     }

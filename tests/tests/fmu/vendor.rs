@@ -18,9 +18,9 @@ fn list<'a>(all: &'a Value, name: &str) -> &'a [Value] {
 }
 
 /// Compares a table with the variables it is made from.
-fn assert_table(table: &[Value], wanted: &[Variable]) {
-    assert_eq!(table.len(), wanted.len());
-    for (field, variable) in table.iter().zip(wanted) {
+fn assert_table(table: &[Value], expected: &[Variable]) {
+    assert_eq!(table.len(), expected.len());
+    for (field, variable) in table.iter().zip(expected) {
         let name = &variable.name;
         assert_eq!(field["name"], variable.here.as_str(), "{name}");
         assert_eq!(field["unit"], variable.unit, "{name}");
@@ -51,13 +51,13 @@ fn each_of_500_variables_has_its_position_unit_and_start_value() {
     for version in [2, 3] {
         let Some(place) = Place::new() else { return };
         place.fmu("vendor.fmu", &vendor(version));
-        let told = place
+        let report = place
             .hil(&["describe", "--json", "vendor.fmu"])
             .expect(0)
             .json();
         let (plant, imported) = (
-            &told["description"]["plants"][0],
-            &told["description"]["imported"],
+            &report["description"]["plants"][0],
+            &report["description"]["imported"],
         );
         assert_eq!(plant["name"], "vendor");
         assert_table(list(plant, "parameters"), &parameters);
@@ -100,11 +100,11 @@ fn all_signals_follow_the_closed_form_in_both_versions() {
             assert_eq!(states.len(), usize::from(steps) + 1);
             for step in 0..=steps {
                 let x = states[usize::from(step)];
-                let wanted = 1.0 - rest(step);
-                assert!((x - wanted).abs() < 1e-14, "{}: {x}", state.name);
+                let expected = 1.0 - rest(step);
+                assert!((x - expected).abs() < 1e-14, "{}: {x}", state.name);
                 let dx = derivatives[usize::from(step)];
-                let wanted = if step == 0 { 0.0 } else { k * rest(step - 1) };
-                assert!((dx - wanted).abs() < 1e-14, "{}: {dx}", derivative.name);
+                let expected = if step == 0 { 0.0 } else { k * rest(step - 1) };
+                assert!((dx - expected).abs() < 1e-14, "{}: {dx}", derivative.name);
             }
             if place < OUTPUTS {
                 let output = recording.column(&format!("measured.sensors_pressure__{}", place + 1));

@@ -40,19 +40,19 @@ fn a_connected_law_has_one_digest_on_an_fmu_in_c_and_in_rust() {
     let rig = Rig::new();
     let in_rust = run(&rig, &program_of_tests("foreign-plant"), "");
     for plant in plants(&rig) {
-        let shown = plant.display().to_string();
+        let path_text = plant.display().to_string();
         let first = run(&rig, &plant, "");
-        assert_eq!(first.digest(), in_rust.digest(), "{shown}");
+        assert_eq!(first.digest(), in_rust.digest(), "{path_text}");
         for more in ["", "--pace 10", "--no-record"] {
             assert_eq!(
                 run(&rig, &plant, more).digest(),
                 first.digest(),
-                "{shown} {more}"
+                "{path_text} {more}"
             );
         }
         // Named by a flag and not by the scenario, so the recording names no program.
         let again = rig
-            .rerun(&first.folder, &["--plant-bin", &shown])
+            .rerun(&first.folder, &["--plant-bin", &path_text])
             .expect(0)
             .prints(&[&first.digest()]);
         std::fs::remove_dir_all(again.folder).expect("ours");
@@ -67,12 +67,12 @@ fn connections_work_in_real_time_and_on_a_target() {
     let rig = Rig::new();
     let board = Board::new(&rig);
     for plant in plants(&rig) {
-        let shown = plant.display();
+        let path_text = plant.display();
         let here = run(&rig, &plant, "");
         let scenario = rig.path("connected.toml");
         let there = |more: &str| {
             let arguments = format!(
-                "{} --plant-bin {shown} --target me@board {more}",
+                "{} --plant-bin {path_text} --target me@board {more}",
                 scenario.display()
             );
             let there = rig.start_with(board.hil(), &arguments).finish().expect(0);
@@ -80,7 +80,7 @@ fn connections_work_in_real_time_and_on_a_target() {
             there
         };
         for more in ["", "--pace 5"] {
-            assert_eq!(there(more).digest(), here.digest(), "{shown} {more}");
+            assert_eq!(there(more).digest(), here.digest(), "{path_text} {more}");
         }
         // The step of a command depends on the machine, but names and units do not.
         for clocked in [
@@ -92,9 +92,9 @@ fn connections_work_in_real_time_and_on_a_target() {
             assert_eq!(
                 summary["connections"],
                 here.summary()["connections"],
-                "{shown}"
+                "{path_text}"
             );
-            assert_eq!(summary["connections"][2]["plant_unit"], "kN", "{shown}");
+            assert_eq!(summary["connections"][2]["plant_unit"], "kN", "{path_text}");
         }
     }
 }
@@ -110,7 +110,7 @@ fn campaign_cases_have_the_digests_of_connected_runs() {
                  [[vary]]\nkey = \"plant.parameters.mass_kg\"\nkind = \"list\"\nvalues = [0.5, 1.0, 2.0]\n";
     let study = rig.write("study.toml", study).display().to_string();
     for plant in plants(&rig) {
-        let shown = plant.display().to_string();
+        let path_text = plant.display().to_string();
         let folder = rig.path("campaign");
         let folder = folder.to_str().expect("text");
         let plan = [
@@ -120,7 +120,7 @@ fn campaign_cases_have_the_digests_of_connected_runs() {
             "-o",
             folder,
             "--plant-bin",
-            &shown,
+            &path_text,
         ];
         rig.hil(&plan).expect(0);
         rig.hil(&["campaign", "run", folder]).expect(0);
@@ -128,15 +128,19 @@ fn campaign_cases_have_the_digests_of_connected_runs() {
             let out = format!("{folder}-case-{case}");
             let (number, out) = (case.to_string(), out.as_str());
             // Fails if the digest differs from that of the campaign.
-            let told = ["campaign", "case", folder, &number, "--out", out, "--json"];
-            let told = rig.hil(&told).expect(0).json();
+            let expected = ["campaign", "case", folder, &number, "--out", out, "--json"];
+            let expected = rig.hil(&expected).expect(0).json();
             std::fs::remove_dir_all(out).expect("ours");
             let alone = run(
                 &rig,
                 &plant,
                 &format!("--set plant.parameters.mass_kg={mass_kg:?}"),
             );
-            assert_eq!(told["digest"], alone.digest(), "{shown}: case {case}");
+            assert_eq!(
+                expected["digest"],
+                alone.digest(),
+                "{path_text}: case {case}"
+            );
         }
         std::fs::remove_dir_all(folder).expect("ours");
     }

@@ -47,9 +47,12 @@ fn reason(run: Run, code: i32, fragments: &[&str]) {
     let run = run.expect(code);
     let summary = run.summary();
     let reason = summary["reason"].as_str().expect("a reason");
-    let said = format!("{reason}\n{}", run.stderr);
+    let expected = format!("{reason}\n{}", run.stderr);
     for fragment in fragments {
-        assert!(said.contains(fragment), "`{fragment}` is not in `{said}`");
+        assert!(
+            expected.contains(fragment),
+            "`{fragment}` is not in `{expected}`"
+        );
     }
 }
 
@@ -214,7 +217,7 @@ fn every_mistake_in_the_tables_is_named_before_anything_starts() {
     }
     let rig = Rig::new();
     let plant = misbehaving(&rig, "misbehaving-plant", CLEAN);
-    for (mistake, told) in [
+    for (mistake, message) in [
         (
             "twice",
             "truth of plant `misbehaves`: `x_m` is defined twice",
@@ -262,9 +265,9 @@ fn every_mistake_in_the_tables_is_named_before_anything_starts() {
         let mut command = rig.command(&plant);
         let output = command.arg("--describe").env("MISTAKE", mistake).output();
         let output = output.expect("it runs");
-        let said = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "{mistake}: {said}");
-        assert!(said.contains(told), "{mistake}: {said}");
+        let text = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{mistake}: {text}");
+        assert!(text.contains(message), "{mistake}: {text}");
     }
     // `hil` shows it too.
     let wrong = rig.script(
@@ -296,20 +299,20 @@ fn a_tunable_parameter_of_a_law_in_c_accepts_values_or_is_refused_by_name() {
     };
     let whole = described("none");
     assert_eq!(whole.status.code(), Some(0));
-    let told: Value = serde_json::from_slice(&whole.stdout).expect("JSON");
+    let report: Value = serde_json::from_slice(&whole.stdout).expect("JSON");
     assert_eq!(
-        told["laws"][0]["parameters"][0]["tunable"], true,
-        "{told:#}"
+        report["laws"][0]["parameters"][0]["tunable"], true,
+        "{report:#}"
     );
     for missing in ["retune", "tuning"] {
         let refused = described(missing);
         assert_eq!(refused.status.code(), Some(2), "{missing}");
         assert!(refused.stdout.is_empty(), "{missing}");
-        let said = String::from_utf8_lossy(&refused.stderr);
-        let told = "`deed` is HIL_TUNABLE: that needs `retune` and `tuning`";
+        let text = String::from_utf8_lossy(&refused.stderr);
+        let report = "`deed` is HIL_TUNABLE: that needs `retune` and `tuning`";
         assert_eq!(
-            said,
-            format!("error: {told}\n"),
+            text,
+            format!("error: {report}\n"),
             "one line, and nothing else"
         );
         let wrong = rig.script(
@@ -320,7 +323,7 @@ fn a_tunable_parameter_of_a_law_in_c_accepts_values_or_is_refused_by_name() {
             ),
         );
         let run = deed(&rig, "controller", &wrong, 0).expect(2);
-        let expected = format!("error: cannot run {}: {told}\n", wrong.display());
+        let expected = format!("error: cannot run {}: {report}\n", wrong.display());
         assert_eq!(run.stderr, expected, "{missing}");
         assert!(!run.folder.exists(), "nothing was started");
     }

@@ -53,14 +53,14 @@ impl Play {
     }
 
     /// Waits for the end of the script, in which the browser reported no error; returns its result.
-    pub(super) fn told(mut self) -> Value {
-        let mut told = String::new();
-        self.stdout.read_to_string(&mut told).expect("text");
+    pub(super) fn result(mut self) -> Value {
+        let mut text = String::new();
+        self.stdout.read_to_string(&mut text).expect("text");
         let status = self.process.wait().expect("our child");
-        assert!(status.success(), "{told}");
-        let told: Value = serde_json::from_str(&told).unwrap_or_else(|e| panic!("{e}: {told}"));
-        assert_eq!(told["wrong"], json!([]), "{told}");
-        told
+        assert!(status.success(), "{text}");
+        let text: Value = serde_json::from_str(&text).unwrap_or_else(|e| panic!("{e}: {text}"));
+        assert_eq!(text["wrong"], json!([]), "{text}");
+        text
     }
 }
 
@@ -104,7 +104,7 @@ fn every_control_has_its_effect_in_the_session() {
     let Some(play) = Play::start("controls", &panel.url) else {
         return;
     };
-    let told = play.told();
+    let output = play.result();
     let run = run.finish();
     let summary = run.summary();
     let faults = summary["faults"].as_array().expect("faults");
@@ -139,40 +139,43 @@ fn every_control_has_its_effect_in_the_session() {
         summary["marks"],
         json!([{ "step": 2601, "text": "<b>felt & heard</b>", "at_s": 2.601 }])
     );
-    assert_eq!(told["bold"], 0, "texts stay texts");
-    assert_eq!(told["held"], true);
+    assert_eq!(output["bold"], 0, "texts stay texts");
+    assert_eq!(output["held"], true);
     assert_eq!(
-        (&told["pressed"], &told["theme"]),
+        (&output["pressed"], &output["theme"]),
         (&json!("false"), &json!("dark"))
     );
-    assert_eq!(told["words"], "bias measured.position_m --bias=-0.001");
+    assert_eq!(output["words"], "bias measured.position_m --bias=-0.001");
     // A tenth of the position so far, which is near 1 cm, in one digit.
-    let usual = number(told["usual"].as_str().expect("text"));
+    let usual = number(output["usual"].as_str().expect("text"));
     assert!((5e-4..=2e-3).contains(&usual), "{usual}");
     let verdict = summary["verdict"].as_str().expect("a verdict");
-    assert_eq!(told["state"], format!("ended: {verdict}"));
+    assert_eq!(output["state"], format!("ended: {verdict}"));
     for part in ["spring-mass ended", "5000 steps"] {
         assert!(
-            told["trouble"].as_str().expect("text").contains(part),
-            "{told}"
+            output["trouble"].as_str().expect("text").contains(part),
+            "{output}"
         );
     }
     for requirement in summary["requirements"].as_array().expect("requirements") {
         let name = requirement["name"].as_str().expect("a name");
         assert!(
-            told["requirements"].as_str().expect("text").contains(name),
-            "{told}"
+            output["requirements"]
+                .as_str()
+                .expect("text")
+                .contains(name),
+            "{output}"
         );
     }
     assert!(
-        told["readings"]
+        output["readings"]
             .as_str()
             .expect("text")
             .contains("truth.position_m")
     );
     // The first curve was hidden by clicking its name.
-    let mut ink = told["ink"].clone();
-    assert_eq!(ink[0][0].take(), 0, "{told}");
+    let mut ink = output["ink"].clone();
+    assert_eq!(ink[0][0].take(), 0, "{output}");
     ink[0].as_array_mut().expect("curves").remove(0);
     assert_drawn(&ink);
     drop(panel);
@@ -185,7 +188,7 @@ fn a_slider_changes_its_value_on_every_page() {
     let Some(play) = Play::start("tune", &panel.url) else {
         return;
     };
-    let told = play.told();
+    let output = play.result();
     let run = run.finish();
     let summary = run.summary();
     let changes = summary["changes"].as_array().expect("changes");
@@ -207,9 +210,9 @@ fn a_slider_changes_its_value_on_every_page() {
         "{gains:?}"
     );
     // A slider of 300 N/m goes from 0 to 600 in 200 steps of 3; a pixel or two of the drag belong to its thumb.
-    let (dragged, pressed) = (told["dragged"].as_f64(), told["pressed"].as_f64());
+    let (dragged, pressed) = (output["dragged"].as_f64(), output["pressed"].as_f64());
     let (dragged, pressed) = dragged.zip(pressed).expect("numbers");
-    assert!((435.0..=465.0).contains(&dragged), "{told}");
+    assert!((435.0..=465.0).contains(&dragged), "{output}");
     assert_eq!(pressed, dragged + 3.0);
     assert_eq!(gains.last().expect("some").1, pressed);
     let reference = changes
@@ -221,13 +224,13 @@ fn a_slider_changes_its_value_on_every_page() {
         .find(|change| change["clear"] == json!(["reference.position_m"]));
     assert_eq!(back.expect("it was given back")["step"], 2600);
     // The changes by the slider share one row with a count.
-    let rows = told["rows"].as_array().expect("rows");
-    let (count, pressed) = (gains.len(), number(&told["pressed"].to_string()));
+    let rows = output["rows"].as_array().expect("rows");
+    let (count, pressed) = (gains.len(), number(&output["pressed"].to_string()));
     let row = format!(
         "changed at step 2500 (2.5 s): controller.pid.proportional_n_per_m = {pressed} N/m ({count} changes since step 2500)"
     );
-    assert_eq!(rows, &[json!(row)], "{told}");
-    let focused = told["focused"].as_str().expect("a key");
+    assert_eq!(rows, &[json!(row)], "{output}");
+    let focused = output["focused"].as_str().expect("a key");
     assert!(focused.starts_with("controller.pid."), "{focused}");
     rig.rerun(&run.folder, &[]).prints(&["same digest"]);
     drop(panel);
@@ -240,22 +243,22 @@ fn everything_can_be_done_without_a_pointer() {
     let Some(play) = Play::start("keyboard", &panel.url) else {
         return;
     };
-    let told = play.told();
-    let window: Vec<f64> = told["window"]
+    let output = play.result();
+    let window: Vec<f64> = output["window"]
         .as_array()
         .expect("three")
         .iter()
         .filter_map(Value::as_f64)
         .collect();
-    let asks = told["asks"].as_array().expect("looks");
+    let asks = output["asks"].as_array().expect("looks");
     let question =
         "Inject dropout measured.position_m --duration 0.05?\ny injects it, any other key cancels.";
     let nothing = json!(false);
-    assert_eq!(asks[..5], [(); 5].map(|()| nothing.clone()), "{told}");
+    assert_eq!(asks[..5], [(); 5].map(|()| nothing.clone()), "{output}");
     assert_eq!(
         asks[5..],
         [json!(question), nothing.clone(), nothing],
-        "{told}"
+        "{output}"
     );
     // The whole run is the longest window.
     assert!(
@@ -263,11 +266,11 @@ fn everything_can_be_done_without_a_pointer() {
         "{window:?}"
     );
     assert_eq!(
-        (&told["focused"], &told["outlined"]),
+        (&output["focused"], &output["outlined"]),
         (&json!("kind"), &json!(true))
     );
-    assert_eq!(told["skipped"], json!(["plots", panel.url]));
-    let reached = told["reached"].as_array().expect("controls");
+    assert_eq!(output["skipped"], json!(["plots", panel.url]));
+    let reached = output["reached"].as_array().expect("controls");
     for control in [
         "pause", "step", "steps", "mark", "window", "theme", "kind", "target",
     ] {
@@ -290,13 +293,13 @@ fn the_page_fits_a_phone_and_a_desktop_in_both_themes() {
     let Some(play) = Play::start("looks", &panel.url) else {
         return;
     };
-    let told = play.told();
+    let output = play.result();
     for name in ["desk-light", "desk-dark", "phone-light", "phone-dark"] {
-        let told = &told[name];
-        assert_eq!(name.split_once('-').expect("a theme").1, told["theme"]);
-        assert!(told["overflow"].as_i64() <= Some(0), "{name}: {told}");
-        assert_eq!(told["small"], json!([]), "{name}: too small for a finger");
-        assert_drawn(&told["ink"]);
+        let output = &output[name];
+        assert_eq!(name.split_once('-').expect("a theme").1, output["theme"]);
+        assert!(output["overflow"].as_i64() <= Some(0), "{name}: {output}");
+        assert_eq!(output["small"], json!([]), "{name}: too small for a finger");
+        assert_drawn(&output["ink"]);
     }
     drop(panel);
     rig.in_session("resume").expect(0);
@@ -310,21 +313,21 @@ fn two_browsers_show_each_others_actions() {
     let Some(play) = Play::start("several", &panel.url) else {
         return;
     };
-    let told = play.told();
+    let output = play.result();
     assert!(
-        told["one"].as_str().expect("text").contains("dropout"),
-        "{told}"
+        output["one"].as_str().expect("text").contains("dropout"),
+        "{output}"
     );
     // The mark and the fault belong to one step, and so to one update of the state.
-    let log = told["log"].as_array().expect("rows");
+    let log = output["log"].as_array().expect("rows");
     let rows = |part: &str| {
         let has = |row: &&Value| row.as_str().is_some_and(|row| row.contains(part));
         log.iter().filter(has).count()
     };
-    assert_eq!(rows("fault 1 dropout on"), 1, "{told}");
+    assert_eq!(rows("fault 1 dropout on"), 1, "{output}");
     assert_eq!(rows("mark at step 2501 (2.501 s): from the other"), 1);
     for later in ["other-log", "loaded-log"] {
-        assert_eq!(told[later], told["log"], "{later}: {told}");
+        assert_eq!(output[later], output["log"], "{later}: {output}");
     }
     drop(panel);
     rig.in_session("resume").expect(0);
@@ -397,17 +400,17 @@ fn a_forwarded_connection_recovers_after_a_cut_with_the_missed_data() {
         return;
     };
     play.at_go(|| wire.cut());
-    let told = play.told();
-    assert_drawn(&told["cut"]);
-    assert_drawn(&told["loaded"]);
-    let log = told["log"].as_array().expect("rows");
+    let output = play.result();
+    assert_drawn(&output["cut"]);
+    assert_drawn(&output["loaded"]);
+    let log = output["log"].as_array().expect("rows");
     let is_mark = |row: &&Value| row == &"mark at step 2500 (2.5 s): before the cut";
-    assert_eq!(log.iter().filter(is_mark).count(), 1, "{told}");
+    assert_eq!(log.iter().filter(is_mark).count(), 1, "{output}");
     for later in ["cut-log", "loaded-log"] {
-        assert_eq!(told[later], told["log"], "{later}: {told}");
+        assert_eq!(output[later], output["log"], "{later}: {output}");
     }
     assert_eq!(
-        (&told["state"], &told["url"]),
+        (&output["state"], &output["url"]),
         (&json!("paused"), &json!(url))
     );
     drop(panel);
@@ -422,15 +425,18 @@ fn a_browser_without_the_secret_and_a_foreign_page_get_nothing() {
     let Some(play) = Play::start("strangers", &panel.url) else {
         return;
     };
-    let told = play.told();
+    let output = play.result();
     for (name, part) in [("none", "has no secret"), ("false", "the secret is wrong")] {
-        assert!(told[name].as_str().expect("text").contains(part), "{told}");
-        assert_eq!(told[format!("{name}-plots")], 0);
+        assert!(
+            output[name].as_str().expect("text").contains(part),
+            "{output}"
+        );
+        assert_eq!(output[format!("{name}-plots")], 0);
     }
     assert_eq!(
-        (&told["foreign"], &told["framed"]),
+        (&output["foreign"], &output["framed"]),
         (&json!("refused"), &json!("refused")),
-        "{told}"
+        "{output}"
     );
     drop(panel);
     rig.in_session("resume").expect(0);

@@ -75,20 +75,23 @@ fn only_pages_of_the_panel_get_data_and_the_run_is_unaffected() {
         !head.contains("unsafe") && !head.to_lowercase().contains("set-cookie"),
         "{head}"
     );
-    for told in [panel.secret(), rig.session(), "position_m", "spring"] {
-        assert!(!body.contains(told), "{told} is in the page");
+    for expected in [panel.secret(), rig.session(), "position_m", "spring"] {
+        assert!(!body.contains(expected), "{expected} is in the page");
     }
     let again = answer(&panel, &get("/", &[host]));
     assert_ne!(page, again, "a number for each page");
 
     // Names that resolve to this machine, and pages from elsewhere.
     let refused = |place: &str, lines: &[(&str, &str)], status: &str| {
-        let told = answer(&panel, &get(place, lines));
+        let expected = answer(&panel, &get(place, lines));
         assert!(
-            told.starts_with(&format!("HTTP/1.1 {status} ")),
-            "{place} {lines:?}: {told}"
+            expected.starts_with(&format!("HTTP/1.1 {status} ")),
+            "{place} {lines:?}: {expected}"
         );
-        assert!(told.len() < 600 && !told.contains(panel.secret()), "{told}");
+        assert!(
+            expected.len() < 600 && !expected.contains(panel.secret()),
+            "{expected}"
+        );
     };
     let port = panel.address().split_once(':').expect("a port").1;
     for name in [
@@ -136,10 +139,12 @@ fn only_pages_of_the_panel_get_data_and_the_run_is_unaffected() {
         b"GET\r\n\r\n",
         b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n",
     ] {
-        let told = answer(&panel, garbage);
+        let expected = answer(&panel, garbage);
         assert!(
-            told.is_empty() || told.starts_with("HTTP/1.1 4") || told.starts_with("HTTP/1.1 505"),
-            "{told}"
+            expected.is_empty()
+                || expected.starts_with("HTTP/1.1 4")
+                || expected.starts_with("HTTP/1.1 505"),
+            "{expected}"
         );
     }
 
@@ -154,9 +159,9 @@ fn only_pages_of_the_panel_get_data_and_the_run_is_unaffected() {
     ] {
         let mut client = Client::connected(&panel.url);
         client.say(&greeting);
-        let told = client.until_closed();
+        let expected = client.until_closed();
         assert_eq!(
-            told,
+            expected,
             [json!({ "tell": "over", "text": "the secret is wrong" })],
             "{greeting}"
         );
@@ -206,18 +211,18 @@ fn slow_and_silent_strangers_are_dropped_and_crowds_block_no_page_for_long() {
     // Room again, for the maximum number of pages.
     let mut pages: Vec<Client> = (0..8).map(|_| Client::greeted(&panel.url)).collect();
     for page in &mut pages {
-        page.until(|told| told["tell"] == "about");
+        page.until(|message| message["tell"] == "about");
     }
-    let told = Client::greeted(&panel.url).until_closed();
+    let message = Client::greeted(&panel.url).until_closed();
     assert_eq!(
-        told,
+        message,
         [json!({ "tell": "over", "text": "8 pages are open, the maximum" })]
     );
     pages.pop();
     crate::support::harness::until("there is room", || {
         let mut next = Client::greeted(&panel.url);
-        let told = next.until(|_| true);
-        told["tell"] != "over"
+        let message = next.until(|_| true);
+        message["tell"] != "over"
     });
     drop(pages);
     assert_eq!(panel.interrupt(), Some(130));

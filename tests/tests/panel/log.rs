@@ -33,20 +33,20 @@ impl Page {
     fn until(&mut self, is_it: impl Fn(&Value, &[String]) -> bool) -> Value {
         let began = Instant::now();
         loop {
-            let next = self.client.next().expect("more is told");
-            let told = next.unwrap_or_default();
-            if told["tell"] == "log" {
-                if told["edition"] != self.edition {
-                    self.edition = told["edition"].clone();
+            let next = self.client.next().expect("another message");
+            let output = next.unwrap_or_default();
+            if output["tell"] == "log" {
+                if output["edition"] != self.edition {
+                    self.edition = output["edition"].clone();
                     self.log.clear();
                 }
-                assert_eq!(told["from"], self.log.len(), "no gap, and nothing twice");
-                let events = told["events"].as_array().expect("events").iter();
+                assert_eq!(output["from"], self.log.len(), "no gap, and nothing twice");
+                let events = output["events"].as_array().expect("events").iter();
                 let texts = events.map(|event| event["text"].as_str().expect("text").to_owned());
                 self.log.extend(texts);
             }
-            if is_it(&told, &self.log) {
-                return told;
+            if is_it(&output, &self.log) {
+                return output;
             }
             assert!(began.elapsed() < WATCHDOG, "{:?}", self.log);
         }
@@ -54,19 +54,19 @@ impl Page {
 
     fn does(&mut self, deed: &Value) {
         self.client.do_it(deed);
-        let answer = self.until(|told, _| told["tell"] == "answer");
+        let answer = self.until(|message, _| message["tell"] == "answer");
         assert_eq!(answer["is_done"], true, "{answer}");
     }
 
     /// Reads the log of the whole session.
     fn until_the_end(mut self) -> Vec<String> {
-        self.until(|told, _| told["ending"]["verdict"].is_string());
+        self.until(|message, _| message["ending"]["verdict"].is_string());
         self.log
     }
 }
 
 /// Returns an event of a recording in the form of the log; `None` for events that the log omits.
-fn told(event: &Value) -> Option<String> {
+fn entry_of(event: &Value) -> Option<String> {
     let step = event["step"].as_u64();
     let at = step.map(|step| format!("step {step} ({} s)", step as f64 / 1000.0));
     let (at, text) = (at.unwrap_or_default(), |name: &str| event[name].as_str());
@@ -134,7 +134,7 @@ fn the_log_has_every_event_once_and_in_order_even_for_late_pages() {
     let run = run.finish().expect(0);
 
     let recording = Recording::open(&run.recording());
-    let expected: Vec<String> = recording.events.iter().filter_map(told).collect();
+    let expected: Vec<String> = recording.events.iter().filter_map(entry_of).collect();
     let is_of = |part: &str| expected.iter().filter(|row| row.contains(part)).count();
     assert_eq!(
         [
@@ -172,7 +172,7 @@ fn a_log_of_very_many_changes_is_complete() {
     let log = page.until_the_end();
     let run = run.finish().expect(0);
     let recording = Recording::open(&run.recording());
-    let expected: Vec<String> = recording.events.iter().filter_map(told).collect();
-    let other = (log.iter().zip(&expected)).find(|(found, expected)| found != expected);
+    let expected: Vec<String> = recording.events.iter().filter_map(entry_of).collect();
+    let other = (log.iter().zip(&expected)).find(|(entry, expected)| entry != expected);
     assert_eq!((other, log.len()), (None, expected.len()));
 }

@@ -30,7 +30,7 @@ fn axis_labels_are_complete_in_both_themes_and_at_every_zoom() {
     let Some(play) = Play::start("labels", &panel.url) else {
         return;
     };
-    let result = play.told();
+    let result = play.result();
     let views = result.as_object().expect("views");
     let views: Vec<_> = views.iter().filter(|(view, _)| *view != "wrong").collect();
     assert_eq!(views.len(), 8);
@@ -74,7 +74,7 @@ fn the_pause_button_becomes_resume_in_place_and_keeps_the_focus() {
     let Some(play) = Play::start("places", &panel.url) else {
         return;
     };
-    let result = play.told();
+    let result = play.result();
     for width in ["1280", "1000", "800", "360"] {
         let seen = result[width].as_array().expect("three looks");
         let [paused, running, paused_again] = &seen[..] else {
@@ -95,7 +95,7 @@ fn window_theme_and_hidden_curves_survive_a_reload_and_corrupt_storage() {
     let Some(play) = Play::start("reload", &panel.url) else {
         return;
     };
-    let result = play.told();
+    let result = play.result();
     let (first, chosen) = (&result["first"], &result["chosen"]);
     assert_eq!((&first[0], &first[2][0]), (&json!("light"), &json!("true")));
     assert_eq!(
@@ -128,7 +128,7 @@ fn the_last_values_stay_when_the_run_has_ended() {
     let Some(play) = Play::start("final", &panel.url) else {
         return;
     };
-    let result = play.told();
+    let result = play.result();
     assert_eq!(result["before"], "Readings");
     let looks = ["ended", "loaded"].map(|look| &result[look]);
     for look in looks {

@@ -115,11 +115,11 @@ impl Client {
         self.find(|next| next.err().filter(&is_it))
     }
 
-    fn find<T>(&mut self, found: impl Fn(Result<Value, Points>) -> Option<T>) -> T {
+    fn find<T>(&mut self, text: impl Fn(Result<Value, Points>) -> Option<T>) -> T {
         let began = Instant::now();
         loop {
-            if let Some(found) = found(self.next().expect("more is told")) {
-                return found;
+            if let Some(text) = text(self.next().expect("more is told")) {
+                return text;
             }
             assert!(began.elapsed() < WATCHDOG, "it is not told");
         }
@@ -127,11 +127,11 @@ impl Client {
 
     /// Waits until the connection is closed.
     pub(super) fn until_closed(&mut self) -> Vec<Value> {
-        let mut told = Vec::new();
+        let mut output = Vec::new();
         while let Ok(message) = self.next() {
-            told.extend(message.ok());
+            output.extend(message.ok());
         }
-        told
+        output
     }
 }
 
@@ -152,14 +152,14 @@ fn points_are_the_extremes_of_all_their_records() {
     let signals = names.map(|name| ["--signal", name]);
     let mut panel = Panel::start(&rig, signals.as_flattened());
     let mut client = Client::greeted(&panel.url);
-    let about = client.until(|told| told["tell"] == "about");
+    let about = client.until(|message| message["tell"] == "about");
     // In parts that fit an observer's queue, so that nothing is lost however slow the panel is.
-    let mut state = client.until(|told| told["step"].is_u64());
+    let mut state = client.until(|message| message["step"].is_u64());
     while state["state"] != "ended" {
         let last = state["step"].as_u64().expect("a step") + 1000;
         client.do_it(&json!({ "deed": "step", "steps": 1000 }));
-        state =
-            client.until(|told| told["state"] == "ended" || told["step"].as_u64() >= Some(last));
+        state = client
+            .until(|message| message["state"] == "ended" || message["step"].as_u64() >= Some(last));
     }
     assert_eq!(state["lost"], 0);
     // A window longer than the run, a shorter one, and every step of a short one.
@@ -196,9 +196,9 @@ fn points_are_the_extremes_of_all_their_records() {
                 let least = there.iter().copied().min_by(f64::total_cmp);
                 let greatest = there.iter().copied().max_by(f64::total_cmp);
                 let expected = [least, greatest].map(|one| one.unwrap_or(f64::NAN));
-                let found = stretch.map(f32::to_bits);
+                let result = stretch.map(f32::to_bits);
                 assert_eq!(
-                    found,
+                    result,
                     expected.map(|one| (one as f32).to_bits()),
                     "{name} {number}"
                 );
@@ -226,7 +226,7 @@ fn the_panel_of_a_scenario_chooses_readings_sliders_and_buttons() {
     let run = held(&rig, &scenario, "--pause-at 0.001");
     let panel = Panel::start(&rig, &[]);
     let mut client = Client::greeted(&panel.url);
-    let about = client.until(|told| told["tell"] == "about");
+    let about = client.until(|message| message["tell"] == "about");
     assert_eq!(about["window_s"], 2.0);
     assert_eq!(about["buttons"][0]["words"], "dropout measured.position_m");
     let names = about["readings"].as_array().expect("readings").iter();
@@ -240,7 +240,7 @@ fn the_panel_of_a_scenario_chooses_readings_sliders_and_buttons() {
                 .iter()
                 .all(|name| name.as_str().is_some_and(|name| name.starts_with("truth.")))
     );
-    let tunable = client.until(|told| told["tell"] == "tunable");
+    let tunable = client.until(|message| message["tell"] == "tunable");
     let keys = tunable["values"].as_array().expect("values").iter();
     let keys: Vec<&Value> = keys.map(|one| &one["key"]).collect();
     assert_eq!(keys, ["plant.parameters.mass_kg", "reference.position_m"]);
@@ -248,7 +248,7 @@ fn the_panel_of_a_scenario_chooses_readings_sliders_and_buttons() {
     for (value, is_done) in [(600.0, true), (1e30, false)] {
         let set = json!([{ "key": "controller.pid.proportional_n_per_m", "value": value }]);
         client.do_it(&json!({ "deed": "set", "change": { "set": set } }));
-        let answer = client.until(|told| told["tell"] == "answer");
+        let answer = client.until(|message| message["tell"] == "answer");
         assert_eq!(answer["is_done"], is_done, "{answer}");
     }
     rig.in_session("resume").expect(0);
@@ -287,7 +287,7 @@ fn a_stalled_page_costs_nothing_and_receives_no_outdated_data() {
     let run = held(&rig, scenario, "--pace 0.5 --pause-at 0.001");
     let panel = Panel::start(&rig, &[]);
     let mut client = Client::greeted(&panel.url);
-    client.until(|told| told["tell"] == "about");
+    client.until(|message| message["tell"] == "about");
     client.look(1, 1.0);
     let first = client.until_points(|points| points.view == 1);
     assert!(first.newest < 20, "{}", first.newest);
@@ -318,8 +318,8 @@ fn a_fault_by_words_is_checked_and_no_file_of_the_machine_is_read() {
     let run = rig.held();
     let panel = Panel::start(&rig, &[]);
     let mut client = Client::greeted(&panel.url);
-    client.until(|told| told["tell"] == "faults");
-    for (words, told) in [
+    client.until(|message| message["tell"] == "faults");
+    for (words, message) in [
         ("bias measured.position_m --bias=x", "no number"),
         ("leek", "no fault `leek`"),
         ("--list", "a kind of fault"),
@@ -335,13 +335,13 @@ fn a_fault_by_words_is_checked_and_no_file_of_the_machine_is_read() {
         ("bias 'measured.position_m", "quote"),
     ] {
         client.do_it(&json!({ "deed": "inject", "words": words }));
-        let answer = client.until(|told| told["tell"] == "answer");
+        let answer = client.until(|message| message["tell"] == "answer");
         assert_eq!(answer["is_done"], false, "{words}: {answer}");
         let text = answer["text"].as_str().expect("text");
-        assert!(text.contains(told), "{words}: {text}");
+        assert!(text.contains(message), "{words}: {text}");
     }
     client.do_it(&json!({ "deed": "mark", "text": " " }));
-    let answer = client.until(|told| told["tell"] == "answer");
+    let answer = client.until(|message| message["tell"] == "answer");
     assert_eq!(answer["is_done"], false);
     assert_eq!(panel.interrupt(), Some(130));
     assert_eq!(

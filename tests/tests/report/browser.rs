@@ -89,16 +89,16 @@ fn looked_at(rig: &Rig, page: &Page, width: u32, dark: bool) -> Option<Value> {
         .arg(format!("--user-data-dir={}", profile.display()))
         .args(dark.then_some("--blink-settings=preferredColorScheme=0"))
         .arg(format!("file://{}", path.display()));
-    let told = rig.program(browser).expect(0);
-    let (_, rest) = (told.stdout.split_once("<pre id=\"told\">"))
-        .unwrap_or_else(|| panic!("nothing told: {}", told.stderr));
+    let output = rig.program(browser).expect(0);
+    let (_, rest) = (output.stdout.split_once("<pre id=\"told\">"))
+        .unwrap_or_else(|| panic!("nothing told: {}", output.stderr));
     let (json, _) = rest.split_once("</pre>").expect("its end");
     Some(serde_json::from_slice(&base64(json)).expect("JSON"))
 }
 
-fn assert_drawn(told: &Value, page: &Page) {
-    assert_eq!(told["wrong"], serde_json::json!([]));
-    let figures = told["figures"].as_array().expect("figures");
+fn assert_drawn(report: &Value, page: &Page) {
+    assert_eq!(report["wrong"], serde_json::json!([]));
+    let figures = report["figures"].as_array().expect("figures");
     assert!(figures.len() > page.plots().len(), "histograms too");
     for figure in figures {
         let ink = figure["ink"].as_array().expect("ink");
@@ -110,12 +110,12 @@ fn assert_drawn(told: &Value, page: &Page) {
         );
     }
     assert!(
-        told["overflow"].as_i64() <= Some(0),
+        report["overflow"].as_i64() <= Some(0),
         "the page is wider than the window"
     );
     let texts = figures.iter().map(|figure| &figure["texts"]);
     for text in texts
-        .chain([&told["zoomed"]])
+        .chain([&report["zoomed"]])
         .filter_map(Value::as_array)
         .flatten()
     {
@@ -158,11 +158,11 @@ fn a_browser_draws_every_plot_without_errors_in_both_themes_and_on_a_phone() {
     let run = rig.run(scenario.to_str().expect("text")).expect(1);
     let page = Page::of(&rig, &[&run], &[]);
     for (width, dark) in [(1280, false), (1280, true), (500, false)] {
-        let Some(told) = looked_at(&rig, &page, width, dark) else {
+        let Some(report) = looked_at(&rig, &page, width, dark) else {
             return;
         };
-        assert_eq!(told["theme"], if dark { "dark" } else { "light" });
-        assert_drawn(&told, &page);
+        assert_eq!(report["theme"], if dark { "dark" } else { "light" });
+        assert_drawn(&report, &page);
     }
     assert!(page.path.exists());
 }
@@ -194,15 +194,15 @@ fn many_faults_have_buttons_and_stacked_labels() {
     ];
     assert_eq!(labels, expected);
     for width in [1280, 500] {
-        let Some(told) = looked_at(&rig, &page, width, false) else {
+        let Some(report) = looked_at(&rig, &page, width, false) else {
             return;
         };
-        assert_drawn(&told, &page);
-        let scrolls = told["scrolls"].as_array().expect("tables");
+        assert_drawn(&report, &page);
+        let scrolls = report["scrolls"].as_array().expect("tables");
         assert!(scrolls.iter().all(|one| one[0] == one[1]), "{scrolls:?}");
         let is_any = scrolls.iter().any(|one| one[0] == true);
         assert!(is_any || width > 500, "a phone is narrower than a table");
-        for figure in told["figures"].as_array().expect("figures") {
+        for figure in report["figures"].as_array().expect("figures") {
             // Text, left, top, width.
             let texts = figure["texts"].as_array().expect("texts").iter();
             let boxes: Vec<(&str, [f64; 3])> = texts
@@ -243,10 +243,10 @@ fn a_one_step_spike_is_visible_when_fully_zoomed_out() {
         .iter()
         .fold(0.0, |a: f32, b| if *b > a { *b } else { a });
     assert!((highest - 0.51).abs() < 0.01, "{highest}");
-    let Some(told) = looked_at(&rig, &page, 1280, false) else {
+    let Some(report) = looked_at(&rig, &page, 1280, false) else {
         return;
     };
-    let figures = told["figures"].as_array().expect("figures");
+    let figures = report["figures"].as_array().expect("figures");
     let is_it = |figure: &&Value| {
         figure["title"]
             .as_str()

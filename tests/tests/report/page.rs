@@ -31,15 +31,15 @@ impl Page {
             .map(|run| run.folder.to_str().expect("text"))
             .collect();
         let file = ["-o", path.to_str().expect("text"), "--force"];
-        let told = rig.hil(&[&["report"], &folders[..], &file, options].concat());
-        let told = told.expect(code).stderr;
+        let output = rig.hil(&[&["report"], &folders[..], &file, options].concat());
+        let output = output.expect(code).stderr;
         let text = std::fs::read_to_string(&path).expect("the page is there");
         let (_, rest) = text
             .split_once("<script id=\"data\" type=\"application/json\">")
             .expect("data");
         let (json, _) = rest.split_once("</script>").expect("its end");
         let data = serde_json::from_str(json).expect("JSON");
-        (Self { path, text, data }, told)
+        (Self { path, text, data }, output)
     }
 
     pub(crate) fn plots(&self) -> &[Value] {

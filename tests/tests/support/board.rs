@@ -27,14 +27,14 @@ impl Board {
         for folder in [&home, &bin] {
             std::fs::create_dir_all(folder).expect("a folder");
         }
-        let shown = home.display();
+        let path_text = home.display();
         rig.script(
             "bin/ssh",
             &format!(
                 "#!/bin/sh\n\
                  while [ \"$1\" != -- ]; do shift; done\n\
                  host=$2; command=$3\n\
-                 export HOME={shown}\nunset XDG_CACHE_HOME\n\
+                 export HOME={path_text}\nunset XDG_CACHE_HOME\n\
                  {first}\n\
                  exec /bin/sh -c \"$command\"\n"
             ),

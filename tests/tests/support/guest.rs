@@ -44,7 +44,7 @@ exec /hil-target serve --listen 0.0.0.0:7000 --key-file /key --allow /controller
 /// Running guest; stopped when dropped.
 pub(crate) struct Guest {
     _qemu: Companion,
-    said: Receiver<String>,
+    console: Receiver<String>,
     /// Release of its kernel.
     pub(crate) kernel: String,
     /// Arguments of `hil` that name it.
@@ -88,10 +88,10 @@ impl Guest {
         ));
         qemu.stdin(Stdio::null()).stdout(Stdio::piped());
         let mut qemu = Companion::start(&mut qemu);
-        let said = lines(qemu.stdout.take().expect("piped"));
+        let console = lines(qemu.stdout.take().expect("piped"));
         let mut guest = Self {
             _qemu: qemu,
-            said,
+            console,
             kernel: release,
             target: format!(
                 "--target serve://127.0.0.1:{port} --key-file {}",
@@ -106,7 +106,7 @@ impl Guest {
         let mut all = String::new();
         loop {
             // A guest prints continuously until it listens.
-            let line = self.said.recv_timeout(3 * WATCHDOG);
+            let line = self.console.recv_timeout(3 * WATCHDOG);
             let line =
                 line.unwrap_or_else(|_| panic!("watchdog: the guest is silent or ended\n{all}"));
             if line.contains(what) {
@@ -178,13 +178,13 @@ fn initramfs(unpacked: &Path, key: &Path) -> Vec<u8> {
         archive.file(library.trim_start_matches('/'), 0o755, &content);
     }
     for module in MODULES {
-        let found = Command::new("find")
+        let result = Command::new("find")
             .arg(unpacked.join("lib/modules"))
             .args(["-name", &format!("{module}.ko*")])
             .output();
-        let found = found.expect("find runs");
-        let found = String::from_utf8_lossy(&found.stdout).trim().to_owned();
-        let content = match found.as_str() {
+        let result = result.expect("find runs");
+        let result = String::from_utf8_lossy(&result.stdout).trim().to_owned();
+        let content = match result.as_str() {
             "" => continue, // built into this kernel
             packed if packed.ends_with(".xz") => {
                 let unpacked = Command::new("xz").args(["-dc", packed]).output();

@@ -253,7 +253,7 @@ impl Rig {
         let processes = std::fs::read_dir("/proc")
             .expect("/proc is there")
             .flatten();
-        let mut found = Vec::new();
+        let mut entries = Vec::new();
         for process in processes {
             let Ok(line) = std::fs::read(process.path().join("cmdline")) else {
                 continue; // not a process, or ended
@@ -265,10 +265,10 @@ impl Rig {
                 rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
             };
             if line.contains(own_folder) || line.split(' ').any(of_session) {
-                found.push(line);
+                entries.push(line);
             }
         }
-        found
+        entries
     }
 }
 

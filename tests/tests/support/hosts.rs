@@ -86,12 +86,12 @@ impl Hosts {
         );
         std::fs::create_dir(folder.path().join("bin")).expect("a folder");
         let ssh = folder.path().join("bin/ssh");
-        let found = which("ssh");
+        let result = which("ssh");
         std::fs::write(
             &ssh,
             format!(
                 "#!/bin/sh\nexec {} -F {place}/ssh_config \"$@\"\n",
-                found.display()
+                result.display()
             ),
         )
         .expect("written");
@@ -168,8 +168,8 @@ impl Hosts {
             .output();
         let inside = inside.expect("nsenter runs");
         assert!(inside.status.success(), "{inside:?}");
-        let found = String::from_utf8_lossy(&inside.stdout);
-        found.lines().map(str::to_owned).collect()
+        let text = String::from_utf8_lossy(&inside.stdout);
+        text.lines().map(str::to_owned).collect()
     }
 }
 
@@ -195,8 +195,8 @@ pub(crate) fn lines(from: impl Read + Send + 'static) -> Receiver<String> {
 
 fn which(name: &str) -> PathBuf {
     let path = std::env::var_os("PATH").unwrap_or_default();
-    let found = std::env::split_paths(&path)
+    let hit = std::env::split_paths(&path)
         .map(|folder| folder.join(name))
         .find(|file| file.exists());
-    found.unwrap_or_else(|| name.into())
+    hit.unwrap_or_else(|| name.into())
 }

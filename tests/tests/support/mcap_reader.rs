@@ -91,8 +91,8 @@ impl Recording {
 
     /// Returns the index of a word in a record.
     pub(crate) fn place(&self, column: &str) -> usize {
-        let found = self.columns.iter().position(|name| name == column);
-        found.unwrap_or_else(|| panic!("no {column} in {:?}", self.columns))
+        let result = self.columns.iter().position(|name| name == column);
+        result.unwrap_or_else(|| panic!("no {column} in {:?}", self.columns))
     }
 
     /// Returns a signal of a record.

@@ -85,8 +85,12 @@ pub(crate) fn target() -> PathBuf {
 
 pub(crate) fn finish(cargo: &mut Command) {
     let output = cargo.output().expect("cargo can be run");
-    let [told, said] = [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text));
-    assert!(output.status.success(), "{cargo:?} failed:\n{told}{said}");
+    let [stdout, stderr] =
+        [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text));
+    assert!(
+        output.status.success(),
+        "{cargo:?} failed:\n{stdout}{stderr}"
+    );
 }
 
 /// Builds all programs once, and returns the path of one.
@@ -223,9 +227,9 @@ pub(crate) fn skip(why: &str, variable: &str) {
     let test = thread.name().and_then(|name| name.rsplit("::").next());
     let test = test.unwrap_or("a test");
     // Not `eprintln`, whose output is shown for failed tests only.
-    let told = writeln!(
+    let output = writeln!(
         std::io::stderr(),
         "SKIPPED {test}: {why}; {variable}=1 insists on it"
     );
-    told.expect("standard error can be written");
+    output.expect("standard error can be written");
 }

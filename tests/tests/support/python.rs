@@ -1,4 +1,4 @@
-//! Python interpreter for tests that verify the workspace's statements with it.
+//! Python interpreter for tests that check results with an independent implementation.
 
 use std::path::PathBuf;
 use std::process::{Command, Output};
@@ -40,7 +40,7 @@ pub(crate) fn succeeds(command: &mut Command) -> String {
         stdout,
         stderr,
     } = output.unwrap_or_else(|error| panic!("{command:?}: {error}"));
-    let said = String::from_utf8_lossy(&stderr);
-    assert!(status.success(), "{command:?}:\n{said}");
+    let text = String::from_utf8_lossy(&stderr);
+    assert!(status.success(), "{command:?}:\n{text}");
     String::from_utf8_lossy(&stdout).into_owned()
 }

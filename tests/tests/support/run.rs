@@ -39,8 +39,8 @@ impl Run {
     /// Parses standard output as JSON.
     #[track_caller]
     pub(crate) fn json(&self) -> Value {
-        let (text, said) = (&self.stdout, &self.stderr);
-        serde_json::from_str(text).unwrap_or_else(|error| panic!("{error}: {text}\n{said}"))
+        let (text, stderr) = (&self.stdout, &self.stderr);
+        serde_json::from_str(text).unwrap_or_else(|error| panic!("{error}: {text}\n{stderr}"))
     }
 
     /// Reads `summary.json`.
@@ -67,8 +67,11 @@ impl Run {
 }
 
 #[track_caller]
-fn assert_has(said: &str, fragments: &[&str]) {
+fn assert_has(output: &str, fragments: &[&str]) {
     for fragment in fragments {
-        assert!(said.contains(fragment), "`{fragment}` is not in:\n{said}");
+        assert!(
+            output.contains(fragment),
+            "`{fragment}` is not in:\n{output}"
+        );
     }
 }

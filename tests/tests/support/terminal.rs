@@ -38,14 +38,14 @@ impl Terminal {
             .env_remove("RUST_BACKTRACE");
         let process = Companion::start(&mut program);
         let screen = Arc::new(Mutex::new(vt100::Parser::new(rows, columns, 0)));
-        let shown = Arc::clone(&screen);
+        let text = Arc::clone(&screen);
         let mut output = File::from(master.try_clone().expect("another handle"));
         std::thread::spawn(move || {
             let mut bytes = [0; 4096];
             // An error means the end, as when the terminal is closed.
             while let Ok(count @ 1..) = output.read(&mut bytes) {
-                let mut shown = shown.lock().unwrap_or_else(PoisonError::into_inner);
-                shown.process(&bytes[..count]);
+                let mut text = text.lock().unwrap_or_else(PoisonError::into_inner);
+                text.process(&bytes[..count]);
             }
         });
         Self {
@@ -72,9 +72,9 @@ impl Terminal {
     }
 
     /// Waits until the screen shows a text.
-    pub(crate) fn until_it_shows(&self, wanted: &str) {
-        until(&format!("`{wanted}` is shown"), || {
-            self.text().contains(wanted)
+    pub(crate) fn until_it_shows(&self, expected: &str) {
+        until(&format!("`{expected}` is shown"), || {
+            self.text().contains(expected)
         });
     }
 

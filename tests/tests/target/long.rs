@@ -123,8 +123,8 @@ fn a_separate_kernel_is_evidence_of_pil_and_in_real_time_of_hil() {
     assert_eq!(summary["evidence"], "pil", "{summary}");
     let kernel = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").expect("it is there");
     assert_ne!(summary["target"]["boot_id"], kernel.trim());
-    let found = summary["target"]["kernel"].as_str().expect("its kernel");
-    assert_eq!(found.split(' ').next(), Some(&*guest.kernel));
+    let result = summary["target"]["kernel"].as_str().expect("its kernel");
+    assert_eq!(result.split(' ').next(), Some(&*guest.kernel));
     let clock = "--clock realtime --wait-limit 60";
     let there = rig
         .run(&format!("{few} {clock} {}", guest.target))

@@ -13,7 +13,7 @@ pub(super) fn on_another_processor(scenario: &str) {
         .args(["target", "list", "--installed"])
         .output();
     let has_target =
-        installed.is_ok_and(|found| String::from_utf8_lossy(&found.stdout).contains(TRIPLE));
+        installed.is_ok_and(|entry| String::from_utf8_lossy(&entry.stdout).contains(TRIPLE));
     if !has_target || !works(&["qemu-aarch64-static", "--version"]) {
         return skip(
             "rustup has no target for aarch64, or qemu-user is missing",

@@ -10,15 +10,15 @@ use rustix::process::Signal;
 fn an_agent_stopped_while_querying_a_program_ends_the_run_at_the_wait_limit() {
     let rig = Rig::new();
     let board = Board::new(&rig);
-    let asked = rig.path("asked");
+    let request = rig.path("asked");
     let program = rig.script(
         "endless",
-        &format!("#!/bin/sh\n: >{}\nexec sleep 1000\n", asked.display()),
+        &format!("#!/bin/sh\n: >{}\nexec sleep 1000\n", request.display()),
     );
     let program = program.display();
     let arguments = format!("{SHORT} --target me@board --controller-bin {program} --wait-limit 1");
     let running = rig.start_with(board.hil(), &arguments);
-    until("the program is asked", || asked.exists());
+    until("the program is asked", || request.exists());
     let agent = there(&board, "agent");
     send(agent, Signal::STOP);
     let run = running.finish_beside_another().expect(3);

@@ -32,7 +32,7 @@ fn a_target_without_shared_memory_or_room_is_named_and_nothing_is_started() {
     let cache = |size: &str| {
         format!("mkdir -p $HOME/.cache; mount -t tmpfs -o size={size} none $HOME/.cache")
     };
-    for (mounts, told) in [
+    for (mounts, expected) in [
         (device, "it has no /dev/shm"),
         (
             "mount -t tmpfs -o size=64k none /dev/shm",
@@ -61,7 +61,7 @@ fn a_target_without_shared_memory_or_room_is_named_and_nothing_is_started() {
         )
         .expect(3);
         assert!(!run.folder.exists(), "{mounts}");
-        run.says(&["target me@board", told]);
+        run.says(&["target me@board", expected]);
         let check = ["target", "check", "me@board", "--target-agent", agent];
         hil(&rig, &board, &check).expect(3);
     }
@@ -78,13 +78,13 @@ fn an_agent_of_another_protocol_is_refused() {
     let mut frame = (here.len() as u32 + 1).to_le_bytes().to_vec();
     frame.push(1);
     frame.extend(here.bytes());
-    let said = rig.path("said");
-    std::fs::write(&said, frame).expect("written");
+    let output = rig.path("said");
+    std::fs::write(&output, frame).expect("written");
     let board = Board::reached_by(
         &rig,
         &format!(
             "echo 'HIL-TARGET 1 {machine}'; read -r it; echo have; exec cat {} -",
-            said.display()
+            output.display()
         ),
     );
     let run = run(&rig, &board, &format!("{SHORT} {ON_BOARD}")).expect(2);

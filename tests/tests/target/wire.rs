@@ -209,12 +209,12 @@ fn a_target_without_samples_switches_its_output_to_the_safe_command_by_itself() 
         "{summary}"
     );
     let marks = summary["marks"].as_array().expect("notes");
-    let told = marks.iter().find(|mark| {
+    let answer = marks.iter().find(|mark| {
         let mark_text = mark["text"].as_str().unwrap_or_default();
         mark_text.contains(&text) && mark_text.contains("its output was the safe command for")
     });
-    let told = told.unwrap_or_else(|| panic!("{summary}"));
-    assert!(told["step"].as_u64() > Some(step), "{told}");
+    let answer = answer.unwrap_or_else(|| panic!("{summary}"));
+    assert!(answer["step"].as_u64() > Some(step), "{answer}");
     nothing_left_on_board(&hosts);
 }
 
@@ -232,7 +232,7 @@ fn a_cut_is_survived_or_named_and_leaves_the_board_clean() {
     let running = rig.start_with(hosts.hil(), &format!("{held} --wait-limit 60"));
     rig.until_held_at(400);
     let there = hosts.left_on_board();
-    let has = |what: &str| there.iter().any(|found| found.contains(what));
+    let has = |what: &str| there.iter().any(|entry| entry.contains(what));
     assert!(
         has("/session.json") && has(" agent") && has("--session"),
         "{there:?}"
@@ -276,7 +276,7 @@ fn a_real_ssh_refuses_strangers_and_impostors() {
         return;
     };
     let rig = Rig::new();
-    for (host, told, code) in [
+    for (host, expected, code) in [
         ("nobody.invalid", "Could not resolve hostname", 2),
         ("impostor", "Host key verification failed", 2),
         ("stranger", "Permission denied", 2),
@@ -287,7 +287,7 @@ fn a_real_ssh_refuses_strangers_and_impostors() {
             .finish()
             .expect(code);
         assert!(!run.folder.exists(), "{host}");
-        run.says(&[&format!("target {host}"), told]);
+        run.says(&[&format!("target {host}"), expected]);
     }
     nothing_left_on_board(&hosts);
 }

@@ -15,7 +15,7 @@ use crate::{connection, ssh};
 
 /// Time limit for an agent to start, and to answer.
 const ANSWER_LIMIT: Duration = Duration::from_secs(15);
-/// Limit of the silence of an agent that is receiving part of a file.
+/// Maximum silence of an agent that is receiving part of a file.
 const COPY_LIMIT: Duration = Duration::from_secs(60);
 /// Number of parts of a file in flight; the size of each follows in bytes.
 const PARTS: u32 = 4;

@@ -140,11 +140,11 @@ pub(crate) struct Until<'a>(pub(crate) &'a TcpStream, pub(crate) Instant);
 
 impl Read for Until<'_> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let left = self.1.saturating_duration_since(Instant::now());
-        if left.is_zero() {
+        let remaining = self.1.saturating_duration_since(Instant::now());
+        if remaining.is_zero() {
             return Err(io::ErrorKind::TimedOut.into());
         }
-        self.0.set_read_timeout(Some(left))?;
+        self.0.set_read_timeout(Some(remaining))?;
         self.0.read(buffer)
     }
 }

@@ -23,7 +23,7 @@ impl Leash {
     /// Returns the last messages of `ssh`.
     pub(crate) fn said(&self) -> String {
         match self {
-            Self::Ssh(_, said) => said.text(),
+            Self::Ssh(_, messages) => messages.text(),
             Self::Connection(_) => String::new(),
         }
     }

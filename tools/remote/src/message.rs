@@ -59,7 +59,7 @@ pub struct RunRequest {
     pub job: String,
     /// Number of the controller in the session.
     pub epoch: u32,
-    /// Limit of the silence in s; `None` for no limit.
+    /// Maximum silence in s; `None` for no limit.
     pub limit_s: Option<f64>,
     /// Fresh key, as hexadecimal digits.
     pub key: String,

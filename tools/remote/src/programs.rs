@@ -36,9 +36,9 @@ impl AllowedPrograms {
     pub fn cached() -> Result<Self, String> {
         let own = std::env::current_exe().map_err(|error| error.to_string())?;
         let folder = own.parent().unwrap_or(Path::new("/")).to_owned();
-        let found =
+        let metadata =
             fs::metadata(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-        if found.uid() != rustix::process::geteuid().as_raw() || found.mode() & 0o022 != 0 {
+        if metadata.uid() != rustix::process::geteuid().as_raw() || metadata.mode() & 0o022 != 0 {
             return Err(format!(
                 "{} is not a folder of this user alone",
                 folder.display()
@@ -158,8 +158,8 @@ impl Storing {
     /// If it is longer than announced, does not match its hash, or there is no space.
     pub fn take(&mut self, part: &[u8]) -> Result<bool, String> {
         let in_words = |error: io::Error| format!("cannot store the program: {error}");
-        let left = self.left.checked_sub(part.len() as u64);
-        self.left = left.ok_or("the program is longer than announced")?;
+        let remaining = self.left.checked_sub(part.len() as u64);
+        self.left = remaining.ok_or("the program is longer than announced")?;
         self.file.write_all(part).map_err(in_words)?;
         if self.left > 0 {
             return Ok(false);

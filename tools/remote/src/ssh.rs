@@ -71,9 +71,9 @@ pub(crate) fn open(
         .process_group(0)
         .spawn()
         .map_err(|error| way.infrastructure(format!("cannot start ssh: {error}")))?;
-    let said = Said::default();
+    let messages = Said::default();
     if let Some(stderr) = child.stderr.take() {
-        said.listen(stderr);
+        messages.listen(stderr);
     }
     let (Some(mut input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
         return Err(way.infrastructure("ssh has no input or output"));
@@ -82,7 +82,7 @@ pub(crate) fn open(
         way,
         output,
         child,
-        said,
+        messages,
         is_interrupted,
     };
     if let Err(error) = start.up_to_agent(&mut input) {
@@ -94,19 +94,19 @@ pub(crate) fn open(
     let Start {
         output,
         child,
-        said,
+        messages,
         ..
     } = start;
     let mouth = Mouth::speak(input, None);
     let ear = Ear::listen(output, None, ring);
-    Ok((ear, mouth, Leash::Ssh(child, said)))
+    Ok((ear, mouth, Leash::Ssh(child, messages)))
 }
 
 struct Start<'a> {
     way: &'a Way,
     output: ChildStdout,
     child: Child,
-    said: Said,
+    messages: Said,
     is_interrupted: &'a dyn Fn() -> bool,
 }
 
@@ -240,8 +240,8 @@ impl Start<'_> {
 
     /// Describes the failure of `ssh`.
     fn refused(&self) -> TargetError {
-        let last = self.said.last_line(Duration::from_millis(500));
-        let text = self.said.text();
+        let last = self.messages.last_line(Duration::from_millis(500));
+        let text = self.messages.text();
         let reason = last.unwrap_or_else(|| "ssh ended without a message".into());
         let is_usage = [
             "Could not resolve hostname",

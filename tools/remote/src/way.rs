@@ -41,7 +41,7 @@ pub struct Way {
     pub agent: Option<PathBuf>,
     /// Path of the key file of a listening agent.
     pub key_file: Option<PathBuf>,
-    /// Limit of the agent's silence. An agent that is working on an answer sends signs of life.
+    /// Maximum silence of the agent. An agent that is working on an answer sends signs of life.
     pub silence: Duration,
 }
 
@@ -63,12 +63,12 @@ fn is_for(file: &Path, machine: &str) -> bool {
 }
 
 impl Way {
-    /// Limit of the silence without a wait limit.
+    /// Maximum silence without a wait limit.
     pub const SILENCE: Duration = Duration::from_secs(15);
-    /// Minimum limit of the silence: some signs of life may be late.
+    /// Lower bound of the maximum silence, because some signs of life may be late.
     const LEAST_SILENCE: Duration = Duration::from_secs(1);
 
-    /// Sets the limit of the agent's silence to the wait limit of a run in s.
+    /// Sets the maximum silence of the agent to the wait limit of a run in s.
     #[must_use]
     pub fn with_silence(mut self, wait_limit_s: f64) -> Self {
         let limit = Duration::try_from_secs_f64(wait_limit_s).unwrap_or(Self::SILENCE);
@@ -129,8 +129,8 @@ impl Way {
         let own = std::env::current_exe().map_err(|error| self.infrastructure(error))?;
         let (built, beside) = agents(&own, machine);
         let mut agents = built.into_iter().chain([beside]);
-        let found = agents.find(|file| is_for(file, machine));
-        found.ok_or_else(|| {
+        let agent = agents.find(|file| is_for(file, machine));
+        agent.ok_or_else(|| {
             self.usage(match triple(machine) {
                 Some(triple) => format!(
                     "no agent for its machine, {machine}: build one with `cargo build --release -p hil-target --target {triple}`, or name one with --target-agent"

@@ -264,7 +264,7 @@ impl Controllers {
             member.standing == Role::InOffice
                 && member
                     .plant_told_at
-                    .is_some_and(|told| told.elapsed() > limit)
+                    .is_some_and(|since| since.elapsed() > limit)
         })
     }
 

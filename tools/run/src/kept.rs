@@ -96,22 +96,22 @@ impl Kept {
             None => Pair::start(plan, binaries, layout.clone(), &self.settings, interruption)?,
         };
         let mut ended = pair.take_run(plan, grid.clone(), interruption);
-        if let Err(Failure::Infrastructure(seen)) = &ended
+        if let Err(Failure::Infrastructure(cause)) = &ended
             && pair.runs > 0
             && !pair.has_begun
         {
             // It may be left over from the previous run; if this run causes it, it will also do so in new
             // processes.
-            tell!("between two runs: {seen}; starting another pair");
+            tell!("between two runs: {cause}; starting another pair");
             drop(pair);
             pair = Pair::start(plan, binaries, layout, &self.settings, interruption)?;
             ended = pair.take_run(plan, grid, interruption);
         }
         let ended = match ended {
-            Err(Failure::Infrastructure(seen)) => {
+            Err(Failure::Infrastructure(cause)) => {
                 // An error that would have prevented the run is not fixed by another attempt.
                 refuse_jobs(plan, binaries, &self.settings, interruption)?;
-                return Err(Failure::Infrastructure(seen));
+                return Err(Failure::Infrastructure(cause));
             }
             ended => ended?,
         };
@@ -245,8 +245,8 @@ impl Pair {
                 Ok(EndedRun::new(recorded, end.outcome, end.reason))
             }
             (error, end) => {
-                let seen = error.clone().or_else(|| end.and_then(|end| end.reason));
-                Err(disorder(seen, [plant, controller]))
+                let cause = error.clone().or_else(|| end.and_then(|end| end.reason));
+                Err(disorder(cause, [plant, controller]))
             }
         }
     }
@@ -272,8 +272,8 @@ fn refuse_jobs(
 }
 
 /// Describes a run that did not end by itself: the cause, and the fates of its sides.
-fn disorder(seen: Option<String>, sides: [&mut SideProcess; 2]) -> Failure {
-    let mut parts: Vec<String> = seen.into_iter().collect();
+fn disorder(cause: Option<String>, sides: [&mut SideProcess; 2]) -> Failure {
+    let mut parts: Vec<String> = cause.into_iter().collect();
     for side in sides {
         if side.has_ended() {
             parts.extend(side.death());

@@ -152,7 +152,7 @@ impl Log {
     }
 
     fn length(&self) -> u64 {
-        self.file.metadata().map_or(0, |found| found.len())
+        self.file.metadata().map_or(0, |metadata| metadata.len())
     }
 
     /// Returns up to `bytes` bytes from the end.

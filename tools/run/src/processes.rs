@@ -144,7 +144,7 @@ pub(super) fn run(
     };
     for (name, side) in [("plant", &plant), ("controller", controller)] {
         match side.shown_log().filter(|_| is_shown) {
-            Some(shown) => output::tell(&format!("{shown}\n")),
+            Some(log) => output::tell(&format!("{log}\n")),
             None if prepared.settings.is_one_of_many => {}
             None => (side.warnings().iter()).for_each(|warning| tell!("{name}: {warning}")),
         }

@@ -198,8 +198,8 @@ impl Recorder {
 
     /// Adds facts to the recording that became known during the run.
     pub fn add_facts(&self, facts: impl IntoIterator<Item = (String, String)>) {
-        let known = self.shared.facts.lock();
-        (known.unwrap_or_else(PoisonError::into_inner)).extend(facts);
+        let all = self.shared.facts.lock();
+        (all.unwrap_or_else(PoisonError::into_inner)).extend(facts);
     }
 
     /// Returns the queue for queries about the state of the requirements.

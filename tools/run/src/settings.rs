@@ -17,7 +17,7 @@ use shared_types::side::Side;
 use hil_recording::compression::Compression;
 use hil_recording::excerpt::Choice;
 
-/// Default limit of the silence of a living process in s.
+/// Default maximum silence of a live process in s.
 pub(crate) const WAIT_LIMIT_S: f64 = 5.0;
 
 /// Checked settings of a run, independent of its scenario.
@@ -31,7 +31,7 @@ pub struct Settings {
     pub session: Option<String>,
     /// Settings of the recording; `None` if none is written.
     pub recording: Option<RecordingSettings>,
-    /// Limit of the silence of a living process in s.
+    /// Maximum silence of a live process in s.
     pub wait_limit_s: f64,
     /// Simulated time at which the run pauses.
     pub pause_at_s: Option<f64>,

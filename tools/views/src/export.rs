@@ -40,8 +40,8 @@ const LOOK_RECORDS: u64 = 1024;
 /// If the run cannot be read or lacks a requested signal or time, or if the file cannot be written.
 pub fn export(arguments: &ExportArguments) -> Result<Exit, Failure> {
     let exported = table(arguments, Interruption::listen()?)?;
-    if let Some(told) = exported {
-        output::write(&told)?;
+    if let Some(message) = exported {
+        output::write(&message)?;
     }
     Ok(Exit::Pass)
 }
@@ -78,7 +78,7 @@ pub fn table(
     let format = format(arguments.format, path)?;
     if arguments.json && path.is_none() {
         return Err(Failure::usage(
-            "--json goes to standard output, where the table goes too; name a file with -o",
+            "--json and the table would both go to standard output; name a file with -o",
         ));
     }
     let destination = Destination::open(path, arguments.force)?;
@@ -259,7 +259,7 @@ impl ExportPass {
         if let Some(torn) = self.reader.caveat() {
             let (step, rate) = (self.reader.step(), self.picking.rate);
             let time_s = rate.seconds(Step(step));
-            tell!("note: {torn}; it is exported as far as it goes, step {step} at {time_s} s");
+            tell!("note: {torn}; exported up to step {step} at {time_s} s");
         }
         if let Some(lost @ 1..) = self
             .reader

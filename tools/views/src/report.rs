@@ -61,7 +61,7 @@ pub fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
     let path = Some(arguments.output.as_path()).filter(|path| *path != Path::new("-"));
     if arguments.json && path.is_none() {
         return Err(Failure::usage(
-            "--json goes to standard output, where the report goes too; name a file with -o",
+            "--json and the report would both go to standard output; name a file with -o",
         ));
     }
     let interruption = Interruption::listen()?;
@@ -102,7 +102,7 @@ fn made_unless(
         thread::sleep(LOOK);
     }
     match work.join() {
-        Ok(made) => made,
+        Ok(result) => result,
         Err(panic) => std::panic::resume_unwind(panic),
     }
 }
@@ -194,14 +194,14 @@ fn grid(runs: &[Run]) -> Grid {
 }
 
 /// Refuses patterns that match no signal of any run.
-fn refuse_unknown(asked: &[Pattern], signals: &[Signals]) -> Result<(), Failure> {
+fn refuse_unknown(patterns: &[Pattern], signals: &[Signals]) -> Result<(), Failure> {
     let names = || {
         signals
             .iter()
             .flat_map(Signals::iter)
             .map(|(name, ..)| name)
     };
-    for pattern in asked {
+    for pattern in patterns {
         if !names().any(|name| pattern.matches(name)) {
             let near = near(pattern.as_str(), names());
             return Err(Failure::usage(format!(

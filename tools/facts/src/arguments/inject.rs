@@ -284,14 +284,14 @@ pub fn arrange(typed: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
         return options;
     }
     options.extend(typed.next());
-    let mut known = InjectArguments::augment_args(clap::Command::new("inject"));
-    known.build();
+    let mut inject = InjectArguments::augment_args(clap::Command::new("inject"));
+    inject.build();
     // For an option of hil: `true` if it takes a value.
     let takes_value = |name: &str| {
-        let known = known
+        let argument = inject
             .get_arguments()
-            .find(|known| known.get_long() == Some(name));
-        known.map(|known| known.get_action().takes_values())
+            .find(|argument| argument.get_long() == Some(name));
+        argument.map(|argument| argument.get_action().takes_values())
     };
     let mut words = Vec::new();
     while let Some(token) = typed.next() {

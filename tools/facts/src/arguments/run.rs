@@ -61,7 +61,7 @@ pub struct RunOptions {
     /// Hold before the first step at or after this simulated time; continue with hil resume
     #[arg(long, value_name = "TIME", value_parser = seconds)]
     pub pause_at: Option<f64>,
-    /// Checkpoints to go on from
+    /// Checkpoints to make
     #[command(flatten)]
     pub checkpoints: CheckpointArguments,
     /// Print the summary as JSON

@@ -225,12 +225,12 @@ impl Check<'_> {
             self.refuse(format!("{name} ended at {at} and must stay the same"));
             return;
         }
-        match self.log.taken.iter().find(|taken| taken.id == then.id) {
-            Some(taken) => {
+        match self.log.taken.iter().find(|begun| begun.id == then.id) {
+            Some(begun) => {
                 if same_but_for_sizes(then, now) {
                     self.branch.changed_faults.push(then.id);
                 } else {
-                    let at = self.at(Step(taken.step));
+                    let at = self.at(Step(begun.step));
                     self.refuse(format!(
                         "{name} has been active since {at}: it must keep its times and its profile, only its sizes may change"
                     ));
@@ -245,8 +245,8 @@ impl Check<'_> {
         let begin = match &now.trigger {
             Trigger::Step { step, .. } => Some(*step),
             Trigger::After { event, delay_steps } => {
-                let followed = self.log.taken.iter().filter(|taken| taken.id == *event);
-                let step = followed.map(|taken| taken.step).min();
+                let leaders = self.log.taken.iter().filter(|begun| begun.id == *event);
+                let step = leaders.map(|begun| begun.step).min();
                 step.map(|step| Step(step.saturating_add(*delay_steps)))
             }
             Trigger::Condition(_) if then.trigger != now.trigger => {

@@ -75,8 +75,8 @@ impl Past {
         // Avoids the path through the checkpoint's folder, if there is a recording.
         let recording = fs::canonicalize(&recording).unwrap_or(recording);
         let (scenario, log) = past(&recording, &checkpoint).map_err(|error| {
-            let shown = folder.display();
-            Failure::usage(format!("cannot continue from {shown}: {error}"))
+            let path_text = folder.display();
+            Failure::usage(format!("cannot continue from {path_text}: {error}"))
         })?;
         Ok(Self {
             folder,
@@ -192,15 +192,15 @@ pub fn recorded(folder: &Path) -> Result<Recorded, Failure> {
     let checkpoint = read(folder)?;
     let recording = folder.join(&checkpoint.recording.file);
     let reader = RunReader::open(&recording).map_err(|error| {
-        let shown = folder.display();
-        Failure::usage(format!("cannot continue from {shown}: {error}"))
+        let path_text = folder.display();
+        Failure::usage(format!("cannot continue from {path_text}: {error}"))
     })?;
     Ok(Recorded::of(&reader, folder))
 }
 
 /// Reads the description of a checkpoint.
 pub(super) fn read(folder: &Path) -> Result<Checkpoint, Failure> {
-    let shown = folder.display();
+    let path_text = folder.display();
     let path = folder.join(FILE);
     let text = fs::read_to_string(&path).map_err(|error| {
         let near = checkpoints_in(folder);
@@ -210,7 +210,7 @@ pub(super) fn read(folder: &Path) -> Result<Checkpoint, Failure> {
             format!("those of this run: {}", near.join(", "))
         };
         Failure::usage(format!(
-            "{shown} is not a checkpoint: {FILE}: {error}; {hint}"
+            "{path_text} is not a checkpoint: {FILE}: {error}; {hint}"
         ))
     })?;
     let damaged =
@@ -252,16 +252,16 @@ fn same_binary(saved: &SavedSide, binary: &Binary) -> Result<(), Failure> {
 
 fn whole(folder: &Path, saved: &SavedSide) -> Result<(), Failure> {
     let path = folder.join(&saved.file);
-    let shown = path.display();
-    let content =
-        fs::read(&path).map_err(|error| Failure::usage(format!("cannot read {shown}: {error}")))?;
+    let path_text = path.display();
+    let content = fs::read(&path)
+        .map_err(|error| Failure::usage(format!("cannot read {path_text}: {error}")))?;
     let actual = blake3::hash(&content).to_hex().to_string();
     if actual == saved.blake3 {
         return Ok(());
     }
     let expected = &saved.blake3;
     Err(Failure::usage(format!(
-        "{shown} is damaged: its hash is {actual}, that of the saved state {expected}"
+        "{path_text} is damaged: its hash is {actual}, that of the saved state {expected}"
     )))
 }
 
@@ -274,10 +274,10 @@ fn past(recording: &Path, checkpoint: &Checkpoint) -> Result<(String, FaultLog),
         .attachment("scenario.toml")
         .map_err(in_words)?
         .to_owned();
-    let shown = recording.display();
+    let path_text = recording.display();
     if hash(&scenario) != checkpoint.recording.scenario_blake3 {
         return Err(format!(
-            "the scenario in {shown} is not that of the checkpoint"
+            "the scenario in {path_text} is not that of the checkpoint"
         ));
     }
     let mut log = FaultLog::default();
@@ -287,12 +287,12 @@ fn past(recording: &Path, checkpoint: &Checkpoint) -> Result<(String, FaultLog),
             let actual = reader.records();
             let torn = (reader.caveat()).map_or_else(String::new, |torn| format!("; {torn}"));
             return Err(format!(
-                "{shown} has {actual} records, but {expected} precede the checkpoint{torn}"
+                "{path_text} has {actual} records, but {expected} precede the checkpoint{torn}"
             ));
         }
         for event in reader.events() {
             log.take(event)
-                .map_err(|error| format!("{shown}: {error}"))?;
+                .map_err(|error| format!("{path_text}: {error}"))?;
         }
     }
     let actual = reader.digest();
@@ -300,7 +300,7 @@ fn past(recording: &Path, checkpoint: &Checkpoint) -> Result<(String, FaultLog),
         Ok((scenario, log))
     } else {
         Err(format!(
-            "{shown} was changed: the digest of the first {expected} records is {actual}, but {digest} was recorded"
+            "{path_text} was changed: the digest of the first {expected} records is {actual}, but {digest} was recorded"
         ))
     }
 }

@@ -403,21 +403,21 @@ impl Binary {
         let answer = match at {
             Some(at) => at.describe(path, &actual, interruption)?,
             None => {
-                let asked = match &host {
+                let result = match &host {
                     Some(host) => host.ask(path, &["--describe".as_ref()], interruption)?,
                     None => asked(path, &["--describe"], interruption)?,
                 };
-                asked.map_err(|error| cannot(&error))?
+                result.map_err(|error| cannot(&error))?
             }
         };
         if let Some(reason) = silence(&answer) {
             return Err(cannot(&reason));
         }
         let description: Description = serde_json::from_str(&answer.stdout).map_err(|error| {
-            let said = &answer.stderr;
-            let said = said.lines().next().map_or(String::new(), |said| format!(" ({})", text::line(said)));
+            let hint = &answer.stderr;
+            let hint = hint.lines().next().map_or(String::new(), |hint| format!(" ({})", text::line(hint)));
             Failure::usage(format!(
-                "{path_text} does not speak the protocol: its answer to --describe is not a description: {error}{said}"
+                "{path_text} does not speak the protocol: its answer to --describe is not a description: {error}{hint}"
             ))
         })?;
         let described = serde_json::to_value(&description).map_err(Failure::infrastructure)?;
@@ -458,11 +458,11 @@ impl Binary {
         let answer = match &self.at {
             Some(at) => at.check(&self.path, &self.blake3, job, interruption)?,
             None => {
-                let asked = match &self.host {
+                let result = match &self.host {
                     Some(host) => host.ask(&self.path, &arguments, interruption)?,
                     None => asked(&self.path, &arguments, interruption)?,
                 };
-                asked.map_err(|error| {
+                result.map_err(|error| {
                     let path = self.path.display();
                     Failure::infrastructure(format!("{path} --check: {error}"))
                 })?

@@ -77,12 +77,12 @@ impl<'a> Finder<'a> {
         let scenario = self.interruption.at_once(read)?;
         let scenario = scenario.or_else(|problems| refused(&problems, json))?;
         let choices = Choices::of(self.arguments, &Named::by(&scenario), self.at)?;
-        let known = self.found.iter().find(|(known, _)| *known == choices);
-        let binaries = match known {
+        let entry = self.found.iter().find(|(entry, _)| *entry == choices);
+        let binaries = match entry {
             Some((_, binaries)) => Arc::clone(binaries),
             None => choices.find(self.interruption)?,
         };
-        if known.is_none() {
+        if entry.is_none() {
             self.found.push((choices, Arc::clone(&binaries)));
         }
         let plan = (self.interruption).at_once(|| finish(scenario, &binaries, json))??;

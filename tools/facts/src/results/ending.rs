@@ -138,14 +138,14 @@ fn effects(plan: &Plan, end: &RunEnd, recorded: &Recorded) -> Option<String> {
             ));
         }
     }
-    let taken = log.taken.iter().map(|taken| (taken.id, taken.effect));
+    let begun = log.taken.iter().map(|begun| (begun.id, begun.effect));
     let ended = log.ended.iter().map(|ended| (ended.id, ended.effect));
     let is_made_up = |(id, number): &(u32, u32)| {
         let effects = counts.get(id).copied().unwrap_or(0);
         usize::try_from(*number).is_ok_and(|number| number >= effects)
     };
     // In real time the event of an accepted live fault may be lost.
-    let made_up = (reported.into_iter().chain(taken).chain(ended)).find(is_made_up);
+    let made_up = (reported.into_iter().chain(begun).chain(ended)).find(is_made_up);
     made_up.filter(|_| recorded.lost == 0).map(|(id, number)| {
         format!("the plant reports effect {number} of fault {id}, but there is no such fault")
     })

@@ -102,7 +102,7 @@ impl FaultLog {
                 let live = live.map_err(|error| format!("fault {}: {error}", accepted.id))?;
                 self.accepted.push(live);
             }
-            Event::Fault(taken) => self.taken.push(taken.clone()),
+            Event::Fault(begun) => self.taken.push(begun.clone()),
             Event::FaultEnded(ended) => self.ended.push(ended.clone()),
             Event::End(end) => {
                 self.sizes = Some(end.effects.clone());

@@ -114,14 +114,14 @@ impl RecordedRun {
     /// # Errors
     /// If the scenario cannot be read, or does not fit the run.
     pub(crate) fn judged_by(mut self, other: &Path) -> Result<Self, Failure> {
-        let shown = other.display();
+        let path_text = other.display();
         let text = read_regular(other)
-            .map_err(|error| Failure::usage(format!("cannot read {shown}: {error}")))?;
+            .map_err(|error| Failure::usage(format!("cannot read {path_text}: {error}")))?;
         let other = checked(&text, other, &self.plant_program, &self.controller_program)?;
         let (rate, others) = (self.plan.run.rate, other.run.rate);
         if rate != others {
             return Err(Failure::usage(format!(
-                "{shown} is at {} and the run at {}: their steps differ in time",
+                "{path_text} is at {} and the run at {}: their steps differ in time",
                 exact_in(others.hz(), "Hz"),
                 exact_in(rate.hz(), "Hz")
             )));

@@ -28,10 +28,10 @@ impl Happening {
     pub fn of(event: &Event, rate: Rate) -> Option<Self> {
         let at = |step: u64| format!("step {step} ({} s)", rate.seconds(Step(step)));
         let (step, text, label, key) = match event {
-            Event::Fault(taken) => {
-                let (id, kind, target) = (taken.id, &taken.kind, &taken.target);
-                let text = format!("fault {id} {kind} on {target} from {}", at(taken.step));
-                (taken.step, text, None, None)
+            Event::Fault(fault) => {
+                let (id, kind, target) = (fault.id, &fault.kind, &fault.target);
+                let text = format!("fault {id} {kind} on {target} from {}", at(fault.step));
+                (fault.step, text, None, None)
             }
             Event::FaultEnded(ended) => {
                 let (id, effect) = (ended.id, ended.effect + 1);
@@ -58,11 +58,11 @@ impl Happening {
                 }
             }
             Event::Change(change) => {
-                let told = change.described();
-                let text = format!("changed at {}: {told}", at(change.step));
+                let description = change.described();
+                let text = format!("changed at {}: {description}", at(change.step));
                 let is_of_one = change.set.len() == 1 && change.clear.is_empty();
                 let key = is_of_one.then(|| change.set[0].key.clone());
-                (change.step, text, Some(told), key)
+                (change.step, text, Some(description), key)
             }
             Event::Mark(mark) => {
                 let text = format!("mark at {}: {}", at(mark.step), mark.text);

@@ -94,8 +94,8 @@ pub(crate) fn refusal(key: &str, message: String, expected: String) -> Refusal {
 }
 
 /// Lists the names closest to an unknown one.
-pub(crate) fn closest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<String> {
-    nearest(name, known).into_iter().map(Into::into).collect()
+pub(crate) fn closest<'a>(name: &str, names: impl IntoIterator<Item = &'a str>) -> Vec<String> {
+    nearest(name, names).into_iter().map(Into::into).collect()
 }
 
 /// Formats refusals for the user.

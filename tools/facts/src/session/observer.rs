@@ -181,7 +181,7 @@ impl Observer {
             return Ok(0);
         };
         let (layout, has_joined) = (&self.layout, &mut self.has_joined);
-        let taken = source.drain(&mut |item| match item {
+        let drained = source.drain(&mut |item| match item {
             Item::Record(words) if words.len() == layout.words() => {
                 *has_joined = true;
                 take(Seen::Record(layout.view(words), words));
@@ -203,15 +203,15 @@ impl Observer {
             Item::Broken(_) if !*has_joined => {}
             Item::Broken(what) => take(Seen::Broken(what)),
         });
-        let taken = taken.map_err(Failure::infrastructure)?;
+        let drained = drained.map_err(Failure::infrastructure)?;
         let [shortest, longest] = NAPS;
-        self.has_more = taken >= MANY;
+        self.has_more = drained >= MANY;
         if self.has_more {
             self.nap = (self.nap / 2).clamp(shortest, longest);
-        } else if taken < MANY / 8 {
+        } else if drained < MANY / 8 {
             self.nap = (self.nap * 2).clamp(shortest, longest);
         }
-        Ok(taken)
+        Ok(drained)
     }
 
     /// Returns the sleep until the next read, adapted to the yield of the last ones.

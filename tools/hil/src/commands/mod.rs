@@ -43,9 +43,9 @@ pub fn main() -> ExitCode {
     match interruption::end_at_once().and_then(|()| execute(&command_line)) {
         Ok(exit) => exit.into(),
         Err(failure) => {
-            let told = failure.to_string();
-            output::tell(&told);
-            if let Some(advice) = advice::on(&told) {
+            let message = failure.to_string();
+            output::tell(&message);
+            if let Some(advice) = advice::on(&message) {
                 output::tell(&format!("  = help: {advice}"));
             }
             failure.exit().into()

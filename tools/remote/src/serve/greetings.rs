@@ -114,13 +114,13 @@ impl<C> Places<C> {
             let leaving = of_source.min_by_key(|(number, one)| (is_known(&one.contact), *number));
             leaving.map(|(number, _)| number)
         });
-        let left = leaving.map(|number| self.0.remove(number));
+        let dropped = leaving.map(|number| self.0.remove(number));
         self.0.push(Place {
             source,
             since: now,
             contact,
         });
-        left.map(|place| (place.source, place.contact))
+        dropped.map(|place| (place.source, place.contact))
     }
 
     /// Removes expired greetings.
@@ -201,9 +201,9 @@ mod tests {
     }
 
     fn add(places: &mut Places<Contact>, of: u8, contact: Contact) -> Option<Contact> {
-        let known = |contact: &Contact| contact.1;
-        let left = places.add((source(of), contact), Instant::now(), known);
-        left.map(|(_, contact)| contact)
+        let is_known = |contact: &Contact| contact.1;
+        let dropped = places.add((source(of), contact), Instant::now(), is_known);
+        dropped.map(|(_, contact)| contact)
     }
 
     #[test]
@@ -214,8 +214,8 @@ mod tests {
             assert_eq!(add(&mut places, 2, (number, false)), None);
         }
         for number in 0..100 {
-            let left = add(&mut places, 2, (MOST_OF_SOURCE as u8 + number, false));
-            assert_eq!(left, Some((number, false)));
+            let dropped = add(&mut places, 2, (MOST_OF_SOURCE as u8 + number, false));
+            assert_eq!(dropped, Some((number, false)));
         }
         assert_eq!(places.0.len(), MOST_OF_SOURCE + 1);
     }

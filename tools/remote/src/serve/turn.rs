@@ -71,12 +71,12 @@ impl Turn {
             } else {
                 limit
             };
-            let left = limit.saturating_sub(since.elapsed());
-            if left.is_zero() {
+            let remaining = limit.saturating_sub(since.elapsed());
+            if remaining.is_zero() {
                 state.waiting -= 1;
                 return Err(busy(state.served, "wait for its end"));
             }
-            let result = self.changes.wait_timeout(state, left);
+            let result = self.changes.wait_timeout(state, remaining);
             (state, _) = result.unwrap_or_else(PoisonError::into_inner);
         }
         state.waiting -= 1;

@@ -32,9 +32,9 @@ impl Refusals {
         reason: &str,
         mend: Option<&str>,
     ) {
-        let mut known = self.0.iter_mut();
-        match known.find(|known| known.setting == setting && known.reason == reason) {
-            Some(known) => known.who.push(who),
+        let mut existing = self.0.iter_mut();
+        match existing.find(|existing| existing.setting == setting && existing.reason == reason) {
+            Some(existing) => existing.who.push(who),
             None => self.0.push(Refusal {
                 who: vec![who],
                 setting,

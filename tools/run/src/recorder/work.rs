@@ -201,10 +201,10 @@ impl RecorderWork {
             Item::Record(_) if self.heard.is_broken() => {}
             Item::Record(words) if words.len() == self.layout.words() => {
                 let view = self.layout.view(words);
-                let heard = self
+                let validated = self
                     .heard
                     .record(&self.plan, &view, self.collector.recorded.lost);
-                if let Err(error) = heard {
+                if let Err(error) = validated {
                     return self.refuse(error);
                 }
                 self.digest.record(view.hashed);
@@ -230,10 +230,10 @@ impl RecorderWork {
             }
             Item::Event(event) => {
                 let event = clean(event);
-                let heard = self
+                let validated = self
                     .heard
                     .event(&self.plan, &event, &self.collector.recorded);
-                if let Err(error) = heard {
+                if let Err(error) = validated {
                     return self.refuse(error);
                 }
                 let step = self.note_event(&event);
@@ -295,9 +295,9 @@ impl RecorderWork {
         let path = self.path();
         let step = self.shared.next_step.load(Ordering::Relaxed);
         let reason = format!("cannot write {path} before step {step}: {}", causes(&error));
-        let left = self.end(recording, Outcome::Failed, Some(&reason)).1;
+        let content = self.end(recording, Outcome::Failed, Some(&reason)).1;
         self.collector.recorded.cut_short = Some(reason.clone());
-        self.fail(format!("{reason}; {left}"));
+        self.fail(format!("{reason}; {content}"));
     }
 
     /// Ends a recording; returns whether it is complete, and a description of its content.
@@ -315,17 +315,17 @@ impl RecorderWork {
             result.insert("records".into(), recording.safe().to_string());
             result.insert("digest".into(), String::new());
         }
-        let (path, kept) = (self.path(), self.collector.recorded.written);
-        let left = match recording.end(result) {
-            Ok(()) => format!("it has {kept} records"),
+        let (path, count) = (self.path(), self.collector.recorded.written);
+        let content = match recording.end(result) {
+            Ok(()) => format!("it has {count} records"),
             Err(error) => {
                 closed = closed.and(Err(error));
                 format!(
-                    "it has {kept} records and no end: `hil recover {path}` completes it where there is disk space"
+                    "it has {count} records and no end: `hil recover {path}` completes it where there is disk space"
                 )
             }
         };
-        (closed, left)
+        (closed, content)
     }
 
     fn path(&self) -> String {
@@ -391,10 +391,10 @@ impl RecorderWork {
                     Some("the plant reported no end".to_owned()),
                 ),
             };
-            if let (Err(error), left) = self.end(recording, outcome, reason.as_deref()) {
+            if let (Err(error), content) = self.end(recording, outcome, reason.as_deref()) {
                 let (path, causes) = (self.path(), causes(&error));
                 let reason = format!("cannot finish {path}: {causes}");
-                let error = format!("{reason}; {left}");
+                let error = format!("{reason}; {content}");
                 self.collector.recorded.cut_short = Some(reason);
                 self.collector.recorded.error.get_or_insert(error);
             }

@@ -26,7 +26,7 @@ pub(crate) fn ended(model: &Model, ending: &Ending) -> String {
     if let Some(folder) = &model.run_dir {
         let folder = folder.display();
         text += &match ending.is_recoverable {
-            true => format!(", `hil recover {folder}` makes whole what it recorded"),
+            true => format!(", `hil recover {folder}` completes its recording"),
             false => format!(", {folder}"),
         };
     }

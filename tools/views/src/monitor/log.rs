@@ -48,9 +48,9 @@ impl Log {
     /// Adds events of the account that follow those already received.
     pub(crate) fn hear(&mut self, account: Vec<Happening>) {
         let begin = self.known;
-        let seen = self.list.split_off(begin);
+        let streamed = self.list.split_off(begin);
         let (mut place, mut covered) = (0, 0);
-        for (number, one) in seen.iter().enumerate() {
+        for (number, one) in streamed.iter().enumerate() {
             if let Some(skipped) = account[place..].iter().position(|event| event == one) {
                 place += skipped + 1;
                 covered = number + 1;
@@ -61,8 +61,8 @@ impl Log {
             self.seen = begin + place;
         }
         self.list.extend(account);
-        self.list.extend_from_slice(&seen[covered..]);
-        if !self.list[begin..].starts_with(&seen) {
+        self.list.extend_from_slice(&streamed[covered..]);
+        if !self.list[begin..].starts_with(&streamed) {
             self.edition += 1;
         }
     }

@@ -303,12 +303,12 @@ impl Model {
     /// Returns the newest known step.
     #[must_use]
     pub fn step(&self) -> Option<u64> {
-        let asked = self.status.as_ref().map(|status| status.step);
+        let reported = self.status.as_ref().map(|status| status.step);
         // The last record of a paused run is some steps older.
         if self.is_paused() {
-            asked
+            reported
         } else {
-            self.step.or(asked)
+            self.step.or(reported)
         }
     }
 

@@ -118,7 +118,7 @@ pub(crate) fn one(
     let InjectCommand::Inject(arguments) = command_line.command;
     if arguments.kind.is_none() || arguments.session.session.is_some() || arguments.session.json {
         return Err(refused(
-            "a kind of fault and what it acts on, without --list, --active, --clear, --session and --json"
+            "expected a kind of fault and its target, without --list, --active, --clear, --session and --json"
                 .into(),
         ));
     }

@@ -154,11 +154,11 @@ impl<'a> Client<'a> {
                 if now >= tunable_at && is_described {
                     let model = self.board.model.lock();
                     // A change of a paused run takes effect only when it resumes.
-                    let seen = (!model.is_paused()).then(|| model.retunings());
+                    let current = (!model.is_paused()).then(|| model.retunings());
                     drop(model);
-                    let is_news = seen.is_none() || seen != retunings;
+                    let is_news = current.is_none() || current != retunings;
                     if is_news && self.work.try_send(Errand::AskTunable).is_ok() {
-                        retunings = seen;
+                        retunings = current;
                     }
                     tunable_at = now + TUNABLE;
                 }

@@ -46,7 +46,7 @@ impl<'a> Signal<'a> {
         self.name.split_at(unit.unwrap_or(self.name.len()))
     }
 
-    /// Returns the name with `*` for each number outside the unit.
+    /// Returns the name with `*` for each number, except those in its unit.
     pub(super) fn family(&self) -> String {
         let (stem, unit) = self.stem();
         let mut family = String::new();
@@ -60,7 +60,7 @@ impl<'a> Signal<'a> {
         family + unit
     }
 
-    /// Returns the numbers in the name outside the unit.
+    /// Returns the numbers in the name, except those in its unit.
     fn numbers(&self) -> Vec<&'a str> {
         let parts = self.stem().0.split(|c: char| !c.is_ascii_digit());
         parts.filter(|part| !part.is_empty()).collect()
@@ -126,12 +126,12 @@ pub(crate) fn own_names<'a>(
                 |pattern: &Pattern| pattern.matches(name) || pattern.matches(&recorded_name(name));
             pattern.as_ref().is_some_and(fits)
         };
-        let meant: Vec<&String> = (aliases.iter())
+        let names_of_aliases: Vec<&String> = (aliases.iter())
             .filter(|(alias, name)| !is_exact && fits(alias) && !fits(name))
             .map(|(_, name)| name)
             .collect();
-        let stays = meant.is_empty() || names.clone().any(fits);
-        for name in stays.then_some(text).into_iter().chain(meant) {
+        let stays = names_of_aliases.is_empty() || names.clone().any(fits);
+        for name in stays.then_some(text).into_iter().chain(names_of_aliases) {
             if !own.contains(name) {
                 own.push(name.clone());
             }

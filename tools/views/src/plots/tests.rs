@@ -18,10 +18,10 @@ fn shown(signals: &[(&str, &str)], subject: Subject<'_>) -> Vec<(&'static str, S
         asked: &[],
         values: None,
     });
-    let shown = plots
+    let summaries = plots
         .iter()
         .map(|plot| (plot.section, plot.signals.join(" ")));
-    shown.collect()
+    summaries.collect()
 }
 
 #[test]

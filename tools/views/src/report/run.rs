@@ -339,16 +339,16 @@ fn spans(outcome: &RecordedOutcome, rate: Rate) -> Vec<Span> {
         ends.insert((ended.id, ended.effect), ended.step);
     }
     let mut events: BTreeMap<u32, (String, u64, Option<u64>)> = BTreeMap::new();
-    for taken in &faults.taken {
-        let until = ends.get(&(taken.id, taken.effect)).copied();
+    for begun in &faults.taken {
+        let until = ends.get(&(begun.id, begun.effect)).copied();
         events
-            .entry(taken.id)
+            .entry(begun.id)
             .and_modify(|(_, from, to)| {
-                *from = taken.step.min(*from);
+                *from = begun.step.min(*from);
                 // One effect without an end keeps the span open.
                 *to = to.zip(until).map(|(a, b)| a.max(b));
             })
-            .or_insert((taken.kind.clone(), taken.step, until));
+            .or_insert((begun.kind.clone(), begun.step, until));
     }
     let seconds = |step| rate.seconds(Step(step));
     let mut spans: Vec<Span> = (events.into_iter())

@@ -231,9 +231,9 @@ pub(super) fn latency(runs: &[Run]) -> Markup {
             } }
             tbody { @for (number, run) in runs.iter().enumerate() {
                 @let legs = run.outcome.recorded.latency.legs;
-                @let shown = if run.asks_for_timing() { 5 } else { 1 };
+                @let count = if run.asks_for_timing() { 5 } else { 1 };
                 @let all = [("round trip", Some(legs.round_trip)), ("controller", Some(legs.controller)), ("exchange", Some(legs.exchange)), ("plant", Some(legs.plant)), ("late by", legs.release)];
-                @for (leg, times) in all.into_iter().take(shown) { @if let Some(times) = times.filter(|times| times.count > 0) { tr {
+                @for (leg, times) in all.into_iter().take(count) { @if let Some(times) = times.filter(|times| times.count > 0) { tr {
                     th scope="row" { (swatch(number)) (run.label) }
                     td { (leg) }
                     (percentiles(&times))
@@ -308,11 +308,11 @@ pub(super) fn provenance(runs: &[Run]) -> Markup {
             p { "Evidence level " strong { (run.fact("evidence")) } ": " (meaning(run.fact("evidence"))) "." }
             p { code { (run.outcome.reader.path().display()) } }
             @for group in ["Run", "Host", "Doctor", "Real-time settings"] {
-                @let chosen: Vec<_> = facts.iter().filter(|(name, _)| is_of(group, name)).collect();
-                @if !chosen.is_empty() { details open[group == "Run" || group == "Host"] {
+                @let selection: Vec<_> = facts.iter().filter(|(name, _)| is_of(group, name)).collect();
+                @if !selection.is_empty() { details open[group == "Run" || group == "Host"] {
                     summary { (group) }
                     div.scroll tabindex="0" { table.facts { tbody {
-                        @for (name, value) in chosen { tr {
+                        @for (name, value) in selection { tr {
                             th scope="row" { (name.trim_start_matches("doctor_")) } td { (value) }
                         } }
                     } } }
@@ -326,8 +326,8 @@ pub(super) fn provenance(runs: &[Run]) -> Markup {
 }
 
 fn meaning(evidence: &str) -> &'static str {
-    let known = EVIDENCE.iter().find(|(level, _)| *level == evidence);
-    known.map_or("unknown", |(_, meaning)| meaning)
+    let entry = EVIDENCE.iter().find(|(level, _)| *level == evidence);
+    entry.map_or("unknown", |(_, meaning)| meaning)
 }
 
 fn badge(verdict: &str) -> Markup {

@@ -112,25 +112,25 @@ impl Choice {
 
     /// Returns the failure of a program that cannot be run.
     pub(super) fn cannot_run(&self, role: &Role, error: &dyn fmt::Display) -> Failure {
-        let (shown, by) = (self.path.display(), &self.by);
+        let (path_text, by) = (self.path.display(), &self.by);
         Failure::usage(match by {
             NamedBy::Nobody if !self.path.exists() => format!(
-                "no {} program is named, and there is none beside hil: {shown} does not exist; `cargo build --release` in the clone builds all programs beside each other, or name one with {} PATH or {}",
+                "no {} program is named, and there is none beside hil: {path_text} does not exist; `cargo build --release` in the clone builds all programs beside each other, or name one with {} PATH or {}",
                 role.side, role.flag, role.variable
             ),
             // The program is not the cause.
             NamedBy::Nobody if lacks_room(&error.to_string()) => {
-                format!("cannot run {shown}: {error}")
+                format!("cannot run {path_text}: {error}")
             }
             NamedBy::Nobody => format!(
-                "cannot run {shown}: {error}; build it with `cargo build --release`, or name one with {}",
+                "cannot run {path_text}: {error}; build it with `cargo build --release`, or name one with {}",
                 role.flag
             ),
             // The user has just typed the flag, but may have set a variable long ago.
             NamedBy::Person(flag) if flag.starts_with("--") => {
-                format!("cannot run {shown}: {error}")
+                format!("cannot run {path_text}: {error}")
             }
-            by => format!("cannot run {shown} ({by}): {error}"),
+            by => format!("cannot run {path_text} ({by}): {error}"),
         })
     }
 
@@ -237,7 +237,7 @@ impl Recorded {
         let Some((_, path)) = self.named().find(|(named, _)| *named == role) else {
             return Ok(None);
         };
-        let (side, flag, shown) = (role.side, role.flag, path.display());
+        let (side, flag, path_text) = (role.side, role.flag, path.display());
         if !self.is_own() {
             let origin = match &self.is_own {
                 Ok(_) => format!(
@@ -247,12 +247,12 @@ impl Recorded {
                 Err(why) => format!("cannot determine whether this user recorded {run} ({why})"),
             };
             return Err(Failure::usage(format!(
-                "{origin}, so the {side} program that it names, {shown}, is not run; name a program with {flag} PATH"
+                "{origin}, so the {side} program that it names, {path_text}, is not run; name a program with {flag} PATH"
             )));
         }
         let path = trusted::program(path).map_err(|why| {
             Failure::usage(format!(
-                "{run} was recorded with the {side} program {shown}, which is not run: {why}; name a program with {flag} PATH"
+                "{run} was recorded with the {side} program {path_text}, which is not run: {why}; name a program with {flag} PATH"
             ))
         })?;
         let [plant, controller] = &self.blake3;
@@ -395,7 +395,7 @@ fn by_scenario(
     programs: &Programs,
     at: Option<&Reached>,
 ) -> Result<Option<Choice>, Failure> {
-    let (key, flag, shown) = (role.key, role.flag, file.display());
+    let (key, flag, path_text) = (role.key, role.flag, file.display());
     let path = match (&programs.controller, role == &PLANT) {
         (_, true) => programs.plant.as_deref(),
         (None, false) => None,
@@ -410,7 +410,7 @@ fn by_scenario(
             let program_path = program.for_machine(machine);
             Some(program_path.ok_or_else(|| {
                 Failure::usage(format!(
-                    "{shown}: `{key}` has no program for {place}, {machine}; add one, or name it with {flag} PATH"
+                    "{path_text}: `{key}` has no program for {place}, {machine}; add one, or name it with {flag} PATH"
                 ))
             })?)
         }
@@ -421,7 +421,7 @@ fn by_scenario(
     let refused = |why: String| {
         let path = path.display();
         Failure::usage(format!(
-            "{shown} names the {} program {path}, which is not run: {why}; name a program with {flag} PATH",
+            "{path_text} names the {} program {path}, which is not run: {why}; name a program with {flag} PATH",
             role.side
         ))
     };
@@ -443,7 +443,7 @@ fn by_scenario(
     // The content just read is that of the file, because nobody else can have written the file.
     let (own, _) = trusted::file(file).map_err(refused)?;
     if read_regular(&own).ok().as_deref() != Some(text) {
-        return Err(refused(format!("{shown} was changed meanwhile")));
+        return Err(refused(format!("{path_text} was changed meanwhile")));
     }
     let path = trusted::program(path).map_err(refused)?;
     let by = NamedBy::Scenario(key, file.to_owned());

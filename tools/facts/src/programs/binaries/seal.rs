@@ -57,9 +57,9 @@ pub(crate) fn is_own<'a>(fact: impl Fn(&str) -> Option<&'a str>) -> Result<bool,
 }
 
 fn is_of<'a>(key: &[u8; KEY_BYTES], fact: impl Fn(&str) -> Option<&'a str>) -> bool {
-    let found = fact(SEAL).and_then(|seal| Hash::from_hex(seal).ok());
+    let stored = fact(SEAL).and_then(|seal| Hash::from_hex(seal).ok());
     // Comparison of hashes takes constant time.
-    found.is_some_and(|found| found == hash(key, fact))
+    stored.is_some_and(|stored| stored == hash(key, fact))
 }
 
 /// Returns the hash over all facts, each with its length, so that text cannot move from one to the next.

@@ -28,9 +28,9 @@ const SETS_ID: u32 = 0o6000;
 pub fn program(path: &Path) -> Result<PathBuf, String> {
     let (path, metadata) = file(path)?;
     if metadata.mode() & SETS_ID != 0 {
-        let shown = path.display();
+        let path_text = path.display();
         return Err(format!(
-            "{shown} runs as another user or group (setuid or setgid)"
+            "{path_text} runs as another user or group (setuid or setgid)"
         ));
     }
     Ok(path)
@@ -111,10 +111,10 @@ fn describe(path: &Path, error: &std::io::Error) -> String {
 /// Returns the metadata of a path, if only this user and root can have created the entry.
 fn looked_at(path: &Path) -> Result<Metadata, String> {
     let metadata = fs::symlink_metadata(path).map_err(|error| describe(path, &error))?;
-    let (shown, user) = (path.display(), geteuid().as_raw());
+    let (path_text, user) = (path.display(), geteuid().as_raw());
     let owner = metadata.uid();
     if owner != user && owner != 0 {
-        return Err(format!("{shown} belongs to another user ({owner})"));
+        return Err(format!("{path_text} belongs to another user ({owner})"));
     }
     // The mode of a link has no meaning.
     let (mode, is_shared) = (
@@ -130,7 +130,7 @@ fn looked_at(path: &Path) -> Result<Metadata, String> {
     }
     let mode = mode & 0o7777;
     Err(format!(
-        "{shown} can be written by others (mode {mode:04o})"
+        "{path_text} can be written by others (mode {mode:04o})"
     ))
 }
 

@@ -224,7 +224,7 @@ impl Spikes {
         };
         // Among equals the earlier one comes first.
         let order = self.order;
-        let is_longer = |kept: &Spike| order.ns(kept) >= order.ns(&spike);
+        let is_longer = |worst: &Spike| order.ns(worst) >= order.ns(&spike);
         let place = self.worst.partition_point(is_longer);
         self.worst.insert(place, spike);
         self.worst.truncate(KEPT);
@@ -273,9 +273,9 @@ mod tests {
         for step in 0..200 {
             spikes.take(step, &timing(1000 + step * 37 % 100, 0, 0));
         }
-        let kept: Vec<u64> = spikes.worst().iter().map(|s| s.round_trip_ns).collect();
+        let worst: Vec<u64> = spikes.worst().iter().map(|s| s.round_trip_ns).collect();
         let expected = [1099, 1099, 1098, 1098, 1097, 1097, 1096, 1096, 1095, 1095];
-        assert_eq!(kept, expected);
+        assert_eq!(worst, expected);
         for pair in spikes.worst().chunks(2) {
             assert_eq!(pair[0].step + 100, pair[1].step);
         }

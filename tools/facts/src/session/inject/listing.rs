@@ -156,8 +156,8 @@ fn listings(arguments: &InjectArguments) -> Result<Vec<Listing>, RequestError> {
         let possible = super::possible(&session)?;
         return Ok(vec![Listing::of(&possible, Some(session.name))]);
     }
-    let given = arguments.plant_bin.as_deref();
-    let binary = Binary::plant(given, &Named::Nothing, &Interruption::listen()?)?;
+    let program = arguments.plant_bin.as_deref();
+    let binary = Binary::plant(program, &Named::Nothing, &Interruption::listen()?)?;
     Ok(of_binary(&binary.description, arguments.model.as_deref())?)
 }
 

@@ -65,16 +65,16 @@ pub fn toml(arguments: &InjectArguments, possible: &Possible) -> Result<String, 
         None
     });
     let count = sorted.targets.len();
-    let mut check_count = |name: &str, given: usize| {
-        if given != 1 && given != count {
+    let mut check_count = |name: &str, number: usize| {
+        if number != 1 && number != count {
             let values = if count == 1 {
                 "1 value".into()
             } else {
                 format!("1 value for all, or {count}")
             };
             let targets = if count == 1 { "target" } else { "targets" };
-            let given = counted(given as u64, "value");
-            let message = format!("`{name}` has {given} for {count} {targets}");
+            let number = counted(number as u64, "value");
+            let message = format!("`{name}` has {number} for {count} {targets}");
             refusals.push(refusal(name, message, values));
         }
     };
@@ -161,7 +161,7 @@ impl<'a> FaultKind<'a> {
         let mut sorted = Sorted::default();
         let mut words = arguments.words.iter().peekable();
         for (key, value) in &arguments.parameter {
-            let taken = match self.key(key) {
+            let result = match self.key(key) {
                 Ok(Key::Selector) if sorted.targets.is_empty() => {
                     self.targets(value).map(|targets| sorted.targets = targets)
                 }
@@ -182,7 +182,7 @@ impl<'a> FaultKind<'a> {
                 }),
                 Err(refusal) => Err(refusal),
             };
-            refusals.extend(taken.err());
+            refusals.extend(result.err());
         }
         if sorted.targets.is_empty() {
             // The only target of a kind may be omitted.

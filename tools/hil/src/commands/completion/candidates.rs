@@ -171,8 +171,8 @@ fn keys(line: &Line, typed: &OsStr) -> Vec<CompletionCandidate> {
         plant,
         controller,
     } = &subject;
-    let shown = show(plan, &plant.plants, &controller.laws, &plant.faults);
-    let document: Option<DocumentMut> = shown.ok().and_then(|text| text.parse().ok());
+    let complete = show(plan, &plant.plants, &controller.laws, &plant.faults);
+    let document: Option<DocumentMut> = complete.ok().and_then(|text| text.parse().ok());
     let mut entries = Vec::new();
     if let Some(document) = document {
         flatten("", document.as_item(), &mut entries);

@@ -223,8 +223,8 @@ fn an_unrecoverable_file_is_left_alone_and_named() {
     ] {
         let path = original.with(bytes);
         let error = recovered(&path, None).expect_err("refused").to_string();
-        let shown = path.display().to_string();
-        assert!(error.contains(&shown) && error.contains(why), "{error}");
+        let path_text = path.display().to_string();
+        assert!(error.contains(&path_text) && error.contains(why), "{error}");
         assert!(std::fs::read(&path).expect("read") == bytes);
     }
 }

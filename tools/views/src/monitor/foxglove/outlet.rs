@@ -237,10 +237,10 @@ mod tests {
         let outlet = outlet(1.0);
         let (slow, slow_queue) = sync_channel(2);
         let (quick, quick_queue) = sync_channel(100);
-        let (gone, _) = sync_channel(1);
+        let (orphan, _) = sync_channel(1);
         let missed = outlet.hub.join(slow);
         outlet.hub.join(quick);
-        outlet.hub.join(gone);
+        outlet.hub.join(orphan);
         for time_ns in 0..50 {
             outlet.hub.send(Data {
                 channel: RECORDS,

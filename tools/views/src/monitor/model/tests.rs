@@ -216,7 +216,7 @@ fn a_killed_or_stopped_hil_is_reported() {
     );
     model.abandon(true);
     let text = crate::monitor::line::text(&model, 0);
-    let mend = "`hil recover /runs/demo` makes whole what it recorded";
+    let mend = "`hil recover /runs/demo` completes its recording";
     assert_eq!(
         text,
         format!("spring-mass ended: hil is gone without a summary, {mend}")

@@ -209,7 +209,7 @@ fn words_that_cannot_be_understood_are_refused_with_the_possible_ones() {
     ];
     for (line, expected) in cases {
         let refusals = typed(line).expect_err(line);
-        let told: Vec<String> = (refusals.iter())
+        let texts: Vec<String> = (refusals.iter())
             .map(|refusal| {
                 let expected = refusal.expected.as_deref().unwrap_or_default();
                 format!(
@@ -219,7 +219,7 @@ fn words_that_cannot_be_understood_are_refused_with_the_possible_ones() {
                 )
             })
             .collect();
-        assert_eq!(told, [expected], "{line}");
+        assert_eq!(texts, [expected], "{line}");
     }
 }
 
