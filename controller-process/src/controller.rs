@@ -21,7 +21,7 @@ use shared_types::table::{self, Field, Table};
 pub trait Controller: Sized + 'static {
     /// Name in scenarios.
     const NAME: &'static str;
-    /// Summary in one sentence.
+    /// One-sentence summary.
     const SUMMARY: &'static str;
     /// Names of the plants that it is made for; empty means any.
     const PLANTS: &'static [&'static str] = &[];
@@ -175,7 +175,7 @@ fn cannot_save() -> Invalid {
 /// Sample as rows.
 #[derive(Clone, Copy, Debug)]
 pub struct Row<'a> {
-    /// Simulated time in s.
+    /// Simulated time at the start of the interval, in s.
     pub time_s: f64,
     /// Measured signals in the law's order.
     pub measured: &'a [f64],

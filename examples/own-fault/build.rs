@@ -1,4 +1,4 @@
-//! Notes the source that the program is built from, for `--describe`.
+//! Embeds the provenance of the program, for `--describe`.
 
 fn main() {
     hil_origin::note();

@@ -103,7 +103,7 @@ pub struct Compared<'a> {
     pub relation: &'static str,
     /// Expression after the relation.
     pub right: &'a Expression,
-    /// First and last time in s at which it may count.
+    /// First and last time in s at which the comparison may apply.
     pub window_s: [f64; 2],
     /// `true` if the robustness of the formula falls as that of the comparison rises, as under `not`; `None` if the
     /// robustness may do both, as under `rise`.

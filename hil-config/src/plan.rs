@@ -184,7 +184,7 @@ pub enum Clock {
     Lockstep,
     /// The previous step's command and the monotonic clock, `factor` times as fast as real time.
     Paced {
-        /// Simulated seconds per second.
+        /// Returns the simulated seconds per wall-clock second.
         factor: f64,
     },
     /// The monotonic clock alone: a command that misses its deadline is replaced by the newest available.

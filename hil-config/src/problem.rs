@@ -40,7 +40,7 @@ pub enum ProblemKind {
     Mismatch,
     /// A required signal that nothing provides.
     Unbound,
-    /// An error in an expression.
+    /// Error in an expression.
     Expression,
 }
 

@@ -261,7 +261,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Arc::clone(&self.queue)
     }
 
-    /// Returns the builder of faults for this run.
+    /// Returns the fault builder of this run.
     #[must_use]
     pub fn builder(&self) -> Arc<FaultBuilder> {
         Arc::clone(&self.plant.builder)

@@ -26,7 +26,7 @@ use shared_types::time::Interval;
 pub trait Plant: Sized + 'static {
     /// Name in scenarios.
     const NAME: &'static str;
-    /// Summary in one sentence.
+    /// One-sentence summary.
     const SUMMARY: &'static str;
     /// Parameters, each with a default; mark those open to faults `faultable`, and those that may be changed during a
     /// run `tunable`.
@@ -34,7 +34,7 @@ pub trait Plant: Sized + 'static {
     /// True state and outputs. A range on a signal is its limit of validity: outside it the run ends as diverged, with
     /// the signal named.
     type Truth: Table;
-    /// Readings of the sensors.
+    /// Sensor readings.
     type Measured: Table;
     /// Commands that the plant takes.
     type Command: Table;
@@ -82,7 +82,7 @@ pub trait Plant: Sized + 'static {
 pub trait Model {
     /// Applies a full row of parameters.
     fn retune(&mut self, parameters: &[f64]) -> Result<(), Failure>;
-    /// Writes the measured row.
+    /// Writes the measured signals.
     fn measure(&mut self, measured: &mut [f64]) -> Result<(), Failure>;
     /// Writes the truth row.
     fn truth(&mut self, time_s: f64, command: &[f64], truth: &mut [f64]) -> Result<(), Failure>;

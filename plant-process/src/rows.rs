@@ -14,7 +14,7 @@ use shared_types::zerocopy::IntoBytes;
 /// Rows for the tables agreed on by a plant and a controller.
 #[derive(Debug, Default)]
 pub struct Rows {
-    /// Measured, then reference signals.
+    /// Measured signals, then reference signals.
     pub sample: Vec<f64>,
     /// Sensor readings, before faults.
     pub sensed: Vec<f64>,

@@ -50,7 +50,7 @@ impl Checkpoints {
 /// Starting point of a side in a resumed run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Resume {
-    /// The first step that is exchanged.
+    /// First step that is exchanged.
     pub step: Step,
     /// File with this side's state before that step.
     pub state: PathBuf,

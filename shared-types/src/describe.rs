@@ -125,7 +125,7 @@ fn check_tables<const N: usize>(
 pub struct PlantDescription {
     /// Name, the scenario's `plant.model`.
     pub name: String,
-    /// Summary in one sentence.
+    /// One-sentence summary.
     pub summary: String,
     /// Parameters with defaults and ranges.
     pub parameters: Vec<Field>,
@@ -240,7 +240,7 @@ pub enum ProfileDescription {
 pub struct FaultKindDescription {
     /// Name, the scenario's `faults.kind`.
     pub kind: String,
-    /// Summary in one sentence.
+    /// One-sentence summary.
     pub summary: String,
     /// Equation of the effect, in plain text.
     pub equation: String,
@@ -290,7 +290,7 @@ impl ActsOn {
 pub struct ListDescription {
     /// Key of the list.
     pub key: String,
-    /// Description in one sentence.
+    /// One-sentence description.
     pub description: String,
     /// Numbers per row of the list: 1 for plain numbers, 2 for pairs.
     pub columns: usize,
@@ -301,7 +301,7 @@ pub struct ListDescription {
 pub struct LawDescription {
     /// Name, the scenario's `controller.law`.
     pub name: String,
-    /// Summary in one sentence.
+    /// One-sentence summary.
     pub summary: String,
     /// Plants that the law is made for; empty means any.
     #[serde(default)]

@@ -195,7 +195,7 @@ pub enum Unusable {
     /// Too many columns.
     #[error("there are {count}; at most {most} are allowed")]
     Many {
-        /// Number of columns.
+        /// Returns the number of columns.
         count: usize,
         /// Largest number of columns allowed.
         most: usize,

@@ -23,7 +23,7 @@ pub enum Request {
     },
     /// Ends faults.
     Clear {
-        /// Number of the fault; all if `None`.
+        /// Number of the fault; `None` for all.
         id: Option<u32>,
     },
     /// Lists the faults of the run.
@@ -224,7 +224,7 @@ pub struct Tunable {
     pub aliases: Vec<String>,
     /// Unit of the value.
     pub unit: String,
-    /// Description in one sentence.
+    /// One-sentence description.
     pub description: String,
     /// Smallest valid value.
     #[serde(with = "number")]

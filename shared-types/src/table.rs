@@ -30,7 +30,7 @@ pub struct Field {
     pub aliases: Vec<String>,
     /// Unit as text, for example `rad`, `m/s`, `1`.
     pub unit: String,
-    /// Description in one sentence.
+    /// One-sentence description.
     pub description: String,
     /// Default value; none for signals.
     #[serde(
@@ -107,7 +107,7 @@ fn highest() -> f64 {
 pub trait Table:
     Copy + FromBytes + IntoBytes + Immutable + KnownLayout + std::fmt::Debug + 'static
 {
-    /// Number of columns.
+    /// Returns the number of columns.
     const LEN: usize = size_of::<Self>() / size_of::<f64>();
 
     /// Returns the columns, in memory order.

@@ -12,7 +12,7 @@ pub(crate) fn parts(url: &str) -> (&str, &str) {
     rest.split_once("/#").expect("a secret")
 }
 
-/// Connects as the page does.
+/// Connects like the page.
 pub(crate) fn connected(url: &str) -> WebSocket<TcpStream> {
     let (address, _) = parts(url);
     let stream = TcpStream::connect(address).expect("it listens");

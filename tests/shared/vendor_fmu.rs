@@ -16,7 +16,7 @@ pub(crate) const INNER: usize = 250;
 /// Bytes of its tables.
 const TABLES: usize = 8 << 20;
 
-/// Role of a variable.
+/// Causality of a variable.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Role {
     Parameter { is_tunable: bool },

@@ -207,7 +207,7 @@ const SYSTEM: [&str; 8] = [
     "clap",
 ];
 
-/// The one package with `unsafe`.
+/// The only package with `unsafe`.
 const FOREIGN: &str = "hil-foreign";
 
 const PROGRAMS: [&str; 5] = [

@@ -93,7 +93,7 @@ impl Link for UnixSocketLink {
     fn expect(&mut self, epoch: u32) -> Result<(), LinkError> {
         let next = socket(&self.folder, self.side, "control", epoch)?;
         let before = std::mem::replace(&mut self.control, next);
-        // Another one may have been expected in vain before.
+        // An earlier controller may have been expected in vain.
         if self.active.is_none() && self.frames.is_some() {
             self.active = Some(before);
         }

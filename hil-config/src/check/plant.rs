@@ -100,7 +100,7 @@ fn safe_command(
             let written = Written::new(&key, true, value, &entry.node.place);
             match written.beats(given.get(field.name.as_str())) {
                 Ok(true) => {
-                    given.insert(&field.name, written);
+                    values.insert(&field.name, typed_value);
                     commands.set(&field.name, value);
                 }
                 Ok(false) => {}

@@ -15,7 +15,7 @@ pub(crate) struct Token {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum TokenKind {
     Number(f64),
-    /// A number with a unit.
+    /// Number with a unit.
     Quantity(Quantity),
     /// A name, with dots if it has parts.
     Name(String),

@@ -62,7 +62,7 @@ impl Scale {
 pub(crate) enum Source<'a> {
     /// A signal.
     Signal(&'a Name),
-    /// A number with a unit.
+    /// Number with a unit.
     Quantity(&'a Quantity),
     /// An integral: its unit is displayed, but not compared with that of signals, as J and W s are equal.
     Integral,

@@ -12,7 +12,7 @@ use shared_types::time::{Rate, Step};
 const STACK_BYTES: usize = 512 << 10;
 /// Operands of a chain.
 const MANY: usize = 100_000;
-/// The last step of the run.
+/// Last step of the run.
 const STEPS: u64 = 3;
 
 /// Runs a function on a small stack, whose overflow would abort the whole test.

@@ -275,7 +275,7 @@ fn two_commands_that_are_names_of_one_input_are_refused() {
             let scenario = Scenario::parse(text, "slider.toml").expect("TOML");
             scenario.check(&plants, &laws(), &descriptions::kinds())
         };
-        let Err(Problems(found)) = check(&text) else {
+        let Err(Problems(problems)) = check(&text) else {
             panic!("one of the commands is lost");
         };
         let both = format!(

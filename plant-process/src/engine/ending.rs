@@ -51,7 +51,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             ..Header::new(FrameKind::Abort, self.side.at())
         };
         match self.link.send(&header, &[]) {
-            // Before the frames are open there is only the control channel.
+            // Only the control channel exists before the frames are open.
             Err(LinkError::NotOpen) => {
                 let refusal = Control::Refusal {
                     reason: reason.clone(),

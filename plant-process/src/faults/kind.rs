@@ -24,7 +24,7 @@ use shared_types::time::Rate;
 pub trait FaultKind: Sized + Send + 'static {
     /// Name in scenarios and on the command line.
     const NAME: &'static str;
-    /// Summary in one sentence.
+    /// One-sentence summary.
     const SUMMARY: &'static str;
     /// Equation of the effect in plain text; `x` is the healthy value, `g` the profile.
     const EQUATION: &'static str;

@@ -48,7 +48,7 @@ table! {
 }
 
 table! {
-    /// Readings of the sensors.
+    /// Sensor readings.
     pub struct Measured {
         /// Position x.
         position_m: "m",

@@ -7,7 +7,7 @@ use std::path::Path;
 /// Computes the BLAKE3 hash of a file, in hexadecimal digits.
 ///
 /// # Errors
-/// If it cannot be read.
+/// If the recording cannot be read.
 pub fn hash(path: &Path) -> io::Result<String> {
     let mut hasher = blake3::Hasher::new();
     hasher.update_reader(File::open(path)?)?;

@@ -14,11 +14,11 @@ pub use scheduling::{only_core, pin};
 use shared_types::realtime::{Granted, Report, Settings};
 use shared_types::wait::{WaitLimit, WaitStrategy};
 
-/// Applies all of it, to the calling thread and its process, and looks at what came of it.
+/// Applies all settings to the calling thread and its process, and reads the result back.
 ///
-/// 1. Timers become exact: a nap is as long as it is asked to be.
+/// 1. Timers become exact: a nap lasts as long as requested.
 /// 2. The thread moves to its core.
-/// 3. Memory is locked and fetched, which takes a while, still with ordinary scheduling.
+/// 3. Memory is locked and faulted in, which takes a while, still with ordinary scheduling.
 /// 4. The priority comes last.
 #[must_use]
 pub fn apply(settings: &Settings) -> Report {
@@ -41,13 +41,13 @@ pub fn apply(settings: &Settings) -> Report {
     Report {
         core: match settings.core {
             None => Granted::new(core, core, None),
-            asked => Granted::new(asked, core, pinned.err().map(|e| e.to_string())),
+            requested => Granted::new(requested, core, pinned.err().map(|e| e.to_string())),
         },
         priority: Granted::new(settings.priority, scheduling::priority(), raised.err()),
         lock_memory: Granted::new(
             settings.lock_memory,
             memory::is_locked(),
-            (kept.clone().err()).or_else(|| Some("locking is what brings it in".into())),
+            (result.clone().err()).or_else(|| Some("locking loads it as well".into())),
         ),
         prefault: Granted::new(
             settings.prefault,
@@ -64,8 +64,8 @@ pub fn apply(settings: &Settings) -> Report {
     }
 }
 
-/// Counts the cores that both sides have together. A side that was given no core has those that this
-/// process had `before`, as both were started in the same way.
+/// Counts the cores that both sides may use together. A side without a core of its own has those that this process
+/// had `before`, as both were started in the same way.
 fn cores(settings: &Settings, before: Option<&CpuSet>, core: Option<u32>) -> usize {
     let free = |set: &CpuSet| {
         (0..CpuSet::MAX_CPU)

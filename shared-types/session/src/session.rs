@@ -146,7 +146,7 @@ impl SessionInfo {
     /// Writes a JSON file of the session; it appears atomically.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// If the output cannot be written.
     pub fn write_file<T: Serialize>(&self, name: &str, content: &T) -> Result<(), SessionError> {
         let path = self.folder.join(name);
         let part = self.folder.join(format!("{name}.part"));
@@ -257,8 +257,8 @@ impl SessionInfo {
     }
 }
 
-/// Checks whether someone holds the session's lock, or nobody can tell: a session that is not known to be
-/// dead is left alone.
+/// Returns `true` if the session's lock is held or cannot be checked: a session that is not certainly dead is left
+/// alone.
 fn is_live(folder: &Path) -> bool {
     match open_at_once(&folder.join("lock")) {
         Ok(lock) => flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err(),

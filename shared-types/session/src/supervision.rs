@@ -33,7 +33,7 @@ const GRACE: Duration = Duration::from_secs(4);
 /// for another, by exit handlers, or by a panic that holds a lock.
 fn end_after_grace() {
     std::thread::sleep(GRACE);
-    let _ = kill_process(getpid(), Signal::KILL); // it is there
+    let _ = kill_process(getpid(), Signal::KILL); // cannot fail for its own process
 }
 
 /// Ends this process once the other end of a pipe or socket is closed, whatever its other threads wait for and even if

@@ -16,7 +16,7 @@ const UNUSUAL: u64 = 8;
 /// Weight of a step in the running mean: one in N.
 const MEAN_OF: u64 = 64;
 
-/// Looks at the calling thread.
+/// Samples the calling thread.
 #[must_use]
 pub fn look() -> ThreadStatistics {
     let core = sched_getcpu() as u16;

@@ -303,7 +303,7 @@ pub struct FaultEffectSize {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {
-    /// All steps, confirmed by both sides.
+    /// All steps completed, confirmed by both sides.
     Completed,
     /// The plant left its range of validity or a signal became not a number.
     Diverged,

@@ -21,7 +21,7 @@ use crate::programs::Programs;
 const SETTLE: Duration = Duration::from_secs(2);
 /// Time for which a run is watched, in s.
 const WATCH_S: u64 = 50;
-/// Time that anything may take before it counts as hanging.
+/// Time limit of anything, after which it counts as hanging.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// Watches both runs and prints what they cost.

@@ -144,7 +144,7 @@ impl Drop for Run {
     }
 }
 
-/// A play of the browser.
+/// Browser script in progress.
 struct Play {
     process: Child,
     stdin: ChildStdin,
@@ -177,7 +177,7 @@ impl Play {
 
     /// Waits for the end of the play, and gives what it told.
     fn told(mut self) -> Value {
-        let mut told = String::new();
+        let mut text = String::new();
         self.stdout.read_to_string(&mut told).expect("text");
         serde_json::from_str(&told).unwrap_or_else(|error| panic!("{error}: {told}"))
     }

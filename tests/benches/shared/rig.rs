@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use hil_session::process::ProcessId;
 use hil_session::session::SessionInfo;
 
-/// Time that anything may take before it counts as hanging.
+/// Time limit of anything, after which it counts as hanging.
 const WATCHDOG: Duration = Duration::from_secs(30);
 
 /// A scenario that is small and as long as it is wanted to be.

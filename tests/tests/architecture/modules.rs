@@ -18,7 +18,7 @@ const ORDERS: [(&str, &[&str]); 3] = [
     ("tools/console", &["files", "terminal"]),
 ];
 
-/// Pieces that tests of several packages share, at the root of each.
+/// Files shared by tests of several packages, at the root of each.
 const SHARED: [&str; 2] = ["fixture", "rig"];
 
 /// Path of a module from the root of its package.
@@ -235,7 +235,7 @@ fn arrow(from: &str, to: &str) -> Arrow {
 }
 
 #[test]
-fn a_circle_is_found_and_what_leads_to_it_is_left_out() {
+fn a_circle_is_found_without_the_modules_leading_to_it() {
     let mut arrows = vec![arrow("a", "b"), arrow("b", "c"), arrow("c", "d")];
     assert_eq!(circle(&arrows), None);
     arrows.push(arrow("d", "b"));

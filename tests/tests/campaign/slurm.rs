@@ -195,7 +195,7 @@ fn status_reports_pending_held_and_running_tasks() {
     campaign.until("its nodes are out of service", |status| {
         status["tasks"]["reasons"].to_string().contains("DRAINED")
     });
-    let told = campaign.action("status", &[]).expect(0).stdout;
+    let text = campaign.action("status", &[]).expect(0).stdout;
     assert!(told.contains("sinfo -R lists nodes"), "{told}");
     nodes("resume");
     campaign.slurm("scancel", &["--name=study"]).expect(0);

@@ -97,9 +97,12 @@ fn a_controller_past_its_stop_time_is_lost_at_that_step() {
         "controller gave up at step 50",
         "`stop_time_s` is 0.5, and the step of 0.01 s from 0.5 would pass it",
     ];
-    let said = format!("{}{}", run.stdout, run.stderr);
+    let expected = format!("{}{}", run.stdout, run.stderr);
     for fragment in told {
-        assert!(said.contains(fragment), "`{fragment}` is not in {said}");
+        assert!(
+            expected.contains(fragment),
+            "`{fragment}` is not in {expected}"
+        );
     }
     let whole = place.run(&text, "--set run.duration_s=0.5").expect(0);
     assert_eq!(whole.summary()["steps"], 50);

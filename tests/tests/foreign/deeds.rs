@@ -242,11 +242,8 @@ fn every_mistake_in_the_tables_is_named_before_anything_starts() {
             "`deed` has a range that begins above its end: 30 to 20",
         ),
         ("default", "`deed` has the default 21, outside 0 to 20"),
-        (
-            "flags",
-            "`deed` of `parameters` has flags that are none: 64",
-        ),
-        ("api", "`api` is 99, and this library speaks 1"),
+        ("flags", "`deed` of `parameters` has unknown flags: 64"),
+        ("api", "`api` is 99, but this library supports 1"),
         ("utf-8", "the summary of the plant is not UTF-8"),
         (
             "saving",
@@ -279,7 +276,7 @@ fn every_mistake_in_the_tables_is_named_before_anything_starts() {
     );
     let run = deed(&rig, "plant", &wrong, 0).expect(2);
     let told = "truth of plant `misbehaves`: `x_m` is defined twice";
-    let expected = format!("error: cannot run {}: {told}\n", wrong.display());
+    let expected = format!("error: cannot run {}: {report}\n", wrong.display());
     assert_eq!(run.stderr, expected, "the reason, first and alone");
 }
 

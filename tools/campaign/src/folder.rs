@@ -139,7 +139,7 @@ impl Folder {
     /// Records a conflict.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// If the output cannot be written.
     pub fn note(&self, conflict: &Conflict) -> io::Result<()> {
         let folder = self.path.join(CONFLICTS);
         fs::create_dir_all(&folder)?;

@@ -93,7 +93,7 @@ pub(crate) fn share(file: &File) -> io::Result<()> {
 fn publish(name: *const &'static str) {
     let page = SHARED.load(Ordering::Relaxed);
     if !page.is_null() {
-        // SAFETY: null, or a reference that lives for ever.
+        // SAFETY: null, or a reference with static lifetime.
         let name = unsafe { name.as_ref() }.map_or("", |name| name);
         // SAFETY: the page has room for two names, of which this is the first, and one thread alone calls foreign code.
         unsafe { write_name(page, name) };

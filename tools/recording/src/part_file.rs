@@ -123,7 +123,7 @@ impl PartFolder {
 /// Writes a small file atomically; a device or pipe is written directly.
 ///
 /// # Errors
-/// If it cannot be written.
+/// If the output cannot be written.
 pub fn write(path: &Path, text: &[u8]) -> io::Result<()> {
     let path = match fs::metadata(path) {
         Ok(metadata) if !metadata.is_file() => return fs::write(path, text),

@@ -17,7 +17,7 @@ use shared_types::time::Step;
 
 use super::settings::{Settings, refuse_in_process};
 
-/// Environment of a run, whatever its scenario.
+/// Environment of a run, independent of its scenario.
 #[derive(Clone)]
 pub struct Environment {
     pub binaries: Arc<Binaries>,
@@ -25,18 +25,18 @@ pub struct Environment {
     pub interruption: Interruption,
 }
 
-/// Origin of a run, besides its scenario.
+/// Origin of a run in addition to its scenario.
 pub enum Origin {
     /// Nothing else.
     Scenario,
-    /// A recorded run that it repeats.
+    /// Recorded run to repeat.
     Repeated(Repeated),
-    /// A checkpoint that it goes on from.
+    /// Checkpoint from which to continue.
     Checkpoint(Box<Past>, Branch),
 }
 
 impl Origin {
-    /// Gives the first step that the run exchanges.
+    /// Returns the first step that the run exchanges.
     pub const fn first(&self) -> Step {
         match self {
             Self::Checkpoint(past, _) => past.first(),
@@ -47,46 +47,45 @@ impl Origin {
 
 /// Facts of a recorded run that a rerun repeats.
 pub struct Repeated {
-    /// Number of its records that are compared.
+    /// Number of records to compare.
     pub records: u64,
-    /// Steps at which its controller was not in time.
+    /// Steps at which its controller was late.
     pub missed: Vec<Missed>,
 }
 
 /// Result of a run.
 pub struct RunResult {
     pub exit: Exit,
-    /// Digests after the first records, by their number, as far as they were asked for and
-    /// exist.
+    /// Digests after certain numbers of records, as far as they were requested and exist.
     pub partial_digests: BTreeMap<u64, String>,
-    /// Curve of a campaign's case, if one is kept.
+    /// Curve of a campaign's case, if recorded.
     pub curve: Option<Curve>,
     /// Recording, if there is one.
     pub recording: Option<PathBuf>,
-    /// Folder of the run.
+    /// Path of its folder.
     pub folder: PathBuf,
     pub summary: Summary,
-    /// The summary as a machine reads it.
+    /// Summary as JSON.
     pub json: String,
-    /// The summary as a person reads it.
+    /// Returns the summary as a table.
     pub table: String,
-    /// Failure to write the summary. To be told after the summary: neither a full disk nor a broken
-    /// output may hide the other.
+    /// Failure to write the summary. Reported after the summary: neither a full disk nor a broken output may hide
+    /// the other.
     pub written: Result<(), Failure>,
 }
 
 impl RunResult {
-    /// Returns the check of the first checkpoint that the run made.
+    /// Returns the check of the run's first checkpoint.
     pub fn first_check(&self) -> Option<&Check> {
         self.summary.checkpoints.first()?.check.as_ref()
     }
 }
 
 impl Environment {
-    /// Joins settings and programs.
+    /// Combines settings and programs.
     ///
     /// # Errors
-    /// If the programs do not go with the settings.
+    /// If the programs do not suit the settings.
     pub fn new(
         settings: &Settings,
         binaries: Arc<Binaries>,

@@ -21,38 +21,38 @@ use super::realtime::RecorderCore;
 use super::settings::Settings;
 use crate::recorder::{Recorder, RecordingPlan};
 
-/// A run that can begin.
+/// Run that is ready to start.
 pub(super) struct PreparedRun {
     pub(super) plan: Plan,
     pub(super) binaries: Arc<Binaries>,
     pub(super) settings: Settings,
     pub(super) interruption: Interruption,
     pub(super) session: SessionInfo,
-    /// Time at which the run was begun.
+    /// Time of the run's start.
     pub(super) started_utc: String,
-    /// Folder of the run.
+    /// Path of its folder.
     pub(super) folder: PathBuf,
-    /// Room on its disk for the summary.
+    /// Disk space reserved for the summary.
     pub(super) reserve: Reserve,
-    /// The scenario as it is in effect.
+    /// Effective scenario.
     pub(super) effective: String,
     pub(super) plant: plant_process::job::Job,
     pub(super) controller: controller_process::job::Job,
     pub(super) recording: Option<RecordingPlan>,
-    /// Content of its records, as both programs describe it.
+    /// Layout of its records, as both programs describe it.
     pub(super) layout: RecordLayout,
     /// Steps before which the state is saved.
     pub(super) checkpoints: Vec<Step>,
-    /// Numbers of records after which the digest is wanted besides.
+    /// Numbers of records after which an additional digest is taken.
     pub(super) marks: Vec<u64>,
-    /// The records that the run goes on from.
+    /// Records that the run continues.
     pub(super) past: Option<PastRecords>,
-    /// The checkpoint that it goes on from.
+    /// Checkpoint that it continues from.
     pub(super) resumed: Option<Resumed>,
 }
 
 impl PreparedRun {
-    /// Starts the recorder; the result of `attach` looks for the stream again and again.
+    /// Starts the recorder; the function returned by `attach` is called repeatedly until it finds the stream.
     pub(crate) fn recorder<S, A>(
         &self,
         core: RecorderCore,
@@ -71,16 +71,16 @@ impl PreparedRun {
         })
     }
 
-    /// Removes the folder of a run of which nothing was started: the next try finds it as this one did.
+    /// Removes the folder of a run that was not started, so that the next attempt finds the same state.
     pub(super) fn leave_nothing(mut self) {
         self.reserve.release();
         leave(&self.folder);
     }
 
-    /// Begins the progress of the run, with the hold that was asked for.
+    /// Creates the progress display of the run, with the requested pause.
     pub(crate) fn progress(&self) -> Progress {
-        let shown = !self.settings.is_one_of_many;
-        let mut progress = Progress::new(self.plan.run.steps, self.plan.run.rate, shown);
+        let is_visible = !self.settings.is_one_of_many;
+        let mut progress = Progress::new(self.plan.run.steps, self.plan.run.rate, is_visible);
         if let Some(pause_at_s) = self.settings.pause_at_s {
             progress.announce_pause(pause_at_s, &self.session.name);
         }
@@ -88,7 +88,7 @@ impl PreparedRun {
     }
 }
 
-/// Removes the folder of a run with the scenario in it, and nothing else.
+/// Removes the folder of a run with its scenario, if there is nothing else in it.
 pub(super) fn leave(folder: &Path) {
     let _ = std::fs::remove_file(folder.join(SCENARIO));
     let _ = std::fs::remove_dir(folder);

@@ -19,7 +19,7 @@ use signal_hook::consts::SIGKILL;
 use super::log::Log;
 use super::open_files;
 
-/// Time between two looks at a process that is about to say or do something.
+/// Polling interval for a process that is about to answer or end.
 pub const LOOK: Duration = Duration::from_millis(2);
 /// Time limit for a process to end once told to.
 pub const GRACE: Duration = Duration::from_secs(2);

@@ -46,7 +46,7 @@ pub struct Request {
     pub wait_limit_s: Option<f64>,
 }
 
-/// Answer to a request.
+/// Response to a request.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(tag = "response", rename_all = "kebab-case")]
 pub enum Response {
@@ -175,7 +175,7 @@ impl SwapContext {
         // Written beside the job of the active one, which may not have read it yet.
         let job = jobs::with_law(self.job.clone(), law.clone());
         jobs::check(&binary, session, "swap.json", &job, &self.interruption).map_err(reason_of)?;
-        let (answer, answered) = channel();
+        let (answer, receiver) = channel();
         const ENDED: &str = "the run has ended";
         requests
             .send(SwapRequest {

@@ -328,7 +328,7 @@ fn unless_gone(path: Option<&Path>, error: &std::io::Error) -> Result<Option<Exp
 /// Writes a page; a closed pipe on standard output counts as success.
 ///
 /// # Errors
-/// If it cannot be written.
+/// If the output cannot be written.
 pub fn deliver(
     text: &str,
     mut destination: Destination,

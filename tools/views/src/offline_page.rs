@@ -26,7 +26,7 @@ pub struct OfflinePage<'a, D> {
 }
 
 impl<D: Serialize> OfflinePage<'_, D> {
-    /// Writes the whole page.
+    /// Renders the whole page.
     pub fn write(&self) -> Result<String, Failure> {
         // No text in it can end the element.
         let json = serde_json::to_string(self.data)

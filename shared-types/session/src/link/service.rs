@@ -18,7 +18,7 @@ use crate::shared_memory;
 /// The iceoryx2 service flavour in use.
 pub type Ipc = ipc::Service;
 
-/// The iceoryx2 node of one process in a session.
+/// Creates the iceoryx2 node of one process in a session.
 ///
 /// # Errors
 /// If the session's shared memory cannot be used.
@@ -28,7 +28,7 @@ pub fn node(session: &SessionInfo, name: &str) -> Result<Node<Ipc>, LinkError> {
     node.map_err(|reason| LinkError::Transport { service, reason })
 }
 
-/// Reports what iceoryx2 could not do, and what may have kept it from that; iceoryx2 names only the first.
+/// Wraps an error of iceoryx2 and its probable cause, which iceoryx2 does not name.
 pub fn transport(service: &str, error: impl std::fmt::Debug) -> LinkError {
     LinkError::Transport {
         service: service.into(),
@@ -36,7 +36,7 @@ pub fn transport(service: &str, error: impl std::fmt::Debug) -> LinkError {
     }
 }
 
-/// Reports what cannot be opened: it may not be there yet, or the machine is in the way.
+/// Classifies a failure to open a service: it may not exist yet, or the machine may prevent it.
 pub(crate) fn absent(service: &str, error: PublishSubscribeOpenError) -> LinkError {
     use PublishSubscribeOpenError as Open;
     let may_be_refused = matches!(
@@ -49,14 +49,14 @@ pub(crate) fn absent(service: &str, error: PublishSubscribeOpenError) -> LinkErr
     LinkError::Absent {
         service: service.into(),
         reason: match error {
-            Open::DoesNotExist => "the plant has not made it".into(),
-            other => format!("iceoryx2 says {other:?}"),
+            Open::DoesNotExist => "the plant has not created it".into(),
+            other => format!("iceoryx2 reports {other:?}"),
         },
     }
 }
 
-/// A subscriber that fails where it cannot reach a publisher. Left alone, iceoryx2 goes on without what
-/// that sends.
+/// Creates a subscriber that fails if it cannot reach a publisher. By default, iceoryx2 continues without that
+/// publisher's messages.
 pub(crate) fn subscribe<Payload, Header>(
     service: &str,
     builder: PortFactorySubscriber<'_, Ipc, Payload, Header>,
@@ -66,9 +66,9 @@ where
     Header: std::fmt::Debug + ZeroCopySend,
 {
     let is_cut_off = Arc::new(AtomicBool::new(false));
-    let noted = is_cut_off.clone();
+    let flag = is_cut_off.clone();
     let subscriber = builder.set_degradation_handler(move |_, _| {
-        noted.store(true, Ordering::Relaxed);
+        flag.store(true, Ordering::Relaxed);
         DegradationAction::DegradeAndFail
     });
     let subscriber = subscriber.create().map_err(|error| match error {
@@ -78,7 +78,7 @@ where
         },
         error => transport(service, error),
     })?;
-    // Of a publisher that was there before this is noted, but no error.
+    // A publisher that existed before this subscriber sets the flag without an error.
     if is_cut_off.load(Ordering::Relaxed) {
         let what = "its publisher cannot be reached";
         return Err(match shared_memory::hindrance() {
@@ -92,12 +92,12 @@ where
     Ok(subscriber)
 }
 
-/// Returns what was received: nothing if the publisher is gone.
+/// Returns the received message; `None` if the publisher is gone.
 pub(crate) fn received<T>(
     service: &str,
     received: Result<Option<T>, ReceiveError>,
 ) -> Result<Option<T>, LinkError> {
-    // The kinds of failure have no public names.
+    // The error variants have no public names.
     let is_gone = |error: &ReceiveError| format!("{error:?}").contains("DoesNotExist");
     match received {
         Ok(received) => Ok(received),

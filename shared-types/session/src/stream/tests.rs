@@ -21,10 +21,10 @@ fn layout() -> RecordLayout {
 
 /// Drains a source into text.
 fn drained(source: &mut dyn RecordSource) -> Vec<String> {
-    let mut seen = Vec::new();
+    let mut list = Vec::new();
     loop {
         let count = source.drain(&mut |item| {
-            seen.push(match item {
+            items.push(match item {
                 Item::Record(words) => format!("record {}", words[0]),
                 other => format!("{other:?}"),
             });
@@ -70,9 +70,9 @@ fn without_credit_the_plant_waits_and_nothing_is_lost() {
         sent += 1;
     }
     assert!(sent > BUFFER as u64 / 2 && sent < BUFFER as u64, "{sent}");
-    let seen = drained(&mut source);
-    let expected: Vec<String> = (0..sent).map(|k| format!("record {k}")).collect();
-    assert_eq!(seen, expected);
+    let items = drained(&mut source);
+    let expected: Vec<String> = (0..count).map(|k| format!("record {k}")).collect();
+    assert_eq!(items, expected);
     assert!(sink.has_room().expect("asks"), "credit came back");
 }
 

@@ -23,7 +23,7 @@ use shared_types::side::Side;
 pub(crate) use peer::{answered, measure};
 pub(crate) use place::Place;
 
-/// Signals of a sample.
+/// Returns the number of signals in a sample.
 pub(crate) const SIGNALS: usize = 32;
 /// Values of a command.
 pub(crate) const COMMANDS: usize = 16;

@@ -38,7 +38,7 @@ impl Rig {
     /// The plan of a text with flags over it. No file lies beside it.
     ///
     /// # Errors
-    /// With everything that is wrong.
+    /// All problems found.
     pub fn plan(&self, text: &str, flags: &[&str]) -> Result<Plan, Problems> {
         Scenario::parse(text, "/nowhere/fuzzed.toml")?
             .set(flags)

@@ -107,29 +107,29 @@ fn foreign(folder: &Folder, why: &str) -> Failure {
 /// Reads the study of a campaign.
 ///
 /// # Errors
-/// If it cannot be read, or is another one than the campaign was planned with: its goals would be others.
+/// If the study cannot be read or is not the planned one, since its goals could differ.
 pub(super) fn study(folder: &Folder) -> Result<Study, Failure> {
     let copy = &folder.manifest().study;
     let path = folder.path().join(&copy.path);
     folder.check_copies([copy]).map_err(|why| {
-        let (shown, study) = (folder.path().display(), quoted(&path));
+        let (folder_text, study) = (folder.path().display(), quoted(&path));
         if !path.exists() {
             return Failure::usage(format!(
-                "{why}; the goals and variants of the results in {shown} stand in it. Put back the study that the campaign was planned with, whose BLAKE3 hash is {}",
+                "{why}; it defines the goals and variants of the results in {folder_text}. Restore the study that the campaign was planned with, whose BLAKE3 hash is {}",
                 copy.blake3
             ));
         }
         Failure::usage(format!(
-            "{why}; the results in {shown} are not those of another study. Put the study back as it was, or plan a campaign of this one: hil campaign plan {study} -o OTHER"
+            "{why}; the results in {folder_text} belong to the original study. Restore it, or plan a campaign of the changed one: hil campaign plan {study} -o OTHER"
         ))
     })?;
     Ok(Study::read(path)?)
 }
 
-/// Makes the failure of a folder that cannot be worked on.
+/// Creates the error for a folder that cannot be used.
 pub(super) fn cannot(folder: &Folder, error: &dyn std::fmt::Display) -> Failure {
-    let shown = folder.path().display();
+    let folder_text = folder.path().display();
     Failure::infrastructure(format!(
-        "cannot work on {shown}: {error}; what is there stays, and the same command goes on"
+        "cannot work on {folder_text}: {error}; existing results are kept, and the same command continues"
     ))
 }

@@ -30,7 +30,7 @@ use super::collect::read;
 use super::planned::{cannot, study};
 use super::work::open;
 
-/// A campaign and its answers.
+/// Campaign with its evaluation.
 struct Campaign<'a> {
     folder: &'a Folder,
     study: &'a Study,
@@ -41,7 +41,7 @@ struct Campaign<'a> {
 }
 
 impl Campaign<'_> {
-    /// Tells whether every case has a result.
+    /// Returns `true` if every case has a result.
     const fn is_complete(&self) -> bool {
         self.answers.digest.is_some()
     }

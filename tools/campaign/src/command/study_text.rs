@@ -2,7 +2,7 @@
 
 use toml_edit::{DocumentMut, Value};
 
-/// Returns a study with another number of draws, and everything else as it is; none if it does not say `cases`.
+/// Returns a study with another number of draws and otherwise the same text; `None` if it does not set `cases`.
 pub(super) fn with_cases(text: &str, draws: u64) -> Option<String> {
     let mut document: DocumentMut = text.parse().ok()?;
     let value = document.get_mut("cases")?.as_value_mut()?;
@@ -17,7 +17,7 @@ mod tests {
     use super::with_cases;
 
     #[test]
-    fn a_study_with_more_cases_is_otherwise_the_same_text() {
+    fn changing_the_number_of_cases_keeps_the_rest_of_the_study() {
         let text = "schema = 1\ncases  =  200 # draws\n\n[[vary]] # one\nkey = \"a\"\n";
         let more = with_cases(text, 3000);
         assert_eq!(more, Some(text.replace("200", "3000")));

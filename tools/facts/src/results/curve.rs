@@ -15,7 +15,7 @@ pub struct Grid {
     pub signals: Vec<(String, String)>,
     /// Number of bins.
     pub bins: usize,
-    /// Length of a bin in s.
+    /// Width of a bin, in s.
     pub bin_s: f64,
     /// Number of draws of which one records its curves.
     pub every: u64,

@@ -30,7 +30,7 @@ pub enum End {
 /// left no folder of its own.
 ///
 /// # Errors
-/// If it cannot be written.
+/// If the output cannot be written.
 pub fn summarise(run: &BegunRun, reason: &str, end: End) -> Result<Option<Value>, Failure> {
     if !is_left(run, end) {
         return Ok(None);

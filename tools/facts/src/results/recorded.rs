@@ -10,7 +10,7 @@ use shared_types::record::{ControllerChange, Mark, RunEnd, Timing, ValueChange};
 use crate::results::faults::FaultLog;
 use crate::results::latency::legs::LatencySummary;
 
-/// Most steps that are compared.
+/// Maximum number of compared steps.
 const STEPS: usize = 100;
 
 /// Facts of the recorder at the end.
@@ -68,17 +68,17 @@ impl Recorded {
     }
 }
 
-/// Counts of the controller's commands in the records of a run.
+/// Counts of controller commands in the records of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Answers {
-    /// Records with a command of a controller.
+    /// Number of records with a controller's command.
     pub given: u64,
-    /// Records with an older command than that of their step.
+    /// Number of records with an older command than that of their step.
     pub held: u64,
 }
 
 impl Answers {
-    /// Takes in the record of a step that had a command.
+    /// Counts the record of a step with a command.
     pub const fn take(&mut self, timing: &Timing) {
         self.given += (timing.epoch > 0) as u64;
         self.held += (timing.held_steps > 0) as u64;
@@ -90,14 +90,14 @@ impl Answers {
 pub struct Stretch {
     /// Step of the checkpoint.
     pub first: u64,
-    /// Number of live faults that were accepted before it.
+    /// Number of live faults accepted before it.
     pub accepted: usize,
-    /// Repeatable words of the records from that step on.
+    /// Reproducible words of the records from that step on.
     pub(super) records: Vec<Vec<u64>>,
 }
 
 impl Stretch {
-    /// Begins the stretch of a checkpoint.
+    /// Starts the records of a checkpoint.
     pub const fn new(first: u64, accepted: usize) -> Self {
         Self {
             first,
@@ -106,9 +106,9 @@ impl Stretch {
         }
     }
 
-    /// Takes the next record; returns `false` if the stretch is complete.
+    /// Adds the next record; returns `false` if enough are stored.
     pub fn take(&mut self, hashed: &[u64]) -> bool {
-        // The state after the last step is in the record after it.
+        // The state after the last step is in the next record.
         let is_open = self.records.len() <= STEPS;
         if is_open {
             self.records.push(hashed.to_vec());
@@ -116,7 +116,7 @@ impl Stretch {
         is_open
     }
 
-    /// Returns the records until somebody changed the live run, which nobody does to the sides of a check.
+    /// Returns the records up to the first live change, because the sides of a check receive none.
     pub(super) fn untouched(&self, recorded: &Recorded) -> &[Vec<u64>] {
         let faults = &recorded.faults;
         let later = faults.accepted.get(self.accepted..).unwrap_or_default();

@@ -100,7 +100,7 @@ impl Board {
     }
 
     fn ask(&self) -> Option<Vec<Standing>> {
-        let (answer, answered) = channel();
+        let (answer, receiver) = channel();
         (self.askers.lock())
             .unwrap_or_else(PoisonError::into_inner)
             .push(answer);

@@ -60,11 +60,11 @@ impl fmt::Display for Version {
 /// Model description of an FMU for co-simulation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ModelDescription {
-    /// Version of the standard.
+    /// Version of the FMI standard.
     pub version: Version,
     /// Name of the model.
     pub name: String,
-    /// Description in one sentence.
+    /// One-sentence description.
     pub description: String,
     /// Tool that generated the FMU.
     pub tool: String,
@@ -258,7 +258,7 @@ pub const UNREFERENCED: u32 = u32::MAX;
 pub struct Variable {
     /// Name.
     pub name: String,
-    /// Description in one sentence.
+    /// One-sentence description.
     pub description: String,
     /// Value reference in the library.
     pub reference: u32,

@@ -69,7 +69,7 @@ pub enum FmuError {
         flag(key)
     )]
     Forbidden {
-        /// Reason of the refusal.
+        /// Reason for the refusal.
         reason: String,
         /// Key of the permission in the scenario.
         key: &'static str,

@@ -2,7 +2,7 @@
 
 use super::description::{Causality, Initial, ModelDescription, Variable};
 
-/// Names of the variables whose initial values can be set, besides the inputs.
+/// Iterates over the variables other than inputs whose initial values can be set.
 pub(super) fn with_initial_value(model: &ModelDescription) -> impl Iterator<Item = &Variable> {
     let all = model.variables.iter();
     all.filter(|one| one.kind.range().is_some() && may_be_set(one).is_ok() && !is_input(one))
@@ -16,7 +16,7 @@ pub(super) fn is_input(variable: &Variable) -> bool {
 /// Checks that a variable has an initial value that can be set.
 ///
 /// # Errors
-/// If the variable has no initial value of its own; the text is the reason.
+/// If the variable has no settable initial value; the text is the reason.
 pub(super) fn may_be_set(variable: &Variable) -> Result<(), &'static str> {
     if variable.unusable.is_some() {
         return Err("cannot be read from the model description");
@@ -38,7 +38,7 @@ pub(super) fn may_be_set(variable: &Variable) -> Result<(), &'static str> {
     }
 }
 
-/// Returns `true` if a text can be set.
+/// Returns `true` if the text can be set.
 pub(super) fn is_settable_text(variable: &Variable) -> bool {
     variable.causality == Causality::Parameter && !variable.is_constant
         || may_be_set(variable).is_ok()

@@ -6,10 +6,10 @@ use serde::Serialize;
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub(super) struct Column {
     pub name: String,
-    /// Empty for counts and flags.
+    /// Unit; empty for counts and flags.
     pub unit: String,
     pub kind: CellKind,
-    /// A cell may be missing.
+    /// `true` if cells may be missing.
     #[serde(skip)]
     pub is_optional: bool,
 }
@@ -20,7 +20,7 @@ pub(super) struct Column {
 pub(super) enum CellKind {
     /// A physical number.
     Number,
-    /// Steps, nanoseconds, bits.
+    /// Integer: steps, nanoseconds or bits.
     Count,
     /// True or false.
     Flag,
@@ -32,6 +32,6 @@ pub(super) enum Cell {
     Number(f64),
     Count(u64),
     Flag(bool),
-    /// There is no such thing at that step.
+    /// No value at that step.
     Missing,
 }

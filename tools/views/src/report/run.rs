@@ -72,7 +72,7 @@ impl Run {
     /// Reads the results of a run, judged by its own scenario or by another.
     ///
     /// # Errors
-    /// If it cannot be read.
+    /// If the recording cannot be read.
     pub(crate) fn of(path: &Path, by: Option<&Path>) -> Result<Self, Failure> {
         let mut result = RecordedOutcome::of(path, by).map_err(Failure::usage)?;
         if result.recorded.written == 0 {

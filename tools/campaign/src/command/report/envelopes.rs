@@ -46,7 +46,7 @@ impl Envelopes {
     /// Reads the curves of a campaign; `None` if it records none, or has none yet.
     ///
     /// # Errors
-    /// If they cannot be read.
+    /// If the journals cannot be read.
     pub(super) fn read(folder: &Folder, study: &Study) -> std::io::Result<Option<Self>> {
         let Some(grid) = &folder.manifest().curves else {
             return Ok(None);

@@ -4,15 +4,15 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use serde::{Serialize, Serializer};
 
-/// Numbers in double precision, little end first.
+/// Double-precision numbers, little-endian.
 #[derive(Debug, Default)]
 pub(super) struct Numbers(pub(super) Vec<f64>);
 
-/// Numbers in single precision, little end first.
+/// Single-precision numbers, little-endian.
 #[derive(Debug, Default)]
 pub(super) struct Singles(pub(super) Vec<f32>);
 
-/// Numbers of one byte.
+/// One-byte codes.
 #[derive(Debug, Default)]
 pub(super) struct Codes(pub(super) Vec<u8>);
 

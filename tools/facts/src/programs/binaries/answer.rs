@@ -6,8 +6,8 @@ use std::path::Path;
 
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
-use hil_session::program::CHECKED;
 use hil_session::asking::{NoAnswer, ask};
+use hil_session::program::CHECKED;
 use hil_target::contact::Answer;
 use serde_json::Value;
 use shared_types::text;
@@ -48,7 +48,7 @@ pub(super) fn objection(answer: &Answer, is_host: bool) -> Option<String> {
             .then(|| format!("it ended its process with exit code 0 while it was checked{why}"));
     }
     let reason = answer.stderr.trim().trim_start_matches("error: ");
-    // A library of somebody else may give its reason on either.
+    // A user's library may print its reason to either stream.
     let why = format!("{reason}\n{}", answer.stdout);
     Some(why.trim().to_owned())
 }
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn a_program_that_dies_by_a_signal_is_named_by_it_with_its_last_words() {
+    fn death_by_a_signal_is_reported_with_the_last_message() {
         let words = "a library speaks\nerror: SIGSEGV in fmi2DoStep\n\n";
         assert_eq!(
             killed(11, words),

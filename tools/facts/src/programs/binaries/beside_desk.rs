@@ -10,17 +10,17 @@ use shared_types::origin::Build;
 use super::Binary;
 use super::named::Choice;
 
-/// A controller that is built for another processor, beside the desk's build of it.
+/// Controller built for another processor, compared with the desk's build.
 #[derive(Clone, Debug)]
 pub struct BesideDesk {
     desk: PathBuf,
-    /// Builds there and at the desk, as far as they noted their sources.
+    /// Source revisions of the builds on the target and at the desk, as far as they are recorded.
     builds: [Option<Build>; 2],
 }
 
 impl BesideDesk {
-    /// Compares a controller that runs elsewhere with what would run at the desk; nothing if that is the same file or
-    /// another program.
+    /// Compares a controller on a target with the one that would run at the desk; `None` if that is the same file
+    /// or another program.
     pub fn of(there: &Binary, desk: &Choice, interruption: &Interruption) -> Option<Self> {
         let machine = |path: &Path| built_for(path).ok().flatten();
         if machine(&there.path)? == machine(&desk.path)? {
@@ -34,11 +34,11 @@ impl BesideDesk {
         })
     }
 
-    /// True if both are known to be built from the same source; nothing if that cannot be told.
+    /// Returns `true` if both are known to be built from the same source; `None` if that cannot be determined.
     pub(crate) fn is_same_source(&self) -> Option<bool> {
         match &self.builds {
             [Some(there), Some(desk)] if there.is_of_source_of(desk) => Some(true),
-            // Each with changes of its own: nobody knows which.
+            // Both have uncommitted changes, which may differ.
             [Some(there), Some(desk)] if there == desk => None,
             [Some(_), Some(_)] => Some(false),
             _ => None,
@@ -48,21 +48,21 @@ impl BesideDesk {
 
 impl fmt::Display for BesideDesk {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let told = |build: &Option<Build>| match build {
+        let describe = |build: &Option<Build>| match build {
             Some(build) => build.to_string(),
-            None => "a build that noted no source".into(),
+            None => "a build without a recorded source".into(),
         };
-        let [there, desk] = self.builds.each_ref().map(told);
+        let [there, desk] = self.builds.each_ref().map(describe);
         let path = self.desk.display();
         match self.is_same_source() {
             Some(true) => write!(f, "built from the source of {path}: {there}"),
             Some(false) => write!(
                 f,
-                "note: built from another source than {path}: {there}; the desk's {desk}"
+                "note: built from another source than {path}: {there}; at the desk {desk}"
             ),
             None => write!(
                 f,
-                "note: nobody can tell that it is built from the source of {path}: {there}; the desk's {desk}"
+                "note: cannot verify that it is built from the source of {path}: {there}; at the desk {desk}"
             ),
         }
     }
@@ -87,8 +87,8 @@ mod tests {
     }
 
     #[test]
-    fn a_build_for_another_processor_is_called_the_same_source_only_where_that_is_known() {
-        for (commits, modified, same, told) in [
+    fn builds_count_as_the_same_source_only_if_that_is_known() {
+        for (commits, modified, same, expected) in [
             (
                 [Some("a"), Some("a")],
                 false,
@@ -107,17 +107,17 @@ mod tests {
                 Some(false),
                 "commit b with changes",
             ),
-            ([Some("a"), Some("a")], true, None, "nobody can tell"),
+            ([Some("a"), Some("a")], true, None, "cannot verify"),
             (
                 [None, Some("a")],
                 false,
                 None,
-                "a build that noted no source",
+                "a build without a recorded source",
             ),
         ] {
             let beside = beside(commits, modified);
             assert_eq!(beside.is_same_source(), same, "{beside}");
-            assert!(beside.to_string().contains(told), "{beside}");
+            assert!(beside.to_string().contains(expected), "{beside}");
         }
     }
 }

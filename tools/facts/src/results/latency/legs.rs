@@ -49,9 +49,9 @@ pub struct Legs {
 pub struct LatencySummary {
     /// Percentiles of each leg.
     pub legs: Legs,
-    /// The worst round trips, the longest first.
+    /// Worst round trips, longest first.
     pub spikes: Vec<Spike>,
-    /// The latest releases, the latest first; empty in lockstep.
+    /// Latest releases, latest first; empty in lockstep.
     pub late_releases: Vec<Spike>,
     /// Grade of the latency; `None` if nothing was exchanged.
     pub grade: Option<Graded>,

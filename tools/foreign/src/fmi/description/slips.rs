@@ -114,7 +114,7 @@ fn base(base: &Element) -> Result<BaseUnit, DescriptionError> {
     })
 }
 
-/// Reads a number that the standard wants above 0. Another one is a slip of the tool, as good as none, and noted.
+/// Reads a number that the standard requires to be above 0. Any other value is treated as missing, with a note.
 pub(super) fn positive(element: &Element, name: &str, notes: &mut Vec<String>) -> Option<f64> {
     let text = element.text(name)?;
     let number: Option<f64> = text.trim().parse().ok();
@@ -128,7 +128,7 @@ pub(super) fn positive(element: &Element, name: &str, notes: &mut Vec<String>) -
     usable
 }
 
-/// Notes a unit whose definition converts nothing.
+/// Returns a note about a unit whose definition is unusable.
 pub(super) fn unusable_unit(unit: &Unit) -> Option<String> {
     let BaseUnit { factor, offset, .. } = unit.base?;
     let is_usable = factor.is_finite() && factor != 0.0 && offset.is_finite();
@@ -138,7 +138,7 @@ pub(super) fn unusable_unit(unit: &Unit) -> Option<String> {
     })
 }
 
-/// Drops bounds that are not numbers.
+/// Removes bounds that are not numbers, with a note.
 pub(super) fn drop_bounds(variable: &mut Variable, notes: &mut Vec<String>) {
     let name = shortened(&variable.name);
     for (which, bound) in [("min", &mut variable.min), ("max", &mut variable.max)] {

@@ -92,7 +92,7 @@ pub(crate) fn advertise(layout: &RecordLayout) -> String {
     .to_string()
 }
 
-/// A message for those who subscribed to its channel.
+/// Message for the subscribers of its channel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Data {
     /// The channel.
