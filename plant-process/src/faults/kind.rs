@@ -16,9 +16,10 @@ use shared_types::time::Rate;
 ///
 /// 1. [`start`](FaultKind::start), once, away from the loop: here it may allocate.
 /// 2. [`hold`](FaultKind::hold), at the step at which it takes hold.
-/// 3. At every step from then on the one of [`number`](FaultKind::number),
-///    [`message`](FaultKind::message) and [`timing`](FaultKind::timing) that [`ACTS_ON`] tells,
-///    also while its profile is 0. These run in the loop: no allocation, no system call.
+/// 3. At every step from then on the one of [`number`](FaultKind::number) (on signals by
+///    [`coupled`](FaultKind::coupled)), [`message`](FaultKind::message) and
+///    [`timing`](FaultKind::timing) that [`ACTS_ON`] tells, also while its profile is 0. These run in
+///    the loop: no allocation, no system call.
 ///
 /// [`ACTS_ON`]: FaultKind::ACTS_ON
 pub trait FaultKind: Sized + Send + 'static {
@@ -66,6 +67,12 @@ pub trait FaultKind: Sized + Send + 'static {
         reading
     }
 
+    /// Returns the reading that a signal becomes, of which `row` has all signals of the same direction.
+    fn coupled(&mut self, at: &Moment, reading: Reading, row: &[f64]) -> Reading {
+        let _ = row;
+        self.number(at, reading)
+    }
+
     /// Changes the passage of a message on the link.
     fn message(&mut self, at: &Moment, passage: &mut Passage) {
         let _ = (at, passage);
@@ -86,6 +93,8 @@ pub struct Setup<'a, P> {
     pub list: &'a [f64],
     /// Steps per second.
     pub rate: Rate,
+    /// Number of signals in the row that [`FaultKind::coupled`] gets; 0 where it is not called.
+    pub signals: usize,
 }
 
 /// The step that a fault acts on.
@@ -154,6 +163,8 @@ pub trait Fault: Send {
     fn hold(&mut self, random: RandomStream);
     /// Returns the reading that a signal or parameter becomes.
     fn number(&mut self, at: &Moment, reading: Reading) -> Reading;
+    /// Returns the reading that a signal becomes, of which `row` has all signals of the same direction.
+    fn coupled(&mut self, at: &Moment, reading: Reading, row: &[f64]) -> Reading;
     /// Changes the passage of a message on the link.
     fn message(&mut self, at: &Moment, passage: &mut Passage);
     /// Changes what a side does with its time.
@@ -187,6 +198,10 @@ impl<K: FaultKind> Fault for K {
 
     fn number(&mut self, at: &Moment, reading: Reading) -> Reading {
         FaultKind::number(self, at, reading)
+    }
+
+    fn coupled(&mut self, at: &Moment, reading: Reading, row: &[f64]) -> Reading {
+        FaultKind::coupled(self, at, reading, row)
     }
 
     fn message(&mut self, at: &Moment, passage: &mut Passage) {
@@ -243,6 +258,7 @@ impl FaultKindEntry {
                     parameters: setup.parameters.to_table("faults.effects")?,
                     list: setup.list,
                     rate: setup.rate,
+                    signals: setup.signals,
                 })?;
                 Ok(Box::new(fault))
             },
