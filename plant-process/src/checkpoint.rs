@@ -1,4 +1,4 @@
-//! State of the plant's process in a checkpoint: the model, its faults and the last record.
+//! State of the plant's process in a checkpoint: the model, its instruments and faults, and the last record.
 //!
 //! The engine saves it before a step, when everything of the steps before was told to observers, and
 //! begins with it in a run that goes on. What is not here follows from the job and the step: the
@@ -16,6 +16,8 @@ use crate::tuning::SavedTuning;
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct SavedPlant {
     pub(crate) model: State,
+    /// Of each stage of the sensors, then of the actuators.
+    pub(crate) instruments: Vec<State>,
     pub(crate) faults: SavedFaults,
     pub(crate) tuning: SavedTuning,
     /// The words of the record of the step before, which conditions are asked of.

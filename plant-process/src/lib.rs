@@ -3,9 +3,11 @@
 //! One step, as [`engine`] runs it:
 //!
 //! 1. [`faults`] brings the parameters to step `k`.
-//! 2. The [`plant`] is measured, [`stimulus`] gives the reference signals, and the sample is sent.
+//! 2. The [`plant`] is measured, [`instruments`] make of its readings what is sensed, [`stimulus`] gives
+//!    the reference signals, and the sample is sent.
 //! 3. While the controller works, the record of step `k - 1` is published.
-//! 4. The command of step `k` comes; [`guard`] checks the truth that it meets.
+//! 4. The command of step `k` comes and passes its faults and instruments; [`guard`] checks the truth
+//!    that it meets.
 //! 5. The model in [`models`] is carried to step `k + 1` by [`integrate`]; [`rows`] notes the record.
 //!
 //! `checkpoint` is what is kept of all this when a run is to go on from a step another time. Requests
@@ -22,6 +24,7 @@ mod checkpoint;
 pub mod engine;
 pub mod faults;
 pub mod guard;
+pub mod instruments;
 pub mod integrate;
 pub mod job;
 pub mod live;

@@ -1,7 +1,7 @@
 //! Differences that a run from a checkpoint may have: nothing that contradicts the steps before it.
 //!
-//! The records before the checkpoint stay as they are. So the plant, its controller, the rate and the
-//! seed stay; reference signals have the same values up to there; a fault that has begun keeps its
+//! The records before the checkpoint stay as they are. So the plant, its instruments and controller, the rate
+//! and the seed stay; reference signals have the same values up to there; a fault that has begun keeps its
 //! target, its times and its course, and only its sizes may be others from there on; one that has not
 //! begun may not begin before. How long the run is, its clock, its metrics are free.
 
@@ -108,6 +108,8 @@ impl Check<'_> {
             ("plant.model", plant.model == plant_now.model),
             ("plant.substeps", plant.substeps == plant_now.substeps),
             ("plant.limits", plant.limits == plant_now.limits),
+            ("sensors", then.sensors == now.sensors),
+            ("actuators", then.actuators == now.actuators),
             ("controller.law", law.law == law_now.law),
             ("controller.made_for", law.made_for == law_now.made_for),
             ("connect", law.connections == law_now.connections),
