@@ -4,7 +4,7 @@
 //!
 //! - A unit with the root of a frequency is a one-sided amplitude density, as data sheets and IEEE 1139 have it.
 //! - A unit divided by the root of a time, as deg/sqrt(h), is the random walk coefficient N of IEEE 952, whose
-//!   two-sided density of power is N^2 (equation C.4); the one-sided amplitude density is sqrt(2) N.
+//!   two-sided density of power is N^2 (annex C); the one-sided amplitude density is sqrt(2) N.
 //! - `g` in an acceleration is standard gravity, 9.80665 m/s2 (3rd CGPM, 1901), and not the gram.
 //! - `LSB` is the step of the converter; `% of range` is a part of the distance between its ends (IEEE 1241,
 //!   full-scale range).

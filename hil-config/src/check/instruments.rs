@@ -240,7 +240,7 @@ fn timing(
             continue;
         };
         let steps = delay_s * rate.hz();
-        let is_whole = (steps - steps.round()).abs() <= 1e-9 * steps.max(1.0);
+        let is_whole = (steps - steps.round()).abs() <= 1e-9 * (1.0 + steps);
         if is_whole && steps <= MOST_STEPS {
             continue;
         }

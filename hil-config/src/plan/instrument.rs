@@ -64,7 +64,7 @@ impl Instrument {
     pub fn resolution(&self) -> Option<f64> {
         self.get("resolution").or_else(|| {
             let (min, max) = self.range()?;
-            Some((max - min) / self.get("bits")?.exp2())
+            Some((max - min) / libm::ldexp(1.0, self.get("bits")? as i32))
         })
     }
 

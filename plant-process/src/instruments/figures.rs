@@ -73,10 +73,11 @@ impl Figures {
         let (mut real, mut imaginary) = (0.0, 0.0);
         for (step, value) in (0_u32..).zip(&self.impulse) {
             let angle = per_step * f64::from(step);
-            real += value * angle.cos();
-            imaginary += value * angle.sin();
+            real += value * libm::cos(angle);
+            imaginary += value * libm::sin(angle);
         }
-        imaginary.atan2(real).to_degrees() + 360.0 * frequency_hz * (self.dead_s + self.hold_s)
+        libm::atan2(imaginary, real).to_degrees()
+            + 360.0 * frequency_hz * (self.dead_s + self.hold_s)
     }
 }
 
@@ -98,7 +99,9 @@ fn impulse(stage: &Stage, rate: Rate) -> Result<Vec<f64>, Invalid> {
     for step in 2..LONGEST {
         let value = answer(step, 0.0);
         values.push(value);
-        largest = largest.max(value.abs());
+        if value.abs() > largest {
+            largest = value.abs();
+        }
         // As long again as it took to fade: a resonance passes through 0.
         faded = if value.abs() < 1e-12 * largest {
             faded + 1
@@ -142,7 +145,7 @@ mod tests {
         let figures = figures(&[("lag_hz", 100.0), ("noise_density", 0.01)]);
         assert_near(figures.lag_s, 1.0 / (std::f64::consts::TAU * 100.0), 1e-6);
         for frequency_hz in [1.0, 10.0, 100.0] {
-            let expected = (frequency_hz / 100.0_f64).atan().to_degrees();
+            let expected = libm::atan(frequency_hz / 100.0).to_degrees();
             assert_near(figures.phase_loss_deg(frequency_hz), expected, 1e-3);
         }
         // The noise band of a first-order lag is pi / 2 times its corner; sampling folds back what is above.

@@ -80,7 +80,7 @@ fn sensed(seed: u64, values: &[(&str, f64)], course: impl Fn(u64) -> f64, steps:
 fn deviation(values: &[f64]) -> f64 {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
-    let squares = values.iter().map(|value| (value - mean).powi(2));
+    let squares = values.iter().map(|value| (value - mean) * (value - mean));
     (squares.sum::<f64>() / n).sqrt()
 }
 
@@ -99,7 +99,7 @@ fn a_converter_of_b_bits_has_the_error_of_its_step_over_the_root_of_12() {
             .zip(sensed(1, &values, irrational, 50_000))
             .map(|(step, value)| value - irrational(step))
             .collect();
-        let q = 2.0 / 2.0_f64.powf(bits);
+        let q = 2.0 / libm::pow(2.0, bits);
         let ratio = deviation(&errors) / (q / 12.0_f64.sqrt());
         assert!((ratio - 1.0).abs() < 0.02, "{bits} bits: {ratio}");
     }
@@ -117,7 +117,7 @@ fn a_converter_has_as_many_codes_as_its_bits_say_from_the_lower_end_on() {
 
 #[test]
 fn a_delay_and_a_dead_time_are_exact() {
-    let course = |step: u64| (step as f64).sin();
+    let course = |step: u64| libm::sin(step as f64);
     let delayed = sensed(1, &[("delay_s", 0.03)], course, 200);
     let expected = |step: u64| course(step.saturating_sub(30));
     assert_eq!(delayed, (0..200).map(expected).collect::<Vec<_>>());
@@ -199,7 +199,7 @@ fn each_sensor_has_its_own_correlation_time_and_its_own_numbers() {
     for (course, tau_s) in courses.iter().zip([slow_s, fast_s]) {
         let lag = 10;
         let correlation = covariance(course, &course[lag..]) / covariance(course, course);
-        let expected = (-(lag as f64) / RATE_HZ / tau_s).exp();
+        let expected = libm::exp(-(lag as f64) / RATE_HZ / tau_s);
         assert!(
             (correlation - expected).abs() < 0.02,
             "{correlation} {expected}"
@@ -280,7 +280,7 @@ fn a_restored_chain_goes_on_to_the_bit() {
     let (mut straight, mut resumed) = (new(), new());
     let step_of = |instruments: &mut Instruments, step: u64| {
         let (mut row, mut applied) = (vec![0.0; measured.len()], vec![0.0; plant().commands.len()]);
-        (row[0], applied[0]) = ((step as f64 * 0.1).sin(), (step as f64 * 0.03).cos());
+        (row[0], applied[0]) = (libm::sin(step as f64 * 0.1), libm::cos(step as f64 * 0.03));
         instruments.sense(Step(step), &mut row).expect("finite");
         instruments
             .actuate(Step(step), &mut applied)

@@ -105,7 +105,7 @@ struct Last {
 
 /// Changes of `v` and `v'` over an angle `a`, where `v'' + 2 d v' + v = slope t` and `v`, `v'` start as said.
 fn changes([value, rate]: [f64; 2], slope: f64, (angle, damping): (f64, f64)) -> [f64; 2] {
-    if angle * (2.0 * damping).max(1.0) < 0.5 {
+    if angle < 0.5 && 2.0 * damping * angle < 0.5 {
         return series([value, rate], slope, (angle, damping));
     }
     // Behind a ramp the value runs late by `2 d slope`; what is left of the start decays.

@@ -61,7 +61,7 @@ pub fn text(
             lag_s,
             ..
         } = figures;
-        let sigma = noise_sigma.hypot(quantisation_sigma);
+        let sigma = (noise_sigma * noise_sigma + quantisation_sigma * quantisation_sigma).sqrt();
         let parts = format!(
             "{} (noise {}, quantisation {})",
             short_in(sigma, unit),
