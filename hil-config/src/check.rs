@@ -12,8 +12,10 @@ mod changes;
 mod connect;
 mod controller;
 mod csv;
+mod data_sheet;
 mod faults;
 mod files;
+mod instruments;
 mod model_settings;
 mod panel;
 mod parameters;
@@ -238,6 +240,7 @@ fn parts(
         let nominal = plant_plan.as_ref().map(|plan| &plan.parameters);
         controller::check(reader, section, laws, (law, home), plant, nominal, grid)
     });
+    let instruments = instruments::check(reader, root, plant, grid);
     let reference: Option<Vec<Field>> =
         (stimuli.as_deref()).map(|stimuli| stimuli.iter().flat_map(Stimulus::fields).collect());
     let connect = reader.list(root, "connect");
@@ -304,6 +307,7 @@ fn parts(
         kinds,
     };
     belonging::advise(reader, root.table, &owners);
+    let (sensors, actuators) = instruments?;
     Some(Plan {
         name,
         description: description.into(),
@@ -315,6 +319,8 @@ fn parts(
             ..controller_plan?
         },
         stimuli: stimuli?,
+        sensors,
+        actuators,
         faults,
         changes,
         derived,

@@ -5,6 +5,7 @@
 
 mod changes;
 mod faults;
+mod instruments;
 mod metrics;
 mod model;
 mod plots;
@@ -20,6 +21,7 @@ use faults::FAULT;
 
 pub(crate) use changes::LIVE_CHANGE;
 pub(crate) use faults::{EFFECT, PROFILE, PROFILES, REQUEST, TARGET, TRIGGERS};
+pub(crate) use instruments::{ACTUATOR, SENSOR};
 pub(crate) use metrics::{EXPRESSION, METRIC, METRICS, PUBLISHED};
 pub(crate) use plots::{PANEL, PLOT};
 pub(crate) use realtime::REALTIME;
@@ -91,6 +93,17 @@ pub(crate) enum KeyKind {
     Pair,
     /// A list of pairs of numbers.
     Pairs,
+    /// A number, or text with a number and a unit.
+    Quantity {
+        /// Unit; `target` in it stands for that of a signal.
+        unit: &'static str,
+        /// Smallest legal value.
+        min: f64,
+        /// Largest legal value.
+        max: f64,
+    },
+    /// Two quantities of a signal, the smaller one first.
+    Range,
     /// A name or number of a fault event.
     Event,
     /// A table with these keys; some tables have further keys, which depend on other values.
@@ -217,6 +230,16 @@ pub(crate) const SCENARIO: &[Key] = &[
         "realtime",
         KeyKind::Section(REALTIME),
         "Real-time settings of plant, controller and recorder; they change timing, never values. Cores are checked when a run starts.",
+    ),
+    Key::new(
+        "sensors",
+        KeyKind::List(SENSOR),
+        "Sensors between the readings of the model and the faults of its signals. One entry a signal; the keys act in the order of this page.",
+    ),
+    Key::new(
+        "actuators",
+        KeyKind::List(ACTUATOR),
+        "Actuators between the received commands and the model. One entry a command; the keys act in the order of this page.",
     ),
     Key::new(
         "stimuli",

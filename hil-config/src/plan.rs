@@ -6,6 +6,7 @@
 mod analysis;
 mod change;
 mod fault;
+mod instrument;
 mod plot;
 mod records;
 mod requirement;
@@ -32,6 +33,7 @@ pub use change::{Change, PLANT_KEYS, REFERENCE_KEYS, law_keys, settings_after};
 pub use fault::{
     Condition, FaultAction, FaultEffect, FaultEnd, FaultEvent, FaultSource, Move, Profile, Trigger,
 };
+pub use instrument::{Instrument, Stage};
 pub use plot::{Panel, Plot, Scale};
 pub use requirement::Requirement;
 pub use stimulus::{Stimulus, Sweep, Waveform};
@@ -53,6 +55,10 @@ pub struct Plan {
     pub controller: ControllerPlan,
     /// Reference signals of the rig.
     pub stimuli: Vec<Stimulus>,
+    /// Sensors, each of another measured signal.
+    pub sensors: Vec<Instrument>,
+    /// Actuators, each of another command.
+    pub actuators: Vec<Instrument>,
     /// Fault events in file order.
     pub faults: Vec<FaultEvent>,
     /// Changes of values in file order.

@@ -361,6 +361,14 @@ pub(crate) fn describe(kind: &KeyKind) -> String {
         KeyKind::Values => "a list of numbers, of texts, or of true and false".into(),
         KeyKind::Pair => "two numbers".into(),
         KeyKind::Pairs => "a list of pairs of numbers".into(),
+        KeyKind::Quantity { unit, min, max } => {
+            let any = Quantity::finite(unit);
+            format!(
+                "{}, or text with a unit",
+                Quantity { min, max, ..any }.expected()
+            )
+        }
+        KeyKind::Range => "two numbers or texts with a unit, the smaller one first".into(),
         KeyKind::Event => "the name or number of a fault event".into(),
         KeyKind::Section(_) | KeyKind::Described => "a table".into(),
         KeyKind::List(_) => "a list of tables".into(),

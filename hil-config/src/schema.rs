@@ -136,6 +136,14 @@ fn property(key: &Key) -> Value {
         }
         KeyKind::Pair => pair(),
         KeyKind::Pairs => json!({"type": "array", "items": pair(), "minItems": 1}),
+        KeyKind::Quantity { unit, min, max } => {
+            let any = Quantity::finite(unit);
+            json!({"anyOf": [quantity(&Quantity { min, max, ..any }), {"type": "string"}]})
+        }
+        KeyKind::Range => {
+            let end = json!({"type": ["number", "string"]});
+            json!({"type": "array", "items": end, "minItems": 2, "maxItems": 2})
+        }
         KeyKind::Event => json!({"type": ["string", "integer"]}),
         KeyKind::Section(keys) => section(keys),
         KeyKind::List(keys) => json!({"type": "array", "items": section(keys)}),
@@ -146,7 +154,7 @@ fn property(key: &Key) -> Value {
         ]}),
     };
     let text = match key.kind {
-        KeyKind::Number { .. } | KeyKind::Integer { .. } => {
+        KeyKind::Number { .. } | KeyKind::Integer { .. } | KeyKind::Quantity { .. } => {
             format!("{} Expected: {}.", key.text, describe(&key.kind))
         }
         _ => key.text.into(),

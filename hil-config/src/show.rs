@@ -7,6 +7,7 @@
 mod analyses;
 mod changes;
 mod faults;
+mod instruments;
 mod model;
 mod plots;
 mod requirements;
@@ -128,6 +129,12 @@ fn write(
             "plant" => plant_tables(text, plan, plant)?,
             "controller" => controller(text, plan, &law)?,
             "connect" => each(text, &plan.controller.connections, connection)?,
+            "sensors" => each(text, &plan.sensors, |text, one| {
+                instruments::instrument(text, one, "sensors", keys::SENSOR)
+            })?,
+            "actuators" => each(text, &plan.actuators, |text, one| {
+                instruments::instrument(text, one, "actuators", keys::ACTUATOR)
+            })?,
             "stimuli" => each(text, &plan.stimuli, stimulus)?,
             "faults" => {
                 let look = faults::Look {

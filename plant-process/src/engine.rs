@@ -24,6 +24,7 @@ use shared_types::wait::{Sleeper, WaitLimit};
 use crate::checkpoint::SavedPlant;
 use crate::faults::{FaultBuilder, FaultKindEntry, FaultLayer};
 use crate::guard::Guards;
+use crate::instruments::Instruments;
 use crate::job::Job;
 use crate::plant::{Model, PlantKind};
 use crate::request_queue::RequestQueue;
@@ -91,6 +92,7 @@ struct Plant {
     description: PlantDescription,
     reference: Vec<Field>,
     model: Box<dyn Model>,
+    instruments: Instruments,
     builder: Arc<FaultBuilder>,
     faults: FaultLayer,
     tuning: Tuning,
@@ -149,6 +151,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         let plant = Plant {
             model,
             guards: Guards::new(&description, &job.plant.limits)?,
+            instruments: Instruments::new(&description, &job)?,
             faults: FaultLayer::new(&builder, &job.faults)?,
             tuning: Tuning::new(
                 job.run.rate,

@@ -1,6 +1,6 @@
 //! The job: a launcher's instructions to a plant process. A JSON file in the session's folder.
 
-use hil_config::plan::{Change, FaultEvent, Plan, PlantPlan, Run, Stimulus};
+use hil_config::plan::{Change, FaultEvent, Instrument, Plan, PlantPlan, Run, Stimulus};
 use serde::{Deserialize, Serialize};
 use shared_types::checkpoint::Checkpoints;
 use shared_types::describe::{LawDescription, PROTOCOL};
@@ -25,6 +25,12 @@ pub struct Job {
     pub plant: PlantPlan,
     /// Reference signals.
     pub stimuli: Vec<Stimulus>,
+    /// Sensors of the scenario.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sensors: Vec<Instrument>,
+    /// Actuators of the scenario.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub actuators: Vec<Instrument>,
     /// Faults of the scenario.
     pub faults: Vec<FaultEvent>,
     /// Changes of values of the scenario.
@@ -76,6 +82,8 @@ impl Job {
             run,
             plant,
             stimuli: Vec::new(),
+            sensors: Vec::new(),
+            actuators: Vec::new(),
             faults: Vec::new(),
             changes: Vec::new(),
             derived: Vec::new(),
@@ -98,6 +106,8 @@ impl Job {
     pub fn of(plan: &Plan, session: u64, wait_limit_s: f64) -> Self {
         Self {
             stimuli: plan.stimuli.clone(),
+            sensors: plan.sensors.clone(),
+            actuators: plan.actuators.clone(),
             faults: plan.faults.clone(),
             changes: plan.changes.clone(),
             derived: plan.derived_texts(),

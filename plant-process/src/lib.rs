@@ -3,9 +3,10 @@
 //! One step, as [`engine`] runs it:
 //!
 //! 1. [`faults`] advances the parameters to step `k`.
-//! 2. The [`plant`] is measured, [`stimulus`] gives the reference signals, and the sample is sent.
+//! 2. The [`plant`] is measured, [`instruments`] turn its readings into sensed values, [`stimulus`] gives the reference
+//!    signals, and the sample is sent.
 //! 3. While the controller works, the record of step `k - 1` is published.
-//! 4. The command of step `k` arrives; [`guard`] checks the truth under it.
+//! 4. The command of step `k` arrives and passes its faults and instruments; [`guard`] checks the truth under it.
 //! 5. [`integrate`] advances the model in [`models`] to step `k + 1`; [`rows`] writes the record.
 //!
 //! `checkpoint` is the saved state from which a run can resume. Requests from other terminals arrive through [`live`],
@@ -21,6 +22,7 @@ mod checkpoint;
 pub mod engine;
 pub mod faults;
 pub mod guard;
+pub mod instruments;
 pub mod integrate;
 pub mod job;
 pub mod live;

@@ -54,6 +54,9 @@ pub struct Field {
     /// `true` if the value is a difference, for example of two temperatures: units convert it without their offsets.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub is_difference: bool,
+    /// True if the value is one of a few, as of an enumeration or a truth: noise has no meaning there.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub is_discrete: bool,
 }
 
 impl Field {
@@ -71,6 +74,7 @@ impl Field {
             faultable: false,
             tunable: false,
             is_difference: false,
+            is_discrete: false,
         }
     }
 

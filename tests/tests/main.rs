@@ -29,6 +29,7 @@
 //! | [`guard`] | whatever kills `hil`, a summary reports it and nothing is left behind |
 //! | [`hindrances`] | a machine without usable shared memory: the cause and the remedy are named |
 //! | [`hot_path`] | a step makes no system call and no allocation |
+//! | [`instruments`] | sensors and actuators: their effect in a recording, and the same bits wherever the run is |
 //! | [`interruptions`] | Ctrl-C ends every command with exit code 130 and leaves nothing behind |
 //! | [`intrusion`] | strangers to a session cannot read, disturb or join it |
 //! | [`kept`] | persistent processes never use frames of one job for the next |
@@ -119,6 +120,7 @@ mod foxglove;
 mod guard;
 mod hindrances;
 mod hot_path;
+mod instruments;
 mod interruptions;
 mod intrusion;
 mod kept;

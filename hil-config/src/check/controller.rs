@@ -86,7 +86,11 @@ pub(super) fn check(
 ) -> Option<ControllerPlan> {
     let tables = law_tables(reader, section, laws, home);
     let command_delay_steps = reader.integer(section, "command_delay_steps");
-    let rate_divisor = rate_divisor(reader, section, grid);
+    let rate_divisor = match section.table.get("rate_hz") {
+        None => Some(1),
+        Some(_) => (reader.number(section, "rate_hz"))
+            .and_then(|rate_hz| rate_divisor(reader, section, rate_hz, grid)),
+    };
     let model_section = reader.section(section, "model");
 
     // Another law's model may stand here too, so that one flag can switch the law.
@@ -182,12 +186,13 @@ fn law_tables<'d>(
     tables
 }
 
-/// Returns the number of exchange steps in the law's period.
-fn rate_divisor(reader: &mut Reader, section: &Section<'_>, grid: Option<Grid>) -> Option<u32> {
-    if section.table.get("rate_hz").is_none() {
-        return Some(1);
-    }
-    let rate_hz = reader.number(section, "rate_hz")?;
+/// Returns the number of exchange steps in the period of a section's `rate_hz`.
+pub(super) fn rate_divisor(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    rate_hz: f64,
+    grid: Option<Grid>,
+) -> Option<u32> {
     let run_hz = grid?.rate.hz();
     let ratio = run_hz / rate_hz;
     let whole = ratio.round();
@@ -210,7 +215,8 @@ fn rate_divisor(reader: &mut Reader, section: &Section<'_>, grid: Option<Grid>) 
             "rate_hz",
             ProblemKind::Mismatch,
             format!(
-                "`controller.rate_hz` is {}, not a whole fraction of `run.rate_hz` = {}",
+                "`{}` is {}, not a whole fraction of `run.rate_hz` = {}",
+                section.path_of("rate_hz"),
                 number(rate_hz),
                 number(run_hz)
             ),

@@ -26,6 +26,8 @@ fn the_base_has_the_documented_meaning() {
         plant,
         controller,
         stimuli,
+        sensors,
+        actuators,
         faults,
         changes,
         derived,
@@ -37,6 +39,7 @@ fn the_base_has_the_documented_meaning() {
         programs,
     } = plan(BASE);
     assert!(analyses.is_empty() && changes.is_empty());
+    assert!(sensors.is_empty() && actuators.is_empty());
     assert_eq!(programs, Programs::default());
     let expected = Requirement {
         name: "stays-small".into(),

@@ -17,6 +17,7 @@ mod flags;
 mod floods;
 mod good;
 mod growth;
+mod instruments;
 mod live_faults;
 mod monitors;
 mod points;

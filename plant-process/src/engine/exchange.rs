@@ -149,6 +149,9 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             command,
             &mut rows.applied,
         );
+        if let Err(bad) = plant.instruments.actuate(step, &mut rows.applied) {
+            return self.diverged(step, &bad);
+        }
 
         let rate = self.job.run.rate;
         let time_s = rate.seconds(step);

@@ -126,6 +126,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     fn save(&mut self, step: Step) -> Result<(), String> {
         let Plant {
             model,
+            instruments,
             faults,
             tuning,
             ..
@@ -133,6 +134,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         let saved = model.save().and_then(|model| {
             Ok(SavedPlant {
                 model,
+                instruments: instruments.save()?,
                 faults: faults.save()?,
                 tuning: tuning.save(),
                 record: self.rows.record.clone(),
@@ -223,6 +225,10 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
         if let Err(bad) = plant.guards.measured.check(&rows.sensed) {
             self.diverged(step, &format!("measured {bad}"))?;
+            return Ok(false);
+        }
+        if let Err(bad) = plant.instruments.sense(step, &mut rows.sensed) {
+            self.diverged(step, &bad)?;
             return Ok(false);
         }
         rows.sent_stimulus.copy_from_slice(&rows.stimulus);

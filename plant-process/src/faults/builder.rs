@@ -201,6 +201,11 @@ impl FaultBuilder {
             parameters,
             list,
             rate: self.rate,
+            signals: match place {
+                Place::Signal(Direction::Sample, _) => self.sample_width(),
+                Place::Signal(Direction::Command, _) => self.commands(),
+                _ => 0,
+            },
         })?;
         let action = match place {
             Place::Parameter(index) => Action::Parameter(index, fault),

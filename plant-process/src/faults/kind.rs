@@ -14,11 +14,11 @@ use shared_types::time::Rate;
 
 /// Kind of fault on signals, links or timing, called in this order:
 ///
-/// 1. [`start`](FaultKind::start), once, outside the loop: it may allocate.
-/// 2. [`hold`](FaultKind::hold), at the step at which the fault begins.
-/// 3. At every step from then on, even while its profile is 0, the one of [`number`](FaultKind::number),
-///    [`message`](FaultKind::message) and [`timing`](FaultKind::timing) that matches [`ACTS_ON`]. These run in the
-///    loop: no allocation, no system call.
+/// 1. [`start`](FaultKind::start), once, away from the loop: here it may allocate.
+/// 2. [`hold`](FaultKind::hold), at the step at which it takes hold.
+/// 3. At every step from then on, even while its profile is 0, the one of [`number`](FaultKind::number) (on signals by
+///    [`coupled`](FaultKind::coupled)), [`message`](FaultKind::message) and [`timing`](FaultKind::timing) that matches
+///    [`ACTS_ON`]. These run in the loop: no allocation, no system call.
 ///
 /// [`ACTS_ON`]: FaultKind::ACTS_ON
 pub trait FaultKind: Sized + Send + 'static {
@@ -65,6 +65,12 @@ pub trait FaultKind: Sized + Send + 'static {
         reading
     }
 
+    /// Returns the reading that a signal becomes, of which `row` has all signals of the same direction.
+    fn coupled(&mut self, at: &Moment, reading: Reading, row: &[f64]) -> Reading {
+        let _ = row;
+        self.number(at, reading)
+    }
+
     /// Changes the passage of a message on the link.
     fn message(&mut self, at: &Moment, passage: &mut Passage) {
         let _ = (at, passage);
@@ -85,6 +91,8 @@ pub struct Setup<'a, P> {
     pub list: &'a [f64],
     /// Steps per second.
     pub rate: Rate,
+    /// Number of signals in the row that [`FaultKind::coupled`] gets; 0 where it is not called.
+    pub signals: usize,
 }
 
 /// Step at which a fault acts.
@@ -153,6 +161,8 @@ pub trait Fault: Send {
     fn hold(&mut self, random: RandomStream);
     /// Returns the faulty reading of a signal or parameter.
     fn number(&mut self, at: &Moment, reading: Reading) -> Reading;
+    /// Returns the reading that a signal becomes, of which `row` has all signals of the same direction.
+    fn coupled(&mut self, at: &Moment, reading: Reading, row: &[f64]) -> Reading;
     /// Changes the passage of a message on the link.
     fn message(&mut self, at: &Moment, passage: &mut Passage);
     /// Changes the timing of a side.
@@ -186,6 +196,10 @@ impl<K: FaultKind> Fault for K {
 
     fn number(&mut self, at: &Moment, reading: Reading) -> Reading {
         FaultKind::number(self, at, reading)
+    }
+
+    fn coupled(&mut self, at: &Moment, reading: Reading, row: &[f64]) -> Reading {
+        FaultKind::coupled(self, at, reading, row)
     }
 
     fn message(&mut self, at: &Moment, passage: &mut Passage) {
@@ -242,6 +256,7 @@ impl FaultKindEntry {
                     parameters: setup.parameters.to_table("faults.effects")?,
                     list: setup.list,
                     rate: setup.rate,
+                    signals: setup.signals,
                 })?;
                 Ok(Box::new(fault))
             },

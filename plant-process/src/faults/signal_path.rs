@@ -180,7 +180,7 @@ fn apply(effect: &mut Effect, step: Step, rate: Rate, (row, invalid): Row<'_>, f
         value: row[index],
         valid: !is_invalid(invalid, index),
     };
-    let mut after = fault.number(&at, before);
+    let mut after = fault.coupled(&at, before, row);
     after.valid &= after.value.is_finite();
     let bit = 1 << (index % 64);
     if after.valid {

@@ -1,4 +1,4 @@
-//! Faults that show the past, or nothing: a number is frozen, delayed or missing.
+//! Faults that show the past, or nothing: a number is frozen, delayed, sampled now and then, or missing.
 
 use shared_types::describe::{ActsOn, Invalid};
 use shared_types::state::StateOf;
@@ -131,6 +131,68 @@ impl FaultKind for Delay {
         }
         let then = at.since_steps.saturating_sub(self.steps);
         self.past[(then % places) as usize]
+    }
+}
+
+shared_types::table! {
+    /// Parameters of [`SampleHold`].
+    pub struct SampleHoldParameters {
+        /// Steps n from sample to sample, a whole number.
+        every_steps: "steps" = 1.0 in 1.0..=4e9,
+        /// Step p of the first sample, a whole number below n.
+        phase_steps: "steps" = 0.0 in 0.0..=4e9,
+    }
+}
+
+/// Takes a sample now and then and holds it.
+pub struct SampleHold {
+    every_steps: u64,
+    phase_steps: u64,
+    held: Option<Reading>,
+}
+
+impl FaultKind for SampleHold {
+    const NAME: &'static str = "sample-hold";
+    const SUMMARY: &'static str = "The value is sampled at every n-th step of the run and held in between; before the first sample it is that of the step at which the fault took hold.";
+    const EQUATION: &'static str =
+        "y(k) = x(s) where g is not 0, s the last step with s mod n = p, at least k0; else y = x";
+    const ACTS_ON: ActsOn = ActsOn::Numbers;
+    type Parameters = SampleHoldParameters;
+    const OPTIONAL: &'static [&'static str] = &["phase_steps"];
+
+    fn state() -> Option<StateOf<Self>> {
+        Some(StateOf::new(
+            |fault: &Self| fault.held,
+            |fault, held| fault.held = held,
+        ))
+    }
+
+    fn start(setup: &Setup<'_, SampleHoldParameters>) -> Result<Self, Invalid> {
+        let every_steps = u64::from(whole("every_steps", setup.parameters.every_steps)?);
+        let phase_steps = u64::from(whole("phase_steps", setup.parameters.phase_steps)?);
+        if phase_steps >= every_steps {
+            return Err(Invalid(format!(
+                "`phase_steps` is {phase_steps}; of {every_steps} steps the last has the phase {}",
+                every_steps - 1
+            )));
+        }
+        Ok(Self {
+            every_steps,
+            phase_steps,
+            held: None,
+        })
+    }
+
+    fn number(&mut self, at: &Moment, x: Reading) -> Reading {
+        let is_sampled = at.step % self.every_steps == self.phase_steps;
+        let held = *self.held.get_or_insert(x);
+        if is_sampled {
+            self.held = Some(x);
+        }
+        if at.gain == 0.0 || is_sampled {
+            return x;
+        }
+        held
     }
 }
 

@@ -2,20 +2,30 @@
 //!
 //! 1. [`offset`] adds to a number: bias, scale, drift, noise, spike;
 //! 2. [`oscillation`]: oscillatory failures, additive and replacing;
-//! 3. [`hold`] shows the past: stuck, stuck-at, delay, dropout;
-//! 4. [`shape`] distorts a number: quantisation, saturation;
-//! 5. [`link`] acts on messages: loss, delay, jitter, duplication, reordering, corruption;
-//! 6. [`timing`] acts on time: late, skip.
+//! 3. [`walk`] adds a wandering error: Gauss-Markov, random walk;
+//! 4. [`coupling`] adds shares of other signals;
+//! 5. [`hold`] shows the past: stuck, stuck-at, delay, sample and hold, dropout;
+//! 6. [`lag`] smooths a number: lags of first and second order;
+//! 7. [`drive`] follows as a drive does: rate limit, dead band, backlash;
+//! 8. [`shape`] distorts a number: quantisation, saturation;
+//! 9. [`link`] acts on messages: loss, delay, jitter, duplication, reordering, corruption;
+//! 10. [`timing`] acts on time: late, skip.
+//!
+//! Those on numbers are the stages of [instruments](crate::instruments) too.
 //!
 //! The fault builder starts them by name, and the layer calls them; they depend on neither. `docs/faults.md` is their
 //! reference for users.
 
+pub mod coupling;
+pub mod drive;
 pub mod hold;
+pub mod lag;
 pub mod link;
 pub mod offset;
 pub mod oscillation;
 pub mod shape;
 pub mod timing;
+pub mod walk;
 
 use shared_types::describe::Invalid;
 use shared_types::number::exact;
@@ -31,12 +41,21 @@ pub fn all() -> Vec<FaultKindEntry> {
         FaultKindEntry::of::<offset::Drift>(),
         FaultKindEntry::of::<offset::Noise>(),
         FaultKindEntry::of::<offset::Spike>(),
+        FaultKindEntry::of::<walk::GaussMarkov>(),
+        FaultKindEntry::of::<walk::RandomWalk>(),
+        FaultKindEntry::of::<coupling::CrossCoupling>(),
         FaultKindEntry::of::<oscillation::Additive>(),
         FaultKindEntry::of::<oscillation::Replacing>(),
         FaultKindEntry::of::<hold::Stuck>(),
         FaultKindEntry::of::<hold::StuckAt>(),
         FaultKindEntry::of::<hold::Delay>(),
+        FaultKindEntry::of::<hold::SampleHold>(),
         FaultKindEntry::of::<hold::Dropout>(),
+        FaultKindEntry::of::<lag::Lag>(),
+        FaultKindEntry::of::<lag::SecondOrderLag>(),
+        FaultKindEntry::of::<drive::RateLimit>(),
+        FaultKindEntry::of::<drive::DeadBand>(),
+        FaultKindEntry::of::<drive::Backlash>(),
         FaultKindEntry::of::<shape::Quantisation>(),
         FaultKindEntry::of::<shape::Saturation>(),
         FaultKindEntry::of::<link::Loss>(),

@@ -3,6 +3,7 @@
 mod messages;
 mod numbers;
 mod page;
+mod stages;
 mod timing;
 
 use shared_types::describe::{FaultKindDescription, Settings};
@@ -45,6 +46,7 @@ fn try_start(kind: &str, values: Parameters<'_>, list: &[f64]) -> Result<Box<dyn
         parameters: &parameters,
         list,
         rate: rate(RATE_HZ),
+        signals: 4,
     })
 }
 
@@ -129,11 +131,17 @@ fn nothing_happens_while_the_profile_is_0() {
         let description = &entry.description;
         let kind = &description.kind;
         let owned = sample(description);
-        let parameters: Vec<(&str, f64)> = owned.iter().map(|(n, v)| (n.as_str(), *v)).collect();
-        let mut fault = start(kind, &parameters, &[]);
+        let given: Vec<(&str, f64)> = owned.iter().map(|(n, v)| (n.as_str(), *v)).collect();
+        // Places of signals and their factors; every other list may be left out.
+        let list: &[f64] = match kind.as_str() {
+            "cross-coupling" => &[2.0, 0.5],
+            _ => &[],
+        };
+        let mut fault = start(kind, &given, list);
         for (since, x) in (0..).zip([0.3, -1e9, 5.0, 1e-9]) {
             let at = moment(since, 0.0);
-            assert_eq!(fault.number(&at, valid(x)), valid(x), "{kind}");
+            let row = [x, 7.0, 0.0, 0.0];
+            assert_eq!(fault.coupled(&at, valid(x), &row), valid(x), "{kind}");
             let mut passage = Passage::healthy(BITS);
             fault.message(&at, &mut passage);
             assert_eq!(passage, Passage::healthy(BITS), "{kind}");
@@ -147,8 +155,13 @@ fn nothing_happens_while_the_profile_is_0() {
 #[test]
 fn random_kinds_repeat_with_their_seed_and_differ_with_another() {
     let half = [("probability", 0.5)];
-    let cases: [(&str, Parameters<'_>); 7] = [
+    let cases: [(&str, Parameters<'_>); 9] = [
         ("noise", &[("standard_deviation", 1.0)]),
+        (
+            "gauss-markov",
+            &[("standard_deviation", 1.0), ("time_constant_s", 1.0)],
+        ),
+        ("random-walk", &[("walk_per_sqrt_s", 1.0)]),
         ("message-loss", &half),
         ("message-jitter", &[("steps", 100.0)]),
         ("message-duplication", &half),
@@ -222,6 +235,26 @@ fn inconsistent_parameters_are_refused_with_the_reason() {
             &[],
             "above `max`",
         ),
+        (
+            "sample-hold",
+            &[("every_steps", 1.5)],
+            &[],
+            "`every_steps` is 1.5",
+        ),
+        (
+            "sample-hold",
+            &[("every_steps", 3.0), ("phase_steps", 3.0)],
+            &[],
+            "`phase_steps` is 3",
+        ),
+        ("cross-coupling", &[], &[], "`cross` is missing"),
+        (
+            "cross-coupling",
+            &[],
+            &[5.0, 0.1],
+            "signal 5; there are 1 to 4",
+        ),
+        ("cross-coupling", &[], &[0.0, 0.1], "signal 0"),
         ("message-loss", &[], &[1.0, 0.5], "has 0.5"),
         ("message-loss", &[("probability", 0.5)], &[1.0], "give one"),
         ("late", &[], &[], "needs"),
@@ -253,5 +286,5 @@ fn every_kind_has_a_name_of_its_own_and_defaults_in_range() {
         }
         names.push(description.kind);
     }
-    assert_eq!(names.len(), 21);
+    assert_eq!(names.len(), 30);
 }

@@ -1,7 +1,7 @@
 //! Allowed differences of a run from a checkpoint: none that contradict the steps before it.
 //!
-//! The records before the checkpoint are fixed. So the plant, its controller, the rate and the seed must be the
-//! same; reference signals must have the same values up to there; a fault that has begun keeps its target, its
+//! The records before the checkpoint are fixed. So the plant, its instruments, its controller, the rate and the seed must
+//! be the same; reference signals must have the same values up to there; a fault that has begun keeps its target, its
 //! times and its profile, and only its sizes may change from there on; a fault that has not begun may not begin
 //! earlier. Duration, clock and metrics are free.
 
@@ -110,6 +110,8 @@ impl Check<'_> {
             ("plant.model", plant.model == plant_now.model),
             ("plant.substeps", plant.substeps == plant_now.substeps),
             ("plant.limits", plant.limits == plant_now.limits),
+            ("sensors", then.sensors == now.sensors),
+            ("actuators", then.actuators == now.actuators),
             ("controller.law", law.law == law_now.law),
             ("controller.made_for", law.made_for == law_now.made_for),
             ("connect", law.connections == law_now.connections),

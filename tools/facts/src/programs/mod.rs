@@ -3,5 +3,6 @@
 
 pub mod binaries;
 pub mod checked;
+pub mod instruments;
 pub mod own;
 pub mod scenario;

@@ -322,6 +322,10 @@ fn column(
         max,
         faultable: is_parameter && variable.is_tunable,
         is_difference: variable.is_difference,
+        is_discrete: matches!(
+            variable.kind,
+            VariableType::Enumeration | VariableType::Boolean
+        ),
         ..Field::signal(&name, &units.text(unit), &text)
     };
     Ok(Column {

@@ -22,9 +22,9 @@ pub enum ConfigAction {
     Check(ScenarioArguments),
     /// Print a complete scenario with every value in effect, ready to run
     #[command(
-        after_help = "Example:\n  hil config show scenarios/severe-leakage.toml --set controller.law=pid"
+        after_help = "Examples:\n  hil config show scenarios/severe-leakage.toml --set controller.law=pid\n  hil config show my.toml --instruments --at-hz 1,10"
     )]
-    Show(ScenarioArguments),
+    Show(ShowArguments),
     /// Print the JSON schema of scenarios, or of studies, for editors
     #[command(
         after_help = "Examples:\n  hil config schema > scenario.schema.json\n  hil config schema --study > study.schema.json"
@@ -37,6 +37,26 @@ pub enum ConfigAction {
         #[command(flatten)]
         binaries: BinaryArguments,
     },
+}
+
+/// Arguments of `hil config show`.
+#[derive(Debug, Args)]
+pub struct ShowArguments {
+    /// The scenario
+    #[command(flatten)]
+    pub scenario: ScenarioArguments,
+    /// Print instead the noise, delay and phase loss of its sensors and actuators
+    #[arg(long)]
+    pub instruments: bool,
+    /// Frequencies in Hz of the phase loss
+    #[arg(
+        long,
+        value_name = "HZ",
+        value_delimiter = ',',
+        default_value = "1,10,100",
+        requires = "instruments"
+    )]
+    pub at_hz: Vec<f64>,
 }
 
 /// Scenario to check or show.

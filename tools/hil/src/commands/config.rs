@@ -8,11 +8,12 @@ use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
 use hil_facts::programs::binaries::named::Named;
 use hil_facts::programs::binaries::{Binaries, Choices};
+use hil_facts::programs::instruments as figures;
 use hil_facts::programs::scenario::{Finder, show};
 use hil_recording::excerpt::Choice;
 use hil_recording::size;
 
-use crate::arguments::config::{ConfigAction, ConfigArguments, ScenarioArguments};
+use crate::arguments::config::{ConfigAction, ConfigArguments, ScenarioArguments, ShowArguments};
 
 /// Runs the command.
 ///
@@ -36,8 +37,12 @@ pub(crate) fn config(arguments: &ConfigArguments) -> Result<Exit, Failure> {
                 )
             })?;
         }
-        ConfigAction::Show(scenario) => {
-            let (plan, binaries, interruption) = checked(scenario)?;
+        ConfigAction::Show(shown) if shown.instruments => {
+            let (plan, binaries, _) = checked(&shown.scenario)?;
+            output::write(&instruments(&plan, &binaries, shown)?)?;
+        }
+        ConfigAction::Show(shown) => {
+            let (plan, binaries, interruption) = checked(&shown.scenario)?;
             output::write(&interruption.at_once(|| show(&plan, &binaries))??)?;
         }
         ConfigAction::Schema { study: true, .. } => {
@@ -52,6 +57,24 @@ pub(crate) fn config(arguments: &ConfigArguments) -> Result<Exit, Failure> {
         }
     }
     Ok(Exit::Pass)
+}
+
+/// The figures of a plan's instruments as text or JSON.
+fn instruments(plan: &Plan, binaries: &Binaries, shown: &ShowArguments) -> Result<String, Failure> {
+    let half_hz = plan.run.rate.hz() / 2.0;
+    if let Some(hz) = (shown.at_hz.iter()).find(|hz| !(**hz > 0.0 && **hz <= half_hz)) {
+        return Err(Failure::usage(format!(
+            "--at-hz {hz}: frequencies lie between 0 and half of run.rate_hz, {half_hz} Hz"
+        )));
+    }
+    let (plants, ..) = binaries.described();
+    let plant = (plan.plant_among(plants))
+        .ok_or_else(|| Failure::usage(format!("no plant `{}`", plan.plant.model)))?;
+    let text = match shown.scenario.json {
+        true => figures::json(plan, plant, &shown.at_hz).map(|value| format!("{value:#}\n")),
+        false => figures::text(plan, plant, &shown.at_hz),
+    };
+    text.map_err(Failure::usage)
 }
 
 fn checked(arguments: &ScenarioArguments) -> Result<(Plan, Arc<Binaries>, Interruption), Failure> {

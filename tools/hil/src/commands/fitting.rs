@@ -31,9 +31,8 @@ pub(super) fn refuse_other_kinds(command: &Command) -> Result<(), Failure> {
             (paths.collect(), &[Scenario])
         }
         Command::Config(arguments) => match &arguments.action {
-            ConfigAction::Check(it) | ConfigAction::Show(it) => {
-                (vec![it.scenario.as_path()], &[Scenario])
-            }
+            ConfigAction::Check(it) => (vec![it.scenario.as_path()], &[Scenario]),
+            ConfigAction::Show(it) => (vec![it.scenario.scenario.as_path()], &[Scenario]),
             ConfigAction::Schema { .. } => return Ok(()),
         },
         Command::Describe(arguments) => (vec![arguments.file.as_path()], &[Program, Fmu]),

@@ -10,11 +10,12 @@ use super::*;
 use crate::plant::PlantKind;
 
 const PAGE: &str = include_str!("../../../../../docs/faults.md");
-const TESTS: [&str; 6] = [
+const TESTS: [&str; 7] = [
     include_str!("../tests.rs"),
     include_str!("messages.rs"),
     include_str!("numbers.rs"),
     include_str!("page.rs"),
+    include_str!("stages.rs"),
     include_str!("timing.rs"),
     include_str!("../../profile.rs"),
 ];
@@ -130,6 +131,7 @@ fn every_example_on_the_page_is_a_fault_that_starts() {
                     parameters,
                     list,
                     rate: rate(10_000.0),
+                    signals: 4,
                 };
                 let started = (entry(&event.kind).start)(&setup);
                 assert!(started.is_ok(), "{toml}");

@@ -1,0 +1,330 @@
+//! `[[sensors]]` and `[[actuators]]`: signals that exist, keys that go together, values that the run can have.
+
+use std::collections::BTreeSet;
+
+use shared_types::describe::PlantDescription;
+use shared_types::number::exact as number;
+use shared_types::table::Field;
+
+use super::controller::rate_divisor;
+use super::data_sheet::Scales;
+use super::run::Grid;
+use crate::document::Value;
+use crate::keys::KeyKind;
+use crate::plan::Instrument;
+use crate::problem::{ProblemKind, listed};
+use crate::quantity::Quantity;
+use crate::reader::{Reader, Section};
+
+/// Longest delay, in steps, as of the stage.
+const MOST_STEPS: f64 = 1e5;
+
+/// Keys that need another one beside them.
+const OWNERS: [(&str, &str); 4] = [
+    ("bias_tau_s", "bias_sigma"),
+    ("lag_damping", "lag_hz"),
+    ("phase_steps", "rate_hz"),
+    ("bits", "range"),
+];
+/// Keys that draw random numbers.
+const NOISE: [&str; 4] = ["bias_sigma", "bias_walk", "noise_density", "noise_sigma"];
+
+/// The sensors and the actuators; `None` if one is not right, or the plant is not known.
+pub(super) fn check(
+    reader: &mut Reader,
+    root: &Section<'_>,
+    plant: Option<&PlantDescription>,
+    grid: Option<Grid>,
+) -> Option<(Vec<Instrument>, Vec<Instrument>)> {
+    let measured = plant.map(|plant| &plant.measured[..]);
+    let commands = plant.map(|plant| &plant.commands[..]);
+    let sensors = all(reader, root, "sensors", measured, grid);
+    let actuators = all(reader, root, "actuators", commands, grid);
+    Some((sensors?, actuators?))
+}
+
+fn all(
+    reader: &mut Reader,
+    root: &Section<'_>,
+    table: &'static str,
+    fields: Option<&[Field]>,
+    grid: Option<Grid>,
+) -> Option<Vec<Instrument>> {
+    let mut names = BTreeSet::new();
+    let sections = reader.list(root, table);
+    let instruments: Vec<Option<Instrument>> = (sections.iter())
+        .map(|section| {
+            reader.refuse_unknown(section, &[]);
+            let field = signal(reader, section, fields);
+            if let Some(field) = field
+                && !names.insert(&field.name)
+            {
+                let message = format!("two entries of `{table}` are of `{}`", field.name);
+                reader
+                    .report_at(section, "signal", ProblemKind::Duplicate, message)
+                    .help("one entry has all keys of a signal");
+            }
+            instrument(reader, section, field?, fields?, grid)
+        })
+        .collect();
+    instruments.into_iter().collect()
+}
+
+/// The signal that an entry names.
+fn signal<'a>(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    fields: Option<&'a [Field]>,
+) -> Option<&'a Field> {
+    let name = reader.text(section, "signal")?;
+    let fields = fields?;
+    let field = fields.iter().find(|field| field.is_called(name));
+    if field.is_none() {
+        let path = section.path_of("signal");
+        let message = format!("`{path}` is `{name}`, which the plant does not have");
+        let names = fields.iter().map(|field| field.name.as_str());
+        reader
+            .report_at(section, "signal", ProblemKind::UnknownName, message)
+            .one_of(name, names);
+    }
+    field
+}
+
+fn instrument(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    field: &Field,
+    fields: &[Field],
+    grid: Option<Grid>,
+) -> Option<Instrument> {
+    let before = reader.problems.len();
+    let mut instrument = Instrument {
+        signal: field.name.clone(),
+        ..Instrument::default()
+    };
+    refuse_combinations(reader, section);
+    let has = |key: &str| section.table.get(key).is_some();
+    let mut scales = Scales::new(&field.unit);
+    if has("range") {
+        scales.range = range(reader, section, &scales);
+        let (min, max) = scales.range?;
+        instrument.values.set("range_min", min);
+        instrument.values.set("range_max", max);
+    }
+    if has("bits") {
+        let bits = reader.integer(section, "bits")?;
+        instrument.values.set("bits", bits as f64);
+    }
+    if has("resolution") {
+        let step = scales.quantity(reader, section, "resolution")?;
+        instrument.values.set("resolution", step);
+    }
+    scales.lsb = instrument.resolution();
+    let own = ["range", "resolution"];
+    for key in section.keys.iter().filter(|key| has(key.name)) {
+        let value = match key.kind {
+            KeyKind::Quantity { .. } if !own.contains(&key.name) => {
+                scales.quantity(reader, section, key.name)
+            }
+            _ => None,
+        };
+        if let Some(value) = value {
+            instrument.values.set(key.name, value);
+        }
+    }
+    timing(reader, section, &mut instrument, grid);
+    if has("cross") {
+        cross(reader, section, &mut instrument, fields);
+    }
+    refuse_noise_on_items(reader, section, field);
+    if section.table.entries().len() < 2 {
+        let keys = section.keys.iter().map(|key| key.name);
+        let message = format!("`{}` changes nothing", section.path);
+        reader
+            .report(
+                ProblemKind::MissingKey,
+                &section.path,
+                section.place,
+                message,
+            )
+            .expected(format!(
+                "at least one of {}",
+                listed(keys.filter(|key| *key != "signal"))
+            ));
+    }
+    (reader.problems.len() == before && grid.is_some()).then_some(instrument)
+}
+
+/// Reports keys whose other key is missing, and those that say the same twice.
+fn refuse_combinations(reader: &mut Reader, section: &Section<'_>) {
+    let has = |key: &str| section.table.get(key).is_some();
+    for (key, owner) in OWNERS {
+        if has(key) && !has(owner) {
+            let path = section.path_of(key);
+            let message = format!("`{path}` needs `{owner}` beside it");
+            reader.report_at(section, key, ProblemKind::Mismatch, message);
+        }
+    }
+    if has("bits") && has("resolution") {
+        let path = section.path_of("resolution");
+        let message = format!("`{path}` says what `bits` and `range` say already");
+        reader
+            .report_at(section, "resolution", ProblemKind::Mismatch, message)
+            .expected("either `bits` or `resolution`");
+    }
+}
+
+/// Both ends of the range, which must not be one.
+fn range(reader: &mut Reader, section: &Section<'_>, scales: &Scales<'_>) -> Option<(f64, f64)> {
+    let path = section.path_of("range");
+    let node = &section.table.get("range")?.node;
+    let unit = scales.unit;
+    let expected = format!("[lower, upper], two different ends in {unit}");
+    let Value::List(ends) = &node.value else {
+        reader.wrong_type(&path, node, expected);
+        return None;
+    };
+    let [min, max] = ends.as_slice() else {
+        let message = format!("`{path}` has {} entries", ends.len());
+        reader
+            .report(ProblemKind::WrongType, &path, &node.place, message)
+            .expected(expected);
+        return None;
+    };
+    let min = scales.end(reader, &format!("{path}[0]"), min);
+    let max = scales.end(reader, &format!("{path}[1]"), max);
+    let (min, max) = (min?, max?);
+    if min < max && (max - min).is_finite() {
+        return Some((min, max));
+    }
+    let message = if min == max {
+        format!("`{path}` has the width 0")
+    } else {
+        format!("`{path}` is [{}, {}]", number(min), number(max))
+    };
+    reader
+        .report(ProblemKind::OutOfRange, &path, &node.place, message)
+        .expected(expected);
+    None
+}
+
+/// Checks that times are whole steps, and sampling is a whole fraction of the run's rate.
+fn timing(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    instrument: &mut Instrument,
+    grid: Option<Grid>,
+) {
+    let Some(grid) = grid else {
+        return;
+    };
+    if let Some(rate_hz) = instrument.get("rate_hz") {
+        let divisor = rate_divisor(reader, section, rate_hz, Some(grid));
+        if section.table.get("phase_steps").is_some()
+            && let Some(phase) = reader.integer(section, "phase_steps")
+        {
+            instrument.values.set("phase_steps", phase as f64);
+            if let Some(divisor) = divisor.filter(|divisor| phase >= i64::from(*divisor)) {
+                let path = section.path_of("phase_steps");
+                let message =
+                    format!("`{path}` is {phase}, and a sample comes every {divisor} steps");
+                reader
+                    .report_at(section, "phase_steps", ProblemKind::OutOfRange, message)
+                    .expected(format!("a whole number from 0 to {}", divisor - 1));
+            }
+        }
+    }
+    let rate = grid.rate;
+    for key in ["delay_s", "dead_time_s"] {
+        let Some(delay_s) = instrument.get(key) else {
+            continue;
+        };
+        let steps = delay_s * rate.hz();
+        let is_whole = (steps - steps.round()).abs() <= 1e-9 * (1.0 + steps);
+        if is_whole && steps <= MOST_STEPS {
+            continue;
+        }
+        let path = section.path_of(key);
+        let period_s = number(rate.period_s());
+        let problem = reader.report_at(
+            section,
+            key,
+            ProblemKind::OutOfRange,
+            format!(
+                "`{path}` is {} s, {} steps of {period_s} s",
+                number(delay_s),
+                number(steps)
+            ),
+        );
+        problem.expected(format!("a whole number of steps, at most {MOST_STEPS}"));
+        if !is_whole && steps <= MOST_STEPS {
+            let (below, above) = (steps.floor() / rate.hz(), steps.ceil() / rate.hz());
+            problem.help(format!(
+                "the nearest are {} and {} s",
+                number(below),
+                number(above)
+            ));
+        }
+    }
+}
+
+/// The other signals that leak into this one.
+fn cross(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    instrument: &mut Instrument,
+    fields: &[Field],
+) {
+    let Some(table) = reader.table(section, "cross") else {
+        return;
+    };
+    let others = || {
+        let names = fields.iter().map(|field| field.name.as_str());
+        names.filter(|name| *name != instrument.signal)
+    };
+    let mut shares = std::collections::BTreeMap::new();
+    for entry in table.table.entries() {
+        let path = table.path_of(&entry.key);
+        let found = fields.iter().find(|field| field.is_called(&entry.key));
+        match found {
+            Some(field) if field.name != instrument.signal => {
+                let share = reader.quantity(&path, &entry.node, &Quantity::finite("1"));
+                share.map(|share| shares.insert(field.name.clone(), share));
+            }
+            Some(_) => {
+                let message = format!("`{path}` is the signal itself");
+                reader
+                    .report(ProblemKind::Mismatch, path, &entry.key_place, message)
+                    .expected("another measured signal")
+                    .help("`scale` is its own factor");
+            }
+            None => {
+                let message = format!("`{path}`: the plant does not measure `{}`", entry.key);
+                reader
+                    .report(ProblemKind::UnknownName, path, &entry.key_place, message)
+                    .one_of(&entry.key, others());
+            }
+        }
+    }
+    instrument.cross = shares;
+}
+
+/// Reports noise on a signal that has a few values only.
+fn refuse_noise_on_items(reader: &mut Reader, section: &Section<'_>, field: &Field) {
+    if !field.is_discrete {
+        return;
+    }
+    for key in NOISE {
+        if section.table.get(key).is_none() {
+            continue;
+        }
+        let path = section.path_of(key);
+        let message = format!(
+            "`{path}`: `{}` is an enumeration or a truth, which has no noise",
+            field.name
+        );
+        reader
+            .report_at(section, key, ProblemKind::Mismatch, message)
+            .expected("`rate_hz`, `phase_steps` or `delay_s` of such a signal");
+    }
+}

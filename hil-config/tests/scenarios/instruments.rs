@@ -1,0 +1,205 @@
+//! `[[sensors]]` and `[[actuators]]`: what they mean, what is refused, and how they are shown.
+
+use hil_config::plan::{Instrument, Plan};
+use hil_config::problem::ProblemKind::{
+    self, Duplicate, Mismatch, MissingKey, OutOfRange, UnknownKey, UnknownName, WrongType,
+};
+use hil_config::show::show;
+
+use crate::{BASE, descriptions, plan, problems};
+
+const ANGLE: &str = "surface_angle_rad";
+const PISTON: &str = "actuator1_position_m";
+const CURRENT: &str = "actuator1_valve_current_a";
+
+/// The base, whose run has 1000 steps a second, with more text.
+fn with(text: &str) -> String {
+    format!("{BASE}\n{text}\n")
+}
+
+fn sensor(keys: &str) -> String {
+    with(&format!("[[sensors]]\nsignal = \"{ANGLE}\"\n{keys}"))
+}
+
+fn only_sensor(keys: &str) -> Instrument {
+    let Plan { mut sensors, .. } = plan(&sensor(keys));
+    assert_eq!(sensors.len(), 1);
+    sensors.remove(0)
+}
+
+#[test]
+fn values_count_in_the_unit_of_the_signal() {
+    let degree = std::f64::consts::PI / 180.0;
+    let sensor = only_sensor(
+        "range = [\"-30 deg\", \"30 deg\"]\nbits = 12\nnoise_sigma = \"2 LSB\"\nbias = \"1 % of range\"\nrate_hz = \"0.5 kHz\"\nphase_steps = 1\ndelay_s = \"3 ms\"\nscale = \"100.2 %\"\nlag_hz = 200",
+    );
+    let near = |key: &str, expected: f64| {
+        let value = sensor.get(key).unwrap_or_else(|| panic!("{key}"));
+        assert!(
+            (value - expected).abs() <= 1e-15 * expected.abs(),
+            "{key}: {value}"
+        );
+    };
+    near("range_min", -30.0 * degree);
+    near("range_max", 30.0 * degree);
+    near("noise_sigma", 2.0 * 60.0 * degree / 4096.0);
+    near("bias", 0.6 * degree);
+    near("rate_hz", 500.0);
+    near("delay_s", 0.003);
+    near("scale", 1.002);
+    near("lag_hz", 200.0);
+    assert_eq!(sensor.get("phase_steps"), Some(1.0));
+}
+
+#[test]
+fn the_stages_stand_in_the_order_of_the_hardware() {
+    let text = with(&format!(
+        "[[sensors]]\nsignal = \"{ANGLE}\"\nrange = [-2, 2]\nbits = 16\ndelay_s = 0.004\nrate_hz = 250\nnoise_sigma = 1e-3\nlag_hz = 100\nnoise_density = \"1 mrad/sqrt(Hz)\"\nbias_walk = 1e-6\nbias_sigma = \"1 mrad\"\nbias_tau_s = 100\nbias = 1e-4\ncross = {{ {PISTON} = 0.01 }}\nscale = 1.001\n[[actuators]]\nsignal = \"{CURRENT}\"\nrate_hz = 500\nresolution = 1e-6\nrange = [-0.01, 0.01]\nbacklash = 1e-5\ndead_band = 1e-5\nlag_hz = 100\nlag_damping = 0.7\nrate_limit_per_s = \"200 mA/ms\"\ndead_time_s = 0.003"
+    ));
+    let plan = plan(&text);
+    let plants = descriptions::plants();
+    let plant = plants
+        .iter()
+        .find(|plant| plant.name == "drhas")
+        .expect("described");
+    let kinds = |stages: Vec<hil_config::plan::Stage>| {
+        stages
+            .into_iter()
+            .map(|stage| stage.kind)
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(
+        kinds(plan.sensors[0].sensor_stages(plan.run.rate, &plant.measured)),
+        [
+            "scale",
+            "cross-coupling",
+            "bias",
+            "gauss-markov",
+            "random-walk",
+            "noise",
+            "lag",
+            "noise",
+            "sample-hold",
+            "delay",
+            "quantisation",
+            "saturation"
+        ]
+    );
+    assert_eq!(
+        kinds(plan.actuators[0].actuator_stages(plan.run.rate)),
+        [
+            "delay",
+            "rate-limit",
+            "second-order-lag",
+            "dead-band",
+            "backlash",
+            "saturation",
+            "quantisation",
+            "sample-hold"
+        ]
+    );
+    let drive = plan.actuators[0].get("rate_limit_per_s").expect("limited");
+    assert!((drive - 200.0).abs() < 1e-12, "{drive}");
+}
+
+#[test]
+fn instruments_are_shown_as_they_are_read() {
+    let text = with(&format!(
+        "[[sensors]]\nsignal = \"{ANGLE}\"\nrange = [-0.5, 0.5]\nbits = 12\nrate_hz = 500\nphase_steps = 1\nnoise_sigma = \"2 LSB\"\ncross = {{ {PISTON} = -0.25 }}\n[[actuators]]\nsignal = \"{CURRENT}\"\ndead_time_s = 0.003\nresolution = 1e-6"
+    ));
+    let expected = plan(&text);
+    let (plants, laws, kinds) = (
+        descriptions::plants(),
+        descriptions::laws(),
+        descriptions::kinds(),
+    );
+    let shown = show(&expected, &plants, &laws, &kinds).expect("described");
+    assert_eq!(plan(&shown), expected, "{shown}");
+}
+
+#[test]
+fn a_scenario_without_instruments_has_none() {
+    let plan = plan(BASE);
+    assert!(plan.sensors.is_empty() && plan.actuators.is_empty());
+}
+
+#[rustfmt::skip] // a table reads best with a case on a line
+const REFUSED: &[(&str, ProblemKind, &str, &[&str])] = &[
+    ("rate_hz = 300", Mismatch, "sensors[0].rate_hz", &["no whole fraction of `run.rate_hz` = 1000", "250 and 333.3"]),
+    ("rate_hz = 2000", Mismatch, "sensors[0].rate_hz", &["the highest is 1000"]),
+    ("rate_hz = 250\nphase_steps = 4", OutOfRange, "sensors[0].phase_steps", &["every 4 steps", "from 0 to 3"]),
+    ("phase_steps = 1", Mismatch, "sensors[0].phase_steps", &["needs `rate_hz`"]),
+    ("range = [1, 1]", OutOfRange, "sensors[0].range", &["the width 0", "two different ends in rad"]),
+    ("range = [1, -1]", OutOfRange, "sensors[0].range", &["[1, -1]"]),
+    ("range = [1]", WrongType, "sensors[0].range", &["1 entries"]),
+    ("range = [\"-1 m\", 1]", Mismatch, "sensors[0].range[0]", &["`m` does not convert to rad"]),
+    ("range = [-1, 1]\nbits = 54", OutOfRange, "sensors[0].bits", &["`sensors[0].bits` is 54", "from 1 to 53"]),
+    ("range = [-1, 1]\nbits = 0", OutOfRange, "sensors[0].bits", &["from 1 to 53"]),
+    ("bits = 12", Mismatch, "sensors[0].bits", &["needs `range`"]),
+    ("range = [-1, 1]\nbits = 12\nresolution = 0.1", Mismatch, "sensors[0].resolution", &["either `bits` or `resolution`"]),
+    ("noise_density = \"0.3 deg/sqrt(h)\"", Mismatch, "sensors[0].noise_density", &["does not convert to rad/sqrt(Hz)", "is one of a rate"]),
+    ("noise_density = \"1 kg\"", Mismatch, "sensors[0].noise_density", &["`kg` does not convert to rad/sqrt(Hz)", "a number from 0 to 1e30 in rad/sqrt(Hz)"]),
+    ("noise_sigma = \"2 LSB\"", Mismatch, "sensors[0].noise_sigma", &["`LSB` needs `bits` and `range`, or `resolution`"]),
+    ("bias = \"1 % of range\"", Mismatch, "sensors[0].bias", &["needs `range`"]),
+    ("noise_sigma = \"-1 mrad\"", OutOfRange, "sensors[0].noise_sigma", &["out of range"]),
+    ("noise_sigma = \"many\"", Mismatch, "sensors[0].noise_sigma", &["does not begin with a number"]),
+    ("noise_sigma = true", WrongType, "sensors[0].noise_sigma", &["a number"]),
+    ("bias_tau_s = 1", Mismatch, "sensors[0].bias_tau_s", &["needs `bias_sigma`"]),
+    ("lag_damping = 1", Mismatch, "sensors[0].lag_damping", &["needs `lag_hz`"]),
+    ("delay_s = 0.0005", OutOfRange, "sensors[0].delay_s", &["0.5 steps of 0.001 s", "the nearest are 0 and 0.001 s"]),
+    ("delay_s = 1000", OutOfRange, "sensors[0].delay_s", &["at most 100000"]),
+    ("cross = { surface_angle_rad = 0.1 }", Mismatch, "sensors[0].cross.surface_angle_rad", &["the signal itself", "`scale`"]),
+    ("cross = { actuator1_position = 0.1 }", UnknownName, "sensors[0].cross.actuator1_position", &["nearest: `actuator1_position_m`"]),
+    ("dead_time_s = 1", UnknownKey, "sensors[0].dead_time_s", &["unknown key `dead_time_s`"]),
+    ("", MissingKey, "sensors[0]", &["changes nothing", "`noise_density`"]),
+    ("scale = 2\n[[sensors]]\nsignal = \"surface_angle_rad\"\nbias = 1", Duplicate, "sensors[1].signal", &["two entries of `sensors`"]),
+    ("scale = 2\n[[sensors]]\nsignal = \"surface_angle\"\nbias = 1", UnknownName, "sensors[1].signal", &["nearest: `surface_angle_rad`"]),
+    ("scale = 2\n[[actuators]]\nsignal = \"surface_angle_rad\"\nbacklash = 1", UnknownName, "actuators[0].signal", &["which the plant does not have", "actuator1_valve_current_a"]),
+];
+
+#[test]
+fn what_cannot_be_is_refused_with_its_place_and_what_is_possible() {
+    for (keys, kind, key, fragments) in REFUSED {
+        let found = problems(&sensor(keys));
+        let [problem] = &found[..] else {
+            panic!("{keys}: {found:#?}");
+        };
+        assert_eq!(
+            (problem.kind, problem.key.as_str()),
+            (*kind, *key),
+            "{keys}: {problem}"
+        );
+        let text = problem.to_string();
+        for fragment in *fragments {
+            assert!(
+                text.contains(fragment),
+                "{keys}: no `{fragment}` in\n{text}"
+            );
+        }
+        let excerpt = problem.excerpt.as_ref().unwrap_or_else(|| panic!("{keys}"));
+        assert!(excerpt.line > BASE.lines().count(), "{keys}");
+    }
+}
+
+#[test]
+fn noise_on_an_enumeration_is_refused() {
+    let mut plants = descriptions::plants();
+    for plant in &mut plants {
+        for field in plant
+            .measured
+            .iter_mut()
+            .filter(|field| field.name == ANGLE)
+        {
+            field.is_discrete = true;
+        }
+    }
+    let check = |keys: &str| {
+        let scenario = crate::parse(&sensor(keys)).expect("TOML");
+        scenario.check(&plants, &descriptions::laws(), &descriptions::kinds())
+    };
+    check("delay_s = 0.01").expect("a delay keeps the values");
+    let problems = check("noise_sigma = 0.1").expect_err("noise does not");
+    let text = problems.to_string();
+    assert!(text.contains("which has no noise"), "{text}");
+    assert!(text.contains("`delay_s`"), "{text}");
+}

@@ -1,0 +1,203 @@
+//! Instruments: sensors between the model and its faults, actuators between the command and the model.
+//!
+//! Called by the engine at every step. An instrument is a chain of the stages that [faults](crate::faults)
+//! use, at full size from the first step on. A run without instruments has empty lists, and does
+//! nothing here.
+
+use hil_config::plan::{Instrument, Stage};
+use shared_types::describe::{Invalid, PlantDescription};
+use shared_types::random::RandomStream;
+use shared_types::state::State;
+use shared_types::table::Field;
+use shared_types::time::{Rate, Step};
+
+use crate::faults::kind::{AnySetup, Fault, FaultKindEntry, Moment, Reading};
+use crate::faults::kinds;
+use crate::job::Job;
+
+mod figures;
+
+pub use figures::Figures;
+
+/// The instruments of a run.
+pub(crate) struct Instruments {
+    rate: Rate,
+    sensors: Vec<Chain>,
+    actuators: Vec<Chain>,
+    /// Room for the row that the stages of one kind of instrument begin with.
+    row: Vec<f64>,
+}
+
+/// Instrument of one signal.
+struct Chain {
+    /// Place of the signal in its row.
+    place: usize,
+    /// Full name of the signal.
+    signal: String,
+    stages: Vec<Box<dyn Fault>>,
+}
+
+impl Instruments {
+    /// Starts the instruments of a job, whose plant has these signals.
+    ///
+    /// # Errors
+    /// If one names a signal that there is not, or its keys do not go together.
+    pub(crate) fn new(plant: &PlantDescription, job: &Job) -> Result<Self, Invalid> {
+        let (rate, seed) = (job.run.rate, job.run.seed);
+        let kinds = kinds::all();
+        let chains = |all: &[Instrument], fields: &[Field], side: &str, group: &str| {
+            let chain = |instrument: &Instrument| {
+                let name = format!("{group}.{}", instrument.signal);
+                let place = fields
+                    .iter()
+                    .position(|field| field.name == instrument.signal)
+                    .ok_or_else(|| Invalid(format!("there is no signal `{name}`")))?;
+                let stages = match side {
+                    "sensor" => instrument.sensor_stages(rate, fields),
+                    _ => instrument.actuator_stages(rate),
+                };
+                let path = format!("{side}/{}", instrument.signal);
+                let start = |(number, stage)| {
+                    started(&kinds, stage, (rate, fields.len()), (seed, &path, number))
+                };
+                let stages = (1_u32..).zip(&stages).map(start);
+                Ok(Chain {
+                    place,
+                    stages: stages
+                        .collect::<Result<_, Invalid>>()
+                        .map_err(|Invalid(why)| Invalid(format!("{side} of `{name}`: {why}")))?,
+                    signal: name,
+                })
+            };
+            all.iter().map(chain).collect::<Result<Vec<_>, Invalid>>()
+        };
+        Ok(Self {
+            rate,
+            sensors: chains(&job.sensors, &plant.measured, "sensor", "measured")?,
+            actuators: chains(&job.actuators, &plant.commands, "actuator", "command")?,
+            row: Vec::with_capacity(plant.measured.len().max(plant.commands.len())),
+        })
+    }
+
+    /// Turns the model's readings into what is sensed.
+    ///
+    /// # Errors
+    /// If a value is no finite number any more.
+    #[inline]
+    pub(crate) fn sense(&mut self, step: Step, row: &mut [f64]) -> Result<(), String> {
+        if self.sensors.is_empty() {
+            return Ok(());
+        }
+        apply(
+            &mut self.sensors,
+            &moment(step, self.rate),
+            row,
+            &mut self.row,
+        )
+    }
+
+    /// Turns the received commands into what is applied.
+    ///
+    /// # Errors
+    /// If a value is no finite number any more.
+    #[inline]
+    pub(crate) fn actuate(&mut self, step: Step, row: &mut [f64]) -> Result<(), String> {
+        if self.actuators.is_empty() {
+            return Ok(());
+        }
+        apply(
+            &mut self.actuators,
+            &moment(step, self.rate),
+            row,
+            &mut self.row,
+        )
+    }
+
+    /// Returns the state of all stages, in the order of the chains.
+    ///
+    /// # Errors
+    /// If one cannot be saved.
+    pub(crate) fn save(&self) -> Result<Vec<State>, Invalid> {
+        let chains = self.sensors.iter().chain(&self.actuators);
+        let stages = chains.flat_map(|chain| &chain.stages);
+        stages.map(|stage| stage.save()).collect()
+    }
+
+    /// Puts a state back.
+    ///
+    /// # Errors
+    /// If it is not one of these instruments.
+    pub(crate) fn restore(&mut self, saved: &[State]) -> Result<(), Invalid> {
+        let chains = self.sensors.iter_mut().chain(&mut self.actuators);
+        let stages: Vec<_> = chains.flat_map(|chain| &mut chain.stages).collect();
+        if stages.len() != saved.len() {
+            let (theirs, ours) = (saved.len(), stages.len());
+            return Err(Invalid(format!(
+                "{theirs} stages of instruments were saved, and there are {ours} here"
+            )));
+        }
+        let mut pairs = stages.into_iter().zip(saved);
+        pairs.try_for_each(|(stage, state)| stage.restore(state))
+    }
+}
+
+/// Starts a stage of an instrument; its random numbers have a path of their own.
+fn started(
+    kinds: &[FaultKindEntry],
+    stage: &Stage,
+    (rate, signals): (Rate, usize),
+    (seed, path, number): (u64, &str, u32),
+) -> Result<Box<dyn Fault>, Invalid> {
+    let kind = stage.kind.as_str();
+    let entry = (kinds.iter()).find(|entry| entry.description.kind == kind);
+    let entry = entry.ok_or_else(|| Invalid(format!("there is no stage `{kind}`")))?;
+    let mut started = (entry.start)(&AnySetup {
+        parameters: &stage.parameters,
+        list: &stage.list,
+        rate,
+        signals,
+    })?;
+    started.hold(RandomStream::new(seed, &format!("{path}/{number}/{kind}")));
+    Ok(started)
+}
+
+/// Returns the moment of a step, at full size since step 0.
+fn moment(step: Step, rate: Rate) -> Moment {
+    Moment {
+        step: step.0,
+        since_steps: step.0,
+        since_s: rate.seconds(step),
+        gain: 1.0,
+    }
+}
+
+/// Passes each signal that has a chain through it; `before` is room for the row as it was.
+fn apply(
+    chains: &mut [Chain],
+    at: &Moment,
+    row: &mut [f64],
+    before: &mut Vec<f64>,
+) -> Result<(), String> {
+    before.clear();
+    before.extend_from_slice(row); // within the capacity it was made with
+    for chain in chains {
+        let mut reading = Reading {
+            value: before[chain.place],
+            valid: true,
+        };
+        for stage in &mut chain.stages {
+            reading = stage.coupled(at, reading, before);
+        }
+        if !reading.value.is_finite() {
+            return Err(format!(
+                "{} is {} behind its instrument",
+                chain.signal, reading.value
+            ));
+        }
+        row[chain.place] = reading.value;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;
