@@ -251,7 +251,7 @@ fn values(
             else {
                 break; // one message for one value
             };
-            let written = Written::new(&name, one.is_called(&name), value, &entry.node.place);
+            let typed_value = Written::new(&name, one.is_called(&name), value, &entry.node.place);
             let value = ChangedValue {
                 key: one.key.clone(),
                 unit: one.field.unit.clone(),

@@ -45,8 +45,8 @@ pub(super) fn given(
             let Some(value) = reader.quantity(&path, node, &Quantity::from(field)) else {
                 break; // one message for one value
             };
-            let written = Written::new(&key, field.is_called(&key), value, &node.place);
-            match written.beats(earlier) {
+            let typed_value = Written::new(&key, field.is_called(&key), value, &node.place);
+            match typed_value.beats(earlier) {
                 Ok(true) => {
                     values.insert(field.name.clone(), typed_value);
                 }

@@ -97,8 +97,8 @@ fn safe_command(
         };
         let finite = Quantity::finite(&field.unit);
         if let Some(value) = reader.quantity(&path, &entry.node, &finite) {
-            let written = Written::new(&key, true, value, &entry.node.place);
-            match written.beats(given.get(field.name.as_str())) {
+            let typed_value = Written::new(&key, true, value, &entry.node.place);
+            match typed_value.beats(values.get(field.name.as_str())) {
                 Ok(true) => {
                     values.insert(&field.name, typed_value);
                     commands.set(&field.name, value);

@@ -131,7 +131,7 @@ fn number(text: &str, at: usize) -> Result<(TokenKind, usize), ExpressionError> 
             return Err(ExpressionError::new(text, span, message));
         }
         if let Some(factors) = spellings::of_percentage(&behind[..length]) {
-            let (product, part) = (&rest[..end], written / 100.0);
+            let (product, part) = (&rest[..end], value_si / 100.0);
             let message = format!(
                 "`{product}` is a percentage times a unit; write `{part:?} {factors}`, and there is no operator `%` for a remainder"
             );

@@ -47,7 +47,7 @@ pub fn apply(settings: &Settings) -> Report {
         lock_memory: Granted::new(
             settings.lock_memory,
             memory::is_locked(),
-            (result.clone().err()).or_else(|| Some("locking loads it as well".into())),
+            (kept.clone().err()).or_else(|| Some("locking loads it as well".into())),
         ),
         prefault: Granted::new(
             settings.prefault,

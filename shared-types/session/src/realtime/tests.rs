@@ -48,7 +48,7 @@ fn a_loop_runs_on_its_core() {
             core: Some(core),
             ..Settings::default()
         };
-        let (report, found) = aside(move || (apply(&settings), sched_getcpu()));
+        let (report, actual_core) = aside(move || (apply(&settings), sched_getcpu()));
         assert_eq!(report.core.granted, Some(core));
         assert_eq!(report.core.reason, None);
         assert_eq!(actual_core, core as usize);

@@ -21,7 +21,7 @@ fn layout() -> RecordLayout {
 
 /// Drains a source into text.
 fn drained(source: &mut dyn RecordSource) -> Vec<String> {
-    let mut list = Vec::new();
+    let mut items = Vec::new();
     loop {
         let count = source.drain(&mut |item| {
             items.push(match item {
@@ -30,7 +30,7 @@ fn drained(source: &mut dyn RecordSource) -> Vec<String> {
             });
         });
         if count.expect("drains") == 0 {
-            return seen;
+            return items;
         }
     }
 }
@@ -63,13 +63,13 @@ fn without_credit_the_plant_waits_and_nothing_is_lost() {
     );
     assert!(drained(&mut source).is_empty());
     let mut words = vec![0; layout().words()];
-    let mut sent = 0;
+    let mut count = 0;
     while sink.has_room().expect("asks") {
-        words[0] = sent;
+        words[0] = count;
         sink.record(&words).expect("publishes");
-        sent += 1;
+        count += 1;
     }
-    assert!(sent > BUFFER as u64 / 2 && sent < BUFFER as u64, "{sent}");
+    assert!(count > BUFFER as u64 / 2 && count < BUFFER as u64, "{count}");
     let items = drained(&mut source);
     let expected: Vec<String> = (0..count).map(|k| format!("record {k}")).collect();
     assert_eq!(items, expected);
