@@ -67,7 +67,7 @@ pub struct RunReader {
 /// Item of the file.
 enum Next {
     Record,
-    Event(Event),
+    Event(Box<Event>),
     /// Content that was stored or is not relevant.
     Other,
     End,
@@ -231,7 +231,7 @@ impl RunReader {
                     if self.is_hashing {
                         self.digest.event(&event);
                     }
-                    self.events.push(event);
+                    self.events.push(*event);
                 }
                 Next::Record => {
                     let step = self.step();
@@ -383,7 +383,7 @@ impl RunReader {
                 }
                 Some(Some(encoding)) => {
                     return match event::read(encoding, &data) {
-                        Ok(event) => Ok(Next::Event(clean(event))),
+                        Ok(event) => Ok(Next::Event(Box::new(clean(event)))),
                         Err(error) => Err(self.damaged(format!("an event: {error}"))),
                     };
                 }

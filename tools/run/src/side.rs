@@ -267,7 +267,7 @@ impl SideProcess {
             (None, Some(signal)) => {
                 let name = signal_hook::low_level::signal_name(signal).unwrap_or("a signal");
                 // Other signals name the call themselves, as the last word of the log.
-                let call = (signal == SIGKILL).then_some(call).unwrap_or_default();
+                let call = if signal == SIGKILL { &*call } else { "" };
                 Some(format!(
                     "{} was killed by {name} ({signal}){call}",
                     self.name

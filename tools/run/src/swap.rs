@@ -139,8 +139,8 @@ impl SwapContext {
             );
         }
         let reason_of = |failure: Failure| failure.reason();
-        let limit_s = request.wait_limit_s.unwrap_or_default();
-        let limit_s = limit_s.max(self.wait_limit_s);
+        let longer_s = (request.wait_limit_s).filter(|limit_s| *limit_s > self.wait_limit_s);
+        let limit_s = longer_s.unwrap_or(self.wait_limit_s);
         asking::allow_seconds(limit_s);
         // Where the first runs, the next does too.
         let at = self.binaries.controller.at.as_ref();
