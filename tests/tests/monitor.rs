@@ -183,7 +183,7 @@ fn at_most_three_monitors_may_attach_and_a_killed_one_frees_its_slot() {
     let mut monitors: Vec<Terminal> = (0..3).map(|_| monitor(&rig, &[])).collect();
     rig.in_session("monitor --json")
         .expect(2)
-        .says(&["is watched by 3 others"]);
+        .says(&["already has 3 observers"]);
     for watching in &mut monitors {
         send(watching.pid(), Signal::KILL);
         watching.wait();

@@ -113,7 +113,7 @@ mod tests {
                 std::thread::yield_now();
             }
             let reason = turn.take(address(9)).expect_err("too many");
-            assert!(reason.contains("others wait"), "{reason}");
+            assert!(reason.contains("others are already waiting"), "{reason}");
             drop(first);
             for one in next {
                 one.join().expect("ends").expect("its turn");
