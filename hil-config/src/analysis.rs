@@ -147,7 +147,6 @@ impl RunningAnalysis {
         }
     }
 
-    /// Returns the name.
     pub(crate) fn name(&self) -> &str {
         &self.name
     }

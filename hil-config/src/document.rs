@@ -79,7 +79,6 @@ impl Table {
         self.places.get(key).map(|place| &self.entries[*place])
     }
 
-    /// Returns the entries.
     pub(crate) fn entries(&self) -> &[Entry] {
         &self.entries
     }

@@ -155,7 +155,7 @@ impl RequestQueue {
         self.gate.load(Ordering::Acquire) == 0
     }
 
-    /// Returns the run's step and time, and if the run is held.
+    /// Returns the run's step and time, and `paused` if it is held.
     #[must_use]
     pub fn status(&self, rate: shared_types::time::Rate, steps: u64) -> Status {
         let step = Step(self.step.load(Ordering::Relaxed));

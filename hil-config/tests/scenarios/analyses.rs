@@ -216,7 +216,7 @@ fn an_impossible_analysis_is_refused_with_its_place() {
             "duration_s = 4.0\n\n[[faults]]",
             "duration_s = 4.5\n\n[[faults]]",
             "metrics[1].stimulus",
-            "after the end",
+            "beyond the end of the run",
         ),
         (
             "kind = \"chirp\"",

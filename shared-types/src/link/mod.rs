@@ -47,8 +47,8 @@ pub trait Link {
     /// If the transport failed.
     fn expect(&mut self, epoch: u32) -> Result<(), LinkError>;
 
-    /// Returns if the peer on the control channel, and on the frames opened last, is the process that was launched as
-    /// the controller. For the plant.
+    /// Identifies the peer on the control channel and on the frames opened last: the process launched as the controller,
+    /// or another one. For the plant.
     ///
     /// # Errors
     /// If the peer cannot be determined.

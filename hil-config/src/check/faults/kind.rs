@@ -16,7 +16,6 @@ pub(crate) enum FaultKind<'d> {
 }
 
 impl<'d> FaultKind<'d> {
-    /// Returns the name.
     pub(crate) fn name(self) -> &'d str {
         match self {
             Self::Own(fault) => &fault.kind,

@@ -139,7 +139,7 @@ impl Company {
         }
     }
 
-    /// Records the return of the core after a yield, and if a sleep would have cost little in that wait.
+    /// Records the return of the core after a yield; `sleep_is_cheap` if a sleep would have cost little in that wait.
     pub(super) fn came_back(&mut self, now_ns: u64, took_ns: u64, sleep_is_cheap: bool) {
         if took_ns < Self::SHORT_NS {
             self.quick = (self.quick + 1).min(Self::MANY);
