@@ -122,7 +122,7 @@ fn a_document_with_entities_is_refused() {
     refused(&three("<X a=\"&b;\"/>"), "b");
     refused(&three(&"<X>".repeat(100)), "too many elements");
     refused(&three("<X>"), "modelDescription.xml");
-    refused("", "cut off");
+    refused("", "truncated");
     refused("<a/>", "not fmiModelDescription");
 }
 
