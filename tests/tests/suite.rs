@@ -123,7 +123,7 @@ fn impossible_suites_are_refused_before_anything_starts() {
     let missing = rig.path("none").join("all.xml");
     for (arguments, message) in [
         (format!("{good} {wrong}"), "pdi"),
-        (format!("{good} {good} --jobs 100000"), "more than the"),
+        (format!("{good} {good} --jobs 100000"), "exceeds the"),
         (
             format!("{good} --repeat 2 --pause-at 0.1"),
             "--pause-at requires a single run",

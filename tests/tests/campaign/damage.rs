@@ -62,7 +62,7 @@ fn an_outdated_table_is_named() {
     campaign(&rig, &["collect", text(&folder), "--partial"]).expect(3);
     campaign(&rig, &["work", text(&folder)]).expect(0);
     campaign(&rig, &["show", text(&folder)]).expect(0).says(&[
-        "results.parquet is older than the last results",
+        "results.parquet is older than the latest results",
         "hil campaign collect",
     ]);
 }

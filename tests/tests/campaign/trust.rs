@@ -36,7 +36,7 @@ fn refused(rig: &Rig, folder: &Path, reason: &str) {
     ] {
         campaign(rig, &arguments)
             .expect(2)
-            .says(&[reason, "is not run", "cp -r"]);
+            .says(&[reason, "refusing to run", "cp -r"]);
         assert!(!rig.path("ran").exists(), "{arguments:?} ran it");
     }
     campaign(rig, &["status", text(folder)]).expect(0);
