@@ -281,7 +281,7 @@ fn two_commands_that_are_names_of_one_input_are_refused() {
         let both = format!(
             "`command.F` and `command.G` of law `both` are both names of the one input `{input}` of plant `slider`"
         );
-        assert_found(&found[0], Duplicate, &[&both, "[[connect]]"]);
+        assert_found(&problems[0], Duplicate, &[&both, "[[connect]]"]);
         // A connection chooses.
         if input == "push" {
             let chosen =

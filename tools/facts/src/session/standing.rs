@@ -105,7 +105,7 @@ impl Board {
             .unwrap_or_else(PoisonError::into_inner)
             .push(answer);
         self.is_asked.store(true, Ordering::Release);
-        answered.recv_timeout(ANSWER_LIMIT).ok()
+        receiver.recv_timeout(ANSWER_LIMIT).ok()
     }
 }
 
