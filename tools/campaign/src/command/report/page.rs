@@ -1,7 +1,7 @@
 //! The page of a campaign: everything that reads without a script, and the data for the script that draws.
 
 use hil_console::terminal::exit::Failure;
-use hil_views::offline_page::OfflinePage;
+use hil_views::offline_page::{OfflinePage, PAGE};
 
 use crate::folder::{Conflict, Folder};
 use hil_config::study::Study;
@@ -71,7 +71,7 @@ pub(super) fn page(campaign: &Campaign, data: &Data) -> Result<String, Failure> 
         body,
         credit: None,
         data,
-        scripts: &[SCRIPT],
+        scripts: &[PAGE, SCRIPT],
     };
     page.write()
 }
