@@ -13,6 +13,7 @@ use hil_facts::programs::scenario;
 use hil_recording::reader;
 use hil_run::{Environment, Origin, Repeated};
 use serde_json::json;
+use shared_types::record::Outcome;
 
 use crate::arguments::run::RerunArguments;
 use crate::arguments::tolerance::Tolerances;
@@ -35,7 +36,7 @@ pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
     }
     // Of a run that was stopped or died all that was recorded must come again; what happened after the
     // last record is no part of that. In real time it is not known what that one's controller saw.
-    let is_whole = matches!(recorded.outcome.as_deref(), Some("completed" | "diverged"));
+    let is_whole = recorded.outcome.is_some_and(Outcome::is_own_end);
     let (records, expected) = if is_whole {
         (recorded.records, recorded.digest.clone())
     } else {
