@@ -77,8 +77,8 @@ struct Became {
 
 /// Flips a bit in each of these places of a file and recovers that.
 fn flipped(original: &Original, bytes: &[u8], places: &BTreeSet<(usize, u8)>) -> Became {
-    let sound = Said::by(&original.folder.path().join(RECORDING));
-    let elsewhere = original.folder.path().join("elsewhere.mcap");
+    let sound = Said::by(&original.folder.join(RECORDING));
+    let elsewhere = original.folder.join("elsewhere.mcap");
     let mut became = Became::default();
     for (place, bit) in places {
         let mut wrong = bytes.to_vec();
