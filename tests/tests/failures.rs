@@ -1,6 +1,7 @@
 //! Failures while a run is under way: who, what and which step are named, the exit code tells
 //! the sort, the recording up to there can be read, and nothing is left.
 
+mod long;
 mod remains;
 
 use std::collections::BTreeSet;
