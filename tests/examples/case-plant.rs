@@ -1,6 +1,9 @@
 //! A plant process with plants that behave until they are to run many cases. Not a program of the workspace: the
 //! tests of campaigns give it to `hil campaign plan --plant-bin`.
 
+#[macro_use]
+#[path = "../shared/plant.rs"]
+mod plant;
 #[path = "../shared/position_and_force.rs"]
 mod position_and_force;
 
@@ -8,10 +11,8 @@ use std::process::ExitCode;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use plant_process::plant::{Plant, PlantKind};
-use shared_types::describe::Invalid;
+use plant_process::plant::PlantKind;
 use shared_types::table;
-use shared_types::time::Interval;
 
 use position_and_force::{Force, Position};
 
@@ -31,57 +32,44 @@ table! {
     }
 }
 
-macro_rules! plant {
+macro_rules! spoiler {
     ($plant:ident, $name:literal, $start:expr, $deed:expr) => {
         struct $plant(f64);
 
-        impl Plant for $plant {
-            const NAME: &'static str = $name;
-            const SUMMARY: &'static str = "Spoils campaigns.";
-            type Parameters = Parameters;
-            type Truth = Position;
-            type Measured = Position;
-            type Command = Force;
-
-            fn start(parameters: &Parameters) -> Result<Self, Invalid> {
+        plant!(
+            $plant,
+            $name,
+            "Spoils campaigns.",
+            Parameters,
+            |parameters| {
                 let start: fn(f64) -> f64 = $start;
-                Ok(Self(start(parameters.position_m)))
-            }
-
-            fn retune(&mut self, _: &Parameters) {}
-
-            fn measure(&self) -> Position {
-                Position { position_m: self.0 }
-            }
-
-            fn truth(&self, _: f64, _: &Force) -> Position {
-                self.measure()
-            }
-
-            fn advance(&mut self, _: &Interval, _: &Force) {
+                Self(start(parameters.position_m))
+            },
+            |plant| plant.0,
+            |plant| {
                 let deed: fn(f64) = $deed;
-                deed(self.0);
+                deed(plant.0);
             }
-        }
+        );
     };
 }
 
-plant!(Behaves, "behaves", |position_m| position_m, |_| {});
+spoiler!(Behaves, "behaves", |position_m| position_m, |_| {});
 // Whoever runs many cases in a process gets one that differs from start to start.
-plant!(
+spoiler!(
     Leaks,
     "leaks",
     |position_m| position_m + f64::from(STARTS.fetch_add(1, Ordering::Relaxed)),
     |_| {}
 );
-plant!(Dies, "dies", |position_m| position_m, |position_m| {
+spoiler!(Dies, "dies", |position_m| position_m, |position_m| {
     if position_m == DEADLY_M {
         std::process::abort();
     }
 });
 
 // Once, if there is a file to tell it.
-plant!(Hangs, "hangs", |position_m| position_m, |_| {
+spoiler!(Hangs, "hangs", |position_m| position_m, |_| {
     let told = std::env::var_os("CASE_PLANT_HANGS");
     if told.is_some_and(|file| std::fs::remove_file(file).is_ok()) {
         loop {
@@ -90,9 +78,9 @@ plant!(Hangs, "hangs", |position_m| position_m, |_| {
     }
 });
 
-plant!(Mortal, "mortal", |position_m| position_m, die_if_told);
+spoiler!(Mortal, "mortal", |position_m| position_m, die_if_told);
 // Dies with the job of the next case too: between two cases, as far as anybody can see.
-plant!(
+spoiler!(
     Stumbles,
     "stumbles",
     |position_m| {

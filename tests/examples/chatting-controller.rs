@@ -7,13 +7,16 @@
 //! | `contradicts` | sends another answer to the same sample |
 //! | `greets` | says hello, from the beginning, and hears nothing |
 
+#[macro_use]
+#[path = "../shared/law.rs"]
+mod law;
 #[path = "../shared/position_and_force.rs"]
 mod position_and_force;
 
 use std::path::Path;
 use std::process::ExitCode;
 
-use controller_process::controller::{Controller, LawKind, Sample, Setup};
+use controller_process::controller::LawKind;
 use controller_process::job::{JOB_FILE, Job};
 use controller_process::runner::{Progress, Runner, choose};
 use hil_session::link::iceoryx::IceoryxLink;
@@ -22,13 +25,12 @@ use hil_session::realtime::apply;
 use hil_session::session::SessionInfo;
 use hil_session::supervision::Supervision;
 use hil_session::waiter::Waiter;
-use shared_types::describe::{Description, Invalid};
+use shared_types::describe::Description;
 use shared_types::frame::{FrameKind, Header};
 use shared_types::link::{Link, LinkError};
 use shared_types::lockstep::ControllerEvent;
 use shared_types::realtime;
 use shared_types::side::Side;
-use shared_types::table::Empty;
 use shared_types::wait::WaitLimit;
 
 use position_and_force::{Force, Position};
@@ -40,24 +42,15 @@ const FORCE_N: f64 = 0.5;
 
 struct Steady;
 
-impl Controller for Steady {
-    const NAME: &'static str = "steady";
-    const SUMMARY: &'static str = "Commands one force.";
-    type Parameters = Empty;
-    type Model = Empty;
-    type Measured = Position;
-    type Reference = Empty;
-    type Command = Force;
-    type Internals = Empty;
-
-    fn start(_: &Setup<Self>) -> Result<Self, Invalid> {
-        Ok(Self)
-    }
-
-    fn step(&mut self, _: &Sample<Self>) -> (Force, Empty) {
-        (Force { force_n: FORCE_N }, Empty {})
-    }
-}
+law!(
+    Steady,
+    "steady",
+    "Commands one force.",
+    Position,
+    None,
+    Self,
+    |_, _| FORCE_N
+);
 
 #[derive(Clone, Copy, PartialEq)]
 enum Habit {

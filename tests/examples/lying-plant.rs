@@ -3,6 +3,9 @@
 //!
 //! The run itself is that of every plant; what it says in the record stream is not.
 
+#[macro_use]
+#[path = "../shared/plant.rs"]
+mod plant;
 #[path = "../shared/position_and_force.rs"]
 mod position_and_force;
 
@@ -18,9 +21,9 @@ use hil_session::waiter::Waiter;
 use plant_process::engine::Engine;
 use plant_process::faults::kinds;
 use plant_process::job::{JOB_FILE, Job};
-use plant_process::plant::{Plant, PlantKind};
+use plant_process::plant::PlantKind;
 use plant_process::program::drive;
-use shared_types::describe::{Description, Invalid};
+use shared_types::describe::Description;
 use shared_types::layout::{SignalKind, SignalTable};
 use shared_types::link::LinkError;
 use shared_types::lockstep::OnLoss;
@@ -31,7 +34,7 @@ use shared_types::record::{
 use shared_types::side::Side;
 use shared_types::stream::{Backpressure, RecordSink};
 use shared_types::table::Empty;
-use shared_types::time::{Interval, Step};
+use shared_types::time::Step;
 use shared_types::wait::WaitLimit;
 
 use position_and_force::{Force, Position};
@@ -44,30 +47,15 @@ const MADE_UP: u32 = 7;
 /// A plant that does nothing.
 struct Still;
 
-impl Plant for Still {
-    const NAME: &'static str = "honest";
-    const SUMMARY: &'static str = "Stands still.";
-    type Parameters = Empty;
-    type Truth = Position;
-    type Measured = Position;
-    type Command = Force;
-
-    fn start(_: &Empty) -> Result<Self, Invalid> {
-        Ok(Self)
-    }
-
-    fn retune(&mut self, _: &Empty) {}
-
-    fn measure(&self) -> Position {
-        Position { position_m: 0.0 }
-    }
-
-    fn truth(&self, _: f64, _: &Force) -> Position {
-        Position { position_m: 0.0 }
-    }
-
-    fn advance(&mut self, _: &Interval, _: &Force) {}
-}
+plant!(
+    Still,
+    "honest",
+    "Stands still.",
+    Empty,
+    |_| Self,
+    |_| 0.0,
+    |_| {}
+);
 
 /// The lies, which are names of plants too.
 const LIES: [&str; 20] = [

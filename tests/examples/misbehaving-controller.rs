@@ -1,6 +1,9 @@
 //! A controller process with one law for each way to spoil a run. Not a program of the workspace: the
 //! tests of failures give it to `hil run --controller-bin`.
 
+#[macro_use]
+#[path = "../shared/law.rs"]
+mod law;
 #[path = "../shared/position_and_force.rs"]
 mod position_and_force;
 
@@ -28,59 +31,47 @@ table! {
     }
 }
 
-macro_rules! law {
+macro_rules! spoiler {
     ($law:ident, $name:literal, $measured:ty, $deed:expr) => {
         struct $law {
             samples: u64,
         }
 
-        impl Controller for $law {
-            const NAME: &'static str = $name;
-            const SUMMARY: &'static str = "Misbehaves.";
-            type Parameters = Empty;
-            type Model = Empty;
-            type Measured = $measured;
-            type Reference = Empty;
-            type Command = Force;
-            type Internals = Empty;
-
-            fn start(_: &Setup<Self>) -> Result<Self, Invalid> {
-                Ok(Self { samples: 0 })
-            }
-
-            fn step(&mut self, _: &Sample<Self>) -> (Force, Empty) {
-                self.samples += 1;
+        law!(
+            $law,
+            $name,
+            "Misbehaves.",
+            $measured,
+            None,
+            Self { samples: 0 },
+            |law, _| {
+                law.samples += 1;
                 let deed: fn() -> f64 = $deed;
-                let force_n = if self.samples > WHEN {
-                    deed()
-                } else {
-                    BEFORE_N
-                };
-                (Force { force_n }, Empty {})
+                if law.samples > WHEN { deed() } else { BEFORE_N }
             }
-        }
+        );
     };
 }
 
-law!(Leaves, "leaves", Position, || std::process::exit(0));
-law!(Panics, "panics", Position, || panic!("the law fell over"));
-law!(Sleeps, "sleeps", Position, || loop {
+spoiler!(Leaves, "leaves", Position, || std::process::exit(0));
+spoiler!(Panics, "panics", Position, || panic!("the law fell over"));
+spoiler!(Sleeps, "sleeps", Position, || loop {
     std::thread::park();
 });
-law!(Babbles, "babbles", Position, || f64::NAN);
-law!(Pushes, "pushes", Position, || 1e12);
-law!(Hoards, "hoards", Position, || {
+spoiler!(Babbles, "babbles", Position, || f64::NAN);
+spoiler!(Pushes, "pushes", Position, || 1e12);
+spoiler!(Hoards, "hoards", Position, || {
     let mut hoard = Vec::new();
     loop {
         hoard.push(std::hint::black_box(vec![1_u8; 1 << 24]));
     }
 });
-law!(Mutters, "mutters", Position, || {
+spoiler!(Mutters, "mutters", Position, || {
     // What a terminal obeys: another title, a full clipboard, a cleared screen, a line gone back.
     eprintln!("\u{1b}]0;t\u{7}\u{1b}]52;c;eA==\u{1b}\\ \u{9b}2J\rmuttered \u{1b}[31mpass");
     std::process::exit(7)
 });
-law!(Chatters, "chatters", Position, || {
+spoiler!(Chatters, "chatters", Position, || {
     let line = [b'x'; 1 << 10];
     let mut log = std::io::stderr();
     eprintln!("the first line");
@@ -91,15 +82,15 @@ law!(Chatters, "chatters", Position, || {
     std::thread::sleep(std::time::Duration::from_secs(1));
     panic!("\nthe law said enough")
 });
-law!(Forks, "forks", Position, || {
+spoiler!(Forks, "forks", Position, || {
     leave_somebody();
     BEFORE_N
 });
-law!(ForksAndDies, "forks-and-dies", Position, || {
+spoiler!(ForksAndDies, "forks-and-dies", Position, || {
     leave_somebody();
     std::process::abort()
 });
-law!(Moons, "moons", Missing, || 0.0);
+spoiler!(Moons, "moons", Missing, || 0.0);
 
 /// Starts two processes that never end by themselves, one of them in a session of its own and without a
 /// parent. Both name this process's session in their arguments.

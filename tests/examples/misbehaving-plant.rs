@@ -1,74 +1,60 @@
 //! A plant process with one plant for each way to spoil a run. Not a program of the workspace: the tests
 //! of failures give it to `hil run --plant-bin`.
 
+#[macro_use]
+#[path = "../shared/plant.rs"]
+mod plant;
 #[path = "../shared/position_and_force.rs"]
 mod position_and_force;
 
 use std::os::unix::fs::FileExt;
 use std::process::ExitCode;
 
-use plant_process::plant::{Plant, PlantKind};
-use shared_types::describe::Invalid;
+use plant_process::plant::PlantKind;
 use shared_types::table::Empty;
-use shared_types::time::Interval;
 
 use position_and_force::{Force, Position};
 
 /// The step at which a plant misbehaves.
 const WHEN: u64 = 100;
 
-macro_rules! plant {
+macro_rules! spoiler {
     ($plant:ident, $name:literal, $deed:expr) => {
         struct $plant {
             steps: u64,
         }
 
-        impl Plant for $plant {
-            const NAME: &'static str = $name;
-            const SUMMARY: &'static str = "Misbehaves.";
-            type Parameters = Empty;
-            type Truth = Position;
-            type Measured = Position;
-            type Command = Force;
-
-            fn start(_: &Empty) -> Result<Self, Invalid> {
-                Ok(Self { steps: 0 })
-            }
-
-            fn retune(&mut self, _: &Empty) {}
-
-            fn measure(&self) -> Position {
-                Position { position_m: 0.0 }
-            }
-
-            fn truth(&self, _: f64, _: &Force) -> Position {
-                Position { position_m: 0.0 }
-            }
-
-            fn advance(&mut self, _: &Interval, _: &Force) {
-                self.steps += 1;
-                if self.steps == WHEN {
+        plant!(
+            $plant,
+            $name,
+            "Misbehaves.",
+            Empty,
+            |_| Self { steps: 0 },
+            |_| 0.0,
+            |plant| {
+                plant.steps += 1;
+                if plant.steps == WHEN {
                     let deed: fn() = $deed;
                     deed();
                 }
             }
-        }
+        );
     };
 }
 
-plant!(Leaves, "leaves", || std::process::exit(0));
-plant!(Panics, "panics", || panic!("the plant fell over"));
-plant!(Sleeps, "sleeps", || loop {
+spoiler!(Leaves, "leaves", || std::process::exit(0));
+spoiler!(Panics, "panics", || panic!("the plant fell over"));
+spoiler!(Sleeps, "sleeps", || loop {
     std::thread::park();
 });
-plant!(Mutters, "mutters", || {
+spoiler!(Mutters, "mutters", || {
     // What a terminal obeys: a cleared screen, a full clipboard, a line written over.
     eprintln!("\u{9b}2J\u{1b}]52;c;eA==\u{7}\rmuttered \u{1b}[31mpass");
     std::process::exit(7)
 });
-plant!(Smears, "smears", || write_over_shared_memory(0xff));
-plant!(Wipes, "wipes", || write_over_shared_memory(0));
-plant!(Hoards, "hoards", || {
+spoiler!(Smears, "smears", || write_over_shared_memory(0xff));
+spoiler!(Wipes, "wipes", || write_over_shared_memory(0));
+spoiler!(Hoards, "hoards", || {
     let mut hoard = Vec::new();
     loop {
         hoard.push(std::hint::black_box(vec![1_u8; 1 << 24]));

@@ -434,7 +434,7 @@ def final(desk):
         wait(page, "document.documentElement.dataset.newest === '5000'")
         for _ in range(100):  # values are written every tenth of a second
             told[name] = [page.evaluate(READ), page.evaluate(LEGENDS), page.text_content("#readings-box h2")]
-            if not any(value in ("", "–") for _, value in told[name][0] + told[name][1]):
+            if not any(value in ("", "-") for _, value in told[name][0] + told[name][1]):
                 break
             page.wait_for_timeout(100)
         if len(sys.argv) > 4:

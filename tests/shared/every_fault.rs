@@ -1,4 +1,4 @@
-//! Faults of every kind, one each: the content of the scenarios for the test and the bench of survival.
+//! Faults of every kind, one each: the content of the scenarios for the tests of survival.
 
 use toml::{Table, Value};
 

@@ -1,6 +1,7 @@
 //! Failures during a run: side, cause and step are named, the exit code gives the kind, the recording up to then is
 //! readable, and nothing is left behind.
 
+mod long;
 mod remains;
 
 use std::collections::BTreeSet;

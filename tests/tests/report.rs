@@ -5,6 +5,7 @@
 //! `HIL_TEST_CHROMIUM=1` demands it.
 
 mod browser;
+mod numbers;
 pub(crate) mod page;
 
 use std::path::PathBuf;

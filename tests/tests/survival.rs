@@ -1,6 +1,8 @@
 //! The paper's scenario for each law with each kind of fault: whatever happens to the surface, both processes end
 //! in order, NaN never counts as valid, and the fault acted.
 
+mod long;
+
 use crate::every_fault::{LAWS, faults, with_fault};
 use crate::support::harness::Rig;
 use crate::support::mcap_reader::Recording;

@@ -324,6 +324,19 @@ impl Outcome {
             Self::Failed => "failed",
         }
     }
+
+    /// The outcome of this name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        let all = [Self::Completed, Self::Diverged, Self::Stopped, Self::Failed];
+        all.into_iter().find(|outcome| outcome.name() == name)
+    }
+
+    /// Returns `true` if the run ended by itself: a repetition ends at the same step.
+    #[must_use]
+    pub const fn is_own_end(self) -> bool {
+        matches!(self, Self::Completed | Self::Diverged)
+    }
 }
 
 #[cfg(test)]

@@ -22,20 +22,11 @@ use serde_json::json;
 
 use self::effort::{rounds, shortened};
 use self::measure::{Bystanders, cores, machine, median};
-use self::round_trips::{COMMAND_BYTES, Exchange, Place, Round, SAMPLE_BYTES, Wait};
+use self::round_trips::{COMMAND_BYTES, Exchange, Place, Round, SAMPLE_BYTES, waits};
 
 /// Trips of a round, with both ends on cores of their own and with both on one.
 const TRIPS: u64 = 100_000;
 const TRIPS_ON_ONE_CORE: u64 = 10_000;
-
-/// Exchanges that are measured.
-const EXCHANGES: [Exchange; 5] = [
-    Exchange::Raw,
-    Exchange::Blackboard,
-    Exchange::PublishSubscribe,
-    Exchange::RequestResponse,
-    Exchange::Link,
-];
 
 fn main() {
     if round_trips::answered() {
@@ -62,10 +53,10 @@ fn main() {
 /// Measures all exchanges in turns and prints them.
 fn compare(place: Place<'_>, trips: u64) {
     let bystanders = Bystanders::watch();
-    let mut done: Vec<(Exchange, Vec<Round>)> = EXCHANGES.map(|e| (e, Vec::new())).into();
+    let mut done: Vec<(Exchange, Vec<Round>)> = Exchange::ALL.map(|e| (e, Vec::new())).into();
     for _ in 0..rounds() {
         for (exchange, rounds) in &mut done {
-            rounds.push(round_trips::measure(*exchange, Wait::Hybrid, place, trips));
+            rounds.push(round_trips::measure(*exchange, place, trips));
         }
     }
     let others = bystanders.share();
@@ -81,7 +72,7 @@ fn compare(place: Place<'_>, trips: u64) {
 
     println!(
         "{place}, {}, {} rounds of {trips} trips, other programs took {:.0} % of the machine",
-        Wait::Hybrid.at(place),
+        waits(place),
         rounds(),
         100.0 * others
     );
@@ -109,7 +100,7 @@ fn compare(place: Place<'_>, trips: u64) {
         "bench": "exchange",
         "machine": machine(),
         "place": place.to_string(),
-        "wait": Wait::Hybrid.at(place),
+        "wait": waits(place),
         "rounds": rounds(),
         "trips": trips,
         "others_share": others,

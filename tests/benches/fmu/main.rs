@@ -29,6 +29,7 @@ use tempfile::TempDir;
 use effort::shortened;
 use measure::{Bystanders, machine, median};
 use programs::Programs;
+use serde_json::json;
 
 /// Pairs of `hil run` and FMPy's loop.
 const PAIRS: usize = 7;
@@ -104,7 +105,11 @@ fn steps(programs: &Programs, folder: &Path, fmu: &Path) {
     }
     show("FMPy's loop", "us", &theirs_us);
     show("ratio", "", &ratios);
-    println!();
+    let to_fmpy = median(ratios);
+    println!(
+        "{}\n",
+        json!({ "bench": "fmu", "machine": machine(), "to_fmpy": to_fmpy })
+    );
 }
 
 /// A Python that has FMPy: the machine's, or that of `.ci/run tools`.

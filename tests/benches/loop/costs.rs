@@ -11,7 +11,7 @@ use crate::effort::{rounds, shortened};
 use crate::measure::{Bystanders, cores, machine, median};
 use crate::null::{self, Figures, Names, SIZES};
 use crate::programs::Programs;
-use crate::round_trips::{self, Exchange, Place, Round, SIGNALS, Wait};
+use crate::round_trips::{self, Exchange, Place, Round, SIGNALS, waits};
 
 /// Trips of a round of a bare exchange.
 const TRIPS: u64 = 100_000;
@@ -69,7 +69,7 @@ pub(crate) fn compare(programs: &Programs, names: &Names) {
         for row in &mut rows {
             if row.signals == SIGNALS && row.observed == Observed::By(0) {
                 let trips = shortened(TRIPS);
-                let measure = |exchange| round_trips::measure(exchange, Wait::Hybrid, place, trips);
+                let measure = |exchange| round_trips::measure(exchange, place, trips);
                 raw.push(measure(Exchange::Raw));
                 bare.push(measure(Exchange::Blackboard));
             }
@@ -121,7 +121,7 @@ pub(crate) fn compare(programs: &Programs, names: &Names) {
     println!(
         "{SIGNALS} signals and nobody observes, to the bare exchanges ({place}, {}): p50 {p50_to_bare:.2} \
          times the blackboard's and\n{p50_to_raw:.2} times the raw one, p99 {p99_to_raw:.2} times the raw one",
-        Wait::Hybrid.at(place)
+        waits(place)
     );
     let line = json!({
         "bench": "loop/costs",

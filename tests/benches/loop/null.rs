@@ -11,9 +11,9 @@ use std::process::{Command, ExitCode, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use controller_process::controller::{Law, LawKind, Row};
-use hil_benchmark::null::NullPlant;
-use hil_config::plan::{Clock, PlantPlan, Run};
+use controller_process::controller::LawKind;
+use hil_benchmark::null;
+use hil_config::plan::Realtime;
 use hil_session::clock::monotonic_ns;
 use hil_session::link::iceoryx::IceoryxLink;
 use hil_session::session::{Session, SessionInfo};
@@ -22,15 +22,9 @@ use hil_session::supervision::Supervision;
 use hil_session::waiter::Waiter;
 use plant_process::engine::Engine;
 use plant_process::plant::PlantKind;
-use shared_types::describe::{LawDescription, PlantDescription, Settings};
-use shared_types::failure::Failure;
 use shared_types::link::LinkError;
-use shared_types::lockstep::OnLoss;
-use shared_types::pacer::OverrunPolicy;
 use shared_types::record::{Event, RecordLayout};
 use shared_types::stream::{Backpressure, RecordSink, RecordSource};
-use shared_types::table::Field;
-use shared_types::time::Rate;
 use shared_types::wait::WaitLimit;
 use tempfile::TempDir;
 
@@ -48,63 +42,16 @@ const RATE_HZ: f64 = 10_000.0;
 const PLANT: &str = "null-plant";
 const CONTROLLER: &str = "null-controller";
 
-struct NullLaw;
-
-impl Law for NullLaw {
-    fn step(
-        &mut self,
-        _sample: &Row<'_>,
-        command: &mut [f64],
-        _internals: &mut [f64],
-    ) -> Result<(), Failure> {
-        command.fill(1.0);
-        Ok(())
-    }
-}
-
-fn fields(stem: &str, count: usize) -> Vec<Field> {
-    let name = |i| format!("{stem}{i}_m");
-    let field = |i| Field::signal(&name(i), "m", "Nothing.");
-    (0..count).map(field).collect()
-}
-
 fn name(size: usize) -> String {
     format!("null{size}")
 }
 
 fn plant(size: usize) -> PlantKind {
-    PlantKind {
-        description: PlantDescription {
-            name: name(size),
-            summary: "Does nothing.".into(),
-            parameters: Vec::new(),
-            truth: Vec::new(),
-            measured: fields("measured", size),
-            commands: fields("command", size / 2),
-            faults: Vec::new(),
-            saves: false,
-        },
-        start: Box::new(|_| Ok(Box::new(NullPlant))),
-    }
+    null::plant(&name(size), size, size / 2)
 }
 
 fn law(size: usize) -> LawKind {
-    LawKind {
-        description: LawDescription {
-            name: name(size),
-            summary: "Does nothing.".into(),
-            plants: vec![name(size)],
-            parameters: Vec::new(),
-            model: Vec::new(),
-            measured: fields("measured", size),
-            reference: Vec::new(),
-            commands: Some(fields("command", size / 2)),
-            internals: Vec::new(),
-            saves: false,
-            tuning: String::new(),
-        },
-        start: Box::new(|_| Ok(Box::new(NullLaw))),
-    }
+    null::law(&name(size), size, size / 2, false)
 }
 
 /// Runs as the plant or the controller process, if this program was started as one.
@@ -205,32 +152,11 @@ pub(crate) fn watched(names: &Names, size: usize, observers: usize) -> Figures {
     let steps = shortened(STEPS);
     let mut session = Session::create(None).expect("a session");
     let info = &session.info().clone();
-    let rate = Rate::new(RATE_HZ).expect("a rate");
     let wait_limit_s = 30.0;
-    let model = name(size);
-    let controller_job =
-        controller_process::job::Job::new(info.id, &model, &model, rate, wait_limit_s);
+    let realtime = Realtime::default();
+    let (plant_job, controller_job) =
+        null::jobs(info, &name(size), None, steps, &realtime, wait_limit_s);
     (info.write_file(controller_process::job::JOB_FILE, &controller_job)).expect("writes");
-    let run = Run {
-        rate,
-        steps,
-        seed: 1,
-        clock: Clock::Lockstep,
-        overrun: OverrunPolicy::CatchUp,
-        deadline: 0.8,
-        on_controller_loss: OnLoss::Abort,
-    };
-    let plan = PlantPlan {
-        model,
-        substeps: 1,
-        parameters: Settings::default(),
-        limits: Vec::new(),
-        safe_command: Settings::default(),
-    };
-    let plant_job = plant_process::job::Job {
-        observed: false,
-        ..plant_process::job::Job::new(info.id, run, plan, wait_limit_s)
-    };
     let mut controller = Command::new(names.path(CONTROLLER))
         .arg("--session")
         .arg(&info.folder)

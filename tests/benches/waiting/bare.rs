@@ -6,14 +6,16 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use hil_benchmark::exchange::{End, Trips, follow, lead};
 use hil_session::link::bare::Blackboard;
 use hil_session::link::bell::{Bell, Owner};
 use hil_session::realtime::apply;
 use hil_session::session::{Session, SessionInfo};
+use hil_session::waiter::Waiter;
 use shared_types::frame;
 use shared_types::realtime::Settings;
 use shared_types::side::Side;
-use shared_types::wait::Sleeper;
+use shared_types::wait::{Sleeper, WaitLimit, WaitStrategy};
 
 use crate::cell::Cell;
 
@@ -128,41 +130,53 @@ pub(crate) fn answered() -> bool {
     let number = |name: &str| variable(name).parse::<u64>().expect("a number");
     let leads = variable(SIDE) == "lead";
     let folder = PathBuf::from(variable(FOLDER));
-    let mut end: Box<dyn End> = if way == Bare::Socket.name() {
+    let end: Box<dyn End> = if way == Bare::Socket.name() {
         Box::new(Stream::open(&folder, leads))
     } else if way == Bare::Futex.name() {
         Box::new(Bells::open(&folder, leads))
     } else {
         let session = SessionInfo::read(&folder).expect("a session");
-        Box::new(Looks(open_board(&session, leads)))
+        Box::new(open_board(&session, leads))
     };
     let settings = Settings {
         priority: number(PRIORITY) as u32,
         ..Settings::default()
     };
     let _ = apply(&settings); // the cell is there only if it is granted
-    let (turns, trips) = (number(TURNS), number(TRIPS));
+    let turns = number(TURNS);
+    let mut end = Working { end, turns };
+    let trips = Trips {
+        warm_up: 0,
+        measured: number(TRIPS),
+    };
+    let limit = WaitLimit::from_seconds(LIMIT.as_secs_f64());
+    let waiter = Waiter::with(limit, WaitStrategy::Yield, true);
     let since = Instant::now();
-    for trip in 1..=trips {
-        if leads {
-            work(turns);
-            end.send(trip);
-            end.receive(trip);
-        } else {
-            end.receive(trip);
-            work(turns);
-            end.send(trip);
-        }
-    }
     if leads {
-        println!("{}", 1e6 * since.elapsed().as_secs_f64() / trips as f64);
+        lead(&mut end, trips, waiter, || false).expect("answered");
+        let us = 1e6 * since.elapsed().as_secs_f64();
+        println!("{}", us / trips.measured as f64);
+    } else {
+        follow(&mut end, trips, waiter, || false).expect("the other side leads");
     }
     true
 }
 
-trait End {
-    fn send(&mut self, trip: u64);
-    fn receive(&mut self, trip: u64);
+/// An end that works before it sends.
+struct Working {
+    end: Box<dyn End>,
+    turns: u64,
+}
+
+impl End for Working {
+    fn send(&mut self, trip: u64) {
+        work(self.turns);
+        self.end.send(trip);
+    }
+
+    fn receive(&mut self) -> Option<u64> {
+        self.end.receive()
+    }
 }
 
 struct Stream {
@@ -197,15 +211,16 @@ impl Stream {
 
 impl End for Stream {
     fn send(&mut self, trip: u64) {
-        let payload = [trip as u8; SAMPLE_BYTES];
+        let mut payload = [0; SAMPLE_BYTES];
+        payload[..8].copy_from_slice(&trip.to_le_bytes());
         (self.stream.write_all(&payload[..self.outgoing])).expect("sends");
     }
 
-    fn receive(&mut self, trip: u64) {
+    fn receive(&mut self) -> Option<u64> {
         let mut payload = [0; SAMPLE_BYTES];
         let payload = &mut payload[..self.incoming];
         self.stream.read_exact(payload).expect("receives");
-        assert!(payload.iter().all(|byte| *byte == trip as u8));
+        payload.first_chunk().map(|word| u64::from_le_bytes(*word))
     }
 }
 
@@ -238,30 +253,18 @@ impl End for Bells {
         self.other.ring();
     }
 
-    fn receive(&mut self, trip: u64) {
+    /// Sleeps until something new is there.
+    fn receive(&mut self) -> Option<u64> {
         loop {
             let (announced, since) = (self.own.announce(), Instant::now());
-            if self.board.receive() == Some(trip) {
-                return self.own.retire();
+            let trip = self.board.receive();
+            if trip.is_none() {
+                self.own.sleep(announced, LIMIT.as_nanos() as u64);
             }
-            self.own.sleep(announced, LIMIT.as_nanos() as u64);
             self.own.retire();
-            assert!(since.elapsed() < LIMIT, "the other side is silent");
-        }
-    }
-}
-
-struct Looks(Blackboard);
-
-impl End for Looks {
-    fn send(&mut self, trip: u64) {
-        self.0.send(trip);
-    }
-
-    fn receive(&mut self, trip: u64) {
-        let since = Instant::now();
-        while self.0.receive() != Some(trip) {
-            std::thread::yield_now();
+            if trip.is_some() {
+                return trip;
+            }
             assert!(since.elapsed() < LIMIT, "the other side is silent");
         }
     }

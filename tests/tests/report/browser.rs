@@ -61,13 +61,18 @@ const LOOK: &str = "<script>(() => {
 
 /// Opens a page in Chromium, at a width and in a theme.
 fn looked_at(rig: &Rig, page: &Page, width: u32, dark: bool) -> Option<Value> {
+    let text = page.text.replacen("<head>", &format!("<head>{CATCH}"), 1);
+    let text = text.replacen("</body>", &format!("{LOOK}</body>"), 1);
+    Some(serde_json::from_slice(&base64(&told(rig, &text, width, dark)?)).expect("JSON"))
+}
+
+/// Loads a page in Chromium; returns what its scripts have written into the element `told`.
+pub(super) fn told(rig: &Rig, page: &str, width: u32, dark: bool) -> Option<String> {
     let Some(chromium) = chromium() else {
         skip("there is no Chromium", "HIL_TEST_CHROMIUM");
         return None;
     };
-    let text = page.text.replacen("<head>", &format!("<head>{CATCH}"), 1);
-    let text = text.replacen("</body>", &format!("{LOOK}</body>"), 1);
-    let path = rig.write("looked-at.html", &text);
+    let path = rig.write("looked-at.html", page);
     let profile = rig.path(&format!("chromium-{width}-{dark}"));
     let mut browser = Command::new(chromium);
     browser
@@ -89,11 +94,11 @@ fn looked_at(rig: &Rig, page: &Page, width: u32, dark: bool) -> Option<Value> {
         .arg(format!("--user-data-dir={}", profile.display()))
         .args(dark.then_some("--blink-settings=preferredColorScheme=0"))
         .arg(format!("file://{}", path.display()));
-    let output = rig.program(browser).expect(0);
-    let (_, rest) = (output.stdout.split_once("<pre id=\"told\">"))
-        .unwrap_or_else(|| panic!("nothing told: {}", output.stderr));
-    let (json, _) = rest.split_once("</pre>").expect("its end");
-    Some(serde_json::from_slice(&base64(json)).expect("JSON"))
+    let browser = rig.program(browser).expect(0);
+    let (_, rest) = (browser.stdout.split_once("<pre id=\"told\">"))
+        .unwrap_or_else(|| panic!("nothing told: {}", browser.stderr));
+    let (text, _) = rest.split_once("</pre>").expect("its end");
+    Some(text.to_owned())
 }
 
 fn assert_drawn(report: &Value, page: &Page) {

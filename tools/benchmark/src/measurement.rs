@@ -239,7 +239,14 @@ impl Bench {
     /// Measures the bare exchange for frames of `signals` signals.
     fn bare_exchange(&self, signals: usize, trips: Trips) -> Result<Times, Failure> {
         let mut session = session()?;
-        let (_, job) = null::jobs(session.info(), None, 0, &self.realtime, WAIT_LIMIT_S);
+        let (_, job) = null::jobs(
+            session.info(),
+            null::NAME,
+            None,
+            0,
+            &self.realtime,
+            WAIT_LIMIT_S,
+        );
         (session.info().write_file(JOB_FILE, &job)).map_err(Failure::infrastructure)?;
         let back = null::answered_with(signals);
         let mut plant = Blackboard::open(session.info(), Side::Plant, signals, back)
@@ -276,8 +283,14 @@ impl Bench {
     fn looped(&self, signals: usize, rate: Option<Rate>, trips: Trips) -> Result<Looped, Failure> {
         let mut session = session()?;
         let info = session.info().clone();
-        let (plant_job, controller_job) =
-            null::jobs(&info, rate, trips.all(), &self.realtime, WAIT_LIMIT_S);
+        let (plant_job, controller_job) = null::jobs(
+            &info,
+            null::NAME,
+            rate,
+            trips.all(),
+            &self.realtime,
+            WAIT_LIMIT_S,
+        );
         (info.write_file(JOB_FILE, &controller_job)).map_err(Failure::infrastructure)?;
         let supervision = Supervision::new();
         let mut looped = Looped {
@@ -298,7 +311,7 @@ impl Bench {
         };
         // The peer opens this link, so it must exist first.
         let link = IceoryxLink::create(&info).map_err(Failure::infrastructure)?;
-        let kind = null::plant(signals);
+        let kind = null::measured_plant(signals);
         let engine = Engine::new(&kind, &[], plant_job, link, meter);
         let mut engine = engine.map_err(Failure::infrastructure)?;
         let peer = Peer::start(&mut session, PeerWork::Controller { signals }, &supervision)?;

@@ -1,7 +1,7 @@
 //! Null plant and law, which do nothing, so that only the cost of engine, link and runner remains.
 //!
-//! The law exposes a single value, the time of its call, by the clock that both processes share. It splits the round
-//! trip into its two directions. No other law reads a clock.
+//! The law can expose a single value, the time of its call, by the clock that both processes share. That
+//! splits the round trip into its way there and its way back. No other law reads a clock.
 
 use controller_process::controller::{Law, LawKind, Row};
 use hil_config::plan::{Clock, PlantPlan, Realtime, Run};
@@ -16,8 +16,8 @@ use shared_types::record::RecordLayout;
 use shared_types::table::Field;
 use shared_types::time::{Interval, Rate};
 
-/// Name of the plant and of the law.
-const NAME: &str = "null";
+/// Name of the plant and of the law in a measurement.
+pub(crate) const NAME: &str = "null";
 /// Internal signal of the law: the time of its call, in ns of the monotonic clock.
 const CALLED: &str = "called_ns";
 
@@ -52,8 +52,10 @@ impl Law for NullLaw {
         command: &mut [f64],
         internals: &mut [f64],
     ) -> Result<(), Failure> {
-        // Exact in a double for the first hundred days after boot, and to 2 ns for the next hundred.
-        internals.fill(monotonic_ns() as f64);
+        if !internals.is_empty() {
+            // Exact in a double for the first hundred days after boot, and to 2 ns for the next hundred.
+            internals.fill(monotonic_ns() as f64);
+        }
         command.fill(1.0);
         Ok(())
     }
@@ -70,17 +72,17 @@ fn fields(stem: &str, count: usize) -> Vec<Field> {
     (0..count).map(field).collect()
 }
 
-/// Creates the plant with `signals` measured signals.
+/// Creates the plant with these numbers of measured signals and commands.
 #[must_use]
-pub(crate) fn plant(signals: usize) -> PlantKind {
+pub fn plant(name: &str, signals: usize, commands: usize) -> PlantKind {
     PlantKind {
         description: PlantDescription {
-            name: NAME.into(),
+            name: name.into(),
             summary: "Does nothing.".into(),
             parameters: Vec::new(),
             truth: Vec::new(),
             measured: fields("measured", signals),
-            commands: fields("command", answered_with(signals) - 1),
+            commands: fields("command", commands),
             faults: Vec::new(),
             saves: false,
         },
@@ -88,25 +90,36 @@ pub(crate) fn plant(signals: usize) -> PlantKind {
     }
 }
 
-/// Creates the law for that plant.
+/// Creates the law for that plant; with `tells_time` it exposes the time of its call.
 #[must_use]
-pub(crate) fn law(signals: usize) -> LawKind {
+pub fn law(name: &str, signals: usize, commands: usize, tells_time: bool) -> LawKind {
+    let called = Field::signal(CALLED, "ns", "Time of the law's call.");
     LawKind {
         description: LawDescription {
-            name: NAME.into(),
+            name: name.into(),
             summary: "Does nothing.".into(),
-            plants: vec![NAME.into()],
+            plants: vec![name.into()],
             parameters: Vec::new(),
             model: Vec::new(),
             measured: fields("measured", signals),
             reference: Vec::new(),
-            commands: Some(fields("command", answered_with(signals) - 1)),
-            internals: vec![Field::signal(CALLED, "ns", "Time of the law's call.")],
+            commands: Some(fields("command", commands)),
+            internals: tells_time.then_some(called).into_iter().collect(),
             saves: false,
             tuning: String::new(),
         },
         start: Box::new(|_| Ok(Box::new(NullLaw))),
     }
+}
+
+/// The plant of a measurement.
+pub(crate) fn measured_plant(signals: usize) -> PlantKind {
+    plant(NAME, signals, answered_with(signals) - 1)
+}
+
+/// The law of a measurement.
+pub(crate) fn measured_law(signals: usize) -> LawKind {
+    law(NAME, signals, answered_with(signals) - 1, true)
 }
 
 /// Returns the index of the law's call time in a record.
@@ -117,10 +130,11 @@ pub(crate) fn called_place(layout: &RecordLayout) -> usize {
     layout.values_start() + before + 2 * layout.command.len()
 }
 
-/// Creates the jobs of both sides for a run at the monotonic clock's pace, or at maximum speed.
+/// Creates the jobs of both sides for a plant and a law by name, at the monotonic clock's pace or at maximum speed.
 #[must_use]
-pub(crate) fn jobs(
+pub fn jobs(
     session: &SessionInfo,
+    name: &str,
     rate: Option<Rate>,
     steps: u64,
     realtime: &Realtime,
@@ -145,7 +159,7 @@ pub(crate) fn jobs(
         on_controller_loss: OnLoss::Abort,
     };
     let plan = PlantPlan {
-        model: NAME.into(),
+        model: name.into(),
         substeps: 1,
         parameters: Settings::default(),
         limits: Vec::new(),
@@ -159,7 +173,7 @@ pub(crate) fn jobs(
     let limit_s = wait_limit_s + between_s;
     let controller = controller_process::job::Job {
         realtime: realtime.controller(),
-        ..controller_process::job::Job::new(session.id, NAME, NAME, rate, limit_s)
+        ..controller_process::job::Job::new(session.id, name, name, rate, limit_s)
     };
     (plant, controller)
 }
@@ -175,7 +189,7 @@ mod tests {
             measured: fields("measured", 8),
             reference: fields("reference", 1),
             command: fields("command", 3),
-            internal: law(8).description.internals,
+            internal: measured_law(8).description.internals,
             command_signals: 4,
             command_places: vec![0, 1, 2],
             parameter: Vec::new(),
@@ -190,14 +204,14 @@ mod tests {
     #[test]
     fn an_answer_has_half_as_many_signals_including_the_time() {
         for (signals, answered) in [(1, 2), (3, 2), (8, 4), (33, 16), (512, 256)] {
-            let law = law(signals).description;
+            let law = measured_law(signals).description;
             let commands = law.commands.expect("named").len();
             assert_eq!(
                 commands + law.internals.len(),
                 answered,
                 "{signals} signals"
             );
-            assert_eq!(plant(signals).description.commands.len(), commands);
+            assert_eq!(measured_plant(signals).description.commands.len(), commands);
         }
     }
 }

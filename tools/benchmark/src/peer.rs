@@ -137,7 +137,7 @@ fn control(session: &SessionInfo, signals: usize, supervision: &Supervision) -> 
     let job: Job = session.read_file(JOB_FILE).map_err(|e| e.to_string())?;
     let (limit, settings) = (WaitLimit::from_seconds(job.wait_limit_s), job.realtime);
     let link = IceoryxLink::open(session, 1).map_err(|e| e.to_string())?;
-    let law = null::law(signals);
+    let law = null::measured_law(signals);
     let mut runner = Runner::new(&law, job, link).map_err(|e| e.to_string())?;
     let report = apply(&settings);
     (session.write_file(CONTROLLER_FILE, &report)).map_err(|e| e.to_string())?;

@@ -225,7 +225,8 @@ impl Agent<'_> {
             &info,
             request,
         );
-        let served = run.serve(WaitLimit::from_seconds(limit));
+        let both_here = Findings::own().boot_id == request.boot_id;
+        let served = run.serve(WaitLimit::from_seconds(limit), both_here);
         (self.runs)(false);
         served.map_err(failed)
     }
@@ -241,6 +242,7 @@ fn cannot_run(error: &dyn std::fmt::Display) -> String {
 }
 
 mod beats;
+mod guard;
 mod output;
 mod run;
 mod started;

@@ -18,31 +18,33 @@ use hil_session::session::SessionInfo;
 use hil_session::supervision::{PEER_GONE, STOP, Supervision};
 use serde_json::Value;
 use shared_types::describe::Settings;
-use shared_types::frame::{FrameIdentity, FrameKind};
+use shared_types::frame::FrameKind;
 use shared_types::hello::Control;
 use shared_types::link::{FrameSpec, Link, LinkError};
 use shared_types::live::Request;
 use shared_types::realtime::CONTROLLER_FILE;
 use shared_types::record::LONGEST_MARK;
 use shared_types::text;
-use shared_types::wait::WaitLimit;
+use shared_types::wait::{WaitLimit, Waiter};
 
 use crate::channel::Heard;
 use crate::contact::Contact;
 use crate::exchange::{BEAT_NS, DeskEnd};
 use crate::machine::Findings;
 use crate::message::{Missed, RunRequest, ToAgent, ToDesk, from_hex, prologue, to_hex};
-use crate::packet::Packet;
+use crate::packet::{Form, Packet};
 use crate::path::DatagramPath;
 use crate::route::{Answers, Carrier, DeskRoute, Notice};
 use crate::seal::{Key, begin};
-use crate::sleep::{LateBell, waiter};
+use crate::sleep::{Awaited, LateBell, waiter};
 use crate::way::Way;
 
 mod files;
+mod life;
 
 use files::{Job, PlantJob, SWITCHES_FILE};
 pub use files::{ready_file, switches};
+use life::{Action, Event, Exit, Life};
 
 /// Share of the wait limit after which a silent target is given up: before the plant gives up, which knows no target.
 const SHARE: f64 = 0.9;
@@ -123,8 +125,9 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
     let link = program::attach(&session, known.epoch, limit, &supervision)?;
     bell.is(link.bell());
     supervision.ring_at_news(link.bell());
+    let both_here = contact.findings().boot_id == boot_id;
+    let sleeper = waiter(both_here, link.bell(), path.as_ref());
     Bridge {
-        both_here: contact.findings().boot_id == boot_id,
         contact,
         link,
         switches_before: switches(&session).unwrap_or(0),
@@ -134,7 +137,7 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
         address,
         desk: DeskEnd::new(false, BEAT_NS),
         beat_ns: BEAT_NS.min(limit.ns() / 4),
-        open: None,
+        form: None,
         values: Vec::new(),
         bytes: Vec::new(),
         sampled: None,
@@ -142,32 +145,14 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
         heard_ns: monotonic_ns(),
         unsent: VecDeque::new(),
         answers: Answers::default(),
-        against_clock: false,
-        ended: None,
-        stop: None,
-        told_gone: false,
+        life: Life::Running,
+        has_reported_loss: false,
     }
-    .drive(limit, &supervision)
-}
-
-/// Order to the controller to stop.
-struct Stop {
-    since_ns: u64,
-    is_sent: bool,
-}
-
-/// The end of the controller's process.
-struct EndedController {
-    code: Option<i32>,
-    fate: Option<String>,
-    said: u64,
-    since_ns: u64,
+    .drive(sleeper, limit, &supervision)
 }
 
 struct Bridge {
     contact: Contact,
-    /// Both ends are on this machine.
-    both_here: bool,
     link: IceoryxLink,
     session: SessionInfo,
     path: Option<DatagramPath>,
@@ -175,8 +160,7 @@ struct Bridge {
     route: DeskRoute,
     answers: Answers,
     desk: DeskEnd,
-    /// Identity that the frames must carry, and the number of values from the target.
-    open: Option<(FrameIdentity, usize)>,
+    form: Option<Form>,
     /// Values of a sample.
     values: Vec<f64>,
     bytes: Vec<u8>,
@@ -189,25 +173,31 @@ struct Bridge {
     /// Time at which anything of the target came.
     heard_ns: u64,
     beat_ns: u64,
-    against_clock: bool,
-    ended: Option<EndedController>,
-    /// The controller is to stop.
-    stop: Option<Stop>,
-    told_gone: bool,
+    life: Life,
+    /// The controller was told that the plant is lost.
+    has_reported_loss: bool,
     /// Switches of outputs to the safe command under controllers before this.
     switches_before: u32,
 }
 
 impl Bridge {
-    fn drive(mut self, limit: WaitLimit, supervision: &Supervision) -> Result<u8, String> {
-        let code = self.serve(limit, supervision);
-        let target = &self.contact.way.target;
-        program::say(&format!("target {target}: {}", self.answers));
+    fn drive(
+        mut self,
+        sleeper: (Waiter, Awaited),
+        limit: WaitLimit,
+        supervision: &Supervision,
+    ) -> Result<u8, String> {
+        let code = self.serve(sleeper, limit, supervision);
+        program::say(&self.of_target(&self.answers.to_string()));
         code
     }
 
-    fn serve(&mut self, limit: WaitLimit, supervision: &Supervision) -> Result<u8, String> {
-        let (mut waiter, awaited) = waiter(self.both_here, self.link.bell(), self.path.as_ref());
+    fn serve(
+        &mut self,
+        (mut waiter, awaited): (Waiter, Awaited),
+        limit: WaitLimit,
+        supervision: &Supervision,
+    ) -> Result<u8, String> {
         let mut sign_ns = 0;
         loop {
             self.pass_on(supervision);
@@ -216,24 +206,23 @@ impl Bridge {
             busy |= self.hear_channel()?;
             let now_ns = monotonic_ns();
             self.speak(now_ns);
-            if let Some(code) = self.has_ended(now_ns) {
-                return code;
-            }
-            // Nobody may be left to end this process.
-            let is_over = |stop: &Stop| now_ns.saturating_sub(stop.since_ns) > STOPPING_NS;
-            if self.stop.as_ref().is_some_and(is_over) {
-                let target = &self.contact.way.target;
-                return Err(format!(
-                    "target {target}: it was asked to stop and said nothing"
-                ));
-            }
-            if now_ns.saturating_sub(self.heard_ns) > limit.ns() {
-                return Err(format!(
-                    "target {}: nothing received since {} for {} s",
-                    self.contact.way.target,
-                    self.place(),
-                    limit.ms() as f64 / 1e3
-                ));
+            let passed = Event::Passed {
+                now_ns,
+                is_silent: now_ns.saturating_sub(self.heard_ns) > limit.ns(),
+                given: self.form.map(|_| self.desk.heard()),
+            };
+            match self.note(passed) {
+                Action::Finish(exit) => return self.finish(exit),
+                Action::GiveUpStop => {
+                    return Err(self.of_target("it was asked to stop and said nothing"));
+                }
+                Action::GiveUpSilent => {
+                    let limit_s = limit.ms() as f64 / 1e3;
+                    let place = self.place();
+                    let reason = format!("nothing received since {place} for {limit_s} s");
+                    return Err(self.of_target(&reason));
+                }
+                Action::Nothing | Action::SendStop => {}
             }
             if busy {
                 waiter.done();
@@ -247,7 +236,8 @@ impl Bridge {
                 }
             }
             let is_on_wire = !self.route.carriers().channel;
-            awaited.set(self.desk.awaits_answer() && is_on_wire, self.against_clock);
+            let against_clock = self.form.is_some_and(|form| form.against_clock);
+            awaited.set(self.desk.awaits_answer() && is_on_wire, against_clock);
             let _ = waiter.pause_until(self.desk.due_ns().min(sign_ns)); // the limit is looked at above
         }
     }
@@ -267,20 +257,31 @@ impl Bridge {
         }
     }
 
+    /// Notes an event in the life of the controller; returns its consequence.
+    fn note(&mut self, event: Event) -> Action {
+        let (life, action) = std::mem::replace(&mut self.life, Life::Running).after(event);
+        self.life = life;
+        action
+    }
+
+    /// Sends a line for the controller's standard input; returns `false` if the channel has no room.
+    fn send_word(&self, line: &str) -> bool {
+        let line = line.into();
+        self.contact.mouth.try_say(&ToAgent::Word { line })
+    }
+
     /// Passes on what `hil` wants.
     fn pass_on(&mut self, supervision: &Supervision) {
         self.send_control();
-        let mouth = &self.contact.mouth;
-        let word = |line: &str| mouth.try_say(&ToAgent::Word { line: line.into() });
         if supervision.wants_stop() {
-            let stop = self.stop.get_or_insert_with(|| Stop {
-                since_ns: monotonic_ns(),
-                is_sent: false,
-            });
-            stop.is_sent = stop.is_sent || word(STOP);
+            let now_ns = monotonic_ns();
+            let action = self.note(Event::StopWanted { now_ns });
+            if action == Action::SendStop && self.send_word(STOP) {
+                self.note(Event::StopSent);
+            }
         }
-        if !self.told_gone && supervision.is_peer_gone() {
-            self.told_gone = word(PEER_GONE);
+        if !self.has_reported_loss && supervision.is_peer_gone() {
+            self.has_reported_loss = self.send_word(PEER_GONE);
         }
     }
 
@@ -293,7 +294,7 @@ impl Bridge {
                 self.control(&content)?;
             }
         }
-        if self.open.is_some()
+        if self.form.is_some()
             && let Some(header) = self.link.receive(&mut self.values)?
         {
             came = true;
@@ -324,8 +325,11 @@ impl Bridge {
             self.link.open_frames(&spec)?;
             self.values = vec![0.0; spec.incoming];
             self.desk = DeskEnd::new(welcome.against_clock, self.beat_ns);
-            self.against_clock = welcome.against_clock;
-            self.open = Some((spec.identity, spec.outgoing));
+            self.form = Some(Form {
+                identity: spec.identity,
+                count: spec.outgoing,
+                against_clock: welcome.against_clock,
+            });
         }
         let content = String::from_utf8_lossy(content).into_owned();
         self.unsent.push_back(ToAgent::Control { content }); // few, and most of them before the first step
@@ -348,17 +352,16 @@ impl Bridge {
     fn take(&mut self, packet: Packet, carrier: Carrier) -> Result<(), LinkError> {
         let now_ns = monotonic_ns();
         self.heard_ns = now_ns;
-        let Some((identity, count)) = self.open else {
+        let Some(form) = self.form else {
             return Ok(());
         };
-        let Some(frame) = self.desk.take(packet, now_ns) else {
-            return Ok(());
-        };
-        if identity.check(&frame.header, count).is_err() {
-            return Ok(()); // the target is authentic, so it is of another version
+        match self.desk.take(packet, now_ns) {
+            Some(frame) if form.fits(&frame) => {
+                self.answers.note(carrier);
+                self.link.send(&frame.header, &frame.values)
+            }
+            _ => Ok(()),
         }
-        self.answers.note(carrier);
-        self.link.send(&frame.header, &frame.values)
     }
 
     fn hear_channel(&mut self) -> Result<bool, String> {
@@ -375,7 +378,7 @@ impl Bridge {
             Heard::Message(message) => self.hear(message)?,
             Heard::Part(_) => {}
             // After the end of the controller nothing more is to come.
-            Heard::Closed(_) if self.ended.is_some() => {}
+            Heard::Closed(_) if matches!(self.life, Life::Ended { .. }) => {}
             Heard::Closed(why) => {
                 log(&self.contact.leash.said());
                 let lost = self.contact.lost(&why);
@@ -405,16 +408,11 @@ impl Bridge {
                 is_back,
             } => self.output(&what, switches, is_back)?,
             ToDesk::Ended { code, fate, said } => {
-                let since_ns = monotonic_ns();
-                self.ended = Some(EndedController {
-                    code,
-                    fate,
-                    said,
-                    since_ns,
-                });
+                let (now_ns, exit) = (monotonic_ns(), Exit { code, fate, said });
+                self.note(Event::Exited { now_ns, exit });
             }
             ToDesk::Refused { reason, .. } => {
-                return Err(format!("target {}: {reason}", self.contact.way.target));
+                return Err(self.of_target(&reason));
             }
             _ => {}
         }
@@ -423,7 +421,7 @@ impl Bridge {
 
     /// Notes a switch of the target's output, once it is over also at the step that the plant is at.
     fn output(&self, what: &str, switches: u32, is_back: bool) -> Result<(), String> {
-        let text = format!("target {}: {what}", self.contact.way.target);
+        let text = self.of_target(what);
         program::say(&text);
         let all = self.switches_before.saturating_add(switches);
         let written = self.session.write_file(SWITCHES_FILE, &all);
@@ -464,25 +462,22 @@ impl Bridge {
             ),
             Notice::Restored => format!("datagrams get through{to} again"),
         };
-        program::say(&format!("target {}: {text}", self.contact.way.target));
+        program::say(&self.of_target(&text));
     }
 
-    /// The exit code, once the controller has ended and its last frame was given to the plant.
-    fn has_ended(&self, now_ns: u64) -> Option<Result<u8, String>> {
-        let ended = self.ended.as_ref()?;
-        let is_complete = self.desk.heard() >= ended.said || self.open.is_none();
-        if !is_complete && now_ns.saturating_sub(ended.since_ns) < PARTING_NS {
-            return None;
-        }
-        if let Some(fate) = &ended.fate {
-            let target = &self.contact.way.target;
+    /// Returns the exit code of the controller, or the fate that it met.
+    fn finish(&self, exit: Exit) -> Result<u8, String> {
+        if let Some(fate) = exit.fate {
             let place = self.place();
-            return Some(Err(format!(
-                "target {target}: the controller {fate} at {place}"
-            )));
+            return Err(self.of_target(&format!("the controller {fate} at {place}")));
         }
-        let code = ended.code.and_then(|code| u8::try_from(code).ok());
-        Some(Ok(code.unwrap_or(FAILED)))
+        let code = exit.code.and_then(|code| u8::try_from(code).ok());
+        Ok(code.unwrap_or(FAILED))
+    }
+
+    /// Writes a sentence about the target.
+    fn of_target(&self, text: &str) -> String {
+        format!("target {}: {text}", self.contact.way.target)
     }
 }
 

@@ -76,30 +76,41 @@ impl Ends {
     }
 }
 
-/// Round-trip statistics, as in TCP (RFC 6298).
+/// Round-trip time and its variation, as in TCP (RFC 6298); `None` before the first.
 #[derive(Clone, Copy, Debug, Default)]
-struct Trips {
-    smooth_ns: u64,
-    spread_ns: u64,
-}
+struct Trips(Option<(u64, u64)>);
 
 impl Trips {
     fn note(&mut self, trip_ns: u64) {
-        if self.smooth_ns == 0 {
-            (self.smooth_ns, self.spread_ns) = (trip_ns, trip_ns / 2);
-            return;
-        }
-        let apart = self.smooth_ns.abs_diff(trip_ns);
-        self.spread_ns = self.spread_ns - self.spread_ns / 4 + apart / 4;
-        self.smooth_ns = self.smooth_ns - self.smooth_ns / 8 + trip_ns / 8;
+        self.0 = Some(match self.0 {
+            None => (trip_ns, trip_ns / 2),
+            Some((smooth_ns, spread_ns)) => {
+                let apart = smooth_ns.abs_diff(trip_ns);
+                (
+                    smooth_ns - smooth_ns / 8 + trip_ns / 8,
+                    spread_ns - spread_ns / 4 + apart / 4,
+                )
+            }
+        });
     }
 
     fn patience_ns(self) -> u64 {
-        if self.smooth_ns == 0 {
-            return FIRST_NS;
-        }
-        (self.smooth_ns + 4 * self.spread_ns).clamp(LEAST_NS, MOST_NS)
+        self.0.map_or(FIRST_NS, |(smooth_ns, spread_ns)| {
+            (smooth_ns + 4 * spread_ns).clamp(LEAST_NS, MOST_NS)
+        })
     }
+}
+
+/// Packets of the newest frame.
+#[derive(Clone, Copy, Debug)]
+enum Sent {
+    None,
+    /// One, at that time: its answer tells the round trip.
+    Once {
+        at_ns: u64,
+    },
+    /// Several: nobody knows which of them was answered.
+    Repeatedly,
 }
 
 /// Desk's end.
@@ -111,10 +122,9 @@ pub struct DeskEnd {
     trips: Trips,
     /// `true` if the newest frame needs an answer: a frame of the target newer than those known when it was sent.
     wants_answer: bool,
-    /// Number of packets sent with the newest frame.
-    sent: u32,
-    first_ns: u64,
-    last_ns: u64,
+    sent: Sent,
+    /// Time of the last packet of any frame.
+    last_ns: Option<u64>,
     patience_ns: u64,
 }
 
@@ -128,9 +138,8 @@ impl DeskEnd {
             beat_ns,
             trips: Trips::default(),
             wants_answer: false,
-            sent: 0,
-            first_ns: 0,
-            last_ns: 0,
+            sent: Sent::None,
+            last_ns: None,
             patience_ns: FIRST_NS,
         }
     }
@@ -138,7 +147,7 @@ impl DeskEnd {
     /// Accepts a frame of the plant; its packet is due at once.
     pub fn say(&mut self, header: &Header, values: &[f64]) {
         self.ends.next(header, values);
-        self.sent = 0;
+        self.sent = Sent::None;
         self.patience_ns = self.trips.patience_ns();
         self.wants_answer = match header.kind() {
             Some(FrameKind::Sample) => !self.against_clock,
@@ -150,11 +159,12 @@ impl DeskEnd {
     /// Returns the time of the monotonic clock at which the next packet is due.
     #[must_use]
     pub fn due_ns(&self) -> u64 {
-        if self.sent == 0 && !self.ends.is_heard() {
+        let is_new = matches!(self.sent, Sent::None) && !self.ends.is_heard();
+        let Some(last_ns) = self.last_ns.filter(|_| !is_new) else {
             return 0;
-        }
+        };
         let is_open = self.wants_answer || !(self.ends.is_heard() || self.is_passing());
-        self.last_ns
+        last_ns
             + if is_open {
                 self.patience_ns
             } else {
@@ -170,15 +180,15 @@ impl DeskEnd {
 
     /// Writes the packet that is due.
     pub fn packet(&mut self, now_ns: u64, bytes: &mut Vec<u8>) {
-        let is_first = self.sent == 0;
-        if is_first {
-            self.first_ns = now_ns;
+        let is_first = matches!(self.sent, Sent::None);
+        self.sent = if is_first {
+            Sent::Once { at_ns: now_ns }
         } else {
             // Backs off: a controller may compute for a long time, and the wire may be congested.
             self.patience_ns = (2 * self.patience_ns).min(MOST_NS);
-        }
-        self.sent += 1;
-        self.last_ns = now_ns;
+            Sent::Repeatedly
+        };
+        self.last_ns = Some(now_ns);
         if is_first || !self.is_passing() {
             self.ends.packet(bytes);
         } else {
@@ -197,8 +207,8 @@ impl DeskEnd {
             return None;
         }
         self.ends.heard = frame.number;
-        if self.sent == 1 && self.first_ns > 0 {
-            self.trips.note(now_ns.saturating_sub(self.first_ns));
+        if let Sent::Once { at_ns } = self.sent {
+            self.trips.note(now_ns.saturating_sub(at_ns));
         }
         self.wants_answer = false;
         Some(frame)

@@ -1,6 +1,6 @@
 //! Packets: the content of a datagram, with one end's newest frame and the number it received from the other.
 
-use shared_types::frame::{Header, MAX_SIGNALS};
+use shared_types::frame::{FrameIdentity, Header, MAX_SIGNALS};
 use shared_types::zerocopy::{FromBytes, IntoBytes};
 
 /// Frame of one end, with its number.
@@ -45,6 +45,25 @@ impl Packet {
             values: values.ok()?,
         });
         Some(Self { heard, frame })
+    }
+}
+
+/// Form of the frames of a run, once plant and controller agree on it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Form {
+    /// Identity that every frame carries.
+    pub(crate) identity: FrameIdentity,
+    /// Number of values from the other end.
+    pub(crate) count: usize,
+    /// The plant waits for nobody.
+    pub(crate) against_clock: bool,
+}
+
+impl Form {
+    /// Returns `true` if a frame of the other end has this form. Both ends are authentic, so one that sends another form is of
+    /// another version.
+    pub(crate) fn fits(&self, frame: &Numbered) -> bool {
+        self.identity.check(&frame.header, self.count).is_ok()
     }
 }
 

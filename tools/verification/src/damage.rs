@@ -1,52 +1,36 @@
 //! Robustness of all readers against a recording with a wrong byte or a truncated end: it is refused or read as far
 //! as it goes, without panics, hangs or allocations beyond what the file could fill.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use hil_benchmark::recorded;
 use hil_recording::compression::Compression;
 use hil_recording::reader::{RECORDING, RunReader, digest_of_first};
-use hil_recording::writer::{Attachment, Provenance, Recording};
+use hil_recording::writer::Attachment;
 
 use crate::arguments::tolerance::Tolerances;
 use crate::compare::compare;
-use crate::fixture::{Content, layout, record, recorded, taken};
+use crate::fixture::{Content, chunked, layout, record, recorded, taken};
 use crate::repetition::RecordedScenario;
 
 /// Creates a file of each compression, with several chunks.
-fn files() -> Vec<(Compression, Vec<u8>)> {
-    let folder = tempfile::tempdir().expect("a folder");
-    let all = [Compression::None, Compression::Lz4, Compression::Zstd];
-    let write = |compression| {
-        let path = folder.path().join(RECORDING);
-        let provenance = Provenance {
-            facts: BTreeMap::from([("rate_hz".into(), "1000".into())]),
-            attachments: vec![Attachment {
-                name: "note.txt",
-                media_type: "text/plain",
-                text: "a text".into(),
-            }],
+fn files() -> [(Compression, Vec<u8>); 3] {
+    let contents = (0..24).flat_map(|step| {
+        let event = (step % 8 == 4).then(|| Content::Event(taken(step)));
+        let record = record(step, step as f64, -0.5);
+        event.into_iter().chain([Content::Record(record)])
+    });
+    let contents: Vec<Content> = contents.collect();
+    [Compression::None, Compression::Lz4, Compression::Zstd].map(|compression| {
+        let note = Attachment {
+            name: "note.txt",
+            media_type: "text/plain",
+            text: "a text".into(),
         };
-        let layout = layout();
-        let recording = Recording::create(&path, compression, &layout, &provenance, None);
-        let mut recording = recording.expect("created");
-        for step in 0..24 {
-            if step % 8 == 4 {
-                recording.event(&taken(step), None, 0).expect("written");
-            }
-            let words = record(step, step as f64, -0.5);
-            let view = layout.view(&words);
-            recording.record(&words, &view).expect("written");
-            if step % 8 == 7 {
-                recording.close().expect("written");
-            }
-        }
-        let result = BTreeMap::from([("outcome".into(), "completed".into())]);
-        recording.finish(result).expect("finished");
-        (compression, std::fs::read(&path).expect("read"))
-    };
-    all.into_iter().map(write).collect()
+        let folder = chunked(&layout(), &contents, vec![note], compression, 8);
+        let bytes = std::fs::read(folder.join(RECORDING)).expect("read");
+        (compression, bytes)
+    })
 }
 
 /// Passes a file to every reader of recordings; returns `true` if it is read to the end as a complete one.

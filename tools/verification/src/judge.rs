@@ -15,6 +15,7 @@ use hil_facts::results::requirements::{self, Requirement, RunVerdict};
 use hil_facts::results::summary::{Metric, write_metrics};
 use hil_recording::reader::ReadError;
 use serde::Serialize;
+use shared_types::record::Outcome;
 
 use crate::arguments::recordings::JudgeArguments;
 
@@ -26,7 +27,7 @@ pub struct Judgement {
     /// `aborted` if the run did not end by itself.
     verdict: RunVerdict,
     /// Outcome of the run, in one word; null if its recording is truncated.
-    outcome: Option<String>,
+    outcome: Option<Outcome>,
     /// Reason, if the run did not end by itself; null if unknown.
     reason: Option<String>,
     records: u64,
@@ -81,7 +82,7 @@ pub fn judged(run: &Path, by: Option<&Path>) -> Result<(Judgement, Plan), Failur
         run: run.display().to_string(),
         scenario: plan.name.clone(),
         verdict,
-        outcome: is_over.then(|| outcome.name().to_owned()),
+        outcome: is_over.then_some(outcome),
         reason,
         records: reader.records(),
         metrics: recorded.metrics.iter().map(Metric::from).collect(),
@@ -100,9 +101,12 @@ impl Judgement {
         let (scenario, run) = (&self.scenario, &self.run);
         let verdict = requirements::in_words(self.verdict.name(), self.requirements.len());
         writeln!(text, "{scenario}: {verdict}  ({run}, recorded)")?;
-        match self.outcome.as_deref() {
-            Some("completed") => {}
-            Some(outcome) => writeln!(text, "  the run has {outcome}: no verdict can be pass")?,
+        match self.outcome {
+            Some(Outcome::Completed) => {}
+            Some(outcome) => {
+                let outcome = outcome.name();
+                writeln!(text, "  the run has {outcome}: no verdict can be pass")?;
+            }
             None => writeln!(text, "  the recording was cut off: no verdict can be pass")?,
         }
         if let Some(reason) = &self.reason {

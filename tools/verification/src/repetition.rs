@@ -21,7 +21,7 @@ use hil_facts::results::resumed::{CHANGED_FAULTS, CHECK};
 use hil_recording::reader::{ReadError, RunReader};
 use plant_process::repeat::Missed;
 use shared_types::record::{
-    ControllerChange, ControllerFate, Event, FaultBegun, FaultEnded, ValueChange,
+    ControllerChange, ControllerFate, Event, FaultBegun, FaultEnded, Outcome, ValueChange,
 };
 use shared_types::time::{Rate, Step};
 
@@ -44,7 +44,7 @@ pub struct RecordedScenario {
     /// Digest of its records.
     pub digest: String,
     /// Outcome of the run, in one word; `None` if the plant or the recorder died.
-    pub outcome: Option<String>,
+    pub outcome: Option<Outcome>,
     /// Steps at which the controller was late.
     pub missed: Vec<Missed>,
     /// Result of checking the checkpoint that the run resumed from; `None` if it began at step 0.
@@ -122,7 +122,7 @@ impl RecordedScenario {
                 match event {
                     Event::Controller(change) => refuse_succession(run, change)?,
                     Event::Change(change) if change.live => live_changes.push(change.clone()),
-                    Event::End(end) => outcome = Some(end.outcome.name().to_owned()),
+                    Event::End(end) => outcome = Some(end.outcome),
                     event => log
                         .take(event)
                         .map_err(|error| Failure::usage(format!("{}: {error}", run.display())))?,
@@ -132,8 +132,7 @@ impl RecordedScenario {
                 break;
             }
         }
-        let needs_all =
-            plan.run.clock == Clock::Realtime || outcome.as_deref() != Some("completed");
+        let needs_all = plan.run.clock == Clock::Realtime || outcome != Some(Outcome::Completed);
         if needs_all {
             // Late commands can be determined only from all steps.
             reader.refuse_excerpt().map_err(refused)?;

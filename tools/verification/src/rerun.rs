@@ -12,6 +12,7 @@ use hil_facts::programs::scenario;
 use hil_recording::reader;
 use hil_run::{Environment, Origin, Repeated};
 use serde_json::json;
+use shared_types::record::Outcome;
 
 use crate::arguments::run::RerunArguments;
 use crate::arguments::tolerance::Tolerances;
@@ -34,7 +35,7 @@ pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
     }
     // A run that was stopped or died must be reproduced up to its last record; later events do not matter. In real
     // time it is unknown what its controller saw after that.
-    let is_whole = matches!(recorded.outcome.as_deref(), Some("completed" | "diverged"));
+    let is_whole = recorded.outcome.is_some_and(Outcome::is_own_end);
     let (records, expected) = if is_whole {
         (recorded.records, recorded.digest.clone())
     } else {

@@ -22,6 +22,7 @@ pub mod offline_page;
 pub mod panel;
 pub mod plots;
 pub mod report;
+pub mod table_file;
 pub mod values;
 
 #[cfg(test)]

@@ -11,6 +11,9 @@ const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 
 /// Style of every report.
 const STYLE: &str = include_str!("report/assets/report.css");
 
+/// Script before those of every page with plots: numbers, axes and colours.
+pub const PAGE: &str = include_str!("report/assets/page.js");
+
 /// Page of results that is readable without scripts.
 pub struct OfflinePage<'a, D> {
     pub title: &'a str,

@@ -69,7 +69,10 @@ fn without_credit_the_plant_waits_and_nothing_is_lost() {
         sink.record(&words).expect("publishes");
         count += 1;
     }
-    assert!(count > BUFFER as u64 / 2 && count < BUFFER as u64, "{count}");
+    assert!(
+        count > BUFFER as u64 / 2 && count < BUFFER as u64,
+        "{count}"
+    );
     let items = drained(&mut source);
     let expected: Vec<String> = (0..count).map(|k| format!("record {k}")).collect();
     assert_eq!(items, expected);

@@ -1,9 +1,8 @@
 //! Round trips: a payload there and one back, over whatever connects two processes.
 //!
-//! Benches [`measure`] one exchange at a time, for N trips at some [`Place`] with one way to
-//! [`Wait`]. The plant's end is in this process, the controller's in this program started again, so
-//! that each bench first asks whether it was [`answered`] as one. The raw limit and the bare
-//! blackboard are those of `hil latency`.
+//! Benches [`measure`] one exchange at a time, for N trips at some [`Place`]. The plant's end is in this
+//! process, the controller's in this program started again, so that each bench first asks whether it was
+//! [`answered`] as one. Trips, raw limit and bare blackboard are those of `hil latency`.
 //!
 //! Payloads are as large as the link's frames, header included. Both ends write all of one and take
 //! all of the other out.
@@ -12,7 +11,6 @@ mod link;
 mod patterns;
 mod peer;
 mod place;
-mod sockets;
 
 use hil_benchmark::exchange::End;
 use hil_session::link::bare::Blackboard;
@@ -40,23 +38,15 @@ pub(crate) enum Exchange {
     PublishSubscribe,
     RequestResponse,
     Link,
-    UnixStream,
-    UnixDatagram,
-    Udp,
-    Tcp,
 }
 
 impl Exchange {
-    const ALL: [Self; 9] = [
+    pub(crate) const ALL: [Self; 5] = [
         Self::Raw,
         Self::Blackboard,
         Self::PublishSubscribe,
         Self::RequestResponse,
         Self::Link,
-        Self::UnixStream,
-        Self::UnixDatagram,
-        Self::Udp,
-        Self::Tcp,
     ];
 
     pub(crate) const fn name(self) -> &'static str {
@@ -66,10 +56,6 @@ impl Exchange {
             Self::PublishSubscribe => "iceoryx2 publish-subscribe",
             Self::RequestResponse => "iceoryx2 request-response",
             Self::Link => "the project's link (on blackboard)",
-            Self::UnixStream => "UNIX stream socket",
-            Self::UnixDatagram => "UNIX datagram socket",
-            Self::Udp => "UDP on loopback",
-            Self::Tcp => "TCP on loopback, no delay",
         }
     }
 
@@ -78,40 +64,11 @@ impl Exchange {
     }
 }
 
-/// Way in which both sides wait for each other.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Wait {
-    /// Strategy of the project's processes unless told otherwise.
-    Hybrid,
-    /// Poll and never give the core away.
-    Spin,
-    /// Sleep in the kernel until something comes; sockets only.
-    Block,
-}
-
-impl Wait {
-    const ALL: [Self; 3] = [Self::Hybrid, Self::Spin, Self::Block];
-
-    const fn name(self) -> &'static str {
-        match self {
-            Self::Hybrid => "hybrid",
-            Self::Spin => "spin",
-            Self::Block => "block",
-        }
-    }
-
-    fn named(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|it| it.name() == name)
-    }
-
-    /// Describes the wait at a place: who shares a core must give it away.
-    pub(crate) const fn at(self, place: Place<'_>) -> &'static str {
-        match (self, place.is_shared()) {
-            (Self::Block, _) => "blocking",
-            (_, true) => "yield after every poll",
-            (Self::Hybrid, false) => "up to 512 polls, then yield after every poll",
-            (Self::Spin, false) => "spinning",
-        }
+/// Describes how both sides wait at a place: as the project's processes do, who give away a core that they share.
+pub(crate) const fn waits(place: Place<'_>) -> &'static str {
+    match place.is_shared() {
+        true => "yield after every poll",
+        false => "up to 512 polls, then yield after every poll",
     }
 }
 
@@ -122,12 +79,9 @@ pub(crate) struct Round {
     pub(crate) p99: f64,
 }
 
-/// An end that the other side has yet to join. Calling it waits for what a socket has to know.
-type Opened = Box<dyn FnOnce() -> Box<dyn End>>;
-
 /// Opens this side's end of an exchange between processes; the plant opens its end first.
-fn open(exchange: Exchange, session: &SessionInfo, side: Side, wait: Wait) -> Opened {
-    let end: Box<dyn End> = match exchange {
+fn open(exchange: Exchange, session: &SessionInfo, side: Side) -> Box<dyn End> {
+    match exchange {
         Exchange::Raw => unreachable!("the raw limit is measured between threads"),
         Exchange::Blackboard => {
             let end = Blackboard::open(session, side, SIGNALS, COMMANDS);
@@ -136,10 +90,5 @@ fn open(exchange: Exchange, session: &SessionInfo, side: Side, wait: Wait) -> Op
         Exchange::PublishSubscribe => patterns::publish_subscribe(session, side),
         Exchange::RequestResponse => patterns::request_response(session, side),
         Exchange::Link => Box::new(link::Linked::open(session, side)),
-        Exchange::UnixStream => return sockets::unix_stream(session, side, wait),
-        Exchange::UnixDatagram => return sockets::unix_datagram(session, side, wait),
-        Exchange::Udp => return sockets::udp(session, side, wait),
-        Exchange::Tcp => return sockets::tcp(session, side, wait),
-    };
-    Box::new(move || end)
+    }
 }

@@ -12,68 +12,59 @@ use hil_session::waiter::Waiter;
 use shared_types::side::Side;
 use shared_types::wait::{WaitLimit, WaitStrategy};
 
-use super::{COMMAND_BYTES, Exchange, Place, Round, SAMPLE_BYTES, Wait, open};
+use super::{COMMAND_BYTES, Exchange, Place, Round, SAMPLE_BYTES, open};
 
 /// Trips before those that count.
 const WARM_UP: u64 = 2000;
 /// Time that the other side may take, in s; only a failure takes so long.
-pub(super) const WAIT_LIMIT_S: f64 = 30.0;
+const WAIT_LIMIT_S: f64 = 30.0;
 
 /// Variables by which the controller's process is told what to do.
 const EXCHANGE: &str = "HIL_BENCH_EXCHANGE";
-const WAIT: &str = "HIL_BENCH_WAIT";
 const SESSION: &str = "HIL_BENCH_SESSION";
 const TRIPS: &str = "HIL_BENCH_TRIPS";
 const CORE: &str = "HIL_BENCH_CORE";
 const SHARED_CORE: &str = "HIL_BENCH_SHARED_CORE";
 
 /// A waiter for the calling thread, which is kept on a core from now on.
-fn waiter(wait: Wait, core: usize, shares_core: bool) -> Waiter {
+fn waiter(core: usize, shares_core: bool) -> Waiter {
     pin(core as u32).expect("a core that this process may run on");
-    let strategy = match wait {
-        Wait::Hybrid => WaitStrategy::Hybrid,
-        Wait::Spin | Wait::Block => WaitStrategy::Spin,
-    };
-    Waiter::with(WaitLimit::from_seconds(WAIT_LIMIT_S), strategy, shares_core)
+    let limit = WaitLimit::from_seconds(WAIT_LIMIT_S);
+    Waiter::with(limit, WaitStrategy::Hybrid, shares_core)
 }
 
 /// Measures one round of N trips.
-pub(crate) fn measure(exchange: Exchange, wait: Wait, place: Place<'_>, trips: u64) -> Round {
+pub(crate) fn measure(exchange: Exchange, place: Place<'_>, trips: u64) -> Round {
     let trips = Trips {
         warm_up: WARM_UP,
         measured: trips,
     };
     let round = if exchange == Exchange::Raw {
-        between_threads(wait, place, trips)
+        between_threads(place, trips)
     } else {
-        between_processes(exchange, wait, place, trips)
+        between_processes(exchange, place, trips)
     };
     place.leave();
     round
 }
 
-fn between_threads(wait: Wait, place: Place<'_>, trips: Trips) -> Round {
+fn between_threads(place: Place<'_>, trips: Trips) -> Round {
     let (mut plant, mut controller) = raw::pair(SAMPLE_BYTES / 8, COMMAND_BYTES / 8);
     std::thread::scope(|scope| {
         scope.spawn(move || {
-            let waiter = waiter(wait, place.controller(), place.is_shared());
+            let waiter = waiter(place.controller(), place.is_shared());
             follow(&mut controller, trips, waiter, || false).expect("the plant leads");
         });
-        led(
-            &mut plant,
-            trips,
-            waiter(wait, place.plant(), place.is_shared()),
-        )
+        led(&mut plant, trips, waiter(place.plant(), place.is_shared()))
     })
 }
 
-fn between_processes(exchange: Exchange, wait: Wait, place: Place<'_>, trips: Trips) -> Round {
+fn between_processes(exchange: Exchange, place: Place<'_>, trips: Trips) -> Round {
     let session = Session::create(None).expect("a session");
-    let opened = open(exchange, session.info(), Side::Plant, wait);
+    let mut plant = open(exchange, session.info(), Side::Plant);
     let own = std::env::current_exe().expect("this program");
     let mut controller = Command::new(own)
         .env(EXCHANGE, exchange.name())
-        .env(WAIT, wait.name())
         .env(SESSION, &session.info().folder)
         .env(TRIPS, trips.all().to_string())
         .env(CORE, place.controller().to_string())
@@ -87,8 +78,7 @@ fn between_processes(exchange: Exchange, wait: Wait, place: Place<'_>, trips: Tr
         .read_line(&mut line)
         .expect("a word when it is ready");
     assert_eq!(line, "ready\n");
-    let mut plant = opened();
-    let waiter = waiter(wait, place.plant(), place.is_shared());
+    let waiter = waiter(place.plant(), place.is_shared());
     let round = led(&mut plant, trips, waiter);
     output.read_to_string(&mut line).expect("its end");
     let status = controller.wait().expect("it was started");
@@ -113,8 +103,6 @@ pub(crate) fn answered() -> bool {
         return false;
     };
     let exchange = Exchange::named(&exchange).expect("an exchange");
-    let wait = told(WAIT).and_then(|name| Wait::named(&name));
-    let wait = wait.expect("a way to wait");
     let folder = PathBuf::from(told(SESSION).expect("a session"));
     let core = told(CORE).and_then(|text| text.parse().ok());
     let shares_core = told(SHARED_CORE).is_some_and(|text| text == "true");
@@ -123,8 +111,8 @@ pub(crate) fn answered() -> bool {
         measured: (told(TRIPS).and_then(|text| text.parse().ok())).expect("a number"),
     };
     let session = SessionInfo::read(&folder).expect("a session");
-    let mut controller = open(exchange, &session, Side::Controller, wait)();
-    let waiter = waiter(wait, core.expect("a core"), shares_core);
+    let mut controller = open(exchange, &session, Side::Controller);
+    let waiter = waiter(core.expect("a core"), shares_core);
     println!("ready");
     follow(&mut controller, trips, waiter, || false).expect("the plant leads");
     true

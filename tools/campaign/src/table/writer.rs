@@ -1,14 +1,9 @@
 //! Writing a table, by rows or by whole columns.
 
+use std::borrow::Cow;
 use std::io::Write;
-use std::sync::Arc;
 
-use parquet::basic::{Compression, Encoding, LogicalType, Repetition, Type as Physical};
-use parquet::data_type::{ByteArrayType, DoubleType, Int64Type};
-use parquet::file::metadata::KeyValue;
-use parquet::file::properties::{EnabledStatistics, WriterProperties};
-use parquet::file::writer::SerializedFileWriter;
-use parquet::schema::types::Type;
+use hil_views::table_file::{Cells, FieldKind, TableFile};
 
 use super::{Cell, Column, ColumnKind, TableError, Values};
 
@@ -17,7 +12,7 @@ const GROUP: usize = 1 << 16;
 
 /// Table open for writing; its bytes depend on the rows only.
 pub struct Writer<W: Write + Send> {
-    file: SerializedFileWriter<W>,
+    file: TableFile<W>,
     /// Rows of the next row group.
     columns: Vec<Values>,
 }
@@ -29,30 +24,16 @@ impl<W: Write + Send> Writer<W> {
     /// If the output cannot be written.
     pub fn new(to: W, columns: &[Column]) -> Result<Self, TableError> {
         let fields = columns.iter().map(|column| {
-            let (physical, logical) = match column.kind {
-                ColumnKind::Count => (Physical::INT64, Some(LogicalType::integer(64, false))),
-                ColumnKind::Number => (Physical::DOUBLE, None),
-                ColumnKind::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
+            let kind = match column.kind {
+                ColumnKind::Count => FieldKind::Count,
+                ColumnKind::Number => FieldKind::Number,
+                ColumnKind::Text => FieldKind::Text,
             };
-            let field = Type::primitive_type_builder(&column.name, physical)
-                .with_logical_type(logical)
-                .with_repetition(Repetition::REQUIRED)
-                .build();
-            field.map(Arc::new)
+            (column.name.as_str(), kind, false)
         });
-        let fields = fields.collect::<Result<_, _>>()?;
-        let schema = Type::group_type_builder("campaign").with_fields(fields);
-        let properties = WriterProperties::builder()
-            .set_created_by(concat!("hil ", env!("CARGO_PKG_VERSION")).into())
-            .set_compression(Compression::SNAPPY)
-            .set_dictionary_enabled(false)
-            .set_encoding(Encoding::PLAIN)
-            .set_statistics_enabled(EnabledStatistics::Chunk)
-            .build();
-        let schema = Arc::new(schema.build()?);
         let values = columns.iter().map(|column| Values::new(column.kind));
         Ok(Self {
-            file: SerializedFileWriter::new(to, schema, Arc::new(properties))?,
+            file: TableFile::create(to, "campaign", fields)?,
             columns: values.collect(),
         })
     }
@@ -107,11 +88,8 @@ impl<W: Write + Send> Writer<W> {
     /// If the output cannot be written.
     pub fn finish(mut self, facts: &[(&str, String)]) -> Result<W, TableError> {
         self.group()?;
-        for (key, value) in facts {
-            let pair = KeyValue::new((*key).to_owned(), value.clone());
-            self.file.append_key_value_metadata(pair);
-        }
-        Ok(self.file.into_inner()?)
+        let facts = facts.iter().map(|(key, value)| (*key, value.as_str()));
+        Ok(self.file.finish(facts)?)
     }
 
     fn rows(&self) -> usize {
@@ -122,34 +100,21 @@ impl<W: Write + Send> Writer<W> {
         if self.rows() == 0 {
             return Ok(());
         }
-        let mut group = self.file.next_row_group()?;
-        for column in &mut self.columns {
-            let Some(mut writer) = group.next_column()? else {
-                break;
-            };
-            match column {
+        self.file
+            .group(self.columns.iter_mut().map(|column| match column {
                 Values::Counts(values) => {
                     // Parquet stores unsigned integers as the bits of signed ones.
-                    let values: Vec<i64> = values.drain(..).map(u64::cast_signed).collect();
-                    writer
-                        .typed::<Int64Type>()
-                        .write_batch(&values, None, None)?;
+                    let counts = values.drain(..).map(u64::cast_signed).collect();
+                    Cells::Counts(Cow::Owned(counts), None)
                 }
-                Values::Numbers(values) => {
-                    writer
-                        .typed::<DoubleType>()
-                        .write_batch(values, None, None)?;
-                    values.clear();
-                }
-                Values::Texts(values) => {
-                    writer
-                        .typed::<ByteArrayType>()
-                        .write_batch(&values.drain(), None, None)?;
-                }
+                Values::Numbers(values) => Cells::Numbers(values),
+                Values::Texts(values) => Cells::Texts(values.drain()),
+            }))?;
+        for column in &mut self.columns {
+            if let Values::Numbers(values) = column {
+                values.clear();
             }
-            writer.close()?;
         }
-        group.close()?;
         Ok(())
     }
 }

@@ -137,7 +137,7 @@ impl RecordedOutcome {
             ("records", recorded.written.to_string()),
             ("lost", recorded.lost.to_string()),
             ("digest", recorded.digest.clone().unwrap_or_default()),
-            ("outcome", "failed".to_owned()),
+            ("outcome", Outcome::Failed.name().to_owned()),
             ("reason", reason.to_owned()),
         ];
         let owned = facts.map(|(name, value)| (name.to_owned(), value));
@@ -149,7 +149,8 @@ impl RecordedOutcome {
     /// contradiction in it.
     pub fn outcome(&self, broke_off: Option<&str>) -> (Outcome, Option<String>) {
         let result = |name| self.reader.result(name).map(str::to_owned);
-        let is_failed = result("outcome").is_some_and(|outcome| outcome == "failed");
+        let is_failed =
+            result("outcome").and_then(|name| Outcome::named(&name)) == Some(Outcome::Failed);
         let contradiction = || {
             let run = self.run.as_ref().ok()?;
             ending::contradiction(&run.plan, &self.recorded)

@@ -68,6 +68,17 @@ pub(crate) fn recorded(
     contents: &[Content],
     attachments: Vec<Attachment>,
 ) -> Folder {
+    chunked(layout, contents, attachments, Compression::Lz4, u64::MAX)
+}
+
+/// Writes the same in chunks of so many records.
+pub(crate) fn chunked(
+    layout: &RecordLayout,
+    contents: &[Content],
+    attachments: Vec<Attachment>,
+    compression: Compression,
+    chunk: u64,
+) -> Folder {
     let folder = Folder(TempDir::new().expect("a folder"));
     let provenance = Provenance {
         facts: BTreeMap::from([("rate_hz".into(), "1000".into())]),
@@ -75,12 +86,18 @@ pub(crate) fn recorded(
     };
     let path = folder.join(RECORDING);
     let mut recording =
-        Recording::create(&path, Compression::Lz4, layout, &provenance, None).expect("created");
+        Recording::create(&path, compression, layout, &provenance, None).expect("created");
+    let mut records = 0;
     for content in contents {
         match content {
-            Content::Record(words) => recording
-                .record(words, &layout.view(words))
-                .expect("written"),
+            Content::Record(words) => {
+                let view = layout.view(words);
+                recording.record(words, &view).expect("written");
+                records += 1;
+                if records % chunk == 0 {
+                    recording.close().expect("written");
+                }
+            }
             Content::Event(event) => recording.event(event, None, 0).expect("written"),
         }
     }

@@ -7,19 +7,19 @@ use hil_session::clock::monotonic_ns;
 use hil_session::link::iceoryx::IceoryxLink;
 use hil_session::session::SessionInfo;
 use shared_types::describe::Settings;
-use shared_types::frame::{FrameIdentity, FrameKind};
+use shared_types::frame::FrameKind;
 use shared_types::hello::Control;
 use shared_types::link::{FrameSpec, Link, LinkError, Peer};
 use shared_types::realtime::CONTROLLER_FILE;
 use shared_types::wait::WaitLimit;
 
+use super::guard::{Event, Guard, Sample};
 use super::output::Output;
 use super::started::Started;
 use crate::channel::{Ear, Heard, Mouth};
 use crate::exchange::{BEAT_NS, TargetEnd};
-use crate::machine::Findings;
-use crate::message::{Missed, RunRequest, ToAgent, ToDesk};
-use crate::packet::{Numbered, Packet};
+use crate::message::{RunRequest, ToAgent, ToDesk};
+use crate::packet::{Form, Numbered, Packet};
 use crate::path::DatagramPath;
 use crate::route::{Carrier, Carriers, TargetRoute};
 use crate::sleep::waiter;
@@ -31,21 +31,17 @@ const LAST_WORDS_NS: u64 = 100_000_000;
 /// Time between two signs of life through the channel.
 const SIGN_NS: u64 = 250_000_000;
 
-/// The newest sample that came.
+/// The program of the controller, as the desk knows it.
 #[derive(Clone, Copy)]
-struct Sampled {
-    step: u64,
-    at_ns: u64,
-}
-
-/// Output that is the safe command because samples are missing.
-#[derive(Clone, Copy)]
-struct Missing {
-    since_ns: u64,
-    /// Step of the last sample before.
-    after: u64,
-    /// Step of the first sample since then.
-    back: Option<u64>,
+enum Program {
+    Running,
+    /// It has ended; the desk is told once all that it wrote was passed on.
+    Ended {
+        status: ExitStatus,
+        since_ns: u64,
+    },
+    /// The desk has been told of its end.
+    Reported,
 }
 
 /// A run of one controller.
@@ -56,13 +52,7 @@ pub(super) struct Run<'a> {
     started: Started,
     path: Option<DatagramPath>,
     session: SessionInfo,
-    missed: Missed,
-    /// Both ends are on this machine.
-    both_here: bool,
-    /// The plant waits for nobody.
-    against_clock: bool,
-    /// Identity that the frames must carry, and the number of values from the desk.
-    open: Option<(FrameIdentity, usize)>,
+    form: Option<Form>,
     end: TargetEnd,
     route: TargetRoute,
     /// Number of the plant's messages about parameters that were given to the controller.
@@ -72,20 +62,12 @@ pub(super) struct Run<'a> {
     /// A frame was given to the controller, and it has not answered.
     is_at_work: bool,
     heard_ns: u64,
-    /// The last sample, while another must follow: not before the first, while the run is held and after its end.
-    sampled: Option<Sampled>,
-    /// The output, once its signals are known; in real time alone.
-    output: Option<Output>,
+    output: Guard,
     safe: Settings,
-    /// Samples are missing, and the output is the safe command for that.
-    missing: Option<Missing>,
-    switches: u32,
     has_reported: bool,
     /// Control message for which the channel had no room.
     unsaid: Option<ToDesk>,
-    has_told_end: bool,
-    /// Exit status of the program, and the time at which it was seen.
-    ended: Option<(ExitStatus, u64)>,
+    program: Program,
     bytes: Vec<u8>,
     values: Vec<f64>,
 }
@@ -106,33 +88,26 @@ impl<'a> Run<'a> {
             started,
             path,
             session: session.clone(),
-            missed: request.missed,
-            both_here: Findings::own().boot_id == request.boot_id,
-            against_clock: false,
-            open: None,
+            form: None,
             end: TargetEnd::new(false),
             route: TargetRoute::new(),
             tuning: 0,
             waiting: None,
             is_at_work: false,
             heard_ns: monotonic_ns(),
-            sampled: None,
-            output: None,
+            output: Guard::new(request.missed),
             safe: request.safe.clone(),
-            missing: None,
-            switches: 0,
             has_reported: false,
             unsaid: None,
-            has_told_end: false,
-            ended: None,
+            program: Program::Running,
             bytes: Vec::new(),
             values: Vec::new(),
         }
     }
 
-    /// Serves until the channel closes or the desk is silent for the limit.
-    pub(super) fn serve(&mut self, limit: WaitLimit) -> Result<(), String> {
-        let (mut waiter, awaited) = waiter(self.both_here, self.link.bell(), self.path.as_ref());
+    /// Serves until the channel closes or the desk is silent for the limit; `both_here` if both ends are on this machine.
+    pub(super) fn serve(&mut self, limit: WaitLimit, both_here: bool) -> Result<(), String> {
+        let (mut waiter, awaited) = waiter(both_here, self.link.bell(), self.path.as_ref());
         let (mut look_ns, mut sign_ns) = (0, 0);
         loop {
             let mut busy = self.hear_path().map_err(described)?;
@@ -162,7 +137,7 @@ impl<'a> Run<'a> {
                 continue;
             }
             let on_wire = !self.is_at_work && self.route.hears_datagrams(now_ns);
-            awaited.set(on_wire, self.against_clock);
+            awaited.set(on_wire, self.is_against_clock());
             let _ = waiter.pause_until(now_ns + BEAT_NS); // the limit is looked at above
         }
     }
@@ -206,12 +181,16 @@ impl<'a> Run<'a> {
             };
             self.link.open_frames(&spec).map_err(described)?;
             self.end = TargetEnd::new(welcome.against_clock);
-            self.against_clock = welcome.against_clock;
             if welcome.against_clock {
-                self.output = Some(Output::create(&self.session, welcome, &self.safe)?);
+                let output = Output::create(&self.session, welcome, &self.safe)?;
+                self.output.open(output);
             }
             self.values = vec![0.0; spec.incoming];
-            self.open = Some((spec.identity, spec.outgoing));
+            self.form = Some(Form {
+                identity: spec.identity,
+                count: spec.outgoing,
+                against_clock: welcome.against_clock,
+            });
         }
         self.link
             .send_control(content.as_bytes())
@@ -238,35 +217,31 @@ impl<'a> Run<'a> {
             return Ok(());
         }
         // What is given to the controller depends on what it has answered by now.
-        if self.against_clock {
+        if self.is_against_clock() {
             self.hear_controller()?;
         }
-        let sample = packet
-            .frame
-            .as_ref()
-            .filter(|frame| self.end.is_news(frame));
-        let sample = sample.filter(|frame| frame.header.kind() == Some(FrameKind::Sample));
-        if let Some(sample) = sample {
-            self.sampled = Some(Sampled {
-                step: sample.header.step,
-                at_ns: self.heard_ns,
-            });
-            if let Some(missing) = &mut self.missing {
-                missing.back.get_or_insert(sample.header.step);
-            }
+        let frame = packet.frame.as_ref();
+        let newest = frame.filter(|frame| self.end.is_news(frame));
+        if let Some(Numbered { header, .. }) = newest
+            && header.kind() == Some(FrameKind::Sample)
+        {
+            let (step, at_ns) = (header.step, self.heard_ns);
+            self.note(Event::Sampled(Sample { step, at_ns }));
         }
         let Some(frame) = self.end.take(packet) else {
             let has_frame = self.end.has_unheard();
             self.send(self.route.of_reply(carrier, has_frame, self.heard_ns));
             return Ok(());
         };
-        let Some((identity, count)) = self.open else {
-            return Ok(());
-        };
-        if identity.check(&frame.header, count).is_err() {
-            return Ok(()); // the desk is authentic, so it is of another version
+        match &self.form {
+            Some(form) if form.fits(&frame) => self.give(&frame),
+            _ => Ok(()),
         }
-        self.give(&frame)
+    }
+
+    /// Returns `true` if the plant waits for nobody.
+    fn is_against_clock(&self) -> bool {
+        self.form.is_some_and(|form| form.against_clock)
     }
 
     fn give(&mut self, frame: &Numbered) -> Result<(), LinkError> {
@@ -274,15 +249,13 @@ impl<'a> Run<'a> {
         match frame.header.kind() {
             Some(FrameKind::Sample) => self.is_at_work = true,
             Some(FrameKind::End) => {
-                (self.is_at_work, self.sampled) = (true, None);
-                self.end_output();
+                self.is_at_work = true;
+                self.note(Event::Ended);
             }
             // Nothing answers a hold or an abort: the desk hears that it came.
             kind => {
-                self.sampled = None;
-                if kind == Some(FrameKind::Abort) {
-                    self.end_output();
-                }
+                let is_abort = kind == Some(FrameKind::Abort);
+                self.note(if is_abort { Event::Ended } else { Event::Held });
                 self.answer();
             }
         }
@@ -308,12 +281,13 @@ impl<'a> Run<'a> {
 
     fn hear_controller(&mut self) -> Result<bool, LinkError> {
         let mut came = false;
-        if self.open.is_some()
+        if self.form.is_some()
             && let Some(header) = self.link.receive(&mut self.values)?
         {
             self.is_at_work = false;
             if header.kind() == Some(FrameKind::Command) {
-                self.put(header.step);
+                let report = self.output.answer(header.step, &self.values);
+                self.report(report);
             }
             self.end.say(&header, &self.values);
             self.answer();
@@ -351,89 +325,43 @@ impl<'a> Run<'a> {
                 report: report.to_string(),
             });
         }
-        self.look_for_samples(now_ns);
-        if self.ended.is_none() {
-            self.ended = self.started.status().map(|status| (status, now_ns));
-            if self.ended.is_some() {
-                self.end_output();
-            }
+        self.note(Event::Passed { now_ns });
+        if let Program::Running = self.program
+            && let Some(status) = self.started.status()
+        {
+            let since_ns = now_ns;
+            self.program = Program::Ended { status, since_ns };
+            // An answer that was under way must not replace the safe command.
+            self.note(Event::Ended);
         }
-        let Some((status, since_ns)) = self.ended else {
+        let Program::Ended { status, since_ns } = self.program else {
             return Ok(());
         };
         // What it wrote and sent before it ended still counts.
         let is_silent = self.started.is_silent() || now_ns.saturating_sub(since_ns) > LAST_WORDS_NS;
-        if !self.has_told_end && is_silent && self.unsaid.is_none() {
+        if is_silent && self.unsaid.is_none() {
             while self.hear_controller()? {}
             let signal = status.signal();
-            self.has_told_end = self.mouth.try_say(&ToDesk::Ended {
+            let is_sent = self.mouth.try_say(&ToDesk::Ended {
                 code: status.code(),
                 fate: signal.map(|signal| format!("was killed by signal {signal}")),
                 said: self.end.said(),
             });
+            if is_sent {
+                self.program = Program::Reported;
+            }
         }
         Ok(())
     }
 
-    /// Leaves the output at the safe command: an answer that was under way must not replace it.
-    fn end_output(&mut self) {
-        self.output = None;
+    /// Passes an event on to the output, and its report to the desk.
+    fn note(&mut self, event: Event) {
+        let report = self.output.note(event);
+        self.report(report);
     }
 
-    /// Puts the newest command out, unless it answers a sample from before samples went missing.
-    fn put(&mut self, step: u64) {
-        let Some(output) = &mut self.output else {
-            return;
-        };
-        let is_stale = |missing: Missing| missing.back.is_none_or(|first| step < first);
-        if self.missing.is_some_and(is_stale) || !output.put(step, &self.values) {
-            return;
-        }
-        if let Some(Missing {
-            since_ns, after, ..
-        }) = self.missing.take()
-        {
-            let for_s = monotonic_ns().saturating_sub(since_ns) as f64 / 1e9;
-            let what = format!(
-                "no sample after step {after} for {} periods: its output was the safe command for {for_s:.3} s, and is the controller's again from step {step}",
-                self.missed.periods
-            );
-            self.tell_output(what, true);
-        }
-    }
-
-    fn tell_output(&self, what: String, is_back: bool) {
-        self.mouth.try_say(&ToDesk::Output {
-            what,
-            switches: self.switches,
-            is_back,
-        });
-    }
-
-    /// Switches the output to the safe command once samples have been missing for long, by this machine's clock.
-    fn look_for_samples(&mut self, now_ns: u64) {
-        let Missed { period_s, periods } = self.missed;
-        let Some(output) = &mut self.output else {
-            return;
-        };
-        let Some(Sampled { step, at_ns }) = self.sampled else {
-            return;
-        };
-        let limit_ns = (period_s * f64::from(periods) * 1e9) as u64;
-        let is_late = now_ns.saturating_sub(at_ns) > limit_ns;
-        if is_late && self.missing.is_none() {
-            output.switch();
-            let what = format!(
-                "no sample after step {step} for {periods} periods: its output is the safe command"
-            );
-            self.missing = Some(Missing {
-                since_ns: now_ns,
-                after: step,
-                back: None,
-            });
-            self.switches += 1;
-            self.tell_output(what, false);
-        }
+    fn report(&self, report: Option<ToDesk>) {
+        report.map(|report| self.mouth.try_say(&report));
     }
 }
 

@@ -20,11 +20,19 @@ pub(super) struct Turn {
 
 #[derive(Debug, Default)]
 struct State {
-    /// Desk whose session is active.
-    served: Option<SocketAddr>,
-    /// `true` during a run of that desk.
-    is_run: bool,
+    served: Served,
     waiting: usize,
+}
+
+/// The desk that has its session.
+#[derive(Clone, Copy, Debug, Default)]
+enum Served {
+    #[default]
+    Nobody,
+    /// Before or after its run.
+    Desk(SocketAddr),
+    /// During its run.
+    Run(SocketAddr),
 }
 
 /// Turn of one desk, until it is dropped.
@@ -34,7 +42,7 @@ pub(super) struct Taken<'a>(&'a Turn);
 impl Drop for Taken<'_> {
     fn drop(&mut self) {
         let mut state = self.0.lock();
-        (state.served, state.is_run) = (None, false);
+        state.served = Served::Nobody;
         self.0.changes.notify_one();
     }
 }
@@ -46,7 +54,15 @@ impl Turn {
 
     /// Marks the beginning or the end of a run of the desk whose turn it is.
     pub(super) fn runs(&self, is_run: bool) {
-        self.lock().is_run = is_run;
+        let mut state = self.lock();
+        if let Served::Desk(by) | Served::Run(by) = state.served {
+            state.served = if is_run {
+                Served::Run(by)
+            } else {
+                Served::Desk(by)
+            };
+        }
+        drop(state);
         self.changes.notify_all();
     }
 
@@ -61,33 +77,34 @@ impl Turn {
     fn take_within(&self, by: SocketAddr, limit: Duration) -> Result<Taken<'_>, String> {
         let since = Instant::now();
         let mut state = self.lock();
-        if state.served.is_some() && state.waiting >= MOST_WAITING {
-            return Err(busy(state.served, "and others are already waiting"));
+        if let Served::Desk(other) | Served::Run(other) = state.served
+            && state.waiting >= MOST_WAITING
+        {
+            return Err(busy(other, "and others are already waiting"));
         }
         state.waiting += 1;
-        while state.served.is_some() {
-            let limit = if state.is_run {
-                limit.min(LIMIT_IN_RUN)
-            } else {
-                limit
+        loop {
+            let (other, limit) = match state.served {
+                Served::Nobody => break,
+                Served::Desk(other) => (other, limit),
+                Served::Run(other) => (other, limit.min(LIMIT_IN_RUN)),
             };
             let remaining = limit.saturating_sub(since.elapsed());
             if remaining.is_zero() {
                 state.waiting -= 1;
-                return Err(busy(state.served, "wait for its end"));
+                return Err(busy(other, "wait for its end"));
             }
             let result = self.changes.wait_timeout(state, remaining);
             (state, _) = result.unwrap_or_else(PoisonError::into_inner);
         }
         state.waiting -= 1;
-        state.served = Some(by);
+        state.served = Served::Desk(by);
         Ok(Taken(self))
     }
 }
 
-fn busy(served: Option<SocketAddr>, advice: &str) -> String {
-    let of = served.map_or_else(String::new, |address| format!(", of {address}"));
-    format!("it serves another session{of}: {advice}")
+fn busy(by: SocketAddr, advice: &str) -> String {
+    format!("it serves another session, of {by}: {advice}")
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ use std::path::Path;
 use hil_console::terminal::exit::Failure;
 use hil_facts::results::recorded_run::RecordedRun;
 use hil_recording::reader::{Column, RunReader};
+use shared_types::record::Outcome;
 use toml_edit::{DocumentMut, Item};
 
 /// Facts and figures of a run.
@@ -132,7 +133,8 @@ impl Figures {
                 "{torn}, so it cannot be a baseline; `hil compare A B` compares the existing part"
             )));
         }
-        if !matches!(reader.result("outcome"), Some("completed" | "diverged")) {
+        let outcome = reader.result("outcome").and_then(Outcome::named);
+        if !outcome.is_some_and(Outcome::is_own_end) {
             return Err(Failure::usage(format!(
                 "{} did not end by itself, so it cannot be compared with a baseline",
                 run.display()

@@ -210,8 +210,5 @@ fn a_run_without_interventions_repeats_as_its_scenario() {
     let text = run.scenario().expect("a scenario");
     let plan = again(&run, &text);
     assert_eq!(plan, run.recorded.plan);
-    assert_eq!(
-        (run.records, run.outcome.as_deref()),
-        (1, Some("completed"))
-    );
+    assert_eq!((run.records, run.outcome), (1, Some(Outcome::Completed)));
 }

@@ -6,7 +6,8 @@
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::request::Refused;
-use crate::report::page::{AXIS, UPLOT, UPLOT_STYLE};
+use crate::offline_page::PAGE;
+use crate::report::page::{UPLOT, UPLOT_STYLE};
 
 const SCRIPT: &str = include_str!("assets/panel.js");
 const STYLE: &str = include_str!("assets/panel.css");
@@ -83,7 +84,7 @@ fn page(nonce: &str) -> String {
                     kbd { "y" } " injects it, any other key cancels."
                 }
                 script nonce=(nonce) { (PreEscaped(UPLOT)) }
-                script nonce=(nonce) { (PreEscaped(AXIS)) }
+                script nonce=(nonce) { (PreEscaped(PAGE)) }
                 script nonce=(nonce) { (PreEscaped(SCRIPT)) }
             }
         }

@@ -8,12 +8,10 @@ use super::data::Data;
 use super::plots::Plot;
 use super::run::{Run, Span, distinct};
 use super::tables;
-use crate::offline_page::OfflinePage;
+use crate::offline_page::{OfflinePage, PAGE};
 
 pub(crate) const UPLOT: &str = include_str!("assets/uplot/uPlot.iife.min.js");
 pub(crate) const UPLOT_STYLE: &str = include_str!("assets/uplot/uPlot.min.css");
-/// Script for the width of the value axes, shared by pages with uPlot.
-pub(crate) const AXIS: &str = include_str!("assets/axis.js");
 const SCRIPT: &str = include_str!("assets/report.js");
 
 /// Renders the whole page.
@@ -51,7 +49,7 @@ pub(crate) fn page(runs: &[Run], plots: &[Plot], data: &Data) -> Result<String, 
         body,
         credit: Some("Plots by uPlot, MIT licence."),
         data,
-        scripts: &[UPLOT, AXIS, SCRIPT],
+        scripts: &[UPLOT, PAGE, SCRIPT],
     };
     page.write()
 }

@@ -1,7 +1,7 @@
 //! The HTML page of a campaign: the parts that need no script, and the data for the script that draws the plots.
 
 use hil_console::terminal::exit::Failure;
-use hil_views::offline_page::OfflinePage;
+use hil_views::offline_page::{OfflinePage, PAGE};
 
 use maud::{Markup, html};
 use shared_types::number::counted;
@@ -51,7 +51,7 @@ pub(super) fn page(campaign: &Campaign, data: &Data) -> Result<String, Failure> 
         body,
         credit: None,
         data,
-        scripts: &[SCRIPT],
+        scripts: &[PAGE, SCRIPT],
     };
     page.write()
 }

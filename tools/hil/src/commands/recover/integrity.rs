@@ -75,10 +75,10 @@ struct Tally {
     unmarked: usize,
 }
 
-/// Flips each of these bits of a file in turn and recovers the result.
+/// Flips a bit in each of these places of a file and recovers that.
 fn flipped(original: &Original, bytes: &[u8], places: &BTreeSet<(usize, u8)>) -> Tally {
-    let sound = Content::by(&original.folder.path().join(RECORDING));
-    let elsewhere = original.folder.path().join("elsewhere.mcap");
+    let sound = Content::by(&original.folder.join(RECORDING));
+    let elsewhere = original.folder.join("elsewhere.mcap");
     let mut became = Tally::default();
     for (place, bit) in places {
         let mut wrong = bytes.to_vec();

@@ -1,17 +1,14 @@
 //! Recordings truncated at every byte, and their recoveries.
 
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use hil_recording::reader::{RECORDING, RunReader};
-use hil_recording::writer::{Provenance, Recording};
 use shared_types::record::Event;
-use tempfile::TempDir;
 
 use hil_recording::compression::Compression;
 
 use super::*;
-use crate::fixture::{layout, record, taken};
+use crate::fixture::{Content, Folder, chunked, layout, record, taken};
 
 const RECORDS: u64 = 60;
 pub(super) const COMPRESSIONS: [Compression; 3] =
@@ -19,41 +16,25 @@ pub(super) const COMPRESSIONS: [Compression; 3] =
 
 /// Recording of a run with a fault at step 7, in chunks of twenty records.
 pub(super) struct Original {
-    pub(super) folder: TempDir,
+    pub(super) folder: Folder,
     pub(super) bytes: Vec<u8>,
 }
 
 impl Original {
     pub(super) fn new(compression: Compression) -> Self {
-        let folder = TempDir::new().expect("a folder");
-        let path = folder.path().join(RECORDING);
-        let provenance = Provenance {
-            facts: BTreeMap::from([("rate_hz".into(), "1000".into())]),
-            attachments: vec![],
-        };
-        let layout = layout();
-        let recording = Recording::create(&path, compression, &layout, &provenance, None);
-        let mut recording = recording.expect("created");
-        for step in 0..RECORDS {
-            if step == 7 {
-                recording.event(&taken(7), None, 0).expect("written");
-            }
-            let words = words(step);
-            let view = layout.view(&words);
-            recording.record(&words, &view).expect("written");
-            if step % 20 == 19 {
-                recording.close().expect("written");
-            }
-        }
-        let result = BTreeMap::from([("outcome".into(), "completed".into())]);
-        recording.finish(result).expect("finished");
-        let bytes = std::fs::read(&path).expect("read");
+        let contents = (0..RECORDS).flat_map(|step| {
+            let event = (step == 7).then(|| Content::Event(taken(7)));
+            event.into_iter().chain([Content::Record(words(step))])
+        });
+        let contents: Vec<Content> = contents.collect();
+        let folder = chunked(&layout(), &contents, vec![], compression, 20);
+        let bytes = std::fs::read(folder.join(RECORDING)).expect("read");
         Self { folder, bytes }
     }
 
     /// Returns the path of a file with these bytes.
     pub(super) fn with(&self, bytes: &[u8]) -> PathBuf {
-        let path = self.folder.path().join("broken.mcap");
+        let path = self.folder.join("broken.mcap");
         std::fs::write(&path, bytes).expect("written");
         path
     }
@@ -116,7 +97,7 @@ pub(super) fn messages(path: &Path) -> Vec<(String, u64, Vec<u8>)> {
 fn every_record_before_the_truncation_is_kept() {
     for compression in COMPRESSIONS {
         let original = Original::new(compression);
-        let all = messages(&original.folder.path().join(RECORDING));
+        let all = messages(&original.folder.join(RECORDING));
         let chunks = original.chunks();
         let begin = mcap::Summary::read(&original.bytes)
             .expect("whole")
@@ -176,8 +157,8 @@ fn records_in_a_torn_chunk_are_recovered_too() {
 #[test]
 fn a_complete_file_is_left_alone() {
     let original = Original::new(Compression::Lz4);
-    let path = original.folder.path().join(RECORDING);
-    let elsewhere = original.folder.path().join("elsewhere.mcap");
+    let path = original.folder.join(RECORDING);
+    let elsewhere = original.folder.join("elsewhere.mcap");
     for output in [None, Some(&*elsewhere)] {
         let recovered = recovered(&path, output).expect("whole");
         assert_eq!((recovered.state, recovered.file), (State::Whole, None));
@@ -194,7 +175,7 @@ fn a_file_damaged_before_its_end_is_recovered_only_to_another_file() {
     let place = original.chunks()[0].0 + 400;
     bytes[place..place + 200].fill(0xff);
     let path = original.with(&bytes);
-    let elsewhere = original.folder.path().join("elsewhere.mcap");
+    let elsewhere = original.folder.join("elsewhere.mcap");
     let refused = recovered(&path, None).expect_err("refused").to_string();
     assert!(refused.contains("is not replaced"), "{refused}");
     assert!(refused.contains("after 20 records"), "{refused}");

@@ -2,9 +2,6 @@
 // The panel of a session. Points come as the least and the greatest value of equal stretches of time and are kept for
 // one window; everything else comes as JSON. Texts of a run are only ever set as text.
 (() => {
-  const root = document.documentElement;
-  const at = (id) => document.getElementById(id);
-  const svg = "http://www.w3.org/2000/svg";
   const secret = location.hash.slice(1);
 
   const make = (name, content, attributes = {}) => {
@@ -45,39 +42,6 @@
   // Curves that a name below their plot hides, by plot and signal.
   let hidden = null;
   const retainChoices = () => retain("session " + about.session, { window_s: view.window_s, hidden: [...hidden] });
-
-  // ---- Numbers ----
-
-  const number = (value) => {
-    if (value === null || value === undefined || Number.isNaN(value)) return "–";
-    if (!Number.isFinite(value)) return value > 0 ? "inf" : "-inf";
-    const rounded = +value.toPrecision(5);
-    const size = Math.abs(rounded);
-    return rounded !== 0 && (size < 1e-3 || size >= 1e6) ? rounded.toExponential().replace("e+", "e") : String(rounded);
-  };
-  const shown = (value, unit) => number(value) + (unit && unit !== "1" && !Number.isNaN(value) ? " " + unit : "");
-  const seconds = (time) => String(+time.toFixed(4));
-  const decimals = (step) => {
-    let digits = 0;
-    while (digits < 9 && Math.abs(step * 10 ** digits - Math.round(step * 10 ** digits)) > 1e-6 * step * 10 ** digits) digits++;
-    return digits;
-  };
-  const ticks = (splits, step) => {
-    const most = Math.max(...splits.map((one) => Math.abs(one ?? 0)));
-    return splits.map((value) => {
-      if (value === null || value === undefined) return "";
-      if (value === 0) return "0";
-      if (most >= 1e-2 && most < 1e6) return value.toFixed(decimals(step || 1));
-      const power = Math.floor(Math.log10(Math.abs(value)));
-      return value.toExponential(decimals((step || most) / 10 ** power)).replace("e+", "e");
-    });
-  };
-  const powers = (min, max) => {
-    const first = Math.ceil(Math.log10(min) - 1e-9);
-    const last = Math.floor(Math.log10(max) + 1e-9);
-    const step = Math.max(1, Math.ceil((last - first) / 6));
-    return Array.from({ length: Math.max(0, Math.floor((last - first) / step) + 1) }, (_, i) => 10 ** (first + i * step));
-  };
 
   // ---- Points ----
 
@@ -138,15 +102,8 @@
   const plots = [];
   const valueAxis = commonAxis(62, () => plots.forEach((one) => one.plot?.redraw(true, true)));
   const setTheme = (isDark) => {
-    root.dataset.theme = isDark ? "dark" : "light";
-    write(at("theme"), isDark ? "Light" : "Dark");
-    at("theme").setAttribute("aria-pressed", String(isDark));
-    const style = getComputedStyle(root);
-    const of = (name) => style.getPropertyValue(name).trim();
-    ink = {
-      paper: of("--paper"), text: of("--soft"), grid: of("--grid"), fault: of("--fault"), edge: of("--fault-edge"), limit: of("--limit"),
-      series: Array.from({ length: 8 }, (_, i) => of("--c" + i)),
-    };
+    showTheme(isDark);
+    ink = readInk();
     drawSoon();
   };
 
@@ -173,8 +130,7 @@
         signal: signals[place], isShown: !hidden.has(spec.title + " " + signals[place].name), colour: nth % 8, label: spec.labels[nth] || spec.title,
         dash: /^(reference|stimulus)\./.test(signals[place].name) ? [8, 4] : [],
       }));
-      const unit = spec.unit && spec.unit !== "1" ? ` [${spec.unit}]` : "";
-      this.figure = make("figure", make("figcaption", parted(spec.title + unit)), { class: "plot", role: "group", "aria-label": "Plot: " + spec.title });
+      this.figure = make("figure", make("figcaption", parted(spec.title + unitOf(spec.unit))), { class: "plot", role: "group", "aria-label": "Plot: " + spec.title });
       this.box = make("div", undefined, { class: "canvas" });
       this.legendBox = make("div", undefined, { class: "legend" });
       this.figure.append(this.box, this.legendBox);
@@ -185,14 +141,14 @@
 
     create() {
       const { spec } = this;
-      const axis = { stroke: () => ink.text, grid: { stroke: () => ink.grid, width: 1 }, ticks: { stroke: () => ink.grid, width: 1 }, font: "11px system-ui, sans-serif" };
+      const font = "11px system-ui, sans-serif";
       this.plot = new uPlot({
         width: Math.max(200, this.box.clientWidth), height: 190, legend: { show: false },
         cursor: { sync: { key: "panel", setSeries: false }, drag: { x: false, y: false }, points: { show: false }, y: false },
         scales: { x: { time: false, range: () => span() }, y: { distr: spec.log ? 3 : 1, range: () => this.range || [0, 1] } },
         axes: [
-          { ...axis, size: 30, values: (u, splits, _i, _s, step) => ticks(splits, step).map((text, i) => (i === splits.length - 1 ? text + " s" : text)) },
-          { ...axis, size: valueAxis, ...(spec.log ? { splits: (u, _i, min, max) => powers(min, max), filter: (u, splits) => splits, values: (u, splits) => splits.map((one) => one.toExponential(0).replace("e+", "e")) } : { values: (u, splits, _i, _s, step) => ticks(splits, step) }) },
+          { ...axisOf(() => ink, 30, font), ...timeLabels },
+          { ...axisOf(() => ink, valueAxis, font), ...labelsOf(spec, 6) },
         ],
         series: [{}, ...this.series.map((one, place) => ({
           show: one.isShown, stroke: () => ink.series[one.colour], width: 1.25 + Math.min(2, 0.9 * (this.series.length - 1 - place)), dash: one.dash, points: { show: false },
@@ -232,18 +188,15 @@
         this.range = this.range || (spec.log ? [0.1, 1] : [0, 1]);
         return;
       }
-      const levels = spec.lines.concat(spec.limits.filter((one) => one.from_s <= shownSpan[1] && one.until_s >= shownSpan[0]).map((one) => one.level));
+      const levels = levelsOf(spec, shownSpan);
       if (spec.log) {
-        for (const level of levels) if (level > 0 && level < max * 100 && level > min / 100) [min, max] = [Math.min(min, level), Math.max(max, level)];
-        min = Math.max(min, max * 1e-24);
-        this.range = [10 ** Math.floor(Math.log10(min) - 0.05), 10 ** Math.ceil(Math.log10(max) + 0.05)];
+        this.range = logRange(min, max, levels);
         return;
       }
       const size = Math.max(Math.abs(min), Math.abs(max));
       // Points are single numbers: what differs by less is one value, whose ticks are to differ in digits that are shown.
       if (max - min < 1e-6 * size) [min, max] = [min - 0.01 * size, max + 0.01 * size];
-      const height = max - min;
-      for (const level of levels) if (level < max + 4 * height && level > min - 4 * height) [min, max] = [Math.min(min, level), Math.max(max, level)];
+      [min, max] = withLevels(min, max, levels);
       const room = (max - min || Math.abs(max) || 1) * 0.08;
       const [low, high] = this.range || [Infinity, -Infinity];
       const holds = low <= min && high >= max && max - min > 0.55 * (high - low);
@@ -291,21 +244,9 @@
       return { stroke, fill: null, clip: null, band: null, gaps: null, flags: 0 };
     }
 
-    // Draws in the plot's area alone.
-    within(u, does) {
-      const { ctx } = u;
-      const { left, top, width, height } = u.bbox;
-      ctx.save();
-      ctx.beginPath();
-      ctx.rect(left, top, width, height);
-      ctx.clip();
-      does(ctx, u.bbox, devicePixelRatio);
-      ctx.restore();
-    }
-
     // Times in which faults act, and notes.
     shade(u) {
-      this.within(u, (ctx, { left, top, width, height }, ratio) => {
+      within(u, (ctx, { left, top, width, height }, ratio) => {
         for (const { from_s, until_s, isFault } of inSight) {
           const from = u.valToPos(from_s, "x", true);
           const to = until_s === null ? left + width : u.valToPos(until_s, "x", true);
@@ -321,7 +262,7 @@
 
     // Their names, over the curves.
     names(u) {
-      this.within(u, (ctx, { left, top, width }, ratio) => {
+      within(u, (ctx, { left, top, width }, ratio) => {
         ctx.font = `${11 * ratio}px system-ui, sans-serif`;
         ctx.textBaseline = "top";
         ctx.textAlign = "left";
@@ -348,7 +289,7 @@
 
     // Level lines and limits of requirements.
     levels(u) {
-      this.within(u, (ctx, { left, width }, ratio) => {
+      within(u, (ctx, { left, width }, ratio) => {
         ctx.lineWidth = 1.25 * ratio;
         const rule = (level, from, to) => {
           if (this.spec.log && level <= 0) return;
@@ -372,16 +313,8 @@
     legend() {
       for (const [index, one] of this.series.entries()) {
         const button = make("button", undefined, { type: "button", "aria-pressed": String(one.isShown), title: one.signal.name });
-        const line = document.createElementNS(svg, "svg");
-        line.setAttribute("width", "20");
-        line.setAttribute("height", "8");
-        const stroke = document.createElementNS(svg, "line");
-        for (const [name, value] of Object.entries({ x1: 0, y1: 4, x2: 20, y2: 4, "stroke-width": 2 })) stroke.setAttribute(name, value);
-        stroke.setAttribute("stroke-dasharray", one.dash.join(" "));
-        stroke.style.stroke = `var(--c${one.colour})`;
-        line.append(stroke);
         one.shownValue = make("span", "", { class: "value" });
-        button.append(line, parted(one.label), " ", one.shownValue);
+        button.append(lineOf(20, one.dash, one.colour), parted(one.label), " ", one.shownValue);
         button.addEventListener("click", () => {
           one.isShown = !one.isShown;
           const name = this.spec.title + " " + one.signal.name;
@@ -410,8 +343,6 @@
       }
     }
   }
-
-  const magnitudes = (low, high) => (low > 0 ? [low, high] : high < 0 ? [-high, -low] : [0, Math.max(-low, high)]);
 
   // Faults, and events with a label, with their times.
   let shades = [];
@@ -492,27 +423,27 @@
   const describe = (told) => {
     about = told;
     document.title = `${told.scenario}: hil panel`;
-    write(at("scenario"), told.scenario);
-    at("scenario").title = told.description;
+    write(byId("scenario"), told.scenario);
+    byId("scenario").title = told.description;
     const pace = told.pace === null ? "" : ` at ${number(told.pace)}`;
-    write(at("session"), `session ${told.session}, ${told.plant}, ${told.clock}${pace}`);
-    signals = told.signals.map((one) => ({ ...one, value: NaN, least: new Float32Array(KEPT).fill(NaN), greatest: new Float32Array(KEPT).fill(NaN) }));
+    write(byId("session"), `session ${told.session}, ${told.plant}, ${told.clock}${pace}`);
+    signals = told.signals.map((one) => ({ ...one, value: null, least: new Float32Array(KEPT).fill(NaN), greatest: new Float32Array(KEPT).fill(NaN) }));
     const choices = [...new Set([...windows.filter((one) => one < told.duration_s && one > 3 * period()), Math.min(told.window_s, told.duration_s), told.duration_s])].sort((a, b) => a - b);
-    at("window").replaceChildren(...choices.map((one) => make("option", one === told.duration_s ? "whole run" : `${seconds(one)} s`, { value: String(one) })));
+    byId("window").replaceChildren(...choices.map((one) => make("option", one === told.duration_s ? "whole run" : `${seconds(one)} s`, { value: String(one) })));
     const chosen = recall("session " + told.session);
     hidden ??= new Set(Array.isArray(chosen?.hidden) ? chosen.hidden : []);
     // Another connection keeps what the page has.
     const isFirst = view.number === 0;
     if (isFirst) view.window_s = choices.includes(chosen?.window_s) ? chosen.window_s : told.window_s;
     view.window_s = Math.min(view.window_s, told.duration_s);
-    at("window").value = String(view.window_s);
+    byId("window").value = String(view.window_s);
     for (const { figure } of plots.splice(0)) {
       seen.unobserve(figure);
       sized.unobserve(figure);
     }
-    at("plots").replaceChildren();
+    byId("plots").replaceChildren();
     for (const spec of told.plots) {
-      const plot = new Plot(spec, at("plots"));
+      const plot = new Plot(spec, byId("plots"));
       plots.push(plot);
       plot.figure.panelPlot = plot;
       seen.observe(plot.figure);
@@ -520,13 +451,13 @@
     }
     const first = told.readings ?? [...new Set(told.plots.flatMap((plot) => plot.signals))].slice(0, 8);
     readings = first.map((place) => ({ signal: signals[place], box: make("dd", "") }));
-    at("readings").replaceChildren(...readings.map(({ signal, box }) => {
+    byId("readings").replaceChildren(...readings.map(({ signal, box }) => {
       const row = make("div", make("dt", parted(signal.name)));
       row.append(box);
       return row;
     }));
     disarm();
-    at("buttons").replaceChildren(...told.buttons.map((one, nth) => {
+    byId("buttons").replaceChildren(...told.buttons.map((one, nth) => {
       const button = make("button", make("kbd", String(nth + 1)), { type: "button", title: one.words });
       button.append(" " + one.label);
       button.addEventListener("click", () => act({ deed: "inject", words: one.words }));
@@ -556,7 +487,7 @@
   };
   const setWindow = (window_s) => {
     view.window_s = window_s;
-    at("window").value = String(window_s);
+    byId("window").value = String(window_s);
     retainChoices();
     look();
   };
@@ -573,16 +504,16 @@
     state = told;
     root.dataset.state = told.state;
     const { ending } = told;
-    if (ending) badge(at("state"), `ended: ${verdictOf(ending)}`, tones[verdictOf(ending)] ?? "");
-    else badge(at("state"), told.hil_is_stopped ? "hil is stopped" : told.state, told.hil_is_stopped ? "bad" : tones[told.state]);
+    if (ending) badge(byId("state"), `ended: ${verdictOf(ending)}`, tones[verdictOf(ending)] ?? "");
+    else badge(byId("state"), told.hil_is_stopped ? "hil is stopped" : told.state, told.hil_is_stopped ? "bad" : tones[told.state]);
     const time = told.time_s === null ? "" : `${seconds(told.time_s)} of ${seconds(told.steps / told.rate_hz)} s, step ${told.step}`;
-    write(at("time"), time);
-    at("progress").value = told.step === null ? 0 : told.step / told.steps;
+    write(byId("time"), time);
+    byId("progress").value = told.step === null ? 0 : told.step / told.steps;
     const trip = told.round_trip_ns ? `, ${number(+(told.round_trip_ns.p50 / 1e3).toPrecision(3))} us round trip` : "";
     const lost = told.lost > 0 ? `, ${told.lost} records not seen` : "";
-    write(at("speed"), ending ? "" : (told.realtime_factor ? `${number(+told.realtime_factor.toPrecision(3))}x real time${trip}` : "") + lost);
-    write(at("pause"), told.state === "paused" ? "Resume" : "Pause");
-    write(at("readings-title"), ending ? "Final readings" : "Readings");
+    write(byId("speed"), ending ? "" : (told.realtime_factor ? `${number(+told.realtime_factor.toPrecision(3))}x real time${trip}` : "") + lost);
+    write(byId("pause"), told.state === "paused" ? "Resume" : "Pause");
+    write(byId("readings-title"), ending ? "Final readings" : "Readings");
     enable();
     if (about) shade();
     requirements(told.requirements);
@@ -595,17 +526,17 @@
     const text = JSON.stringify(list);
     if (text === shownRequirements) return;
     shownRequirements = text;
-    at("requirements-box").hidden = !list?.length;
+    byId("requirements-box").hidden = !list?.length;
     const rows = (list ?? []).map((one) => {
       const verdict = make("span", one.verdict === "undecided" ? "open" : one.verdict, { class: "badge", "data-tone": tones[one.verdict] });
       const margin = one.robustness !== null ? shown(one.robustness, one.unit)
         : one.at_most !== null ? "≤ " + shown(one.at_most, one.unit)
-          : one.at_least !== null ? "≥ " + shown(one.at_least, one.unit) : "–";
+          : one.at_least !== null ? "≥ " + shown(one.at_least, one.unit) : "-";
       const row = make("tr");
       row.append(make("td", verdict), make("td", parted(one.name)), make("td", margin, { class: "n" }));
       return row;
     });
-    at("requirements").replaceChildren(...rows);
+    byId("requirements").replaceChildren(...rows);
   };
   const faultRows = new Map();
   const faults = (list) => {
@@ -632,10 +563,10 @@
     // The newest of those that act or wait first; those that ended last.
     const order = list.slice().sort((a, b) => (a.state === "ended") - (b.state === "ended") || b.id - a.id);
     const rows = order.map((fault) => faultRows.get(fault.id));
-    const box = at("faults");
+    const box = byId("faults");
     if (rows.some((row, place) => box.children[place] !== row) || box.children.length !== rows.length) box.replaceChildren(...rows);
-    at("no-faults").hidden = list.length > 0;
-    at("clear-all").hidden = Boolean(state.ending) || list.filter((one) => one.state !== "ended").length < 2;
+    byId("no-faults").hidden = list.length > 0;
+    byId("clear-all").hidden = Boolean(state.ending) || list.filter((one) => one.state !== "ended").length < 2;
   };
 
   // ---- The log ----
@@ -648,25 +579,25 @@
   const row = (text, data) => {
     const one = make("li", text);
     Object.assign(one.dataset, data);
-    at("log").prepend(one);
-    at("no-log").hidden = true;
+    byId("log").prepend(one);
+    byId("no-log").hidden = true;
     return one;
   };
   const trim = () => {
-    const box = at("log");
+    const box = byId("log");
     for (; box.children.length > ROWS; box.lastChild.remove()) left += Number(box.lastChild.dataset.count ?? 0);
-    at("more-log").hidden = !left;
-    write(at("more-log"), `${left} earlier events are in the recording and in its report.`);
+    byId("more-log").hidden = !left;
+    write(byId("more-log"), `${left} earlier events are in the recording and in its report.`);
   };
   // The answer to a change comes before its event, which takes its place.
   const say = (text, tone, about = "") => {
-    const before = at("log").firstChild;
+    const before = byId("log").firstChild;
     if (about && before && !before.dataset.event && before.dataset.about === about) before.remove();
     row(text, { tone: tone ?? "", about });
     trim();
   };
   const happen = ({ step, text, label, key }) => {
-    const box = at("log");
+    const box = byId("log");
     while (key && box.firstChild && !box.firstChild.dataset.event && box.firstChild.dataset.about === key) box.firstChild.remove();
     // Changes of one value that follow each other, as of a slider that moves, are one row, which counts them.
     const before = key && box.firstChild?.dataset.event && box.firstChild.dataset.about === key ? box.firstChild : null;
@@ -680,7 +611,7 @@
   };
   const hear = (told) => {
     if (told.edition !== edition) {
-      for (const one of at("log").querySelectorAll("li[data-event]")) one.remove();
+      for (const one of byId("log").querySelectorAll("li[data-event]")) one.remove();
       [edition, events, left, notes] = [told.edition, 0, 0, []];
     }
     const more = told.events.slice(Math.max(0, events - told.from));
@@ -702,24 +633,24 @@
     asked.delete(deed);
     say(text, is_done ? "" : "bad", knob?.told.key);
     knob?.answered(is_done);
-    write(at("status"), text);
+    write(byId("status"), text);
     root.dataset.answers = String(Number(root.dataset.answers ?? 0) + 1);
   };
   const pause = () => act({ deed: state?.state === "paused" ? "resume" : "pause" });
   const step = (steps) => act({ deed: "step", steps });
-  at("pause").addEventListener("click", pause);
-  at("step").addEventListener("click", () => step(1));
-  at("steps").addEventListener("click", () => step(100));
-  at("mark-form").addEventListener("submit", (event) => {
+  byId("pause").addEventListener("click", pause);
+  byId("step").addEventListener("click", () => step(1));
+  byId("steps").addEventListener("click", () => step(100));
+  byId("mark-form").addEventListener("submit", (event) => {
     event.preventDefault();
-    const text = at("mark").value.trim();
-    if (!text) return at("mark").focus();
+    const text = byId("mark").value.trim();
+    if (!text) return byId("mark").focus();
     act({ deed: "mark", text });
-    at("mark").value = "";
+    byId("mark").value = "";
   });
-  at("clear-all").addEventListener("click", () => act({ deed: "clear", fault: null }));
-  at("window").addEventListener("change", () => setWindow(Number(at("window").value)));
-  at("theme").addEventListener("click", () => {
+  byId("clear-all").addEventListener("click", () => act({ deed: "clear", fault: null }));
+  byId("window").addEventListener("change", () => setWindow(Number(byId("window").value)));
+  byId("theme").addEventListener("click", () => {
     setTheme(root.dataset.theme !== "dark");
     retain("theme", root.dataset.theme);
   });
@@ -757,12 +688,11 @@
       this.isHeld = false;
       this.sentAt = 0;
       this.isReference = told.key.startsWith("reference.");
-      const unit = told.unit && told.unit !== "1" ? ` [${told.unit}]` : "";
       const id = "knob-" + nth;
       this.row = make("div", undefined, { class: "knob", title: told.description });
       const label = make("label", undefined, { for: id });
       this.back = make("button", this.isReference ? "Stimulus" : "Reset", { type: "button", class: "back", "aria-label": (this.isReference ? "Stimulus again: " : "Reset ") + told.key });
-      label.append(this.back, parted(told.key.replace(/^plant\.parameters\./, "plant.").replace(/^controller\./, "")), unit);
+      label.append(this.back, parted(told.key.replace(/^plant\.parameters\./, "plant.").replace(/^controller\./, "")), unitOf(told.unit));
       this.slider = make("input", undefined, { type: "range", min: 0, max: POSITIONS, step: 1, "aria-label": told.key });
       this.field = make("input", undefined, { id, inputmode: "decimal", autocomplete: "off" });
       this.row.append(label, this.slider, this.field);
@@ -839,9 +769,9 @@
       const value = this.wish;
       this.wish = null;
       this.told = { ...this.told, target: value, is_changed: true };
-      const ramp_s = Number(at("tune-ramp").value);
+      const ramp_s = Number(byId("tune-ramp").value);
       const set = [{ key: this.told.key, value: wire(value) }];
-      this.send(at("tune-ramp").value.trim() && ramp_s > 0 ? { set, ramp_s } : { set });
+      this.send(byId("tune-ramp").value.trim() && ramp_s > 0 ? { set, ramp_s } : { set });
     }
 
     send(change) {
@@ -858,13 +788,13 @@
   }
 
   const listTunable = (told) => {
-    at("tune-box").hidden = told.values.length === 0;
-    write(at("law-does"), told.law_does);
+    byId("tune-box").hidden = told.values.length === 0;
+    write(byId("law-does"), told.law_does);
     const keys = told.values.map((one) => one.key);
     if (keys.length !== knobs.size || keys.some((key) => !knobs.has(key))) {
       knobs.clear();
       told.values.forEach((one, nth) => knobs.set(one.key, new Knob(one, nth)));
-      at("knobs").replaceChildren(...[...knobs.values()].map((knob) => knob.row));
+      byId("knobs").replaceChildren(...[...knobs.values()].map((knob) => knob.row));
     }
     for (const one of told.values) knobs.get(one.key).hear(one);
   };
@@ -875,18 +805,18 @@
   let kinds = [];
   const listFaults = (told) => {
     kinds = told.faults;
-    at("inject-box").hidden = false;
+    byId("inject-box").hidden = false;
     const groups = Object.entries(classes).map(([name, title]) => {
       const group = make("optgroup", undefined, { label: title });
       group.append(...kinds.filter((one) => one.class === name).map((one) => make("option", one.kind, { value: one.kind })));
       return group;
     });
-    at("kind").replaceChildren(...groups.filter((group) => group.children.length));
+    byId("kind").replaceChildren(...groups.filter((group) => group.children.length));
     const usual = kinds.find((one) => one.kind === "bias") ?? kinds[0];
-    if (usual) at("kind").value = usual.kind;
+    if (usual) byId("kind").value = usual.kind;
     chooseKind();
   };
-  const kindNow = () => kinds.find((one) => one.kind === at("kind").value);
+  const kindNow = () => kinds.find((one) => one.kind === byId("kind").value);
   // A number to begin with: the field's own, a tenth of what the target has been, a hundredth of what it may be.
   const usual = (field, target) => {
     if (field.default !== null && field.default !== undefined) return field.default;
@@ -908,9 +838,9 @@
   const chooseKind = () => {
     const kind = kindNow();
     if (!kind) return;
-    write(at("kind-says"), kind.summary);
-    at("target-field").hidden = kind.targets.length < 2;
-    at("target").replaceChildren(...kind.targets.map((one) => make("option", one, { value: one })));
+    write(byId("kind-says"), kind.summary);
+    byId("target-field").hidden = kind.targets.length < 2;
+    byId("target").replaceChildren(...kind.targets.map((one) => make("option", one, { value: one })));
     const field = (name, text, value, says, isNeeded) => {
       const box = make("div", undefined, { class: "field" });
       const input = make("input", undefined, { id: "p-" + name, name, value, autocomplete: "off", title: says, ...(isNeeded ? { required: "" } : {}) });
@@ -924,27 +854,27 @@
       return field(one.name, one.name.replaceAll("_", " ") + unit, number(usual(one, target)), one.description, false);
     });
     if (kind.list) fields.push(field(kind.list.key, kind.list.key.replaceAll("_", " "), "", kind.list.description, false));
-    at("parameters").replaceChildren(...fields);
+    byId("parameters").replaceChildren(...fields);
     spell();
   };
   const quoted = (text) => (/^[\w.,:+\/-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`);
   const words = () => {
     const kind = kindNow();
     if (!kind) return "";
-    const target = kind.targets.length > 1 ? [at("target").value] : [];
-    const given = [...at("parameters").querySelectorAll("input")].filter((one) => one.value.trim() !== "").map((one) => [one.name, one.value.trim()]);
-    for (const name of ["duration", "ramp", "when"]) if (at(name).value.trim()) given.push([name, at(name).value.trim()]);
+    const target = kind.targets.length > 1 ? [byId("target").value] : [];
+    const given = [...byId("parameters").querySelectorAll("input")].filter((one) => one.value.trim() !== "").map((one) => [one.name, one.value.trim()]);
+    for (const name of ["duration", "ramp", "when"]) if (byId(name).value.trim()) given.push([name, byId(name).value.trim()]);
     return [kind.kind, ...target, ...given.map(([name, value]) => `--${name}=${quoted(value)}`)].join(" ");
   };
-  const spell = () => write(at("words"), words());
-  at("kind").addEventListener("change", chooseKind);
-  at("target").addEventListener("change", () => {
+  const spell = () => write(byId("words"), words());
+  byId("kind").addEventListener("change", chooseKind);
+  byId("target").addEventListener("change", () => {
     const kind = kindNow();
-    for (const one of kind.parameters) if (one.unit === "target") at("p-" + one.name).value = number(usual(one, at("target").value));
+    for (const one of kind.parameters) if (one.unit === "target") byId("p-" + one.name).value = number(usual(one, byId("target").value));
     spell();
   });
-  for (const name of ["duration", "ramp", "when"]) at(name).addEventListener("input", spell);
-  at("inject").addEventListener("submit", (event) => {
+  for (const name of ["duration", "ramp", "when"]) byId(name).addEventListener("input", spell);
+  byId("inject").addEventListener("submit", (event) => {
     event.preventDefault();
     act({ deed: "inject", words: words() });
   });
@@ -955,7 +885,7 @@
   for (const link of document.querySelectorAll('a[href^="#"]')) {
     link.addEventListener("click", (event) => {
       event.preventDefault();
-      const place = at(link.hash.slice(1));
+      const place = byId(link.hash.slice(1));
       place.tabIndex = -1;
       place.scrollIntoView();
       place.focus({ preventScroll: true });
@@ -971,20 +901,20 @@
   let disarming = 0;
   const arm = (button) => {
     armed = button;
-    at("armed").hidden = false;
-    at("armed-words").replaceChildren(button.title);
+    byId("armed").hidden = false;
+    byId("armed-words").replaceChildren(button.title);
     clearTimeout(disarming);
     disarming = setTimeout(leave, ARMED_MS);
   };
   const disarm = () => {
     clearTimeout(disarming);
-    at("armed").hidden = true;
+    byId("armed").hidden = true;
     armed = null;
   };
   const leave = () => {
     if (!armed) return;
     disarm();
-    write(at("status"), "not injected");
+    write(byId("status"), "not injected");
   };
   addEventListener("pointerdown", leave);
   addEventListener("blur", leave);
@@ -1004,17 +934,17 @@
       if (event.key === "Escape") target.blur();
       return;
     }
-    const widths = [...at("window").options].map((one) => Number(one.value));
+    const widths = [...byId("window").options].map((one) => Number(one.value));
     const wider = (by) => {
       const next = widths[widths.indexOf(view.window_s) + by];
       if (next) setWindow(next);
     };
     const keys = {
       " ": () => !target.closest("button, summary, a") && (pause(), true),
-      s: () => step(1), S: () => step(100), m: () => (at("mark").focus(), true), t: () => (at("knobs").querySelector("input")?.focus(), true), f: () => (at("kind").focus(), true),
+      s: () => step(1), S: () => step(100), m: () => (byId("mark").focus(), true), t: () => (byId("knobs").querySelector("input")?.focus(), true), f: () => (byId("kind").focus(), true),
       "+": () => wider(-1), "=": () => wider(-1), "-": () => wider(1),
     };
-    const button = /^[1-9]$/.test(event.key) ? at("buttons").children[Number(event.key) - 1] : null;
+    const button = /^[1-9]$/.test(event.key) ? byId("buttons").children[Number(event.key) - 1] : null;
     const does = button ? () => !button.disabled && !event.repeat && (arm(button), true) : keys[event.key];
     if (does && does() !== false) event.preventDefault();
   });
@@ -1031,7 +961,7 @@
     if (isOpen()) socket.send(JSON.stringify(message));
   };
   const trouble = (text, mayRetry) => {
-    const box = at("trouble");
+    const box = byId("trouble");
     box.hidden = !text;
     if (box.firstChild?.textContent === text) return;
     box.replaceChildren(make("span", text + " "));
@@ -1059,7 +989,7 @@
     enable();
     root.dataset.connection = "lost";
     if (isOver || state?.ending?.verdict) return;
-    badge(at("state"), "disconnected", "bad");
+    badge(byId("state"), "disconnected", "bad");
     trouble("The connection to the panel is lost; trying again.", true);
     clearTimeout(retry);
     retry = setTimeout(connect, Math.min(5000, 250 * 2 ** attempt++));
@@ -1083,7 +1013,7 @@
       isOver = true;
       root.dataset.over = told.text;
       if (!state?.ending) {
-        badge(at("state"), "closed", "bad");
+        badge(byId("state"), "closed", "bad");
         trouble(`${told.text}.`, true);
       }
     }
@@ -1095,7 +1025,7 @@
     for (const knob of asked.values()) knob.isAsking = false;
     asked.clear();
     if (!/^[0-9a-f]{32}$/.test(secret)) {
-      badge(at("state"), "no secret", "bad");
+      badge(byId("state"), "no secret", "bad");
       return trouble("This address has no secret: open the whole address that hil panel printed.", false);
     }
     if (socket) {
@@ -1127,7 +1057,6 @@
     }
   });
 
-  const wantsDark = matchMedia("(prefers-color-scheme: dark)");
   const chosenTheme = () => ["dark", "light"].find((one) => one === recall("theme"));
   const followTheme = () => setTheme(chosenTheme() ? chosenTheme() === "dark" : wantsDark.matches);
   followTheme();

@@ -2,24 +2,16 @@
 // Draws the plots of a report. Signals are envelopes over one grid of simulated time: the least and the
 // greatest value of each bucket, which may be a single step. Both are drawn, so no spike is ever hidden.
 (() => {
-  const data = JSON.parse(document.getElementById("data").textContent);
-  const root = document.documentElement;
-  const status = document.getElementById("status");
-  const svg = "http://www.w3.org/2000/svg";
+  const data = JSON.parse(byId("data").textContent);
+  const status = byId("status");
 
   // ---- Numbers ----
 
-  const bytesOf = (text) => {
-    const raw = atob(text);
-    const bytes = new Uint8Array(raw.length);
-    for (let i = 0; i < raw.length; i++) bytes[i] = raw.charCodeAt(i);
-    return bytes.buffer;
-  };
-  const start = new Float64Array(bytesOf(data.grid));
+  const start = new Float64Array(bytesOf(data.grid).buffer);
   const buckets = start.length;
 
   const cache = new Map();
-  const numbersOf = (text, isDouble) => (isDouble ? new Float64Array(bytesOf(text)) : new Float32Array(bytesOf(text)));
+  const numbersOf = (text, isDouble) => new (isDouble ? Float64Array : Float32Array)(bytesOf(text).buffer);
   // The envelope of a run's signal, or undefined if the run has none.
   const signalOf = (run, name) => {
     const key = run + " " + name;
@@ -38,56 +30,10 @@
     cache.set(key, found);
     return found;
   };
-  const unitOf = (name) => {
+  const unitOfSignal = (name) => {
     const run = data.runs.find((one) => one.signals[name]);
     return run ? run.signals[name].unit : "";
   };
-
-  const nanoseconds = (ns) => {
-    const size = Math.abs(ns);
-    if (size < 1e3) return +ns.toPrecision(4) + " ns";
-    if (size < 1e6) return +(ns / 1e3).toPrecision(4) + " us";
-    if (size < 1e9) return +(ns / 1e6).toPrecision(4) + " ms";
-    return +(ns / 1e9).toPrecision(4) + " s";
-  };
-  // As the tables: five digits, no needless zeros, below a million none lost in front of the point.
-  const number = (value) => {
-    const size = Math.abs(value);
-    const rounded = size >= 1e5 && size < 1e6 ? Math.round(value) : +value.toPrecision(5);
-    const plain = String(rounded);
-    const power = rounded.toExponential().replace("e+", "e");
-    const isOdd = Number.isFinite(rounded) && rounded !== 0 && (Math.abs(rounded) < 1e-3 || (Math.abs(rounded) >= 1e6 && power.length < plain.length));
-    return isOdd ? power : plain;
-  };
-  const seconds = (time) => String(+time.toFixed(6));
-  const shown = (value, unit) => (unit === "ns" ? nanoseconds(value) : number(value) + (unit && unit !== "1" ? " " + unit : ""));
-  // Ticks with as many digits as tell them apart.
-  const ticks = (splits, step, unit) => {
-    const most = Math.max(...splits.map((one) => Math.abs(one ?? 0)));
-    return splits.map((value) => {
-      if (value === null || value === undefined) return "";
-      if (unit === "ns") return nanoseconds(value);
-      if (value === 0) return "0";
-      const isOdd = most < 1e-2 || most >= 1e6;
-      if (!isOdd) return value.toFixed(decimals(step || 1));
-      const power = Math.floor(Math.log10(Math.abs(value)));
-      return value.toExponential(decimals((step || most) / 10 ** power)).replace("e+", "e");
-    });
-  };
-  // How many decimals it takes to write a step exactly.
-  const decimals = (step) => {
-    let digits = 0;
-    while (digits < 9 && Math.abs(step * 10 ** digits - Math.round(step * 10 ** digits)) > 1e-6 * step * 10 ** digits) digits++;
-    return digits;
-  };
-  // Powers of ten, every so many of them.
-  const powers = (min, max) => {
-    const first = Math.ceil(Math.log10(min) - 1e-9);
-    const last = Math.floor(Math.log10(max) + 1e-9);
-    const step = Math.max(1, Math.ceil((last - first) / 7));
-    return Array.from({ length: Math.max(0, Math.floor((last - first) / step) + 1) }, (_, i) => 10 ** (first + i * step));
-  };
-  const logTicks = (splits, unit) => splits.map((value) => (unit === "ns" ? nanoseconds(value) : value >= 1e-3 && value < 1e5 ? String(+value.toPrecision(1)) : value.toExponential(0).replace("e+", "e")));
 
   // The bucket that holds a time.
   const bucketOf = (time) => {
@@ -104,22 +50,11 @@
   // ---- Colours ----
 
   let ink = {};
-  const readInk = () => {
-    const style = getComputedStyle(root);
-    const of = (name) => style.getPropertyValue(name).trim();
-    ink = {
-      text: of("--soft"), grid: of("--grid"), fault: of("--fault"), edge: of("--fault-edge"), limit: of("--limit"),
-      paper: of("--paper"), series: Array.from({ length: 8 }, (_, i) => of("--c" + i)),
-    };
-  };
   // What is wanted is dashed in every plot; in a plot of several runs, whose colours are theirs, the other signals differ by their dashes.
   const dashes = { wanted: [[8, 4], [14, 4]], others: [[], [2, 3], [10, 3, 2, 3], [1, 5]] };
   const setTheme = (isDark) => {
-    root.dataset.theme = isDark ? "dark" : "light";
-    const button = document.getElementById("theme");
-    button.textContent = isDark ? "Light" : "Dark";
-    button.setAttribute("aria-pressed", String(isDark));
-    readInk();
+    showTheme(isDark);
+    ink = readInk();
     for (const plot of plots) plot.redraw();
   };
 
@@ -174,7 +109,6 @@
       const box = this.figure.querySelector(".canvas");
       const { spec } = this;
       const points = this.series.map((one) => Array.from(one.values.greatest, (value) => (value === value ? (spec.log ? Math.abs(value) || null : value) : null)));
-      const axis = { stroke: () => ink.text, grid: { stroke: () => ink.grid, width: 1 }, ticks: { stroke: () => ink.grid, width: 1 }, font: "12px system-ui, sans-serif" };
       this.plot = new uPlot({
         width: Math.max(280, box.clientWidth),
         height: 240,
@@ -185,8 +119,8 @@
           y: { distr: spec.log ? 3 : 1, range: () => this.range() },
         },
         axes: [
-          { ...axis, size: 34, values: (u, splits, _i, _s, step) => ticks(splits, step, "").map((text, i) => (i === splits.length - 1 ? text + " s" : text)) },
-          { ...axis, size: valueAxis, ...(spec.log ? { splits: (u, _i, min, max) => powers(min, max), filter: (u, splits) => splits, values: (u, splits) => logTicks(splits, spec.unit) } : { values: (u, splits, _i, _s, step) => ticks(splits, step, spec.unit) }) },
+          { ...axisOf(() => ink, 34), ...timeLabels },
+          { ...axisOf(() => ink, valueAxis), ...labelsOf(spec) },
         ],
         // The first are wider, so that those of one course are seen beneath each other.
         series: [{}, ...this.series.map((one, place) => ({ stroke: () => ink.series[one.colour % 8], width: 1.25 + Math.min(2, 0.9 * (this.series.length - 1 - place)), dash: one.dash, points: { show: false }, paths: (u, index, from, to) => this.path(u, one, from, to) }))],
@@ -227,18 +161,13 @@
           if (high > max && Number.isFinite(high)) max = high;
         }
       }
-      const levels = spec.lines.concat(spec.limits.filter((one) => one.from_s <= view[1] && one.until_s >= view[0]).map((one) => one.level));
+      const levels = levelsOf(spec, view);
       if (min > max) return spec.log ? [0.1, 1] : [0, 1];
-      if (spec.log) {
-        for (const level of levels) if (level > 0 && level < max * 100 && level > min / 100) [min, max] = [Math.min(min, level), Math.max(max, level)];
-        min = Math.max(min, max * 1e-24);
-        return [10 ** Math.floor(Math.log10(min) - 0.05), 10 ** Math.ceil(Math.log10(max) + 0.05)];
-      }
+      if (spec.log) return logRange(min, max, levels);
       // What differs by the last bits alone is no plot of them.
       const size = Math.max(Math.abs(min), Math.abs(max));
       if (max - min < 1e-9 * size) [min, max] = [min - 1e-9 * size, max + 1e-9 * size];
-      const height = max - min;
-      for (const level of levels) if (level < max + 4 * height && level > min - 4 * height) [min, max] = [Math.min(min, level), Math.max(max, level)];
+      [min, max] = withLevels(min, max, levels);
       const room = (max - min || Math.abs(max) || 1) * 0.06;
       return [min - room, max + 2 * room];
     }
@@ -284,131 +213,119 @@
 
     // Times in which faults act, where another controller took over, and notes.
     shade(u) {
-      const { ctx } = u;
-      const { left, top, width, height } = u.bbox;
-      const ratio = devicePixelRatio;
-      ctx.save();
-      ctx.beginPath();
-      ctx.rect(left, top, width, height);
-      ctx.clip();
-      ctx.font = `${11 * ratio}px system-ui, sans-serif`;
-      ctx.textBaseline = "top";
-      ctx.textAlign = "left";
-      const seen = new Set();
-      // Texts beneath each other where they would meet, whole where the edge would cut them, and in the upper half.
-      this.named = [];
-      const high = 13 * ratio;
-      const most = Math.max(1, Math.floor(height / 2 / high));
-      const write = (text, from) => {
-        const wide = ctx.measureText(text).width;
-        const at = Math.max(left + 2 * ratio, Math.min(from + 4 * ratio, left + width - wide - 2 * ratio));
-        for (let row = 0; row < most; row++) {
-          const box = { left: at, right: at + wide + 6 * ratio, base: top + 3 * ratio + (row + 1) * high };
-          if (this.named.some((one) => one.base === box.base && one.right > box.left && one.left < box.right)) continue;
-          this.named.push(box);
-          ctx.fillText(text, at, box.base - high);
-          return;
+      within(u, (ctx, { left, top, width, height }, ratio) => {
+        ctx.font = `${11 * ratio}px system-ui, sans-serif`;
+        ctx.textBaseline = "top";
+        ctx.textAlign = "left";
+        const seen = new Set();
+        // Texts beneath each other where they would meet, whole where the edge would cut them, and in the upper half.
+        this.named = [];
+        const high = 13 * ratio;
+        const most = Math.max(1, Math.floor(height / 2 / high));
+        const write = (text, from) => {
+          const wide = ctx.measureText(text).width;
+          const at = Math.max(left + 2 * ratio, Math.min(from + 4 * ratio, left + width - wide - 2 * ratio));
+          for (let row = 0; row < most; row++) {
+            const box = { left: at, right: at + wide + 6 * ratio, base: top + 3 * ratio + (row + 1) * high };
+            if (this.named.some((one) => one.base === box.base && one.right > box.left && one.left < box.right)) continue;
+            this.named.push(box);
+            ctx.fillText(text, at, box.base - high);
+            return;
+          }
+        };
+        for (const run of data.runs) {
+          for (const fault of [...run.faults, ...run.changes, ...run.marks]) {
+            const key = `${fault.label} ${fault.from_s} ${fault.until_s}`;
+            if (seen.has(key)) continue;
+            seen.add(key);
+            const from = u.valToPos(fault.from_s, "x", true);
+            const to = u.valToPos(fault.until_s ?? whole[1], "x", true);
+            if (to < left || from > left + width) continue;
+            ctx.fillStyle = ink.fault;
+            ctx.fillRect(from, top, Math.max(to - from, ratio), height);
+            ctx.fillStyle = run.faults.includes(fault) ? ink.edge : ink.text;
+            ctx.fillRect(from, top, ratio, height);
+            write(fault.label, Math.max(from, left));
+          }
         }
-      };
-      for (const run of data.runs) {
-        for (const fault of [...run.faults, ...run.changes, ...run.marks]) {
-          const key = `${fault.label} ${fault.from_s} ${fault.until_s}`;
-          if (seen.has(key)) continue;
-          seen.add(key);
-          const from = u.valToPos(fault.from_s, "x", true);
-          const to = u.valToPos(fault.until_s ?? whole[1], "x", true);
-          if (to < left || from > left + width) continue;
-          ctx.fillStyle = ink.fault;
-          ctx.fillRect(from, top, Math.max(to - from, ratio), height);
-          ctx.fillStyle = run.faults.includes(fault) ? ink.edge : ink.text;
-          ctx.fillRect(from, top, ratio, height);
-          write(fault.label, Math.max(from, left));
-        }
-      }
-      ctx.restore();
+      });
     }
 
     // Level lines, limits of requirements, and where their margins come from.
     judge(u) {
-      const { ctx } = u;
-      const { left, top, width, height } = u.bbox;
-      const ratio = devicePixelRatio;
       const { spec } = this;
-      ctx.save();
-      ctx.beginPath();
-      ctx.rect(left, top, width, height);
-      ctx.clip();
-      ctx.lineWidth = 1.25 * ratio;
-      ctx.font = `${11 * ratio}px system-ui, sans-serif`;
-      ctx.textBaseline = "bottom";
-      ctx.textAlign = "left";
-      const y = (value) => u.valToPos(value, "y", true);
-      const x = (value) => u.valToPos(value, "x", true);
-      ctx.strokeStyle = ink.text;
-      ctx.setLineDash([2 * ratio, 4 * ratio]);
-      for (const level of spec.lines) {
-        ctx.beginPath();
-        ctx.moveTo(left, y(level));
-        ctx.lineTo(left + width, y(level));
-        ctx.stroke();
-      }
-      ctx.strokeStyle = ctx.fillStyle = ink.limit;
-      // Names stand above their limit or else below it, none over another.
-      const named = this.named.slice();
-      const label = (limit, from, to, at) => {
-        const wide = ctx.measureText(limit.requirement).width;
-        const isThere = named.some((one) => one.requirement === limit.requirement && one.level === -limit.level);
-        if (isThere || wide > to - from) return;
-        const high = 11 * ratio;
-        for (const base of [at - 2 * ratio, at + high]) {
-          const box = { ...limit, left: from, right: from + wide + 6 * ratio, base };
-          const isFree = named.every((one) => one.right < box.left || one.left > box.right || Math.abs(one.base - base) > high);
-          if (isFree && base > top + high && base < top + height) {
-            named.push(box);
-            ctx.fillText(limit.requirement, from + 2 * ratio, base);
-            return;
-          }
-        }
-      };
-      for (const limit of spec.limits) {
-        if (spec.log && limit.level <= 0) continue;
-        const from = Math.max(x(limit.from_s), left);
-        const to = Math.min(x(limit.until_s), left + width);
-        const at = y(limit.level);
-        ctx.setLineDash([6 * ratio, 3 * ratio]);
-        ctx.beginPath();
-        ctx.moveTo(from, at);
-        ctx.lineTo(Math.max(to, from + 4 * ratio), at);
-        ctx.stroke();
-        label(limit, from, to, at);
-      }
-      ctx.setLineDash([]);
-      for (const mark of spec.marks) {
-        const at = x(mark.at_s);
-        if (at < left || at > left + width) continue;
-        ctx.strokeStyle = ctx.fillStyle = isOverlaid ? ink.series[mark.run % 8] : mark.holds ? ink.text : ink.limit;
-        if (!mark.decisive) {
-          ctx.setLineDash([2 * ratio, 3 * ratio]);
+      within(u, (ctx, { left, top, width, height }, ratio) => {
+        ctx.lineWidth = 1.25 * ratio;
+        ctx.font = `${11 * ratio}px system-ui, sans-serif`;
+        ctx.textBaseline = "bottom";
+        ctx.textAlign = "left";
+        const y = (value) => u.valToPos(value, "y", true);
+        const x = (value) => u.valToPos(value, "x", true);
+        ctx.strokeStyle = ink.text;
+        ctx.setLineDash([2 * ratio, 4 * ratio]);
+        for (const level of spec.lines) {
           ctx.beginPath();
-          ctx.moveTo(at, top);
-          ctx.lineTo(at, top + height);
+          ctx.moveTo(left, y(level));
+          ctx.lineTo(left + width, y(level));
           ctx.stroke();
-          ctx.setLineDash([]);
-          continue;
         }
-        const [value, level] = spec.log ? mark.decisive.map(Math.abs) : mark.decisive;
-        const size = 3 * ratio;
-        ctx.beginPath();
-        ctx.moveTo(at, y(value));
-        ctx.lineTo(at, y(level));
-        ctx.moveTo(at - size, y(level));
-        ctx.lineTo(at + size, y(level));
-        ctx.stroke();
-        ctx.beginPath();
-        ctx.arc(at, y(value), size, 0, 7);
-        ctx.fill();
-      }
-      ctx.restore();
+        ctx.strokeStyle = ctx.fillStyle = ink.limit;
+        // Names stand above their limit or else below it, none over another.
+        const named = this.named.slice();
+        const label = (limit, from, to, at) => {
+          const wide = ctx.measureText(limit.requirement).width;
+          const isThere = named.some((one) => one.requirement === limit.requirement && one.level === -limit.level);
+          if (isThere || wide > to - from) return;
+          const high = 11 * ratio;
+          for (const base of [at - 2 * ratio, at + high]) {
+            const box = { ...limit, left: from, right: from + wide + 6 * ratio, base };
+            const isFree = named.every((one) => one.right < box.left || one.left > box.right || Math.abs(one.base - base) > high);
+            if (isFree && base > top + high && base < top + height) {
+              named.push(box);
+              ctx.fillText(limit.requirement, from + 2 * ratio, base);
+              return;
+            }
+          }
+        };
+        for (const limit of spec.limits) {
+          if (spec.log && limit.level <= 0) continue;
+          const from = Math.max(x(limit.from_s), left);
+          const to = Math.min(x(limit.until_s), left + width);
+          const at = y(limit.level);
+          ctx.setLineDash([6 * ratio, 3 * ratio]);
+          ctx.beginPath();
+          ctx.moveTo(from, at);
+          ctx.lineTo(Math.max(to, from + 4 * ratio), at);
+          ctx.stroke();
+          label(limit, from, to, at);
+        }
+        ctx.setLineDash([]);
+        for (const mark of spec.marks) {
+          const at = x(mark.at_s);
+          if (at < left || at > left + width) continue;
+          ctx.strokeStyle = ctx.fillStyle = isOverlaid ? ink.series[mark.run % 8] : mark.holds ? ink.text : ink.limit;
+          if (!mark.decisive) {
+            ctx.setLineDash([2 * ratio, 3 * ratio]);
+            ctx.beginPath();
+            ctx.moveTo(at, top);
+            ctx.lineTo(at, top + height);
+            ctx.stroke();
+            ctx.setLineDash([]);
+            continue;
+          }
+          const [value, level] = spec.log ? mark.decisive.map(Math.abs) : mark.decisive;
+          const size = 3 * ratio;
+          ctx.beginPath();
+          ctx.moveTo(at, y(value));
+          ctx.lineTo(at, y(level));
+          ctx.moveTo(at - size, y(level));
+          ctx.lineTo(at + size, y(level));
+          ctx.stroke();
+          ctx.beginPath();
+          ctx.arc(at, y(value), size, 0, 7);
+          ctx.fill();
+        }
+      });
     }
 
     select(u) {
@@ -428,17 +345,9 @@
         const button = document.createElement("button");
         button.type = "button";
         button.setAttribute("aria-pressed", "true");
-        const line = document.createElementNS(svg, "svg");
-        line.setAttribute("width", "24");
-        line.setAttribute("height", "8");
-        const stroke = document.createElementNS(svg, "line");
-        for (const [name, value] of Object.entries({ x1: 0, y1: 4, x2: 24, y2: 4, "stroke-width": 2 })) stroke.setAttribute(name, value);
-        stroke.setAttribute("stroke-dasharray", one.dash.join(" "));
-        stroke.style.stroke = `var(--c${one.colour % 8})`;
-        line.append(stroke);
         one.shownValue = document.createElement("span");
         one.shownValue.className = "value";
-        button.append(line, one.label + " ", one.shownValue);
+        button.append(lineOf(24, one.dash, one.colour % 8), one.label + " ", one.shownValue);
         button.addEventListener("click", () => {
           one.isShown = !one.isShown;
           button.setAttribute("aria-pressed", String(one.isShown));
@@ -509,8 +418,6 @@
     }
   }
 
-  const magnitudes = (low, high) => (low > 0 ? [low, high] : high < 0 ? [-high, -low] : [0, Math.max(-low, high)]);
-
   // ---- Histograms ----
 
   const legs = { round_trip: "Round trip", controller: "Controller", exchange: "Exchange: round trip less controller", plant: "Plant", release: "Late by" };
@@ -529,12 +436,11 @@
         return edges.map((ns) => of.get(ns) || null);
       });
       const box = this.figure.querySelector(".canvas");
-      const axis = { stroke: () => ink.text, grid: { stroke: () => ink.grid, width: 1 }, ticks: { stroke: () => ink.grid, width: 1 }, font: "12px system-ui, sans-serif" };
       const most = Math.max(1, ...counts.flat().map((one) => one || 0));
       this.plot = new uPlot({
         width: Math.max(280, box.clientWidth), height: 220, legend: { show: false }, cursor: { show: false },
         scales: { x: { time: false, distr: 3, range: () => [edges[0] / 1.1, edges[edges.length - 1] * 1.1] }, y: { distr: 3, range: () => [0.5, most * 2] } },
-        axes: [["ns", 34], ["", valueAxis]].map(([unit, size]) => ({ ...axis, size, splits: (u, _i, min, max) => powers(min, max), filter: (u, splits) => splits, values: (u, splits) => logTicks(splits, unit) })),
+        axes: [["ns", 34], ["", valueAxis]].map(([unit, size]) => ({ ...axisOf(() => ink, size), ...logLabels(unit) })),
         series: [{}, ...runs.map(({ number }) => ({
           stroke: () => ink.series[number % 8], width: 1.5, points: { show: false },
           paths: (u, index) => steps(u, edges, counts[index - 1]),
@@ -614,21 +520,14 @@
     sized.observe(figure);
   };
 
-  // In the next frame, as the words above a table that scrolls change its height.
-  const scrolls = new ResizeObserver((entries) => requestAnimationFrame(() => {
-    for (const { target } of entries) target.toggleAttribute("data-scrolls", target.scrollWidth > target.clientWidth + 1);
-  }));
-  for (const box of document.querySelectorAll(".scroll")) scrolls.observe(box);
-
-  readInk();
-  const wantsDark = matchMedia("(prefers-color-scheme: dark)");
+  watchScroll();
   setTheme(wantsDark.matches);
   wantsDark.addEventListener("change", (event) => setTheme(event.matches));
-  document.getElementById("theme").addEventListener("click", () => setTheme(root.dataset.theme !== "dark"));
-  document.getElementById("whole").addEventListener("click", () => show(...whole));
+  byId("theme").addEventListener("click", () => setTheme(root.dataset.theme !== "dark"));
+  byId("whole").addEventListener("click", () => show(...whole));
 
   for (const figure of document.querySelectorAll("figure[data-plot]")) add(figure, new TimePlot(figure, data.plots[figure.dataset.plot]));
-  const histograms = document.getElementById("histograms");
+  const histograms = byId("histograms");
   for (const [leg, title] of Object.entries(legs)) {
     if (!data.runs.some((run) => run.histograms.some((one) => one.leg === leg))) continue;
     const figure = figureOf(title + ": steps by time", histograms);
@@ -646,26 +545,26 @@
       const found = data.plots.findIndex((plot) => plot.marks.some((mark) => mark.requirement === requirement && mark.run === Number(run)));
       const length = (whole[1] - whole[0]) / 100;
       show(Number(at) - length, Number(at) + length);
-      const figure = document.getElementById("plot-" + found);
+      const figure = byId("plot-" + found);
       if (!figure) return;
       figure.scrollIntoView({ block: "center" });
       figure.focus({ preventScroll: true });
     });
   }
 
-  const filter = document.getElementById("filter");
+  const filter = byId("filter");
   const choices = [...document.querySelectorAll("input[name=signal]")];
   filter.addEventListener("input", () => {
     const words = filter.value.trim().split(/\s+/);
     const fits = words.map((word) => new RegExp(word.replace(/[.+^${}()|[\]\\]/g, "\\$&").replace(/\*/g, ".*").replace(/\?/g, "."), "i"));
     for (const choice of choices) choice.parentElement.hidden = !fits.every((one) => one.test(choice.value));
   });
-  document.getElementById("plot").addEventListener("click", () => {
+  byId("plot").addEventListener("click", () => {
     const chosen = choices.filter((choice) => choice.checked);
-    const units = [...new Set(chosen.map((choice) => unitOf(choice.value)))];
+    const units = [...new Set(chosen.map((choice) => unitOfSignal(choice.value)))];
     for (const unit of units) {
-      const signals = chosen.map((choice) => choice.value).filter((name) => unitOf(name) === unit);
-      const figure = figureOf(signals.join(", ") + (unit && unit !== "1" ? ` [${unit}]` : ""), document.getElementById("added"));
+      const signals = chosen.map((choice) => choice.value).filter((name) => unitOfSignal(name) === unit);
+      const figure = figureOf(signals.join(", ") + unitOf(unit), byId("added"));
       add(figure, new TimePlot(figure, { title: "", unit, log: unit === "ns", signals, missing: [], lines: [], limits: [], marks: [] }));
     }
     for (const choice of chosen) choice.checked = false;

@@ -3,8 +3,6 @@
 // case; where a case stands in a plot is computed once for a size, so a selection only counts and colours again.
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
-  const root = document.documentElement;
-  const byId = (id) => document.getElementById(id);
   const make = (tag, words, inside, properties = {}) => {
     const node = Object.assign(document.createElement(tag), words === undefined ? properties : { textContent: words, ...properties });
     if (inside) inside.append(node);
@@ -12,18 +10,9 @@
   };
 
   // ---- Theme, tables that scroll, commands ----
-  const setTheme = (isDark) => {
-    root.dataset.theme = isDark ? "dark" : "light";
-    byId("theme").textContent = isDark ? "Light" : "Dark";
-    byId("theme").setAttribute("aria-pressed", String(isDark));
-  };
-  setTheme(matchMedia("(prefers-color-scheme: dark)").matches);
-  byId("theme").addEventListener("click", () => setTheme(root.dataset.theme !== "dark"));
-  // In the next frame, as the words above a table that scrolls change its height.
-  const scrolls = new ResizeObserver((entries) => requestAnimationFrame(() => {
-    for (const { target } of entries) target.toggleAttribute("data-scrolls", target.scrollWidth > target.clientWidth + 1);
-  }));
-  for (const box of document.querySelectorAll(".scroll")) scrolls.observe(box);
+  showTheme(wantsDark.matches);
+  byId("theme").addEventListener("click", () => showTheme(root.dataset.theme !== "dark"));
+  watchScroll();
   const addCopy = (code) => {
     const button = make("button", "Copy", null, { type: "button", className: "copy", onclick: async () => {
       // Some browsers refuse the clipboard to a file; the command is selected for the user's own keys then.
@@ -37,10 +26,6 @@
   document.querySelectorAll("code.command").forEach(addCopy);
 
   // ---- Columns ----
-  const bytesOf = (text) => {
-    const raw = atob(text);
-    return Uint8Array.from({ length: raw.length }, (_, place) => raw.charCodeAt(place));
-  };
   const classOf = bytesOf(data.class);
   const rows = classOf.length;
   if (rows === 0) return void make("p", "There is no case to draw yet.", byId("plots"));
@@ -87,8 +72,7 @@
     const binOf = Uint8Array.from(values, (value) => (value >= lo ? (value >= hi ? bins - 1 : Math.floor((value - lo) * scale)) : value < lo ? 0 : NO_BIN));
     const all = new Uint32Array(bins);
     for (let i = 0; i < rows; i++) if (binOf[i] !== NO_BIN) all[binOf[i]] += 1;
-    const unit = column.unit && column.unit !== "1" ? ` [${column.unit}]` : "";
-    return { ...column, values, lo, hi, bins, spread, binOf, all, list, isUndrawn: all.every((count) => count === 0), label: column.name + unit, range: null };
+    return { ...column, values, lo, hi, bins, spread, binOf, all, list, isUndrawn: all.every((count) => count === 0), label: column.name + unitOf(column.unit), range: null };
   };
   // Different values of sorted ones, if there are few.
   const listOf = (sorted) => {
@@ -100,18 +84,13 @@
   const outcomes = columns.filter((column) => column.role !== "varied");
 
   // ---- Numbers ----
-  const number = (value, digits = 5) => {
-    if (!Number.isFinite(value)) return value > 0 ? "beyond all" : value < 0 ? "below all" : "-";
-    const rounded = +value.toPrecision(digits);
-    const isOdd = rounded !== 0 && (Math.abs(rounded) < 1e-3 || Math.abs(rounded) >= 1e6);
-    return isOdd ? rounded.toExponential().replace("e+", "e") : String(rounded);
-  };
   const counted = (count) => count.toLocaleString("en");
   // Less than all is never written as 100 %.
   const percent = (count, of) => (of ? (count < of ? Math.min(+((100 * count) / of).toPrecision(4), 99.99) : 100) + " %" : "none");
-  const shown = (column, value) => (column.texts ? column.texts[Math.round(value)] ?? "" : number(value));
+  // NaN stands for a case without a value.
+  const valueShown = (column, value) => (column.texts ? column.texts[Math.round(value)] ?? "" : Number.isNaN(value) ? "-" : number(value));
   // Round steps, as many as there is space for.
-  const ticks = (lo, hi, most) => {
+  const roundValues = (lo, hi, most) => {
     const rough = (hi - lo) / Math.max(most, 1);
     const power = 10 ** Math.floor(Math.log10(rough));
     const step = power * [1, 2, 5, 10].find((one) => one * power >= rough * 0.999);
@@ -126,7 +105,7 @@
     return values.map((value) => [value, number(value, digits(value))]);
   };
   const ticksOf = (column, most) => {
-    if (!column.texts) return labelled(column.list || ticks(column.lo, column.hi, most));
+    if (!column.texts) return labelled(column.list || roundValues(column.lo, column.hi, most));
     const every = Math.ceil(column.texts.length / Math.max(most, 1));
     return column.texts.map((text, place) => [place, text.length > 9 ? text.slice(0, 8) + "…" : text]).filter(([place]) => place % every === 0);
   };
@@ -306,7 +285,7 @@
   let heights = "root";
   const raised = { root: Math.sqrt, linear: (count) => count, log: Math.log1p };
   const marksOf = (plot, most) => {
-    const candidates = heights === "linear" ? ticks(0, most, plot.tall / 30) : [0, most, ...[1e6, 1e5, 1e4, 1e3, 100, 10, 1].filter((one) => one < most)];
+    const candidates = heights === "linear" ? roundValues(0, most, plot.tall / 30) : [0, most, ...[1e6, 1e5, 1e4, 1e3, 100, 10, 1].filter((one) => one < most)];
     const marks = [];
     for (const count of candidates) {
       const y = TOP + plot.tall * (1 - raised[heights](count) / raised[heights](most));
@@ -458,7 +437,7 @@
     const read = (text) => new Float32Array(bytesOf(text).buffer);
     const perVariant = envelopes.variants.map((signals) => read(signals[place]));
     const worst = envelopes.worst.map((one) => ({ ...one, curve: read(one.signals[place]) }));
-    const label = name + (unit && unit !== "1" ? ` [${unit}]` : "");
+    const label = name + unitOf(unit);
     return { label, perVariant, worst, all: scaleOf(perVariant, envelopes.bins), each: perVariant.map((one) => scaleOf([one], envelopes.bins)) };
   });
   // A range that a few far values do not stretch.
@@ -481,7 +460,7 @@
     const at = (bin) => plot.left + (plot.inner * (bin + 0.5)) / bins;
     const up = (value) => TOP + plot.tall * (1 - (value - plot.y.lo) / (plot.y.hi - plot.y.lo));
     axisBelow(plot, context);
-    axisLeft(plot, context, labelled(ticks(plot.y.lo, plot.y.hi, plot.tall / 30)).map(([value, text]) => [up(value), text]));
+    axisLeft(plot, context, labelled(roundValues(plot.y.lo, plot.y.hi, plot.tall / 30)).map(([value, text]) => [up(value), text]));
     context.save();
     context.beginPath();
     context.rect(plot.left, TOP, plot.inner, plot.tall);
@@ -556,7 +535,7 @@
     for (const column of columns) {
       const pair = make("div", undefined, list);
       make("dt", column.role === "margin" ? "margin of " + column.label : column.label, pair);
-      make("dd", shown(column, column.values[row]), pair);
+      make("dd", valueShown(column, column.values[row]), pair);
     }
     byId("number").value = caseOf[row];
     mark(row);
@@ -700,7 +679,7 @@
     width = contentRect.width;
   }).observe(byId("plots"));
   // Paper is light, and has plots that were not looked at.
-  addEventListener("beforeprint", () => { setTheme(false); drawAgain(); plots.forEach(redraw); });
+  addEventListener("beforeprint", () => { showTheme(false); drawAgain(); plots.forEach(redraw); });
   readColours();
   later();
 })();
