@@ -97,11 +97,16 @@ fn modules_in_order_name_only_modules_below_them() {
 }
 
 /// Modules of a package, each with the names that it imports.
-struct Package(BTreeMap<Module, Vec<Import>>);
+#[derive(Default)]
+struct Package {
+    modules: BTreeMap<Module, Vec<Import>>,
+    /// Those that are there for tests alone, with all that is below them.
+    of_tests: BTreeSet<Module>,
+}
 
 impl Package {
     fn of(sources: &Path) -> Self {
-        let mut modules = BTreeMap::new();
+        let mut package = Self::default();
         let mut folders = vec![sources.to_owned()];
         while let Some(folder) = folders.pop() {
             for entry in fs::read_dir(folder).expect("a folder of sources") {
@@ -111,12 +116,34 @@ impl Package {
                 } else if path.extension().is_some_and(|end| end == "rs") {
                     let file = path.strip_prefix(sources).expect("below");
                     let text = fs::read_to_string(&path).expect("text");
-                    let (module, imports) = imports(file, &text);
-                    modules.insert(module, imports);
+                    package.add(file, &text);
                 }
             }
         }
-        Self(modules)
+        package
+    }
+
+    fn add(&mut self, file: &Path, text: &str) {
+        let (module, imports) = imports(file, text);
+        for declared in text.split("#[cfg(test)]\n").skip(1) {
+            let mut lines = declared.lines().map(str::trim_start);
+            let line = lines
+                .find(|line| !line.starts_with("#["))
+                .unwrap_or_default();
+            let line = line.trim_start_matches("pub(crate) ");
+            let name = line
+                .strip_prefix("mod ")
+                .map(|name| name.trim_end_matches(';'));
+            self.of_tests
+                .extend(name.map(|name| [&module[..], &[name.to_owned()]].concat()));
+        }
+        self.modules.insert(module, imports);
+    }
+
+    /// Returns `true` if a module is there for tests alone.
+    fn is_of_tests(&self, module: &[String]) -> bool {
+        let mut above = (1..=module.len()).map(|end| &module[..end]);
+        module.iter().any(|part| part == "tests") || above.any(|one| self.of_tests.contains(one))
     }
 
     /// Finds the module that has what a path from the root leads to, through the names that modules pass on.
@@ -126,9 +153,9 @@ impl Package {
         for _ in 0..16 {
             let known = (0..=path.len())
                 .rev()
-                .find(|end| self.0.contains_key(&path[..*end]));
+                .find(|end| self.modules.contains_key(&path[..*end]));
             let known = known.unwrap_or(0);
-            let imports = self.0.get(&path[..known]);
+            let imports = self.modules.get(&path[..known]);
             let import = path.get(known).and_then(|name| {
                 let mut imports = imports?.iter();
                 imports.find(|import| import.name == *name)
@@ -144,7 +171,7 @@ impl Package {
     /// Returns `true` if a path from the root begins with a module of this package.
     fn is_inside(&self, path: &[String]) -> bool {
         path.first()
-            .is_some_and(|first| self.0.contains_key(&[first.clone()][..]))
+            .is_some_and(|first| self.modules.contains_key(&[first.clone()][..]))
     }
 }
 
@@ -207,8 +234,8 @@ fn modules_of_a_package_form_no_circle() {
             continue; // of tests alone
         }
         let modules = Package::of(&sources);
-        let is_test = |module: &[String]| module.iter().any(|part| part == "tests");
-        let in_product = |module: &Module| !is_test(module) && modules.0.contains_key(&module[..]);
+        let is_test = |module: &[String]| modules.is_of_tests(module);
+        let in_product = |module: &Module| !is_test(module);
         let arrows = named_below(&sources)
             .into_iter()
             .filter(|named| !is_test(&named.from));
@@ -255,19 +282,20 @@ fn a_circle_of_parts_is_found_at_their_level_and_one_with_their_parent_is_none()
 
 #[test]
 fn a_name_that_a_module_passes_on_leads_to_its_home() {
-    let file = |path: &str, text: &str| imports(Path::new(path), text);
-    let modules = Package(BTreeMap::from([
-        file("lib.rs", "mod a;\npub use a::b::Deep;"),
-        file(
+    let mut modules = Package::default();
+    for (file, text) in [
+        ("lib.rs", "mod a;\npub use a::b::Deep;"),
+        (
             "a.rs",
-            "mod b;\nmod c;\nuse b::{Own, Other as Renamed};\nuse std::fmt;",
+            "mod b;\n#[cfg(test)]\nmod c;\nuse b::{Own, Other as Renamed};\nuse std::fmt;",
         ),
-        file("a/b.rs", ""),
-        file(
-            "a/c.rs",
-            "#[cfg(test)]\nmod tests {\n    use super::super::b::Tested;\n}",
-        ),
-    ]));
+        ("a/b.rs", "mod tests {\n    use super::super::c::Tested;\n}"),
+        ("a/c.rs", ""),
+    ] {
+        modules.add(Path::new(file), text);
+    }
+    let is_of_tests = |path: [&str; 2]| modules.is_of_tests(&path.map(String::from));
+    assert!(is_of_tests(["a", "c"]) && !is_of_tests(["a", "b"]));
     let home = |path: &str| {
         let path: Module = path.split("::").map(Into::into).collect();
         modules.home(&path).join("::")
