@@ -425,8 +425,8 @@ fn sessions(rig: &Rig) -> impl Iterator<Item = SessionInfo> {
 fn impossible_measurements_are_refused_at_once() {
     let rig = Rig::new();
     for (arguments, fragment) in [
-        ("--signals 0", "from 1 to 512 signals"),
-        ("--signals 8,513", "from 1 to 512 signals"),
+        ("--signals 0", "1 to 512 signals"),
+        ("--signals 8,513", "1 to 512 signals"),
         ("--rates fast", "max, or a rate"),
         ("--duration 0", "must be above 0"),
         ("--steps 0", "--steps"),
