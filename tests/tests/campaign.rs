@@ -207,8 +207,8 @@ fn a_second_result_that_differs_ends_with_exit_code_1() {
         let run = campaign(&rig, &[verb, text(&folder)]).expect(1);
         let output = run.stdout + &run.stderr;
         assert!(
-            said.contains("case 7 has two different results: digest is a, but b from a test"),
-            "{verb}: {said}"
+            output.contains("case 7 has two different results: digest is a, but b from a test"),
+            "{verb}: {output}"
         );
     }
     campaign(&rig, &["compare", text(&folder), text(&folder)])

@@ -102,7 +102,8 @@ fn a_run_on_a_target_has_the_digest_of_the_desk_and_records_the_target() {
         let build = &there[side]["build"];
         assert_eq!(build["lock_blake3"], *blake3::hash(&lock).to_hex());
         let commit = build["commit"].as_str();
-        assert_eq!(commit.is_some(), is_clone, "{build}");
+        // A copy of a clone has programs that were built in the clone.
+        assert!(commit.is_some() || !is_clone, "{build}");
         // The commit contains the sources, unless they are marked as modified.
         let shared = ["shared-types/src", "shared-types/session/src"];
         let same = |commit| {
@@ -110,7 +111,10 @@ fn a_run_on_a_target_has_the_digest_of_the_desk_and_records_the_target() {
             git(&[&diff[..], &shared].concat())
         };
         let is_modified = build["modified"].as_bool().expect("true or false");
-        assert!(is_modified || commit.is_none_or(same), "{build}");
+        assert!(
+            is_modified || !is_clone || commit.is_none_or(same),
+            "{build}"
+        );
     }
 
     // Agent and program are cached under their hashes, for this user alone; and can be removed.

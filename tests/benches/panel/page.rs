@@ -178,8 +178,8 @@ impl Play {
     /// Waits for the end of the play, and gives what it told.
     fn told(mut self) -> Value {
         let mut text = String::new();
-        self.stdout.read_to_string(&mut told).expect("text");
-        serde_json::from_str(&told).unwrap_or_else(|error| panic!("{error}: {told}"))
+        self.stdout.read_to_string(&mut text).expect("text");
+        serde_json::from_str(&text).unwrap_or_else(|error| panic!("{error}: {text}"))
     }
 }
 

@@ -196,7 +196,7 @@ fn status_reports_pending_held_and_running_tasks() {
         status["tasks"]["reasons"].to_string().contains("DRAINED")
     });
     let text = campaign.action("status", &[]).expect(0).stdout;
-    assert!(told.contains("sinfo -R lists nodes"), "{told}");
+    assert!(text.contains("sinfo -R lists nodes"), "{text}");
     nodes("resume");
     campaign.slurm("scancel", &["--name=study"]).expect(0);
 

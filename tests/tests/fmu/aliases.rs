@@ -237,7 +237,7 @@ fn a_parameter_not_accepted_by_the_fmu_ends_the_run() {
         place.run(&start, "").expect(2).says(&expected);
         let change = format!("{text}[[changes]]\nat_s = 0.1\nset.\"plant.parameters.k\" = 7.0\n");
         // An FMU may be initialised to another value and take this one later: its step decides.
-        place.run(&change, "").expect(3).says(&told);
+        place.run(&change, "").expect(3).says(&expected);
         let fault = format!(
             "{text}[[faults]]\nkind = \"bias\"\nat_s = 0.1\n[[faults.effects]]\ntarget = \"parameter.k\"\nbias = 7.0\n"
         );

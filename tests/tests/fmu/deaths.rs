@@ -101,10 +101,10 @@ fn a_killed_fmu_is_named_by_the_call_in_which_it_died() {
     send(plant.pid, Signal::KILL);
     let run = running.finish().expect(3);
     place.assert_nothing_unpacked();
-    let expected = format!("{}{}", run.stdout, run.stderr);
+    let output = format!("{}{}", run.stdout, run.stderr);
     assert!(
-        said.contains("plant was killed by SIGKILL (9) in fmi3DoStep"),
-        "{said}"
+        output.contains("plant was killed by SIGKILL (9) in fmi3DoStep"),
+        "{output}"
     );
 }
 

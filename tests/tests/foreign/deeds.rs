@@ -275,7 +275,7 @@ fn every_mistake_in_the_tables_is_named_before_anything_starts() {
         ),
     );
     let run = deed(&rig, "plant", &wrong, 0).expect(2);
-    let told = "truth of plant `misbehaves`: `x_m` is defined twice";
+    let report = "truth of plant `misbehaves`: `x_m` is defined twice";
     let expected = format!("error: cannot run {}: {report}\n", wrong.display());
     assert_eq!(run.stderr, expected, "the reason, first and alone");
 }

@@ -16,6 +16,7 @@ use hil_session::live::ask;
 use hil_session::program::{self, CONTROLLER_JOB, FAILED, PLANT_JOB};
 use hil_session::session::SessionInfo;
 use hil_session::supervision::{PEER_GONE, STOP, Supervision};
+use hil_session::waiter::Waiter;
 use serde_json::Value;
 use shared_types::describe::Settings;
 use shared_types::frame::FrameKind;
@@ -25,7 +26,7 @@ use shared_types::live::Request;
 use shared_types::realtime::CONTROLLER_FILE;
 use shared_types::record::LONGEST_MARK;
 use shared_types::text;
-use shared_types::wait::{WaitLimit, Waiter};
+use shared_types::wait::WaitLimit;
 
 use crate::channel::Heard;
 use crate::contact::Contact;

@@ -17,9 +17,9 @@ use hil_console::terminal::interruption::Interruption;
 use hil_facts::programs::binaries::reached::Reached;
 use hil_facts::programs::binaries::{Binaries, Binary};
 use hil_facts::programs::scenario::{self, kept};
+use hil_session::asking;
 use hil_session::live::{self, Listening};
 use hil_session::session::SessionInfo;
-use hil_target::asking;
 use hil_target::name::Target;
 use serde::{Deserialize, Serialize};
 use shared_types::describe::{LawDescription, ModelSettings};
@@ -187,11 +187,11 @@ impl SwapContext {
             })
             .map_err(|_| ENDED)?;
         match Duration::try_from_secs_f64(limit_s) {
-            Ok(limit) => match answered.recv_timeout(limit.saturating_add(BESIDES)) {
+            Ok(limit) => match receiver.recv_timeout(limit.saturating_add(BESIDES)) {
                 Ok(answer) => answer,
                 Err(_) => Err("the run has ended, or did not accept the controller in time".into()),
             },
-            Err(_) => answered.recv().map_err(|_| ENDED)?, // no time limit
+            Err(_) => receiver.recv().map_err(|_| ENDED)?, // no time limit
         }
     }
 

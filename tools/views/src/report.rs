@@ -145,7 +145,7 @@ fn made(arguments: &ReportArguments) -> Result<(String, Written, Option<Failure>
     refuse_unknown(&patterns, &signals)?;
     let plots = plots(&runs, &signals, all_bounds, &grid, &patterns);
     let data = data::Data::new(&runs, &signals, &grid, &plots);
-    let summary = PageSummary {
+    let written = Written {
         file: String::new(),
         runs: runs
             .iter()

@@ -21,7 +21,7 @@ use hil_facts::programs::binaries::Binaries;
 use hil_facts::results::curve::Grid;
 use hil_run::alone;
 use hil_run::kept::Kept;
-use hil_target::asking;
+use hil_session::asking;
 use shared_types::describe::{Description, FaultKindDescription, LawDescription, PlantDescription};
 use shared_types::lockstep::OnLoss;
 use shared_types::record::RecordLayout;

@@ -88,7 +88,7 @@ impl Tolerances {
         let Some(name) = self.of.keys().find(unknown) else {
             return Ok(());
         };
-        let near = near(name, names);
+        let near = near(name, known);
         Err(format!("--tolerance: no signal `{name}` is compared{near}"))
     }
 }

@@ -24,7 +24,7 @@ use tungstenite::http::{HeaderValue, StatusCode, header};
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Error, HandshakeError, Message, WebSocket, accept_hdr_with_config};
 
-use message::{Asked, Data, asked};
+use message::{ClientMessage, Data, asked};
 use outlet::{Hub, Outlet};
 
 /// Accepted WebSocket subprotocols.
