@@ -4,7 +4,7 @@
 //!   [`mod@shared_memory`] names what keeps shared memory from being used. A [`private_folder`] has the files that a
 //!   process unpacks, and goes with it.
 //! - Processes: each [`process`] is known by more than its number, its program by the hash of its
-//!   [`file`]; [`asking`] runs one for a short answer. [`supervision`] is what the processes of a session
+//!   [`mod@file`]; [`asking`] runs one for a short answer. [`supervision`] is what the processes of a session
 //!   hear from the one that started them, [`manual_start`] the way in for one that somebody else starts. [`program`] is
 //!   what they have in common.
 //! - Transport: the [`link`] and the record [`stream`] over iceoryx2 shared memory.
