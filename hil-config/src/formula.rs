@@ -277,7 +277,7 @@ impl Formula {
         Ok(unit.symbol().map(Into::into))
     }
 
-    /// Lists the comparisons, each with the time span in a run of `end_s` in which it may count.
+    /// Lists the comparisons, each with the time span in which it can affect the result of a run of `end_s`.
     #[must_use]
     pub fn comparisons(&self, end_s: f64) -> Vec<Compared<'_>> {
         // Evaluated at step 0.

@@ -167,7 +167,7 @@ impl<P: Plant> Model for P {
     }
 }
 
-/// Constructor of a plant from all parameters by name.
+/// Constructs a plant from all its parameters, given by name.
 pub type StartPlant = Box<dyn Fn(&Settings) -> Result<Box<dyn Model>, Invalid> + Send + Sync>;
 
 /// Plant that can be selected by name: its description and constructor.

@@ -113,7 +113,7 @@ impl RequestQueue {
         request
     }
 
-    /// For the loop: requests a hold before a step.
+    /// Requests a hold before a step; called by the loop.
     pub fn hold_at(&self, step: Step) {
         self.lock().hold_at = step;
     }

@@ -43,7 +43,7 @@ pub struct Description {
 }
 
 impl Description {
-    /// Creates a description of a program of this origin, still without plants and laws.
+    /// Creates the description of a program with this origin, without plants and laws yet.
     #[must_use]
     pub fn of_origin(program: &str, origin: Origin) -> Self {
         Self {

@@ -198,7 +198,7 @@ fn a_controller_that_contradicts_its_description_at_hello_is_refused() {
     }
 }
 
-/// Change of a description.
+/// Change to a description.
 type Change = fn(&mut Value);
 
 /// Adds internal signals to a law.

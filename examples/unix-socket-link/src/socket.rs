@@ -81,7 +81,7 @@ impl Socket {
         Ok(())
     }
 
-    /// Sends a message after all others.
+    /// Queues a message behind all others.
     pub(crate) fn queue(&mut self, message: &[u8]) -> Result<(), LinkError> {
         let length = (message.len() as u32).to_le_bytes();
         self.outgoing.push_back([&length, message].concat());

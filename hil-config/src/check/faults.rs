@@ -84,7 +84,7 @@ impl<'a> Origin<'a> {
         }
     }
 
-    /// Returns the folder of files, unless files are refused.
+    /// Returns the folder that file paths are relative to; `None` if files are refused.
     const fn folder(self) -> Option<&'a Path> {
         match self {
             Self::Scenario { folder } => Some(folder),

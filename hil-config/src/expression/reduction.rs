@@ -15,7 +15,7 @@ pub enum ReductionKind {
     Min,
     /// Mean of the rows.
     Mean,
-    /// Root of the mean square of the rows.
+    /// Root mean square over the rows.
     Rms,
     /// Value in the first row.
     Initial,

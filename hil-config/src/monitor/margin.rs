@@ -13,11 +13,10 @@ pub(super) const fn larger(a: f64, b: f64) -> f64 {
     if b > a { b } else { a }
 }
 
-/// Robustness combined with the step of its comparison in one number, ordered by size, -0 below +0, and for equal sizes
-/// by step. With this total order minimum and maximum are distributive, so that any way to compute a formula yields the
-/// same step.
+/// Robustness combined with the step of its comparison in one number, ordered by value, -0 below +0, then by step.
+/// Under this total order minimum and maximum are distributive, so every way to compute a formula yields the same step.
 ///
-/// The upper half is the size in the order of [`f64::total_cmp`], the lower half the step. A size is never NaN: a
+/// The upper half is the value in the order of [`f64::total_cmp`], the lower half the step. A size is never NaN: a
 /// missing value fails by minus infinity. The sign is the verdict, so -0 fails and +0 holds.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub(super) struct Margin(i128);

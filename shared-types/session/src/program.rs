@@ -184,7 +184,7 @@ pub const CALL_BYTES: usize = 2 * CALL_NAME_BYTES;
 /// Bytes of one of these names, with its length.
 pub const CALL_NAME_BYTES: usize = 64;
 
-/// Path of that file of a process in a session's folder.
+/// Returns the path of the file with a process's current call, in a session's folder.
 #[must_use]
 pub fn call_file(folder: &Path, process: u32) -> PathBuf {
     folder.join(format!("call-{process}"))

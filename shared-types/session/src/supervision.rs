@@ -36,8 +36,8 @@ fn end_after_grace() {
     let _ = kill_process(getpid(), Signal::KILL); // cannot fail for its own process
 }
 
-/// Ends this process once the other end of a pipe or socket is closed, whatever its other threads wait for and even if
-/// unread data is left; the process has a grace period to end in order.
+/// Ends this process once the other end of a pipe or socket closes, whatever its other threads are waiting for and even
+/// if unread data remains; the process has a grace period for an orderly end.
 pub fn end_with(channel: impl AsFd + Send + 'static) {
     std::thread::spawn(move || {
         let mut closes = [PollFd::new(&channel, PollFlags::RDHUP)];

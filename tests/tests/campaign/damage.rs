@@ -1,4 +1,4 @@
-//! Damaged or incomplete folders, and full disks: each is named, with advice.
+//! Damaged or incomplete folders, and full disks: each is reported, with advice.
 
 use super::{STUDY, campaign, digest, planned, study, text};
 use crate::support::harness::Rig;

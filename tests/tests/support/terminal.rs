@@ -23,7 +23,7 @@ pub(crate) struct Terminal {
 }
 
 impl Terminal {
-    /// Starts a program in a terminal with some columns and rows.
+    /// Starts a program in a terminal of the given size.
     pub(crate) fn start(mut program: Command, (columns, rows): (u16, u16)) -> Self {
         let (master, line) = open_terminal(columns, rows);
         let settings = format!("{:?}", tcgetattr(&line).expect("its settings"));

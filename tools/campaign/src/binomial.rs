@@ -21,7 +21,7 @@ pub struct Bounds {
 /// `(a/2)^(1/n)..1` without a failure (C. J. Clopper and E. S. Pearson, Biometrika 26 (1934) 404-413; valid for
 /// `successes <= trials` and `0 < confidence < 1`). `None` outside this range and for zero trials.
 ///
-/// The risk is split equally even without a success or a failure: a side chosen by the data would reduce the coverage
+/// The risk is split equally even if all trials or none succeed: choosing the side by the data would reduce the coverage
 /// to 92.7 % at 95 %.
 #[must_use]
 pub fn bounds(successes: u64, trials: u64, confidence: f64) -> Option<Bounds> {

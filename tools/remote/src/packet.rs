@@ -6,7 +6,7 @@ use shared_types::zerocopy::{FromBytes, IntoBytes};
 /// Frame of one end, with its number.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Numbered {
-    /// Number, counted from 1 at its end.
+    /// Sequence number, assigned by the sender, starting at 1.
     pub number: u64,
     /// Header as received from the link.
     pub header: Header,

@@ -38,7 +38,7 @@ pub fn built_in() -> [Description; 2] {
 /// Refuses a plan whose result depends on the clock.
 ///
 /// # Errors
-/// If it does.
+/// If the result depends on the clock.
 pub fn refuse_clock(plan: &Plan) -> Result<(), Failure> {
     match plan.run.clock {
         Clock::Lockstep => Ok(()),

@@ -6,7 +6,7 @@ use shared_types::state::StateOf;
 use super::{LARGEST, towards};
 use crate::faults::kind::{FaultKind, Moment, Reading, Setup};
 
-/// Moves a reading towards a value by the profile.
+/// Moves a reading towards a value by the fraction that the profile gives.
 fn moved(x: Reading, value: f64, at: &Moment) -> Reading {
     Reading {
         value: towards(x.value, value, at.gain),

@@ -1,4 +1,4 @@
-//! Both sides of a measurement: this program as the plant, and itself again as the controller.
+//! Both sides of a measurement: this program as the plant, and a second instance of it as the controller.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::PathBuf;

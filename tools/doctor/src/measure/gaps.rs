@@ -39,9 +39,9 @@ pub struct Gaps {
     pub watched_ns: u64,
     /// Mean duration of a clock reading without a hole, in ns.
     pub reading_ns: f64,
-    /// Total length of the holes, in ns.
+    /// Total length of the gaps, in ns.
     pub lost_ns: u64,
-    /// Longest hole, in ns.
+    /// Longest gap, in ns.
     pub longest_ns: u64,
     /// Number of holes in each class of [`CLASSES_NS`].
     pub holes: [u64; CLASSES_NS.len()],

@@ -69,7 +69,7 @@ impl ProcessorTime {
         time
     }
 
-    /// Returns the share of the allowed cores used by other programs since then, 0 to 1.
+    /// Returns the share of the allowed cores used by other programs since an earlier measurement, 0 to 1.
     #[must_use]
     pub fn others_share(&self, since: &Self) -> f64 {
         let of = |part: fn(&Self) -> u64| part(self).saturating_sub(part(since)) as f64;

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use crate::results::restoration::Check;
 
-/// Fact that lists faults which had begun before a checkpoint and continued with other sizes.
+/// Fact that lists the faults which began before a checkpoint and continued with different magnitudes.
 pub const CHANGED_FAULTS: &str = "changed_faults";
 
 /// Fact that states whether the state of the checkpoint restores exactly.

@@ -83,7 +83,7 @@ fn recorded_file(compression: Compression, records: u64) -> File {
     }
 }
 
-/// Returns topic, time and content of each message of a file or of its beginning.
+/// Returns topic, time and content of each message in a complete or truncated file.
 fn messages(bytes: &[u8]) -> Vec<(String, u64, Vec<u8>)> {
     let whatever_the_end = mcap::read::Options::IgnoreEndMagic.into();
     let stream = mcap::MessageStream::new_with_options(bytes, whatever_the_end);

@@ -18,7 +18,7 @@ pub(super) struct Beats {
 }
 
 impl Beats {
-    /// Gives signs from now on.
+    /// Starts to send signs of life.
     pub(super) fn start(mouth: &Mouth) -> Self {
         let (end, ended) = channel();
         let mouth = mouth.clone();

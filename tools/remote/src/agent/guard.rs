@@ -167,7 +167,7 @@ impl Guard {
         self.apply(event, 0, &[])
     }
 
-    /// Notes the answer of the controller to the sample of a step; returns a report for the desk.
+    /// Records the controller's answer to the sample of a step; returns a report for the desk, if one is due.
     pub(super) fn answer(&mut self, step: u64, row: &[f64]) -> Option<ToDesk> {
         let is_finite = self.output.as_ref()?.is_finite(row);
         self.apply(Event::Answered { step, is_finite }, step, row)

@@ -1,8 +1,8 @@
 //! Event log of the watched session: every event of the run, once and in order.
 //!
 //! The stream delivers events at once, but only from when the observer joined, and a slow observer loses some. The
-//! recorder's [account](hil_facts::session::happening) is complete, but may arrive before or after the stream.
-//! Where the two differ, the account is authoritative.
+//! recorder's [list of events](hil_facts::session::happening) is complete, but may arrive before or after the stream.
+//! Where the two differ, that list is authoritative.
 
 use hil_facts::session::happening::Happening;
 

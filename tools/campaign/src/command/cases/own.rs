@@ -90,7 +90,7 @@ fn unnamed(programs: Programs) -> Programs {
 /// Chooses the programs given by flags or by `named`, with the permissions and settings of `of_case`.
 ///
 /// # Errors
-/// If a program that a file names must not be run.
+/// If a program named in a file may not be run.
 pub(super) fn choices(
     scenario: &Scenario,
     arguments: &BinaryArguments,
