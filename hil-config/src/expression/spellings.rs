@@ -128,13 +128,12 @@ pub(super) fn of_symbol(text: &str, expects_operand: bool) -> Option<(usize, Str
     ))
 }
 
-/// The message for two dots behind a number, or for two alone, and the length that it speaks of.
+/// Returns the message for two dots after a number, or for two dots alone, and the length of the text concerned.
 pub(super) fn of_range(text: &str) -> Option<(usize, String)> {
     let belongs = |c: char| c.is_alphanumeric() || matches!(c, '.' | '%');
-    let (from, rest) = text.split_once("..")?;
-    if !from.chars().all(belongs) {
-        return None;
-    }
+    let word = &text[..text.find(|c| !belongs(c)).unwrap_or(text.len())];
+    let (from, _) = word.split_once("..")?;
+    let rest = &text[from.len() + "..".len()..];
     let behind = rest.trim_start_matches(['.', '=']);
     let to = &behind[..behind.find(|c| !belongs(c)).unwrap_or(behind.len())];
     if from.is_empty() || to.is_empty() {
@@ -147,7 +146,7 @@ pub(super) fn of_range(text: &str) -> Option<(usize, String)> {
     Some((length, message))
 }
 
-/// The other factors of a unit that begins with a percent sign, if it has some: `m` of `% m`.
+/// Returns the remaining factors of a unit that begins with a percent sign, if any: `m` of `% m`.
 pub(super) fn of_percentage(symbol: &str) -> Option<&str> {
     let factors = symbol.strip_prefix('%')?;
     let factors = factors.trim_start_matches([' ', '\u{b7}', '\u{22c5}']);

@@ -125,7 +125,7 @@ fn a_scenario_without_instruments_has_none() {
 
 #[rustfmt::skip] // a table reads best with a case on a line
 const REFUSED: &[(&str, ProblemKind, &str, &[&str])] = &[
-    ("rate_hz = 300", Mismatch, "sensors[0].rate_hz", &["no whole fraction of `run.rate_hz` = 1000", "250 and 333.3"]),
+    ("rate_hz = 300", Mismatch, "sensors[0].rate_hz", &["not a whole fraction of `run.rate_hz` = 1000", "250 and 333.3"]),
     ("rate_hz = 2000", Mismatch, "sensors[0].rate_hz", &["the highest is 1000"]),
     ("rate_hz = 250\nphase_steps = 4", OutOfRange, "sensors[0].phase_steps", &["every 4 steps", "from 0 to 3"]),
     ("phase_steps = 1", Mismatch, "sensors[0].phase_steps", &["needs `rate_hz`"]),
