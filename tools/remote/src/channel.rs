@@ -314,7 +314,7 @@ mod tests {
         let ([ours, _], [_, others]) = (seals(), seals());
         let (mouth, ear) = through(Some(ours), Some(others));
         mouth.say(&"a");
-        assert!(heard(&ear).starts_with("closed: the seal"));
+        assert!(heard(&ear).starts_with("closed: authentication failed"));
     }
 
     #[test]
