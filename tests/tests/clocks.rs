@@ -122,7 +122,7 @@ fn a_busy_controller_misses_deadlines_and_a_rerun_repeats_them() {
     }
     rig.hil(&["rerun", folder, "--clock", "realtime"])
         .expect(2)
-        .says(&["repeats in lockstep"]);
+        .says(&["in lockstep"]);
 }
 
 #[test]

@@ -92,7 +92,7 @@ fn an_external_fault_kind_works_live_and_follows_its_equation() {
         plant.display()
     ));
     rig.until_held_at(5000);
-    let inject = "inject backlash measured.actuator1_position_m 2e-4";
+    let inject = "inject gear-play measured.actuator1_position_m 2e-4";
     let text = rig.in_session(inject).expect(0).stdout;
     assert!(text.contains("step 5000"), "{text}");
     rig.in_session("resume").expect(0);

@@ -129,7 +129,7 @@ fn a_continuation_keeps_its_instruments() {
     let from = straight.folder.join("checkpoint-500");
     let other = format!("--from {} --set sensors[0].bits=10", from.display());
     let refused = rig.run(&other).expect(2);
-    refused.says(&["sensors stays as it was"]);
+    refused.says(&["sensors must stay the same"]);
 }
 
 #[test]

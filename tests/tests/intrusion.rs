@@ -85,8 +85,8 @@ fn strangers_get_no_access_and_the_digest_stays_the_same() {
 /// Starts second processes of the same user.
 fn processes(target: &mut Target<'_>) {
     for (binary, expected) in [
-        ("controller-process", "has its controller already"),
-        ("plant-process", "has its plant already"),
+        ("controller-process", "already has its controller"),
+        ("plant-process", "already has its plant"),
     ] {
         // Its input stays open, like that of a launched side.
         let mut second = target.rig.command(program(binary));

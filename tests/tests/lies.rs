@@ -220,7 +220,7 @@ fn an_unrecordable_description_is_refused_before_anything_starts() {
     };
     let (plant, controller) = (described("plant-process"), described("controller-process"));
     let changes: [(&str, &str, Change); 7] = [
-        ("--controller-bin", "\"e m\" is no name", |all| {
+        ("--controller-bin", "\"e m\" is not a name", |all| {
             shows(all)[0]["name"] = "e m".into();
         }),
         ("--controller-bin", "has the invalid unit", |all| {

@@ -14,8 +14,8 @@ const MUTANTS: [(&str, &str, &str); 12] = [
     // A command of any step is applied.
     (
         "plant.rs",
-        "Some(FrameKind::Command)) if got == *step =>",
-        "Some(FrameKind::Command)) if got <= *step =>",
+        "Some(FrameKind::Command)) if frame_step == *step =>",
+        "Some(FrameKind::Command)) if frame_step <= *step =>",
     ),
     // A message of a lost controller is accepted.
     (
@@ -32,13 +32,13 @@ const MUTANTS: [(&str, &str, &str); 12] = [
     // A repeated sample is answered again.
     (
         "controller.rs",
-        "Some(FrameKind::Sample))\n                if got == *step || (may_be_later && got > *step) =>",
-        "Some(FrameKind::Sample))\n                if got <= *step || (may_be_later && got > *step) =>",
+        "Some(FrameKind::Sample))\n                if frame_step == *step || (may_be_later && frame_step > *step) =>",
+        "Some(FrameKind::Sample))\n                if frame_step <= *step || (may_be_later && frame_step > *step) =>",
     ),
     // A repeated command violates the protocol.
     (
         "plant.rs",
-        "(_, Some(FrameKind::Command)) if got < self.at() =>",
+        "(_, Some(FrameKind::Command)) if frame_step < self.at() =>",
         "(_, Some(FrameKind::Command)) if false =>",
     ),
     // Waiting for the confirmation of the end has no limit.
@@ -79,8 +79,8 @@ const MUTANTS: [(&str, &str, &str); 12] = [
     // In real time an older command replaces a newer one.
     (
         "plant.rs",
-        "got < *step && got >= self.newer =>",
-        "got < *step =>",
+        "frame_step < *step && frame_step >= self.newer =>",
+        "frame_step < *step =>",
     ),
 ];
 

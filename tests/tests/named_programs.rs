@@ -101,7 +101,7 @@ fn a_recorded_run_is_repeated_with_its_programs_while_they_are_unchanged() {
         .expect("a hash")
         .to_owned();
     place.rerun(&run, "never", &[]).expect(2).says(&[
-        "is not the plant program that was recorded in",
+        "is no longer the plant program that was recorded in",
         &hash,
         "--plant-bin",
     ]);
@@ -200,7 +200,10 @@ fn an_unusable_key_is_reported_and_a_missing_program_must_be_built() {
     std::fs::remove_file(&place.plant).expect("it is ours");
     let refused = place.run("").expect(2);
     assert!(!refused.stderr.contains("spelling"), "{}", refused.stderr);
-    refused.says(&["it is not there; build it", "--plant-bin PATH names one"]);
+    refused.says(&[
+        "it does not exist; build it",
+        "name a program with --plant-bin PATH",
+    ]);
 }
 
 #[test]
@@ -272,7 +275,7 @@ impl Place {
     fn recorded_refusals(&self) {
         for (named, expected) in [
             ("\"bin\"", "is a folder"),
-            ("\"bin/none\"", "it is not there"),
+            ("\"bin/none\"", "it does not exist"),
             ("\"/dev/null\"", "/dev/null"),
             ("{ pdp11 = \"x\" }", "no program for this machine"),
         ] {
@@ -330,7 +333,10 @@ fn advice_names_only_unused_options_of_the_command() {
             .rig
             .beside(&[&["controller", "swap"], arguments, &at].concat())
     };
-    advice(swap(&["--set", "controller.law=x"]), "--bin PATH names it");
+    advice(
+        swap(&["--set", "controller.law=x"]),
+        "name it with --bin PATH",
+    );
     advice(
         swap(&["--bin", text(&place.law), "--set", "controller.law=x"]),
         &format!("these are the laws of {} (--bin)", place.law.display()),

@@ -179,7 +179,7 @@ fn impossible_projects_are_refused_and_nothing_is_left() {
         ("new scenario no/such/gust", "cannot create no/such/gust"),
         (
             "new plant cart --framework .",
-            "not inside a clone of the framework",
+            "is not a clone of the framework",
         ),
         ("new plant cart --framework nowhere", "nowhere"),
     ] {

@@ -152,7 +152,7 @@ fn hil_without_its_programs_names_the_expected_location_and_a_remedy() {
         .env_remove("HIL_PLANT_BIN");
     let place = rig.path("controller-process").display().to_string();
     let parts = [
-        "no controller program is named, and none lies beside hil",
+        "no controller program is named, and there is none beside hil",
         &place,
         "`cargo build --release`",
         "--controller-bin PATH or HIL_CONTROLLER_BIN",
@@ -204,7 +204,11 @@ fn a_program_that_cargo_built_elsewhere_is_found_there() {
     refused(
         run(),
         "nothing built",
-        &["target/release/own", &place, "where CARGO_TARGET_DIR leads"],
+        &[
+            "target/release/own",
+            &place,
+            "where CARGO_TARGET_DIR points",
+        ],
     );
 }
 

@@ -153,7 +153,10 @@ fn a_nonexistent_core_is_refused_with_the_available_ones() {
     let run = rig
         .run(&format!("{SCENARIO} --controller-core 1023"))
         .expect(2);
-    let run = run.says(&["realtime.controller_core is 1023", online.trim()]);
+    let run = run.says(&[
+        "realtime.controller_core = 1023 cannot be used",
+        online.trim(),
+    ]);
     assert!(!run.folder.exists());
 }
 

@@ -130,7 +130,7 @@ fn impossible_suites_are_refused_before_anything_starts() {
         ),
         (
             format!("{good} --junit {}", missing.display()),
-            "no such folder",
+            "its folder does not exist",
         ),
         (
             format!("{good} {good} --audit"),

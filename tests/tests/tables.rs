@@ -171,7 +171,7 @@ fn a_table_without_defaults_is_not_a_parameter_table() {
          pub fn set<T: shared_types::table::Parameters>() {}\n\
          pub fn all() { set::<Gains>() }\n",
     );
-    for part in ["`Gains` is no table of parameters", "own.rs:9:"] {
+    for part in ["`Gains` is not a table of parameters", "own.rs:9:"] {
         assert!(output.contains(part), "{part:?} is not in\n{output}");
     }
 }

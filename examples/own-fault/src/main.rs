@@ -27,7 +27,7 @@ struct Backlash {
 }
 
 impl FaultKind for Backlash {
-    const NAME: &'static str = "backlash";
+    const NAME: &'static str = "gear-play";
     const SUMMARY: &'static str = "Play in a linkage: the value follows when the play is taken up.";
     const EQUATION: &'static str = "y(k) = min(max(y(k - 1), x - g p / 2), x + g p / 2)";
     const ACTS_ON: ActsOn = ActsOn::Signals;

@@ -203,7 +203,7 @@ impl ControllerSide {
     }
 
     fn on_frame(&mut self, header: &Header) -> ControllerAction {
-        let answered_steps = Step(header.step);
+        let frame_step = Step(header.step);
         let may_be_later = self.against_clock || (self.awaits_first() && self.takes_over);
         match (&self.state, header.kind()) {
             (_, Some(FrameKind::Abort)) => {
@@ -215,32 +215,31 @@ impl ControllerSide {
                 })
             }
             (State::AwaitFirst(step) | State::AwaitSample(step), Some(FrameKind::Sample))
-                if answered_steps == *step || (may_be_later && answered_steps > *step) =>
+                if frame_step == *step || (may_be_later && frame_step > *step) =>
             {
-                self.state = State::AwaitSample(answered_steps.next());
-                ControllerAction::Answer(answered_steps)
+                self.state = State::AwaitSample(frame_step.next());
+                ControllerAction::Answer(frame_step)
             }
             (State::AwaitFirst(step) | State::AwaitSample(step), Some(FrameKind::End)) => {
-                if answered_steps == *step || (may_be_later && answered_steps > *step) {
+                if frame_step == *step || (may_be_later && frame_step > *step) {
                     self.state = State::Over;
-                    ControllerAction::ConfirmEnd(answered_steps)
+                    ControllerAction::ConfirmEnd(frame_step)
                 } else {
-                    let what = format!(
-                        "it ends after {answered_steps} steps, but {step} were executed here"
-                    );
+                    let what =
+                        format!("it ends after {frame_step} steps, but {step} were executed here");
                     self.broken(what)
                 }
             }
             // The run is paused: restart the wait for the same sample.
-            (_, Some(FrameKind::Hold)) if answered_steps.0 <= self.at().0 || may_be_later => {
+            (_, Some(FrameKind::Hold)) if frame_step.0 <= self.at().0 || may_be_later => {
                 ControllerAction::Ignore
             }
             // A duplicate of a sample that was answered already.
-            (_, Some(FrameKind::Sample)) if answered_steps.0 < self.at().0 => self.ignore(),
+            (_, Some(FrameKind::Sample)) if frame_step.0 < self.at().0 => self.ignore(),
             (_, kind) => {
                 let name =
                     kind.map_or_else(|| "a frame of an unknown kind".into(), |k| format!("{k:?}"));
-                self.broken(format!("unexpected {name} of step {answered_steps}"))
+                self.broken(format!("unexpected {name} of step {frame_step}"))
             }
         }
     }

@@ -50,7 +50,7 @@ fn a_mistake_in_a_study_is_reported_at_its_location_with_the_nearest_name() {
             "set = [\"plant.substeps=4\"]",
             "set = [\"plant.parameters.mass_kg=3\"]",
             vec![
-                "`plant.parameters.mass_kg` has a value from this study already",
+                "`plant.parameters.mass_kg` is already set by this study",
                 "demo.toml:9:7",
             ],
         ),

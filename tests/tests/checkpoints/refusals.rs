@@ -39,7 +39,10 @@ fn contradictions_with_the_past_are_refused_and_named() {
             "controller.ftsc.trajectory.angle_gain_per_s=3",
             "angle_gain_per_s was",
         ),
-        ("stimuli[0].amplitude=0.3", "already at step 0 "),
+        (
+            "stimuli[0].amplitude=0.3",
+            "would already differ at step 0 ",
+        ),
         (
             "faults[0].at_s=1.2",
             "has been active since step 10000 (1 s)",
@@ -98,7 +101,7 @@ fn impossible_requests_are_refused_before_anything_starts() {
         ),
         (
             format!("{SCENARIO} --checkpoint-at 1 --no-record"),
-            "leave out --no-record",
+            "omit --no-record",
         ),
         (
             format!("{SCENARIO} --checkpoint-at 1 --clock realtime"),
@@ -137,18 +140,18 @@ fn an_external_fault_without_saved_state_is_refused_in_a_scenario_and_live() {
     let plant = example("own-fault");
     let plant = plant.display();
     let expected = "cannot save its state";
-    let scenario = "examples/own-fault/backlash.toml";
+    let scenario = "examples/own-fault/gear-play.toml";
     rig.run(&format!(
         "{scenario} --plant-bin {plant} --checkpoint-at 0.5"
     ))
     .expect(2)
-    .says(&["fault `backlash`", expected, "FaultKind::state"]);
+    .says(&["fault `gear-play`", expected, "FaultKind::state"]);
     let arguments = format!("{SCENARIO} --plant-bin {plant} --checkpoint-at 1 --pause-at 0.5");
     let run = rig.start(&arguments);
     rig.until_held_at(5000);
-    rig.in_session("inject backlash measured.actuator1_position_m 2e-4")
+    rig.in_session("inject gear-play measured.actuator1_position_m 2e-4")
         .expect(2)
-        .says(&["backlash", expected]);
+        .says(&["gear-play", expected]);
     rig.in_session("resume").expect(0);
     assert_eq!(made(&run.finish().expect(0)), [10_000]);
 }

@@ -166,7 +166,7 @@ fn every_alias_refers_to_the_same_variable() {
             text.replace("[plant.parameters]\nbody.gain = 2", &given)
         };
         place.run(&both("2"), "").expect(0);
-        (place.run(&both("7"), "").expect(2)).says(&["both name the same variable"]);
+        (place.run(&both("7"), "").expect(2)).says(&["both are names of one variable"]);
     }
 }
 

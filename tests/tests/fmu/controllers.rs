@@ -84,7 +84,7 @@ fn an_array_has_its_initial_values_by_elements() {
     place
         .run(&format!("{before}{unknown}[controller]{after}"), "")
         .expect(2)
-        .says(&["`initial.u[4]` names no variable of the FMU"]);
+        .says(&["`initial.u[4]` is not a variable of the FMU"]);
 }
 
 #[test]
@@ -95,7 +95,7 @@ fn a_controller_past_its_stop_time_is_lost_at_that_step() {
     let run = place.run(&text, "").expect(3);
     let told = [
         "controller gave up at step 50",
-        "`stop_time_s` is 0.5, and the step of 0.01 s from 0.5 would pass it",
+        "`stop_time_s` is 0.5, but the step of 0.01 s from 0.5 would exceed it",
     ];
     let expected = format!("{}{}", run.stdout, run.stderr);
     for fragment in told {
@@ -131,7 +131,7 @@ fn another_fmu_without_a_variable_that_the_scenario_sets_does_not_take_over() {
         "controller.law=accumulators",
     ];
     let refused = place.rig.beside(&swap).expect(2);
-    refused.says(&["`initial.body.x` names no variable of the FMU"]);
+    refused.says(&["`initial.body.x` is not a variable of the FMU"]);
     place.rig.in_session("resume").expect(0);
     let run = running.finish().expect(0);
     assert_eq!(run.summary()["controllers"], serde_json::json!([]));

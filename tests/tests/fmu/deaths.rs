@@ -20,7 +20,7 @@ fn a_library_that_ends_the_process_when_it_is_loaded_is_named() {
             &["-DAT_LOAD=give_up()", "-DEXIT_CODE=0"],
             "exit(0) was called in dlopen",
         ),
-        (&["-DAT_LOAD=abort()"], "SIGABRT came in dlopen"),
+        (&["-DAT_LOAD=abort()"], "SIGABRT in dlopen"),
         (&["-DAT_LOAD=_Exit(0)"], "it ended without a description"),
     ] {
         let library = library(&[&[COUNTED], options].concat());

@@ -83,7 +83,7 @@ fn a_checkpoint_reports_the_step_at_which_a_restored_fmu_differs() {
         let rerun = place.hil(&["rerun", &folder, "--out", &again]);
         rerun
             .expect(1)
-            .prints(&["went on from a checkpoint", &text]);
+            .prints(&["resumed from a checkpoint", &text]);
     }
 }
 

@@ -224,13 +224,13 @@ fn every_mistake_in_the_tables_is_named_before_anything_starts() {
         ),
         (
             "unit",
-            "truth of plant `misbehaves`: \"m]\" is no unit, that of `v_mps`",
+            "truth of plant `misbehaves`: `v_mps` has the invalid unit \"m]\"",
         ),
         (
             "no-unit",
             "truth of plant `misbehaves`: `v_mps` has no unit",
         ),
-        ("name", "truth of plant `misbehaves`: \"2 m\" is no name"),
+        ("name", "truth of plant `misbehaves`: \"2 m\" is not a name"),
         (
             "null-name",
             "the name of row 2 of `truth` is a null pointer",

@@ -320,7 +320,7 @@ fn a_fault_by_words_is_checked_and_no_file_of_the_machine_is_read() {
     let mut client = Client::greeted(&panel.url);
     client.until(|message| message["tell"] == "faults");
     for (words, message) in [
-        ("bias measured.position_m --bias=x", "no number"),
+        ("bias measured.position_m --bias=x", "is not a number"),
         ("leek", "no fault `leek`"),
         ("--list", "a kind of fault"),
         (

@@ -187,10 +187,9 @@ pub(super) fn tell_damaged_tables(folder: &Folder, study: &Study, collected: &Co
         let mend = format!("hil campaign collect {} rewrites it", quoted(folder.path()));
         if !path.is_file() {
             let what = match path.exists() {
-                true => format!("error: {path_text} is not a file; remove it, and {mend}"),
+                true => format!("note: {path_text} is not a file; remove it, and {mend}"),
                 false => format!("note: there is no {path_text}; {mend}"),
             };
-            are_whole &= !path.exists();
             tell!("{what}; the figures below come from the shards");
             continue;
         }

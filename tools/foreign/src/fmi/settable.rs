@@ -25,6 +25,7 @@ pub(super) fn may_be_set(variable: &Variable) -> Result<(), &'static str> {
         return Err("has a clock");
     }
     match (variable.causality, variable.initial) {
+        (Causality::Parameter, _) if variable.lacks_start() && !variable.is_constant => Ok(()),
         (Causality::Parameter, _) => Err("is a parameter, which `parameters` sets"),
         (Causality::StructuralParameter, _) => {
             Err("is a structural parameter, which `structural` sets")

@@ -33,7 +33,9 @@ pub(super) fn silence(answer: &Answer) -> Option<String> {
     let is_described = answer.stdout.trim_start().starts_with('{');
     match refusal(&answer.stderr) {
         Some(reason) if !answer.is_success || !is_described => Some(text::printable(reason).into()),
-        None if answer.is_success && is_silent => Some("it ended without a description".into()),
+        None if answer.is_success && is_silent => {
+            Some("it does not speak the protocol: it ended without a description".into())
+        }
         _ => None,
     }
 }
