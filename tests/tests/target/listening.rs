@@ -137,7 +137,7 @@ fn a_listening_agent_serves_holders_of_the_key_and_runs_listed_programs_only() {
     );
     rig.hil(&["target", "key", key])
         .expect(2)
-        .says(&["is there already"]);
+        .says(&["already exists"]);
     let (address, target) = (&listening.address, listening.target());
 
     let here = rig.run(SHORT).expect(0).summary();

@@ -50,7 +50,7 @@ fn a_target_without_shared_memory_or_room_is_named_and_nothing_is_started() {
             "mkdir -p $HOME/.cache; mount -t tmpfs -o noexec none $HOME/.cache",
             "Permission denied",
         ),
-        (&cache("1m"), "the agent did not arrive there whole"),
+        (&cache("1m"), "the agent was not copied completely"),
         (&cache(&format!("{room}m")), "no room for a program of"),
     ] {
         let board = behind_mounts(&rig, mounts);
