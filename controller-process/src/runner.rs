@@ -1,6 +1,6 @@
 //! The runner: the controller's main loop.
 //!
-//! It joins a law with the controller's side of the lockstep protocol: it binds the law's signals to the sample's by
+//! Joins a law with the controller's side of the lockstep protocol: it binds the law's signals to the sample's by
 //! name, converts those connected with another unit, runs the law at its own rate, delays its command by a step if
 //! requested, and answers every sample. Like the plant's engine it never blocks.
 

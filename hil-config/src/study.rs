@@ -125,7 +125,7 @@ pub enum Spread {
         /// Range.
         within: [f64; 2],
     },
-    /// One of these values.
+    /// Choice among these values.
     Choice(Vec<Item>),
     /// Computed from values that are varied before it.
     Expression(Expression),

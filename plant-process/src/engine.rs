@@ -1,6 +1,6 @@
 //! The engine: the plant's main loop.
 //!
-//! It joins a model, its stimuli and faults with the plant's side of the lockstep protocol. It never blocks:
+//! Joins a model, its stimuli and faults with the plant's side of the lockstep protocol. It never blocks:
 //! [`Engine::poll`] does all that is possible now and returns what it waits for, so that one driver can wait in a
 //! separate process and another can run both sides in one thread.
 

@@ -88,7 +88,7 @@ pub struct Supervision(Arc<State>);
 #[derive(Debug, Default)]
 struct State {
     stop: AtomicBool,
-    /// One bit per epoch whose controller is gone; the first bit for the other side of any epoch.
+    /// Bits of the epochs whose controller is gone; the first bit is for the other side of any epoch.
     gone: AtomicU64,
     /// Latest epoch whose controller was announced; 0 for none.
     expected: AtomicU32,

@@ -1,4 +1,4 @@
-//! Facts that only the stream over shared memory can show; `conformance` has those of every stream.
+//! Properties specific to the stream over shared memory; `conformance` has those of every stream.
 
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::PathBuf;

@@ -125,7 +125,7 @@ pub fn steps(at_s: &[f64], plan: &Plan, first: Step) -> Result<Vec<Step>, Failur
     Ok(steps)
 }
 
-/// What an FMU must declare to save its state, if the program is one.
+/// Attribute that an FMU must declare to save its state, if the program is an FMU.
 fn state_of_fmu(binary: &Binary) -> Option<&'static str> {
     let imported = binary.description.imported.as_ref()?;
     binary.host.as_ref()?;

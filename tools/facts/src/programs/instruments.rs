@@ -1,4 +1,4 @@
-//! What the sensors and actuators of a scenario do at its rate, as text or JSON.
+//! Effect of a scenario's sensors and actuators at its rate, as text or JSON.
 
 use std::fmt::Write;
 

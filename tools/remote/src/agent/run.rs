@@ -35,7 +35,7 @@ const SIGN_NS: u64 = 250_000_000;
 #[derive(Clone, Copy)]
 enum Program {
     Running,
-    /// It has ended; the desk is told once all that it wrote was passed on.
+    /// Ended; reported to the desk once all its output was passed on.
     Ended {
         status: ExitStatus,
         since_ns: u64,

@@ -16,15 +16,15 @@ pub(super) struct Exit {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Life {
     Running,
-    /// It is to stop since then, but the channel had no room for the order.
+    /// Told to stop at that time, but the channel had no room for the order.
     StopDue {
         since_ns: u64,
     },
-    /// It was told to stop; the order is from that time.
+    /// Ordered to stop at that time.
     Stopping {
         since_ns: u64,
     },
-    /// It has ended; its last frames may be under way.
+    /// Ended; the last frames may be under way.
     Ended {
         since_ns: u64,
         exit: Exit,

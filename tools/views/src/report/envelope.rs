@@ -24,7 +24,7 @@ pub struct Envelope {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Written {
-    /// One value wherever the signal exists.
+    /// The same value wherever the signal exists.
     Constant {
         /// Value.
         value: f64,

@@ -23,7 +23,7 @@ const SECOND_ORDER: [(f64, f64, [f64; 10]); 6] = [
     (0.02, 40.0, [1.0, 1.000030875934343, 1.000086393557063, 0.9999559924657729, 0.9998860415699727, 1.000101592632303, 1.000443853797142, 1.0006986260537254, 1.0005562692433658, 1.00026948288153]),
 ];
 
-/// What a stage at full size makes of a course.
+/// Applies a stage at full size to a series of readings.
 fn course(fault: &mut dyn Fault, inputs: &[f64]) -> Vec<f64> {
     let one = |(since, x): (u64, &f64)| fault.number(&moment(since, 1.0), valid(*x)).value;
     (0..).zip(inputs).map(one).collect()
