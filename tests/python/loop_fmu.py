@@ -13,7 +13,7 @@ from compare_fmu import TWO, Calls
 
 def main(path, rate_hz, steps):
     rate_hz, steps = float(rate_hz), int(steps)
-    calls = Calls(path)
+    calls = Calls(path, {})
     calls.start()
     step_of = calls.fmu.doStep
     read = calls.fmu.getReal if calls.kinds is TWO else calls.fmu.getFloat64
