@@ -1,8 +1,8 @@
 //! Reader of a recorded run: its records one by one, its events and its attachments.
 //!
-//! Used by every command that reads a recorded run. The file is read once and no record is retained, so memory does
-//! not depend on the length of the run. Signal names come from the file's own schema, so recordings of unknown plants
-//! can be read. A file whose writer was killed is read as far as it goes.
+//! Used by every command that reads a recorded run. The file is read once and no record is retained, so memory does not
+//! depend on the length of the run. Signal names come from the file's own schema, so recordings of unknown plants can
+//! be read. A file whose writer was killed is read as far as possible.
 
 pub(crate) mod content;
 mod error;
@@ -58,9 +58,9 @@ pub struct RunReader {
     records: u64,
     digest: Digest,
     is_hashing: bool,
-    /// Number of records covered by a later check sum; `None` before the first check sum.
+    /// Number of records covered by a later checksum; `None` before the first checksum.
     vouched: Option<u64>,
-    /// Set if nothing followed the last check sum.
+    /// Set if nothing followed the last checksum.
     is_vouched: bool,
 }
 
@@ -68,7 +68,7 @@ pub struct RunReader {
 enum Next {
     Record,
     Event(Box<Event>),
-    /// Content that was stored or is not relevant.
+    /// Content that was stored or is irrelevant.
     Other,
     End,
 }
@@ -192,7 +192,7 @@ impl RunReader {
     /// Returns the rate of the run.
     ///
     /// # Errors
-    /// If the recording does not contain it.
+    /// If the recording does not contain the rate.
     pub fn rate(&self) -> Result<Rate, ReadError> {
         let hz = self.fact("rate_hz").and_then(|hz| hz.parse().ok());
         hz.and_then(Rate::new)

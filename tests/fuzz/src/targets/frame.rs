@@ -10,7 +10,7 @@ use shared_types::zerocopy::FromBytes;
 
 /// Values that a frame has room for.
 const ROOM: usize = 16;
-/// Words of a frame, of which the first is its check sum.
+/// Words of a frame, of which the first is its checksum.
 const WORDS: usize = words(ROOM);
 /// Bytes of a frame.
 const BYTES: usize = 8 * WORDS;

@@ -219,7 +219,7 @@ fn columns(
     Ok(columns)
 }
 
-/// Refuses a study in which nothing varies, and varied values that have no effect in any variant.
+/// Refuses a study in which nothing varies, and varied values without an effect in any variant.
 pub(super) fn refuse_ineffective(cases: &Cases) -> Result<(), Failure> {
     let study = cases.study();
     if study.varied.is_empty() && study.sets("run.seed") && study.draws > 1 {
@@ -302,7 +302,7 @@ fn refuse_unknown_goals(study: &Study, columns: &[Column]) -> Result<(), Failure
     Ok(())
 }
 
-/// Plans every case from `from` on once, on all cores, so that none is refused later; returns the longest simulated
+/// Plans every case from `from` on once, on all cores, so that no case is refused later; returns the longest simulated
 /// time, in s.
 pub(super) fn every_plan(
     cases: &Cases,

@@ -242,7 +242,7 @@ fn write(path: &Path, text: &str) -> io::Result<()> {
     fs::write(path, text)
 }
 
-/// Returns the folder of the framework: the one named, or an ancestor of this program.
+/// Returns the folder of the framework: the named folder, or an ancestor of this program.
 fn framework(named: Option<&Path>) -> Result<PathBuf, Failure> {
     let is_it = |folder: &Path| {
         let mut packages = PACKAGES.iter();

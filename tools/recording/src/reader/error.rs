@@ -71,7 +71,7 @@ pub enum ReadError {
     Foreign {
         /// Path of the file.
         path: PathBuf,
-        /// Reason why it is not a recording.
+        /// Reason why the file is not a recording.
         what: String,
     },
 }

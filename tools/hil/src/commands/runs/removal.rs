@@ -1,4 +1,4 @@
-//! `hil runs rm`: removes runs by a rule, or shows which it would remove.
+//! `hil runs rm`: removes runs by a rule, or shows which runs the rule would remove.
 
 use std::fs;
 use std::io;
@@ -23,7 +23,7 @@ use crate::arguments::runs::{Ending, RemovalArguments};
 struct Decision {
     #[serde(flatten)]
     run: Run,
-    /// Reason to keep it; null if it is removed.
+    /// Reason to keep the run; null if the run is removed.
     stays: Option<String>,
 }
 
@@ -108,7 +108,7 @@ fn foreign(folder: &Path) -> Option<String> {
     ))
 }
 
-/// Removes the folder of a run; until it is gone, an interrupted removal can be repeated.
+/// Removes the folder of a run; until the folder is gone, an interrupted removal can be repeated.
 fn delete(folder: &Path) -> io::Result<()> {
     for entry in fs::read_dir(folder)? {
         let entry = entry?;
