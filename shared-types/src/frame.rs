@@ -31,7 +31,7 @@ pub enum FrameKind {
     EndConfirmed = 4,
     /// Either way: the sender aborts; `directive` is the reason ([`AbortCode`](crate::lockstep::AbortCode)).
     Abort = 5,
-    /// Plant to controller: the sample of `step` is delayed, restart the wait. Sent while a run is paused.
+    /// Plant to controller: the sample of `step` is delayed; restart the wait. Sent while a run is paused.
     Hold = 6,
 }
 
@@ -148,8 +148,8 @@ impl Header {
 /// `WORDS` is [`words`] of the number of values that fit. The checksum is rapidhash (version 3, 64 bits, standard seed)
 /// over header and values, not over unused room.
 ///
-/// Any bytes of the right size are a frame, as they come from memory that another process writes to; [`Frame::open`]
-/// decides if it is valid.
+/// Any bytes of the right size form a frame, because the memory is also writable by another process; [`Frame::open`]
+/// decides whether the frame is valid.
 #[derive(Clone, Copy, Debug, FromBytes, IntoBytes, Immutable, KnownLayout)]
 #[repr(C)]
 pub struct Frame<const WORDS: usize> {
@@ -209,7 +209,7 @@ pub struct FrameIdentity {
 }
 
 impl FrameIdentity {
-    /// Checks that a header belongs here and carries `count` values if its kind carries any.
+    /// Checks that a header belongs to this session, epoch and layout, and has `count` values if its kind carries any.
     ///
     /// # Errors
     /// The first mismatch.
@@ -264,7 +264,7 @@ impl<const WORDS: usize> Frame<WORDS> {
     /// Creates a sealed frame of these values, with its checksum. Values are made [`canonical`].
     ///
     /// # Panics
-    /// If there are more values than fit; the size class is chosen at hello so that they do.
+    /// If the values do not fit; the size class chosen at hello prevents this.
     #[must_use]
     pub fn sealed(header: &Header, values: &[f64], identity: FrameIdentity) -> Self {
         let mut frame = Self::default();

@@ -1,4 +1,4 @@
-//! Queries of a program: runs it for a short answer, with limits on time and output.
+//! Queries of a program: starts it to obtain a short answer, with limits on time and output.
 
 use std::ffi::OsStr;
 use std::io::{self, Read};
@@ -12,17 +12,17 @@ use std::time::{Duration, Instant};
 
 use crate::process::{MARK, ProcessId, end_group, end_marked, reap};
 
-/// Time limit for every program to describe itself or to check a job.
+/// Time limit for a program to describe itself or to check a job.
 const ANSWER_LIMIT: Duration = Duration::from_secs(10);
-/// Time limit in s: the minimum allowed to a program to start.
+/// Time limit in s that a program has at least to start.
 pub const LEAST_S: f64 = ANSWER_LIMIT.as_secs() as f64;
-/// Time limit of programs in this process in ms: the wait limit of its command line, if that is longer.
+/// Time limit of queried programs in ms: the wait limit of this process's command line, if that is longer.
 static LIMIT_MS: AtomicU64 = AtomicU64::new(ANSWER_LIMIT.as_millis() as u64);
-/// Time that a program may stand stopped in this process, in ms: the limit of its command line, if that is shorter.
+/// Time that a queried program may remain stopped, in ms: the limit of this process's command line, if that is shorter.
 static STOPPED_MS: AtomicU64 = AtomicU64::new(ANSWER_LIMIT.as_millis() as u64);
-/// Time between two looks at the state of a program.
+/// Interval between checks of a program's state.
 const LOOK: Duration = Duration::from_millis(50);
-/// Maximum length of an answer in bytes; that of 100 plants with 512 signals each is shorter.
+/// Maximum length of an answer in bytes; the answer of 100 plants with 512 signals each is shorter.
 const LONGEST_ANSWER: u64 = 16 << 20;
 /// Maximum number of bytes kept from the beginning of a program's standard error.
 const LONGEST_COMPLAINT: u64 = 64 << 10;
@@ -50,7 +50,7 @@ pub enum NoAnswer {
 }
 
 /// Extends the time limit of all programs run by this process to this number of seconds; the minimum is 10. A program
-/// that is stopped by a signal or a debugger gets exactly these seconds.
+/// that is stopped by a signal or a debugger gets exactly this time.
 pub fn allow_seconds(limit_s: f64) {
     // The cast saturates: infinity becomes 584 million years.
     let limit_ms = (limit_s * 1e3) as u64;
@@ -66,7 +66,7 @@ fn limit(of: &AtomicU64) -> Duration {
 /// descendants.
 ///
 /// # Errors
-/// If there is no answer, with the reason.
+/// If there is no answer; the error states the reason.
 pub fn ask<S: AsRef<OsStr>>(
     path: &Path,
     arguments: &[S],

@@ -1,7 +1,7 @@
 //! Sockets of a session: requests to a running plant, and the side that answers.
 //!
-//! The plant listens on a socket in the session's private folder, on its own thread; `hil` sends requests. One line of
-//! JSON each way. The loop only reads one atomic.
+//! The plant listens on a socket in the session's private folder, on its own thread; `hil` sends requests. Each request
+//! and response is one line of JSON. The loop only reads one atomic.
 
 mod listening;
 
@@ -25,7 +25,7 @@ pub const OBJECTIONS: &str = "judge";
 /// Request without a response.
 #[derive(Debug, thiserror::Error)]
 pub enum LiveError {
-    /// No listener: the plant has not started to listen, or has ended.
+    /// Missing listener: the plant does not listen yet, or has ended.
     #[error(
         "the plant of session `{0}` takes no requests: it is starting or has ended; see `hil sessions`"
     )]
@@ -53,7 +53,7 @@ pub enum LiveError {
 /// Sends a request to the plant of a session.
 ///
 /// # Errors
-/// If it does not respond within the limit.
+/// If the plant does not respond within the limit.
 pub fn ask(
     session: &SessionInfo,
     request: &Request,
@@ -62,10 +62,10 @@ pub fn ask(
     ask_at(session, SOCKET, request, limit)
 }
 
-/// Sends a request to a socket of a session: one line of JSON each way.
+/// Sends a request to a socket of a session: one line of JSON in each direction.
 ///
 /// # Errors
-/// If it does not respond within the limit.
+/// If the socket's owner does not respond within the limit.
 pub fn ask_at<Q: Serialize, A: DeserializeOwned>(
     session: &SessionInfo,
     socket: &str,

@@ -10,9 +10,9 @@ use rustix::process::{Resource, getrlimit};
 
 /// Folder of shared memory.
 pub const FOLDER: &str = "/dev/shm";
-/// Least free room: the segments of a run take a few MiB.
+/// Minimum free space: the segments of a run take a few MiB.
 const LEAST_BYTES: u64 = 8 << 20;
-/// Files, folders and sockets of a run: 70 in all were too few, 90 enough; each handover takes some more.
+/// Files, folders and sockets of a run: 70 were too few in tests, 90 enough; each handover takes some more.
 pub const LEAST_INODES: u64 = 128;
 /// Maximum number of bytes that a process of a run maps at once.
 const LEAST_ADDRESSES: u64 = 128 << 20;
@@ -22,11 +22,11 @@ const LEAST_FILES: u64 = 16;
 /// File system of shared memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SharedMemory {
-    /// `true` if it is mounted read-only.
+    /// `true` if the file system is mounted read-only.
     pub is_read_only: bool,
     /// `true` if this process may create files there.
     pub is_open: bool,
-    /// Free room, in bytes.
+    /// Free space, in bytes.
     pub free_bytes: u64,
     /// Number of files that can still be created; `None` if unlimited.
     pub free_inodes: Option<u64>,
@@ -47,7 +47,7 @@ impl SharedMemory {
         })
     }
 
-    /// Returns the obstacle in shared memory and its remedy; `None` if a run has what it needs.
+    /// Returns the obstacle in shared memory and its remedy; `None` if a run has enough of everything.
     #[must_use]
     pub fn hindrance(&self) -> Option<String> {
         const CLEAN: &str = "`hil sessions --clean` removes what dead sessions left";

@@ -1,6 +1,6 @@
-//! Services of iceoryx2 in a session: the node of a process, subscribers that cannot be cut off, and failures by name.
+//! Services of iceoryx2 in a session: the node of a process, subscribers that cannot be cut off, and named failures.
 //!
-//! The link, the bells and the record stream stand on it; it knows none of them.
+//! Common base of the link, the bells and the record stream, all of which it does not know.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
