@@ -1,5 +1,5 @@
 //! Requests to a run, served between two steps: faults, changes of values, marks, the newest record, pause and resume.
-//! Leaves all possible checks to [`live`](crate::live).
+//! Leaves all checks that can be made earlier to [`live`](crate::live).
 
 use hil_config::plan::{PLANT_KEYS, law_keys};
 use hil_session::clock::monotonic_ns;
@@ -22,7 +22,7 @@ pub(super) struct Held {
 }
 
 impl<L: Link, S: RecordSink> Engine<L, S> {
-    /// Serves the queued requests before a step; returns `true` if the run is held there.
+    /// Serves the queued requests before a step; returns `true` if the run is held at this step.
     pub(super) fn attend(&mut self, step: Step) -> Result<bool, LinkError> {
         while self.publisher.sink.has_room()?
             && let Some(request) = self.queue.next_request()
@@ -53,7 +53,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(true)
     }
 
-    /// Returns the time between two hold messages to the controller: well within its wait limit.
+    /// Returns the interval between hold messages to the controller, which is well within the controller's wait limit.
     fn hold_again_ns(&self) -> u64 {
         const OFTEN_NS: u64 = 100_000_000;
         let patience_ns = (self.job.wait_limit_s * 0.25e9) as u64;

@@ -1,4 +1,4 @@
-//! A signal into which others leak.
+//! A signal into which other signals leak.
 
 use shared_types::describe::{ActsOn, Invalid, ListDescription};
 use shared_types::state::StateOf;

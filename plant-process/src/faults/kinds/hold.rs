@@ -1,4 +1,4 @@
-//! Faults that show the past, or nothing: a number is frozen, delayed, sampled now and then, or missing.
+//! Faults that show the past or nothing: a number is frozen, delayed, sampled periodically, or missing.
 
 use shared_types::describe::{ActsOn, Invalid};
 use shared_types::state::StateOf;
@@ -144,7 +144,7 @@ shared_types::table! {
     }
 }
 
-/// Takes a sample now and then and holds it.
+/// Takes a sample periodically and holds its value.
 pub struct SampleHold {
     every_steps: u64,
     phase_steps: u64,

@@ -11,8 +11,8 @@ use crate::faults::kind::{FaultKind, Moment, Reading, Setup};
 
 /// Computes `sin(2 pi f t + p)`.
 ///
-/// Whole turns are removed before the multiplication by 2 pi, which would otherwise round the angle of a long run more
-/// and more coarsely.
+/// Whole turns are removed before the multiplication by 2 pi, which would otherwise round the angle of a long run ever
+/// more coarsely.
 fn sine(frequency_hz: f64, phase_rad: f64, since_s: f64) -> f64 {
     let turns = frequency_hz * since_s;
     libm::sin(TAU * (turns - turns.floor()) + phase_rad)

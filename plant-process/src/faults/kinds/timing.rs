@@ -22,7 +22,7 @@ shared_types::table! {
 /// Busy time of a side before it sends.
 pub struct Late {
     parameters: LateParameters,
-    /// Times in us with cumulative weights, the last one 1.
+    /// Times in us with cumulative weights, of which the last is 1.
     histogram: Vec<(f64, f64)>,
     random: Option<RandomStream>,
 }

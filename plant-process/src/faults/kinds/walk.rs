@@ -17,12 +17,12 @@ shared_types::table! {
     }
 }
 
-/// An error that wanders about 0 and forgets where it was.
+/// An error that wanders about 0 and gradually forgets its past.
 pub struct GaussMarkov {
     standard_deviation: f64,
-    /// Part of the value that is left after a step, `exp(-dt / T)`.
+    /// Share of the value that remains after a step, `exp(-dt / T)`.
     kept: f64,
-    /// Standard deviation of what is new in a step.
+    /// Standard deviation of the random part added in a step.
     fresh: f64,
     random: Option<RandomStream>,
     value: Option<f64>,
@@ -85,7 +85,7 @@ shared_types::table! {
     }
 }
 
-/// An error that wanders away.
+/// An error that wanders without bound.
 pub struct RandomWalk {
     /// Standard deviation of one step.
     step: f64,
