@@ -14,8 +14,8 @@ use crate::problem::{ProblemKind, listed};
 use crate::quantity::Quantity;
 use crate::reader::{Reader, Section};
 
-/// Finds the law of a name for a plant. Laws for different plants may share a name; if none is made for the plant, any
-/// of that name is returned.
+/// Finds the law of a name for a plant. Laws for different plants may share a name; if no such law is made for the
+/// plant, any law of that name is returned.
 fn law_for<'d>(
     laws: &'d [LawDescription],
     name: &str,

@@ -1,4 +1,4 @@
-//! `[[sensors]]` and `[[actuators]]`: signals that exist, keys that go together, values that the run can have.
+//! `[[sensors]]` and `[[actuators]]`: existing signals, consistent keys, and values that the run can have.
 
 use std::collections::BTreeSet;
 
@@ -16,10 +16,10 @@ use crate::problem::{ProblemKind, listed};
 use crate::quantity::Quantity;
 use crate::reader::{Reader, Section};
 
-/// Longest delay, in steps, as of the stage.
+/// Longest delay in steps, equal to that of the stage.
 const MOST_STEPS: f64 = 1e5;
 
-/// Keys that need another one beside them.
+/// Keys that need another key.
 const OWNERS: [(&str, &str); 4] = [
     ("bias_tau_s", "bias_sigma"),
     ("lag_damping", "lag_hz"),
@@ -29,7 +29,7 @@ const OWNERS: [(&str, &str); 4] = [
 /// Keys that draw random numbers.
 const NOISE: [&str; 4] = ["bias_sigma", "bias_walk", "noise_density", "noise_sigma"];
 
-/// The sensors and the actuators; `None` if one is not right, or the plant is not known.
+/// Returns the sensors and the actuators; `None` if one of them is faulty or the plant is unknown.
 pub(super) fn check(
     reader: &mut Reader,
     root: &Section<'_>,
@@ -70,7 +70,7 @@ fn all(
     instruments.into_iter().collect()
 }
 
-/// The signal that an entry names.
+/// Returns the signal that an entry names.
 fn signal<'a>(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -155,7 +155,7 @@ fn instrument(
     (reader.problems.len() == before && grid.is_some()).then_some(instrument)
 }
 
-/// Reports keys whose other key is missing, and those that say the same twice.
+/// Reports keys whose companion is missing, and keys that define the same quantity twice.
 fn refuse_combinations(reader: &mut Reader, section: &Section<'_>) {
     let has = |key: &str| section.table.get(key).is_some();
     for (key, owner) in OWNERS {
@@ -174,7 +174,7 @@ fn refuse_combinations(reader: &mut Reader, section: &Section<'_>) {
     }
 }
 
-/// Both ends of the range, which must not be one.
+/// Reads both ends of the range, which must differ.
 fn range(reader: &mut Reader, section: &Section<'_>, scales: &Scales<'_>) -> Option<(f64, f64)> {
     let path = section.path_of("range");
     let node = &section.table.get("range")?.node;
@@ -208,7 +208,7 @@ fn range(reader: &mut Reader, section: &Section<'_>, scales: &Scales<'_>) -> Opt
     None
 }
 
-/// Checks that times are whole steps, and sampling is a whole fraction of the run's rate.
+/// Checks that times are whole steps, and that the sampling rate is a whole fraction of the run's rate.
 fn timing(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -268,7 +268,7 @@ fn timing(
     }
 }
 
-/// The other signals that leak into this one.
+/// Returns the other signals that leak into this one.
 fn cross(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -309,7 +309,7 @@ fn cross(
     instrument.cross = shares;
 }
 
-/// Reports noise on a signal that has a few values only.
+/// Reports noise on a signal that has only a few values.
 fn refuse_noise_on_items(reader: &mut Reader, section: &Section<'_>, field: &Field) {
     if !field.is_discrete {
         return;

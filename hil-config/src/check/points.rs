@@ -8,7 +8,7 @@ use super::csv;
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
 
-/// Times in s, strictly rising, and as many values.
+/// Times in s, strictly ascending, and as many values.
 pub(super) type Points = (Vec<f64>, Vec<f64>);
 
 /// Layout of a file of points.
@@ -18,7 +18,7 @@ const FILE: csv::Layout = csv::Layout {
     row: "point",
 };
 
-/// Returns the points of a section, which describes `what`. Without a folder files are refused.
+/// Returns the points of a section, which describes `what`. Without a folder, files are refused.
 pub(super) fn check(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -49,7 +49,7 @@ pub(super) fn check(
     }
 }
 
-/// Time span in which a table has an effect: from 0 to an end, on its own scale.
+/// Time span in which a table has an effect: from 0 to an end, on the table's own scale.
 pub(super) struct Span {
     end_s: f64,
     /// Description of the span, to follow "the table goes from 3 to 4 s and".
@@ -63,7 +63,7 @@ impl Span {
         Self { end_s, words }
     }
 
-    /// Returns the span of an effect that is followed by at most `left_s` of the run.
+    /// Returns the span of an effect that begins at most `left_s` before the end of the run.
     pub(super) fn of_effect(left_s: f64) -> Self {
         let words = format!(
             "counts from the beginning of the effect, after which the run lasts for at most {} s",

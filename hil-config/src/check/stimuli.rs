@@ -81,7 +81,7 @@ fn target<'a>(reader: &mut Reader, section: &Section<'a>) -> Option<&'a str> {
     None
 }
 
-/// Returns the unit: as written, or expected by the law, or of the name's suffix.
+/// Returns the unit: as given, or as expected by the law, or as implied by the name's suffix.
 fn unit(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -189,7 +189,7 @@ fn waveform(
     Some(waveform)
 }
 
-/// Returns the sweep of this name; a logarithmic one needs a ratio of frequencies.
+/// Returns the sweep of this name; a logarithmic sweep needs a ratio of frequencies.
 fn sweep_between(
     reader: &mut Reader,
     section: &Section<'_>,

@@ -1,7 +1,7 @@
 //! Signals, rate and end of the run to which formulas are bound.
 //!
-//! Created once for all formulas of a run, by the check and by its [`Requirements`](crate::requirements); independent
-//! of any formula.
+//! Created once for all formulas of a run, by the check and by the run's [`Requirements`](crate::requirements);
+//! independent of any formula.
 
 use std::collections::HashSet;
 

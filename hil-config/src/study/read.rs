@@ -18,7 +18,7 @@ use crate::scenario::{Scenario, read_regular, unreadable};
 use crate::source::Place;
 use spread::{spread, whole};
 
-/// Columns of the table of results beside the varied values.
+/// Columns of the table of results next to the varied values.
 const TAKEN: [&str; 9] = [
     "case", "draw", "variant", "seed", "class", "steps", "digest", "reason", "margin",
 ];
@@ -113,7 +113,7 @@ struct Homes {
 }
 
 impl Homes {
-    /// Claims a key that nothing else may set; keys of variants may be set by each of them.
+    /// Claims a key that nothing else may set; each variant may set the keys of variants.
     fn take(&mut self, reader: &mut Reader, key: &str, place: &Place, allowed: &[String]) {
         let is_taken = self.all.iter().any(|(key_taken, _)| key_taken == key);
         if is_taken && !allowed.iter().any(|one| one == key) {
@@ -384,7 +384,7 @@ fn goals(
     all
 }
 
-/// Returns the number of draws, which a grid determines by itself.
+/// Returns the number of draws, which for a grid follows from its points.
 fn draws(
     reader: &mut Reader,
     root: &Section<'_>,

@@ -1,4 +1,4 @@
-//! `[[sensors]]` and `[[actuators]]`: what they mean, what is refused, and how they are shown.
+//! `[[sensors]]` and `[[actuators]]`: their meaning, refusals, and the way in which they are shown.
 
 use hil_config::plan::{Instrument, Plan};
 use hil_config::problem::ProblemKind::{

@@ -11,12 +11,12 @@ use crate::problem::{ProblemKind, listed};
 use crate::quantity::Quantity;
 use crate::reader::{Reader, Section};
 
-/// Maximum number of points of a table. The record stream carries a fault in one piece, at the step at which it takes
-/// effect, and reserves room for this size.
+/// Maximum number of points of a table. The record stream carries a fault in one piece, at the step at which the fault
+/// takes effect, and reserves room for this size.
 pub(super) const MOST_POINTS: usize = 10_000;
 
-/// Returns the profile given by an effect, or else that of its fault kind, `own`, or else a step. From its beginning
-/// the effect has at most `left_s`.
+/// Returns the profile of an effect: its own, or else that of its fault kind, `own`, or else a step. At most `left_s`
+/// remains from the effect's beginning to the end of the run.
 pub(super) fn check(
     reader: &mut Reader,
     section: &Section<'_>,

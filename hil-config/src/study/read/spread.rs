@@ -7,7 +7,7 @@ use crate::problem::{ProblemKind, listed};
 use crate::reader::{Reader, Section};
 use crate::source::Place;
 
-/// Largest whole number up to which a 64-bit float distinguishes consecutive ones.
+/// Largest whole number up to which a 64-bit float distinguishes consecutive whole numbers.
 const MOST_WHOLE: f64 = (1_u64 << 53) as f64;
 
 pub(super) fn spread(
@@ -113,7 +113,7 @@ pub(super) fn whole(
     }
 }
 
-/// Returns the range of a section that must have one.
+/// Returns the range of a section, which must have one.
 fn rising(reader: &mut Reader, own: &Section<'_>) -> Option<[f64; 2]> {
     let (min, max) = (reader.number(own, "min"), reader.number(own, "max"));
     let range = [min?, max?];
